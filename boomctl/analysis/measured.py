@@ -1,0 +1,105 @@
+"""Measured curves from CSV files."""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from boomctl.analysis.singular import singular_values
+from boomctl.arrays import Array
+
+__all__ = ["MeasuredCurve", "read_measured_curve"]
+
+
+@dataclass(frozen=True)
+class MeasuredCurve:
+    """Measured singular values over frequency.
+
+    Attributes
+    ----------
+    freq_hz : (n,) ndarray
+        Ascending.
+    magnitude : (k, n) ndarray
+        One line a curve, as they stand in the file, or the singular values of a measured frequency response.
+    labels : tuple of str
+        One a curve.
+    """
+
+    freq_hz: Array
+    magnitude: Array
+    labels: tuple[str, ...]
+
+
+def read_measured_curve(path: str | Path) -> MeasuredCurve:
+    """Read a measured curve.
+
+    The first line names the columns.  ``freq_hz`` [Hz] comes first.  Magnitudes: any further names, one column a curve.
+    Complex frequency response: pairs of columns ``re_OUT_IN, im_OUT_IN`` (``OUT``, ``IN`` whole numbers from 1), of
+    which the singular values are taken.  Lines that begin with ``#`` are comments.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        A column or value is missing, not a number, negative where it cannot be, or frequencies do not ascend; the
+        message names file and line.
+    """
+    lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    rows = [(i, row) for i, row in enumerate(csv.reader(lines), 1) if row and not row[0].lstrip().startswith("#")]
+    if len(rows) < 2:
+        raise ValueError(f"{path}: expected a line of column names and at least one line of numbers")
+    header = [name.strip() for name in rows[0][1]]
+    if header[0] != "freq_hz" or len(header) < 2:
+        raise ValueError(f"{path}, line {rows[0][0]}: expected columns freq_hz and at least one more, got {header}")
+    table = np.array([_numbers(path, line, row, header) for line, row in rows[1:]])
+    freq = table[:, 0]
+    if (freq < 0).any() or not (np.diff(freq) > 0).all():
+        bad = int(np.argmax(np.concatenate([[freq[0] < 0], ~(np.diff(freq) > 0)])))
+        raise ValueError(
+            f"{path}, line {rows[1 + bad][0]}: expected freq_hz not below zero and ascending, got {freq[bad]:g}"
+        )
+    if header[1].startswith(("re_", "im_")):
+        response = _complex_response(path, header, table)
+        values = singular_values(response)
+        return MeasuredCurve(freq, values, tuple(f"measured {i + 1}" for i in range(len(values))))
+    if (table[:, 1:] < 0).any():
+        line, column = (int(i) for i in np.argwhere(table[:, 1:] < 0)[0])
+        raise ValueError(
+            f"{path}, line {rows[1 + line][0]}: expected a magnitude not below zero in {header[1 + column]!r}"
+        )
+    return MeasuredCurve(freq, table[:, 1:].T.copy(), tuple(header[1:]))
+
+
+def _numbers(path: str | Path, line: int, row: list[str], header: list[str]) -> list[float]:
+    if len(row) != len(header):
+        raise ValueError(f"{path}, line {line}: expected {len(header)} values, got {len(row)}")
+    numbers = []
+    for name, text in zip(header, row, strict=True):
+        try:
+            value = float(text)
+        except ValueError:
+            raise ValueError(f"{path}, line {line}: expected a number in {name!r}, got {text!r}") from None
+        if not np.isfinite(value):
+            raise ValueError(f"{path}, line {line}: expected a finite number in {name!r}, got {text!r}")
+        numbers.append(value)
+    return numbers
+
+
+def _complex_response(path: str | Path, header: list[str], table: Array) -> Array:
+    entries = {}
+    for column, name in enumerate(header[1:], 1):
+        part, *place = name.split("_")
+        if part not in ("re", "im") or len(place) != 2 or not all(text.isdigit() and int(text) > 0 for text in place):
+            raise ValueError(f"{path}: expected columns re_OUT_IN and im_OUT_IN with numbers from 1, got {name!r}")
+        entries[part, int(place[0]) - 1, int(place[1]) - 1] = table[:, column]
+    p, m = 1 + max(key[1] for key in entries), 1 + max(key[2] for key in entries)
+    response = np.zeros((p, m, len(table)), dtype=complex)
+    for o in range(p):
+        for i in range(m):
+            for part, unit in (("re", 1.0), ("im", 1j)):
+                if (part, o, i) not in entries:
+                    raise ValueError(f"{path}: column {part}_{o + 1}_{i + 1} is missing")
+                response[o, i] += unit * entries[part, o, i]
+    return response

@@ -1,0 +1,177 @@
+"""Certified norms and resonances of second-order models, through small cores that stand for them.
+
+A symmetric model stands as its two halves, a large one as Galerkin cores.  A core speaks for the model up to the
+frequency it was built for; above it, dissipation bounds the response: with ``D = K - omega^2 M + i omega C`` and ``C``
+positive definite, ``|L D^-1 B(omega)| <= |C^-1/2 L^T| |C^-1/2 B(omega)|/omega``.
+"""
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from scipy import linalg, sparse
+
+from boomctl.analysis.norm import NormCertificate, grows_towards, matrices_norm, state_matrices
+from boomctl.analysis.singular import singular_values
+from boomctl.arrays import Array, Complex
+from boomctl.structure.galerkin import Core, build_core
+from boomctl.structure.modal import damped_poles, dense, first_order_poles, undamped_modes
+from boomctl.structure.pencil import factorized
+from boomctl.structure.response import direct_response, respond
+from boomctl.structure.second_order import SecondOrderModel
+from boomctl.structure.statespace import realize
+from boomctl.structure.symmetry import half
+
+__all__ = ["Resonances", "model_norm", "orthonormal_parts", "resonances"]
+
+_CORE_FROM = 40
+_CORE_ERROR = 1e-7
+_BAND = 8
+_REACH = 4.0
+_RIGID = 1e-8
+_LARGEST_DENSE = 400
+
+
+@dataclass(frozen=True)
+class Resonances:
+    """Poles of a model in its band, and the band [rad/s]."""
+
+    poles: Complex
+    low: float
+    high: float
+
+
+def orthonormal_parts(model: SecondOrderModel) -> tuple[SecondOrderModel, ...]:
+    """Return models whose singular values together are those of ``model``: its halves if it splits, or itself."""
+    halves = [half(model, parity) for parity in (1, -1)]
+    if any(part is None for part in halves):
+        return (model,)
+    return tuple(part.model for part in halves if part is not None and min(part.W_in.shape[1], part.W_out.shape[1]) > 0)
+
+
+def resonances(model: SecondOrderModel) -> Resonances:
+    """Return the poles of a model up to a few times its eighth mode, and a band that shows them."""
+    parts, top = orthonormal_parts(model), 0.0
+    band = _modal_band(model)
+    if band is None:
+        poles = first_order_poles(dense(model.M), dense(model.C), dense(model.K))
+        size = np.sort(np.abs(poles[np.abs(poles) > 1e-9 * np.abs(poles).max(initial=1e-300)]))
+        if not len(size):
+            return Resonances(poles, 0.1, 100.0)
+        low, top = float(size[0]), 1.5 * float(size[min(len(size), 2 * _BAND) - 1])
+        return Resonances(poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)], 0.25 * low, top)
+    low, top = band[0], 1.5 * band[1]
+    found = [_poles(part, low, top) for part in parts]
+    return Resonances(np.concatenate(found), 0.25 * low, top)
+
+
+def _modal_band(model: SecondOrderModel) -> tuple[float, float] | None:
+    """Return the lowest and the eighth elastic frequency [rad/s]; None for matrices that have no real modes."""
+    try:
+        frequencies, _ = undamped_modes(model, min(_BAND + 3, model.n))
+    except ValueError:
+        return None
+    elastic = frequencies[frequencies > _RIGID * frequencies[-1]][:_BAND]
+    return (float(elastic[0]), float(elastic[-1])) if len(elastic) else None
+
+
+def _poles(part: SecondOrderModel, low: float, top: float) -> Complex:
+    core = _built(part, low, top) if part.n >= _CORE_FROM else None
+    small = part if core is None else core.model
+    if small.n > _LARGEST_DENSE:
+        return damped_poles(part, _BAND)
+    poles = first_order_poles(dense(small.M), dense(small.C), dense(small.K))
+    return poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)]
+
+
+def _built(part: SecondOrderModel, low: float, top: float) -> Core | None:
+    """Return a core for the band, or None where there is none."""
+    try:
+        return build_core(part, np.geomspace(0.1 * low, top, 16))
+    except (np.linalg.LinAlgError, RuntimeError):
+        return None
+
+
+def model_norm(model: SecondOrderModel) -> NormCertificate:
+    """Return the certified H-infinity norm of a second-order model; infinite with undamped or integrating modes.
+
+    Raises
+    ------
+    ValueError
+        A response that is not proper (an output that needs a derivative of an input).
+    """
+    found = [_part_norm(part) for part in orthonormal_parts(model)]
+    if not found:
+        return NormCertificate(0.0, 0.0, 0.0, "no response")
+    largest = max(found, key=lambda certificate: certificate.lower)
+    return NormCertificate(largest.lower, max(item.upper for item in found), largest.omega, largest.method)
+
+
+def _part_norm(model: SecondOrderModel) -> NormCertificate:
+    band = _modal_band(model)
+    if model.n < _CORE_FROM or band is None:
+        return _small_norm(model)
+    top = _REACH * band[1]
+    core = _built(model, band[0], top)
+    if core is None:
+        return _small_norm(model) if model.n <= _LARGEST_DENSE else _scanned(model, band[0], top)
+    inside = _small_norm(core.model)
+    if inside.lower == inf:
+        return inside
+    if core.error > _CORE_ERROR:
+        return NormCertificate(inside.lower, inf, inside.omega, "a Galerkin core that could not be verified")
+    upper = max(inside.upper * (1.0 + core.error), _dissipation_bound(model, top))
+    return NormCertificate(inside.lower, upper, inside.omega, f"{inside.method}; dissipation above {top:.3g} rad/s")
+
+
+def _scanned(model: SecondOrderModel, low: float, top: float) -> NormCertificate:
+    """Return the largest value found on a grid, for a large structure that no small one stands for."""
+    omega = np.geomspace(0.1 * low, top, 200)
+    values = singular_values(respond(model, omega))[0]
+    best = int(np.argmax(values))
+    return NormCertificate(float(values[best]), inf, float(omega[best]), "a scan, without proof")
+
+
+def _small_norm(small: SecondOrderModel) -> NormCertificate:
+    """Return the norm of a small model, in modal coordinates if it has real modes."""
+    try:
+        frequencies, V = undamped_modes(small)
+    except ValueError:
+        return matrices_norm(state_matrices(realize(small)), lambda omega: _response(small, omega))
+    if any(small.ports.integrators) or frequencies[0] <= _RIGID * frequencies[-1]:
+        low = float(frequencies[frequencies > _RIGID * frequencies[-1]].min(initial=np.inf))
+        if grows_towards(lambda omega: _response(small, omega), 0.0, low if np.isfinite(low) else 1.0):
+            return NormCertificate(inf, inf, 0.0, "an integrating or rigid-body mode")
+    modal = SecondOrderModel.build(
+        V.T @ small.M @ V, V.T @ small.C @ V, V.T @ small.K @ V, small.ports.congruent(V), small.coordinates
+    )
+    return matrices_norm(state_matrices(realize(modal)), lambda omega: _response(small, omega))
+
+
+def _response(small: SecondOrderModel, omega: Array) -> Complex:
+    if any(small.ports.integrators):
+        omega = np.maximum(omega, 1e-9)
+    return direct_response(small, omega)
+
+
+def _dissipation_bound(model: SecondOrderModel, omega: float) -> float:
+    """Return a bound of the response at all frequencies from ``omega`` on; ``inf`` where there is none."""
+    ports = model.ports
+    if ports.B[2].any() or any(line.any() for line in ports.L[1:]) or any(e.any() for e in ports.E[1:]):
+        return inf
+    C = sparse.csr_array(model.C)
+    try:
+        solve = factorized(C)
+        reading, *acting = (_gram(solve, columns) for columns in (ports.L[0].T, ports.B[0], ports.B[1]))
+    except (RuntimeError, linalg.LinAlgError, ValueError):
+        return inf
+    return reading * (acting[0] / omega + acting[1]) + float(np.linalg.norm(ports.E[0], 2))
+
+
+def _gram(solve: object, columns: Array) -> float:
+    """Return the largest singular value of ``C^-1/2 columns``."""
+    gram = columns.T @ solve(columns)  # type: ignore[operator]
+    values = linalg.eigvalsh(0.5 * (gram + gram.T))
+    if values[0] < -1e-9 * abs(values[-1]):
+        raise ValueError("damping is not definite")
+    return float(np.sqrt(max(values[-1], 0.0)))

@@ -1,0 +1,194 @@
+"""Singular values over frequency, on a grid that resolves every lightly damped peak, with a certified largest one."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.analysis.model_norm import model_norm, orthonormal_parts, resonances
+from boomctl.analysis.norm import NormCertificate, matrices_norm, state_matrices
+from boomctl.analysis.singular import singular_values
+from boomctl.arrays import Array, Complex
+from boomctl.checks import frequencies, names
+from boomctl.structure.response import respond, respond_part
+from boomctl.structure.second_order import SecondOrderModel
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["SigmaResult", "sigma"]
+
+_BASE_POINTS = 240
+_CLUSTER = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(1.0)
+
+
+@dataclass(frozen=True)
+class SigmaResult:
+    """Singular values over frequency and the largest of all.
+
+    Attributes
+    ----------
+    omega : (n,) ndarray
+        Angular frequencies [rad/s].
+    sigma : (k, n) ndarray
+        Singular values, descending.
+    inputs, outputs : tuple of str
+        Between which signals.
+    peak, peak_omega : float
+        Largest singular value and its frequency: the H-infinity norm of a model or state-space system (``inf`` with
+        undamped, integrating or unstable modes that show), the largest value on the grid of measured data.
+    certified : bool
+        Whether ``peak`` lies between two bounds computed apart from each other; see ``certificate``.
+    """
+
+    omega: Array
+    sigma: Array
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    _norm: Callable[[], NormCertificate] = field(repr=False)
+
+    @cached_property
+    def certificate(self) -> NormCertificate:
+        """The norm and its bounds, computed when first asked for."""
+        return self._norm()
+
+    @property
+    def peak(self) -> float:
+        """Largest singular value."""
+        return self.certificate.lower
+
+    @property
+    def peak_omega(self) -> float:
+        """Frequency of the largest singular value [rad/s]."""
+        return self.certificate.omega
+
+    @property
+    def certified(self) -> bool:
+        """Whether the peak is certified."""
+        return self.certificate.certified
+
+    def plot(self, label: str | None = None, ax: Any = None) -> Any:
+        """Draw the singular values over frequency; return the axes."""
+        return import_module("boomctl.plotting").plot_sigma(self, label=label, ax=ax)
+
+
+def sigma(
+    system: "SecondOrderModel | control.StateSpace | control.FrequencyResponseData",
+    omega: ArrayLike | None = None,
+    inputs: str | Sequence[str] | None = None,
+    outputs: str | Sequence[str] | None = None,
+) -> SigmaResult:
+    """Return the singular values of a system over frequency.
+
+    Parameters
+    ----------
+    system : SecondOrderModel, control.StateSpace or control.FrequencyResponseData
+    omega : array_like, optional
+        Angular frequencies [rad/s].  By default a grid that spans the lowest modes and resolves each of their peaks,
+        the certified one included.
+    inputs, outputs : str or sequence of str, optional
+        Between which signals.  By default all; of a boom model, platform actuators and tips.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system; unknown signals; frequencies negative or not finite; ``omega`` given for measured data.
+    """
+    import control
+
+    if isinstance(system, SecondOrderModel):
+        return _of_model(system, omega, inputs, outputs)
+    if isinstance(system, control.StateSpace):
+        return _of_statespace(system, omega, inputs, outputs)
+    if isinstance(system, control.FrequencyResponseData):
+        return _of_data(system, omega, inputs, outputs)
+    kind = type(system).__name__
+    raise TypeError(f"system: expected SecondOrderModel, StateSpace or FrequencyResponseData, got {kind}")
+
+
+def _of_model(
+    model: SecondOrderModel,
+    omega: ArrayLike | None,
+    inputs: str | Sequence[str] | None,
+    outputs: str | Sequence[str] | None,
+) -> SigmaResult:
+    first = model.primary or (None, None)
+    chosen = model.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
+
+    def norm() -> NormCertificate:
+        return model_norm(chosen)
+
+    if omega is not None:
+        return SigmaResult(
+            grid := frequencies("omega", omega), _model_values(chosen, grid), chosen.inputs, chosen.outputs, norm
+        )
+    found, certificate = resonances(chosen), norm()
+    grid = resolved_grid(found.poles, found.low, found.high, certificate.omega)
+    return SigmaResult(grid, _model_values(chosen, grid), chosen.inputs, chosen.outputs, lambda: certificate)
+
+
+def _model_values(model: SecondOrderModel, omega: Array) -> Array:
+    parts = orthonormal_parts(model)
+    if len(parts) == 1:
+        return singular_values(respond(parts[0], omega))
+    values = np.vstack([singular_values(respond_part(part, omega)) for part in parts])
+    return -np.sort(-values, axis=0)[: min(len(model.inputs), len(model.outputs))]
+
+
+def _of_statespace(
+    system: "control.StateSpace",
+    omega: ArrayLike | None,
+    inputs: str | Sequence[str] | None,
+    outputs: str | Sequence[str] | None,
+) -> SigmaResult:
+    ins, outs = names("input", inputs, system.input_labels), names("output", outputs, system.output_labels)
+    matrices = state_matrices(system[list(outs), list(ins)])
+
+    def norm() -> NormCertificate:
+        return matrices_norm(matrices)
+
+    if omega is not None:
+        grid = frequencies("omega", omega)
+        return SigmaResult(grid, singular_values(matrices.response(grid)), ins, outs, norm)
+    certificate = norm()
+    poles = np.linalg.eigvals(matrices.A) if len(matrices.A) else np.zeros(0)
+    size = np.sort(np.abs(poles[np.abs(poles) > 1e-9 * np.abs(poles).max(initial=1e-300)]))
+    low, high = (size[0] * 0.25, size[min(len(size), 16) - 1] * 1.5) if len(size) else (0.1, 100.0)
+    shown = poles[(poles.imag >= 0) & (np.abs(poles) <= high)]
+    grid = resolved_grid(shown, float(low), float(high), certificate.omega)
+    return SigmaResult(grid, singular_values(matrices.response(grid)), ins, outs, lambda: certificate)
+
+
+def _of_data(
+    data: "control.FrequencyResponseData",
+    omega: ArrayLike | None,
+    inputs: str | Sequence[str] | None,
+    outputs: str | Sequence[str] | None,
+) -> SigmaResult:
+    if omega is not None:
+        raise ValueError("omega: frequency response data have their own frequencies; leave it out")
+    ins, outs = names("input", inputs, data.input_labels), names("output", outputs, data.output_labels)
+    o, i = [data.output_labels.index(n) for n in outs], [data.input_labels.index(n) for n in ins]
+    response: Complex = np.asarray(data.frdata)[np.ix_(o, i)]
+    grid, values = np.asarray(data.omega, dtype=float), singular_values(response)
+    if not np.isfinite(values).all():
+        raise ValueError("system: expected finite frequency response data")
+    best = int(np.argmax(values[0]))
+    certificate = NormCertificate(
+        float(values[0, best]), np.inf, float(grid[best]), "largest value on the grid of the data"
+    )
+    return SigmaResult(grid, values, ins, outs, lambda: certificate)
+
+
+def resolved_grid(poles: Complex, low: float, high: float, peak: float) -> Array:
+    """Return frequencies from ``low`` to ``high`` that resolve the peak of every pole, and the certified one."""
+    upper = poles[np.abs(poles) > 0]
+    width = np.maximum(np.abs(upper.real), 1e-6 * np.abs(upper))
+    cluster = (np.abs(upper.imag)[:, None] + width[:, None] * _CLUSTER).ravel()
+    extra = [peak] if np.isfinite(peak) and peak > 0 else []
+    grid = np.unique(np.concatenate([np.geomspace(low, high, _BASE_POINTS), cluster, extra]))
+    return grid[(grid >= low) & (grid <= max(high, *extra, high))] if extra else grid[(grid >= low) & (grid <= high)]

@@ -1,0 +1,123 @@
+"""Run times that can be compared: jobs take turns in one process, on one thread, and medians stand for them.
+
+What is measured is the processor time of this process; with one thread that is the run time of a machine at leisure.
+"""
+
+import gc
+import os
+import platform
+import subprocess
+import sys
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+
+__all__ = ["Job", "environment", "import_times", "interleaved", "one_thread", "peak_memory"]
+
+_PACKAGES = ("boomctl", "numpy", "scipy", "control", "slycot", "mpmath")
+
+
+@dataclass(frozen=True)
+class Job:
+    """Something to time: ``work`` is given what ``prepare`` returns, which is made anew before each call, untimed."""
+
+    work: Callable[[Any], object]
+    prepare: Callable[[], Any] = lambda: None
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Run with one BLAS thread; the number of before is restored."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        yield
+
+
+def _once(job: Job) -> float:
+    ready = job.prepare()
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        start = time.process_time()
+        job.work(ready)
+        return time.process_time() - start
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def interleaved(jobs: Mapping[str, Job], repeats: int, warm: bool = True) -> dict[str, float]:
+    """Return the median processor time of each job [s], the jobs taking turns.
+
+    Parameters
+    ----------
+    jobs : mapping from name to Job
+    repeats : int
+        How many rounds.
+    warm : bool
+        Run each job once before, unmeasured, so that no one pays for imports and tables made once.
+    """
+    if warm:
+        for job in jobs.values():
+            _once(job)
+    gc.collect()
+    rounds = [{name: _once(job) for name, job in jobs.items()} for _ in range(repeats)]
+    return {name: float(np.median([turn[name] for turn in rounds])) for name in jobs}
+
+
+def peak_memory(job: Job) -> int:
+    """Return the most memory that a job held at a time, beyond what was there before [bytes]."""
+    ready = job.prepare()
+    gc.collect()
+    tracing = tracemalloc.is_tracing()
+    if not tracing:
+        tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        tracemalloc.reset_peak()
+        job.work(ready)
+        return tracemalloc.get_traced_memory()[1] - before
+    finally:
+        if not tracing:
+            tracemalloc.stop()
+
+
+def import_times(modules: Sequence[str], repeats: int) -> dict[str, float]:
+    """Return the median processor time of ``import module`` in a fresh interpreter [s], the modules taking turns."""
+    code = "import time; start = time.process_time(); import {}; print(time.process_time() - start)"
+
+    def once(module: str) -> float:
+        done = subprocess.run(
+            [sys.executable, "-c", code.format(module)], capture_output=True, text=True, check=True, timeout=120
+        )
+        return float(done.stdout)
+
+    for module in modules:
+        once(module)
+    rounds = [[once(module) for module in modules] for _ in range(repeats)]
+    return dict(zip(modules, np.median(rounds, axis=0).tolist(), strict=True))
+
+
+def environment() -> dict[str, str]:
+    """Return versions, cores and threads, for whoever compares runs."""
+    from threadpoolctl import threadpool_info
+
+    facts = {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}"}
+    for package in _PACKAGES:
+        try:
+            facts[package] = version(package)
+        except PackageNotFoundError:
+            facts[package] = "source tree"
+    facts["cores"] = str(os.cpu_count() or 1)
+    with one_thread():
+        pools = threadpool_info()
+    blas = {f"{pool['internal_api']} {pool['version']}: {pool['num_threads']}" for pool in pools}
+    facts["threads while timing"] = "; ".join(sorted(blas))
+    return facts

@@ -1,0 +1,212 @@
+"""The spray boom as a machine of rigid bodies, a beam, springs and dampers; read it beside Fig. 1 of the paper."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.boom.parameters import BoomParameters
+from boomctl.checks import finite_array, known, positive, whole
+from boomctl.structure import (
+    GROUND,
+    Assembly,
+    Beam,
+    BeamSection,
+    DiscreteElements,
+    FiniteElements,
+    Force,
+    Output,
+    RigidBody,
+    SecondOrderModel,
+    SpringDamper,
+    fixed,
+    free,
+    prescribe_displacement,
+    prismatic,
+    revolute,
+)
+from boomctl.structure.discretization import Discretization
+from boomctl.structure.displacement_input import MOTIONS
+from boomctl.structure.symmetry import Mirror, SignalPair, beam_reflection, mirror_of, with_mirror
+
+__all__ = ["ACTUATORS", "DISCRETIZATIONS", "TIPS", "boom_assembly", "boom_mirror", "spray_boom"]
+
+ACTUATORS = ("actuator_left", "actuator_right")
+TIPS = ("tip_left", "tip_right")
+DISCRETIZATIONS = ("finite", "high-order", "discrete-hermite", "discrete-geometric")
+
+_PAIRS = (
+    *(SignalPair(stem, f"{stem}_right", f"{stem}_left") for stem in ("actuator", "suspension", "tip", "stroke")),
+    SignalPair("tip_acceleration", "tip_right_acceleration", "tip_left_acceleration"),
+    SignalPair("actuator_force", "actuator_right_force", "actuator_left_force"),
+    SignalPair("cradle", "cradle"),
+    SignalPair("cradle_slip", "cradle_slip"),
+)
+
+
+def boom_assembly(
+    p: BoomParameters, discretization: Discretization, accelerometer_bandwidth_hz: float | None = None
+) -> Assembly:
+    """Return the boom as a description: platform, cradle, boom, springs, dampers, forces and outputs.
+
+    Source: Anthonis & Ramon (2003), Fig. 1 and Table 2.
+    """
+    half, spring, actuator = p.length / 2, p.spring_distance / 2, p.actuator_distance / 2
+    tube = BeamSection(p.length, p.mass_per_length, p.bending_stiffness, p.structural_damping)
+
+    platform = RigidBody("platform", GROUND.at(0), free("y", "theta"), p.platform_mass, p.platform_inertia)
+    cradle = RigidBody("cradle", platform.at(0), prismatic(), p.cradle_mass, p.cradle_inertia)
+    boom = Beam("boom", cradle.at(0), revolute(), (-half, 0.0), (tube,), discretization)
+    stiff_middle = RigidBody(
+        "stiff_middle",
+        boom.at(0),
+        fixed(),
+        max(p.boom_mass - p.tube_mass, 0.0),
+        max(p.boom_inertia - p.tube_inertia, 0.0),
+    )
+    sides = (("left", -1.0), ("right", 1.0))
+    outputs = [Output(f"tip_{side}", boom.at(sign * half)) for side, sign in sides]
+    outputs += [
+        Output(f"stroke_{side}", boom.at(sign * spring), relative_to=platform.at(sign * spring)) for side, sign in sides
+    ]
+    outputs.append(Output("cradle_slip", cradle.at(0), relative_to=platform.at(0)))
+    if accelerometer_bandwidth_hz is not None:
+        band = positive("accelerometer_bandwidth_hz", accelerometer_bandwidth_hz)
+        outputs += [
+            Output(f"tip_{side}_acceleration", boom.at(sign * half), derivative=2, bandwidth_hz=band)
+            for side, sign in sides
+        ]
+    return Assembly(
+        bodies=(platform, cradle, boom, stiff_middle),
+        links=(
+            *(SpringDamper(boom.at(s * spring), platform.at(s * spring), "y", p.spring_stiffness) for _, s in sides),
+            SpringDamper(cradle.at(0), platform.at(0), "y", damping=p.cradle_damping),
+            SpringDamper(boom.at(0), cradle.at(0), "theta", damping=p.hinge_damping),
+        ),
+        forces=(
+            *(Force(f"actuator_{side}", platform.at(sign * actuator)) for side, sign in sides),
+            *(Force(f"suspension_{side}", boom.at(s * spring), reaction=platform.at(s * spring)) for side, s in sides),
+            Force("cradle", cradle.at(0), reaction=platform.at(0)),
+        ),
+        outputs=tuple(outputs),
+    )
+
+
+def spray_boom(
+    parameters: BoomParameters | None = None,
+    discretization: str = "finite",
+    elements: int | Sequence[float] | Array = 6,
+    excitation: str = "displacement",
+    accelerometer_bandwidth_hz: float | None = None,
+    order: int = 12,
+    reactions: bool = False,
+) -> SecondOrderModel:
+    """Return the horizontal dynamics of the spray boom.
+
+    Parameters
+    ----------
+    parameters : BoomParameters, optional
+        By default Table 2.
+    discretization : "finite", "high-order", "discrete-hermite" or "discrete-geometric"
+        Equal cubic elements; elements of polynomial order ``order`` with nodes at hinge and springs; massless elements
+        between mass allocation points at tips, springs and hinge, with Hermitian or with point masses.
+    elements : int or sequence of float
+        A number of elements, or node positions ``x`` [m] from ``-length/2`` to ``length/2``.  Discrete elements: an
+        even number, at least 4; 2 of them lie between the springs, from 20 elements on 4.  High-order: likewise.
+    excitation : "displacement", "velocity", "acceleration" or "force"
+        What the two platform actuators impose.
+    accelerometer_bandwidth_hz : float, optional
+        Adds outputs ``tip_left_acceleration``, ``tip_right_acceleration`` [m/s^2] behind a second-order low pass.
+    order : int
+        Polynomial order of the elements of ``"high-order"``.
+    reactions : bool
+        Adds outputs ``actuator_left_force``, ``actuator_right_force`` [N]: what the actuators exert.
+
+    Returns
+    -------
+    SecondOrderModel
+        Inputs ``actuator_left``, ``actuator_right`` (platform at ``x = -+L_t/2``), ``suspension_left``,
+        ``suspension_right``, ``cradle`` [N]; outputs ``tip_left``, ``tip_right``, ``stroke_left``, ``stroke_right``,
+        ``cradle_slip`` [m].
+
+    Raises
+    ------
+    TypeError, ValueError
+        Unknown discretisation or excitation; fewer than one element; nodes unsorted or not covering the boom.
+    """
+    p = BoomParameters() if parameters is None else parameters
+    if not isinstance(p, BoomParameters):
+        raise TypeError(f"parameters: expected BoomParameters, got {type(p).__name__}")
+    known("excitation", excitation, (*MOTIONS, "force"))
+    mesh = boom_discretization(p, discretization, elements, order)
+    model = boom_assembly(p, mesh, accelerometer_bandwidth_hz).assemble()
+    model = SecondOrderModel.build(
+        model.M, model.C, model.K, model.ports, model.coordinates, model.elastic, None, (ACTUATORS, TIPS)
+    )
+    model = with_mirror(model, boom_mirror(model.coordinates))
+    if excitation == "force":
+        if reactions:
+            raise ValueError("reactions = True: the actuators' forces are inputs where excitation = 'force'")
+        return model
+    driven = prescribe_displacement(model, ACTUATORS, motion=excitation, reactions=reactions)
+    driven.prepared.make_halves()
+    return driven
+
+
+def boom_discretization(
+    p: BoomParameters, discretization: str, elements: int | Sequence[float] | Array, order: int = 12
+) -> Discretization:
+    """Return the discretisation of the boom of the given name; node positions count from the hinge."""
+    known("discretization", discretization, DISCRETIZATIONS)
+    stations: int | tuple[float, ...]
+    if isinstance(elements, (int, np.integer)):
+        count = whole("elements", elements)
+        stations = count if discretization == "finite" else _attached_nodes(p, count)
+    else:
+        stations = tuple(_node_positions(p, elements) + p.length / 2)
+    if discretization == "finite":
+        return FiniteElements(stations)
+    if discretization == "high-order":
+        return FiniteElements(stations, order)
+    return DiscreteElements(stations, "hermite" if discretization == "discrete-hermite" else "lumped")
+
+
+def _node_positions(p: BoomParameters, elements: Sequence[float] | Array) -> Array:
+    """Return node positions, refused unless they ascend from tip to tip."""
+    if isinstance(elements, (str, bytes)) or not hasattr(elements, "__iter__"):
+        raise TypeError(f"elements = {elements!r}: expected a whole number or a sequence of node positions")
+    x = finite_array("elements (node positions)", np.asarray(list(elements)), ndim=1)
+    if len(x) < 2 or not (np.diff(x) > 0.0).all():
+        raise ValueError(f"elements = {x.tolist()}: expected at least two node positions, ascending")
+    half = p.length / 2
+    if abs(x[0] + half) > 1e-9 * half or abs(x[-1] - half) > 1e-9 * half:
+        raise ValueError(
+            f"elements: nodes run from {x[0]:g} to {x[-1]:g} m; expected {-half:g} to {half:g} m, tip to tip"
+        )
+    return x
+
+
+def _attached_nodes(p: BoomParameters, elements: int) -> tuple[float, ...]:
+    """Return stations of ``elements`` elements with nodes at tips, springs and hinge."""
+    if elements < 4 or elements % 2:
+        raise ValueError(f"elements = {elements}: expected an even number, at least 4, with nodes at springs and hinge")
+    inner = 2 if elements < 20 else 4
+    outer = (elements - inner) // 2
+    half, spring = p.length / 2, p.spring_distance / 2
+    left, middle = np.linspace(-half, -spring, outer + 1), np.linspace(-spring, spring, inner + 1)
+    x = np.concatenate([left[:-1], middle, -left[-2::-1]])
+    return tuple(x + half)
+
+
+def boom_mirror(coordinates: Sequence[str]) -> Mirror | None:
+    """Return the reflection about the hinge; None where the mesh has no mirror image."""
+    images = {
+        "platform.y": ("platform.y", 1),
+        "platform.theta": ("platform.theta", -1),
+        "cradle.slide": ("cradle.slide", 1),
+    }
+    local = [name.removeprefix("boom.") for name in coordinates if name.startswith("boom.")]
+    nodes = 1 + max(int(name[1:]) for name in local if name.startswith("w"))
+    reflected = beam_reflection(local, nodes)
+    images.update({f"boom.{name}": (f"boom.{image}", sign) for name, (image, sign) in reflected.items()})
+    return mirror_of(coordinates, images, _PAIRS)

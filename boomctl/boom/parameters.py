@@ -1,0 +1,139 @@
+"""Parameters of the spray boom."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+from boomctl.checks import nonnegative, positive
+
+__all__ = ["BoomParameters"]
+
+_MAY_BE_ZERO = (
+    "spring_stiffness",
+    "cradle_damping",
+    "hinge_damping",
+    "structural_damping",
+    "inner_width",
+    "inner_height",
+)
+
+
+@dataclass(frozen=True)
+class BoomParameters:
+    """Physical properties of the spray boom and its suspension, SI units.
+
+    The defaults are those of Anthonis & Ramon (2003), Table 2.  The paper's ``b`` is a width here (20 mm, the depth in
+    bending), its ``h`` a height.  Whatever mass and inertia the whole boom has beyond its tube sits at the hinge.
+
+    Parameters
+    ----------
+    platform_mass, platform_inertia : float
+        ``m_1`` [kg], ``I_1`` [kg m^2]; without influence where the actuators impose motion.
+    cradle_mass, cradle_inertia : float
+        ``m_2`` [kg], ``I_2`` [kg m^2].
+    boom_mass, boom_inertia : float
+        ``m_3`` [kg], ``I_3`` [kg m^2], of the whole boom.
+    density, youngs_modulus : float
+        ``rho_3`` [kg/m^3], ``E_b`` [N/m^2].
+    length : float
+        Length of the boom [m].
+    actuator_distance, spring_distance : float
+        ``L_t``, ``L_k`` [m], between the two actuators and between the two springs.
+    outer_width, inner_width, outer_height, inner_height : float
+        ``b_bu, b_bi, h_bu, h_bi`` [m] of the rectangular tube.
+    spring_stiffness : float
+        ``k_s`` [N/m] of each spring.
+    cradle_damping, hinge_damping : float
+        ``c_g`` [N s/m] between platform and cradle, ``c_t`` [N m s/rad] in the hinge.
+    structural_damping : float
+        ``c_b`` [s], stiffness-proportional damping of the boom.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not a number, not finite, negative, or inconsistent: a section larger inside than outside, a spring beyond the
+        boom's end, less mass or inertia than the tube has.
+    """
+
+    platform_mass: float = 250.0
+    cradle_mass: float = 50.0
+    boom_mass: float = 35.76
+    platform_inertia: float = 250.0
+    cradle_inertia: float = 50.0
+    boom_inertia: float = 361.38
+    density: float = 7800.0
+    youngs_modulus: float = 1.8e11
+    length: float = 12.0
+    actuator_distance: float = 1.78
+    spring_distance: float = 1.318
+    outer_width: float = 0.02
+    inner_width: float = 0.0158
+    outer_height: float = 0.0603
+    inner_height: float = 0.056
+    spring_stiffness: float = 1100.0
+    cradle_damping: float = 160.0
+    hinge_damping: float = 2.0
+    structural_damping: float = 1e-4
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            check = nonnegative if field.name in _MAY_BE_ZERO else positive
+            check(field.name, getattr(self, field.name))
+        for side in ("width", "height"):
+            inner, outer = getattr(self, f"inner_{side}"), getattr(self, f"outer_{side}")
+            if inner >= outer:
+                raise ValueError(f"inner_{side} = {inner:g}: expected less than outer_{side} = {outer:g}")
+        if self.spring_distance >= self.length:
+            raise ValueError(
+                f"spring_distance = {self.spring_distance:g}: expected less than the boom's length = {self.length:g}"
+            )
+        for name, value, tube in (
+            ("boom_mass", self.boom_mass, self.tube_mass),
+            ("boom_inertia", self.boom_inertia, self.tube_inertia),
+        ):
+            if value < tube * (1.0 - 1e-12):
+                raise ValueError(f"{name} = {value:g}: expected at least that of the tube, {tube:.6g}")
+
+    @property
+    def area(self) -> float:
+        """Cross-sectional area of the tube [m^2]."""
+        return self.outer_height * self.outer_width - self.inner_height * self.inner_width
+
+    @property
+    def second_moment(self) -> float:
+        """Second moment of area for bending in the horizontal plane [m^4]."""
+        return (self.outer_height * self.outer_width**3 - self.inner_height * self.inner_width**3) / 12.0
+
+    @property
+    def mass_per_length(self) -> float:
+        """Mass per length of the tube [kg/m]."""
+        return self.density * self.area
+
+    @property
+    def bending_stiffness(self) -> float:
+        """``E I`` [N m^2]."""
+        return self.youngs_modulus * self.second_moment
+
+    @property
+    def tube_mass(self) -> float:
+        """Mass of the tube alone [kg]."""
+        return self.mass_per_length * self.length
+
+    @property
+    def tube_inertia(self) -> float:
+        """Moment of inertia of the tube alone about its middle [kg m^2]."""
+        return self.tube_mass * self.length**2 / 12.0
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> "BoomParameters":
+        """Read parameters from a TOML file; those not in it keep their defaults.
+
+        Raises
+        ------
+        OSError
+            The file cannot be read.
+        ValueError, TypeError
+            Not TOML, an unknown key, a value of the wrong type or out of range; the message names file and key.
+        """
+        from boomctl.parameter_file import read_parameters
+
+        return read_parameters(cls, path)

@@ -1,0 +1,175 @@
+"""What every model of the hub-beam offers to the solvers: its equations of motion, vectorised over instants.
+
+The coordinates are ``y = (theta, q)``: the hub angle, then the beam's (axial, if the model has them, then transverse).
+All arrays have the instants as their first dimension, k of them; N is the number of coordinates.
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+
+class Tangents(NamedTuple):
+    """Derivatives of the residual with respect to accelerations, rates and coordinates, each k x N x N."""
+
+    mass: np.ndarray
+    damping: np.ndarray
+    stiffness: np.ndarray
+
+
+class Tip(NamedTuple):
+    """Rows that read the free end off the beam's coordinates.
+
+    Attributes
+    ----------
+    transverse, axial : ndarray, N - 1
+        ``v(L) = transverse q`` and ``w_1(L) = axial q``.
+    shortening : ndarray, N - 1 x N - 1
+        ``w_c(L) = -1/2 q^T shortening q``.
+    """
+
+    transverse: np.ndarray
+    axial: np.ndarray
+    shortening: np.ndarray
+
+
+class Inertia(NamedTuple):
+    """Mass matrices ``[[hub, coupling], [coupling^T, beam]]`` in their blocks.
+
+    Attributes
+    ----------
+    hub : ndarray, k
+    coupling : ndarray, k x (N - 1)
+    beam : ndarray, (N - 1) x (N - 1), the same at all instants, or k x (N - 1) x (N - 1)
+        Positive definite always.
+    """
+
+    hub: np.ndarray
+    coupling: np.ndarray
+    beam: np.ndarray
+
+    def solve_beam(self, right: np.ndarray) -> np.ndarray:
+        """``beam^-1 right``, k x (N - 1)."""
+        if self.beam.ndim == 2:
+            return np.linalg.solve(self.beam, right.T).T
+        return np.linalg.solve(self.beam, right[..., None])[..., 0]
+
+    def momenta(self, rate: np.ndarray) -> np.ndarray:
+        """Mass matrix times rates, k x N."""
+        result = np.empty_like(rate)
+        result[:, 0] = self.hub * rate[:, 0] + np.sum(self.coupling * rate[:, 1:], axis=1)
+        beam = rate[:, 1:] @ self.beam if self.beam.ndim == 2 else np.einsum("kij,kj->ki", self.beam, rate[:, 1:])
+        result[:, 1:] = self.coupling * rate[:, :1] + beam
+        return result
+
+    def margin(self) -> np.ndarray:
+        """Schur complement ``hub - coupling beam^-1 coupling^T``, k; positive definite means > 0."""
+        return self.hub - np.sum(self.coupling * self.solve_beam(self.coupling), axis=1)
+
+
+class BeamSpeedTerms(NamedTuple):
+    """Beam equations that are linear in its coordinates once the hub's motion is given.
+
+    ``M q'' + (C + w G) q' + (K + w^2 K_w + a K_a) q = w^2 f_w + a f_a`` at a hub speed w and acceleration a.
+    """
+
+    M: np.ndarray
+    C: np.ndarray
+    G: np.ndarray
+    K: np.ndarray
+    K_w: np.ndarray
+    K_a: np.ndarray
+    f_w: np.ndarray
+    f_a: np.ndarray
+
+
+class NormalForm(NamedTuple):
+    """``x'' + (stiffness + w^2 slope) x = a push`` at a hub speed w and acceleration a; ``q = to_q x``, ``x = to_x q``."""
+
+    to_q: np.ndarray
+    to_x: np.ndarray
+    stiffness: np.ndarray
+    slope: np.ndarray
+    push: np.ndarray
+
+
+class Equations(Protocol):
+    """Equations of motion ``residual(y, y', y'') = (tau, 0)`` of a model."""
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates N."""
+        ...
+
+    @property
+    def tip(self) -> Tip:
+        """The free end."""
+        ...
+
+    @property
+    def beam_mass(self) -> np.ndarray:
+        """Mass matrix of the beam about its straight shape, N - 1 x N - 1."""
+        ...
+
+    @property
+    def beam_stiffness(self) -> np.ndarray:
+        """Stiffness matrix of the beam at rest, N - 1 x N - 1."""
+        ...
+
+    @property
+    def frequency_range(self) -> tuple[float, float]:
+        """Lowest and highest natural frequency of the beam at rest, rad/s."""
+        ...
+
+    @property
+    def beam_speed_terms(self) -> BeamSpeedTerms | None:
+        """Beam equations at a given hub motion if they are linear, else None."""
+        ...
+
+    @property
+    def normal_form(self) -> NormalForm | None:
+        """Beam equations at a given hub motion if the hub's speed merely stiffens it, else None."""
+        ...
+
+    def residual(self, y: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        """Left-hand sides of the equations of motion, k x N; the hub's is the torque that it needs."""
+        ...
+
+    def tangents(self, y: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> Tangents:
+        """Derivatives of the residual."""
+        ...
+
+    def inertia(self, y: np.ndarray) -> "Inertia":
+        """Mass matrix in its blocks."""
+        ...
+
+    def inertia_torque(self, y: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """Q_theta, k: the hub equation's terms quadratic in the rates, on the side of the torque (Eqs. 32, 37)."""
+        ...
+
+    def dissipation(self, rate: np.ndarray) -> np.ndarray:
+        """Power lost in damping, k."""
+        ...
+
+
+def normal_form(terms: BeamSpeedTerms) -> NormalForm | None:
+    """Return the normal form, or None if there are gyroscopic terms, damping or others that it has no place for."""
+    if np.any(terms.G) or np.any(terms.C) or np.any(terms.K_a) or np.any(terms.f_w):
+        return None
+    root: np.ndarray = np.linalg.cholesky(terms.M)
+    to_q = np.linalg.inv(root).T
+    return NormalForm(to_q, root.T, to_q.T @ terms.K @ to_q, to_q.T @ terms.K_w @ to_q, to_q.T @ terms.f_a)
+
+
+def frequency_range(mass: np.ndarray, stiffness: np.ndarray) -> tuple[float, float]:
+    """Lowest and highest natural frequency of a positive definite pair, rad/s."""
+    squares = np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real
+    return float(np.sqrt(squares.min())), float(np.sqrt(squares.max()))
+
+
+def block_diagonal(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Two square blocks, of the axial and the transverse coordinates, on a diagonal."""
+    n = first.shape[0]
+    result = np.zeros((n + second.shape[0], n + second.shape[0]))
+    result[:n, :n], result[n:, n:] = first, second
+    return result

@@ -1,0 +1,172 @@
+"""What a simulation of the hub-beam returns."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Details(NamedTuple):
+    """What a `SimulationResult` computes when first asked for; meanings and units as there."""
+
+    axial_tip_displacement: np.ndarray
+    foreshortening: np.ndarray
+    hub_angle: np.ndarray
+    hub_speed: np.ndarray
+    hub_acceleration: np.ndarray
+    torque: np.ndarray
+    inertia_torque: np.ndarray
+    energy: np.ndarray
+    angular_momentum: np.ndarray
+    mass_matrix_margin: np.ndarray
+    states: np.ndarray
+
+
+@dataclass(frozen=True)
+class SimulationResult:
+    """Motion of the hub-beam at the instants asked for.
+
+    Arrays have one value an instant (k of them) unless their shape is given. What is not the displacement of the free
+    end is computed when first asked for.
+
+    Attributes
+    ----------
+    model : str
+        Name of the model, as in `hub_beam`.
+    time : ndarray
+        Instants, s.
+    tip_displacement : ndarray
+        Transverse displacement v of the free end x = L in the hub's frame, m.
+    axial_tip_displacement : ndarray
+        Extension w_1 of the beam at x = L (what Figs. 5b and 6b of Bai et al. (2009) show), m; zero for models without
+        it. The free end moves axially by ``axial_tip_displacement + foreshortening`` in the hub's frame.
+    foreshortening : ndarray
+        Axial displacement w_c at x = L that goes with bending at constant length, Eq. (3), m; <= 0, and zero for TLAM.
+    hub_angle, hub_speed, hub_acceleration : ndarray
+        Motion of the hub, rad, rad/s, rad/s^2.
+    torque : ndarray
+        Torque on the hub, N m: the one applied, or the one that the prescribed motion needs.
+    inertia_torque : ndarray
+        Q_theta, N m: the terms of the hub's equation that are quadratic in the velocities, on the side of the torque
+        (Eq. 32; 37 for CFOAM). For SFOAM as printed it is the term left out, evaluated along its motion.
+    energy : ndarray
+        The model's own kinetic plus elastic energy, J.
+    angular_momentum : ndarray
+        The model's own angular momentum about the hub's axis, kg m^2/s.
+    mass_matrix_margin : ndarray
+        Schur complement of the beam's mass matrix in the whole one, kg m^2; the whole is positive definite if > 0.
+        With the hub's motion prescribed it does not matter.
+    states : ndarray, k x n
+        States in the order and with the names of ``to_nlsys()``: coordinates (hub angle first), then their rates.
+    small_deformation_until : float
+        Instant at which the transverse tip displacement first exceeds a tenth of the length, s; inf if it never does up
+        to the last instant asked for.
+    error_estimate : float
+        Estimated largest error of the tip displacement, m.
+    steps : int
+        Number of integration steps.
+    details : callable
+        Computes what is not kept.
+    """
+
+    model: str
+    time: np.ndarray
+    tip_displacement: np.ndarray
+    small_deformation_until: float
+    error_estimate: float
+    steps: int
+    details: Callable[[], Details] = field(repr=False, compare=False)
+
+    @cached_property
+    def _details(self) -> Details:
+        return self.details()
+
+    @property
+    def axial_tip_displacement(self) -> np.ndarray:
+        """Extension w_1 of the beam at x = L, m."""
+        return self._details.axial_tip_displacement
+
+    @property
+    def foreshortening(self) -> np.ndarray:
+        """Axial displacement w_c at x = L that goes with bending at constant length, m."""
+        return self._details.foreshortening
+
+    @property
+    def hub_angle(self) -> np.ndarray:
+        """Hub angle, rad."""
+        return self._details.hub_angle
+
+    @property
+    def hub_speed(self) -> np.ndarray:
+        """Hub speed, rad/s."""
+        return self._details.hub_speed
+
+    @property
+    def hub_acceleration(self) -> np.ndarray:
+        """Hub acceleration, rad/s^2."""
+        return self._details.hub_acceleration
+
+    @property
+    def torque(self) -> np.ndarray:
+        """Torque on the hub, N m."""
+        return self._details.torque
+
+    @property
+    def inertia_torque(self) -> np.ndarray:
+        """Q_theta, N m."""
+        return self._details.inertia_torque
+
+    @property
+    def energy(self) -> np.ndarray:
+        """Kinetic plus elastic energy, J."""
+        return self._details.energy
+
+    @property
+    def angular_momentum(self) -> np.ndarray:
+        """Angular momentum about the hub's axis, kg m^2/s."""
+        return self._details.angular_momentum
+
+    @property
+    def mass_matrix_margin(self) -> np.ndarray:
+        """Schur complement of the beam's mass matrix in the whole one, kg m^2."""
+        return self._details.mass_matrix_margin
+
+    @property
+    def states(self) -> np.ndarray:
+        """States in the order of ``to_nlsys()``, k x n."""
+        return self._details.states
+
+
+def small_deformation_until(
+    time: np.ndarray, tip_displacement: np.ndarray, length: float, tip_rate: np.ndarray | None = None
+) -> float:
+    """Instant at which ``|tip_displacement|`` first exceeds ``length / 10``, s; inf if it never does.
+
+    Parameters
+    ----------
+    time, tip_displacement : ndarray, k
+        Instants [s] and transverse displacements of the free end [m].
+    length : float
+        Of the beam, m.
+    tip_rate : ndarray, k, or None
+        Rates of the displacement, m/s: between the instants it is then a cubic, otherwise a straight line.
+    """
+    outside = np.flatnonzero(np.abs(tip_displacement) > 0.1 * length)
+    if outside.size == 0:
+        return float("inf")
+    last = int(outside[0])
+    if last == 0:
+        return float(time[0])
+    first, side = last - 1, np.sign(tip_displacement[last])
+    step = time[last] - time[first]
+    before, after = side * tip_displacement[first] - 0.1 * length, side * tip_displacement[last] - 0.1 * length
+    slopes = np.full(2, after - before) if tip_rate is None else side * step * tip_rate[first : last + 1]
+    low, high = 0.0, 1.0
+    for _ in range(50):
+        s = 0.5 * (low + high)
+        cubic = before * (1 + 2 * s) * (1 - s) ** 2 + after * s**2 * (3 - 2 * s)
+        cubic += slopes[0] * s * (1 - s) ** 2 - slopes[1] * s**2 * (1 - s)
+        low, high = (low, s) if cubic > 0.0 else (s, high)
+    return float(time[first] + high * step)

@@ -1,0 +1,171 @@
+"""Pictures of the spray boom: Fig. 3, convergence, mode shapes on the machine, the machine in motion."""
+
+import io
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.plotting.canvas import COLOURS, new_figure, style
+from boomctl.plotting.sigma import plot_measured, plot_sigma
+
+if TYPE_CHECKING:
+    from boomctl.analysis import MeasuredCurve, SigmaResult
+    from boomctl.boom import BoomParameters
+    from boomctl.reproduce.boom import Convergence, Deviation, MachineMotion
+
+__all__ = ["animation_gif", "draw_convergence", "draw_figure_3", "draw_modes"]
+
+_LINES = {"finite": "--", "discrete": ":", "exact": "-"}
+
+
+def draw_figure_3(
+    curves: "dict[str, SigmaResult]",
+    measured_hz: Array,
+    deviation: "dict[str, Deviation]",
+    measured: "MeasuredCurve | None" = None,
+) -> Any:
+    """Draw the singular values from platform actuators to tips, line styles as in Anthonis & Ramon (2003), Fig. 3."""
+    with style():
+        figure = new_figure(7.4, 6.6)
+        ax, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
+        for i, (name, curve) in enumerate(reversed(curves.items())):
+            linestyle = next(value for key, value in _LINES.items() if name.startswith(key))
+            plot_sigma(curve, name, ax, linestyle=linestyle, color=COLOURS[(5, 1, 0)[i]])
+        for k, freq in enumerate(measured_hz):
+            ax.axvline(
+                freq, color="#777777", linewidth=0.8, dashes=(2, 2), label="measured frequency" if k == 0 else None
+            )
+        if measured is not None:
+            plot_measured(measured, ax, color=COLOURS[2])
+        ax.set_xlim(0.1, 10.0)
+        ax.set_ylim(1e-3, 5e3)
+        ax.set_ylabel("singular values, platform actuators to tips [m/m]")
+        ax.set_xlabel("")
+        ax.legend(loc="lower left")
+        _draw_deviation(below, deviation)
+    return figure
+
+
+def _draw_deviation(ax: Any, deviation: "dict[str, Deviation]") -> None:
+    """Draw how far singular values lie from the exact ones, the larger one of both solid."""
+    for name, item in deviation.items():
+        linestyle, color = ("--", COLOURS[0]) if name.startswith("finite") else (":", COLOURS[1])
+        ax.loglog(item.omega / (2 * np.pi), np.maximum(100.0 * item.largest, 1e-6), linestyle, color=color)
+    ax.set_ylim(1e-3, 1e3)
+    ax.set_ylabel("off the exact\nbeam by [%]")
+    ax.set_xlabel("frequency [Hz]")
+
+
+def draw_convergence(convergence: "tuple[Convergence, ...]") -> Any:
+    """Draw the relative error of the first five eigenfrequencies over the mesh, one panel a method."""
+    with style():
+        figure = new_figure(9.0, 6.0)
+        axes = figure.subplots(2, 3, sharey=True).ravel()
+        for ax, item in zip(axes, convergence, strict=False):
+            for k in range(item.error.shape[1]):
+                ax.loglog(item.sizes, np.maximum(item.error[:, k], 1e-16), ".-", label=f"{k + 1}", linewidth=1.0)
+            ax.set_title(
+                item.name.replace(", nodes", ",\nnodes").replace(", geom", ",\ngeom").replace(", Herm", ",\nHerm")
+            )
+            ax.set_xlabel("number of elements" if item.of == "elements" else "polynomial order, 4 elements")
+            if item.of == "elements":
+                slope = 2 if "geometrical" in item.name else 4
+                _slope(ax, item, slope)
+            else:
+                ax.set_xticks(item.sizes[::2], [str(n) for n in item.sizes[::2]])
+                ax.minorticks_off()
+        axes[0].set_ylabel("relative error of damped frequency")
+        axes[3].set_ylabel("relative error of damped frequency")
+        axes[5].axis("off")
+        handles, labels = axes[0].get_legend_handles_labels()
+        axes[5].legend(handles, [f"eigenfrequency {label}" for label in labels], loc="center")
+    return figure
+
+
+def _slope(ax: Any, item: "Convergence", order: int) -> None:
+    """Draw a line of the expected order beside the second frequency's error."""
+    n = np.array([item.sizes[1], item.sizes[len(item.sizes) * 2 // 3]], dtype=float)
+    start = 8.0 * item.error[1].max()
+    ax.loglog(n, start * (n / n[0]) ** -order, "k--", linewidth=0.8)
+    ax.annotate(f"order {order}", (n[1], start * (n[1] / n[0]) ** -order), fontsize=8, ha="left", va="bottom")
+
+
+def draw_modes(modes: "tuple[MachineMotion, ...]", p: "BoomParameters") -> Any:
+    """Draw each mode shape on the machine, seen from above, platform held."""
+    with style():
+        figure = new_figure(7.4, 1.65 * len(modes))
+        for k, (ax, mode) in enumerate(zip(figure.subplots(len(modes), 1, sharex=True), modes, strict=True)):
+            _machine(ax, p, mode.x, np.real(mode.boom), float(np.real(mode.cradle)), 0.0, 0.0, 0.8)
+            ax.set_ylim(-1.35, 1.1)
+            ax.set_yticks([])
+            ax.grid(visible=False)
+            ax.set_title(f"{mode.title}: {mode.freq_hz:.4f} Hz, damping ratio {100 * mode.damping_ratio:.2f} %")
+            if k == len(modes) - 1:
+                ax.set_xlabel("x along the boom [m]")
+    return figure
+
+
+def _machine(
+    ax: Any, p: "BoomParameters", x: Array, w: Array, cradle: float, platform: float, turn: float, scale: float
+) -> None:
+    """Draw platform, cradle, springs and boom, displacements ``scale`` times as large; driving direction up."""
+    half, spring = 0.5 * p.actuator_distance, 0.5 * p.spring_distance
+    depth = 1.0
+    across = np.array([-half, half])
+    at_platform = scale * (platform + turn * across) - depth
+    ax.fill_between(across, at_platform - 0.12, at_platform + 0.12, color="#c9ced6", zorder=1)
+    corners = np.array([-0.1, -0.1, 0.1, 0.1, -0.1])
+    ax.plot([-0.28, 0.28, 0.28, -0.28, -0.28], scale * cradle + corners, color="#666666", linewidth=1.0)
+    for side in (-1.0, 1.0):
+        foot = scale * (platform + turn * side * spring) - depth + 0.12
+        head = scale * float(np.interp(side * spring, x, w))
+        _spring(ax, side * spring, foot, head)
+    ax.plot([-p.length / 2, p.length / 2], [0, 0], color="#bbbbbb", linewidth=0.7, dashes=(4, 3), zorder=0)
+    ax.plot(x, scale * w, color=COLOURS[0], linewidth=2.0)
+    ax.plot([0.0], [scale * cradle], "o", color=COLOURS[1], markersize=4)
+
+
+def _spring(ax: Any, x: float, low: float, high: float) -> None:
+    zigzag = np.concatenate([[0.0, 0.0], np.tile([0.09, -0.09], 4), [0.0, 0.0]])
+    ax.plot(x + zigzag, np.linspace(low, high, len(zigzag)), color="#3a7d34", linewidth=0.9)
+
+
+def animation_gif(motions: "tuple[MachineMotion, ...]", p: "BoomParameters", frames: int = 36) -> bytes:
+    """Return a GIF of one period of each motion, side by side, drawn with its largest deflection at one metre."""
+    from matplotlib.animation import FuncAnimation, PillowWriter
+
+    with style():
+        figure = new_figure(8.0, 2.9)
+        axes = figure.subplots(1, len(motions))
+
+        def draw(frame: int) -> list[Any]:
+            turn = np.exp(2j * np.pi * frame / frames)
+            for ax, motion in zip(axes, motions, strict=True):
+                scale = 1.0 / float(np.abs(motion.boom).max())
+                parts = (motion.cradle, motion.platform, motion.platform_turn)
+                cradle, platform, rotation = (float(np.real(value * turn)) for value in parts)
+                ax.clear()
+                _machine(ax, p, motion.x, np.real(motion.boom * turn), cradle, platform, rotation, scale)
+                ax.set_ylim(-1.6, 1.3)
+                ax.set_yticks([])
+                ax.grid(visible=False)
+                gain = float(np.abs(motion.boom).max())
+                ax.set_title(
+                    f"{motion.title} at {motion.freq_hz:.3f} Hz,\ntips move {gain:.0f} times as far as the actuators"
+                )
+                ax.set_xlabel("x along the boom [m]")
+            return []
+
+        animation = FuncAnimation(figure, draw, frames=frames, blit=False)
+        return _gif(animation, PillowWriter(fps=18))
+
+
+def _gif(animation: Any, writer: Any) -> bytes:
+    import tempfile
+    from pathlib import Path
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "motion.gif"
+        animation.save(path, writer=writer, dpi=90)
+        return io.BytesIO(path.read_bytes()).getvalue()

@@ -1,0 +1,223 @@
+"""Pictures of the hub-beam: curves in panels, and the animation of a slew. Data in, matplotlib figures out."""
+
+import io
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Place = Literal["", "best", "upper left", "upper right", "lower left", "lower right"]
+"""Where a legend stands; "" is nowhere."""
+
+COLOURS = {
+    "TLAM": "#d55e00",
+    "SFOAM": "#0072b2",
+    "SFOAM, consistent": "#56b4e9",
+    "FOAM": "#009e73",
+    "CFOAM": "#cc79a7",
+    "exact": "#000000",
+}
+"""One colour a model, told apart by colour-blind readers too (Okabe & Ito 2008)."""
+
+_CYCLE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A curve: label, abscissae and ordinates, matplotlib line style, and colour (None: next of the cycle)."""
+
+    label: str
+    x: np.ndarray
+    y: np.ndarray
+    style: str = "-"
+    colour: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Curves in one pair of axes.
+
+    Attributes
+    ----------
+    title, xlabel, ylabel : str
+        Texts; the labels carry the units.
+    lines : tuple of Line
+    logarithmic : str
+        "", "x", "y" or "xy".
+    ylim : tuple of float, optional
+        Range of the ordinate.
+    levels : tuple of (float, str)
+        Horizontal lines and what they mean.
+    legend : Place
+        Where the legend stands; "" for none.
+    xticks : tuple of float
+        Marks on a logarithmic abscissa, written out; () for matplotlib's.
+    """
+
+    title: str
+    xlabel: str
+    ylabel: str
+    lines: tuple[Line, ...]
+    logarithmic: str = ""
+    ylim: tuple[float, float] | None = None
+    levels: tuple[tuple[float, str], ...] = ()
+    legend: Place = "best"
+    xticks: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure: file name without ending, caption, panels, and how many of them stand in a row."""
+
+    name: str
+    caption: str
+    panels: tuple[Panel, ...]
+    columns: int = field(default=1)
+
+
+def draw(picture: Picture) -> "Figure":
+    """Draw a picture.
+
+    Parameters
+    ----------
+    picture : Picture
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    from matplotlib.figure import Figure
+
+    rows = -(-len(picture.panels) // picture.columns)
+    figure = Figure(figsize=(6.4 if picture.columns == 1 else 10.0, 3.1 * rows + 0.3), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(rows, picture.columns)).ravel()
+    for ax, panel in zip(axes, picture.panels, strict=False):
+        _fill(ax, panel)
+    for ax in axes[len(picture.panels) :]:
+        ax.set_axis_off()
+    return figure
+
+
+def _fill(ax: "Axes", panel: Panel) -> None:
+    cycle = iter(_CYCLE * 3)
+    for line in panel.lines:
+        colour = line.colour or next(cycle)
+        ax.plot(line.x, line.y, line.style, color=colour, label=line.label, linewidth=1.3, markersize=4)
+    for height, meaning in panel.levels:
+        ax.axhline(height, color="0.6", linewidth=0.8, zorder=0)
+        ax.annotate(
+            meaning, (1.0, height), xycoords=("axes fraction", "data"), xytext=(3, 0), textcoords="offset points",
+            ha="left", va="center", fontsize=7, color="0.35",
+        )  # fmt: skip
+    if "x" in panel.logarithmic:
+        ax.set_xscale("log")
+        if panel.xticks:
+            ax.set_xticks(panel.xticks, [f"{tick:g}" for tick in panel.xticks])
+            ax.set_xticks([], minor=True)
+    else:
+        ax.margins(x=0.0)
+    if "y" in panel.logarithmic:
+        ax.set_yscale("log")
+    if panel.ylim is not None:
+        ax.set_ylim(*panel.ylim)
+    ax.set_title(panel.title, fontsize=10, loc="left")
+    ax.set_xlabel(panel.xlabel, fontsize=9)
+    ax.set_ylabel(panel.ylabel, fontsize=9)
+    ax.tick_params(labelsize=8)
+    ax.grid(visible=True, which="major", color="0.92", linewidth=0.6)
+    if panel.legend and any(line.label for line in panel.lines):
+        ax.legend(fontsize=8, loc=panel.legend, framealpha=0.9)
+
+
+def picture_bytes(picture: Picture, ending: str) -> bytes:
+    """A picture as the bytes of a file.
+
+    Parameters
+    ----------
+    picture : Picture
+    ending : str
+        "png" or "svg".
+
+    Raises
+    ------
+    ValueError
+        For another ending.
+    """
+    if ending not in ("png", "svg"):
+        raise ValueError(f"ending = {ending!r}: expected 'png' or 'svg'")
+    from matplotlib import rc_context
+
+    target = io.BytesIO()
+    with rc_context({"svg.hashsalt": picture.name}):
+        draw(picture).savefig(target, format=ending, dpi=130, metadata={"Date": None} if ending == "svg" else None)
+    return target.getvalue()
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """Beams that move in the plane of the hub.
+
+    Attributes
+    ----------
+    time : ndarray, k
+        Instants of the frames, s; equally spaced.
+    shapes : tuple of (label, ndarray)
+        Positions of points along the beam from the clamp to the free end, complex, k x m, m.
+    hub_radius : float
+        Radius of the hub, m.
+    caption : str
+    """
+
+    time: np.ndarray
+    shapes: tuple[tuple[str, np.ndarray], ...]
+    hub_radius: float
+    caption: str
+
+
+def film_bytes(film: Film) -> bytes:
+    """A film as the bytes of a GIF that runs in real time and repeats.
+
+    Parameters
+    ----------
+    film : Film
+    """
+    import tempfile
+    from pathlib import Path
+
+    from matplotlib.animation import FuncAnimation, PillowWriter
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Circle
+
+    figure = Figure(figsize=(4.4, 4.6))
+    ax = figure.subplots()
+    figure.subplots_adjust(left=0.17, right=0.97, bottom=0.11, top=0.93)
+    reach = 1.06 * max(float(np.max(np.abs(shape))) for _, shape in film.shapes)
+    ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    ax.add_patch(Circle((0.0, 0.0), film.hub_radius, color="0.75"))
+    (spoke,) = ax.plot([], [], ":", color="0.6", linewidth=1.0, label="hub's axis")
+    lines = [
+        ax.plot([], [], color=COLOURS.get(label, "0.3"), label=label, linewidth=1.8)[0] for label, _ in film.shapes
+    ]
+    ax.legend(fontsize=8, loc="upper left")
+    first = film.shapes[0][1]
+
+    def frame(k: int) -> "list[Artist]":
+        for line, (_, shape) in zip(lines, film.shapes, strict=True):
+            line.set_data(shape[k].real, shape[k].imag)
+        radial = first[k, 0] / abs(first[k, 0]) * np.array([0.0, abs(first[k, 0]) + abs(first[0, -1] - first[0, 0])])
+        spoke.set_data(radial.real, radial.imag)
+        ax.set_title(f"{film.caption}, t = {film.time[k]:4.1f} s", fontsize=9)
+        return [*lines, spoke]
+
+    interval = 1000.0 * float(film.time[1] - film.time[0])
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "film.gif"
+        FuncAnimation(figure, frame, frames=film.time.size, interval=interval).save(
+            target, writer=PillowWriter(fps=max(1, round(1000.0 / interval))), dpi=80
+        )
+        return target.read_bytes()

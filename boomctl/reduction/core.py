@@ -1,0 +1,180 @@
+"""Small systems that stand for large ones: a core in state space, and a bound of what it leaves out."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.analysis.norm import StateMatrices, state_matrices
+from boomctl.arrays import Array
+from boomctl.reduction.spectral import ModalSystem, diagonalized, spectral_parts
+from boomctl.reduction.structural_tail import Loads, separated_damping, tail_bound
+from boomctl.structure.modal import project, undamped_modes
+from boomctl.structure.second_order import SecondOrderModel
+from boomctl.structure.statespace import realize
+from boomctl.structure.symmetry import half
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["SystemCore", "core_of", "statespace_core", "structure_core"]
+
+_CORE_FROM = 40
+_LARGEST_DENSE = 700
+_MANY_STATES = 80
+_ALL_MODES = 0.8
+
+
+@dataclass(frozen=True)
+class SystemCore:
+    """A system as a stable part and a kept part.
+
+    Attributes
+    ----------
+    stable : StateMatrices
+        In real modal coordinates where it has them; ``D`` of the system included.
+    modal : ModalSystem or None
+        The same in complex modal coordinates.
+    kept : StateMatrices
+        Unstable, undamped and rigid-body states.
+    tail : float
+        Bound of the response of what was left out, at all frequencies.
+    complete : bool
+        Whether nothing was left out.
+    """
+
+    stable: StateMatrices
+    modal: ModalSystem | None
+    kept: StateMatrices
+    tail: float
+    complete: bool
+
+
+def core_of(system: "control.StateSpace | SecondOrderModel", modes: int) -> SystemCore:
+    """Return a core of about ``modes`` modes, more where fewer would not do."""
+    if isinstance(system, SecondOrderModel):
+        found = structure_core(system, modes) if system.n >= _CORE_FROM else None
+        if found is not None:
+            return found
+        if system.n > _LARGEST_DENSE:
+            raise ValueError(
+                f"a model of {system.n} coordinates without closed-form bound of its high modes (it needs symmetric "
+                f"matrices, damping proportional to stiffness but for a few dampers, displacements imposed and read)"
+            )
+        return statespace_core(state_matrices(realize(system)), 2 * modes)
+    return statespace_core(state_matrices(system), 2 * modes)
+
+
+def statespace_core(system: StateMatrices, states: int) -> SystemCore:
+    """Return a core of a state-space system; modes too weak to matter are left out of a large one."""
+    fast, kept = spectral_parts(system)
+    modal = diagonalized(fast)
+    if modal is None:
+        return SystemCore(fast, None, kept, 0.0, True)
+    sizes = modal.sizes
+    if len(sizes) <= max(_MANY_STATES, states):
+        return SystemCore(modal.blocks, modal, kept, 0.0, True)
+    strong = sizes >= np.sort(sizes)[-states] * (1.0 - 1e-9)
+    pair = np.flatnonzero(modal.poles.imag > 0.0)
+    strong[pair] = strong[pair + 1] = strong[pair] | strong[pair + 1]
+    chosen = modal.only(strong)
+    return SystemCore(chosen.blocks, chosen, kept, float(sizes[~strong].sum()), bool(strong.all()))
+
+
+def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
+    """Return a core of undamped modes, or None for a structure whose other modes have no bound in closed form."""
+    halves = [half(model, parity) for parity in (1, -1)]
+    if any(part is None for part in halves):
+        piece = _piece(model, modes)
+        return None if piece is None else _assembled([(piece, np.eye(len(model.inputs)), np.eye(len(model.outputs)))])
+    pieces = []
+    for part in halves:
+        if part is not None and part.W_in.shape[1] and part.W_out.shape[1]:
+            piece = _piece(part.model, (modes + 1) // 2)
+            if piece is None:
+                return None
+            pieces.append((piece, part.W_in, part.W_out))
+    return _assembled(pieces) if pieces else None
+
+
+def _assembled(pieces: list[tuple[tuple[StateMatrices, float], Array, Array]]) -> SystemCore:
+    """Return the core whose orthonormal parts are given."""
+    modals, kept, D, tail = [], [], None, 0.0
+    for (system, left_out), W_in, W_out in pieces:
+        whole = StateMatrices(system.A, system.B @ W_in.T, W_out @ system.C, W_out @ system.D @ W_in.T)
+        fast, slow = spectral_parts(whole)
+        modals.append((fast, diagonalized(fast)))
+        kept.append(slow)
+        D, tail = fast.D if D is None else D + fast.D, max(tail, left_out)
+    assert D is not None
+    if any(modal is None for _, modal in modals):
+        return SystemCore(_stacked([fast for fast, _ in modals], D), None, _stacked(kept, 0.0 * D), tail, False)
+    parts = [modal for _, modal in modals if modal is not None]
+    modal = ModalSystem(
+        np.concatenate([part.poles for part in parts]),
+        np.vstack([part.B for part in parts]),
+        np.hstack([part.C for part in parts]),
+        D,
+    )
+    return SystemCore(modal.blocks, modal, _stacked(kept, 0.0 * D), tail, False)
+
+
+def _stacked(parts: list[StateMatrices], D: Array) -> StateMatrices:
+    A = linalg.block_diag(*(part.A for part in parts if len(part.A))) if any(len(p.A) for p in parts) else None
+    return StateMatrices(
+        np.zeros((0, 0)) if A is None else A,
+        np.vstack([part.B for part in parts]),
+        np.hstack([part.C for part in parts]),
+        D,
+    )
+
+
+def _piece(model: SecondOrderModel, modes: int) -> tuple[StateMatrices, float] | None:
+    """Return a modal core of a structure and the bound of what it leaves out, or None where there is none."""
+    damping = separated_damping(model)
+    loads = _loads(model)
+    if damping is None or loads is None or modes >= _ALL_MODES * model.n:
+        return None
+    try:
+        frequencies, shapes = undamped_modes(model, modes + 1)
+    except ValueError:
+        return None
+    V, lowest = shapes[:, :modes], float(frequencies[modes])
+    M, K, C = project(model, V)
+    core = _core_states(M, K, C, loads, V)
+    closed = diagonalized(
+        StateMatrices(
+            core.A,
+            np.hstack([core.B, np.vstack([np.zeros((modes, len(loads.L))), V.T @ loads.L.T])]),
+            np.hstack([damping.U.T @ V, np.zeros((len(damping.gamma), modes))]),
+            np.zeros((len(damping.gamma), core.B.shape[1] + len(loads.L))),
+        )
+    )
+    if closed is None:
+        return None
+    tail = tail_bound(model, loads, damping, V, lowest, (C, closed))
+    return (StateMatrices(core.A, core.B, core.C, model.ports.E[0]), tail) if np.isfinite(tail) else None
+
+
+def _loads(model: SecondOrderModel) -> Loads | None:
+    """Return loads and rows of a model that imposes forces or displacements and reads displacements; None otherwise."""
+    ports = model.ports
+    plain = not any(ports.integrators) and all(b is None for b in ports.bandwidths)
+    higher = any(matrix.any() for matrix in (*ports.L[1:], *ports.E[1:], ports.B[2]))
+    return Loads(ports.B[0], ports.B[1], ports.L[0]) if plain and not higher else None
+
+
+def _core_states(M: Array, K: Array, C: Array, loads: Loads, V: Array) -> StateMatrices:
+    """Return the kept modes with states ``x`` and ``x' - B1 d``."""
+    k = V.shape[1]
+    B0, B1, L = V.T @ loads.B0, V.T @ loads.B1, loads.L @ V
+    inverse = np.linalg.inv(M)
+    B1 = inverse @ B1
+    A = np.block([[np.zeros((k, k)), np.eye(k)], [-inverse @ K, -inverse @ C]])
+    return StateMatrices(
+        A,
+        np.vstack([B1, inverse @ B0 - inverse @ C @ B1]),
+        np.hstack([L, np.zeros_like(L)]),
+        np.zeros((len(L), B0.shape[1])),
+    )

@@ -1,0 +1,191 @@
+"""A bound, in closed form, of what undamped modes left out of a structure contribute to its response.
+
+Damping is stiffness-proportional but for a few dampers, ``C = beta K + U diag(gamma) U^T``.  With modes ``V`` kept and
+``W`` left out, ``D(s) = s^2 M + s C + K`` in blocks, and ``S`` the Schur complement of ``D_VV``, the core's error is
+
+    (L_W - L_V D_VV^-1 D_VW) S^-1 (B_W - D_WV D_VV^-1 B_V),   D_WV = s U_W diag(gamma) U_V^T.
+
+Both factors are loads on the modes left out: the structure's own, and those that the core's dampers put on them.
+``S`` is scaled by the frequencies left out; its inverse is bounded by stiffness at low frequencies,
+``1/(1 - w^2/w_W^2 - w g u^2)``, and by dissipation at all, ``1/(b w)``.  Compliances ``u^2 = |U_W / w_W|^2`` come from
+static solutions with the kept modes taken out of the loads, so that nothing cancels.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import inf
+
+import numpy as np
+from scipy import linalg, sparse
+
+from boomctl.arrays import Array
+from boomctl.reduction.spectral import ModalSystem
+from boomctl.structure.pencil import factorized
+from boomctl.structure.second_order import SecondOrderModel
+
+__all__ = ["Damping", "Loads", "separated_damping", "tail_bound"]
+
+_SAME = 1e-9
+_MOST_DAMPERS = 12
+_SHIFT = 1e-3
+_INTERVALS = 400
+
+
+@dataclass(frozen=True)
+class Damping:
+    """``C = beta K + U diag(gamma) U^T``."""
+
+    beta: float
+    U: Array
+    gamma: Array
+
+
+@dataclass(frozen=True)
+class Loads:
+    """How a structure is driven and read: ``D(s) x = (B0 + s B1) d``, outputs ``L x``."""
+
+    B0: Array
+    B1: Array
+    L: Array
+
+
+def separated_damping(model: SecondOrderModel) -> Damping | None:
+    """Return the damping as stiffness-proportional and a few dampers; None where it is not."""
+    k, c = model.K.diagonal(), model.C.diagonal()
+    positive = k > 0.0
+    beta = float(np.median(c[positive] / k[positive])) if positive.any() else 0.0
+    if beta <= 0.0:
+        return None
+    if model.elastic is None:
+        return _from_matrix(model, beta)
+    rows = model.elastic
+    gamma = rows.c - beta * rows.k
+    apart = np.flatnonzero(np.abs(gamma) > _SAME * np.maximum(rows.c, beta * rows.k))
+    if len(apart) > _MOST_DAMPERS:
+        return None
+    return Damping(beta, sparse.csr_array(rows.R)[apart].toarray().T, gamma[apart])
+
+
+def _from_matrix(model: SecondOrderModel, beta: float) -> Damping | None:
+    rest = sparse.csr_array(model.C) - beta * sparse.csr_array(model.K)
+    entries, k = sparse.coo_array(rest), beta * model.K.diagonal() + model.C.diagonal()
+    i, j = entries.coords
+    large = np.abs(entries.data) > _SAME * np.sqrt(np.abs(k[i] * k[j]))
+    touched = np.unique(np.concatenate([i[large], j[large]]))
+    if len(touched) > 8 * _MOST_DAMPERS:
+        return None
+    U = np.zeros((model.n, len(touched)))
+    if not len(touched):
+        return Damping(beta, U, np.zeros(0))
+    values, vectors = linalg.eigh(sparse.csr_array(rest)[touched][:, touched].toarray())
+    apart = np.abs(values) > _SAME * np.abs(values).max()
+    U[touched] = vectors
+    return Damping(beta, U[:, apart], values[apart]) if apart.sum() <= _MOST_DAMPERS else None
+
+
+def tail_bound(
+    model: SecondOrderModel, loads: Loads, damping: Damping, V: Array, lowest: float, core: tuple[Array, ModalSystem]
+) -> float:
+    """Return a bound of the response that the modes beside ``V`` add, at all frequencies; ``inf`` where there is none.
+
+    Parameters
+    ----------
+    model : SecondOrderModel
+        Symmetric, ``M`` positive definite.
+    loads : Loads
+    damping : Damping
+    V : (n, k) ndarray
+        Mass-normalised modes kept, all that lie below ``lowest``.
+    lowest : float
+        No mode left out is lower [rad/s].
+    core : (k, k) ndarray, ModalSystem
+        Damping among the modes kept; and from inputs ``d`` and forces ``L^T`` to displacements ``U^T x``, in modal
+        coordinates.
+    """
+    C_V, closed = core
+    gamma, U_V = damping.gamma, V.T @ damping.U
+    N, rest = _at_dampers(loads.B1, damping)
+    b0, b1, reads, *u = _compliances(model, V, lowest, (loads.B0, rest, loads.L.T, *damping.U.T[:, :, None]))
+    coupling = _coupling(C_V, U_V * gamma)
+    if coupling is None:
+        return inf
+    u_all = float(np.sum(np.square(u)))
+    between = np.diag(gamma) - coupling
+    dissipated = damping.beta - u_all * max(0.0, -float(linalg.eigvalsh(between).min(initial=0.0)))
+    if dissipated <= 0.0:
+        return inf
+    softened = u_all * (np.abs(gamma).max(initial=0.0) + float(np.linalg.norm(coupling, 2) if len(gamma) else 0.0))
+    low, high = _intervals(closed, lowest)
+    stiff = 1.0 - (high / lowest) ** 2 - high * softened
+    with np.errstate(divide="ignore"):
+        inverse = np.minimum(np.where(stiff > 0.0, 1.0 / stiff, inf), 1.0 / (dissipated * low))
+    by_outputs, by_inputs = _damper_forces(closed, N, np.abs(gamma), loads.B0.shape[1], (low, high))
+    acting = b0 + np.array(u) @ by_inputs + high * b1
+    parts = (reads + np.array(u) @ by_outputs) * inverse * acting
+    last = (reads + np.array(u) @ by_outputs[:, -1]) * (
+        b0 / (dissipated * low[-1]) + (np.array(u) @ by_inputs[:, -1] / low[-1] + b1) / dissipated
+    )
+    return float(max(parts[:-1].max(), last))
+
+
+def _intervals(closed: ModalSystem, lowest: float) -> tuple[Array, Array]:
+    """Return the ends of intervals that cover the frequency axis, fine near the core's poles; the last one is open."""
+    upper = closed.poles[closed.poles.imag > 0.0]
+    width = np.abs(upper.real)[:, None] * np.array([-8.0, -3.0, -1.0, 0.0, 1.0, 3.0, 8.0])
+    near = (upper.imag[:, None] + width).ravel()
+    top = 100.0 * max(lowest, float(np.abs(closed.poles).max(initial=0.0)))
+    grid = np.concatenate([near[(near > 0.0) & (near < top)], np.geomspace(1e-4 * lowest, top, _INTERVALS)])
+    ends = np.concatenate([[0.0], np.unique(grid), [2.0 * top]])
+    return ends[:-1], ends[1:]
+
+
+def _at_dampers(B1: Array, damping: Damping) -> tuple[Array, Array]:
+    """Return ``N`` and what is left of ``B1 = U diag(gamma) N + rest``: motions of the dampers' far ends."""
+    loaded = damping.U * damping.gamma
+    if not loaded.shape[1] or not B1.any():
+        return np.zeros((loaded.shape[1], B1.shape[1])), B1
+    N = np.linalg.lstsq(loaded, B1, rcond=None)[0]
+    rest = B1 - loaded @ N
+    return N, np.where(np.abs(rest) > 1e-13 * np.abs(B1).max(), rest, 0.0)
+
+
+def _compliances(model: SecondOrderModel, V: Array, lowest: float, columns: tuple[Array, ...]) -> list[float]:
+    """Return the square root of the largest compliance of each group of loads, over the modes left out."""
+    shift = _SHIFT * lowest**2
+    solve = factorized(sparse.csr_array(model.K) + shift * sparse.csr_array(model.M))
+    stacked = np.hstack(columns)
+    for _ in range(2):
+        stacked = stacked - model.M @ (V @ (V.T @ stacked))
+    gram = (1.0 + _SHIFT) * (stacked.T @ solve(stacked))
+    ends = np.cumsum([0, *(block.shape[1] for block in columns)])
+    blocks = [gram[a:b, a:b] for a, b in pairwise(ends)]
+    return [float(np.sqrt(max(linalg.eigvalsh(0.5 * (g + g.T)).max(initial=0.0), 0.0))) for g in blocks]
+
+
+def _coupling(C_V: Array, loaded: Array) -> Array | None:
+    """Return ``loaded^T C_V^-1 loaded``, or None where the kept modes do not dissipate what is loaded."""
+    values, X = linalg.eigh(C_V)
+    good = values > 1e-12 * max(values[-1], 0.0)
+    seen = X.T @ loaded
+    if np.abs(seen[~good]).max(initial=0.0) > 1e-9 * np.abs(seen).max(initial=0.0):
+        return None
+    return seen[good].T @ (seen[good] / values[good, None])
+
+
+def _damper_forces(
+    closed: ModalSystem, N: Array, gamma: Array, inputs: int, ends: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Return bounds of the core's damper forces over each interval, shape (dampers, intervals).
+
+    First those that a unit force at the outputs makes, then those of a unit input.  A mode's part is at most
+    ``|c| |b| w/|i w - p|``; over the open interval that stands last, ``w`` cancels or, in a unit input's, is ``high``.
+    """
+    low, high = ends
+    poles = closed.poles[:, None]
+    off = np.maximum(0.0, np.maximum(low - poles.imag, poles.imag - high))
+    gain = high / np.hypot(poles.real, off)
+    gain[:, -1] = low[-1] / np.maximum(low[-1] - np.abs(closed.poles), 1e-300)
+    C = gamma[:, None] * np.abs(closed.C)
+    acting, reading = (np.linalg.norm(B, axis=1) for B in (closed.B[:, :inputs], closed.B[:, inputs:]))
+    ends_move = (gamma * np.linalg.norm(N, axis=1))[:, None] * high
+    return C @ (reading[:, None] * gain), C @ (acting[:, None] * gain) + ends_move

@@ -1,0 +1,1 @@
+"""The papers' tables and figures, computed again beside what was published."""

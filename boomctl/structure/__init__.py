@@ -1,0 +1,46 @@
+"""Linear structural dynamics of any planar machine: rows, bodies, beams, second-order models."""
+
+from boomctl.structure.assembly import Assembly
+from boomctl.structure.beam import DiscreteElements, FiniteElements
+from boomctl.structure.displacement_input import prescribe_displacement
+from boomctl.structure.parts import (
+    GROUND,
+    Beam,
+    BeamSection,
+    CutJoint,
+    Force,
+    Joint,
+    Output,
+    Point,
+    RigidBody,
+    SpringDamper,
+    fixed,
+    free,
+    prismatic,
+    revolute,
+)
+from boomctl.structure.second_order import SecondOrderModel
+from boomctl.structure.symmetry import split_symmetric
+
+__all__ = [
+    "GROUND",
+    "Assembly",
+    "Beam",
+    "BeamSection",
+    "CutJoint",
+    "DiscreteElements",
+    "FiniteElements",
+    "Force",
+    "Joint",
+    "Output",
+    "Point",
+    "RigidBody",
+    "SecondOrderModel",
+    "SpringDamper",
+    "fixed",
+    "free",
+    "prescribe_displacement",
+    "prismatic",
+    "revolute",
+    "split_symmetric",
+]

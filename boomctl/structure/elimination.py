@@ -1,0 +1,84 @@
+"""Rank-revealing choice of dependent coordinates: the one step behind joints, held chains and displacement inputs.
+
+``n_d`` rows ``J^T z = d`` are solved for ``n_d`` coordinates, ``z_r = J_r^-T d - J_r^-T J_s^T z_s``, so that
+``z = T_d d + T_q z_s``.  Source: Anthonis & Ramon (2003), Eqs. (3), (5), (6).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, sparse
+
+from boomctl.arrays import Array, Indices
+
+__all__ = ["Elimination", "eliminate"]
+
+_RANK_TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """The congruence ``z = T_d d + T_q z_s`` and the places of the dependent (r) and independent (s) coordinates."""
+
+    dependent: Indices
+    independent: Indices
+    T_d: sparse.csr_array
+    T_q: sparse.csr_array
+
+
+def eliminate(J: Array | sparse.csr_array, names: Sequence[str], weights: Array | None = None) -> Elimination:
+    """Choose dependent coordinates by pivoted QR and return the congruence.
+
+    Parameters
+    ----------
+    J : (n, n_d) array, dense or sparse
+        Its columns are the rows prescribed.
+    names : sequence of str
+        What each column is called, for messages.
+    weights : (n,) ndarray, optional
+        Preference: a coordinate of larger weight is rather made dependent.
+
+    Raises
+    ------
+    ValueError
+        A column is zero, or depends on the others.
+    """
+    full = sparse.csr_array(J)
+    n, count = full.shape
+    touched = np.flatnonzero(np.diff(full.indptr))
+    block = full[touched].toarray()
+    norms = np.linalg.norm(block, axis=0)
+    _check_rank(block, norms, names)
+    scaled = (block / norms).T if weights is None else (block / norms).T * weights[touched]
+    pivots = np.sort(linalg.qr(scaled, mode="r", pivoting=True)[1][:count])
+    dependent = touched[pivots]
+    rest = np.setdiff1d(np.arange(len(touched)), pivots)
+    inverse = np.linalg.inv(block[pivots].T)
+    coupling = -np.linalg.solve(block[pivots].T, block[rest].T)
+    coupling[np.abs(coupling) < 1e-15 * np.abs(coupling).max(initial=1.0)] = 0.0
+    independent = np.setdiff1d(np.arange(n), dependent)
+    column = np.full(n, -1)
+    column[independent] = np.arange(n - count)
+    keep = sparse.csr_array((np.ones(n - count), (independent, np.arange(n - count))), shape=(n, n - count))
+    r, s = np.nonzero(coupling)
+    solved = sparse.csr_array((coupling[r, s], (dependent[r], column[touched[rest[s]]])), shape=(n, n - count))
+    i, j = np.nonzero(inverse)
+    T_d = sparse.csr_array((inverse[i, j], (dependent[i], j)), shape=(n, count))
+    return Elimination(dependent, independent, T_d, sparse.csr_array(keep + solved))
+
+
+def _check_rank(block: Array, norms: Array, names: Sequence[str]) -> None:
+    """Raise if a column is zero or depends on the others, naming it."""
+    zero = np.flatnonzero(norms == 0.0)
+    if len(zero):
+        raise ValueError(f"{names[zero[0]]!r} moves no coordinate: its displacement cannot be prescribed")
+    if block.shape[0] < block.shape[1]:
+        raise ValueError(f"{', '.join(map(repr, names))}: more displacements are prescribed than the points can move")
+    _, R, order = linalg.qr(block / norms, mode="economic", pivoting=True)
+    small = np.flatnonzero(np.abs(np.diag(R)) < _RANK_TOLERANCE)
+    if len(small):
+        others = [names[i] for i in order[: small[0]]]
+        raise ValueError(
+            f"displacement of {names[order[small[0]]]!r} depends on that of {', '.join(map(repr, others))}"
+        )

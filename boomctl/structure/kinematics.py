@@ -1,0 +1,130 @@
+"""From a description to rows: which coordinates a machine has, and how every point of it moves with them."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import cos, pi, sin
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.structure.discretization import BeamMesh
+from boomctl.structure.parts import Beam, CutJoint, Ground, Point, RigidBody, direction_angle
+from boomctl.structure.rows import Frame, Row
+
+__all__ = ["Kinematics", "attachments", "kinematics"]
+
+Body = RigidBody | Beam
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Coordinates, their preference as dependent ones, the bodies' motion, and the rows that joints hold at zero."""
+
+    coordinates: tuple[str, ...]
+    weights: Array
+    frames: Mapping[str, Frame]
+    meshes: Mapping[str, BeamMesh]
+    held: tuple[Row, ...]
+    held_names: tuple[str, ...]
+
+    def motion(self, point: Point) -> Frame:
+        """Return the motion of a point of any body."""
+        body = point.body
+        if isinstance(body, Ground):
+            return Frame(point.x, point.y)
+        if isinstance(body, RigidBody):
+            return self.frames[body.name].moved_to(point.x, point.y)
+        w, phi = beam_rows(body, self.meshes[body.name], body.station(point.x, point.y))
+        axial = self.frames[body.name].along(body.angle)
+        c, s = _direction(body.angle)
+        return Frame(point.x, point.y, c * axial - s * w, s * axial + c * w, phi)
+
+    def relative(self, a: Point, b: Point | None, direction: "str | float") -> Row:
+        """Return the row of the displacement (or rotation) of ``a`` less that of ``b`` along ``direction``."""
+        angle = direction_angle(direction)
+
+        def component(point: Point) -> Row:
+            motion = self.motion(point)
+            return motion.theta if angle is None else motion.along(angle)
+
+        return component(a) if b is None else component(a) - component(b)
+
+
+def _direction(angle: float) -> tuple[float, float]:
+    c, s = cos(angle), sin(angle)
+    return (0.0 if abs(c) < 1e-15 else c), (0.0 if abs(s) < 1e-15 else s)
+
+
+def beam_rows(beam: Beam, mesh: BeamMesh, station: float) -> tuple[Row, Row]:
+    """Return the rows of a beam's deflection and slope at ``station``."""
+    rows = []
+    for derivative in (0, 1):
+        places, values = mesh.interpolation(station, derivative)
+        rows.append(
+            Row({f"{beam.name}.{mesh.names[p]}": float(v) for p, v in zip(places, values, strict=True) if v != 0.0})
+        )
+    return rows[0], rows[1]
+
+
+def attachments(beam: Beam, points: Iterable[Point]) -> list[float]:
+    """Return the stations of ``beam`` at which something is attached, ascending."""
+    here = [beam.parent, *(point for point in points if point.body.name == beam.name)]
+    return sorted({beam.station(point.x, point.y) for point in here})
+
+
+def kinematics(bodies: Sequence[Body], meshes: Mapping[str, BeamMesh], cuts: Sequence[CutJoint]) -> Kinematics:
+    """Walk the tree from the ground and write down coordinates, motions and joint conditions."""
+    names: list[str] = []
+    weights: list[float] = []
+    frames: dict[str, Frame] = {}
+    held: list[tuple[str, Row]] = []
+    depth = {Ground.name: 0}
+    for body in bodies:
+        depth[body.name] = depth[body.parent.body.name] + 1
+        so_far = Kinematics((), np.array([]), frames, meshes, (), ())
+        parent = so_far.motion(body.parent)
+        joint_names, frame = _joint_motion(body, parent)
+        if isinstance(body, Beam):
+            joint_names = [name for name in joint_names if not name.endswith(".theta")]
+            held += _beam_conditions(body, meshes[body.name], frame)
+        names += joint_names
+        weights += [100.0 * depth[body.name]] * len(joint_names)
+        frames[body.name] = frame
+        if isinstance(body, Beam):
+            local = [f"{body.name}.{name}" for name in meshes[body.name].names]
+            names += local
+            # slopes count by what they move over an element, so that the choice does not depend on the unit of length
+            element = body.length / (len(meshes[body.name].nodes) - 1)
+            weights += [1.0 if name.startswith("w") else 1.0 / element for name in meshes[body.name].names]
+    known = Kinematics(tuple(names), np.array(weights), frames, meshes, (), ())
+    for cut in cuts:
+        for direction in cut.directions:
+            label = f"cut joint between {cut.a.body.name} and {cut.b.body.name} along {direction}"
+            held.append((label, known.relative(cut.a, cut.b, direction)))
+    return Kinematics(
+        known.coordinates, known.weights, frames, meshes, tuple(row for _, row in held), tuple(name for name, _ in held)
+    )
+
+
+def _joint_motion(body: Body, parent: Frame) -> tuple[list[str], Frame]:
+    """Return the joint's coordinates and the motion of the body's frame at the joint."""
+    x, y, theta = parent.x, parent.y, parent.theta
+    names = []
+    for label, angle in body.joint.slides:
+        c, s = _direction(angle)
+        slide = Row.of(f"{body.name}.{label}")
+        x, y = x + c * slide, y + s * slide
+        names.append(f"{body.name}.{label}")
+    if body.joint.turns:
+        theta = theta + Row.of(f"{body.name}.theta")
+        names.append(f"{body.name}.theta")
+    return names, Frame(parent.x0, parent.y0, x, y, theta)
+
+
+def _beam_conditions(beam: Beam, mesh: BeamMesh, frame: Frame) -> list[tuple[str, Row]]:
+    """Return the rows that keep a beam at its joint: its deflection there and, unless it turns, its slope."""
+    w, phi = beam_rows(beam, mesh, beam.station(beam.parent.x, beam.parent.y))
+    conditions = [(f"joint of {beam.name} (deflection)", w - frame.along(beam.angle + pi / 2))]
+    if not beam.joint.turns:
+        conditions.append((f"joint of {beam.name} (slope)", phi - frame.theta))
+    return conditions

@@ -1,0 +1,146 @@
+"""Inputs and outputs of a second-order model.
+
+The equations of motion and the outputs are, with ``d`` the inputs and ``q`` the coordinates,
+
+    M q'' + C q' + K q = B0 d + B1 d' + B2 d''
+    y = L0 q + L1 q' + L2 q'' + E0 d + E1 d' + E2 d''
+
+A force input has ``B0`` alone.  A displacement input brings all three.  Where the user imposes the velocity or the
+acceleration of a displacement input, ``integrators`` says how often the signal is integrated before it is ``d``.
+An output may pass a second-order low-pass filter (damping ratio ``1/sqrt 2``) of a given bandwidth.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+
+from boomctl.arrays import Array, Complex
+from boomctl.checks import known, names
+
+__all__ = ["FILTER_DAMPING", "Ports", "Triple"]
+
+FILTER_DAMPING = np.sqrt(0.5)
+
+Triple = tuple[Array, Array, Array]
+
+
+def _map(triple: Triple, function: "object") -> Triple:
+    a, b, c = (function(matrix) for matrix in triple)  # type: ignore[operator]
+    return a, b, c
+
+
+def evaluate(triple: Triple, s: Complex) -> Complex:
+    """Return ``X0 + s X1 + s^2 X2`` for each ``s``, shape (len(s), rows, columns); zero terms cost nothing."""
+    value = np.zeros((len(s), *triple[0].shape), dtype=complex)
+    for power, matrix in enumerate(triple):
+        if matrix.any():
+            value += (s**power)[:, None, None] * matrix
+    return value
+
+
+@dataclass(frozen=True)
+class Ports:
+    """Names and matrices of inputs and outputs; ``B*`` are (n, m), ``L*`` (p, n), ``E*`` (p, m)."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    B: Triple
+    L: Triple
+    E: Triple
+    moved: tuple[bool, ...]
+    integrators: tuple[int, ...]
+    bandwidths: tuple[float | None, ...]
+
+    @classmethod
+    def of_forces(
+        cls,
+        inputs: tuple[str, ...],
+        columns: Array,
+        outputs: tuple[str, ...],
+        lines: Triple,
+        bandwidths: tuple[float | None, ...] | None = None,
+    ) -> "Ports":
+        """Return the ports of force inputs (columns, (n, m)) and outputs without feedthrough."""
+        n, m, p = columns.shape[0], len(inputs), len(outputs)
+        zero_B, zero_E = np.zeros((n, m)), np.zeros((p, m))
+        return cls(
+            inputs,
+            outputs,
+            (columns.reshape(n, m), zero_B, zero_B),
+            lines,
+            (zero_E, zero_E, zero_E),
+            (False,) * m,
+            (0,) * m,
+            bandwidths or (None,) * p,
+        )
+
+    @classmethod
+    def none(cls, n: int) -> "Ports":
+        """Return no ports, of a structure of ``n`` coordinates."""
+        line = np.zeros((0, n))
+        return cls.of_forces((), np.zeros((n, 0)), (), (line, line, line))
+
+    def select(self, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> "Ports":
+        """Return the ports named, in the order asked for; ``None`` means all."""
+        if inputs is None and outputs is None:
+            return self
+        ins, outs = names("input", inputs, self.inputs), names("output", outputs, self.outputs)
+        i = [self.inputs.index(name) for name in ins]
+        o = [self.outputs.index(name) for name in outs]
+        return Ports(
+            ins,
+            outs,
+            _map(self.B, lambda b: b[:, i]),
+            _map(self.L, lambda line: line[o]),
+            _map(self.E, lambda e: e[np.ix_(o, i)]),
+            tuple(self.moved[k] for k in i),
+            tuple(self.integrators[k] for k in i),
+            tuple(self.bandwidths[k] for k in o),
+        )
+
+    def congruent(self, T: sparse.csr_array | Array) -> "Ports":
+        """Return the ports over coordinates ``z`` with ``q = T z``."""
+        return replace(self, B=_map(self.B, lambda b: T.T @ b), L=_map(self.L, lambda line: (T.T @ line.T).T))
+
+    def mixed(
+        self,
+        W_in: Array,
+        W_out: Array,
+        inputs: tuple[str, ...],
+        outputs: tuple[str, ...],
+    ) -> "Ports":
+        """Return the ports whose inputs ``v`` and outputs are ``d = W_in v``, ``W_out^T y``."""
+        first_in, first_out = np.abs(W_in).argmax(axis=0), np.abs(W_out).argmax(axis=0)
+        return Ports(
+            inputs,
+            outputs,
+            _map(self.B, lambda b: b @ W_in),
+            _map(self.L, lambda line: W_out.T @ line),
+            _map(self.E, lambda e: W_out.T @ e @ W_in),
+            tuple(self.moved[k] for k in first_in),
+            tuple(self.integrators[k] for k in first_in),
+            tuple(self.bandwidths[k] for k in first_out),
+        )
+
+    def force_column(self, name: str) -> Array:
+        """Return the column of a force input; a displacement input is an error."""
+        i = self.inputs.index(known("input", name, self.inputs))
+        if self.moved[i]:
+            raise ValueError(f"input {name!r} is a displacement already")
+        return self.B[0][:, i]
+
+    def conditioning(self, s: Complex) -> tuple[Complex, Complex]:
+        """Return what filters do to outputs, (len(s), p), and integrators to inputs, (len(s), m)."""
+        after = np.ones((len(s), len(self.outputs)), dtype=complex)
+        for i, bandwidth in enumerate(self.bandwidths):
+            if bandwidth is not None:
+                after[:, i] = bandwidth**2 / (s**2 + 2 * FILTER_DAMPING * bandwidth * s + bandwidth**2)
+        before = np.ones((len(s), len(self.inputs)), dtype=complex)
+        for i, count in enumerate(self.integrators):
+            if count:
+                if (s == 0).any():
+                    raise ValueError(f"input {self.inputs[i]!r} is integrated: its response at omega = 0 is not finite")
+                before[:, i] = s**-count
+        return after, before

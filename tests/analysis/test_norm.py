@@ -1,0 +1,105 @@
+"""Certified norms: against closed forms, against another solver, and never below an attained value."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from boomctl.analysis import hinf_norm
+from boomctl.analysis.model_norm import model_norm, orthonormal_parts
+from boomctl.analysis.norm import level_crossings, state_matrices
+from boomctl.analysis.singular import singular_values
+from boomctl.boom import spray_boom
+from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.structure import SecondOrderModel
+
+
+def oscillator(zeta, omega=2.0, gain=3.0):
+    A = [[0.0, 1.0], [-(omega**2), -2 * zeta * omega]]
+    return control.ss(A, [[0.0], [1.0]], [[gain, 0.0]], 0.0)
+
+
+@given(st.floats(1e-6, 0.6))
+def test_an_oscillators_norm_is_its_closed_form(zeta):
+    certificate = hinf_norm(oscillator(zeta))
+    exact = 3.0 / (2.0 * zeta * np.sqrt(1.0 - zeta**2) * 4.0)
+    assert certificate.certified
+    assert certificate.lower == pytest.approx(exact, rel=1e-7)
+    assert certificate.omega == pytest.approx(2.0 * np.sqrt(1.0 - 2.0 * zeta**2), rel=1e-4)
+
+
+@given(st.integers(0, 10_000))
+def test_the_norm_of_random_systems_is_that_of_slicot_and_bounds_the_response(seed):
+    rng = np.random.default_rng(seed)
+    system = control.rss(int(rng.integers(1, 8)), 2, 3)
+    A = system.A - (max(np.linalg.eigvals(system.A).real.max(), 0.0) + 0.01) * np.eye(len(system.A))
+    system = control.ss(A, system.B, system.C, system.D)
+    certificate = hinf_norm(system)
+    assert certificate.certified
+    assert certificate.lower == pytest.approx(control.linfnorm(system)[0], rel=1e-5)
+    omega = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 400)])
+    assert singular_values(state_matrices(system).response(omega))[0].max() <= certificate.upper
+
+
+def test_infinite_norms_are_seen_and_hidden_modes_are_not():
+    assert hinf_norm(oscillator(0.0)).lower == np.inf
+    assert hinf_norm(control.ss([[0.0]], [[1.0]], [[1.0]], 0.0)).lower == np.inf
+    assert hinf_norm(control.ss([[1.0]], [[1.0]], [[1.0]], 0.0)).lower == np.inf
+    hidden = control.ss(np.diag([-1.0, 0.0]), [[1.0], [0.0]], [[2.0, 1.0]], 0.0)
+    assert hinf_norm(hidden).lower == pytest.approx(2.0)
+
+
+def test_a_static_gain_and_a_zero_system_have_norms():
+    assert hinf_norm(control.ss([], [], [], [[3.0, 4.0]])).lower == pytest.approx(5.0)
+    zero = hinf_norm(control.ss([[-1.0]], [[0.0]], [[1.0]], 0.0))
+    assert zero.certified
+    assert zero.upper == 0.0
+
+
+def test_levels_below_the_norm_are_crossed_and_levels_above_are_not():
+    system = state_matrices(oscillator(0.05))
+    peak = hinf_norm(oscillator(0.05)).lower
+    crossings, clear = level_crossings(system, 0.9 * peak)
+    assert not clear
+    assert len(crossings) == 2
+    values = singular_values(system.response(crossings))[0]
+    assert values == pytest.approx(0.9 * peak, rel=1e-8)
+    assert level_crossings(system, 1.01 * peak)[1]
+
+
+def test_discrete_time_and_non_finite_systems_are_refused():
+    with pytest.raises(ValueError, match="continuous-time"):
+        hinf_norm(control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1))
+    with pytest.raises(ValueError, match="finite"):
+        hinf_norm(control.ss([[np.nan]], [[1.0]], [[1.0]], 0.0))
+
+
+@pytest.mark.parametrize("elements", [6, 20, 60, 200])
+def test_the_booms_norm_is_certified_at_every_size(elements):
+    model = spray_boom(elements=elements).select(ACTUATORS, TIPS)
+    certificate = model_norm(model)
+    assert certificate.certified
+    omega = certificate.omega * (1.0 + np.linspace(-1e-3, 1e-3, 41))
+    attained = singular_values(model.frequency_response(omega).frdata)[0].max()
+    assert attained == pytest.approx(certificate.lower, rel=1e-9)
+
+
+def test_large_and_small_ways_to_the_norm_agree():
+    model = spray_boom(elements=60).select(ACTUATORS, TIPS)
+    assert model.n > 100
+    whole = hinf_norm(model.to_statespace())
+    assert model_norm(model).lower == pytest.approx(whole.lower, rel=1e-6)
+
+
+def test_the_halves_stand_for_the_whole_only_if_every_signal_has_its_image():
+    model = spray_boom()
+    assert len(orthonormal_parts(model.select(ACTUATORS, TIPS))) == 2
+    one = model.select("actuator_left", "tip_left")
+    assert orthonormal_parts(one) == (one,)
+    assert model_norm(one).lower == pytest.approx(hinf_norm(one.to_statespace()).lower, rel=1e-7)
+
+
+def test_unsymmetric_matrices_have_norms_too():
+    model = SecondOrderModel(np.eye(2), [[0.3, 1.0], [-1.0, 0.3]], np.diag([4.0, 9.0]), {"f": [1, 0]}, {"y": [0, 1]})
+    assert model_norm(model).lower == pytest.approx(hinf_norm(model.to_statespace()).lower, rel=1e-7)

@@ -1,0 +1,105 @@
+"""Singular values: laws, automatic grids, and what other programs make of them."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.analysis.singular import singular_values
+from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.structure.modal import damped_poles
+
+
+@given(st.integers(0, 10_000), st.sampled_from([(1, 1), (1, 3), (2, 2), (3, 2), (3, 3)]))
+def test_singular_values_are_those_of_lapack(seed, shape):
+    rng = np.random.default_rng(seed)
+    G = rng.standard_normal((*shape, 5)) + 1j * rng.standard_normal((*shape, 5))
+    expected = np.linalg.svd(np.moveaxis(G, 2, 0), compute_uv=False).T
+    assert np.abs(singular_values(G) / expected - 1.0).max() < 1e-9
+
+
+@given(st.integers(0, 10_000), st.floats(-12, 0))
+def test_nearly_equal_singular_values_keep_their_digits(seed, decade):
+    rng = np.random.default_rng(seed)
+    U, V = (np.linalg.qr(rng.standard_normal((2, 2)) + 1j * rng.standard_normal((2, 2)))[0] for _ in range(2))
+    wanted = np.array([1.0 + 10.0**decade, 1.0])
+    assert singular_values((U @ np.diag(wanted) @ V)[:, :, None])[:, 0] == pytest.approx(wanted, rel=1e-13)
+
+
+def test_the_automatic_grid_resolves_every_peak():
+    model = bc.spray_boom()
+    result = bc.sigma(model)
+    assert result.certified
+    assert result.sigma[0].max() == pytest.approx(result.peak, rel=1e-9)
+    for pole in damped_poles(model, 5):
+        assert (np.abs(result.omega - pole.imag) < np.abs(pole.real)).sum() >= 5
+
+
+def test_the_peak_does_not_depend_on_the_grid_asked_for():
+    model = bc.spray_boom()
+    coarse = bc.sigma(model, np.geomspace(1.0, 10.0, 7))
+    assert len(coarse.omega) == 7
+    assert coarse.peak == pytest.approx(bc.sigma(model).peak, rel=1e-9)
+    assert coarse.sigma.max() < 0.1 * coarse.peak
+
+
+def test_model_state_space_and_data_give_the_same_singular_values():
+    model, omega = bc.spray_boom(), np.geomspace(0.6, 60.0, 80)
+    ours = bc.sigma(model, omega)
+    system = model.to_statespace(ACTUATORS, TIPS)
+    assert np.abs(bc.sigma(system, omega).sigma / ours.sigma - 1).max() < 1e-8
+    assert np.abs(bc.sigma(model.frequency_response(omega, ACTUATORS, TIPS)).sigma / ours.sigma - 1).max() < 1e-10
+    peers = control.singular_values_response(system, omega)
+    assert np.abs(np.real(peers.frdata[:, 0]) / ours.sigma - 1).max() < 1e-6
+    assert bc.sigma(system).peak == pytest.approx(ours.peak, rel=1e-7)
+
+
+def test_halves_have_the_singular_values_of_the_whole():
+    model, omega = bc.spray_boom(), np.geomspace(0.6, 60.0, 80)
+    parts = [bc.sigma(part, omega).sigma[0] for part in bc.split_symmetric(model)]
+    assert -np.sort(-np.array(parts), axis=0) == pytest.approx(bc.sigma(model, omega).sigma, rel=1e-12)
+
+
+def test_data_are_not_certified():
+    data = bc.spray_boom().frequency_response([1.0, 2.0], ACTUATORS, TIPS)
+    result = bc.sigma(data)
+    assert not result.certified
+    assert result.peak == result.sigma.max()
+
+
+@pytest.mark.parametrize("excitation", ["velocity", "acceleration", "force"])
+def test_integrating_modes_have_an_infinite_peak(excitation):
+    assert bc.sigma(bc.spray_boom(excitation=excitation), [1.0]).peak == np.inf
+
+
+def test_undamped_modes_have_an_infinite_peak():
+    p = bc.BoomParameters(cradle_damping=0.0, hinge_damping=0.0, structural_damping=0.0)
+    result = bc.sigma(bc.spray_boom(p), [1.0])
+    assert result.peak == np.inf
+    assert result.certified
+
+
+def test_responses_work_with_the_plots_of_python_control():
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    model, omega = bc.spray_boom(), np.geomspace(0.6, 60.0, 50)
+    drawn = control.singular_values_plot(control.singular_values_response(model.to_statespace(ACTUATORS, TIPS), omega))
+    ax = bc.sigma(model, omega).plot(ax=drawn.axes.ravel()[0])
+    assert len(ax.lines) >= 3
+    control.bode_plot(model.frequency_response(omega, "actuator_left", "tip_left"))
+
+
+def test_bad_input_is_named():
+    with pytest.raises(TypeError, match="expected SecondOrderModel"):
+        bc.sigma(3.0)
+    with pytest.raises(ValueError, match="did you mean 'tip_left'"):
+        bc.sigma(bc.spray_boom(), [1.0], outputs="tip_leftt")
+    with pytest.raises(ValueError, match="omega"):
+        bc.sigma(bc.spray_boom(), [-1.0])
+    with pytest.raises(ValueError, match="omega"):
+        bc.sigma(bc.spray_boom(), [np.nan])
+    with pytest.raises(ValueError, match="have their own frequencies"):
+        bc.sigma(bc.spray_boom().frequency_response([1.0]), [1.0])

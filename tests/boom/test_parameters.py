@@ -1,0 +1,95 @@
+"""Parameters of the boom: what they mean, and what is refused."""
+
+import dataclasses
+from importlib.resources import files
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+
+NAMES = [field.name for field in dataclasses.fields(bc.BoomParameters)]
+MAY_BE_ZERO = {
+    "spring_stiffness",
+    "cradle_damping",
+    "hinge_damping",
+    "structural_damping",
+    "inner_width",
+    "inner_height",
+}
+
+
+def test_the_tube_is_that_of_table_2():
+    p = bc.BoomParameters()
+    assert p.second_moment == pytest.approx(2.17932e-8, rel=1e-5)
+    assert p.area == pytest.approx(3.212e-4, rel=1e-4)
+    assert p.tube_mass == pytest.approx(30.064, abs=5e-4)
+    assert p.tube_inertia == pytest.approx(360.772, abs=5e-4)
+
+
+@given(st.sampled_from(NAMES), st.sampled_from([-1.0, np.nan, np.inf, -np.inf]))
+def test_negative_and_non_finite_values_name_the_parameter(name, value):
+    with pytest.raises(ValueError, match=name):
+        bc.BoomParameters(**{name: value})
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_zero_is_refused_where_it_has_no_meaning(name):
+    if name in MAY_BE_ZERO:
+        assert getattr(bc.BoomParameters(**{name: 0.0}, **_massive(name)), name) == 0.0
+    else:
+        with pytest.raises(ValueError, match=name):
+            bc.BoomParameters(**{name: 0.0})
+
+
+def _massive(name):
+    return {"boom_mass": 500.0, "boom_inertia": 6000.0} if name.startswith("inner") else {}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"inner_width": 0.02}, "inner_width = 0.02: expected less than outer_width"),
+        ({"inner_height": 0.07}, "inner_height"),
+        ({"spring_distance": 12.0}, "spring_distance = 12: expected less than the boom's length"),
+        ({"boom_mass": 30.0}, "boom_mass = 30: expected at least that of the tube"),
+        ({"boom_inertia": 300.0}, "boom_inertia"),
+    ],
+)
+def test_inconsistent_values_are_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        bc.BoomParameters(**changes)
+
+
+@pytest.mark.parametrize("value", ["12", None, True, [12.0]])
+def test_other_types_are_refused(value):
+    with pytest.raises(TypeError, match="length"):
+        bc.BoomParameters(length=value)
+
+
+def test_the_annotated_file_holds_the_defaults():
+    path = files("boomctl.boom").joinpath("table_2.toml")
+    text = path.read_text()
+    assert bc.BoomParameters.from_toml(str(path)) == bc.BoomParameters()
+    assert all(f"\n{name} = " in text for name in NAMES)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "message"),
+    [
+        ("spring_stifness = 900.0", ValueError, "did you mean 'spring_stiffness'"),
+        ("length = 'long'", TypeError, "length = 'long': expected a number"),
+        ("length = true", TypeError, "length"),
+        ("[boom]\nlength = 12.0", ValueError, "unknown key 'boom'"),
+        ("length = ", ValueError, "not a TOML file"),
+        ("length = -1.0", ValueError, "length = -1"),
+    ],
+)
+def test_a_bad_file_names_file_and_key(tmp_path, text, kind, message):
+    path = tmp_path / "boom.toml"
+    path.write_text(text)
+    with pytest.raises(kind, match=message) as caught:
+        bc.BoomParameters.from_toml(path)
+    assert "boom.toml" in str(caught.value)

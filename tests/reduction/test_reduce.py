@@ -1,0 +1,183 @@
+"""Reduced systems: laws that hold for every method, and refusals."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.analysis.norm import state_matrices
+from boomctl.analysis.singular import singular_values
+from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.reduction import ReductionError
+from tests.strategies import seeds
+
+METHODS = ("balanced", "singular-perturbation", "hankel", "modal")
+GRID = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 600)])
+
+
+def stable_system(seed, most=12, inputs=2, outputs=3):
+    """Return a random stable system of oscillators (damping 1e-4 to 0.5) and lags, mixed by a random congruence."""
+    rng = np.random.default_rng(seed)
+    n = 2 * int(rng.integers(3, most // 2 + 1))
+    A = np.zeros((n, n))
+    for i in range(0, n - 2, 2):
+        w, z = rng.uniform(0.3, 20.0), 10 ** rng.uniform(-4, -0.3)
+        A[i : i + 2, i : i + 2] = [[-z * w, w], [-w, -z * w]]
+    A[n - 2, n - 2], A[n - 1, n - 1] = -rng.uniform(0.1, 30.0, 2)
+    T = np.linalg.qr(rng.standard_normal((n, n)))[0] * rng.uniform(0.5, 2.0, n)
+    B, C = rng.standard_normal((n, inputs)), rng.standard_normal((outputs, n))
+    D = rng.standard_normal((outputs, inputs))
+    names = {"inputs": [f"force{i}" for i in range(inputs)], "outputs": [f"place{i}" for i in range(outputs)]}
+    return control.ss(T @ A @ np.linalg.inv(T), T @ B, C @ np.linalg.inv(T), D, **names)
+
+
+def response(system, omega=GRID):
+    return state_matrices(system).response(omega)
+
+
+def gap(full, reduced, omega=GRID):
+    return singular_values(response(full, omega) - response(reduced, omega))[0]
+
+
+@given(seeds, st.sampled_from(METHODS), st.integers(0, 5))
+def test_the_error_is_within_its_bound_and_no_frequency_shows_a_larger_one(seed, method, order):
+    full = stable_system(seed)
+    red = bc.reduce(full, order=order, method=method)
+    assert red.order <= order
+    assert red.system.nstates == red.order
+    assert red.system.input_labels == full.input_labels
+    assert red.system.output_labels == full.output_labels
+    assert red.system.poles().real.max(initial=-1.0) < 0.0
+    assert red.certificate.lower <= red.error_bound * (1 + 1e-3)
+    assert gap(full, red.system).max() <= red.measured_error * (1 + 1e-6)
+    assert control.linfnorm(full - red.system)[0] <= red.measured_error * (1 + 1e-4)
+    if np.isfinite(red.certificate.omega):  # attained where it is said to be, and no more is claimed
+        attained = gap(full, red.system, np.array([red.certificate.omega]))[0]
+        assert red.measured_error == pytest.approx(attained, rel=1e-4, abs=1e-8)
+
+
+@given(seeds, st.sampled_from(METHODS), st.floats(-3, 0))
+def test_the_order_is_picked_for_a_wanted_error(seed, method, exponent):
+    full = stable_system(seed)
+    wanted = 10**exponent * bc.sigma(full).peak
+    red = bc.reduce(full, error=wanted, method=method)
+    assert red.measured_error <= wanted
+    assert gap(full, red.system).max() <= wanted
+    # no smaller system comes nearer than the first Hankel singular value left out
+    assert red.hankel_values[red.order :].max(initial=0.0) <= wanted
+
+
+@given(seeds, st.sampled_from(METHODS), st.floats(0.3, 3.0), st.floats(1.2, 5.0))
+def test_a_band_keeps_the_bound_and_the_measured_error_is_that_of_the_band(seed, method, low, ratio):
+    full = stable_system(seed)
+    band = (low, low * ratio)
+    red = bc.reduce(full, order=6, method=method, band=band)
+    inside = gap(full, red.system, np.geomspace(*band, 500))
+    rounding = 1e-8 * bc.sigma(full).peak
+    assert inside.max() <= red.measured_error * (1 + 1e-6) + rounding
+    assert red.certificate.lower <= red.measured_error <= 1.01 * red.certificate.lower + rounding
+    assert gap(full, red.system).max() <= red.error_bound * (1 + 1e-3) + rounding
+    assert red.system.poles().real.max(initial=-1.0) < 0.0
+
+
+def test_singular_perturbation_and_modal_are_exact_at_rest_and_balanced_at_infinity():
+    full = stable_system(3)
+    at_rest = full.C @ np.linalg.solve(-full.A, full.B) + full.D
+    for method in ("singular-perturbation", "modal"):
+        small = bc.reduce(full, order=4, method=method).system
+        assert small.C @ np.linalg.solve(-small.A, small.B) + small.D == pytest.approx(at_rest, abs=1e-8)
+    truncated = bc.reduce(full, order=4).system
+    np.testing.assert_allclose(truncated.D, full.D)
+
+
+@given(seeds, st.sampled_from(METHODS))
+def test_unstable_and_rigid_parts_are_kept_exactly(seed, method):
+    stable = stable_system(seed, inputs=1, outputs=1)
+    rigid = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[2.0, 0.0]], 0.0)
+    unstable = control.ss([[0.5]], [[1.0]], [[-1.0]], 0.0)
+    full = stable + rigid + unstable
+    red = bc.reduce(full, order=7, method=method)
+    assert red.kept == 3
+    assert red.order <= 7
+    poles = red.system.poles()
+    assert np.sort(np.abs(poles - 0.5))[0] < 1e-8
+    assert np.sort(np.abs(poles))[:2].max() < 1e-5
+    omega = np.geomspace(0.05, 1e3, 400)
+    assert gap(full, red.system, omega).max() <= red.measured_error * (1 + 1e-5) + 1e-7
+    slow = 1e-4  # the double integrator dominates
+    assert response(red.system, np.array([slow])).ravel()[0] == pytest.approx(-2.0 / slow**2, rel=1e-5)
+    with pytest.raises(ValueError, match="3 unstable, undamped or rigid-body states are kept"):
+        bc.reduce(full, order=2, method=method)
+
+
+@given(seeds, st.sampled_from(METHODS))
+def test_units_and_the_order_of_states_and_signals_do_not_matter(seed, method):
+    full = stable_system(seed)
+    red = bc.reduce(full, order=4, method=method)
+    rng = np.random.default_rng(seed)
+    states, ins, outs = rng.permutation(full.nstates), rng.permutation(2), rng.permutation(3)
+    units = 10.0 ** rng.uniform(-3, 3, full.nstates)
+    A = (full.A * units[None, :] / units[:, None])[np.ix_(states, states)]
+    B, C = (full.B / units[:, None])[np.ix_(states, ins)], (full.C * units)[np.ix_(outs, states)]
+    other = bc.reduce(control.ss(A, 1e3 * B, C, 1e3 * full.D[np.ix_(outs, ins)]), order=4, method=method)
+    assert other.measured_error == pytest.approx(1e3 * red.measured_error, rel=1e-4)
+    expected = 1e3 * response(red.system)[np.ix_(outs, ins)]
+    assert response(other.system) == pytest.approx(expected, abs=1e-4 * 1e3 * red.measured_error)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("elements", [6, 60])
+def test_the_boom_keeps_its_response_and_its_names(method, elements):
+    model = bc.spray_boom(elements=elements).select(ACTUATORS, TIPS)
+    red = bc.reduce(model, order=10, method=method)
+    assert tuple(red.system.input_labels) == ACTUATORS
+    assert tuple(red.system.output_labels) == TIPS
+    omega = bc.sigma(model).omega
+    full = np.asarray(model.frequency_response(omega).frdata)
+    shown = singular_values(full - response(red.system, omega))[0]
+    assert shown.max() <= red.measured_error * (1 + 1e-4)
+    assert shown.max() >= 0.3 * (red.measured_error - red.truncation_bound)
+    assert red.truncation_bound <= 0.02 * red.measured_error
+    assert red.certificate.lower <= red.error_bound
+
+
+def test_all_of_the_system_is_itself():
+    full = stable_system(5)
+    red = bc.reduce(full, order=full.nstates)
+    assert red.measured_error <= 1e-8 * bc.sigma(full).peak
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"order": 13}, "has only"),
+        ({"order": -1}, "order = -1"),
+        ({}, "exactly one"),
+        ({"order": 2, "error": 0.1}, "exactly one"),
+        ({"error": 0.0}, "error = 0"),
+        ({"order": 2, "method": "balancd"}, "did you mean 'balanced'"),
+        ({"order": 2, "band": (3.0, 1.0)}, "ascending"),
+        ({"order": 2, "band": (1.0, 2.0, 3.0)}, "two frequencies"),
+        ({"order": 2, "band": (np.nan, 1.0)}, "finite"),
+    ],
+)
+def test_bad_arguments_are_refused_in_one_line(arguments, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        bc.reduce(stable_system(1), **arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_bad_systems_are_refused():
+    with pytest.raises(ValueError, match="continuous time"):
+        bc.reduce(control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1), order=1)
+    with pytest.raises(ValueError, match="finite"):
+        bc.reduce(control.ss([[np.nan]], [[1.0]], [[1.0]], 0.0), order=1)
+    with pytest.raises(TypeError, match="SecondOrderModel or StateSpace"):
+        bc.reduce(np.eye(3), order=1)
+
+
+def test_an_error_below_rounding_is_refused():
+    with pytest.raises(ReductionError, match="smallest verified error"):
+        bc.reduce(stable_system(2), error=1e-16)

@@ -1,0 +1,228 @@
+"""Laws of every assembled machine: symmetry, definiteness, rigid motions, total mass and inertia, reciprocity."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from boomctl.structure import (
+    GROUND,
+    Assembly,
+    Beam,
+    BeamSection,
+    FiniteElements,
+    Force,
+    Output,
+    Point,
+    RigidBody,
+    SpringDamper,
+    fixed,
+    free,
+    revolute,
+)
+from tests.references import dense
+from tests.strategies import random_machine, seeds
+
+OMEGA = np.array([0.3, 1.7, 6.0])
+
+
+def rigid_motion(machine, model, shift, turn):
+    """Return the coordinates of a floating machine that moves by ``shift`` and turns by ``turn`` about the origin."""
+    values = {}
+    for body in machine.bodies:
+        if body.name == "root":
+            values["root.x"], values["root.y"] = shift[0] - turn * body.parent.y, shift[1] + turn * body.parent.x
+            values["root.theta"] = turn
+        if isinstance(body, Beam):
+            c, s = np.cos(body.angle), np.sin(body.angle)
+            for i, station in enumerate(body.discretization.elements):
+                x, y = body.start[0] + station * c, body.start[1] + station * s
+                values[f"{body.name}.w{i}"] = -s * (shift[0] - turn * y) + c * (shift[1] + turn * x)
+                values[f"{body.name}.phi{i}"] = turn
+    return np.array([values.get(name, 0.0) for name in model.coordinates])
+
+
+def weight(machine):
+    """Return mass, first moment ``(x, y)`` and moment of inertia about the origin, from the bodies as they rest."""
+    parts = []
+    for body in machine.bodies:
+        if isinstance(body, RigidBody):
+            parts.append((body.mass, *(body.centre or (body.parent.x, body.parent.y)), body.inertia))
+            continue
+        station = 0.0
+        for section in body.sections:
+            middle = station + section.length / 2
+            mass = section.mass_per_length * section.length
+            x, y = body.start[0] + middle * np.cos(body.angle), body.start[1] + middle * np.sin(body.angle)
+            parts.append((mass, x, y, mass * section.length**2 / 12))
+            station += section.length
+    m, x, y, inertia = np.array(parts).T
+    return m.sum(), (m @ x, m @ y), (inertia + m * (x**2 + y**2)).sum()
+
+
+@given(seeds)
+def test_matrices_are_symmetric_to_the_last_digit(seed):
+    model = random_machine(seed).assemble()
+    for X in (model.M, model.C, model.K):
+        assert np.abs(dense(X) - dense(X).T).max() <= 2 * np.finfo(float).eps * np.abs(dense(X)).max()
+
+
+@given(seeds)
+def test_mass_is_positive_definite_stiffness_and_damping_semidefinite(seed):
+    """Rounding may leave a zero eigenvalue on the wrong side by as many units in the last place as there are sums."""
+    model = random_machine(seed).assemble()
+    assert np.linalg.eigvalsh(dense(model.M)).min() > 0.0
+    for X in (dense(model.K), dense(model.C)):
+        values = np.linalg.eigvalsh(X)
+        assert values.min() >= -len(X) * np.finfo(float).eps * values.max()
+
+
+@given(seeds)
+def test_a_floating_machine_moves_rigidly_without_energy_or_dissipation(seed):
+    machine = random_machine(seed, grounded=False)
+    model = machine.assemble()
+    for shift, turn in (((1.0, 0.0), 0.0), ((0.0, 1.0), 0.0), ((0.0, 0.0), 1.0)):
+        v = rigid_motion(machine, model, shift, turn)
+        for X in (dense(model.K), dense(model.C)):
+            assert np.abs(X @ v).max() < 1e-13 * max((np.abs(X) @ np.abs(v)).max(), 1.0)
+
+
+@given(seeds)
+def test_rigid_motions_recover_mass_first_moment_and_inertia(seed):
+    """``V^T M V`` of two shifts and a turn about the origin is the rigid body's mass matrix."""
+    machine = random_machine(seed, grounded=False)
+    model = machine.assemble()
+    V = np.column_stack([rigid_motion(machine, model, *motion) for motion in (((1, 0), 0), ((0, 1), 0), ((0, 0), 1))])
+    mass, (mx, my), inertia = weight(machine)
+    expected = np.array([[mass, 0.0, -my], [0.0, mass, mx], [-my, mx, inertia]])
+    terms = np.abs(V).T @ np.abs(dense(model.M)) @ np.abs(V)
+    assert np.abs(V.T @ dense(model.M) @ V - expected).max() < 1e-13 * terms.max()
+
+
+def rounding(model):
+    """Return what rounding leaves of a response: some units in the last place times the condition of D."""
+    D = [dense(model.K) + 1j * w * dense(model.C) - w * w * dense(model.M) for w in OMEGA]
+    return 1e-15 * np.linalg.cond(D).max()
+
+
+@given(seeds)
+def test_collocated_responses_are_reciprocal(seed):
+    """What a force here moves there, it moves here when it acts there."""
+    model = random_machine(seed).assemble()
+    Y = model.frequency_response(OMEGA).frdata
+    assert np.abs(Y - Y.swapaxes(0, 1)).max() < rounding(model) * np.abs(Y).max()
+
+
+@given(seeds)
+def test_collocated_responses_dissipate(seed):
+    """The power that forces put in is never negative: ``-Im Y`` is positive semidefinite at every frequency."""
+    model = random_machine(seed).assemble()
+    Y = np.moveaxis(model.frequency_response(OMEGA).frdata, 2, 0)
+    lost = (Y - Y.conj().swapaxes(1, 2)) / -2j
+    assert np.linalg.eigvalsh(lost).min() > -rounding(model) * np.abs(Y).max()
+
+
+@given(seeds)
+def test_the_exact_machine_is_reciprocal_too(seed):
+    machine = random_machine(seed)
+    names = tuple(force.name for force in machine.forces)
+    Y = machine.exact().response(OMEGA, names, names)
+    assert np.abs(Y - Y.swapaxes(0, 1)).max() < 1e-11 * np.abs(Y).max()
+
+
+@given(seeds)
+def test_the_exact_machine_is_the_limit_of_high_order_elements(seed):
+    """Order 20, with nodes wherever something is attached, as the deflection is smooth between those alone."""
+    machine = random_machine(seed, at_nodes=True)
+    names = tuple(force.name for force in machine.forces)
+    exact = machine.exact().response(OMEGA, names, names)
+    fine = refined(machine, 20).assemble().frequency_response(OMEGA).frdata
+    assert np.abs(fine - exact).max() < 1e-9 * np.abs(exact).max()
+
+
+def refined(machine, order):
+    """Return the machine with beam elements of another order; every point moves on to the new bodies."""
+    bodies = {GROUND.name: GROUND}
+
+    def copied(part, **changes):
+        named = {f.name: getattr(part, f.name) for f in fields(part) if f.init}
+        points = {k: replace(v, body=bodies[v.body.name]) for k, v in named.items() if isinstance(v, Point)}
+        return type(part)(**{**named, **points, **changes})
+
+    for body in machine.bodies:
+        mesh = {"discretization": replace(body.discretization, order=order)} if isinstance(body, Beam) else {}
+        bodies[body.name] = copied(body, **mesh)
+    links, forces, outputs = (tuple(map(copied, x)) for x in (machine.links, machine.forces, machine.outputs))
+    return Assembly(tuple(bodies.values())[1:], links, forces, outputs)
+
+
+def test_a_description_without_links_or_forces_assembles():
+    body = RigidBody("body", GROUND.at(0.0), free("x", "theta"), 2.0, 3.0)
+    model = Assembly((body,)).assemble()
+    assert (model.coordinates, model.inputs, model.outputs) == (("body.x", "body.theta"), (), ())
+    assert np.array_equal(dense(model.M), np.diag([2.0, 3.0]))
+    assert not dense(model.K).any()
+    assert not dense(model.C).any()
+
+
+def test_stiffness_and_damping_stand_in_their_places():
+    body = RigidBody("body", GROUND.at(0.0), free("y"), 2.0)
+    link = SpringDamper(body.at(0.0), GROUND.at(0.0), "y", stiffness=5.0, damping=7.0)
+    model = Assembly((body,), (link,)).assemble()
+    assert (dense(model.M)[0, 0], dense(model.C)[0, 0], dense(model.K)[0, 0]) == (2.0, 7.0, 5.0)
+
+
+def test_a_pendulum_of_two_masses_by_hand():
+    """Crank of length 1 on the ground, bob at its end: M = m l^2 + I about the pivot, a force at the tip turns it."""
+    crank = RigidBody("crank", GROUND.at(0.0), revolute(), 2.0, 0.5, (0.5, 0.0))
+    bob = RigidBody("bob", crank.at(1.0), fixed(), 3.0, 0.1)
+    machine = Assembly((crank, bob), (), (Force("f", bob.at(1.0)),), (Output("y", bob.at(2.0)),))
+    model = machine.assemble()
+    assert dense(model.M)[0, 0] == pytest.approx(0.5 + 2.0 * 0.25 + 0.1 + 3.0, rel=1e-15)
+    assert abs(model.frequency_response([2.0]).frdata[0, 0, 0] + 2.0 / (4.0 * 4.1)) < 1e-15
+
+
+BODY = RigidBody("body", GROUND.at(0.0), free("y"), 1.0)
+OTHER = RigidBody("other", BODY.at(0.0), free("y"), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ({"bodies": (BODY, BODY)}, "two of the assembly's body names are 'body'"),
+        ({"bodies": (OTHER, BODY)}, r"body 'other' refers to body 'body'; expected one listed before: \['ground'\]"),
+        ({"bodies": (BODY,), "forces": (Force("f", BODY.at(0)), Force("f", BODY.at(1)))}, "force names are 'f'"),
+        ({"bodies": (BODY,), "outputs": (Output("y", BODY.at(0)), Output("y", BODY.at(1)))}, "output names are 'y'"),
+        ({"bodies": (BODY,), "outputs": (Output("y", OTHER.at(0)),)}, "refers to body 'other'"),
+        ({"bodies": (BODY,), "links": (SpringDamper(BODY.at(0), OTHER.at(0), "y"),)}, "refers to body 'other'"),
+    ],
+)
+def test_descriptions_that_contradict_themselves_are_refused(parts, message):
+    with pytest.raises(ValueError, match=message):
+        Assembly(**parts)
+
+
+@pytest.mark.parametrize("bodies", [(), (RigidBody("body", GROUND.at(0.0), fixed(), 1.0),)])
+def test_a_machine_that_cannot_move_is_refused(bodies):
+    with pytest.raises(ValueError, match=r"no coordinate|cannot move|nothing.* move|no freedom"):
+        Assembly(bodies).assemble()
+
+
+def test_a_torque_on_a_coordinate_without_inertia_is_refused():
+    body = RigidBody("body", GROUND.at(0.0), revolute())
+    with pytest.raises(ValueError, match=r"coordinate 'body\.theta', which has no inertia: give it some"):
+        Assembly((body,), (), (Force("f", body.at(1.0)),)).assemble()
+
+
+def test_a_coordinate_with_neither_inertia_nor_stiffness_is_refused():
+    body, hand = BODY, RigidBody("hand", BODY.at(0.0), revolute())
+    with pytest.raises(ValueError, match=r"hand\.theta"):
+        Assembly((body, hand)).assemble()
+
+
+def test_whole_numbers_are_numbers():
+    section = BeamSection(2, 1, 1)
+    body = RigidBody("body", GROUND.at(0), free("y"), 1, 1)
+    beam = Beam("beam", body.at(0), revolute(), (0, 0), (section,), FiniteElements(2))
+    assert dense(Assembly((body, beam)).assemble().M).dtype == float

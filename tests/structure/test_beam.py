@@ -1,0 +1,190 @@
+"""Beam discretisations: patch tests, mass, convergence towards the exact beam, stepped beams."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from boomctl.structure import (
+    GROUND,
+    Assembly,
+    Beam,
+    BeamSection,
+    DiscreteElements,
+    FiniteElements,
+    Force,
+    Output,
+    RigidBody,
+    fixed,
+    free,
+)
+from boomctl.structure.eigenvalues import undamped_frequencies
+from tests.references import ROOTS, dense, natural_frequencies
+from tests.strategies import random_stepped_beam, seeds
+
+TWO = (BeamSection(0.7, 1.3, 2.0, 1e-3), BeamSection(1.1, 0.8, 0.9, 1e-3))
+MASSES = ("hermite", "linear", "lumped")
+
+
+def beam(mesh, sections=(BeamSection(1.0, 1.0, 1.0),), joint=fixed(), at=()):  # noqa: B008
+    """Return a beam from x = 0 on, pushed and read at its end and at the places ``at``."""
+    part = Beam("beam", GROUND.at(0.0), joint, (0.0, 0.0), tuple(sections), mesh)
+    places = [*at, part.length]
+    forces = tuple(Force(f"p{i}", part.at(x)) for i, x in enumerate(places))
+    return Assembly((part,), (), forces, tuple(Output(f"p{i}", part.at(x)) for i, x in enumerate(places)))
+
+
+@given(st.floats(0.01, 0.99), st.integers(1, 5), st.sampled_from([3, 4, 7, 12]))
+def test_interpolation_reproduces_cubics_everywhere(place, elements, order):
+    """Values and slopes of a cubic at the nodes, bubbles at rest, give that cubic and its slope at any station."""
+    part = beam(FiniteElements(elements, order)).bodies[0]
+    mesh = part.discretization.mesh(part, [])
+    cubic = np.polynomial.Polynomial([0.3, -1.0, 0.5, 2.0])
+    q = np.zeros(len(mesh.names))
+    q[:: order - 1], q[1 :: order - 1] = cubic(mesh.nodes), cubic.deriv()(mesh.nodes)
+    for derivative in (0, 1):
+        index, weight = mesh.interpolation(place, derivative)
+        assert weight @ q[index] == pytest.approx(cubic.deriv(derivative)(place), rel=1e-12, abs=1e-13)
+
+
+@pytest.mark.parametrize("elements", [1, 3, 7])
+@pytest.mark.parametrize("order", [3, 5, 12])
+def test_a_cantilever_bends_statically_as_it_should(elements, order):
+    """Under an end load: ``L^3/3EI`` at the end, ``x^2 (3 L - x)/6EI`` before; cubics are exact."""
+    places = [0.25, 0.6]
+    Y = beam(FiniteElements(elements, order), at=places).assemble().frequency_response([0.0]).frdata[:, -1, 0]
+    x = np.array([*places, 1.0])
+    assert np.allclose(Y, x**2 * (3 - x) / 6, rtol=1e-11)
+
+
+@given(seeds, st.sampled_from(MASSES), st.integers(2, 9))
+def test_every_discretisation_keeps_the_mass(seed, mass, elements):
+    """And its first moment; its second only where mass is consistent with rotation."""
+    sections = [BeamSection(*np.random.default_rng(seed).uniform(0.5, 2.0, 3)) for _ in range(2)]
+    part = beam(DiscreteElements(elements, mass), sections, free("y", "theta")).bodies[0]
+    mesh = part.discretization.mesh(part, [])
+    M, ends = dense(mesh.mass), np.cumsum([section.length for section in sections])
+    shift, turn = np.zeros(len(M)), np.zeros(len(M))
+    shift[::2], turn[::2], turn[1::2] = 1.0, mesh.nodes, 1.0
+    masses = np.array([section.length * section.mass_per_length for section in sections])
+    middles = ends - np.array([section.length for section in sections]) / 2
+    assert shift @ M @ shift == pytest.approx(masses.sum(), rel=1e-13)
+    assert shift @ M @ turn == pytest.approx(masses @ middles, rel=1e-13)
+    inertia = masses @ (middles**2 + np.array([s.length**2 for s in sections]) / 12)
+    if mass == "lumped":
+        assert turn @ M @ turn > inertia
+    else:
+        assert turn @ M @ turn == pytest.approx(inertia, rel=1e-13)
+
+
+@given(seeds, st.sampled_from([3, 5, 8, 12, 20]))
+def test_mass_is_definite_and_rigid_motion_strains_nothing(seed, order):
+    rng = np.random.default_rng(seed)
+    nodes = tuple(np.cumsum([0.0, *rng.uniform(0.1, 1.0, 3)]))
+    part = beam(FiniteElements(nodes, order), [BeamSection(nodes[-1], 1.0, 1.0)]).bodies[0]
+    mesh = part.discretization.mesh(part, [])
+    q = np.zeros(len(mesh.names))
+    q[:: order - 1], q[1 :: order - 1] = 0.4 + 0.7 * mesh.nodes, 0.7
+    assert np.linalg.eigvalsh(dense(mesh.mass)).min() > 0
+    strain = mesh.strain @ q
+    assert np.abs(strain).max() < 1e-15 * (abs(mesh.strain) @ np.abs(q)).max() * 4
+
+
+def error(mesh, mode=0):
+    expected = ROOTS["clamped-free"][mode] ** 2
+    return natural_frequencies(beam(mesh).assemble())[mode] / expected - 1
+
+
+@pytest.mark.parametrize("mode", [0, 1, 2])
+def test_cubic_elements_converge_from_above_with_the_fourth_power(mode):
+    errors = [error(FiniteElements(n), mode) for n in (4, 8, 16)]
+    assert all(e > 0 for e in errors)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(4.0, abs=0.1)
+
+
+@pytest.mark.parametrize("mass", ["linear", "lumped"])
+def test_lumping_converges_with_the_second_power(mass):
+    errors = [error(DiscreteElements(n, mass)) for n in (16, 32)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_hermite_discrete_elements_are_finite_elements_with_nodes_at_attachments():
+    nodes = (0.0, 0.3, 1.0)
+    a, b = beam(DiscreteElements(nodes), at=[0.3]).assemble(), beam(FiniteElements(nodes), at=[0.3]).assemble()
+    assert np.array_equal(dense(a.M), dense(b.M))
+    assert np.array_equal(dense(a.K), dense(b.K))
+
+
+def test_raising_the_order_converges_faster_than_any_power():
+    """Of one element, for the first mode, until rounding: each order gains more than the one before."""
+    errors = np.array([error(FiniteElements(1, order)) for order in (3, 5, 7, 9)])
+    assert (errors > 0).all()
+    assert (np.diff(np.log(errors)) < -4).all()
+    assert errors[-1] < 1e-9
+
+
+@given(seeds, st.sampled_from(["finite", "hermite", "linear", "lumped"]))
+def test_two_sections_of_the_same_properties_are_one(seed, kind):
+    share = float(np.random.default_rng(seed).uniform(0.2, 0.8))
+    nodes = (0.0, share / 2, share, (1 + share) / 2, 1.0)
+    mesh = FiniteElements(nodes) if kind == "finite" else DiscreteElements(nodes, kind)
+    one, two = [BeamSection(1.0, 1.3, 0.7, 0.01)], [BeamSection(x, 1.3, 0.7, 0.01) for x in (share, 1 - share)]
+    a, b = (beam(mesh, sections).assemble() for sections in (one, two))
+    for X, Y in zip((a.M, a.C, a.K), (b.M, b.C, b.K), strict=True):
+        assert np.abs(dense(X) - dense(Y)).max() < 1e-12 * np.abs(dense(X)).max()
+
+
+@given(seeds)
+def test_finite_elements_converge_to_the_exact_stepped_beam(seed):
+    """Cubic elements from above, high order to ten digits."""
+    exact = undamped_frequencies(random_stepped_beam(seed).exact(), 3)
+    rough, fine = (elastic(random_stepped_beam(seed, order).assemble(), 3) for order in (3, 18))
+    assert (rough > exact * (1 - 1e-9)).all()
+    assert fine == pytest.approx(exact, rel=1e-9)
+
+
+def elastic(model, count):
+    """Return the lowest natural frequencies that are not rigid-body ones."""
+    omega = natural_frequencies(model)
+    return omega[omega > 1e-5][:count]
+
+
+@pytest.mark.parametrize("mass", MASSES)
+def test_stepped_beams_converge_with_every_mass(mass):
+    exact = undamped_frequencies(beam(FiniteElements(1), TWO).exact(), 2)
+    found = [natural_frequencies(beam(DiscreteElements(n, mass), TWO).assemble())[:2] for n in (18, 36)]
+    errors = [np.abs(f / exact - 1).max() for f in found]
+    assert errors[1] < errors[0] / 3
+    assert errors[1] < 1e-2
+
+
+@pytest.mark.parametrize(
+    ("mesh", "message"),
+    [
+        (FiniteElements((0.0, 0.5)), r"node stations of beam 'beam' run from 0 to 0\.5 m; expected 0 to 1 m"),
+        (FiniteElements((0.1, 1.0)), r"run from 0\.1 to 1 m"),
+        (FiniteElements((0.0, 0.6, 0.4, 1.0)), "expected at least two, ascending"),
+        (FiniteElements((0.0, 0.5, 0.5, 1.0)), "ascending"),
+        (FiniteElements((0.0,)), "at least two"),
+        (FiniteElements((0.0, np.nan, 1.0)), "expected finite numbers, got nan"),
+        (DiscreteElements((0.0, 0.5, 1.0)), r"attached at station 0\.3 m, which is not a mass allocation point"),
+        (DiscreteElements(1), "elements = 1: beam 'beam' has 2 intervals between attachments"),
+    ],
+)
+def test_meshes_that_do_not_fit_are_refused(mesh, message):
+    with pytest.raises(ValueError, match=message):
+        beam(mesh, at=[0.3]).assemble()
+
+
+def test_a_torque_on_point_masses_is_refused():
+    """A node without inertia cannot be turned."""
+    part = beam(DiscreteElements(4, "lumped")).bodies[0]
+    with pytest.raises(ValueError, match=r"'beam\.phi4', which has no inertia: give it some"):
+        Assembly((part,), (), (Force("t", part.at(1.0), "theta"),)).assemble()
+
+
+def test_a_rigid_knob_gives_a_point_mass_its_inertia():
+    part = beam(DiscreteElements(4, "lumped")).bodies[0]
+    knob = RigidBody("knob", part.at(1.0), fixed(), 0.1, 0.2)
+    model = Assembly((part, knob), (), (Force("t", part.at(1.0), "theta"),), (Output("y", part.at(1.0)),)).assemble()
+    assert model.frequency_response([0.0]).frdata[0, 0, 0] == pytest.approx(0.5, rel=1e-12)

@@ -1,0 +1,123 @@
+"""A four-bar linkage with a flexible coupler, closed in three ways, and its rigid limit."""
+
+from math import atan2, hypot
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import eigvalsh
+
+from boomctl.structure import (
+    GROUND,
+    Assembly,
+    Beam,
+    BeamSection,
+    CutJoint,
+    FiniteElements,
+    Force,
+    Output,
+    RigidBody,
+    SpringDamper,
+    prescribe_displacement,
+    revolute,
+)
+from tests.references import kkt_response
+
+OMEGA = np.array([0.3, 2.0, 7.0, 20.0])
+A, D = (0.0, 0.0), (4.0, 0.5)
+SPRING, DAMPER = 30.0, 0.7
+
+
+def linkage(B, C, stiffness, cut, mesh=FiniteElements(4)):  # noqa: B008
+    """Return crank AB, rocker DC and a coupler BC; closed by a cut joint, or open with forces where it was cut."""
+    length, angle = hypot(C[0] - B[0], C[1] - B[1]), atan2(C[1] - B[1], C[0] - B[0])
+    crank = RigidBody("crank", GROUND.at(*A), revolute(), 2.0, 0.5, (B[0] / 2, B[1] / 2))
+    rocker = RigidBody("rocker", GROUND.at(*D), revolute(), 3.0, 0.8, ((C[0] + D[0]) / 2, (C[1] + D[1]) / 2))
+    section = BeamSection(length, 0.9, stiffness, 1e-3)
+    coupler = Beam("coupler", crank.at(*B), revolute(), B, (section,), mesh, angle)
+    end = coupler.at_station(length)
+    joint = (CutJoint(end, rocker.at(*C)),) if cut else ()
+    pairs = () if cut else tuple(Force(f"cut_{d}", end, d, reaction=rocker.at(*C)) for d in "xy")
+    return Assembly(
+        bodies=(crank, rocker, coupler),
+        links=(SpringDamper(crank.at(*A), GROUND.at(*A), "theta", SPRING, DAMPER),),
+        forces=(Force("crank", crank.at(*B), "theta"), *pairs),
+        outputs=(
+            Output("crank", crank.at(*A), "theta"),
+            Output("rocker", rocker.at(*D), "theta"),
+            Output("middle", coupler.at_station(length / 2), "y"),
+        ),
+        cuts=joint,
+    )
+
+
+shapes = st.tuples(
+    st.tuples(st.floats(-0.8, 0.8), st.floats(1.0, 2.0)), st.tuples(st.floats(3.0, 5.0), st.floats(1.5, 3.0))
+)
+
+
+@given(shapes)
+def test_a_cut_joint_equals_holding_the_forces_of_the_cut(shape):
+    closed = linkage(*shape, 50.0, cut=True).assemble()
+    held = prescribe_displacement(linkage(*shape, 50.0, cut=False).assemble(), hold=["cut_x", "cut_y"])
+    assert closed.n == held.n
+    Y, Z = (model.frequency_response(OMEGA).frdata for model in (closed, held))
+    assert np.abs(Y - Z).max() < 1e-14 * np.linalg.cond(held.M) * np.abs(Y).max()
+
+
+@given(shapes)
+def test_the_closed_chain_is_the_multiplier_solution_of_the_tree(shape):
+    tree = linkage(*shape, 50.0, cut=False).assemble()
+    closed = linkage(*shape, 50.0, cut=True).assemble()
+    B, L = tree.ports.B[0], tree.ports.L[0]
+    truth, _ = kkt_response((tree.M, tree.C, tree.K), B, L, [1, 2], [0], OMEGA)
+    found = closed.frequency_response(OMEGA).frdata
+    assert np.abs(found - truth[:, 2:]).max() < 1e-14 * np.linalg.cond(closed.M) * np.abs(truth[:, 2:]).max()
+
+
+def rigid_frequency(B, C):
+    """Return the undamped natural frequency of the rigid linkage [rad/s] from the speeds of its three links."""
+    B, C = np.array(B), np.array(C)
+    turned = [np.array([-v[1], v[0]]) for v in (B - A, C - B, C - D)]
+    coupler, rocker = np.linalg.solve(np.column_stack([turned[1], -turned[2]]), -turned[0])
+    length = np.linalg.norm(C - B)
+    mass = 0.9 * length
+    middle = turned[0] + coupler * turned[1] / 2
+    inertia = 0.5 + 2.0 * (B @ B) / 4 + rocker**2 * (0.8 + 3.0 * ((C - D) @ (C - D)) / 4)
+    inertia += mass * (middle @ middle) + coupler**2 * mass * length**2 / 12
+    return np.sqrt(SPRING / inertia)
+
+
+@given(shapes)
+def test_a_stiff_coupler_leaves_the_rigid_linkages_one_frequency(shape):
+    """The coupler's compliance lowers it by its share, one over the stiffness; K's condition of 1e8 rounds at 2e-8."""
+    expected = rigid_frequency(*shape)
+    change = []
+    for stiffness in (1e5, 1e6):
+        model = linkage(*shape, stiffness, cut=True).assemble()
+        lowest = eigvalsh(model.M, model.K)[-1] ** -0.5  # upside down, which keeps the lowest accurate
+        change.append(1 - lowest / expected)
+    assert abs(change[1]) < 1e-3
+    assert change[0] == pytest.approx(10 * change[1], rel=0.05, abs=2e-8)
+
+
+@given(shapes)
+def test_the_exact_coupler_is_the_limit_of_high_order_ones(shape):
+    """With nodes at its ends and its middle, between which its deflection is smooth."""
+    machine = linkage(*shape, 50.0, cut=True, mesh=FiniteElements(2, 16))
+    exact = machine.exact().response(OMEGA, ("crank",), ("crank", "rocker", "middle"))
+    found = machine.assemble().frequency_response(OMEGA).frdata
+    assert np.abs(found - exact).max() < 1e-9 * np.abs(exact).max()
+
+
+def test_points_that_rest_apart_are_not_joined():
+    crank = RigidBody("crank", GROUND.at(0.0), revolute(), 1.0, 1.0)
+    with pytest.raises(ValueError, match=r"cut joint: its points rest 0\.1 m apart; expected one place"):
+        CutJoint(crank.at(1.0), GROUND.at(1.1))
+
+
+def test_a_joint_cut_twice_is_one_too_many():
+    machine = linkage((0.0, 1.0), (4.0, 2.0), 50.0, cut=True)
+    with pytest.raises(ValueError, match="cut joint between coupler and rocker along x"):
+        Assembly(machine.bodies, cuts=(*machine.cuts, machine.cuts[0])).assemble()

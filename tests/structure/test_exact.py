@@ -1,0 +1,156 @@
+"""Exact beams: textbook roots, the beam equation in fifty digits, and a count that misses no mode."""
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.boom.model import ACTUATORS, boom_assembly
+from boomctl.structure import (
+    GROUND,
+    Assembly,
+    Beam,
+    BeamSection,
+    CutJoint,
+    FiniteElements,
+    Force,
+    Output,
+    fixed,
+    free,
+    revolute,
+)
+from boomctl.structure.dynamic_stiffness import clamped_count, end_functions
+from boomctl.structure.eigenvalues import undamped_frequencies
+from tests.references import ROOTS, exact_boom_response, natural_frequencies
+from tests.strategies import random_stepped_beam, seeds
+
+SUPPORTS = {
+    "clamped-free": (fixed(), False),
+    "free-free": (free("y", "theta"), False),
+    "pinned-free": (revolute(), False),
+    "pinned-pinned": (revolute(), True),
+}
+
+
+def beam(supports, sections=(BeamSection(1.0, 1.0, 1.0),), mesh=FiniteElements(1)):  # noqa: B008
+    """Return a beam from x = 0 on, held as the key of ``SUPPORTS`` says, pushed and read at its end."""
+    joint, pinned = SUPPORTS[supports]
+    part = Beam("beam", GROUND.at(0.0), joint, (0.0, 0.0), tuple(sections), mesh)
+    end = part.at(part.length)
+    cuts = (CutJoint(end, GROUND.at(part.length), ("y",)),) if pinned else ()
+    return Assembly((part,), (), (Force("f", end, "theta"),), (Output("y", end, "theta"),), cuts)
+
+
+@pytest.mark.parametrize("supports", SUPPORTS)
+def test_uniform_beams_have_the_roots_of_textbooks(supports):
+    """Also free ones, whose roots are those of the clamped beam, where a segment's own stiffness is infinite."""
+    found = np.sqrt(undamped_frequencies(beam(supports).exact(), 4))
+    assert found == pytest.approx(ROOTS[supports], rel=4e-15)
+
+
+@pytest.mark.parametrize(
+    ("supports", "shift"), [("clamped-free", -0.5), ("free-free", 0.5), ("pinned-free", 0.25), ("pinned-pinned", 0.0)]
+)
+def test_the_hundredth_root_is_the_asymptotic_one(supports, shift):
+    """``cos`` alone decides there: ``exp(-300)`` is nothing."""
+    found = np.sqrt(undamped_frequencies(beam(supports).exact(), 100))
+    assert np.diff(found)[10:] == pytest.approx(np.pi, rel=1e-11)
+    assert found[-1] == pytest.approx((100 + shift) * np.pi, rel=1e-14)
+
+
+@given(st.floats(0.5, 400.0))
+def test_end_functions_equal_their_quotients_in_fifty_digits(z):
+    """Textbook quotients of hyperbolic and circular functions; a pole of theirs is a clamped-clamped root."""
+    with mp.workdps(50 + int(z)):
+        x = mp.mpf(z)
+        ch, sh, c, s = mp.cosh(x), mp.sinh(x), mp.cos(x), mp.sin(x)
+        below = 1 - ch * c
+        expected = [
+            x**3 * (ch * s + sh * c),
+            x**2 * sh * s,
+            x * (ch * s - sh * c),
+            -(x**3) * (sh + s),
+            x**2 * (ch - c),
+            x * (sh - s),
+        ]
+        expected = np.array([float(value / below) for value in expected])
+        amplification = float(abs(x * (sh * c - ch * s) / below)) + 10
+    found = end_functions(np.array([z**4], dtype=complex))[:, 0]
+    scale = np.abs(expected) + z ** np.array([3, 2, 1, 3, 2, 1])
+    assert (np.abs(found - expected) < 1e-15 * 4 * amplification * scale).all()
+
+
+def test_end_functions_start_from_the_static_beam():
+    assert np.array_equal(end_functions(np.zeros(1, dtype=complex))[:, 0], [12, 6, 4, -12, 6, 2])
+
+
+def test_below_the_first_root_exact_is_hermite_to_the_fourth_power_of_omega():
+    """``D = K - omega^2 M + O(omega^4)``: the remainder grows sixteenfold where the frequency doubles."""
+    exact = beam("free-free").exact()
+    nodes = np.cumsum([0.0, *(item.segment.length for item in exact.placed)])
+    model = beam("free-free", mesh=FiniteElements(tuple(nodes))).assemble()
+    assert exact.coordinates == model.coordinates
+    remainder = {}
+    for omega in (0.5, 0.25):
+        D = exact.dynamic_stiffness(np.array([1j * omega]))[:, :, 0]
+        remainder[omega] = np.abs(D - (model.K - omega**2 * model.M)).max()
+    assert remainder[0.5] == pytest.approx(16 * remainder[0.25], rel=2e-3)
+    assert remainder[0.5] < 1e-3 * 0.5**4
+    D = exact.dynamic_stiffness(np.array([0.0j]))[:, :, 0]
+    assert np.abs(D - model.K).max() < 1e-14 * np.abs(model.K).max()
+
+
+def test_clamped_count_steps_at_the_roots_of_cosh_cos():
+    roots = np.array(ROOTS["free-free"])
+    assert np.array_equal(clamped_count(roots * (1 - 1e-9)), [0, 1, 2, 3])
+    assert np.array_equal(clamped_count(roots * (1 + 1e-9)), [1, 2, 3, 4])
+
+
+@given(seeds)
+def test_the_count_is_the_number_of_modes_of_a_stepped_beam(seed):
+    """At random frequencies that keep off the modes of a fine mesh, which are good to ten digits up to there."""
+    machine = random_stepped_beam(seed, order=18)
+    modes = natural_frequencies(machine.assemble())
+    omega = np.random.default_rng(seed).uniform(0.0, modes[10], 60)
+    omega = omega[np.abs(omega[:, None] / np.maximum(modes, 1e-3) - 1).min(axis=1) > 1e-6]
+    expected = (modes[None, :] < omega[:, None]).sum(axis=1)
+    assert np.array_equal(machine.exact().count_below(omega), expected)
+
+
+def test_the_count_is_the_number_of_modes_of_the_boom():
+    exact = boom_assembly(bc.BoomParameters(), FiniteElements(1)).exact().prescribed(ACTUATORS)
+    modes = natural_frequencies(bc.spray_boom(discretization="high-order", elements=12, order=14))
+    omega = np.random.default_rng(1).uniform(0.0, modes[30], 400)
+    omega = omega[np.abs(omega[:, None] / np.maximum(modes, 1e-3) - 1).min(axis=1) > 1e-6]
+    assert np.array_equal(exact.count_below(omega), (modes[None, :] < omega[:, None]).sum(axis=1))
+
+
+@given(seeds)
+def test_a_section_cut_in_two_is_the_same_beam(seed):
+    rng = np.random.default_rng(seed)
+    share, omega = rng.uniform(0.05, 0.95), rng.uniform(0.1, 300.0, 5)
+    whole = BeamSection(2.0, 1.3, 0.7, 1e-3)
+    parts = [BeamSection(2.0 * part, 1.3, 0.7, 1e-3) for part in (share, 1 - share)]
+    Y, Z = (beam("pinned-free", x).exact().response(omega, ["f"], ["y"]) for x in ([whole], parts))
+    assert np.abs(Y - Z).max() < 1e-10 * np.abs(Y).max()
+
+
+@pytest.mark.parametrize("output", [{"derivative": 1}, {"derivative": 2}, {"bandwidth_hz": 2.0}])
+def test_only_plain_displacements_are_read_off_exact_beams(output):
+    machine = random_stepped_beam(0)
+    exact = Assembly(machine.bodies, (), machine.forces, (Output("y", machine.outputs[0].point, **output),)).exact()
+    with pytest.raises(ValueError, match=r"the exact beam offers .* only"):
+        exact.response(np.array([1.0]), ["tip"], ["y"])
+
+
+@pytest.mark.parametrize("inputs", [None, "actuator_left"])
+def test_the_exact_boom_solves_the_beam_equation(inputs):
+    """To fifty digits, from 1e-4 Hz to the hundredth mode; beside a resonance digits go as the frequency is rounded."""
+    p = bc.BoomParameters()
+    omega = 2 * np.pi * np.array([1e-4, 0.1, 0.4, 0.9325, 2.0, 3.5, 9.0, 60.0, 2400.0])
+    truth = exact_boom_response(p, omega)
+    found = bc.exact_frequency_response(p, omega, inputs=inputs).frdata
+    wanted = truth if inputs is None else truth[:, :1]
+    assert (np.abs(found - wanted) < 1e-12 * np.abs(wanted).max(axis=0)).all()

@@ -1,0 +1,132 @@
+"""Modes and poles: residuals, orthogonality, rigid-body modes, and agreement of the dense and the sparse way."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from scipy import linalg
+
+import boomctl as bc
+from boomctl.structure import (
+    GROUND,
+    Assembly,
+    Beam,
+    BeamSection,
+    FiniteElements,
+    SecondOrderModel,
+    free,
+    prescribe_displacement,
+)
+from boomctl.structure.modal import damped_poles, undamped_modes
+from tests.references import ROOTS, dense, natural_frequencies
+from tests.strategies import random_machine, random_stepped_beam, seeds, structures
+
+
+def chain(n, ends=0.0):
+    """Return unit masses in a row with unit springs between them, ``ends`` to the walls; a little damping."""
+    K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    K[0, 0] = K[-1, -1] = 1.0 + ends
+    return SecondOrderModel(np.eye(n), 0.01 * K, K, {"f": np.eye(n)[0]}, {"y": np.eye(n)[-1]})
+
+
+@given(seeds)
+def test_modes_diagonalise_mass_and_stiffness(seed):
+    """The lowest six; the highest of a stiff machine are a hundred million times stiffer than the lowest."""
+    model = random_machine(seed).assemble()
+    omega, V = undamped_modes(model, 6)
+    M, K = dense(model.M), dense(model.K)
+    assert np.abs(V.T @ M @ V - np.eye(len(omega))).max() < 1e-9
+    size = np.sqrt(np.outer(*2 * [omega**2 + 1.0]))
+    assert np.abs((V.T @ K @ V - np.diag(omega**2)) / size).max() < 1e-8
+
+
+@given(seeds)
+def test_a_floating_machine_has_three_rigid_body_modes(seed):
+    """Hinges and slides without springs would add to them, so that the machine is of one stiff beam."""
+    rng = np.random.default_rng(seed)
+    section = BeamSection(*rng.uniform(0.5, 2.0, 3))
+    joint = free("x", "y", "theta")
+    beam = Beam("beam", GROUND.at(0.0), joint, (0.0, 0.0), (section,), FiniteElements(5), rng.uniform(-3, 3))
+    omega = undamped_modes(Assembly((beam,)).assemble())[0]
+    assert (omega[:3] < 1e-6 * omega[3]).all()
+    scale = np.sqrt(section.bending_stiffness / section.mass_per_length) / section.length**2
+    assert omega[3] == pytest.approx(ROOTS["free-free"][0] ** 2 * scale, rel=1e-3)
+
+
+@pytest.mark.parametrize("order", [3, 6, 10, 14])
+@given(seed=seeds)
+def test_floating_structures_keep_their_elastic_modes(seed, order):
+    """However many digits the rigid-body modes and the highest ones would like to take."""
+    model = random_stepped_beam(seed, order).assemble()
+    found, expected = undamped_modes(model, 6)[0], natural_frequencies(model)[:6]
+    assert np.allclose(found**2, expected**2, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("ends", [0.0, 1.0])
+def test_the_sparse_way_finds_the_modes_of_a_long_chain(ends):
+    """Of 400 masses: ``2 sin(k pi/2n)`` free, ``2 sin(k pi/(2n + 2))`` between walls."""
+    n = 400
+    k = np.arange(8) if ends == 0.0 else np.arange(1, 9)
+    expected = 2 * np.sin(k * np.pi / (2 * n + 2 * ends))
+    found = undamped_modes(chain(n, ends), 8)[0]
+    assert np.allclose(found, expected, rtol=1e-8, atol=1e-7)
+
+
+@given(structures())
+def test_poles_are_the_roots_of_the_quadratic_pencil(structure):
+    poles = damped_poles(structure.model, 2)
+    for s in poles:
+        D = structure.K + s * structure.C + s * s * structure.M
+        assert linalg.svdvals(D)[-1] < 1e-12 * linalg.norm(D)
+        assert s.imag > 0
+
+
+@pytest.mark.parametrize("elements", [30, 60, 120])
+def test_poles_of_large_models_are_those_of_their_whole_pencil(elements):
+    """From 65 coordinates on a basis of modes stands for the structure; it leaves nothing of eight digits out."""
+    model = bc.spray_boom(elements=elements)
+    M, C, K = (dense(x) for x in (model.M, model.C, model.K))
+    n = model.n
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    truth = np.sort(linalg.eigvals(A).imag)
+    truth = truth[truth > 1e-3][:5]
+    assert model.eigenfrequencies_hz(5) * 2 * np.pi == pytest.approx(truth, rel=1e-6)
+
+
+@given(structures(least=4), seeds)
+def test_poles_of_unsymmetric_matrices(structure, seed):
+    skew = 0.05 * np.random.default_rng(seed).standard_normal((3, *structure.M.shape))
+    M, C, K = (X + s for X, s in zip((structure.M, structure.C, structure.K), skew, strict=True))
+    model = SecondOrderModel(M, C, K)
+    for hertz in model.eigenfrequencies_hz(2):
+        n = len(M)
+        A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+        assert np.abs(np.linalg.eigvals(A).imag - 2 * np.pi * hertz).min() < 1e-11
+
+
+@given(structures(inputs=2))
+def test_poles_do_not_depend_on_what_is_imposed_twice_or_on_forces(structure):
+    """Velocity and acceleration inputs add integrators, not resonances."""
+    models = [prescribe_displacement(structure.model, "f0", motion=m) for m in ("displacement", "acceleration")]
+    first, second = (model.eigenfrequencies_hz(1) for model in models)
+    assert np.array_equal(first, second)
+
+
+def test_more_modes_than_there_are_is_an_error():
+    model = chain(3, 1.0)
+    assert len(model.eigenfrequencies_hz(3)) == 3
+    with pytest.raises(ValueError, match="count = 4: the model has only 3 damped eigenfrequencies"):
+        model.eigenfrequencies_hz(4)
+
+
+@pytest.mark.parametrize(
+    ("M", "K", "message"),
+    [
+        (np.diag([1.0, -1.0]), np.eye(2), "M|mass"),
+        (np.eye(2), np.diag([1.0, -1.0]), "K|stiffness"),
+        (np.eye(2), np.array([[1.0, 0.5], [0.0, 1.0]]), "symmetric K"),
+        (np.array([[1.0, 0.5], [0.0, 1.0]]), np.eye(2), "symmetric M"),
+    ],
+)
+def test_modes_of_what_is_no_structure_are_refused(M, K, message):
+    with pytest.raises(ValueError, match=message):
+        undamped_modes(SecondOrderModel(M, np.eye(2), K))

@@ -1,0 +1,182 @@
+"""Frequency responses of large structures equal the direct solution, and say where rounding ends them."""
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import sparse
+
+import boomctl as bc
+from boomctl.structure import SecondOrderModel
+from boomctl.structure.response import AccuracyWarning
+from tests.references import dense, direct
+from tests.strategies import seeds, structures
+
+BAND = 2 * np.pi * np.geomspace(0.1, 10.0, 40)
+TIPS, ACTUATORS = ["tip_left", "tip_right"], ["actuator_left", "actuator_right"]
+
+
+def random_chain(seed, n, store=sparse.csr_array, symmetric=True):
+    """Return masses in a row between walls, random springs and dampers, pushed and read at three of them."""
+    rng = np.random.default_rng(seed)
+    D = np.eye(n + 1, n) - np.eye(n + 1, n, k=-1)
+    K = D.T @ (rng.uniform(0.5, 2.0, n + 1)[:, None] * D)
+    C = 0.02 * K + D.T @ (rng.uniform(0.0, 0.05, n + 1)[:, None] * D)
+    if not symmetric:
+        C = C + 0.01 * (np.eye(n, k=1) - np.eye(n, k=-1))
+    places = rng.choice(n, 3, replace=False)
+    ports = {f"p{i}": np.eye(n)[place] for i, place in enumerate(places)}
+    return SecondOrderModel(store(np.diag(rng.uniform(0.5, 2.0, n))), store(C), store(K), ports, ports)
+
+
+@pytest.mark.parametrize("store", [sparse.csr_array, np.asarray])
+@given(seed=seeds, n=st.sampled_from([39, 40, 90, 300]))
+def test_chains_respond_as_the_direct_solution(seed, n, store):
+    """Every entry down to a millionth of the largest: what crosses a long chain is as tiny as its decay."""
+    omega = np.geomspace(1e-3, 4.0, 9)
+    model = random_chain(seed, n, store)
+    truth = direct(model, omega)
+    found = model.frequency_response(omega).frdata
+    assert (np.abs(found - truth) < 1e-7 * np.maximum(np.abs(truth), 1e-6 * np.abs(truth).max())).all()
+
+
+@given(seeds)
+def test_unsymmetric_chains_respond_as_the_direct_solution(seed):
+    omega = np.geomspace(1e-2, 3.0, 5)
+    model = random_chain(seed, 70, symmetric=False)
+    truth = direct(model, omega)
+    worst = max(np.linalg.cond(dense(model.K) + 1j * w * dense(model.C) - w * w * dense(model.M)) for w in omega)
+    assert np.abs(model.frequency_response(omega).frdata - truth).max() < 1e-15 * worst * np.abs(truth).max()
+
+
+@given(st.sampled_from([40, 80]), st.floats(0.05, 1.5))
+def test_structures_on_the_brink_respond_as_the_direct_solution(n, lift):
+    """A negative stiffness, of an inverted pendulum say, makes K indefinite; the response is there nevertheless."""
+    K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1) - lift * np.eye(n)
+    model = SecondOrderModel(np.eye(n), 0.05 * np.eye(n), K, {"f": np.eye(n)[0]}, {"y": np.eye(n)[3]})
+    omega = np.array([0.3, 1.0, 2.0])
+    assert np.allclose(model.frequency_response(omega).frdata, direct(model, omega), rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("elements", [50, 200])
+@pytest.mark.parametrize("excitation", ["displacement", "acceleration"])
+def test_the_large_boom_responds_as_its_matrices_solved_one_by_one(elements, excitation):
+    """Rounding of the matrices themselves, 2e-5 at 500 elements, grows with the fourth power of their number."""
+    model = bc.spray_boom(elements=elements, excitation=excitation)
+    found = model.frequency_response(BAND, ACTUATORS, TIPS).frdata
+    ports, s = model.select(ACTUATORS, TIPS).ports, 1j * BAND
+    M, C, K = (dense(x) for x in (model.M, model.C, model.K))
+    for f, value in enumerate(s):
+        B, L, E = (X[0] + value * X[1] + value**2 * X[2] for X in (ports.B, ports.L, ports.E))
+        truth = L @ np.linalg.solve(K + value * C + value**2 * M, B) + E
+        if excitation == "acceleration":
+            truth = truth / value**2
+        tiny = 1e-4 * np.abs(truth).max()
+        slack = 1e-4 * (elements / 500) ** 4 + 1e-9
+        assert (np.abs(found[:, :, f] - truth) < slack * np.maximum(np.abs(truth), tiny)).all()
+
+
+@pytest.mark.parametrize("elements", [6, 100])
+def test_only_what_is_asked_for_is_given_in_the_order_asked(elements):
+    model = bc.spray_boom(elements=elements)
+    some = model.frequency_response(BAND[:5], ["cradle", "actuator_right"], ["stroke_left"])
+    every = model.frequency_response(BAND[:5])
+    assert (some.input_labels, some.output_labels) == (["cradle", "actuator_right"], ["stroke_left"])
+    i = [every.input_labels.index(name) for name in some.input_labels]
+    o = [every.output_labels.index(name) for name in some.output_labels]
+    assert np.abs(some.frdata - every.frdata[np.ix_(o, i)]).max() < 1e-8 * np.abs(every.frdata).max()
+
+
+@given(structures(least=6, most=12))
+def test_many_frequencies_of_a_small_model_are_each_the_direct_solution(structure):
+    """They come from modes and a few dampers, checked at probes."""
+    omega = np.linspace(0.01, 5.0, 200)
+    truth = direct(structure.model, omega)
+    assert np.abs(structure.model.frequency_response(omega).frdata - truth).max() < 1e-9 * np.abs(truth).max()
+
+
+@pytest.mark.parametrize("others", [np.array([]), np.linspace(0.1, 0.9, 60)])
+def test_an_undamped_resonance_hit_exactly_is_refused(others):
+    K = np.diag(np.arange(1.0, 7.0) ** 2)
+    model = SecondOrderModel(np.eye(6), np.zeros((6, 6)), K, {"f": np.ones(6)}, {"y": np.ones(6)})
+    with pytest.raises(ValueError, match=r"omega.*(undamped resonance|infinite)"):
+        model.frequency_response([*others, 2.0])
+
+
+@pytest.mark.parametrize("n", [1, 20, 60, 200])
+def test_a_floating_structure_has_no_static_response(n):
+    K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    K[0, 0] = K[-1, -1] = 1.0 if n > 1 else 0.0
+    model = SecondOrderModel(np.eye(n), 0.1 * K, K, {"f": np.eye(n)[0]}, {"y": np.eye(n)[-1]})
+    assert np.isfinite(model.frequency_response([0.1, 1.0]).frdata).all()
+    with pytest.raises(ValueError, match="infinite"):
+        model.frequency_response([0.0, 1.0])
+
+
+def test_the_floating_boom_has_no_static_response():
+    with pytest.raises(ValueError, match=r"infinite|not finite"):
+        bc.spray_boom(excitation="force").frequency_response([0.0])
+    with pytest.raises(ValueError, match=r"infinite|not finite"):
+        bc.exact_frequency_response(bc.BoomParameters(), [0.0], excitation="force")
+
+
+@pytest.mark.parametrize("excitation", ["velocity", "acceleration"])
+def test_imposed_rates_have_no_static_response(excitation):
+    with pytest.raises(ValueError, match="not finite"):
+        bc.spray_boom(excitation=excitation).frequency_response([0.0, 1.0])
+
+
+def test_imposed_displacements_carry_the_boom_along_at_rest():
+    """Both tips follow the straight line through the two actuators, six metres out."""
+    found = bc.spray_boom().frequency_response([0.0], ACTUATORS, TIPS).frdata[:, :, 0]
+    lever = 6.0 / 1.78
+    assert np.allclose(found, [[0.5 + lever, 0.5 - lever], [0.5 - lever, 0.5 + lever]], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("omega", "error", "message"),
+    [
+        ([-1.0, 1.0], ValueError, "omega.*not below zero, got -1"),
+        ([np.nan], ValueError, "omega: expected finite numbers, got nan"),
+        ([np.inf], ValueError, "omega: expected finite numbers, got inf"),
+        ([], ValueError, "omega.*at least one"),
+        ([[1.0, 2.0]], ValueError, r"omega: expected one dimension.*\(1, 2\)"),
+        (["a"], TypeError, "omega: expected real numbers"),
+        ([1j], TypeError, "omega: expected real numbers"),
+    ],
+)
+def test_frequencies_that_are_none_are_refused(omega, error, message):
+    with pytest.raises(error, match=message):
+        bc.spray_boom().frequency_response(omega)
+
+
+@pytest.mark.parametrize("asked", ["inputs", "outputs"])
+def test_asking_for_nothing_is_refused(asked):
+    with pytest.raises(ValueError, match=f"{asked}: expected at least one name, got none"):
+        bc.spray_boom().frequency_response([1.0], **{asked: []})
+
+
+def test_plain_matrices_of_five_thousand_elements_warn():
+    """Their entries alone no longer say how the boom bends: the mesh is finer than double precision carries."""
+    model = bc.spray_boom(elements=5000, excitation="force")
+    ports = model.ports
+    bare = SecondOrderModel(
+        model.M,
+        model.C,
+        model.K,
+        dict(zip(model.inputs, ports.B[0].T, strict=True)),
+        dict(zip(model.outputs, ports.L[0], strict=True)),
+    )
+    with pytest.warns(AccuracyWarning, match="finer than double precision carries"):
+        bare.frequency_response(BAND[::8], "suspension_left", "tip_left")
+
+
+def test_strain_rows_carry_five_thousand_elements_without_warning():
+    model = bc.spray_boom(elements=5000)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = model.frequency_response(BAND, ACTUATORS, TIPS).frdata
+    exact = bc.exact_frequency_response(bc.BoomParameters(), BAND, ACTUATORS, TIPS).frdata
+    assert (np.abs(found - exact) < 1e-6 * np.abs(exact).max(axis=(0, 1))).all()

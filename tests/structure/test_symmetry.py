@@ -1,0 +1,142 @@
+"""A symmetric structure is the sum of its halves, and an unsymmetric one has none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.structure import SecondOrderModel, split_symmetric
+from tests.references import dense
+
+OMEGA = 2 * np.pi * np.array([0.1, 0.33, 0.9, 2.8, 7.0])
+ROOT = np.sqrt(0.5)
+EXCITATIONS = ("displacement", "velocity", "acceleration", "force")
+BASES = {"jolt": (1.0, "sym"), "yaw": (-1.0, "anti")}
+
+
+def plain(model):
+    """Return the same model without its mirror: what is not known to be symmetric is not split."""
+    return SecondOrderModel.build(model.M, model.C, model.K, model.ports, model.coordinates, model.elastic)
+
+
+@pytest.mark.parametrize("discretization", ["finite", "high-order", "discrete-hermite", "discrete-geometric"])
+def test_half_signals_are_orthonormal_sums_and_differences(discretization):
+    """``sym = (right + left)/sqrt 2``, ``anti = (right - left)/sqrt 2``, for inputs and outputs alike."""
+    model = bc.spray_boom(discretization=discretization)
+    Y = plain(model).frequency_response(OMEGA).frdata
+    row = {name: i for i, name in enumerate(model.outputs)}
+    column = {name: i for i, name in enumerate(model.inputs)}
+    for part, (sign, stem) in zip(split_symmetric(model), BASES.values(), strict=True):
+        for y in ("tip", "stroke"):
+            for u in ("actuator", "suspension"):
+                blocks = [
+                    a * b * Y[row[f"{y}_{o}"], column[f"{u}_{i}"]] / 2
+                    for o, a in (("right", 1), ("left", sign))
+                    for i, b in (("right", 1), ("left", sign))
+                ]
+                half = part.frequency_response(OMEGA, f"{u}_{stem}", f"{y}_{stem}").frdata[0, 0]
+                assert np.abs(half - sum(blocks)).max() < 1e-11 * np.abs(Y).max()
+
+
+@given(st.sampled_from([4, 6, 10, 30]), st.sampled_from(EXCITATIONS))
+def test_singular_values_of_the_halves_are_those_of_the_whole(elements, excitation):
+    model = bc.spray_boom(elements=elements, excitation=excitation)
+    whole = np.linalg.svd(np.moveaxis(plain(model).frequency_response(OMEGA).frdata, 2, 0), compute_uv=False)
+    parts = [
+        np.linalg.svd(np.moveaxis(part.frequency_response(OMEGA).frdata, 2, 0), compute_uv=False)
+        for part in split_symmetric(model)
+    ]
+    together = -np.sort(-np.hstack(parts), axis=1)[:, : whole.shape[1]]
+    assert np.abs(together - whole).max() < 1e-9 * whole.max()
+
+
+def test_the_halves_are_half_the_size_and_share_the_modes():
+    model = bc.spray_boom(elements=12)
+    jolt, yaw = split_symmetric(model)
+    assert jolt.n + yaw.n == model.n
+    assert abs(jolt.n - yaw.n) <= 1
+    together = np.sort(np.concatenate([jolt.eigenfrequencies_hz(4), yaw.eigenfrequencies_hz(4)]))[:5]
+    assert together == pytest.approx(model.eigenfrequencies_hz(5), rel=1e-9)
+
+
+def test_the_signals_that_stand_on_the_axis_belong_to_the_jolt():
+    jolt, yaw = split_symmetric(bc.spray_boom())
+    assert jolt.inputs == ("actuator_sym", "suspension_sym", "cradle")
+    assert jolt.outputs == ("tip_sym", "stroke_sym", "cradle_slip")
+    assert yaw.inputs == ("actuator_anti", "suspension_anti")
+    assert yaw.outputs == ("tip_anti", "stroke_anti")
+
+
+def test_the_halves_are_symmetric_and_definite():
+    for part in split_symmetric(bc.spray_boom(excitation="force")):
+        for X in (part.M, part.C, part.K):
+            assert np.abs(dense(X) - dense(X).T).max() < 1e-12 * np.abs(dense(X)).max()
+        assert np.linalg.eigvalsh(dense(part.M)).min() > 0
+
+
+@pytest.mark.parametrize("excitation", EXCITATIONS)
+@pytest.mark.parametrize(
+    ("inputs", "outputs"),
+    [
+        (None, None),
+        ("actuator_left", "tip_left"),
+        ("actuator_right", None),
+        (["actuator_left", "suspension_right"], "stroke_left"),
+        ("cradle", ["tip_right", "tip_left"]),
+        (["suspension_left", "suspension_right"], "cradle_slip"),
+    ],
+)
+def test_through_the_halves_every_selection_is_what_the_whole_says(inputs, outputs, excitation):
+    """One of a pair of signals alone is no half of anything, and still comes out whole."""
+    model = bc.spray_boom(excitation=excitation)
+    found = model.frequency_response(OMEGA, inputs, outputs).frdata
+    truth = plain(model).frequency_response(OMEGA, inputs, outputs).frdata
+    assert np.abs(found - truth).max() < 1e-10 * np.abs(truth).max()
+
+
+@pytest.mark.parametrize(
+    ("inputs", "outputs"), [("actuator_left", "tip_left"), (["actuator_right", "cradle"], "stroke_left")]
+)
+def test_the_exact_boom_gives_every_selection_too(inputs, outputs):
+    p = bc.BoomParameters()
+    every = bc.exact_frequency_response(p, OMEGA)
+    found = bc.exact_frequency_response(p, OMEGA, inputs, outputs).frdata
+    i = [every.input_labels.index(name) for name in np.atleast_1d(inputs)]
+    o = [every.output_labels.index(name) for name in np.atleast_1d(outputs)]
+    assert np.abs(found - every.frdata[np.ix_(o, i)]).max() < 1e-12 * np.abs(every.frdata).max()
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        bc.spray_boom(elements=[-6, -2, 1, 6]),
+        SecondOrderModel(np.eye(2), np.eye(2), np.eye(2)),
+    ],
+    ids=["uneven mesh", "plain matrices"],
+)
+def test_what_is_not_symmetric_does_not_split(model):
+    with pytest.raises(ValueError, match="not symmetric about x = 0"):
+        split_symmetric(model)
+
+
+def test_an_uneven_mesh_still_responds():
+    """Close to the even one, as both are close to the beam: to the error of a four-element mesh."""
+    even = bc.spray_boom(elements=[-6, -0.659, 0, 0.659, 6]).frequency_response(OMEGA[:2]).frdata
+    uneven = bc.spray_boom(elements=[-6, -1, 0, 0.5, 6]).frequency_response(OMEGA[:2]).frdata
+    assert 1e-9 < np.abs(even - uneven).max() / np.abs(even).max() < 0.05
+
+
+def test_signals_that_are_no_pair_do_not_split():
+    with pytest.raises(ValueError, match=r"actuator_left|pairs of mirror images"):
+        split_symmetric(bc.spray_boom().select("actuator_left"))
+
+
+def test_symmetric_means_of_the_parameters_given():
+    p = replace(bc.BoomParameters(), spring_stiffness=900.0, cradle_damping=0.0)
+    jolt, yaw = split_symmetric(bc.spray_boom(p))
+    assert np.sort([*jolt.eigenfrequencies_hz(2), *yaw.eigenfrequencies_hz(2)])[:2] == pytest.approx(
+        bc.spray_boom(p).eigenfrequencies_hz(2), rel=1e-9
+    )

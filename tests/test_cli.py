@@ -1,0 +1,98 @@
+"""The command line: what it prints, what it writes, how it refuses."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+
+def run(*words, cwd=None):
+    return subprocess.run(
+        [sys.executable, "-m", "boomctl.cli", *words], capture_output=True, text=True, cwd=cwd, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def reproduced(tmp_path_factory):
+    out = tmp_path_factory.mktemp("results")
+    return out, run("reproduce", "boom", "--out", str(out), "--json")
+
+
+def test_reproduce_writes_a_report_that_stands_alone(reproduced):
+    out, done = reproduced
+    assert done.returncode == 0
+    report = (out / "report.html").read_text()
+    assert "data:image/gif;base64" in report
+    assert 'src="http' not in report
+    assert "2.9316" in report
+    assert not list(out.glob(".boomctl-*"))
+    for name in ("boom_figure_3.png", "boom_figure_3.svg", "boom_modes.png", "boom_convergence.svg", "boom_motion.gif"):
+        assert (out / name).stat().st_size > 10_000
+
+
+def test_json_on_standard_output_is_the_results_file(reproduced):
+    out, done = reproduced
+    printed = json.loads(done.stdout)
+    assert printed == json.loads((out / "results.json").read_text())
+    assert printed["table_1"]["methods"]["finite elements, 6"]["computed_hz"][0] == pytest.approx(0.2450, abs=1e-4)
+
+
+def test_sigma_says_its_certified_peak(tmp_path):
+    done = run("sigma", "--out", str(tmp_path / "sigma.svg"))
+    assert done.returncode == 0
+    assert "peak 2472.81" in done.stdout
+    assert "certified" in done.stdout
+    assert (tmp_path / "sigma.svg").read_text().startswith("<?xml")
+
+
+def test_the_parameter_file_printed_is_read_again(tmp_path):
+    (tmp_path / "boom.toml").write_text(run("parameters").stdout)
+    done = run("sigma", "--json", "--parameters", str(tmp_path / "boom.toml"))
+    assert json.loads(done.stdout)["peak"] == pytest.approx(2472.806, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (("reproduce", "bom"), 2, "did you mean 'boom'"),
+        (("reproduce", "hub-beam", "--parameters", "boom.toml"), 2, "leave them out"),
+        (("sigma", "--discretization", "finit"), 2, "did you mean 'finite'"),
+        (("sigma", "--elements", "0"), 2, "elements = 0"),
+        (("sigma", "--elements", "many"), 2, "elements"),
+        (("sigma", "--parameters", "none.toml"), 1, "none.toml"),
+        (("sigma", "--out", "sigma.doc"), 2, ".png or .svg"),
+        (("nothing",), 2, "nothing"),
+    ],
+)
+def test_bad_use_ends_in_one_clear_line(words, code, message, tmp_path):
+    done = run(*words, cwd=tmp_path)
+    assert done.returncode == code
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_misspelt_key_names_file_and_key(tmp_path):
+    (tmp_path / "boom.toml").write_text("spring_stifness = 900.0\n")
+    done = run("sigma", "--parameters", "boom.toml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "boom.toml" in done.stderr
+    assert "did you mean 'spring_stiffness'" in done.stderr
+
+
+def test_an_output_folder_that_cannot_be_made_ends_before_any_work(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    done = run("reproduce", "boom", "--out", str(tmp_path / "file" / "results"))
+    assert done.returncode == 1
+    assert "cannot be written to" in done.stderr
+    assert (tmp_path / "file").read_text() == "in the way"
+
+
+def test_importing_the_package_is_light():
+    heavy = ("numpy", "scipy", "control", "casadi", "matplotlib", "slycot")
+    code = f"import sys, boomctl; print([name for name in {heavy!r} if name in sys.modules])"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
+    assert done.stdout.strip() == "[]"
