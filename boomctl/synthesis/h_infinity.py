@@ -158,7 +158,9 @@ def _first(task: _Task, levels: Iterator[float]) -> _Candidate:
                 return found
             rejected[solver] = found
     told = "; ".join(f"{solver}: {why}" for solver, why in rejected.items())
-    raise SynthesisError(f"no controller passed verification ({told}); levels from {task.bounds.reached:.6g} were tried")
+    raise SynthesisError(
+        f"no controller passed verification ({told}); levels from {task.bounds.reached:.6g} were tried"
+    )
 
 
 def _controllers(task: _Task, level: float, rejected: dict[str, str]) -> Iterator[tuple[str, StateMatrices]]:
@@ -252,7 +254,9 @@ def _statement(task: _Task, found: _Candidate) -> str:
     if bounds.lower <= 0.0:
         return f"verified norm {gamma:.6g}; nothing bounds it from below"
     above = gamma / bounds.lower - 1.0
-    told = f"verified norm {gamma:.6g}, at most {100.0 * above:.2g} % above {bounds.lower:.6g}, which no controller beats"
+    told = (
+        f"verified norm {gamma:.6g}, at most {100.0 * above:.2g} % above {bounds.lower:.6g}, which no controller beats"
+    )
     if above > task.tolerance:
         told += f"; more than the {100.0 * task.tolerance:.3g} % wanted, for controllers closer to it have poles above "
         told += f"{task.fastest:.3g} rad/s or could not be verified"

@@ -84,7 +84,9 @@ def partition(P: "control.StateSpace", nmeas: int, ncon: int) -> Plant:
     if not P.isctime():
         raise ValueError(f"P: expected continuous time, got a sampling time of {P.dt:g} s")
     if whole("nmeas", nmeas) >= P.noutputs:
-        raise ValueError(f"nmeas = {nmeas}: P has {P.noutputs} output(s), and at least one must be a performance signal")
+        raise ValueError(
+            f"nmeas = {nmeas}: P has {P.noutputs} output(s), and at least one must be a performance signal"
+        )
     if whole("ncon", ncon) >= P.ninputs:
         raise ValueError(f"ncon = {ncon}: P has {P.ninputs} input(s), and at least one must be a disturbance")
     m, p = P.ninputs - ncon, P.noutputs - nmeas

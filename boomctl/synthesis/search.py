@@ -92,7 +92,9 @@ def lowest_level(ready: Normalised, tolerance: float, deadline: Deadline) -> Bou
     frequency, omega = frequency_bound(ready, F2, L2)
     parts = (ready.A, ready.A + ready.B2 @ F2, ready.A + L2 @ ready.C2)
     band = max((float(np.abs(linalg.eigvals(part)).max()) for part in parts if len(part)), default=0.0)
-    span = _narrowed(_Span(max(frequency, relaxed.radius), np.inf, relaxed.radius, _COUPLING), ready, tolerance, deadline)
+    span = _narrowed(
+        _Span(max(frequency, relaxed.radius), np.inf, relaxed.radius, _COUPLING), ready, tolerance, deadline
+    )
     return Bounds(span.high, frequency, omega, span.proven, span.reason, band)
 
 

@@ -145,7 +145,12 @@ def central_controller(ready: Normalised, level: Level) -> StateMatrices:
     F, L = gains(ready, level)
     F12, F2, L12, L2 = F[m1 - p2 : m1], F[m1:], L[:, p1 - m2 : p1], L[:, p1:]
     D = ready.D11
-    D11, D12, D21, D22 = D[: p1 - m2, : m1 - p2], D[: p1 - m2, m1 - p2 :], D[p1 - m2 :, : m1 - p2], D[p1 - m2 :, m1 - p2 :]
+    D11, D12, D21, D22 = (
+        D[: p1 - m2, : m1 - p2],
+        D[: p1 - m2, m1 - p2 :],
+        D[p1 - m2 :, : m1 - p2],
+        D[p1 - m2 :, m1 - p2 :],
+    )
     tall = linalg.inv(g**2 * np.eye(p1 - m2) - D11 @ D11.T) if p1 > m2 else np.zeros((0, 0))
     wide = linalg.inv(g**2 * np.eye(m1 - p2) - D11.T @ D11) if m1 > p2 else np.zeros((0, 0))
     E11 = -D21 @ D11.T @ tall @ D12 - D22
