@@ -8,7 +8,7 @@ import numpy as np
 from boomctl.analysis.norm import StateMatrices
 from boomctl.checks import names
 from boomctl.structure.second_order import SecondOrderModel
-from boomctl.synthesis.pieces import diagonal, named_system, rows_of, series, statespace, states_of, through, weighed
+from boomctl.synthesis.pieces import diagonal, named_system, rows_of, series, states_of, statespace, through, weighed
 
 if TYPE_CHECKING:
     import control

@@ -99,7 +99,8 @@ class Worker:
         timer.daemon = True
         timer.start()
         try:
-            assert process.stdin is not None and process.stdout is not None
+            assert process.stdin is not None
+            assert process.stdout is not None
             process.stdin.write(data)
             process.stdin.flush()
             head = process.stdout.read(ANSWER.size)

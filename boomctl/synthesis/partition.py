@@ -128,8 +128,11 @@ def modal_basis(A: Array, B: Array, C: Array) -> Array:
     if not len(A):
         return np.zeros((0, 0))
     values, vectors = linalg.eig(A)
-    upper = values.imag >= 0.0
-    blocks = [[v.real, v.imag] if value.imag > 0.0 else [v.real] for value, v in zip(values[upper], vectors.T[upper])]
+    blocks = [
+        [v.real, v.imag] if value.imag > 0.0 else [v.real]
+        for value, v in zip(values, vectors.T, strict=True)
+        if value.imag >= 0.0
+    ]
     columns = [column for block in blocks for column in block]
     basis = np.array(columns).T
     widths = [len(block) for block in blocks]

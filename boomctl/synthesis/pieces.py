@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import linalg
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     Weight = float | control.StateSpace
 
-__all__ = ["Piece", "diagonal", "named_system", "rows_of", "series", "statespace", "states_of", "through", "weighed"]
+__all__ = ["Piece", "diagonal", "named_system", "rows_of", "series", "states_of", "statespace", "through", "weighed"]
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def weighed(what: str, prefix: str, given: "Mapping[str, Weight]", choices: Sequ
     ]
 
 
-def _weight(what: str, weight: object) -> StateMatrices:
+def _weight(what: str, weight: Any) -> StateMatrices:
     import control
 
     if not isinstance(weight, control.StateSpace):
@@ -60,7 +60,7 @@ def _weight(what: str, weight: object) -> StateMatrices:
     return StateMatrices(A, B, C, D)
 
 
-def statespace(plant: object) -> "control.StateSpace":
+def statespace(plant: Any) -> "control.StateSpace":
     """Return a plant as a finite state-space system in continuous time."""
     import control
 

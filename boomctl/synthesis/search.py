@@ -124,14 +124,7 @@ class _Span:
 def _narrowed(span: _Span, ready: Normalised, tolerance: float, deadline: Deadline) -> _Span:
     base = span.low if span.low > 0.0 else _size(ready)
     floor = _NOTHING * _size(ready)
-    for growth in _GROWTH:
-        deadline.left("looking for a level that can be reached")
-        level = level_of(ready, growth * base)
-        span, hint = span.with_level(level), level.radius
-        if not level.reason:
-            break
-    else:
-        raise SynthesisError(f"no level up to {_GROWTH[-1] * base:.3g} can be reached: {level.reason}")
+    span, hint = _reached(span, ready, base, deadline)
     for _ in range(_STEPS):
         if span.high <= max(span.low * (1.0 + tolerance), floor):
             break
@@ -139,6 +132,18 @@ def _narrowed(span: _Span, ready: Normalised, tolerance: float, deadline: Deadli
         level = level_of(ready, _next(span, hint, tolerance))
         span, hint = span.with_level(level), level.radius
     return span
+
+
+def _reached(span: _Span, ready: Normalised, base: float, deadline: Deadline) -> tuple[_Span, float]:
+    """Return the span with a level that is reached as its upper end, and the radius there."""
+    reason = ""
+    for growth in _GROWTH:
+        deadline.left("looking for a level that can be reached")
+        level = level_of(ready, growth * base)
+        span, reason = span.with_level(level), level.reason
+        if not reason:
+            return span, level.radius
+    raise SynthesisError(f"no level up to {_GROWTH[-1] * base:.3g} can be reached: {reason}")
 
 
 def _next(span: _Span, hint: float, tolerance: float) -> float:

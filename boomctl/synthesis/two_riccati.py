@@ -127,10 +127,18 @@ def _riccati(A: Array, B: Array, C: Array, D: Array, free: int, gamma: float) ->
 
 
 def gains(ready: Normalised, level: Level) -> tuple[Array, Array]:
-    """Return the state feedback and the output injection of a level's Riccati solutions."""
-    A, B, C, D, free = _control_data(ready)
+    """Return the state feedback and the output injection of a level's Riccati solutions.
+
+    Raises
+    ------
+    ValueError
+        The level has no such solutions.
+    """
+    if level.X is None or level.Y is None:
+        raise ValueError(f"gamma = {level.gamma:g}: {level.reason}")
+    _, B, C, D, free = _control_data(ready)
     F = -_weight(D, free, level.gamma) @ (D.T @ C + B.T @ level.X)
-    A, B, C, D, free = _filter_data(ready)
+    _, B, C, D, free = _filter_data(ready)
     L = -(_weight(D, free, level.gamma) @ (D.T @ C + B.T @ level.Y)).T
     return F, L
 
@@ -143,6 +151,8 @@ def central_controller(ready: Normalised, level: Level) -> StateMatrices:
     g, n, m1, p1 = level.gamma, len(ready.A), ready.B1.shape[1], len(ready.C1)
     m2, p2 = ready.B2.shape[1], len(ready.C2)
     F, L = gains(ready, level)
+    assert level.X is not None
+    assert level.Y is not None
     F12, F2, L12, L2 = F[m1 - p2 : m1], F[m1:], L[:, p1 - m2 : p1], L[:, p1:]
     D = ready.D11
     D11, D12, D21, D22 = (
