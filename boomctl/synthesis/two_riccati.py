@@ -95,10 +95,10 @@ def _weight(D: Array, free: int, gamma: float) -> Array:
     gram = D.T @ D
     if np.isinf(gamma):
         inverse = np.zeros_like(gram)
-        inverse[free:, free:] = linalg.inv(gram[free:, free:])
+        inverse[free:, free:] = np.linalg.inv(gram[free:, free:])
         return inverse
     gram[:free, :free] -= gamma**2 * np.eye(free)
-    return linalg.inv(gram)
+    return np.linalg.inv(gram)
 
 
 def _riccati(A: Array, B: Array, C: Array, D: Array, free: int, gamma: float) -> tuple[Array | None, float]:
@@ -106,20 +106,27 @@ def _riccati(A: Array, B: Array, C: Array, D: Array, free: int, gamma: float) ->
     n = len(A)
     if n == 0:
         return np.zeros((0, 0)), 0.0
-    inverse = _weight(D, free, gamma)
+    try:
+        inverse = _weight(D, free, gamma)
+    except np.linalg.LinAlgError:
+        return None, np.inf
     F = A - B @ inverse @ D.T @ C
     G, Q = B @ inverse @ B.T, C.T @ C - C.T @ D @ inverse @ D.T @ C
     size_g, size_q = np.linalg.norm(G), np.linalg.norm(Q)
     scale = np.sqrt(size_q / size_g) if size_g > 0.0 and size_q > 0.0 else 1.0
     hamiltonian = np.block([[F, -G * scale], [-Q / scale, -F.T]])
+    if not np.isfinite(hamiltonian).all():
+        return None, np.inf
     try:
         _, Z, count = linalg.schur(hamiltonian, sort="lhp")
         if count != n:
             return None, np.inf
-        X = linalg.solve(Z[:n, :n].T, Z[n:, :n].T).T * scale
-    except linalg.LinAlgError:
+        X = np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T).T * scale
+    except np.linalg.LinAlgError:
         return None, np.inf
     X = 0.5 * (X + X.T)
+    if not np.isfinite(X).all():
+        return None, np.inf
     terms = (F.T @ X, X @ F, X @ G @ X, Q)
     size = sum(float(np.linalg.norm(term)) for term in terms)
     rest = float(np.linalg.norm(terms[0] + terms[1] - terms[2] + terms[3]))
@@ -161,15 +168,15 @@ def central_controller(ready: Normalised, level: Level) -> StateMatrices:
         D[p1 - m2 :, : m1 - p2],
         D[p1 - m2 :, m1 - p2 :],
     )
-    tall = linalg.inv(g**2 * np.eye(p1 - m2) - D11 @ D11.T) if p1 > m2 else np.zeros((0, 0))
-    wide = linalg.inv(g**2 * np.eye(m1 - p2) - D11.T @ D11) if m1 > p2 else np.zeros((0, 0))
+    tall = np.linalg.inv(g**2 * np.eye(p1 - m2) - D11 @ D11.T) if p1 > m2 else np.zeros((0, 0))
+    wide = np.linalg.inv(g**2 * np.eye(m1 - p2) - D11.T @ D11) if m1 > p2 else np.zeros((0, 0))
     E11 = -D21 @ D11.T @ tall @ D12 - D22
     E12 = linalg.cholesky(np.eye(m2) - D21 @ wide @ D21.T, lower=True)
     E21 = linalg.cholesky(np.eye(p2) - D12.T @ tall @ D12)
-    coupling = linalg.inv(np.eye(n) - level.Y @ level.X / g**2)
+    coupling = np.linalg.inv(np.eye(n) - level.Y @ level.X / g**2)
     B2 = coupling @ (ready.B2 + L12) @ E12
     C2 = -E21 @ (ready.C2 + F12)
-    B1 = -coupling @ L2 + B2 @ linalg.solve(E12, E11)
-    C1 = F2 + E11 @ linalg.solve(E21, C2)
-    A = ready.A + np.hstack([ready.B1, ready.B2]) @ F + B1 @ linalg.solve(E21, C2)
+    B1 = -coupling @ L2 + B2 @ np.linalg.solve(E12, E11)
+    C1 = F2 + E11 @ np.linalg.solve(E21, C2)
+    A = ready.A + np.hstack([ready.B1, ready.B2]) @ F + B1 @ np.linalg.solve(E21, C2)
     return StateMatrices(A, B1, C1, E11)
