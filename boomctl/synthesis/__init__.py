@@ -4,12 +4,14 @@ from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.generalized import generalized_plant, mixed_sensitivity, select_channels
 from boomctl.synthesis.h_infinity import h_infinity
 from boomctl.synthesis.loop import close_loop
+from boomctl.synthesis.reduce_controller import ReducedController, reduce_controller
 from boomctl.synthesis.result import HInfinityCertificate, HInfinityResult
 from boomctl.synthesis.weights import band_pass, high_pass, low_pass, shelf
 
 __all__ = [
     "HInfinityCertificate",
     "HInfinityResult",
+    "ReducedController",
     "SynthesisError",
     "band_pass",
     "close_loop",
@@ -18,6 +20,7 @@ __all__ = [
     "high_pass",
     "low_pass",
     "mixed_sensitivity",
+    "reduce_controller",
     "select_channels",
     "shelf",
 ]
