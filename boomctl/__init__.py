@@ -24,6 +24,8 @@ _HOME = {
     "hold": "boomctl.hub_beam",
     "free": "boomctl.hub_beam",
     "reduce": "boomctl.reduction",
+    "SynthesisError": "boomctl.synthesis",
+    "join_symmetric": "boomctl.synthesis",
 }
 
 __all__ = [*_HOME, "__version__"]
