@@ -26,6 +26,15 @@ _HOME = {
     "reduce": "boomctl.reduction",
     "SynthesisError": "boomctl.synthesis",
     "join_symmetric": "boomctl.synthesis",
+    "h_infinity": "boomctl.synthesis",
+    "generalized_plant": "boomctl.synthesis",
+    "mixed_sensitivity": "boomctl.synthesis",
+    "close_loop": "boomctl.synthesis",
+    "select_channels": "boomctl.synthesis",
+    "low_pass": "boomctl.synthesis",
+    "high_pass": "boomctl.synthesis",
+    "band_pass": "boomctl.synthesis",
+    "shelf": "boomctl.synthesis",
 }
 
 __all__ = [*_HOME, "__version__"]
