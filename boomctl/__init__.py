@@ -24,6 +24,12 @@ _HOME = {
     "hold": "boomctl.hub_beam",
     "free": "boomctl.hub_beam",
     "reduce": "boomctl.reduction",
+    "lqr": "boomctl.synthesis",
+    "kalman": "boomctl.synthesis",
+    "lqg": "boomctl.synthesis",
+    "loop_transfer_recovery": "boomctl.synthesis",
+    "h2": "boomctl.synthesis",
+    "discretize": "boomctl.synthesis",
 }
 
 __all__ = [*_HOME, "__version__"]
