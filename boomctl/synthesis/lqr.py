@@ -186,9 +186,7 @@ def regulator_problem(
     return RiccatiProblem(plant.A, B, 0.5 * (states + states.T), 0.5 * (efforts + efforts.T), cross)
 
 
-def solved_regulator(
-    problem: RiccatiProblem, controls: Sequence[str], states: Sequence[str]
-) -> RiccatiSolution:
+def solved_regulator(problem: RiccatiProblem, controls: Sequence[str], states: Sequence[str]) -> RiccatiSolution:
     """Return the solution of a regulator's problem; refuse modes that stand in the way of one by name."""
     check_stabilizable(problem.A, problem.B, controls, states)
     shifted, _, Q = problem.shifted
@@ -232,9 +230,7 @@ def _with_integrals(problem: RiccatiProblem, plant: Plant, controls: Sequence[st
     return RiccatiProblem(plant.A, B, Q, problem.R, N)
 
 
-def _controller(
-    plant: Plant, controls: Sequence[str], integrated: Sequence[str], gain: Array
-) -> "control.StateSpace":
+def _controller(plant: Plant, controls: Sequence[str], integrated: Sequence[str], gain: Array) -> "control.StateSpace":
     n, k = len(plant.A), len(integrated)
     if not k:
         return static_gain(-gain, plant.states, controls, "regulator")
@@ -245,9 +241,7 @@ def _controller(
     return named_system(matrices, (*plant.states, *integrated), controls, "regulator", states)
 
 
-def _loops(
-    plant: Plant, controls: Sequence[str], gain: Array
-) -> tuple["control.StateSpace", "control.StateSpace"]:
+def _loops(plant: Plant, controls: Sequence[str], gain: Array) -> tuple["control.StateSpace", "control.StateSpace"]:
     """Return the loop closed by ``u = -F x``: to the outputs, and to the controls."""
     B, D = plant.columns(controls)
     entering = plant.other_inputs(controls) or tuple(controls)

@@ -75,16 +75,15 @@ def plant_of(system: object) -> Plant:
     """
     import control
 
-    if isinstance(system, SecondOrderModel):
-        system = system.to_statespace()
-    if not isinstance(system, control.StateSpace):
+    given = system.to_statespace() if isinstance(system, SecondOrderModel) else system
+    if not isinstance(given, control.StateSpace):
         raise TypeError(f"system: expected SecondOrderModel or StateSpace, got {type(system).__name__}")
-    if not system.isctime():
-        raise ValueError(f"system: expected continuous time, got a sampling time of {system.dt:g} s")
-    if system.nstates == 0:
+    if not given.isctime():
+        raise ValueError(f"system: expected continuous time, got a sampling time of {given.dt:g} s")
+    if given.nstates == 0:
         raise ValueError("system: expected at least one state, got a static gain")
-    A, B, C, D = (finite_array(f"{name} of the system", getattr(system, name)) for name in "ABCD")
-    labels: Any = system
+    A, B, C, D = (finite_array(f"{name} of the system", getattr(given, name)) for name in "ABCD")
+    labels: Any = given
     return Plant(A, B, C, D, tuple(labels.input_labels), tuple(labels.output_labels), tuple(labels.state_labels))
 
 
@@ -103,9 +102,7 @@ def named_system(
     return control.ss(A, B, C, D, inputs=ins, outputs=outs, name=name, states=list(states) if states else None)
 
 
-def static_gain(
-    gain: Array, inputs: Sequence[str], outputs: Sequence[str], name: str
-) -> "control.StateSpace":
+def static_gain(gain: Array, inputs: Sequence[str], outputs: Sequence[str], name: str) -> "control.StateSpace":
     """Return a gain without states as a named system."""
     m, n = gain.shape
     return named_system((np.zeros((0, 0)), np.zeros((0, n)), np.zeros((m, 0)), gain), inputs, outputs, name)

@@ -6,21 +6,22 @@ SLICOT SB02MD) in modal coordinates scaled so that each mode is as easy to move 
 them all: the certificate is computed there nevertheless, apart from the solver.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, Complex, Indices
+from boomctl.arrays import Array, Complex, Flags, Indices
 from boomctl.synthesis.errors import SynthesisError
 
 __all__ = ["RiccatiCertificate", "RiccatiProblem", "RiccatiSolution", "solve_riccati"]
 
 _CONDITION = 1e10
 _STEPS = 12
+_POLISHING = 3
 _GOAL = 1e-12
 _FLOOR = 1e-12
-_BACKWARD = 1e-9
+_BACKWARD = 1e-8
 _COST = 1e-4
 _TINY = float(np.finfo(float).tiny)
 
@@ -46,6 +47,11 @@ class RiccatiProblem:
     def gain(self, X: Array) -> Array:
         """Return ``F = R^-1 (B^T X + N^T)``, for ``u = -F x``."""
         return linalg.solve(self.R, self.B.T @ X + self.N.T, assume_a="pos")
+
+    def drop(self, X: Array) -> Array:
+        """Return ``(X B + N) R^-1 (X B + N)^T``, what control takes off the cost."""
+        half = linalg.solve_triangular(linalg.cholesky(self.R, lower=True), self.B.T @ X + self.N.T, lower=True)
+        return half.T @ half
 
 
 @dataclass(frozen=True)
@@ -84,17 +90,47 @@ class RiccatiSolution:
 def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> RiccatiSolution:
     """Return the stabilising solution.
 
+    Stable states from which no path leads to the weight cost nothing: they are left out, and ``X`` is zero there.
+
     Raises
     ------
     SynthesisError
         None was found, or the best one found fails its certificate.
     """
+    kept = _weighted_states(problem)
+    inside, others = np.ix_(kept, kept), np.ix_(~kept, ~kept)
+    if kept.all() or np.real(linalg.eigvals(problem.A[others])).max() >= 0.0:
+        return _solution(problem, what)
+    n, m = problem.B.shape
+    X, F = np.zeros((n, n)), np.zeros((m, n))
+    poles = np.asarray(linalg.eigvals(problem.A[others]))
+    if not kept.any():
+        return RiccatiSolution(X, F, poles, RiccatiCertificate(0.0, 0.0, 0.0, float(poles.real.max())))
+    part = RiccatiProblem(problem.A[inside], problem.B[kept], problem.Q[inside], problem.R, problem.N[kept])
+    found = _solution(part, what)
+    X[inside], F[:, kept] = found.X, found.gain
+    poles = np.concatenate([found.poles, poles])
+    return RiccatiSolution(X, F, poles, replace(found.certificate, abscissa=float(poles.real.max())))
+
+
+def _weighted_states(problem: RiccatiProblem) -> Flags:
+    """Return which states have a path to the weight, judged by the zeros of the matrices."""
+    seen = (problem.Q != 0.0).any(axis=1) | (problem.N != 0.0).any(axis=1)
+    links = problem.A != 0.0
+    while True:
+        more = seen | links[seen].any(axis=0)
+        if (more == seen).all():
+            return seen
+        seen = more
+
+
+def _solution(problem: RiccatiProblem, what: str) -> RiccatiSolution:
     best: RiccatiSolution | None = None
     for T, inverse in _coordinates(problem):
         X = _solved(problem, T, inverse)
         if X is None:
             continue
-        found = _certified(problem, X)
+        found = _polished(problem, X)
         if best is None or _rank(found.certificate) < _rank(best.certificate):
             best = found
         if _sound(best.certificate, 1e-2):
@@ -202,37 +238,53 @@ def _refined(own: RiccatiProblem, X: Array) -> Array | None:
 
 def newton_step(problem: RiccatiProblem, X: Array) -> tuple[Array | None, Complex]:
     """Return the change of ``X`` that Newton's method makes (None where ``X`` does not stabilise) and the poles."""
-    F = problem.gain(X)
-    closed = problem.A - problem.B @ F
+    closed = problem.A - problem.B @ problem.gain(X)
     T, Z = linalg.schur(closed, output="complex")
-    poles = np.diag(T)
+    poles = np.asarray(np.diag(T), dtype=complex)
     if poles.real.max(initial=-1.0) >= 0.0:
         return None, poles
     half = problem.A.T @ X
-    residual = half + half.T + problem.Q - F.T @ problem.R @ F
+    residual = half + half.T + problem.Q - problem.drop(X)
     solve = linalg.get_lapack_funcs("trsyl", (T,))
     Y, scale, _ = solve(T, T, -(Z.conj().T @ _even(residual) @ Z), trana="C")
     return _even(np.real(Z @ (Y / scale) @ Z.conj().T)), poles
 
 
-def _certified(problem: RiccatiProblem, X: Array) -> RiccatiSolution:
-    F = problem.gain(X)
-    closed = problem.A - problem.B @ F
-    poles = linalg.eigvals(closed)
-    half, drop = problem.A.T @ X, F.T @ problem.R @ F
+def _polished(problem: RiccatiProblem, X: Array) -> RiccatiSolution:
+    """Return a certified solution after Newton steps in the coordinates of the problem, as long as they help."""
+    best, step = _certified(problem, X)
+    for _ in range(_POLISHING):
+        if step is None or _sound(best.certificate, 1e-5):
+            break
+        found, step = _certified(problem, _even(best.X + step))
+        if _rank(found.certificate) >= _rank(best.certificate):
+            break
+        best = found
+    return best
+
+
+def _certified(problem: RiccatiProblem, X: Array) -> tuple[RiccatiSolution, Array | None]:
+    """Return a solution with its certificate, and the Newton step from there."""
+    half, drop = problem.A.T @ X, problem.drop(X)
     residual = half + half.T + problem.Q - drop
     terms = max(float(np.linalg.norm(term)) for term in (half, drop, problem.Q))
-    sizes = np.abs(problem.A.T) @ np.abs(X)
-    entry = np.diag(sizes + sizes.T + np.abs(problem.Q) + np.abs(F.T) @ np.abs(problem.R) @ np.abs(F))
+    entry = _sizes(problem, X)
     allowed = np.sqrt(np.outer(entry, entry))
-    step, _ = newton_step(problem, X)
+    step, poles = newton_step(problem, X)
     certificate = RiccatiCertificate(
         residual=float(np.linalg.norm(residual)) / max(terms, _TINY),
         backward_error=float((np.abs(residual) / np.maximum(allowed, _TINY)).max(initial=0.0)),
         cost_error=np.inf if step is None else _scaled(step, X),
         abscissa=float(poles.real.max(initial=-np.inf)),
     )
-    return RiccatiSolution(X, F, poles, certificate)
+    return RiccatiSolution(X, problem.gain(X), poles, certificate), step
+
+
+def _sizes(problem: RiccatiProblem, X: Array) -> Array:
+    """Return the sums of the sizes of the products that make up each diagonal entry of the residual."""
+    F = np.abs(problem.gain(X))
+    stored = np.einsum("ji,ji->i", np.abs(problem.A), np.abs(X))
+    return 2.0 * stored + np.abs(np.diag(problem.Q)) + np.einsum("ji,jk,ki->i", F, np.abs(problem.R), F)
 
 
 def _scaled(step: Array, X: Array) -> float:
