@@ -35,6 +35,12 @@ _HOME = {
     "high_pass": "boomctl.synthesis",
     "band_pass": "boomctl.synthesis",
     "shelf": "boomctl.synthesis",
+    "lqr": "boomctl.synthesis",
+    "kalman": "boomctl.synthesis",
+    "lqg": "boomctl.synthesis",
+    "loop_transfer_recovery": "boomctl.synthesis",
+    "h2": "boomctl.synthesis",
+    "discretize": "boomctl.synthesis",
 }
 
 __all__ = [*_HOME, "__version__"]
