@@ -5,8 +5,9 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from boomctl.checks import known
 from boomctl.suspension.design import SuspensionDesign
+
+from boomctl.checks import known
 
 __all__ = ["design_names", "load_design"]
 

@@ -12,6 +12,7 @@ from boomctl.synthesis.lqr import LqrResult, lqr
 from boomctl.synthesis.recovery import RecoveryResult, loop_transfer_recovery
 from boomctl.synthesis.result import HInfinityCertificate, HInfinityResult
 from boomctl.synthesis.symmetric import join_symmetric
+from boomctl.synthesis.units import from_units, in_units
 from boomctl.synthesis.weights import band_pass, high_pass, low_pass, shelf
 
 __all__ = [
@@ -26,10 +27,12 @@ __all__ = [
     "band_pass",
     "close_loop",
     "discretize",
+    "from_units",
     "generalized_plant",
     "h2",
     "h_infinity",
     "high_pass",
+    "in_units",
     "join_symmetric",
     "kalman",
     "loop_transfer_recovery",
