@@ -24,6 +24,12 @@ _HOME = {
     "hold": "boomctl.hub_beam",
     "free": "boomctl.hub_beam",
     "reduce": "boomctl.reduction",
+    "simulate_loop": "boomctl.simulation",
+    "forced_response": "boomctl.simulation",
+    "CoulombFriction": "boomctl.simulation",
+    "describing_function": "boomctl.simulation",
+    "swept_sine": "boomctl.simulation",
+    "sine_sigma": "boomctl.simulation",
 }
 
 __all__ = [*_HOME, "__version__"]
