@@ -108,7 +108,9 @@ def forced_response(
         modal = modal_plant(plant)
         rows = disturbance_rows(signals, modal.inputs, (), len(time))
         read = names("output", outputs, modal.outputs)
-        found = lifted_response(modal.step(h), modal.C, modal.D, rows)[[modal.outputs.index(name) for name in read]]
+        found = lifted_response(modal.step(h).of_signals, modal.C, modal.D, rows)[
+            [modal.outputs.index(name) for name in read]
+        ]
         return ForcedResponse(time, dict(zip(read, found, strict=True)), _given(signals), 0.0, len(modal.A))
     for name in signals:
         known("signal", name, plant.inputs)
@@ -161,10 +163,10 @@ def _structure_response(
         plant = of_matrices(linear.A, linear.B, linear.C, linear.D + rest, small.inputs, small.outputs)
         count = len(plant.C)
         if small.n == model.n:
-            y = lifted_response(plant.step(h), plant.C, plant.D, U)
+            y = lifted_response(plant.step(h).of_signals, plant.C, plant.D, U)
             return y, np.zeros(count), model.n
         C, D = _witness(plant)
-        both = lifted_response(plant.step(h), np.vstack([plant.C, C]), np.vstack([plant.D, D]), U)
+        both = lifted_response(plant.step(h).of_signals, np.vstack([plant.C, C]), np.vstack([plant.D, D]), U)
         y, lacking = both[:count], np.abs(both[count:]).max(axis=1)
         if (lacking <= accuracy * np.abs(y).max(axis=1)).all():
             return y, lacking, modes
