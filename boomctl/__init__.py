@@ -62,6 +62,10 @@ _HOME = {
     "loop_transfer_recovery": "boomctl.synthesis",
     "h2": "boomctl.synthesis",
     "discretize": "boomctl.synthesis",
+    "forced_response": "boomctl.simulation",
+    "describing_function": "boomctl.simulation",
+    "swept_sine": "boomctl.simulation",
+    "sine_sigma": "boomctl.simulation",
 }
 
 __all__ = [*_HOME, "__version__"]

@@ -74,7 +74,7 @@ class Contacts:
     stop_maps: StopMaps | None
 
 
-def contact_at(plant: ModalPlant, maps: StepMaps, output: str, input: str, driven: tuple[str, ...] = ()) -> Contact:
+def contact_at(plant: ModalPlant, maps: StepMaps, output: str, force: str, driven: tuple[str, ...] = ()) -> Contact:
     """Return the contact of a displacement output with a force input.
 
     Raises
@@ -84,7 +84,7 @@ def contact_at(plant: ModalPlant, maps: StepMaps, output: str, input: str, drive
         all, or against itself; a control moves the displacement at once.
     """
     o = plant.outputs.index(known("output of a contact", output, plant.outputs))
-    i = plant.inputs.index(known("input of a contact", input, plant.inputs))
+    i = plant.inputs.index(known("input of a contact", force, plant.inputs))
     row, column = plant.C[o], plant.B[:, i]
     velocity = row @ plant.A
     through = np.vstack([plant.D[o], row @ plant.B])
@@ -94,13 +94,13 @@ def contact_at(plant: ModalPlant, maps: StepMaps, output: str, input: str, drive
     if through[:, i].any() or gain <= 0.0:
         why = "there is no inertia between them" if through[:, i].any() else f"a unit force adds {gain:.3g} m/s to it"
         raise ValueError(
-            f"contact at output {output!r} through input {input!r}: expected a displacement on which that force does "
+            f"contact at output {output!r} through input {force!r}: expected a displacement on which that force does "
             f"work; {why}"
         )
     for name in driven:
         if through[0, plant.inputs.index(name)]:
             raise ValueError(f"contact at output {output!r}: the control {name!r} moves it at once, in jumps")
-    return Contact(output, input, row, velocity, through, through[0], column, maps.held[:, i], gain)
+    return Contact(output, force, row, velocity, through, through[0], column, maps.held[:, i], gain)
 
 
 def stop_places(limit: StrokeLimit, plant: ModalPlant) -> list[tuple[str, str, float]]:

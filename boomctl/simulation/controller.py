@@ -126,7 +126,7 @@ def conditioning_gain(A: Array, B: Array, C: Array, D: Array) -> Array:
     Q = B @ B.T
     Q = Q + _REGULAR * np.linalg.norm(Q) * np.eye(len(A))
     S = B @ D.T
-    own = float(np.abs(np.linalg.eigvals(A)).max())
+    own, gain = float(np.abs(np.linalg.eigvals(A)).max()), np.zeros((len(A), len(C)))
     try:
         P = linalg.solve_discrete_are(A.T, C.T, Q, R, s=S)
         gain = np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T + S.T).T
@@ -136,7 +136,7 @@ def conditioning_gain(A: Array, B: Array, C: Array, D: Array) -> Array:
     if corrected < 1.0:
         return gain
     if own < 1.0:
-        return np.zeros((len(A), len(C)))
+        return np.zeros_like(gain)
     raise ValueError(
         f"anti_windup = True: no gain corrects the controller's state where it saturates (its largest pole, {own:.6g}, "
         f"lies on or outside the unit circle and is hardly seen at its output); pass anti_windup=False"

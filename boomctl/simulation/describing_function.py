@@ -8,7 +8,7 @@ damping ``4 F/(pi omega A)`` at the slip amplitude ``A``.  With the plant's rece
 Source: Den Hartog (1931) for the damper, Gelb & Vander Velde (1968) for the method.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -46,7 +46,8 @@ class SineResponse:
     inputs, outputs : tuple of str
         Excited and read signals.
     settled : (n,) ndarray
-        Change of the response over the last period, relative to its size; 0 for a harmonic balance.
+        Change of the response from the last but one window of periods to the last, relative to its size; 0 for a
+        harmonic balance.
     """
 
     omega: Array
@@ -80,11 +81,10 @@ def receptances(
     plant: "SecondOrderModel | control.StateSpace", omega: Array, inputs: Sequence[str], outputs: Sequence[str]
 ) -> Complex:
     """Return the frequency response of some signals, (outputs, inputs, frequencies)."""
-    if isinstance(plant, SecondOrderModel):
-        found: Callable[..., control.FrequencyResponseData] = plant.frequency_response
-        return np.asarray(found(omega, inputs=list(inputs), outputs=list(outputs)).frdata)
     import control
 
+    if isinstance(plant, SecondOrderModel):
+        return np.asarray(plant.frequency_response(omega, inputs=list(inputs), outputs=list(outputs)).frdata)
     if not isinstance(plant, control.StateSpace):
         raise TypeError(f"plant: expected control.StateSpace or SecondOrderModel, got {type(plant).__name__}")
     ins, outs = tuple(plant.input_labels), tuple(plant.output_labels)

@@ -79,6 +79,11 @@ class StepMaps:
     last: Array
 
     @property
+    def of_signals(self) -> tuple[Array, Array, Array]:
+        """``Phi``, ``first`` and ``last``."""
+        return self.Phi, self.first, self.last
+
+    @property
     def held(self) -> Array:
         """What an input held over the whole step adds."""
         return self.before + self.after if self.before.any() else self.after

@@ -11,7 +11,7 @@ from boomctl.simulation.controller import SampledController
 from boomctl.simulation.plant import ModalPlant, StepMaps
 from boomctl.simulation.signals import TimeGrid
 
-__all__ = ["ControlLog", "LoopProblem", "control_log", "run_smooth", "sampler"]
+__all__ = ["ControlLog", "LoopProblem", "Sampler", "control_log", "march", "run_smooth", "sampler"]
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,20 @@ def control_log(p: LoopProblem) -> ControlLog:
     return ControlLog(np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool))
 
 
-def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
-    """Return the function that takes sample ``k`` of the controller from ``[states, control]`` and writes it down."""
+@dataclass(frozen=True)
+class Sampler:
+    """A controller at work: ``sample(k, [states, control])`` takes a sample and writes it down.
+
+    ``state`` is the controller's state and ``last`` the control given last; both may be overwritten.
+    """
+
+    sample: Callable[[int, Array], None]
+    state: Array
+    last: list[float]
+
+
+def sampler(p: LoopProblem, log: ControlLog) -> Sampler:
+    """Return a controller at work, its state and the control given last at zero."""
     c, plant = p.controller, p.plant
     ny, nu = len(c.measured), len(c.driven)
     reads = np.hstack([plant.C[c.measured], plant.D[np.ix_(c.measured, c.driven)]])
@@ -109,7 +121,7 @@ def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
             given[k] = u
         state[:] = following
 
-    return sample
+    return Sampler(sample, state, last)
 
 
 def _limited(u: Array, k: int, force: list[float], rate: list[float], last: list[float], log: ControlLog) -> bool:
@@ -128,23 +140,36 @@ def _limited(u: Array, k: int, force: list[float], rate: list[float], last: list
 
 
 def run_smooth(p: LoopProblem, log: ControlLog) -> Array:
-    """Step a loop without contacts and return the modal states at each step, (steps + 1, n)."""
-    n, nu, per_sample, lag = len(p.plant.A), len(p.controller.driven), p.grid.per_sample, p.lag
-    stepper, forcing, sample = p.stepper, p.forcing, sampler(p, log)
+    """Step a loop without contacts and return ``C`` times the modal states at each step, (outputs, steps + 1)."""
+    n = len(p.plant.A)
     X = np.zeros((p.grid.steps + 1, n))
     X[0] = p.start
+    march(p, log, sampler(p, log), X, (0, p.grid.steps), p.stepper, p.forcing)
+    return p.plant.C @ X.T
+
+
+def march(
+    p: LoopProblem, log: ControlLog, taken: Sampler, X: Array, span: tuple[int, int], stepper: Array, forcing: Array
+) -> None:
+    """Step from ``span[0]``, whose states stand in ``X[0]``, to ``span[1]``, writing the states after each into ``X``.
+
+    ``forcing`` begins with the first step of the span.
+    """
+    n, nu, per_sample, lag = len(p.plant.A), len(p.controller.driven), p.grid.per_sample, p.lag
     full = np.zeros(n + 2 * nu)
     states, before, after, heard = full[:n], full[n : n + nu], full[n + nu :], full[: n + nu]
-    states[:] = p.start
-    given = log.given
-    for k in range(p.grid.steps):
+    states[:] = X[0]
+    given, sample, start = log.given, taken.sample, span[0]
+    if start > lag:
+        before[:] = given[(start - 1 - lag) // per_sample]
+    after[:] = before
+    for k in range(start, span[1]):
         if k % per_sample == 0:
             sample(k // per_sample, heard)
         if k >= lag:
             after[:] = given[(k - lag) // per_sample]
-        row = X[k + 1]
+        row = X[k - start + 1]
         np.dot(stepper, full, out=row)
-        row += forcing[k]
+        row += forcing[k - start]
         states[:] = row
         before[:] = after
-    return X
