@@ -75,7 +75,7 @@ def plant_of(system: object) -> Plant:
     """
     import control
 
-    given = system.to_statespace() if isinstance(system, SecondOrderModel) else system
+    given: Any = system.to_statespace() if isinstance(system, SecondOrderModel) else system
     if not isinstance(given, control.StateSpace):
         raise TypeError(f"system: expected SecondOrderModel or StateSpace, got {type(system).__name__}")
     if not given.isctime():

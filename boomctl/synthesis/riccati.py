@@ -99,18 +99,18 @@ def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> Ri
     """
     kept = _weighted_states(problem)
     inside, others = np.ix_(kept, kept), np.ix_(~kept, ~kept)
-    if kept.all() or np.real(linalg.eigvals(problem.A[others])).max() >= 0.0:
+    if kept.all() or _abscissa(linalg.eigvals(problem.A[others])) >= 0.0:
         return _solution(problem, what)
     n, m = problem.B.shape
     X, F = np.zeros((n, n)), np.zeros((m, n))
     poles = np.asarray(linalg.eigvals(problem.A[others]))
     if not kept.any():
-        return RiccatiSolution(X, F, poles, RiccatiCertificate(0.0, 0.0, 0.0, float(poles.real.max())))
+        return RiccatiSolution(X, F, poles, RiccatiCertificate(0.0, 0.0, 0.0, _abscissa(poles)))
     part = RiccatiProblem(problem.A[inside], problem.B[kept], problem.Q[inside], problem.R, problem.N[kept])
     found = _solution(part, what)
     X[inside], F[:, kept] = found.X, found.gain
     poles = np.concatenate([found.poles, poles])
-    return RiccatiSolution(X, F, poles, replace(found.certificate, abscissa=float(poles.real.max())))
+    return RiccatiSolution(X, F, poles, replace(found.certificate, abscissa=_abscissa(poles)))
 
 
 def _weighted_states(problem: RiccatiProblem) -> Flags:
@@ -241,7 +241,7 @@ def newton_step(problem: RiccatiProblem, X: Array) -> tuple[Array | None, Comple
     closed = problem.A - problem.B @ problem.gain(X)
     T, Z = linalg.schur(closed, output="complex")
     poles = np.asarray(np.diag(T), dtype=complex)
-    if poles.real.max(initial=-1.0) >= 0.0:
+    if _abscissa(poles) >= 0.0:
         return None, poles
     half = problem.A.T @ X
     residual = half + half.T + problem.Q - problem.drop(X)
@@ -260,7 +260,8 @@ def _polished(problem: RiccatiProblem, X: Array) -> RiccatiSolution:
         if _rank(found.certificate) >= _rank(best.certificate):
             break
         best = found
-    return best
+    poles = np.asarray(linalg.eigvals(problem.A - problem.B @ best.gain))
+    return replace(best, poles=poles, certificate=replace(best.certificate, abscissa=_abscissa(poles)))
 
 
 def _certified(problem: RiccatiProblem, X: Array) -> tuple[RiccatiSolution, Array | None]:
@@ -275,7 +276,7 @@ def _certified(problem: RiccatiProblem, X: Array) -> tuple[RiccatiSolution, Arra
         residual=float(np.linalg.norm(residual)) / max(terms, _TINY),
         backward_error=float((np.abs(residual) / np.maximum(allowed, _TINY)).max(initial=0.0)),
         cost_error=np.inf if step is None else _scaled(step, X),
-        abscissa=float(poles.real.max(initial=-np.inf)),
+        abscissa=_abscissa(poles),
     )
     return RiccatiSolution(X, problem.gain(X), poles, certificate), step
 
@@ -292,6 +293,10 @@ def _scaled(step: Array, X: Array) -> float:
     size = np.sqrt(np.maximum(np.diag(X), 0.0))
     inverse = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
     return float(np.linalg.norm(step * np.outer(inverse, inverse), 2)) if len(X) else 0.0
+
+
+def _abscissa(poles: Complex) -> float:
+    return float(np.max(np.real(poles)))
 
 
 def _even(matrix: Array) -> Array:
