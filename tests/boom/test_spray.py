@@ -267,7 +267,11 @@ STILL = np.zeros((24, 1000))
         ({"speed": 0.0}, ValueError, r"speed = 0\.0: expected a number greater than zero"),
         ({"speed": -2.0}, ValueError, r"speed = -2\.0"),
         ({"speed": 0.001}, ValueError, "too short for a cell to be judged"),
-        ({"displacement": 1e6 * T * np.ones((24, 1))}, ValueError, "displacement: nozzles travel 1e.07 m over 1e.07 m"),
+        (
+            {"displacement": 1e6 * T * np.ones((24, 1))},
+            ValueError,
+            r"displacement: nozzles travel 9\.99e.06 m over 9\.99e.06 m",
+        ),
         ({"cell": 1e-7}, ValueError, "too much for cells of 1e-07 by 1e-07 m"),
         ({"cell": 0.0}, ValueError, r"cell = 0\.0"),
         ({"cell": (0.1, np.nan)}, ValueError, "cell = nan"),
