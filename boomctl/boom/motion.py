@@ -108,8 +108,8 @@ def platform_motion(
     Parameters
     ----------
     track : Track
-        A periodic one is driven on before, until the motion is stationary; a level start otherwise finds the tractor at rest,
-        its rear axle at the beginning of the track.
+        A periodic one is driven on before, until the motion is stationary; on another the tractor starts from
+        equilibrium, its rear axle at the beginning of the track.
     tractor : TractorParameters, optional
     speed : float
         [m/s]
@@ -146,15 +146,19 @@ def platform_motion(
     count = round(wanted / h)
     if count < 1:
         raise ValueError(f"sample_time = {h:g}: expected less than the duration, {wanted:g} s")
+    finest = max(0.25 * p.contact_length, track.step)
+    if V * h > finest * (1.0 + 1e-9):
+        raise ValueError(
+            f"sample_time = {h:g}: expected at most {finest / V:g} s, a quarter of a tyre's contact length"
+        )
     slowest = -float(np.linalg.eigvals(system.A).real.max())
     before = int(np.ceil(-np.log(_SETTLED) / (slowest * h))) if track.periodic and slowest > 1e-9 else 0
     distance = V * h * np.arange(-before, count + 1)
     ground = np.vstack([track.heights(distance + p.wheelbase), track.heights(distance)])
-    if not track.periodic:
-        ground -= ground[:, :1]
     from boomctl.structure.sampled import linear_hold_response
 
-    moved = linear_hold_response(system, ground, h)[:, before:]
+    rest = -np.linalg.lstsq(system.A, system.B @ ground[:, 0], rcond=None)[0]
+    moved = linear_hold_response(system, ground, h, rest)[:, before:]
     return PlatformMotion(h * np.arange(count + 1), moved[0], moved[1], float(actuator_distance))
 
 

@@ -5,10 +5,12 @@ triangle (or a box), along the driving direction a box; both are stated in :clas
 in closed form for paths that run straight between samples, and averaged over the cells of a grid on the ground, so that
 nothing is lost or made.  Where a nozzle moves back over the ground (``y' < -V``) its passes add up.
 
-Ramon & De Baerdemaeker (1997): the dose under a point footprint is ``1/(1 + y'/V)`` times the nominal one.
+Under a point footprint the dose is ``1/(1 + y'/V)`` times the nominal one; small motion varies it by ``sigma(y')/V``.
 """
 
 from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +23,7 @@ from boomctl.checks import finite_array, known, nonnegative, positive
 __all__ = ["Footprint", "SprayResult", "nozzle_positions", "split_motion", "spray_by_motion", "spray_deposit"]
 
 _SHAPES = ("triangle", "box")
+_MOST_CELLS = 20_000_000
 
 
 @dataclass(frozen=True)
@@ -67,14 +70,6 @@ class SprayResult:
     x_judged, y_judged : slice
         Cells that figures speak of: between the outermost nozzles, where all neighbours spray, and away from the ends of
         the run, on ground that no nozzle met outside the record (if it moved there no further than within it).
-    cv : float
-        Standard deviation over mean.
-    share_outside_10, share_outside_20 : float
-        Share of the cells more than 10 and 20 % off the nominal deposit.
-    lowest_dose, highest_dose : float
-        Over the nominal one.
-    mean_dose : float
-        Over the nominal one.
     rms_tip_speed : float
         RMS of ``y'`` at the outermost points given, the larger one of both [m/s].
     speed : float
@@ -87,12 +82,6 @@ class SprayResult:
     y_edges: Array
     x_judged: slice
     y_judged: slice
-    cv: float
-    share_outside_10: float
-    share_outside_20: float
-    lowest_dose: float
-    highest_dose: float
-    mean_dose: float
     rms_tip_speed: float
     speed: float
     footprint: Footprint
@@ -101,6 +90,44 @@ class SprayResult:
     def judged(self) -> Array:
         """The cells that figures speak of."""
         return self.deposit[self.x_judged, self.y_judged]
+
+    @property
+    def cv(self) -> float:
+        """Coefficient of variation of the deposit: standard deviation over mean."""
+        return float(self.judged.std() / self.judged.mean())
+
+    @property
+    def mean_dose(self) -> float:
+        """Mean deposit over the nominal one; off one by how far the boom moved ahead or back over the run."""
+        return float(self.judged.mean())
+
+    @property
+    def share_outside_10(self) -> float:
+        """Share of the field with more than 10 % off the nominal deposit."""
+        return self.share_outside(0.1)
+
+    @property
+    def share_outside_20(self) -> float:
+        """Share of the field with more than 20 % off the nominal deposit."""
+        return self.share_outside(0.2)
+
+    def share_outside(self, tolerance: float) -> float:
+        """Return the share of the field with more than ``tolerance`` off the nominal deposit, 0.1 for 10 %."""
+        return float((np.abs(self.judged - 1.0) > nonnegative("tolerance", tolerance)).mean())
+
+    @property
+    def lowest_dose(self) -> float:
+        """Least deposit of a cell over the nominal one."""
+        return float(self.judged.min())
+
+    @property
+    def highest_dose(self) -> float:
+        """Largest deposit of a cell over the nominal one."""
+        return float(self.judged.max())
+
+    def plot(self) -> Any:
+        """Draw the deposit on the field; see :func:`boomctl.plotting.draw_deposit`."""
+        return import_module("boomctl.plotting").draw_deposit({"deposit": self})
 
     @property
     def relative_tip_speed(self) -> float:
@@ -160,7 +187,7 @@ def spray_deposit(
     ------
     TypeError, ValueError
         Shapes that do not fit, values that are not finite, times not equally spaced, nozzles outside the points or not
-        equally spaced, a run too short for one cell to be judged.
+        equally spaced, a run too short for one cell to be judged, a motion too large for the size of the cells.
     """
     t, x, moved = _points(time, displacement, positions)
     V = positive("speed", speed)
@@ -168,37 +195,29 @@ def spray_deposit(
     spacing = _spacing(at)
     pattern = Footprint(2.0 * spacing) if footprint is None else footprint
     dx, dy = (positive("cell", c) for c in (cell if isinstance(cell, tuple) else (cell, cell)))
-    path = _between(x, moved, at) + V * (t - t[0])
+    offset, driven = _between(x, moved, at), V * (t - t[0])
+    path, half = offset + driven, 0.5 * pattern.thickness
     x_edges = _edges(at[0] - 0.5 * pattern.width, at[-1] + 0.5 * pattern.width, dx, origin=at[0])
-    y_edges = _edges(path.min() - 0.5 * pattern.thickness, path.max() + 0.5 * pattern.thickness, dy)
-    shares = np.diff(pattern.share_below(x_edges[:, None] - at), axis=0) * (spacing / np.diff(x_edges)[:, None])
+    _check_size(path, (dx, dy), len(x_edges))
+    y_edges = _edges(path.min() - half, path.max() + half, dy)
+    shares = np.diff(pattern.share_below(x_edges[:, None] - at), axis=0) * (spacing / dx)
     stays = np.array([np.diff(_stay_below(y_edges, line, t, pattern.thickness)) for line in path])
-    deposit = shares @ stays * (V / dy)
-    tips = np.sqrt(np.mean((np.diff(moved[[0, -1]]) / np.diff(t)) ** 2, axis=1)).max()
-    offset = path - V * (t - t[0])
-    first = offset.max() + 0.5 * pattern.thickness
-    last = V * (t[-1] - t[0]) + offset.min() - 0.5 * pattern.thickness
-    across, along = _within(x_edges, at[0], at[-1]), _within(y_edges, first, last)
-    judged = deposit[across, along]
-    if not judged.size:
+    across = _within(x_edges, at[0], at[-1])
+    along = _within(y_edges, offset.max() + half, driven[-1] + offset.min() - half)
+    if across.start == across.stop or along.start == along.stop:
         raise ValueError(f"time: the run of {t[-1] - t[0]:g} s is too short for a cell to be judged")
-    off = np.abs(judged - 1.0)
-    return SprayResult(
-        deposit,
-        x_edges,
-        y_edges,
-        across,
-        along,
-        float(judged.std() / judged.mean()),
-        float((off > 0.1).mean()),
-        float((off > 0.2).mean()),
-        float(judged.min()),
-        float(judged.max()),
-        float(judged.mean()),
-        float(tips),
-        V,
-        pattern,
-    )
+    tips = np.sqrt(np.mean((np.diff(moved[[0, -1]]) / np.diff(t)) ** 2, axis=1)).max()
+    return SprayResult(shares @ stays * (V / dy), x_edges, y_edges, across, along, float(tips), V, pattern)
+
+
+def _check_size(path: Array, cell: tuple[float, float], columns: int) -> None:
+    """Refuse motions that would need more cells than memory holds, as those of an unstable loop do."""
+    extent, way = np.ptp(path), np.abs(np.diff(path)).sum(axis=1).max()
+    if extent / cell[1] * columns > _MOST_CELLS or way / cell[1] > _MOST_CELLS:
+        raise ValueError(
+            f"displacement: nozzles travel {way:.3g} m over {extent:.3g} m of ground, too much for cells of"
+            f" {cell[0]:g} by {cell[1]:g} m"
+        )
 
 
 def split_motion(displacement: ArrayLike, positions: ArrayLike) -> tuple[Array, Array]:
