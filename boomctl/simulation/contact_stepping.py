@@ -58,7 +58,7 @@ def _motion(p: LoopProblem, contacts: Contacts) -> _Motion:
 def run_contact(p: LoopProblem, log: ControlLog, contacts: Contacts) -> tuple[Array, ContactLog]:
     """Step a loop with contacts; return ``C`` times the modal states at the given times, and what contacts did."""
     n, nu, per_sample, per_point = len(p.plant.A), len(p.controller.driven), p.grid.per_sample, p.grid.per_point
-    stepper, forcing, sample, motion = p.stepper, p.forcing, sampler(p, log).sample, _motion(p, contacts)
+    stepper, forcing, sample, motion = p.stepper, p.forcing, sampler(p, log), _motion(p, contacts)
     kept = ContactLog(np.zeros(p.grid.steps), np.zeros(p.grid.steps), np.zeros(p.grid.steps), [])
     X = np.zeros((len(p.grid.time), n))
     X[0] = p.start

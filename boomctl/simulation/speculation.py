@@ -11,7 +11,7 @@ import numpy as np
 
 from boomctl.arrays import Array, Flags
 from boomctl.simulation.lifted import Lifted, recursion_without_lead
-from boomctl.simulation.stepping import ControlLog, LoopProblem, Sampler, march, run_smooth, sampler
+from boomctl.simulation.stepping import ControlLog, LoopProblem, limited, run_smooth
 
 __all__ = ["run_fast"]
 
@@ -25,6 +25,7 @@ class _Linear:
     """The loop without limits: states ``[plant, controls given last .. first, controller]``.
 
     ``z+ = Phi z + first d + last d+``; outputs are ``C x`` of the plant, the controls asked for, and their changes.
+    ``mend`` is what each control given beyond the one asked for adds to ``z+``.
     """
 
     Phi: Array
@@ -32,7 +33,7 @@ class _Linear:
     last: Array
     C: Array
     D: Array
-    queue: int
+    mend: Array
 
 
 def run_fast(p: LoopProblem, log: ControlLog) -> Array:
@@ -71,7 +72,11 @@ def _linear_loop(p: LoopProblem) -> _Linear:
     moving = np.zeros((len(plant.C), size))
     moving[:, x] = plant.C
     C = np.vstack([moving, U, change])
-    return _Linear(Phi, first, last, C, np.vstack([np.zeros((len(plant.C), m)), Ud, Ud]), queue)
+    mend = np.zeros((size, nu))
+    mend[n : n + nu], mend[state] = np.eye(nu), c.L
+    if not p.lag:
+        mend[x] = arriving
+    return _Linear(Phi, first, last, C, np.vstack([np.zeros((len(plant.C), m)), Ud, Ud]), mend)
 
 
 def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
@@ -97,7 +102,7 @@ def _blocks(
     p: LoopProblem, log: ControlLog, loop: _Linear, lifted: Lifted, columns: Array, last: Array
 ) -> tuple[Array, Flags, list[tuple[int, Array]]]:
     """Return the states (without lead) at the beginning of each block, which were clean, and the others' plant states."""
-    n, outputs, nu, steps = len(p.plant.A), len(p.plant.C), len(p.controller.driven), p.grid.steps
+    n, outputs, steps = len(p.plant.A), len(p.plant.C), p.grid.steps
     bound = np.concatenate([p.force, p.rate])
     watched = outputs + np.flatnonzero(np.isfinite(bound))
     seen = np.ascontiguousarray(lifted.seen[:, watched].transpose(1, 0, 2)).reshape(-1, lifted.seen.shape[2])
@@ -105,44 +110,67 @@ def _blocks(
     chosen = Lifted(lifted.size, lifted.seen, lifted.power, lifted.reached, lifted.pulse[watched])
     alone = np.ascontiguousarray(chosen.forced(columns).transpose(2, 0, 1).reshape(columns.shape[2], -1))
     pushed, lead = lifted.pushed(columns), (last @ columns[:, 0, :]).T
-    taken, stepper, stepped = sampler(p, log), p.stepper, []
     count = columns.shape[2]
     starts, clean = np.zeros((count, len(loop.Phi))), np.ones(count, dtype=bool)
     state = -lead[0]
     state[:n] += p.start
-    forcing: Array | None = None
+    walk, stepped = _Walk.of(p, loop), []
     for b in range(count):
         starts[b] = state
         k = b * lifted.size
         if len(watched) and k < steps and (np.abs(seen @ state + alone[b]) > limit).any():
-            forcing = p.forcing if forcing is None else forcing
             clean[b], end = False, min(k + lifted.size, steps)
-            rows = _step_through(p, log, taken, (k, end), state + lead[b], stepper, forcing[k:end])
-            stepped.append((k, rows[: end - k + (end == steps)]))
+            rows = walk.through(log, (k, end), state + lead[b])
+            stepped.append((k, rows[: end - k + (end == steps), :n]))
             if b + 1 < count:
-                state = _rejoined(p, log, taken.state, rows[-1], end) - lead[b + 1]
+                state = rows[-1] - lead[b + 1]
         else:
             state = lifted.power @ state + pushed[b]
     return starts, clean, stepped
 
 
-def _step_through(
-    p: LoopProblem, log: ControlLog, taken: Sampler, span: tuple[int, int], z: Array, stepper: Array, forcing: Array
-) -> Array:
-    """Step a block sample by sample from the loop's state and return the plant's states, (steps + 1, n)."""
-    n, nu = len(p.plant.A), len(p.controller.driven)
-    for j in range(min(p.lag + 1, span[0])):
-        log.given[span[0] - 1 - j] = z[n + j * nu : n + (j + 1) * nu]
-    taken.state[:] = z[n + (p.lag + 1) * nu :]
-    taken.last[:] = z[n : n + nu].tolist()
-    X = np.empty((span[1] - span[0] + 1, n))
-    X[0] = z[:n]
-    march(p, log, taken, X, span, stepper, forcing)
-    return X
+@dataclass(frozen=True)
+class _Walk:
+    """The loop sample by sample: one product a step, mended where a limit is met.
 
+    ``first`` and ``last`` are what the signals ``W`` add to ``[asked, z+]`` at the beginning and end of a step.
+    """
 
-def _rejoined(p: LoopProblem, log: ControlLog, controller: Array, plant: Array, k: int) -> Array:
-    """Return the loop's state at sample ``k`` from the plant's, the log's and the controller's."""
-    nothing = np.zeros(len(p.controller.driven))
-    queue = [log.given[k - 1 - j] if k - 1 - j >= 0 else nothing for j in range(p.lag + 1)]
-    return np.concatenate([plant, *queue, controller])
+    both: Array
+    first: Array
+    last: Array
+    mend: Array
+    W: Array
+    queue: int
+    force: list[float]
+    rate: list[float]
+
+    @classmethod
+    def of(cls, p: LoopProblem, loop: _Linear) -> "_Walk":
+        """Return the loop of a problem."""
+        outputs, nu = len(p.plant.C), len(p.controller.driven)
+        used = np.flatnonzero(p.W.any(axis=1))
+        asked = slice(outputs, outputs + nu)
+        first = np.vstack([loop.D[asked], loop.first])[:, used]
+        last = np.vstack([np.zeros_like(loop.D[asked]), loop.last])[:, used]
+        both = np.ascontiguousarray(np.vstack([loop.C[asked], loop.Phi]))
+        return cls(both, first, last, loop.mend, p.W[used], len(p.plant.A), p.force.tolist(), p.rate.tolist())
+
+    def through(self, log: ControlLog, span: tuple[int, int], z: Array) -> Array:
+        """Step from state ``z`` and return the loop's state at each step of the span, (steps + 1, states)."""
+        nu, n = self.mend.shape[1], len(z)
+        here = self.W[:, span[0] : span[1] + 1].T
+        forcing = here[:-1] @ self.first.T + here[1:] @ self.last.T
+        rows = np.empty((len(here), nu + n))
+        rows[0, nu:] = z
+        last = rows[0, nu + self.queue : nu + self.queue + nu].tolist()
+        for k, forced in enumerate(forcing):
+            row = rows[k + 1]
+            np.dot(self.both, rows[k, nu:], out=row)
+            row += forced
+            asked = row[:nu].tolist()
+            log.asked[span[0] + k] = asked
+            if limited(asked, span[0] + k, self.force, self.rate, last, log):
+                row[nu:] += self.mend @ np.subtract(last, asked)
+            log.given[span[0] + k] = last
+        return rows[:, nu:]

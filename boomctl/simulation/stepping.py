@@ -11,7 +11,7 @@ from boomctl.simulation.controller import SampledController
 from boomctl.simulation.plant import ModalPlant, StepMaps
 from boomctl.simulation.signals import TimeGrid
 
-__all__ = ["ControlLog", "LoopProblem", "Sampler", "control_log", "march", "run_smooth", "sampler"]
+__all__ = ["ControlLog", "LoopProblem", "control_log", "limited", "run_smooth", "sampler"]
 
 
 @dataclass(frozen=True)
@@ -79,20 +79,8 @@ def control_log(p: LoopProblem) -> ControlLog:
     return ControlLog(np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool))
 
 
-@dataclass(frozen=True)
-class Sampler:
-    """A controller at work: ``sample(k, [states, control])`` takes a sample and writes it down.
-
-    ``state`` is the controller's state and ``last`` the control given last; both may be overwritten.
-    """
-
-    sample: Callable[[int, Array], None]
-    state: Array
-    last: list[float]
-
-
-def sampler(p: LoopProblem, log: ControlLog) -> Sampler:
-    """Return a controller at work, its state and the control given last at zero."""
+def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
+    """Return the function that takes sample ``k`` of the controller from ``[states, control]`` and writes it down."""
     c, plant = p.controller, p.plant
     ny, nu = len(c.measured), len(c.driven)
     reads = np.hstack([plant.C[c.measured], plant.D[np.ix_(c.measured, c.driven)]])
@@ -102,7 +90,7 @@ def sampler(p: LoopProblem, log: ControlLog) -> Sampler:
     y, state, u, following = known[:ny], known[ny:], found[:nu], found[nu:]
     grain = np.where(np.isfinite(p.quantum), p.quantum, 1.0) if np.isfinite(p.quantum).any() else None
     coarse = np.isfinite(p.quantum)
-    limited = bool(np.isfinite(p.force).any() or np.isfinite(p.rate).any())
+    bounded = bool(np.isfinite(p.force).any() or np.isfinite(p.rate).any())
     force, rate, last = p.force.tolist(), p.rate.tolist(), [0.0] * nu
     asked, given, correct = log.asked, log.given, c.L.any()
 
@@ -113,7 +101,7 @@ def sampler(p: LoopProblem, log: ControlLog) -> Sampler:
             y[coarse] = (grain * np.rint(y / grain))[coarse]
         np.dot(law, known, out=found)
         asked[k] = u
-        if limited and _limited(u, k, force, rate, last, log):
+        if bounded and limited(u.tolist(), k, force, rate, last, log):
             given[k] = last
             if correct:
                 following.__iadd__(c.L @ (given[k] - asked[k]))
@@ -121,13 +109,13 @@ def sampler(p: LoopProblem, log: ControlLog) -> Sampler:
             given[k] = u
         state[:] = following
 
-    return Sampler(sample, state, last)
+    return sample
 
 
-def _limited(u: Array, k: int, force: list[float], rate: list[float], last: list[float], log: ControlLog) -> bool:
-    """Put the controls that are given into ``last``, mark the limits that they meet, return whether one is met."""
+def limited(u: list[float], k: int, force: list[float], rate: list[float], last: list[float], log: ControlLog) -> bool:
+    """Put the controls given for those asked into ``last``, mark the limits that they meet, return whether one is met."""
     met = False
-    for i, value in enumerate(u.tolist()):
+    for i, value in enumerate(u):
         allowed = value
         if abs(allowed) > force[i]:
             allowed = force[i] if value > 0.0 else -force[i]
@@ -141,35 +129,21 @@ def _limited(u: Array, k: int, force: list[float], rate: list[float], last: list
 
 def run_smooth(p: LoopProblem, log: ControlLog) -> Array:
     """Step a loop without contacts and return ``C`` times the modal states at each step, (outputs, steps + 1)."""
-    n = len(p.plant.A)
+    n, nu, per_sample, lag = len(p.plant.A), len(p.controller.driven), p.grid.per_sample, p.lag
+    stepper, forcing, sample, given = p.stepper, p.forcing, sampler(p, log), log.given
     X = np.zeros((p.grid.steps + 1, n))
     X[0] = p.start
-    march(p, log, sampler(p, log), X, (0, p.grid.steps), p.stepper, p.forcing)
-    return p.plant.C @ X.T
-
-
-def march(
-    p: LoopProblem, log: ControlLog, taken: Sampler, X: Array, span: tuple[int, int], stepper: Array, forcing: Array
-) -> None:
-    """Step from ``span[0]``, whose states stand in ``X[0]``, to ``span[1]``, writing the states after each into ``X``.
-
-    ``forcing`` begins with the first step of the span.
-    """
-    n, nu, per_sample, lag = len(p.plant.A), len(p.controller.driven), p.grid.per_sample, p.lag
     full = np.zeros(n + 2 * nu)
     states, before, after, heard = full[:n], full[n : n + nu], full[n + nu :], full[: n + nu]
-    states[:] = X[0]
-    given, sample, start = log.given, taken.sample, span[0]
-    if start > lag:
-        before[:] = given[(start - 1 - lag) // per_sample]
-    after[:] = before
-    for k in range(start, span[1]):
+    states[:] = p.start
+    for k in range(p.grid.steps):
         if k % per_sample == 0:
             sample(k // per_sample, heard)
         if k >= lag:
             after[:] = given[(k - lag) // per_sample]
-        row = X[k - start + 1]
+        row = X[k + 1]
         np.dot(stepper, full, out=row)
-        row += forcing[k - start]
+        row += forcing[k]
         states[:] = row
         before[:] = after
+    return p.plant.C @ X.T
