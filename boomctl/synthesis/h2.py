@@ -14,7 +14,7 @@ from boomctl.analysis.norm import StateMatrices
 from boomctl.arrays import Array, Complex
 from boomctl.checks import whole
 from boomctl.synthesis.errors import SynthesisError
-from boomctl.synthesis.modes import check_detectable, check_stabilizable, check_weighted
+from boomctl.synthesis.modes import check_detectable, check_excited, check_stabilizable, check_weighted
 from boomctl.synthesis.output_feedback import FeedbackCertificate, certify, closed, least_cost, observer
 from boomctl.synthesis.plant import Plant, named_system, plant_of
 from boomctl.synthesis.quadratic import square_root
@@ -209,9 +209,9 @@ def _solve(shifted: StateMatrices, parts: _Partition) -> tuple[RiccatiSolution, 
     check_stabilizable(A, B2, parts.u, states)
     check_detectable(A, C2, parts.y, states)
     free, _, Q = problem.shifted
-    check_weighted(free, square_root(Q), f"{', '.join(parts.z)} beside {', '.join(parts.u)}", states)
+    check_weighted(free, square_root(Q), ", ".join(parts.z), states)
     free, _, W = dual.shifted
-    check_weighted(free, square_root(W), f"{', '.join(parts.y)} beside {', '.join(parts.w)}", states)
+    check_excited(free.T, square_root(W), ", ".join(parts.w), states)
     regulator = solve_riccati(problem, "the Riccati equation of the H2 regulator")
     return regulator, solve_riccati(dual, "the Riccati equation of the H2 filter"), problem, B1 @ B1.T
 
