@@ -30,6 +30,16 @@ _HOME = {
     "loop_transfer_recovery": "boomctl.synthesis",
     "h2": "boomctl.synthesis",
     "discretize": "boomctl.synthesis",
+    "SynthesisError": "boomctl.synthesis",
+    "h_infinity": "boomctl.synthesis",
+    "generalized_plant": "boomctl.synthesis",
+    "mixed_sensitivity": "boomctl.synthesis",
+    "close_loop": "boomctl.synthesis",
+    "select_channels": "boomctl.synthesis",
+    "low_pass": "boomctl.synthesis",
+    "high_pass": "boomctl.synthesis",
+    "band_pass": "boomctl.synthesis",
+    "shelf": "boomctl.synthesis",
 }
 
 __all__ = [*_HOME, "__version__"]
