@@ -9,7 +9,8 @@ from scipy import linalg
 import boomctl as bc
 from boomctl.analysis.norm import StateMatrices
 from boomctl.synthesis import SynthesisError
-from boomctl.synthesis.output_feedback import closed
+from boomctl.synthesis.loop import closed
+from boomctl.synthesis.partition import partition
 from boomctl.synthesis.quadratic_norm import quadratic_norm
 from tests.strategies import seeds
 from tests.synthesis.test_lqg import generalised, matrices, problem
@@ -55,7 +56,7 @@ def test_the_norm_is_slycots_and_the_closed_loops_own(seed):
     P = random_plant(seed)
     design = bc.h2(P, 2, 2)
     K = slycot.sb10hd(4, 5, 5, 2, 2, P.A, P.B, P.C, P.D)[:4]
-    peer = quadratic_norm(closed(matrices(P), StateMatrices(*K)))
+    peer = quadratic_norm(closed(partition(P, 2, 2), StateMatrices(*K)))
     assert design.norm == pytest.approx(peer.value, rel=1e-5)
     assert design.norm == pytest.approx(design.optimum, rel=1e-5)
     loop = P.lft(design.controller)
@@ -67,8 +68,7 @@ def test_the_norm_is_slycots_and_the_closed_loops_own(seed):
 @given(seeds)
 def test_lqg_is_a_special_case(seed):
     system, Q, R, W, V = problem(seed)
-    P = generalised(system, Q, R, W, V)
-    design = bc.h2(control.ss(P.A, P.B, P.C, P.D), 2, 2)
+    design = bc.h2(generalised(system, Q, R, W, V), 2, 2)
     assert design.norm**2 == pytest.approx(bc.lqg(system, Q, R, W, V).cost, rel=1e-6)
 
 
@@ -107,7 +107,7 @@ def test_any_other_controller_has_a_larger_norm(seed):
     best = matrices(design.controller)
     for size in (1e-3, 1e-2):
         parts = [m + size * rng.standard_normal(m.shape) * np.abs(m).max() for m in (best.A, best.B, best.C)]
-        other = quadratic_norm(closed(matrices(P), StateMatrices(*parts, best.D)))
+        other = quadratic_norm(closed(partition(P, 2, 2), StateMatrices(*parts, best.D)))
         assert other.value >= design.norm * (1.0 - 1e-9)
 
 
@@ -124,9 +124,9 @@ def test_units_of_controls_measurements_and_states_do_not_matter(seed):
 
 
 REFUSED = {
-    "no performance output weighs u": integrator(((0, 0, 0), (0, 0, 0), (0, 1, 0))),
-    "no disturbance enters y directly": integrator(((0, 0, 0), (0, 0, 1), (0, 0, 0))),
-    r"disturbance load acts on performance output place directly \(gain 3\)": integrator(
+    "D12 .*'u'": integrator(((0, 0, 0), (0, 0, 0), (0, 1, 0))),
+    "D21 .*'y'": integrator(((0, 0, 0), (0, 0, 1), (0, 0, 0))),
+    r"disturbance 'load' acts on performance signal 'place' directly \(gain 3\)": integrator(
         ((3, 0, 0), (0, 0, 1), (0, 1, 0))
     ),
 }
@@ -153,10 +153,10 @@ def oscillator(B, C):
 @pytest.mark.parametrize(
     ("B", "C", "message"),
     [
-        ((1, 0, 0), (1, 0, 1), r"mode at 3 rad/s .*cannot be moved by u"),
-        ((1, 0, 1), (1, 0, 0), r"mode at 3 rad/s .*not seen by y"),
-        ((1, 0, 1), (0, 0, 1), r"mode at 3 rad/s .*not seen by tip, effort"),
-        ((0, 0, 1), (1, 0, 1), r"mode at 3 rad/s .*not reached by track, noise"),
+        ((1, 0, 0), (1, 0, 1), r"stabilisable.*\(u\).* 3 rad/s"),
+        ((1, 0, 1), (1, 0, 0), r"detectable.*\(y\).* 3 rad/s"),
+        ((1, 0, 1), (0, 0, 1), r"controls \(u\).* 3 rad/s"),
+        ((0, 0, 1), (1, 0, 1), r"disturbances \(track, noise\).* 3 rad/s"),
     ],
 )
 def test_modes_in_the_way_are_named(B, C, message):
@@ -172,15 +172,15 @@ def test_combinations_that_nothing_weighs_are_named():
     P = random_plant(1)
     D = P.D.copy()
     D[:3, 4] = 2.0 * D[:3, 3]
-    with pytest.raises(SynthesisError, match="weighs the combination of u0, u1"):
+    with pytest.raises(SynthesisError, match="D12 .*'u0', 'u1'"):
         bc.h2(control.ss(P.A, P.B, P.C, D, inputs=INPUTS, outputs=OUTPUTS), 2, 2)
 
 
 @pytest.mark.parametrize(
     ("counts", "message"),
     [
-        ((3, 1), "nmeas = 3: expected fewer than the 3 outputs"),
-        ((1, 3), "ncon = 3: expected fewer than the 3 inputs"),
+        ((3, 1), "nmeas = 3: "),
+        ((1, 3), "ncon = 3: "),
         ((0, 1), "nmeas = 0"),
     ],
 )

@@ -9,7 +9,9 @@ from scipy import linalg
 
 import boomctl as bc
 from boomctl.analysis.norm import StateMatrices
-from boomctl.synthesis.output_feedback import closed, observer
+from boomctl.synthesis.loop import closed
+from boomctl.synthesis.output_feedback import observer
+from boomctl.synthesis.partition import partition
 from boomctl.synthesis.quadratic_norm import quadratic_norm
 from tests.strategies import seeds
 from tests.synthesis.test_lqr import random_system, random_weight
@@ -33,7 +35,7 @@ def generalised(system, Q, R, W, V):
             [np.zeros((p, n)), v, system.D],
         ]
     )
-    return StateMatrices(system.A, B, C, D)
+    return control.ss(system.A, B, C, D)
 
 
 def problem(seed):
@@ -59,7 +61,7 @@ def test_an_integrator_in_closed_form(q, r, w, v):
 def test_separation_and_the_cost_by_three_routes(seed):
     system, Q, R, W, V = problem(seed)
     design = bc.lqg(system, Q, R, W, V)
-    loop = closed(generalised(system, Q, R, W, V), matrices(design.controller))
+    loop = closed(partition(generalised(system, Q, R, W, V), 2, 2), matrices(design.controller))
     poles = np.concatenate(
         [
             np.linalg.eigvals(system.A - system.B @ design.regulator_gain),
@@ -79,7 +81,7 @@ def test_any_other_controller_costs_more(seed):
     rng = np.random.default_rng(seed)
     system, Q, R, W, V = problem(seed)
     design = bc.lqg(system, Q, R, W, V)
-    P, best = generalised(system, Q, R, W, V), matrices(design.controller)
+    P, best = partition(generalised(system, Q, R, W, V), 2, 2), matrices(design.controller)
     for size in (1e-3, 1e-2, 1e-1):
         parts = [m + size * rng.standard_normal(m.shape) * np.abs(m).max() for m in (best.A, best.B, best.C)]
         assert quadratic_norm(closed(P, StateMatrices(*parts, best.D))).value ** 2 >= design.cost * (1.0 - 1e-9)
