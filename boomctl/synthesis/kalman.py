@@ -8,8 +8,8 @@ import numpy as np
 
 from boomctl.arrays import Array, Complex
 from boomctl.synthesis.modes import check_detectable, check_excited
+from boomctl.synthesis.named import NamedMatrices, named_matrices, named_statespace
 from boomctl.synthesis.noise import Noise, noise_of
-from boomctl.synthesis.plant import Plant, named_system, plant_of
 from boomctl.synthesis.quadratic import Weight, square_root
 from boomctl.synthesis.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
 
@@ -90,7 +90,7 @@ def kalman(
     >>> kalman(mass, {"force": 4.0}, 1.0).gain.round(4).T
     array([[2., 2.]])
     """
-    plant = plant_of(system)
+    plant = named_matrices(system)
     measured = plant.chosen_outputs("measurements", measurements)
     noise = noise_of(plant, process_noise, measurement_noise, measured, disturbances)
     solution = solved_filter(plant, noise, measured)
@@ -104,7 +104,7 @@ def kalman(
     )
 
 
-def solved_filter(plant: Plant, noise: Noise, measurements: Sequence[str]) -> RiccatiSolution:
+def solved_filter(plant: NamedMatrices, noise: Noise, measurements: Sequence[str]) -> RiccatiSolution:
     """Return the solution of a filter's problem, its gain transposed; refuse modes in the way of one by name."""
     C, _ = plant.rows(measurements)
     problem = RiccatiProblem(plant.A.T, C.T, noise.W, noise.V, noise.S)
@@ -114,10 +114,10 @@ def solved_filter(plant: Plant, noise: Noise, measurements: Sequence[str]) -> Ri
     return solve_riccati(problem, "the Riccati equation of the filter")
 
 
-def _estimator(plant: Plant, gain: Array, measurements: Sequence[str], known: Sequence[str]) -> "control.StateSpace":
-    C, _ = plant.rows(measurements)
-    B, D = plant.columns(known)
-    D = D[[plant.outputs.index(name) for name in measurements]]
-    n = len(plant.A)
-    matrices = (plant.A - gain @ C, np.hstack([gain, B - gain @ D]), np.eye(n), np.zeros((n, len(C) + len(known))))
-    return named_system(matrices, (*measurements, *known), plant.states, "estimator", plant.states)
+def _estimator(
+    plant: NamedMatrices, gain: Array, measurements: Sequence[str], known: Sequence[str]
+) -> "control.StateSpace":
+    way, n = plant.block(measurements, known), len(plant.A)
+    A, into = plant.A - gain @ way.C, np.hstack([gain, way.B - gain @ way.D])
+    matrices = (A, into, np.eye(n), np.zeros((n, into.shape[1])))
+    return named_statespace(matrices, (*measurements, *known), plant.states, "estimator", plant.states)

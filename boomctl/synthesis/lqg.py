@@ -10,10 +10,12 @@ from boomctl.analysis.norm import StateMatrices
 from boomctl.arrays import Array, Complex
 from boomctl.checks import nonnegative
 from boomctl.synthesis.kalman import solved_filter
+from boomctl.synthesis.loop import closed
 from boomctl.synthesis.lqr import regulator_problem, solved_regulator
+from boomctl.synthesis.named import NamedMatrices, named_matrices, named_statespace
 from boomctl.synthesis.noise import Noise, noise_of
-from boomctl.synthesis.output_feedback import FeedbackCertificate, certify, closed, least_cost, observer
-from boomctl.synthesis.plant import Plant, named_system, plant_of
+from boomctl.synthesis.output_feedback import FeedbackCertificate, certify, least_cost, observer
+from boomctl.synthesis.partition import Plant
 from boomctl.synthesis.quadratic import Weight, square_root
 from boomctl.synthesis.riccati import RiccatiProblem
 
@@ -104,7 +106,7 @@ def lqg(
     >>> round(design.cost, 4)
     8.4853
     """
-    plant = plant_of(system)
+    plant = named_matrices(system)
     driven = plant.chosen_inputs("controls", controls)
     measured = plant.chosen_outputs("measurements", measurements)
     problem = regulator_problem(plant, driven, Q, R, output_weight)
@@ -112,11 +114,13 @@ def lqg(
     noise = _with_recovery(noise, plant, driven, measured, nonnegative("ltr", ltr))
     regulator = solved_regulator(problem, driven, plant.states)
     estimator = solved_filter(plant, noise, measured)
-    K = observer(_inner(plant, driven, measured), regulator.gain, estimator.gain.T)
-    loop = closed(weighted_plant(plant, problem, noise, driven, measured), K)
+    K = observer(plant.block(measured, driven), regulator.gain, estimator.gain.T)
+    loop = closed(_weighted(plant, problem, noise, driven, measured), K)
     certificate = certify(loop, least_cost(noise.W, problem.R, regulator, estimator), regulator, estimator)
     return LqgResult(
-        controller=named_system((K.A, K.B, K.C, K.D), measured, driven, "lqg", [f"estimate.{s}" for s in plant.states]),
+        controller=named_statespace(
+            (K.A, K.B, K.C, K.D), measured, driven, "lqg", [f"estimate.{s}" for s in plant.states]
+        ),
         closed_loop=_closed_loop(plant, K, driven, measured),
         regulator_gain=regulator.gain,
         filter_gain=estimator.gain.T,
@@ -126,47 +130,45 @@ def lqg(
     )
 
 
-def _with_recovery(noise: Noise, plant: Plant, controls: Sequence[str], measured: Sequence[str], q: float) -> Noise:
+def _with_recovery(
+    noise: Noise, plant: NamedMatrices, controls: Sequence[str], measured: Sequence[str], q: float
+) -> Noise:
     if q == 0.0:
         return noise
-    B, D = plant.columns(controls)
-    D = D[[plant.outputs.index(name) for name in measured]]
-    return Noise(noise.W + q * B @ B.T, noise.V + q * D @ D.T, noise.S + q * B @ D.T)
+    way = plant.block(measured, controls)
+    B, D = way.B, way.D
+    return Noise(noise.W + q * B @ B.T, noise.V + q * D @ D.T, noise.S + q * B @ D.T, noise.inputs)
 
 
-def _inner(plant: Plant, controls: Sequence[str], measured: Sequence[str]) -> StateMatrices:
-    """Return the plant from controls to measurements."""
-    B, D = plant.columns(controls)
-    C, _ = plant.rows(measured)
-    return StateMatrices(plant.A, B, C, D[[plant.outputs.index(name) for name in measured]])
-
-
-def weighted_plant(
-    plant: Plant, problem: RiccatiProblem, noise: Noise, controls: Sequence[str], measured: Sequence[str]
-) -> StateMatrices:
+def _weighted(
+    plant: NamedMatrices, problem: RiccatiProblem, noise: Noise, controls: Sequence[str], measured: Sequence[str]
+) -> Plant:
     """Return the generalised plant whose H2 norm squared is the cost: unit noise in, weighted states and controls out."""
-    inner = _inner(plant, controls, measured)
-    n, p, m = len(plant.A), len(inner.C), inner.B.shape[1]
+    way, n = plant.block(measured, controls), len(plant.A)
     weight = square_root(np.block([[problem.Q, problem.N], [problem.N.T, problem.R]])).T
     drive = square_root(np.block([[noise.W, noise.S], [noise.S.T, noise.V]]))
-    return StateMatrices(
-        plant.A,
-        np.hstack([drive[:n], inner.B]),
-        np.vstack([weight[:, :n], inner.C]),
-        np.block([[np.zeros((len(weight), drive.shape[1])), weight[:, n:]], [drive[n:], inner.D]]).reshape(
-            len(weight) + p, drive.shape[1] + m
-        ),
+    return Plant(
+        A=plant.A,
+        B1=drive[:n],
+        B2=way.B,
+        C1=weight[:, :n],
+        C2=way.C,
+        D11=np.zeros((len(weight), drive.shape[1])),
+        D12=weight[:, n:],
+        D21=drive[n:],
+        D22=way.D,
+        disturbances=tuple(f"noise{i}" for i in range(drive.shape[1])),
+        controls=tuple(controls),
+        performance=tuple(f"weighted{i}" for i in range(len(weight))),
+        measurements=tuple(measured),
+        states=plant.states,
     )
 
 
 def _closed_loop(
-    plant: Plant, K: StateMatrices, controls: Sequence[str], measured: Sequence[str]
+    plant: NamedMatrices, K: StateMatrices, controls: Sequence[str], measured: Sequence[str]
 ) -> "control.StateSpace":
     entering = plant.other_inputs(controls) or tuple(controls)
-    B, D = plant.columns((*entering, *controls))
-    C, through = plant.rows(measured)
-    places = [plant.inputs.index(name) for name in (*entering, *controls)]
-    whole = StateMatrices(plant.A, B, np.vstack([plant.C, C]), np.vstack([D, through[:, places]]))
-    loop = closed(whole, K)
+    loop = closed(plant.partitioned(entering, controls, plant.outputs, measured), K)
     states = (*plant.states, *(f"estimate.{s}" for s in plant.states))
-    return named_system((loop.A, loop.B, loop.C, loop.D), entering, plant.outputs, "closed_loop", states)
+    return named_statespace((loop.A, loop.B, loop.C, loop.D), entering, plant.outputs, "closed_loop", states)

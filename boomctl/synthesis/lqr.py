@@ -13,7 +13,7 @@ from boomctl.arrays import Array, Complex
 from boomctl.checks import finite_array
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.modes import Blind, check_stabilizable, check_weighted, unmoved
-from boomctl.synthesis.plant import Plant, named_system, plant_of, static_gain
+from boomctl.synthesis.named import NamedMatrices, named_matrices, named_statespace, static_gain
 from boomctl.synthesis.quadratic import Weight, definite, semidefinite, square_root
 from boomctl.synthesis.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
 
@@ -130,7 +130,7 @@ def lqr(
     >>> lqr(mass, None, 1.0, output_weight={"place": 1.0}).gain.round(4)
     array([[1.    , 1.4142]])
     """
-    bare = plant_of(system)
+    bare = named_matrices(system)
     chosen = bare.chosen_inputs("controls", controls)
     integrals = dict(integral) if isinstance(integral, Mapping) else dict.fromkeys(_listed(integral), 1.0)
     integrated = bare.chosen_outputs("integral", tuple(integrals)) if integrals else ()
@@ -158,7 +158,7 @@ def lqr(
 
 
 def regulator_problem(
-    plant: Plant,
+    plant: NamedMatrices,
     controls: Sequence[str],
     Q: Weight | None,
     R: Weight,
@@ -223,14 +223,18 @@ def _by_poles(system: StateMatrices) -> Response:
     return respond
 
 
-def _with_integrals(problem: RiccatiProblem, plant: Plant, controls: Sequence[str], weight: Array) -> RiccatiProblem:
+def _with_integrals(
+    problem: RiccatiProblem, plant: NamedMatrices, controls: Sequence[str], weight: Array
+) -> RiccatiProblem:
     B, _ = plant.columns(controls)
     Q = linalg.block_diag(problem.Q, weight)
     N = np.vstack([problem.N, np.zeros((len(weight), problem.N.shape[1]))])
     return RiccatiProblem(plant.A, B, Q, problem.R, N)
 
 
-def _controller(plant: Plant, controls: Sequence[str], integrated: Sequence[str], gain: Array) -> "control.StateSpace":
+def _controller(
+    plant: NamedMatrices, controls: Sequence[str], integrated: Sequence[str], gain: Array
+) -> "control.StateSpace":
     n, k = len(plant.A), len(integrated)
     if not k:
         return static_gain(-gain, plant.states, controls, "regulator")
@@ -238,18 +242,20 @@ def _controller(plant: Plant, controls: Sequence[str], integrated: Sequence[str]
     direct = np.hstack([-gain[:, :n], np.zeros((len(gain), k))])
     matrices = (np.zeros((k, k)), reads, -gain[:, n:], direct)
     states = [f"integral.{name}" for name in integrated]
-    return named_system(matrices, (*plant.states, *integrated), controls, "regulator", states)
+    return named_statespace(matrices, (*plant.states, *integrated), controls, "regulator", states)
 
 
-def _loops(plant: Plant, controls: Sequence[str], gain: Array) -> tuple["control.StateSpace", "control.StateSpace"]:
+def _loops(
+    plant: NamedMatrices, controls: Sequence[str], gain: Array
+) -> tuple["control.StateSpace", "control.StateSpace"]:
     """Return the loop closed by ``u = -F x``: to the outputs, and to the controls."""
     B, D = plant.columns(controls)
     entering = plant.other_inputs(controls) or tuple(controls)
     E, through = plant.columns(entering)
     A = plant.A - B @ gain
-    loop = named_system((A, E, plant.C - D @ gain, through), entering, plant.outputs, "closed_loop", plant.states)
+    loop = named_statespace((A, E, plant.C - D @ gain, through), entering, plant.outputs, "closed_loop", plant.states)
     still = np.zeros((len(gain), len(entering)))
-    return loop, named_system((A, E, -gain, still), entering, controls, "effort", plant.states)
+    return loop, named_statespace((A, E, -gain, still), entering, controls, "effort", plant.states)
 
 
 def _listed(integral: str | Sequence[str]) -> tuple[str, ...]:

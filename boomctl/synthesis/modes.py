@@ -45,7 +45,7 @@ class Blind:
         size = self.omega
         if size <= 1e-12:
             return f"the mode at 0 rad/s (integrating or rigid-body, mostly in state {self.state!r})"
-        damping = -self.pole.real / size
+        damping = -self.pole.real / size if abs(self.pole.real) > _AXIS * size else 0.0
         kind = "unstable, " if damping < -_AXIS else ""
         return f"the mode at {size:.4g} rad/s ({kind}damping {100.0 * damping:.3g} %, mostly in state {self.state!r})"
 

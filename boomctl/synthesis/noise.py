@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array
-from boomctl.synthesis.plant import Plant
+from boomctl.synthesis.named import NamedMatrices
 from boomctl.synthesis.quadratic import Weight, definite, semidefinite
 
 __all__ = ["Noise", "noise_of"]
@@ -22,7 +22,7 @@ class Noise:
 
 
 def noise_of(
-    plant: Plant,
+    plant: NamedMatrices,
     process_noise: Weight,
     measurement_noise: Weight,
     measurements: Sequence[str],
@@ -36,15 +36,14 @@ def noise_of(
     if isinstance(process_noise, Mapping) and disturbances is None:
         disturbances = plant.chosen_inputs("process_noise", tuple(process_noise))
     V = definite("measurement_noise", measurement_noise, measurements)
-    rows = [plant.outputs.index(name) for name in measurements]
     if disturbances is None:
         array = finite_array("process_noise", process_noise)  # type: ignore[arg-type]
         W = semidefinite("process_noise", array, plant.states)
         return Noise(W, V, W[:, :0] @ V[:0])
     entering = plant.chosen_inputs("disturbances", disturbances)
     intensity = semidefinite("process_noise", process_noise, entering)
-    B, D = plant.columns(entering)
-    D = D[rows]
+    way = plant.block(measurements, entering)
+    B, D = way.B, way.D
     return Noise(_even(B @ intensity @ B.T), _even(V + D @ intensity @ D.T), B @ intensity @ D.T, entering)
 
 

@@ -11,7 +11,7 @@ from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.quadratic_norm import QuadraticNorm, quadratic_norm
 from boomctl.synthesis.riccati import RiccatiCertificate, RiccatiSolution
 
-__all__ = ["FeedbackCertificate", "certify", "closed", "least_cost", "observer"]
+__all__ = ["FeedbackCertificate", "certify", "least_cost", "observer"]
 
 _AGREEMENT = 1e-4
 
@@ -53,32 +53,6 @@ def observer(plant: StateMatrices, F: Array, L: Array) -> StateMatrices:
     """Return ``u = -F z`` with ``z' = A z + B u + L (y - C z - D u)``, from measurements to controls."""
     A = plant.A - plant.B @ F - L @ (plant.C - plant.D @ F)
     return StateMatrices(A, L, -F, np.zeros((len(F), L.shape[1])))
-
-
-def closed(P: StateMatrices, K: StateMatrices) -> StateMatrices:
-    """Return the loop of a generalised plant, its last inputs and outputs joined by ``u = K y``.
-
-    Raises
-    ------
-    SynthesisError
-        The loop of the direct gains has no solution.
-    """
-    p, m = K.D.shape[1], len(K.D)
-    B1, B2, C1, C2 = P.B[:, : P.B.shape[1] - m], P.B[:, P.B.shape[1] - m :], P.C[: len(P.C) - p], P.C[len(P.C) - p :]
-    D11, D12 = P.D[: len(C1), : B1.shape[1]], P.D[: len(C1), B1.shape[1] :]
-    D21, D22 = P.D[len(C1) :, : B1.shape[1]], P.D[len(C1) :, B1.shape[1] :]
-    gap = np.eye(m) - K.D @ D22
-    if np.linalg.cond(gap) > 1e12:
-        raise SynthesisError("the loop of the direct gains from controls to measurements and back has no solution")
-    # u = X [x; x_K] + U w
-    X = np.linalg.solve(gap, np.hstack([K.D @ C2, K.C]))
-    U = np.linalg.solve(gap, K.D @ D21)
-    n = len(P.A)
-    seen = np.hstack([C2, np.zeros((p, len(K.A)))]) + D22 @ X
-    A = np.vstack([np.hstack([P.A, np.zeros((n, len(K.A)))]) + B2 @ X, K.B @ seen])
-    A[n:, n:] += K.A
-    B = np.vstack([B1 + B2 @ U, K.B @ (D21 + D22 @ U)])
-    return StateMatrices(A, B, np.hstack([C1, np.zeros((len(C1), len(K.A)))]) + D12 @ X, D11 + D12 @ U)
 
 
 def least_cost(W: Array, R: Array, regulator: RiccatiSolution, estimator: RiccatiSolution) -> float:

@@ -13,7 +13,7 @@ from boomctl.analysis.singular import singular_values
 from boomctl.arrays import Array, Complex
 from boomctl.checks import frequencies, positive
 from boomctl.synthesis.lqg import LqgResult, lqg
-from boomctl.synthesis.plant import plant_of
+from boomctl.synthesis.named import named_matrices
 from boomctl.synthesis.quadratic import Weight
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def loop_transfer_recovery(
     SynthesisError
         As :func:`lqg`.
     """
-    plant = plant_of(system)
+    plant = named_matrices(system)
     driven = plant.chosen_inputs("controls", controls)
     measured = plant.chosen_outputs("measurements", measurements)
     if len(measured) < len(driven):
@@ -118,12 +118,10 @@ def loop_transfer_recovery(
         )
         for level in levels
     )
-    B, D = plant.columns(driven)
-    C, _ = plant.rows(measured)
-    inner = StateMatrices(plant.A, B, C, D[[plant.outputs.index(name) for name in measured]])
+    inner = plant.block(measured, driven)
     omega = np.geomspace(ends[0], ends[1], _POINTS)
     F = designs[0].regulator_gain
-    target = singular_values(StateMatrices(plant.A, B, F, np.zeros((len(F), len(F)))).response(omega))
+    target = singular_values(StateMatrices(plant.A, inner.B, F, np.zeros((len(F), len(F)))).response(omega))
     response = inner.response(omega)
     loops = [singular_values(_at_input(design, response, omega)) for design in designs]
     gaps = np.array([float((np.abs(loop - target) / target).max()) for loop in loops])

@@ -53,7 +53,7 @@ def test_a_gain_stays_a_gain():
     gain = control.ss([], [], [], [[1.0, -2.0]], inputs=["a", "b"], outputs="u")
     digital = bc.discretize(gain, 0.1)
     assert (digital.nstates, digital.dt) == (0, 0.1)
-    assert digital.D == pytest.approx(gain.D)
+    assert pytest.approx(gain.D) == digital.D
     assert digital.input_labels == ["a", "b"]
 
 

@@ -153,7 +153,7 @@ def test_the_boom_at_any_mesh(elements, residual, doubt):
     assert design.closed_loop.output_labels == list(model.outputs)
     assert design.effort.output_labels == list(SUSPENSIONS)
     assert design.controller.output_labels == list(SUSPENSIONS)
-    assert design.controller.D == pytest.approx(-design.gain)
+    assert pytest.approx(-design.gain) == design.controller.D
 
 
 def test_symmetric_halves_cost_what_the_whole_costs():
@@ -293,7 +293,7 @@ def test_bad_weights_are_refused(message):
 def test_other_systems_are_refused():
     with pytest.raises(TypeError, match="expected SecondOrderModel or StateSpace"):
         bc.lqr(np.eye(2), 1.0, 1.0)
-    with pytest.raises(ValueError, match="sampling time of 0.1 s"):
+    with pytest.raises(ValueError, match="sampling time of"):
         bc.lqr(control.ss([[0.5]], [[1]], [[1]], 0, 0.1), 1.0, 1.0)
     with pytest.raises(ValueError, match="A of the system: expected finite"):
         bc.lqr(control.ss([[np.nan]], [[1]], [[1]], 0), 1.0, 1.0)

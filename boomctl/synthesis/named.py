@@ -6,18 +6,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from boomctl.analysis.norm import StateMatrices
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, names
 from boomctl.structure.second_order import SecondOrderModel
+from boomctl.synthesis.partition import Plant
 
 if TYPE_CHECKING:
     import control
 
-__all__ = ["Plant", "named_system", "plant_of", "static_gain"]
+__all__ = ["NamedMatrices", "named_matrices", "named_statespace", "static_gain"]
 
 
 @dataclass(frozen=True)
-class Plant:
+class NamedMatrices:
     """``x' = A x + B u``, ``y = C x + D u``, every signal and state named."""
 
     A: Array
@@ -38,6 +40,21 @@ class Plant:
         places = [self.outputs.index(name) for name in wanted]
         return self.C[places], self.D[places]
 
+    def block(self, outputs: Sequence[str], inputs: Sequence[str]) -> StateMatrices:
+        """Return the system from the inputs named to the outputs named."""
+        B, D = self.columns(inputs)
+        rows = [self.outputs.index(name) for name in outputs]
+        return StateMatrices(self.A, B, self.C[rows], D[rows])
+
+    def partitioned(
+        self, disturbances: Sequence[str], controls: Sequence[str], performance: Sequence[str], measured: Sequence[str]
+    ) -> Plant:
+        """Return the generalised plant of the signals named; a signal may stand on both sides."""
+        w, u = self.block(performance, disturbances), self.block(measured, controls)
+        D12, D21 = self.block(performance, controls).D, self.block(measured, disturbances).D
+        names = (tuple(disturbances), tuple(controls), tuple(performance), tuple(measured))
+        return Plant(self.A, w.B, u.B, w.C, u.C, w.D, D12, D21, u.D, *names, self.states)
+
     def chosen_inputs(self, what: str, wanted: str | Sequence[str] | None) -> tuple[str, ...]:
         """Return names of inputs, each known, none twice, at least one; all if ``wanted`` is None."""
         return _some(what, names(what, wanted, self.inputs))
@@ -50,7 +67,7 @@ class Plant:
         """Return the inputs that are no controls."""
         return tuple(name for name in self.inputs if name not in controls)
 
-    def with_integrators(self, integrated: Sequence[str]) -> "Plant":
+    def with_integrators(self, integrated: Sequence[str]) -> "NamedMatrices":
         """Return the plant with the integral of each output named as a further state, ``integral.NAME``."""
         if not integrated:
             return self
@@ -65,7 +82,7 @@ class Plant:
         )
 
 
-def plant_of(system: object) -> Plant:
+def named_matrices(system: object) -> NamedMatrices:
     """Return the matrices and names of a ``StateSpace`` or ``SecondOrderModel``.
 
     Raises
@@ -84,10 +101,12 @@ def plant_of(system: object) -> Plant:
         raise ValueError("system: expected at least one state, got a static gain")
     A, B, C, D = (finite_array(f"{name} of the system", getattr(given, name)) for name in "ABCD")
     labels: Any = given
-    return Plant(A, B, C, D, tuple(labels.input_labels), tuple(labels.output_labels), tuple(labels.state_labels))
+    return NamedMatrices(
+        A, B, C, D, tuple(labels.input_labels), tuple(labels.output_labels), tuple(labels.state_labels)
+    )
 
 
-def named_system(
+def named_statespace(
     matrices: tuple[Array, Array, Array, Array],
     inputs: Sequence[str],
     outputs: Sequence[str],
@@ -105,7 +124,7 @@ def named_system(
 def static_gain(gain: Array, inputs: Sequence[str], outputs: Sequence[str], name: str) -> "control.StateSpace":
     """Return a gain without states as a named system."""
     m, n = gain.shape
-    return named_system((np.zeros((0, 0)), np.zeros((0, n)), np.zeros((m, 0)), gain), inputs, outputs, name)
+    return named_statespace((np.zeros((0, 0)), np.zeros((0, n)), np.zeros((m, 0)), gain), inputs, outputs, name)
 
 
 def _some(what: str, chosen: tuple[str, ...]) -> tuple[str, ...]:
