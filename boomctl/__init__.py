@@ -13,7 +13,7 @@ _HOME = {
     "exact_frequency_response": "boomctl.boom",
     "exact_eigenfrequencies_hz": "boomctl.boom",
     "iso_track": "boomctl.boom",
-    "bump": "boomctl.boom",
+    "bump_track": "boomctl.boom",
     "Track": "boomctl.boom",
     "TractorParameters": "boomctl.boom",
     "tractor_system": "boomctl.boom",

@@ -13,7 +13,7 @@ from boomctl.boom.spray import (
     spray_deposit,
 )
 from boomctl.boom.track_filter import PlatformDensity, platform_density, track_filter
-from boomctl.boom.tracks import Track, bump, iso_track, road_density, track_coherence
+from boomctl.boom.tracks import Track, bump_track, iso_track, road_density, track_coherence
 from boomctl.boom.tractor import TractorParameters, tractor_system
 
 __all__ = [
@@ -24,7 +24,7 @@ __all__ = [
     "SprayResult",
     "Track",
     "TractorParameters",
-    "bump",
+    "bump_track",
     "exact_eigenfrequencies_hz",
     "exact_frequency_response",
     "iso_track",

@@ -62,6 +62,11 @@ class PlatformMotion:
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
     @property
+    def actuators(self) -> Array:
+        """Left and right displacement as the two rows of a disturbance (2 x n) [m]."""
+        return np.array([self.left, self.right])
+
+    @property
     def jolt(self) -> Array:
         """Forward displacement of the platform's middle [m]."""
         return 0.5 * (self.left + self.right)

@@ -120,7 +120,9 @@ def track_filter(
     -----
     Front and rear wheels meet the same ground one after the other, which engraves a comb into the densities.  The
     filter follows them smoothed over a third of an octave, from 0.04 to 6 Hz, in the least squares of the logarithm;
-    its gain is then set so that the RMS velocity in that band is that of the density itself.
+    its gain is then set so that the RMS velocity in that band is that of the density itself.  With three sections and
+    the usual tractor at 1.5 to 4 m/s the smoothed densities agree within 2 dB (RMS from 0.05 to 5 Hz); the deepest
+    notch of the comb, at ``V/(2 wheelbase)``, is filled by up to 8 dB.  The edges of the track's band are not modelled.
     """
     count = whole("sections", sections)
     f = np.geomspace(*_FITTED_HZ, 6000)

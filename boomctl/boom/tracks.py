@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, frequencies, known, positive, real, whole
 
-__all__ = ["COHERENCES", "ROAD_CLASSES", "Track", "bump", "iso_track", "road_density", "track_coherence"]
+__all__ = ["COHERENCES", "ROAD_CLASSES", "Track", "bump_track", "iso_track", "road_density", "track_coherence"]
 
 ROAD_CLASSES = "ABCDEFGH"
 COHERENCES = ("isotropic", "full", "none")
@@ -187,7 +187,7 @@ def iso_track(
     return Track(spacing, parts[0] - parts[1], parts[0] + parts[1], float(width), periodic=True)
 
 
-def bump(
+def bump_track(
     height: float,
     bump_length: float,
     side: str = "left",

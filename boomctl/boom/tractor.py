@@ -4,7 +4,8 @@ The paper gives no tractor.  This one is an assumption, small and linear, stated
 of a six-tonne tractor with a mounted sprayer and are not fitted to any result.
 
 - The body is rigid on four tyres (spring and damper, vertical).  It bounces, pitches, rolls, moves fore and aft, and yaws
-  about a uniform, straight drive; lateral motion is left out, since it moves no nozzle along the driving direction.
+  about a uniform, straight drive; lateral motion is left out, since it moves no nozzle along the driving direction,
+  and so is what it would add to yaw.
 - A tyre does not feel waves shorter than its contact patch: the height under it passes ``1/(1 + s tau)^2`` with
   ``tau = contact_length/(2 sqrt(6) V)``, which has the second moment of the mean over the patch.
 - Each wheel is held back at its hub by ``N z'/V + f dN``: its static load ``N`` times the slope of the ground, and the
@@ -15,6 +16,9 @@ of a six-tonne tractor with a mounted sprayer and are not fitted to any result.
 - Yaw is resisted by the side forces of rolling tyres, a damping ``sum C_alpha a^2/V``; slow deviations are steered away,
   a high pass of first order with the corner ``steering_corner_hz``.
 - The boom is driven at the height ``boom_height``, where pitch counts as fore-and-aft motion.
+
+On ground of class D to E at 2 to 3 m/s it leaves the passive boom of Table 2 with a coefficient of variation of the
+deposit of 1 to 4 %; field runs gave 3.5 to 5.2 % (Ooms et al. 2003).
 """
 
 from dataclasses import dataclass, fields

@@ -36,6 +36,7 @@ def test_jolt_and_yaw_are_left_and_right(tmp_path):
     assert motion.jolt == pytest.approx([1.0, 2.0])
     assert motion.yaw == pytest.approx([0.1, 0.2])
     assert motion.sample_time == pytest.approx(0.5)
+    assert (motion.actuators == [motion.left, motion.right]).all()
 
 
 def test_times_rounded_in_the_file_are_taken_as_equally_spaced(tmp_path):

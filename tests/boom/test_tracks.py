@@ -113,12 +113,12 @@ def test_a_periodic_track_goes_round_and_runs_straight_between_points():
 
 
 def test_a_bump_is_where_it_should_be():
-    track = bc.bump(0.08, 0.4, "right", position=3.0, length=10.0)
+    track = bc.bump_track(0.08, 0.4, "right", position=3.0, length=10.0)
     assert np.abs(track.left).max() == 0.0
     assert track.right.max() == pytest.approx(0.08)
     assert track.distance[track.right.argmax()] == pytest.approx(3.2)
     assert track.step * track.right.sum() == pytest.approx(0.5 * 0.08 * 0.4)
-    assert (bc.bump(0.08, 0.4, "both").left == bc.bump(0.08, 0.4, "left").left).all()
+    assert (bc.bump_track(0.08, 0.4, "both").left == bc.bump_track(0.08, 0.4, "left").left).all()
 
 
 @pytest.mark.parametrize(
@@ -146,11 +146,11 @@ def test_a_track_that_cannot_be_is_refused(arguments, error, message):
 
 def test_a_bump_that_cannot_be_is_refused():
     with pytest.raises(ValueError, match=r"position = 49\.9: expected the bump to end before the track does"):
-        bc.bump(0.1, 0.4, position=49.9)
+        bc.bump_track(0.1, 0.4, position=49.9)
     with pytest.raises(ValueError, match=r"bump_length = 0\.01: expected at least ten steps"):
-        bc.bump(0.1, 0.01)
+        bc.bump_track(0.1, 0.01)
     with pytest.raises(ValueError, match="unknown side 'middle'"):
-        bc.bump(0.1, 0.4, "middle")
+        bc.bump_track(0.1, 0.4, "middle")
 
 
 def test_heights_of_a_track_are_finite_and_equally_many():
