@@ -55,6 +55,7 @@ _HOME = {
     "generalized_plant": "boomctl.synthesis",
     "mixed_sensitivity": "boomctl.synthesis",
     "close_loop": "boomctl.synthesis",
+    "reduce_controller": "boomctl.synthesis",
     "select_channels": "boomctl.synthesis",
     "low_pass": "boomctl.synthesis",
     "high_pass": "boomctl.synthesis",

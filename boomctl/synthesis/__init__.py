@@ -10,6 +10,7 @@ from boomctl.synthesis.loop import close_loop
 from boomctl.synthesis.lqg import LqgResult, lqg
 from boomctl.synthesis.lqr import LqrResult, lqr
 from boomctl.synthesis.recovery import RecoveryResult, loop_transfer_recovery
+from boomctl.synthesis.reduce_controller import ReducedController, reduce_controller
 from boomctl.synthesis.result import HInfinityCertificate, HInfinityResult
 from boomctl.synthesis.symmetric import join_symmetric
 from boomctl.synthesis.units import from_units, in_units
@@ -23,6 +24,7 @@ __all__ = [
     "LqgResult",
     "LqrResult",
     "RecoveryResult",
+    "ReducedController",
     "SynthesisError",
     "band_pass",
     "close_loop",
@@ -40,6 +42,7 @@ __all__ = [
     "lqg",
     "lqr",
     "mixed_sensitivity",
+    "reduce_controller",
     "select_channels",
     "shelf",
 ]

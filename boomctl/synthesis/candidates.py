@@ -8,13 +8,14 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, StateMatrices, matrices_norm
+from boomctl.synthesis.central import controllers_of
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.loop import closed, with_feedthrough
 from boomctl.synthesis.native import NativeFailure, shared_worker
 from boomctl.synthesis.partition import Normalised, Plant
 from boomctl.synthesis.search import Bounds, Deadline
 from boomctl.synthesis.slow_poles import without_fast_poles
-from boomctl.synthesis.two_riccati import central_controller, level_of
+from boomctl.synthesis.two_riccati import level_of
 
 __all__ = ["Candidate", "Task", "fastest_pole", "first_accepted", "judged", "levels_within"]
 
@@ -150,7 +151,12 @@ def _own(task: Task, level: float) -> StateMatrices:
     found = level_of(task.ready, level)
     if found.reason:
         raise ValueError(found.reason)
-    return central_controller(task.ready, found)
+    family, D22 = controllers_of(task.ready, found), task.plant.D22
+    return (
+        family.posed_for(task.ready.from_measurements @ D22 @ task.ready.from_controls)
+        if D22.any()
+        else family.member()
+    )
 
 
 def _in_plant_signals(task: Task, K: StateMatrices) -> StateMatrices:

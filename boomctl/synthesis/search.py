@@ -160,5 +160,6 @@ def _next(span: _Span, hint: float, tolerance: float) -> float:
 
 def _size(ready: Normalised) -> float:
     """Return a level to start from where nothing bounds it from below."""
-    gain = np.linalg.norm(ready.C1) * np.linalg.norm(ready.B1) / max(np.linalg.norm(ready.A), 1e-300)
-    return float(np.linalg.norm(ready.D11) + gain) or 1.0
+    B1, C1 = np.linalg.norm(ready.B1), np.linalg.norm(ready.C1)
+    rate = np.linalg.norm(ready.A) + C1 * np.linalg.norm(ready.B2) + B1 * np.linalg.norm(ready.C2)
+    return float(np.linalg.norm(ready.D11) + C1 * B1 / max(rate, np.finfo(float).tiny)) or 1.0

@@ -1,6 +1,6 @@
 """The two Riccati equations of H-infinity synthesis (Glover & Doyle 1988), solved apart from any native solver.
 
-They tell whether a level can be reached, and where it cannot, why; with them goes the central controller.
+They tell whether a level can be reached, and where it cannot, why.
 """
 
 from dataclasses import dataclass
@@ -9,11 +9,10 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import StateMatrices
 from boomctl.arrays import Array
 from boomctl.synthesis.partition import Normalised
 
-__all__ = ["COUPLING", "Level", "central_controller", "gains", "level_of"]
+__all__ = ["COUPLING", "Level", "gains", "level_of"]
 
 _NEGATIVE = 1e-8
 _MARGIN = 10.0
@@ -184,33 +183,3 @@ def gains(ready: Normalised, level: Level) -> tuple[Array, Array]:
     F = _control_side(ready, level.gamma).gain(level.X, ready.C1[len(ready.C1) - ready.B2.shape[1] :])
     L = _filter_side(ready, level.gamma).gain(level.Y, ready.B1[:, ready.B1.shape[1] - len(ready.C2) :].T).T
     return F, L
-
-
-def central_controller(ready: Normalised, level: Level) -> StateMatrices:
-    """Return the central controller of a level that can be reached, in normalised signals.
-
-    Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), theorem 17.1.
-
-    Raises
-    ------
-    ValueError
-        The level has no Riccati solutions.
-    """
-    F, L = gains(ready, level)
-    m, p, g2 = ready.B1.shape[1] - len(ready.C2), len(ready.C1) - ready.B2.shape[1], level.gamma**2
-    F12, F2, L12, L2 = F[m : ready.B1.shape[1]], F[ready.B1.shape[1] :], L[:, p : len(ready.C1)], L[:, len(ready.C1) :]
-    D = ready.D11
-    D11, D12, D21, D22 = D[:p, :m], D[:p, m:], D[p:, :m], D[p:, m:]
-    tall = np.linalg.inv(g2 * np.eye(p) - D11 @ D11.T)
-    wide = np.linalg.inv(g2 * np.eye(m) - D11.T @ D11)
-    E11 = -D21 @ D11.T @ tall @ D12 - D22
-    E12 = linalg.cholesky(np.eye(len(D22)) - D21 @ wide @ D21.T, lower=True)
-    E21 = linalg.cholesky(np.eye(D22.shape[1]) - D12.T @ tall @ D12)
-    X, Y = np.asarray(level.X), np.asarray(level.Y)
-    coupling = np.linalg.inv(np.eye(len(X)) - Y @ X / g2)
-    B2 = coupling @ (ready.B2 + L12) @ E12
-    C2 = -E21 @ (ready.C2 + F12)
-    B1 = -coupling @ L2 + B2 @ np.linalg.solve(E12, E11)
-    inner = np.linalg.solve(E21, C2)
-    A = ready.A + np.hstack([ready.B1, ready.B2]) @ F + B1 @ inner
-    return StateMatrices(A, B1, F2 + E11 @ inner, E11)
