@@ -18,10 +18,12 @@ __all__ = ["RiccatiCertificate", "RiccatiProblem", "RiccatiSolution", "solve_ric
 
 _CONDITION = 1e10
 _STEPS = 12
-_POLISHING = 3
+_POLISHING = 4
+_POLISHED = 1e-8
+_EXTENDED = 300
 _GOAL = 1e-12
 _FLOOR = 1e-12
-_BACKWARD = 1e-8
+_RESIDUAL = 1e-6
 _COST = 1e-4
 _TINY = float(np.finfo(float).tiny)
 
@@ -48,10 +50,24 @@ class RiccatiProblem:
         """Return ``F = R^-1 (B^T X + N^T)``, for ``u = -F x``."""
         return linalg.solve(self.R, self.B.T @ X + self.N.T, assume_a="pos")
 
-    def drop(self, X: Array) -> Array:
-        """Return ``(X B + N) R^-1 (X B + N)^T``, what control takes off the cost."""
+    def terms(self, X: Array) -> tuple[Array, Array]:
+        """Return ``A^T X`` and ``(X B + N) R^-1 (X B + N)^T``, what control takes off the cost."""
         half = linalg.solve_triangular(linalg.cholesky(self.R, lower=True), self.B.T @ X + self.N.T, lower=True)
-        return half.T @ half
+        return self.A.T @ X, half.T @ half
+
+    def residual(self, X: Array, extended: bool = False) -> Array:
+        """Return the residual of ``X``; if ``extended``, with products in the longest floating-point numbers at hand."""
+        if not extended:
+            half, drop = self.terms(X)
+            return half + half.T + self.Q - drop
+        A, B, Q, R, N, x = (
+            np.asarray(part, dtype=np.longdouble) for part in (self.A, self.B, self.Q, self.R, self.N, X)
+        )
+        inverse = np.asarray(linalg.inv(self.R), dtype=np.longdouble)
+        for _ in range(2):
+            inverse = inverse @ (2.0 * np.eye(len(R)) - R @ inverse)
+        half, side = A.T @ x, x @ B + N
+        return np.asarray(half + half.T + Q - side @ inverse @ side.T, dtype=float)
 
 
 @dataclass(frozen=True)
@@ -64,9 +80,10 @@ class RiccatiCertificate:
         Residual of the equation, relative to the largest of its terms (Frobenius norms).
     backward_error : float
         Each entry of the residual relative to the sum of the sizes of the products in its row and column; unchanged
-        by other units of the states.
+        by other units of the states.  Large where some state hardly matters, which is no harm.
     cost_error : float
-        Size of one more Newton step, each state scaled by its own cost: how much of the cost is in doubt.
+        Size of one more Newton step, each state scaled by its own cost: how much of the cost is in doubt.  Above 1e-4,
+        or with a residual above 1e-6, no solution is returned.
     abscissa : float
         Largest real part of the closed-loop poles [rad/s].
     """
@@ -140,18 +157,18 @@ def _solution(problem: RiccatiProblem, what: str) -> RiccatiSolution:
     if not _sound(best.certificate):
         c = best.certificate
         raise SynthesisError(
-            f"{what}: the best solution found is not exact enough to vouch for (backward error {c.backward_error:.1e}, "
+            f"{what}: the best solution found is not exact enough to vouch for (relative residual {c.residual:.1e}, "
             f"cost in doubt by {c.cost_error:.1e}, largest real part of the poles {c.abscissa:.3g} rad/s)"
         )
     return best
 
 
 def _rank(c: RiccatiCertificate) -> float:
-    return (c.cost_error + c.backward_error) if c.abscissa < 0.0 else np.inf
+    return max(c.cost_error / _COST, c.residual / _RESIDUAL) if c.abscissa < 0.0 else np.inf
 
 
 def _sound(c: RiccatiCertificate, share: float = 1.0) -> bool:
-    return c.abscissa < 0.0 and c.backward_error <= share * _BACKWARD and c.cost_error <= share * _COST
+    return _rank(c) <= share
 
 
 def _coordinates(problem: RiccatiProblem) -> list[tuple[Array, Array]]:
@@ -224,7 +241,7 @@ def _refined(own: RiccatiProblem, X: Array) -> Array | None:
     """Return a solution after Newton steps, as many as make it better; None if it does not stabilise."""
     last = np.inf
     for _ in range(_STEPS):
-        step, _ = newton_step(own, X)
+        step, _ = newton_step(own, X, own.residual(X))
         if step is None:
             return None if not np.isfinite(last) else X
         size = _scaled(step, X + step)
@@ -236,15 +253,13 @@ def _refined(own: RiccatiProblem, X: Array) -> Array | None:
     return X
 
 
-def newton_step(problem: RiccatiProblem, X: Array) -> tuple[Array | None, Complex]:
+def newton_step(problem: RiccatiProblem, X: Array, residual: Array) -> tuple[Array | None, Complex]:
     """Return the change of ``X`` that Newton's method makes (None where ``X`` does not stabilise) and the poles."""
     closed = problem.A - problem.B @ problem.gain(X)
     T, Z = linalg.schur(closed, output="complex")
     poles = np.asarray(np.diag(T), dtype=complex)
     if _abscissa(poles) >= 0.0:
         return None, poles
-    half = problem.A.T @ X
-    residual = half + half.T + problem.Q - problem.drop(X)
     solve = linalg.get_lapack_funcs("trsyl", (T,))
     Y, scale, _ = solve(T, T, -(Z.conj().T @ _even(residual) @ Z), trana="C")
     return _even(np.real(Z @ (Y / scale) @ Z.conj().T)), poles
@@ -254,7 +269,7 @@ def _polished(problem: RiccatiProblem, X: Array) -> RiccatiSolution:
     """Return a certified solution after Newton steps in the coordinates of the problem, as long as they help."""
     best, step = _certified(problem, X)
     for _ in range(_POLISHING):
-        if step is None or _sound(best.certificate, 1e-5):
+        if step is None or _sound(best.certificate, _POLISHED):
             break
         found, step = _certified(problem, _even(best.X + step))
         if _rank(found.certificate) >= _rank(best.certificate):
@@ -266,12 +281,11 @@ def _polished(problem: RiccatiProblem, X: Array) -> RiccatiSolution:
 
 def _certified(problem: RiccatiProblem, X: Array) -> tuple[RiccatiSolution, Array | None]:
     """Return a solution with its certificate, and the Newton step from there."""
-    half, drop = problem.A.T @ X, problem.drop(X)
-    residual = half + half.T + problem.Q - drop
-    terms = max(float(np.linalg.norm(term)) for term in (half, drop, problem.Q))
+    residual = problem.residual(X, extended=len(X) <= _EXTENDED)
+    terms = max(float(np.linalg.norm(term)) for term in (*problem.terms(X), problem.Q))
     entry = _sizes(problem, X)
     allowed = np.sqrt(np.outer(entry, entry))
-    step, poles = newton_step(problem, X)
+    step, poles = newton_step(problem, X, residual)
     certificate = RiccatiCertificate(
         residual=float(np.linalg.norm(residual)) / max(terms, _TINY),
         backward_error=float((np.abs(residual) / np.maximum(allowed, _TINY)).max(initial=0.0)),

@@ -172,7 +172,7 @@ def test_combinations_that_nothing_weighs_are_named():
     P = random_plant(1)
     D = P.D.copy()
     D[:3, 4] = 2.0 * D[:3, 3]
-    with pytest.raises(SynthesisError, match="D12 .*'u0', 'u1'"):
+    with pytest.raises(SynthesisError, match=r"D12 .*'u0', 'u1'"):
         bc.h2(control.ss(P.A, P.B, P.C, D, inputs=INPUTS, outputs=OUTPUTS), 2, 2)
 
 
