@@ -36,7 +36,7 @@ class Performance:
     jolt, yaw : NormCertificate
         Certified peaks of the symmetric and the antisymmetric part.
     run : LoopResult
-        Over the field, limits, sampling, delay and quantisation included.
+        Over the field, run-in, limits, sampling, delay and quantisation included.
     spray, spray_by_jolt, spray_by_yaw : SprayResult
         Of the whole motion, of its symmetric and of its antisymmetric part.
     """
@@ -102,7 +102,9 @@ def performance(
     motion = scene.motion()
     run = _run(model, controller, scene, motion, friction)
     points, moved = _boom_motion(run, parameters)
-    sprays = spray_by_motion(run.time, moved, points, scene.speed, nozzles=nozzle_positions(parameters.length))
+    record = run.time >= run.time[0] + scene.run_in
+    nozzles = nozzle_positions(parameters.length)
+    sprays = spray_by_motion(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
     return Performance(title, sigma(loop), _part(loop, 1.0), _part(loop, -1.0), run, *sprays)
 
 
