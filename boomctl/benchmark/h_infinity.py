@@ -150,7 +150,7 @@ def _peer(P: "control.StateSpace", count: int) -> Iterator[Callable[[], _Peer]]:
     paths = os.pathsep.join([home, *filter(None, [os.environ.get("PYTHONPATH")])])
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     process = subprocess.Popen(
-        [sys.executable, "-m", "boomctl.benchmark._hinfsyn"],
+        [sys.executable, "-P", "-m", "boomctl.benchmark._hinfsyn"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

@@ -83,7 +83,7 @@ class Worker:
         paths = [home, *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = os.environ | dict.fromkeys(_THREADS, "1") | {"PYTHONPATH": os.pathsep.join(paths)}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "boomctl.synthesis._worker"],
+            [sys.executable, "-P", "-m", "boomctl.synthesis._worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
