@@ -2,6 +2,7 @@
 
 import control
 import numpy as np
+from numpy.testing import assert_allclose
 from scipy import linalg
 
 import boomctl as bc
@@ -19,6 +20,29 @@ def lower_loop_norm(P: control.StateSpace, K: control.StateSpace) -> float:
     sizes = (loop.nstates, loop.ninputs, loop.noutputs)
     A, B, C, D = loop.A, loop.B, loop.C, loop.D
     return float(slycot.ab13dd("C", "I", "S", "D", *sizes, A, np.eye(loop.nstates), B, C, D)[0])
+
+
+def assert_verified(P: control.StateSpace, K: control.StateSpace, gamma: float, omega: float) -> None:
+    """A norm is attained at its frequency, and neither SLICOT nor a grid about each pole finds a larger one."""
+    poles = P.lft(K).poles()
+    least = 1e-4 * np.abs(poles).min(initial=1.0)  # beside zero, where a plant may integrate
+    assert_allclose(np.linalg.norm(_closed_at(P, K, max(omega, least)), 2), gamma, rtol=1e-5)
+    assert lower_loop_norm(P, K) <= gamma * (1.0 + 1e-4)
+    for pole in poles:
+        for offset in (-1.0, 0.0, 1.0):
+            near = max(abs(abs(pole.imag) + offset * abs(pole.real)), least)
+            assert np.linalg.norm(_closed_at(P, K, near), 2) <= gamma * (1.0 + 1e-5)
+
+
+def _closed_at(P: control.StateSpace, K: control.StateSpace, omega: float) -> np.ndarray:
+    """Return the closed loop at one frequency, from plant and controller at that frequency."""
+    if np.isfinite(omega):
+        p, k = np.atleast_2d(P(1j * omega)), np.atleast_2d(K(1j * omega))
+    else:
+        p, k = P.D, K.D
+    rows, columns = len(p) - K.ninputs, p.shape[1] - K.noutputs
+    inner = np.linalg.solve(np.eye(len(k)) - k @ p[rows:, columns:], k @ p[rows:, :columns])
+    return p[:rows, :columns] + p[:rows, columns:] @ inner
 
 
 def random_plant(seed: int, states: int, sizes: tuple[int, int, int, int], feedthrough: bool) -> control.StateSpace:

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import boomctl as bc
-from tests.synthesis.plants import lower_loop_norm, resonators, weighed, yaw_plant
+from tests.synthesis.plants import assert_verified, resonators, weighed, yaw_plant
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +20,7 @@ def test_the_lowest_order_within_the_tolerance(design):
     small = bc.reduce_controller(P, full.controller, tolerance=0.05)
     assert small.order < full.controller.nstates / 2
     assert small.controller.nstates == small.order
-    assert_allclose(lower_loop_norm(P, small.controller), small.gamma, rtol=1e-4)
+    assert_verified(P, small.controller, small.gamma, small.norm.omega)
     assert small.gamma <= 1.0501 * full.gamma
     assert_allclose(small.full_gamma, full.gamma, rtol=1e-5)
     assert small.controller.input_labels == ["stroke_anti"]
