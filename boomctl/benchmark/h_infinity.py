@@ -64,15 +64,15 @@ def yaw_and_jolt_plant(units: bool, order: int = 20) -> "control.StateSpace":
 
 
 def cheap_control_plant() -> "control.StateSpace":
-    """Return the generalised plant of the antisymmetric half with an effort weight of 0.01; the tip is measured."""
+    """Return the generalised plant of the antisymmetric half with an effort weight of 0.01; tip and stroke are measured."""
     _, yaw = split_symmetric(spray_boom(BoomParameters()))
     return generalized_plant(
         yaw,
         disturbances={"actuator_anti": 1.0},
-        noises={"tip_anti": 0.01},
+        noises={"tip_anti": 0.01, "stroke_anti": 0.01},
         performance={"tip_anti": 1.0},
         effort={"suspension_anti": 0.01},
-        measurements="tip_anti",
+        measurements=["tip_anti", "stroke_anti"],
         controls="suspension_anti",
     )
 
@@ -84,14 +84,14 @@ def h_infinity_lines(rounds: int = 5, tell: Callable[[str], None] = lambda text:
     ``inf`` if the loop is not stable or there is none.
     """
     jobs = {
-        "yaw + jolt, order 20, signals in units of their own": (yaw_and_jolt_plant(units=True), 2),
-        "yaw + jolt, order 20, SI units, effort weight 0.05": (yaw_and_jolt_plant(units=False), 2),
-        "antisymmetric half, effort weight 0.01": (cheap_control_plant(), 1),
+        "yaw + jolt, order 20, signals in units of their own": (yaw_and_jolt_plant(units=True), 2, 2),
+        "yaw + jolt, order 20, SI units, effort weight 0.05": (yaw_and_jolt_plant(units=False), 2, 2),
+        "antisymmetric half, effort weight 0.01": (cheap_control_plant(), 2, 1),
     }
     rows = []
-    for name, (P, count) in jobs.items():
+    for name, (P, nmeas, ncon) in jobs.items():
         tell(f"H-infinity synthesis: {name}")
-        rows.append(_row(name, P, count, rounds))
+        rows.append(_row(name, P, nmeas, ncon, rounds))
     return rows
 
 
@@ -105,16 +105,16 @@ class _Peer:
     error: str = ""
 
 
-def _row(name: str, P: "control.StateSpace", count: int, rounds: int) -> Row:
-    design = h_infinity(P, count, count)
+def _row(name: str, P: "control.StateSpace", nmeas: int, ncon: int, rounds: int) -> Row:
+    design = h_infinity(P, nmeas, ncon)
     lower = design.certificate.lower
     ours: list[float] = []
     peers: list[_Peer] = []
-    with _peer(P, count) as ask:
+    with _peer(P, nmeas, ncon) as ask:
         ask()
         for _ in range(rounds):
             start = time.process_time() + shared_worker().processor_time
-            design = h_infinity(P, count, count)
+            design = h_infinity(P, nmeas, ncon)
             ours.append(time.process_time() + shared_worker().processor_time - start)
             peers.append(ask())
     last = peers[-1]
@@ -144,7 +144,7 @@ def _true_norm(P: "control.StateSpace", peer: _Peer) -> float:
 
 
 @contextmanager
-def _peer(P: "control.StateSpace", count: int) -> Iterator[Callable[[], _Peer]]:
+def _peer(P: "control.StateSpace", nmeas: int, ncon: int) -> Iterator[Callable[[], _Peer]]:
     """Give a function that runs the peer once; it is killed if it hangs, and says so from then on."""
     home = str(Path(__file__).resolve().parents[2])
     paths = os.pathsep.join([home, *filter(None, [os.environ.get("PYTHONPATH")])])
@@ -160,7 +160,7 @@ def _peer(P: "control.StateSpace", count: int) -> Iterator[Callable[[], _Peer]]:
     source, sink = process.stdout, process.stdin
     assert source is not None
     assert sink is not None
-    plant = {name: np.asarray(getattr(P, name)).tolist() for name in "ABCD"} | {"nmeas": count, "ncon": count}
+    plant = {name: np.asarray(getattr(P, name)).tolist() for name in "ABCD"} | {"nmeas": nmeas, "ncon": ncon}
     sink.write(json.dumps(plant) + "\n")
 
     def ask() -> _Peer:

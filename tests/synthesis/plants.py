@@ -92,13 +92,13 @@ def weighed(plant: control.StateSpace) -> control.StateSpace:
     )
 
 
-def yaw_plant(noise: float = 1e-4, measured: str = "stroke_anti") -> control.StateSpace:
-    """Return the boom's antisymmetric half with a cheap control: effort weight 0.01, in physical units."""
+def yaw_plant(*measured: str, noise: float = 0.01) -> control.StateSpace:
+    """Return the boom's antisymmetric half with a cheap control: effort weight 0.01, in SI units."""
     _, yaw = bc.split_symmetric(bc.spray_boom(bc.BoomParameters()))
     return bc.generalized_plant(
         yaw,
         disturbances={"actuator_anti": 1.0},
-        noises={measured: noise},
+        noises=dict.fromkeys(measured, noise),
         performance={"tip_anti": 1.0},
         effort={"suspension_anti": 0.01},
         measurements=measured,

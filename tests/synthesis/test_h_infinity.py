@@ -140,18 +140,22 @@ def test_norm_follows_the_units_of_disturbances_and_time(seed, size, rate):
     )
 
 
-@pytest.mark.parametrize("measured", ["stroke_anti", "tip_anti"])
+@pytest.mark.parametrize("measured", [("stroke_anti",), ("tip_anti",), ("tip_anti", "stroke_anti")])
 def test_cheap_control_of_the_lightly_damped_boom(measured):
-    """The passive loop's norm is 2473; at the yaw resonance no controller goes below 8.145."""
-    P = yaw_plant(measured=measured)
-    design = bc.h_infinity(P, 1, 1)
+    """The passive norm is 2473; at the yaw resonance no controller goes below 8.145; with both signals that is reached.
+
+    There python-control's ``hinfsyn`` claims 5.2 for a loop of norm 1483.
+    """
+    P = yaw_plant(*measured)
+    design = bc.h_infinity(P, len(measured), 1)
+    certificate = design.certificate
     assert 2400.0 < bc.sigma(P, inputs="w_actuator_anti", outputs="z_tip_anti").peak < 2500.0
-    assert_allclose(design.certificate.frequency_bound, 8.14494, rtol=1e-5)
-    assert_allclose(design.certificate.frequency_omega, 1.53953, rtol=1e-2)
-    assert design.gamma <= 1.01 * design.certificate.lower
-    assert_verified(P, design.controller, design.gamma, design.certificate.norm.omega)
-    if measured == "stroke_anti":
-        assert design.gamma <= 1.01 * design.certificate.frequency_bound
+    assert_allclose(certificate.frequency_bound, 8.14494, rtol=1e-5)
+    assert_allclose(certificate.frequency_omega, 1.53953, rtol=1e-2)
+    assert design.gamma <= 1.01 * certificate.lower
+    assert_verified(P, design.controller, design.gamma, certificate.norm.omega)
+    if len(measured) == 2:
+        assert certificate.lower == certificate.frequency_bound
 
 
 def test_a_level_that_is_enough_and_one_that_is_too_low():

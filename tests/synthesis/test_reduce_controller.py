@@ -11,7 +11,7 @@ from tests.synthesis.plants import assert_verified, resonators, weighed, yaw_pla
 
 @pytest.fixture(scope="module")
 def design():
-    P = yaw_plant(0.01)
+    P = yaw_plant("stroke_anti")
     return P, bc.h_infinity(P, 1, 1)
 
 
