@@ -10,7 +10,10 @@ from boomctl.synthesis.loop import close_loop
 from boomctl.synthesis.lqg import LqgResult, lqg
 from boomctl.synthesis.lqr import LqrResult, lqr
 from boomctl.synthesis.recovery import RecoveryResult, loop_transfer_recovery
+from boomctl.synthesis.reduce_controller import ReducedController, reduce_controller
 from boomctl.synthesis.result import HInfinityCertificate, HInfinityResult
+from boomctl.synthesis.symmetric import join_symmetric
+from boomctl.synthesis.units import from_units, in_units
 from boomctl.synthesis.weights import band_pass, high_pass, low_pass, shelf
 
 __all__ = [
@@ -21,20 +24,25 @@ __all__ = [
     "LqgResult",
     "LqrResult",
     "RecoveryResult",
+    "ReducedController",
     "SynthesisError",
     "band_pass",
     "close_loop",
     "discretize",
+    "from_units",
     "generalized_plant",
     "h2",
     "h_infinity",
     "high_pass",
+    "in_units",
+    "join_symmetric",
     "kalman",
     "loop_transfer_recovery",
     "low_pass",
     "lqg",
     "lqr",
     "mixed_sensitivity",
+    "reduce_controller",
     "select_channels",
     "shelf",
 ]

@@ -1,5 +1,6 @@
 """Closing a generalised plant with a controller, names kept."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -7,12 +8,13 @@ from scipy import linalg
 
 from boomctl.analysis.norm import StateMatrices
 from boomctl.arrays import Array
+from boomctl.checks import finite_array
 from boomctl.synthesis.partition import Plant, partition
 
 if TYPE_CHECKING:
     import control
 
-__all__ = ["close_loop", "closed", "with_feedthrough"]
+__all__ = ["close_loop", "closed", "matched", "named_loop", "with_feedthrough"]
 
 _WELL_POSED = 1e-12
 
@@ -78,6 +80,18 @@ def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "co
     TypeError, ValueError
         Other kinds of system, discrete time, too many signals; the loop is not well-posed.
     """
+    plant, K = matched(P, controller)
+    return named_loop(plant, closed(plant, K))
+
+
+def matched(P: "control.StateSpace", controller: "control.StateSpace") -> tuple[Plant, StateMatrices]:
+    """Return a plant cut to fit a controller, and the controller with its signals in the plant's order.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Other kinds of system, discrete time, not finite, too many signals.
+    """
     import control
 
     if not isinstance(controller, control.StateSpace):
@@ -85,15 +99,16 @@ def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "co
     if not controller.isctime():
         raise ValueError(f"controller: expected continuous time, got a sampling time of {controller.dt:g} s")
     plant = partition(P, controller.ninputs, controller.noutputs)
-    K = StateMatrices(controller.A, controller.B, controller.C, controller.D)
-    ins, outs = list(controller.input_labels), list(controller.output_labels)
-    if set(ins) == set(plant.measurements):
-        order = [ins.index(name) for name in plant.measurements]
-        K = StateMatrices(K.A, K.B[:, order], K.C, K.D[:, order])
-    if set(outs) == set(plant.controls):
-        order = [outs.index(name) for name in plant.controls]
-        K = StateMatrices(K.A, K.B, K.C[order], K.D[order])
-    return named_loop(plant, closed(plant, K))
+    A, B, C, D = (finite_array(f"{name} of the controller", getattr(controller, name), 2) for name in "ABCD")
+    columns = _places(plant.measurements, controller.input_labels)
+    rows = _places(plant.controls, controller.output_labels)
+    return plant, StateMatrices(A, B[:, columns], C[rows], D[np.ix_(rows, columns)])
+
+
+def _places(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
+    """Return where the wanted names stand; in their order where the names are others."""
+    listed = list(names)
+    return [listed.index(name) for name in wanted] if set(listed) == set(wanted) else list(range(len(listed)))
 
 
 def named_loop(plant: Plant, loop: StateMatrices) -> "control.StateSpace":

@@ -56,7 +56,9 @@ class HInfinityCertificate:
     @property
     def distance(self) -> float:
         """How far above the lower bound the closed loop's norm lies at most, relative to it."""
-        return self.norm.upper / self.lower - 1.0 if self.lower > 0.0 else float("inf")
+        if self.lower > 0.0:
+            return self.norm.upper / self.lower - 1.0
+        return float("inf") if self.norm.upper > 0.0 else 0.0
 
 
 @dataclass(frozen=True)

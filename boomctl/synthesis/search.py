@@ -9,14 +9,13 @@ from scipy import linalg
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.frequency_bound import frequency_bound
 from boomctl.synthesis.partition import Normalised
-from boomctl.synthesis.two_riccati import Level, gains, level_of
+from boomctl.synthesis.two_riccati import COUPLING, Level, gains, level_of
 
 __all__ = ["Bounds", "Deadline", "lowest_level"]
 
 _GROWTH = (1.01, 1.1, 1.5, 3.0, 10.0, 100.0, 1e4, 1e6, 1e9)
 _STEPS = 60
 _NOTHING = 1e-8
-_COUPLING = "control and estimation together do not reach it (rho(XY) >= gamma^2)"
 
 
 @dataclass(frozen=True)
@@ -92,58 +91,64 @@ def lowest_level(ready: Normalised, tolerance: float, deadline: Deadline) -> Bou
     frequency, omega = frequency_bound(ready, F2, L2)
     parts = (ready.A, ready.A + ready.B2 @ F2, ready.A + L2 @ ready.C2)
     band = max((float(np.abs(linalg.eigvals(part)).max()) for part in parts if len(part)), default=0.0)
-    span = _narrowed(
-        _Span(max(frequency, relaxed.radius), np.inf, relaxed.radius, _COUPLING), ready, tolerance, deadline
-    )
-    return Bounds(span.high, frequency, omega, span.proven, span.reason, band)
+    span, levels = _narrowed(_Span(max(frequency, relaxed.radius), np.inf), ready, tolerance, deadline)
+    riccati, reason = _proven([relaxed, *levels])
+    return Bounds(span.high, frequency, omega, riccati, reason, band)
+
+
+def _proven(levels: list[Level]) -> tuple[float, str]:
+    """Return the highest level that one of these shows to be out of reach, and why."""
+    best, reason = 0.0, ""
+    for level in sorted(levels, key=_promise, reverse=True):
+        if _promise(level) <= best:
+            break
+        if level.bound > best:
+            best, reason = level.bound, level.reason or COUPLING
+    return best, reason
+
+
+def _promise(level: Level) -> float:
+    return min(level.radius, level.gamma) if np.isfinite(level.radius) else (level.gamma if level.reason else 0.0)
 
 
 @dataclass(frozen=True)
 class _Span:
-    """Levels between which the lowest one lies; ``proven`` is not above ``low``."""
+    """Levels between which the lowest one seems to lie."""
 
     low: float
     high: float
-    proven: float
-    reason: str
 
     def with_level(self, level: Level) -> "_Span":
-        """Return the span narrowed by what a level tells.
-
-        As the level falls, the radius grows.  So a radius below a level that is reached bounds the lowest one from
-        below, and a radius above a level at which only the coupling fails bounds it from above.
-        """
-        if not level.reason:
-            more = level.clear and level.radius > self.proven
-            proven, reason = (level.radius, _COUPLING) if more else (self.proven, self.reason)
-            return _Span(max(self.low, proven), min(self.high, level.gamma), proven, reason)
-        proven, reason = (level.gamma, level.reason) if level.clear else (self.proven, self.reason)
-        return _Span(max(self.low, level.gamma), self.high, proven, reason)
+        """Return the span narrowed by what a level tells; as the level falls, the radius grows."""
+        if level.reason:
+            return _Span(max(self.low, level.gamma), self.high)
+        return _Span(max(self.low, level.radius), min(self.high, level.gamma))
 
 
-def _narrowed(span: _Span, ready: Normalised, tolerance: float, deadline: Deadline) -> _Span:
-    base = span.low if span.low > 0.0 else _size(ready)
+def _narrowed(span: _Span, ready: Normalised, tolerance: float, deadline: Deadline) -> tuple[_Span, list[Level]]:
+    """Return a span as narrow as asked for, and the levels that were looked at."""
+    levels = _reached(ready, span.low if span.low > 0.0 else _size(ready), deadline)
+    for level in levels:
+        span = span.with_level(level)
     floor = _NOTHING * _size(ready)
-    span, hint = _reached(span, ready, base, deadline)
     for _ in range(_STEPS):
         if span.high <= max(span.low * (1.0 + tolerance), floor):
             break
         deadline.left("searching for the lowest level")
-        level = level_of(ready, _next(span, hint, tolerance))
-        span, hint = span.with_level(level), level.radius
-    return span
+        levels.append(level_of(ready, _next(span, levels[-1].radius, tolerance)))
+        span = span.with_level(levels[-1])
+    return span, levels
 
 
-def _reached(span: _Span, ready: Normalised, base: float, deadline: Deadline) -> tuple[_Span, float]:
-    """Return the span with a level that is reached as its upper end, and the radius there."""
-    reason = ""
+def _reached(ready: Normalised, base: float, deadline: Deadline) -> list[Level]:
+    """Return levels that grow until the last can be reached."""
+    levels: list[Level] = []
     for growth in _GROWTH:
         deadline.left("looking for a level that can be reached")
-        level = level_of(ready, growth * base)
-        span, reason = span.with_level(level), level.reason
-        if not reason:
-            return span, level.radius
-    raise SynthesisError(f"no level up to {_GROWTH[-1] * base:.3g} can be reached: {reason}")
+        levels.append(level_of(ready, growth * base))
+        if not levels[-1].reason:
+            return levels
+    raise SynthesisError(f"no level up to {_GROWTH[-1] * base:.3g} can be reached: {levels[-1].reason}")
 
 
 def _next(span: _Span, hint: float, tolerance: float) -> float:
@@ -155,5 +160,6 @@ def _next(span: _Span, hint: float, tolerance: float) -> float:
 
 def _size(ready: Normalised) -> float:
     """Return a level to start from where nothing bounds it from below."""
-    gain = np.linalg.norm(ready.C1) * np.linalg.norm(ready.B1) / max(np.linalg.norm(ready.A), 1e-300)
-    return float(np.linalg.norm(ready.D11) + gain) or 1.0
+    B1, C1 = np.linalg.norm(ready.B1), np.linalg.norm(ready.C1)
+    rate = np.linalg.norm(ready.A) + C1 * np.linalg.norm(ready.B2) + B1 * np.linalg.norm(ready.C2)
+    return float(np.linalg.norm(ready.D11) + C1 * B1 / max(rate, np.finfo(float).tiny)) or 1.0

@@ -1,0 +1,23 @@
+"""Linear plants in time: sampled controllers, limits, end stops, Coulomb friction."""
+
+from boomctl.simulation.describing_function import SineResponse, describing_function
+from boomctl.simulation.forced_response import ForcedResponse, forced_response
+from boomctl.simulation.friction import CoulombFriction
+from boomctl.simulation.loop import simulate_loop
+from boomctl.simulation.result import FrictionReport, LoopResult
+from boomctl.simulation.stops import StopHit
+from boomctl.simulation.swept_sine import sine_sigma, swept_sine
+
+__all__ = [
+    "CoulombFriction",
+    "ForcedResponse",
+    "FrictionReport",
+    "LoopResult",
+    "SineResponse",
+    "StopHit",
+    "describing_function",
+    "forced_response",
+    "simulate_loop",
+    "sine_sigma",
+    "swept_sine",
+]

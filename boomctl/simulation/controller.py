@@ -1,0 +1,143 @@
+"""A controller as it runs: discrete, its signals matched to the plant's, its state corrected where it saturates."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.checks import known
+from boomctl.simulation.plant import ModalPlant
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["DISCRETIZATIONS", "SampledController", "conditioning_gain", "sampled_controller"]
+
+DISCRETIZATIONS = ("tustin", "zoh")
+_SAME = 1e-6
+_REGULAR = 1e-10
+
+
+@dataclass(frozen=True)
+class SampledController:
+    """``x+ = A x + B y + L (applied - asked)``, ``asked = C x + D y``.
+
+    Attributes
+    ----------
+    A, B, C, D, L : ndarray
+        ``L`` is zero without anti-windup.
+    measured, driven : ndarray of int
+        Which outputs of the plant it reads, which inputs it drives.
+    inputs, outputs : tuple of str
+        Their names.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    L: Array
+    measured: Array
+    driven: Array
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+def sampled_controller(
+    controller: "control.StateSpace | None",
+    plant: ModalPlant,
+    sample_time: float,
+    anti_windup: bool = True,
+    discretization: str = "tustin",
+) -> SampledController:
+    """Return a controller ready to be stepped; ``None`` drives nothing.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not a state-space system, signals that the plant does not have, a sampling time of its own that is another, or
+        poles beyond half the sampling rate.
+    """
+    import control
+
+    if controller is None:
+        none = np.zeros((0, 0))
+        nothing = np.zeros(0, dtype=int)
+        return SampledController(none, none, none, none, none, nothing, nothing, (), ())
+    if not isinstance(controller, control.StateSpace):
+        raise TypeError(f"controller: expected control.StateSpace or None, got {type(controller).__name__}")
+    for name in ("A", "B", "C", "D"):
+        if not np.isfinite(getattr(controller, name)).all():
+            raise ValueError(f"controller: {name} has entries that are not finite")
+    inputs, outputs = tuple(controller.input_labels), tuple(controller.output_labels)
+    for label in inputs:
+        known("controller input (an output of the plant)", label, plant.outputs)
+    for label in outputs:
+        known("controller output (an input of the plant)", label, plant.inputs)
+    A, B, C, D = _discrete(controller, sample_time, known("discretization", discretization, DISCRETIZATIONS))
+    L = conditioning_gain(A, B, C, D) if anti_windup and len(A) else np.zeros((len(A), len(C)))
+    measured = np.array([plant.outputs.index(label) for label in inputs], dtype=int)
+    driven = np.array([plant.inputs.index(label) for label in outputs], dtype=int)
+    return SampledController(A, B, C, D, L, measured, driven, inputs, outputs)
+
+
+def _discrete(controller: "control.StateSpace", sample_time: float, method: str) -> tuple[Array, Array, Array, Array]:
+    """Return the matrices of the controller at ``sample_time``."""
+    if controller.isdtime(strict=True):
+        own = controller.dt
+        if own is not True and abs(own - sample_time) > _SAME * sample_time:
+            raise ValueError(f"controller: its sampling time is {own:g} s; expected sample_time = {sample_time:g} s")
+        found = controller
+    else:
+        poles = np.linalg.eigvals(controller.A) if controller.nstates else np.zeros(1)
+        fastest = complex(poles[np.abs(poles).argmax()])
+        limit = np.pi / sample_time
+        if abs(fastest) > limit:
+            raise ValueError(
+                f"sample_time = {sample_time:g} s is too long for the controller's pole at {fastest:.4g} rad/s: half the "
+                f"sampling rate is {limit:.4g} rad/s; sample at least every {np.pi / abs(fastest):.3g} s"
+            )
+        found = controller.sample(sample_time, method="bilinear" if method == "tustin" else "zoh")
+    return tuple(np.asarray(getattr(found, name), dtype=float) for name in ("A", "B", "C", "D"))  # type: ignore[return-value]
+
+
+def conditioning_gain(A: Array, B: Array, C: Array, D: Array) -> Array:
+    """Return the gain through which the control that was applied corrects the controller's state.
+
+    The controller is run as an observer of itself: its input is taken for white noise, what was applied for a
+    measurement of what it asked for.  The stationary Kalman gain is Hanus' conditioning ``B D^-1`` where ``D`` is
+    invertible and the controller of minimum phase, and stabilising otherwise.  A stable controller for which none is
+    found (its poles hardly seen at the output) is left as it is: its state fades by itself.
+
+    Raises
+    ------
+    ValueError
+        The controller is not stable, and no gain was found.
+
+    Source: Hanus, Kinnaert & Henrotte (1987); Astrom & Rundqwist (1989).
+    """
+    if not B.any() or not C.any():
+        return np.zeros((len(A), len(C)))
+    through = D @ D.T
+    size = float(np.linalg.norm(through)) or float(np.linalg.norm(C @ B @ B.T @ C.T)) or 1.0
+    R = through + _REGULAR * size * np.eye(len(C))
+    Q = B @ B.T
+    Q = Q + _REGULAR * np.linalg.norm(Q) * np.eye(len(A))
+    S = B @ D.T
+    own, gain = float(np.abs(np.linalg.eigvals(A)).max()), np.zeros((len(A), len(C)))
+    try:
+        P = linalg.solve_discrete_are(A.T, C.T, Q, R, s=S)
+        gain = np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T + S.T).T
+        corrected = float(np.abs(np.linalg.eigvals(A - gain @ C)).max())
+    except (linalg.LinAlgError, ValueError):
+        corrected = np.inf
+    if corrected < 1.0:
+        return gain
+    if own < 1.0:
+        return np.zeros_like(gain)
+    raise ValueError(
+        f"anti_windup = True: no gain corrects the controller's state where it saturates (its largest pole, {own:.6g}, "
+        f"lies on or outside the unit circle and is hardly seen at its output); pass anti_windup=False"
+    )

@@ -1,0 +1,171 @@
+"""Coulomb friction by its describing function: the fundamental of a plant that slips, sticks and is shaken by a sine.
+
+Sliding friction of amplitude ``F`` has the fundamental ``4 F/pi``, opposite to the slip velocity: an equivalent viscous
+damping ``4 F/(pi omega A)`` at the slip amplitude ``A``.  With the plant's receptances the harmonic balance
+``|A + j (4 F/pi) H| = |S|`` (``S`` the slip without friction, ``H`` the slip per unit friction force) is a quadratic in
+``A``, solved here in closed form; where it has no positive root the contact sticks.
+
+Source: Den Hartog (1931) for the damper, Gelb & Vander Velde (1968) for the method.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.analysis.singular import singular_values
+from boomctl.arrays import Array, Complex, Flags
+from boomctl.checks import frequencies, known, names, positive
+from boomctl.simulation.friction import CoulombFriction
+from boomctl.structure.second_order import SecondOrderModel
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["SineResponse", "describing_function", "receptances", "sine_pattern"]
+
+
+@dataclass(frozen=True)
+class SineResponse:
+    """Fundamental of the steady response to a sine with friction.
+
+    Attributes
+    ----------
+    omega : (n,) ndarray
+        Angular frequencies [rad/s].
+    response : (outputs, n) complex ndarray
+        Fundamental of the outputs per unit excitation.
+    slip : (n,) ndarray
+        Amplitude of the slip's fundamental [m].
+    stuck : (n,) ndarray of bool
+        Whether the contact never slips.
+    amplitude : float
+        Amplitude of the excitation [unit of the input].
+    inputs, outputs : tuple of str
+        Excited and read signals.
+    settled : (n,) ndarray
+        Change of the response from the last but one window of periods to the last, relative to its size; 0 for a
+        harmonic balance.
+    """
+
+    omega: Array
+    response: Complex
+    slip: Array
+    stuck: Flags
+    amplitude: float
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    settled: Array
+
+    @property
+    def gain(self) -> Array:
+        """Length of the response per length of the excitation: the singular value of a single pattern, (n,)."""
+        return singular_values(self.response[:, None, :])[0]
+
+
+def sine_pattern(inputs: Sequence[str], excitation: str | dict[str, complex]) -> tuple[tuple[str, ...], Complex]:
+    """Return the inputs excited and their complex amplitudes, scaled to length one."""
+    shares = {excitation: 1.0 + 0.0j} if isinstance(excitation, str) else dict(excitation)
+    for name in shares:
+        known("excited input", name, inputs)
+    vector = np.array(list(shares.values()), dtype=complex)
+    length = float(np.linalg.norm(vector))
+    if not len(vector) or not np.isfinite(length) or length == 0.0:
+        raise ValueError("excitation: expected an input, or a mapping from inputs to amplitudes that are not all zero")
+    return tuple(shares), vector / length
+
+
+def receptances(
+    plant: "SecondOrderModel | control.StateSpace", omega: Array, inputs: Sequence[str], outputs: Sequence[str]
+) -> Complex:
+    """Return the frequency response of some signals, (outputs, inputs, frequencies)."""
+    import control
+
+    if isinstance(plant, SecondOrderModel):
+        return np.asarray(plant.frequency_response(omega, inputs=list(inputs), outputs=list(outputs)).frdata)
+    if not isinstance(plant, control.StateSpace):
+        raise TypeError(f"plant: expected control.StateSpace or SecondOrderModel, got {type(plant).__name__}")
+    ins, outs = tuple(plant.input_labels), tuple(plant.output_labels)
+    i = [ins.index(name) for name in names("input", list(inputs), ins)]
+    o = [outs.index(name) for name in names("output", list(outputs), outs)]
+    return np.asarray(plant.frequency_response(omega).frdata)[np.ix_(o, i)]
+
+
+def describing_function(
+    plant: "SecondOrderModel | control.StateSpace",
+    friction: CoulombFriction,
+    omega: ArrayLike,
+    excitation: str | dict[str, complex],
+    amplitude: float,
+    outputs: str | Sequence[str] | None = None,
+) -> SineResponse:
+    """Return the response of a plant with friction to sines, by harmonic balance.
+
+    Parameters
+    ----------
+    plant : SecondOrderModel or control.StateSpace
+    friction : CoulombFriction
+        Its static force is not used: a sine in balance does not know of break-away.
+    omega : array_like
+        Angular frequencies [rad/s], above zero.
+    excitation : str or mapping from input to complex
+        The input that is shaken, or a pattern of several, whose length is scaled to one.
+    amplitude : float
+        Amplitude of the excitation.
+    outputs : str or sequence of str, optional
+        By default all.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Unknown signals, amplitude or frequencies not above zero.
+    """
+    grid, size = _positive_grid(omega), positive("amplitude", amplitude)
+    excited, shape = sine_pattern(plant_inputs(plant), excitation)
+    read = names("output", outputs, plant_outputs(plant))
+    known("input of the friction", friction.input, plant_inputs(plant))
+    known("output of the friction", friction.output, plant_outputs(plant))
+    ins, outs = tuple(dict.fromkeys((*excited, friction.input))), tuple(dict.fromkeys((*read, friction.output)))
+    H = receptances(plant, grid, ins, outs)
+    acts, slips = ins.index(friction.input), outs.index(friction.output)
+    rows = [outs.index(name) for name in read]
+    moved = size * np.einsum("oin,i->on", H[:, [ins.index(name) for name in excited]], shape)
+    force, slip = balanced_friction(moved[slips], H[slips, acts], friction.force)
+    response = (moved[rows] + H[rows, acts] * force) / size
+    return SineResponse(grid, response, slip, slip == 0.0, size, excited, read, np.zeros(len(grid)))
+
+
+def balanced_friction(slip: Complex, receptance: Complex, force: float) -> tuple[Complex, Array]:
+    """Return the fundamental of the friction force and the slip amplitude, from the slip without friction.
+
+    ``slip`` and ``receptance`` (slip per unit force) are complex, one a frequency.
+    """
+    level = 4.0 * force / np.pi
+    turned = 1j * level * receptance
+    free = np.abs(slip) ** 2 - np.imag(turned) ** 2
+    amplitude = np.where(free > 0.0, np.sqrt(np.maximum(free, 0.0)) - np.real(turned), 0.0)
+    amplitude = np.maximum(amplitude, 0.0)
+    sliding = amplitude > 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        direction = np.where(sliding, slip / (amplitude + turned), 0.0)
+        held = np.where(sliding, -1j * level * direction, -slip / receptance)
+    return held, amplitude
+
+
+def plant_inputs(plant: "SecondOrderModel | control.StateSpace") -> tuple[str, ...]:
+    """Return the names of a plant's inputs."""
+    return plant.inputs if isinstance(plant, SecondOrderModel) else tuple(plant.input_labels)
+
+
+def plant_outputs(plant: "SecondOrderModel | control.StateSpace") -> tuple[str, ...]:
+    """Return the names of a plant's outputs."""
+    return plant.outputs if isinstance(plant, SecondOrderModel) else tuple(plant.output_labels)
+
+
+def _positive_grid(omega: ArrayLike) -> Array:
+    grid = frequencies("omega", omega)
+    if (grid == 0.0).any():
+        raise ValueError("omega: expected frequencies above zero")
+    return grid

@@ -1,0 +1,184 @@
+"""The response of a linear plant to given signals, mode by mode: exact for signals that run along straight lines.
+
+A structure answers with as many modes as a wanted accuracy needs; the modes left out answer as they do at rest, and
+what the highest modes kept do beyond that says how much the others lack.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.arrays import Array
+from boomctl.checks import known, names, positive
+from boomctl.simulation.lifted import lifted_response
+from boomctl.simulation.plant import ModalPlant, modal_plant, of_matrices
+from boomctl.simulation.signals import disturbance_rows, uniform_times
+from boomctl.simulation.truncation import truncated
+from boomctl.structure.second_order import SecondOrderModel
+from boomctl.structure.symmetry import half
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["ForcedResponse", "forced_response"]
+
+_FIRST_MODES = 16
+_GROWTH = 1.6
+_WITNESSES = 2
+
+
+@dataclass(frozen=True)
+class ForcedResponse:
+    """Outputs over time.
+
+    Attributes
+    ----------
+    time : (n,) ndarray
+        Times [s].
+    outputs : dict from name to (n,) ndarray
+    inputs : dict from name to (n,) ndarray
+        The signals given.
+    error_estimate : float
+        Of the modes left out, relative to the largest output; 0 where none were.
+    modes : int
+        Modes used; the number of states of a state-space system.
+    """
+
+    time: Array
+    outputs: dict[str, Array] = field(repr=False)
+    inputs: dict[str, Array] = field(repr=False)
+    error_estimate: float
+    modes: int
+
+    def __getitem__(self, name: str) -> Array:
+        """Return an output by name."""
+        return self.outputs[known("output", name, tuple(self.outputs))]
+
+    @property
+    def response(self) -> "control.TimeResponseData":
+        """The same as python-control's named time response."""
+        import control
+
+        return control.TimeResponseData(
+            self.time,
+            np.array(list(self.outputs.values())),
+            inputs=np.array(list(self.inputs.values())),
+            output_labels=list(self.outputs),
+            input_labels=list(self.inputs),
+            issiso=False,
+            sysname="response",
+        )
+
+
+def forced_response(
+    plant: "SecondOrderModel | control.StateSpace",
+    signals: Mapping[str, ArrayLike],
+    timepts: ArrayLike,
+    outputs: str | Sequence[str] | None = None,
+    accuracy: float = 1e-6,
+) -> ForcedResponse:
+    """Return the response of a plant at rest to signals that run along straight lines between the given times.
+
+    Parameters
+    ----------
+    plant : SecondOrderModel or control.StateSpace
+        Continuous time.
+    signals : mapping from input to (n,) array
+        Inputs not named stay at zero.
+    timepts : (n,) array_like
+        Times in equal steps [s].
+    outputs : str or sequence of str, optional
+        By default all.
+    accuracy : float
+        Wanted of a structure, relative to the largest value of each output.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of plant, unknown signals, shapes, gaps, times not even.
+    """
+    time, wanted = uniform_times(timepts), positive("accuracy", accuracy)
+    h = float(time[-1] - time[0]) / (len(time) - 1)
+    if not isinstance(signals, Mapping) or not signals:
+        raise TypeError("signals: expected a mapping from inputs of the plant to arrays, not empty")
+    if not isinstance(plant, SecondOrderModel):
+        modal = modal_plant(plant)
+        rows = disturbance_rows(signals, modal.inputs, (), len(time))
+        read = names("output", outputs, modal.outputs)
+        found = lifted_response(modal.step(h).of_signals, modal.C, modal.D, rows)[
+            [modal.outputs.index(name) for name in read]
+        ]
+        return ForcedResponse(time, dict(zip(read, found, strict=True)), _given(signals), 0.0, len(modal.A))
+    for name in signals:
+        known("signal", name, plant.inputs)
+    read = names("output", outputs, plant.outputs)
+    total = np.zeros((len(read), len(time)))
+    lacking, modes = 0.0, 0
+    parts = _parts(plant, tuple(signals), read, signals, len(time))
+    sizes = np.zeros(len(read))
+    pieces = []
+    for model, U, W in parts:
+        y, missing, used = _structure_response(model, U, h, wanted, W)
+        total += W @ y
+        pieces.append(np.abs(W) @ missing)
+        modes += used
+    sizes = np.abs(total).max(axis=1)
+    lacking = float(np.max(np.sum(pieces, axis=0) / np.where(sizes > 0.0, sizes, 1.0)))
+    return ForcedResponse(time, dict(zip(read, total, strict=True)), _given(signals), lacking, modes)
+
+
+def _given(signals: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    return {name: np.asarray(values, dtype=float) for name, values in signals.items()}
+
+
+def _parts(
+    model: SecondOrderModel, inputs: tuple[str, ...], outputs: tuple[str, ...], signals: Mapping[str, ArrayLike], n: int
+) -> list[tuple[SecondOrderModel, Array, Array]]:
+    """Return the symmetric halves of a model (or the model), their signals, and how their outputs make up the wanted."""
+    if model.mirror is not None:
+        ins, outs = model.mirror.completed(inputs, model.inputs), model.mirror.completed(outputs, model.outputs)
+        chosen = model.select(ins, outs)
+        found = [half(chosen, parity) for parity in (1, -1)]
+        rows = disturbance_rows(signals, ins, (), n)
+        kept = [part for part in found if part is not None and part.W_in.shape[1] and part.W_out.shape[1]]
+        if all(part is not None for part in found):
+            place = [outs.index(name) for name in outputs]
+            return [(part.model, part.W_in.T @ rows, part.W_out[place]) for part in kept]
+    return [(model.select(inputs, outputs), disturbance_rows(signals, inputs, (), n), np.eye(len(outputs)))]
+
+
+def _structure_response(
+    model: SecondOrderModel, U: Array, h: float, accuracy: float, W: Array
+) -> tuple[Array, Array, int]:
+    """Return outputs, what they lack at most by estimate (outputs), and the number of modes."""
+    if not U.any():
+        return np.zeros((len(model.outputs), U.shape[1])), np.zeros(len(model.outputs)), 0
+    modes = min(_FIRST_MODES, model.n)
+    while True:
+        small, rest = truncated(model, modes)
+        linear = small.to_statespace()
+        plant = of_matrices(linear.A, linear.B, linear.C, linear.D + rest, small.inputs, small.outputs)
+        count = len(plant.C)
+        if small.n == model.n:
+            y = lifted_response(plant.step(h).of_signals, plant.C, plant.D, U)
+            return y, np.zeros(count), model.n
+        C, D = _witness(plant)
+        both = lifted_response(plant.step(h).of_signals, np.vstack([plant.C, C]), np.vstack([plant.D, D]), U)
+        y, lacking = both[:count], np.abs(both[count:]).max(axis=1)
+        if (lacking <= accuracy * np.abs(y).max(axis=1)).all():
+            return y, lacking, modes
+        modes = min(model.n, int(np.ceil(_GROWTH * modes)))
+
+
+def _witness(plant: ModalPlant) -> tuple[Array, Array]:
+    """Return rows that read how far the highest modes are from their answer at rest: what modes left out lack."""
+    speed = [float(np.abs(np.linalg.eigvals(plant.A[part, part])).min()) for part in plant.blocks]
+    C, D = np.zeros_like(plant.C), np.zeros_like(plant.D)
+    for k in np.argsort(speed)[-_WITNESSES:]:
+        part = plant.blocks[k]
+        C[:, part] = plant.C[:, part]
+        D += plant.C[:, part] @ np.linalg.solve(plant.A[part, part], plant.B[part])
+    return C, D

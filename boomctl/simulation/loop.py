@@ -1,0 +1,191 @@
+"""The sampled-data closed loop: exact plant, discrete controller, delay, limits, stops, friction."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.arrays import Array
+from boomctl.checks import finite_array, nonnegative
+from boomctl.simulation.contact_stepping import ContactLog, run_contact
+from boomctl.simulation.contacts import StrokeLimit, contacts_of, stop_places
+from boomctl.simulation.controller import sampled_controller
+from boomctl.simulation.friction import CoulombFriction
+from boomctl.simulation.plant import ModalPlant, modal_plant
+from boomctl.simulation.result import FrictionReport, LoopResult
+from boomctl.simulation.signals import disturbance_rows, per_signal, time_grid
+from boomctl.simulation.speculation import run_fast
+from boomctl.simulation.stepping import ControlLog, LoopProblem, control_log
+from boomctl.simulation.stops import merged_hits
+from boomctl.structure.second_order import SecondOrderModel
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["simulate_loop"]
+
+_STOP_SUBSTEPS = 4
+
+
+def simulate_loop(
+    plant: "control.StateSpace | SecondOrderModel",
+    controller: "control.StateSpace | None",
+    disturbance: Mapping[str, ArrayLike] | ArrayLike | None,
+    timepts: ArrayLike,
+    *,
+    sample_time: float,
+    delay: float = 0.0,
+    force_limit: float | Mapping[str, float] | None = None,
+    rate_limit: float | Mapping[str, float] | None = None,
+    stroke_limit: StrokeLimit = None,
+    quantization: float | Mapping[str, float] | None = None,
+    anti_windup: bool = True,
+    friction: CoulombFriction | None = None,
+    discretization: str = "tustin",
+    initial: ArrayLike | None = None,
+) -> LoopResult:
+    """Simulate a plant under a sampled controller.
+
+    Between samples the plant moves exactly, in modal coordinates: controls are held, disturbances run along straight
+    lines from one time to the next.  At a sample the controller reads the plant (just before its control changes),
+    asks for a control, and is given what limits allow: first the force, then the rate; that acts ``delay`` later.
+
+    Parameters
+    ----------
+    plant : control.StateSpace or SecondOrderModel
+        Continuous time, signals named.  A model of more than 60 coordinates is projected onto its lowest 60 modes.
+    controller : control.StateSpace or None
+        ``u = K y``: its inputs are named as outputs of the plant, its outputs as inputs of the plant.  A discrete one
+        has ``sample_time`` as its own; a continuous one is discretised.  ``None``: open loop.
+    disturbance : mapping from input to (n,) array, (k, n) array or None
+        At ``timepts``.  An array has one row for each input of the plant that the controller does not drive.
+    timepts : (n,) array_like
+        Times in equal steps [s]; the step and ``sample_time`` are a whole multiple of each other, either way.
+    sample_time : float
+        Time between samples of the controller [s].
+    delay : float
+        Between a sample and the moment its control acts [s]; any, fractions of a sample included.
+    force_limit, rate_limit : float or mapping from control to float, optional
+        Largest control, and largest change of it per second.
+    stroke_limit : float or mapping, optional
+        Hard, inelastic end stops: a number for the outputs ``stroke_*``, which act through the inputs ``suspension_*``
+        of the same suffix, or a mapping from output to a number or to ``(number, input)``.
+    quantization : float or mapping from measurement to float, optional
+        Steps of the measurements.
+    anti_windup : bool
+        Correct the controller's state by what it was given less what it asked for.
+    friction : CoulombFriction, optional
+    discretization : "tustin" or "zoh"
+        Of a continuous controller.
+    initial : (states,) array_like, optional
+        States at the first time of a ``StateSpace``; by default at rest.
+
+    Returns
+    -------
+    LoopResult
+
+    Raises
+    ------
+    TypeError, ValueError
+        Wrong shapes, unknown signals, gaps, times not even, a sampling rate too low for the controller's poles.
+    """
+    delay = nonnegative("delay", delay)
+    places_of = friction.input if friction is not None else None
+    modal = modal_plant(plant, _contact_inputs(plant, places_of, stroke_limit))
+    places = stop_places(stroke_limit, modal)
+    substeps = 1 if friction is None else friction.substeps
+    grid = time_grid(timepts, sample_time, max(substeps, _STOP_SUBSTEPS) if places else substeps)
+    K = sampled_controller(controller, modal, float(sample_time), anti_windup, discretization)
+    rows = disturbance_rows(disturbance, modal.inputs, K.outputs, len(grid.time))
+    lag = int(np.floor(delay / grid.h * (1.0 + 1e-12) + 1e-9))
+    maps = modal.step(grid.h, max(delay - lag * grid.h, 0.0) if delay - lag * grid.h > 1e-9 * grid.h else 0.0)
+    contacts = contacts_of(modal, maps, friction, places, K.outputs)
+    problem = LoopProblem(
+        modal,
+        maps,
+        K,
+        grid,
+        grid.refined(rows),
+        lag,
+        per_signal("force_limit", force_limit, K.outputs),
+        per_signal("rate_limit", rate_limit, K.outputs) * float(sample_time),
+        per_signal("quantization", quantization, K.inputs, zero=True),
+        _start(initial, modal),
+        contacts,
+    )
+    log = control_log(problem)
+    if contacts is None:
+        moving, contact_log = run_fast(problem, log)[:, :: grid.per_point], None
+    else:
+        moving, contact_log = run_contact(problem, log, contacts)
+    return _result(problem, rows, log, moving, contact_log, delay)
+
+
+def _contact_inputs(
+    plant: "control.StateSpace | SecondOrderModel", friction_input: str | None, limit: StrokeLimit
+) -> tuple[str, ...]:
+    """Return the inputs of a model at which contact forces act."""
+    if not isinstance(plant, SecondOrderModel):
+        return ()
+    found = [name for name in plant.inputs if name == friction_input]
+    if limit is not None:
+        named = [value[1] for value in limit.values() if isinstance(value, tuple)] if isinstance(limit, Mapping) else []
+        found += [name for name in plant.inputs if name in named or name.startswith("suspension_")]
+    return tuple(dict.fromkeys(found))
+
+
+def _start(initial: ArrayLike | None, plant: ModalPlant) -> Array:
+    n = len(plant.A)
+    if initial is None:
+        return np.zeros(n)
+    given = finite_array("initial", initial, ndim=1)
+    if given.shape != (n,):
+        raise ValueError(f"initial has shape {given.shape}; expected {(n,)}, one a state")
+    return np.linalg.solve(plant.T, given) if n else given
+
+
+def _result(
+    p: LoopProblem, rows: Array, log: ControlLog, moving: Array, contacts: ContactLog | None, delay: float
+) -> LoopResult:
+    """Return signals by name."""
+    plant, K, grid = p.plant, p.controller, p.grid
+    applied, asked = _at_points(p, log)
+    outputs = moving + plant.D @ rows + plant.D[:, K.driven] @ applied
+    if not np.isfinite(outputs).all():
+        raise ValueError("the loop diverges: its outputs grow beyond all numbers before the last of timepts")
+    friction = None
+    if contacts is not None and p.contacts is not None and p.contacts.law is not None:
+        mean = contacts.friction.reshape(-1, grid.per_point).mean(axis=1)
+        friction = FrictionReport(
+            np.concatenate([[0.0], mean]),
+            float(contacts.stuck.mean()),
+            float(contacts.dissipated.sum()),
+            p.contacts.law.input,
+            p.contacts.law.output,
+        )
+    names = [] if p.contacts is None else [stop.output for stop in p.contacts.stops]
+    touched = [] if contacts is None else contacts.touched
+    return LoopResult(
+        grid.time,
+        dict(zip(plant.outputs, outputs, strict=True)),
+        dict(zip(K.outputs, applied, strict=True)),
+        dict(zip(K.outputs, asked, strict=True)),
+        {name: row for name, row in zip(plant.inputs, rows, strict=True) if row.any()},
+        dict(zip(K.outputs, log.saturated.mean(axis=0).tolist(), strict=True)),
+        dict(zip(K.outputs, log.slewed.mean(axis=0).tolist(), strict=True)),
+        merged_hits(names, grid.h, float(grid.time[0]), touched),
+        friction,
+        grid.per_sample * grid.h,
+        delay,
+    )
+
+
+def _at_points(p: LoopProblem, log: ControlLog) -> tuple[Array, Array]:
+    """Return the controls that act just after each given time, and what was asked for last, (controls, points)."""
+    step = np.arange(len(p.grid.time)) * p.grid.per_point
+    late = p.lag + (1 if p.maps.before.any() else 0)
+    acting = np.minimum((step - late) // p.grid.per_sample, len(log.given) - 1)
+    applied = np.where((step >= late)[:, None], log.given[np.maximum(acting, 0)], 0.0)
+    latest = np.minimum(step // p.grid.per_sample, len(log.asked) - 1)
+    return applied.T, log.asked[latest].T

@@ -1,0 +1,108 @@
+"""What a simulated loop returns."""
+
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from boomctl.arrays import Array
+from boomctl.checks import known
+from boomctl.simulation.stops import StopHit
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["FrictionReport", "LoopResult"]
+
+
+@dataclass(frozen=True)
+class FrictionReport:
+    """What friction did.
+
+    Attributes
+    ----------
+    force : (n,) ndarray
+        Mean friction force between each time and the one before [N]; 0 at the first.
+    stuck_share : float
+        Share of the time spent at rest.
+    dissipated : float
+        Energy taken [J].
+    input, output : str
+        Where it acts.
+    """
+
+    force: Array = field(repr=False)
+    stuck_share: float
+    dissipated: float
+    input: str
+    output: str
+
+
+@dataclass(frozen=True)
+class LoopResult:
+    """A closed loop in time.
+
+    Attributes
+    ----------
+    time : (n,) ndarray
+        Times [s].
+    outputs : dict from name to (n,) ndarray
+        Outputs of the plant.
+    controls : dict from name to (n,) ndarray
+        Controls that act on the plant just after each time, limits and delay included.
+    asked : dict from name to (n,) ndarray
+        What the controller asked for at its last sample.
+    disturbances : dict from name to (n,) ndarray
+        What disturbed the plant; inputs left alone are not listed.
+    saturation_share, rate_share : dict from name to float
+        Share of the samples at which a control met its limit, and its largest rate of change.
+    stops : tuple of StopHit
+        End stops touched, in order.
+    friction : FrictionReport or None
+    sample_time, delay : float
+        Of the controller [s].
+    """
+
+    time: Array
+    outputs: dict[str, Array] = field(repr=False)
+    controls: dict[str, Array] = field(repr=False)
+    asked: dict[str, Array] = field(repr=False)
+    disturbances: dict[str, Array] = field(repr=False)
+    saturation_share: dict[str, float]
+    rate_share: dict[str, float]
+    stops: tuple[StopHit, ...]
+    friction: FrictionReport | None
+    sample_time: float
+    delay: float
+
+    def __getitem__(self, name: str) -> Array:
+        """Return an output by name."""
+        return self.outputs[known("output", name, tuple(self.outputs))]
+
+    @property
+    def strokes(self) -> dict[str, Array]:
+        """The outputs named ``stroke_*``."""
+        return {name: values for name, values in self.outputs.items() if name.startswith("stroke_")}
+
+    @property
+    def response(self) -> "control.TimeResponseData":
+        """Outputs over disturbances and controls as python-control's named time response."""
+        import control
+        import numpy as np
+
+        moved = {name: np.zeros(len(self.time)) for name in (*self.disturbances, *self.controls)}
+        for signals in (self.disturbances, self.controls):
+            for name, values in signals.items():
+                moved[name] = moved[name] + values
+        return control.TimeResponseData(
+            self.time,
+            np.array(list(self.outputs.values())).reshape(-1, len(self.time)),
+            inputs=np.array(list(moved.values())).reshape(-1, len(self.time)) if moved else None,
+            output_labels=list(self.outputs),
+            input_labels=list(moved) if moved else None,
+            issiso=False,
+            sysname="loop",
+        )
+
+    def plot(self, outputs: tuple[str, ...] | None = None) -> Any:
+        """Draw outputs, controls asked for and applied, stops and friction over time; return the figure."""
+        return import_module("boomctl.plotting.loop").draw_loop(self, outputs)

@@ -1,0 +1,164 @@
+"""Checks of what a simulation is given: times, disturbances, limits."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.arrays import Array
+from boomctl.checks import finite_array, known, nonnegative, positive
+
+__all__ = ["TimeGrid", "disturbance_rows", "per_signal", "time_grid", "uniform_times"]
+
+_EVEN = 1e-6
+
+Levels = float | Mapping[str, float] | None
+
+
+@dataclass(frozen=True)
+class TimeGrid:
+    """The given times, and the finer grid on which the loop is stepped.
+
+    Attributes
+    ----------
+    time : (n,) ndarray
+        The given times [s].
+    h : float
+        Step [s].
+    per_point, per_sample : int
+        Steps from one given time to the next, and from one sample of the controller to the next.
+    """
+
+    time: Array
+    h: float
+    per_point: int
+    per_sample: int
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return (len(self.time) - 1) * self.per_point
+
+    def refined(self, rows: Array) -> Array:
+        """Return signals given at the times on the finer grid, by straight lines between the points."""
+        if self.per_point == 1:
+            return rows
+        share = np.arange(self.per_point) / self.per_point
+        lines = rows[:, :-1, None] + share * np.diff(rows, axis=1)[:, :, None]
+        return np.hstack([lines.reshape(len(rows), -1), rows[:, -1:]])
+
+
+def uniform_times(timepts: ArrayLike) -> Array:
+    """Return times that ascend in equal steps, at least two.
+
+    Raises
+    ------
+    ValueError
+        They do not; the message says where.
+    """
+    time = finite_array("timepts", timepts, ndim=1)
+    if len(time) < 2:
+        raise ValueError(f"timepts: expected at least two times, got {len(time)}")
+    steps = np.diff(time)
+    mean = (time[-1] - time[0]) / (len(time) - 1)
+    if mean <= 0.0:
+        raise ValueError("timepts: expected ascending times")
+    off = np.abs(steps - mean)
+    if off.max() > _EVEN * mean + 1e-12 * np.abs(time).max():
+        k = int(off.argmax())
+        raise ValueError(
+            f"timepts: expected equal steps of {mean:g} s, got {steps[k]:g} s after {time[k]:g} s; resample the signals"
+        )
+    return time
+
+
+def time_grid(timepts: ArrayLike, sample_time: float, substeps: int = 1) -> TimeGrid:
+    """Return the grid of a loop sampled every ``sample_time``.
+
+    Raises
+    ------
+    ValueError
+        The step of ``timepts`` and ``sample_time`` are no whole multiple of each other, either way.
+    """
+    time = uniform_times(timepts)
+    sample = positive("sample_time", sample_time)
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    per_point, per_sample = max(1, round(step / sample)), max(1, round(sample / step))
+    h = min(step, sample)
+    if abs(h * per_point - step) > _EVEN * step or abs(h * per_sample - sample) > _EVEN * sample:
+        raise ValueError(
+            f"sample_time = {sample:g} s, steps of timepts {step:g} s: expected one to be a whole multiple of the other"
+        )
+    exact = step / per_point
+    return TimeGrid(time, exact / substeps, per_point * substeps, per_sample * substeps)
+
+
+def disturbance_rows(
+    disturbance: Mapping[str, ArrayLike] | ArrayLike | None,
+    inputs: Sequence[str],
+    driven: Sequence[str],
+    points: int,
+) -> Array:
+    """Return what disturbs each input of the plant at each time, (inputs, points).
+
+    Parameters
+    ----------
+    disturbance : mapping from input to array, array or None
+        An array has one row for each input that the controller does not drive, in their order; with one such input it
+        may have one dimension.  A mapping may name any input: on one that the controller drives it adds up.
+    inputs, driven : sequence of str
+        All inputs of the plant, and those that the controller drives.
+    points : int
+        Number of times.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Unknown inputs, wrong shapes, numbers that are not finite (a gap); the message names the input.
+    """
+    rows = np.zeros((len(inputs), points))
+    if disturbance is None:
+        return rows
+    if isinstance(disturbance, Mapping):
+        for name, values in disturbance.items():
+            known("disturbance input", name, inputs)
+            rows[inputs.index(name)] = _row(name, values, points)
+        return rows
+    free = [name for name in inputs if name not in driven]
+    given = np.atleast_2d(np.asarray(disturbance))
+    if given.shape != (len(free), points):
+        raise ValueError(
+            f"disturbance has shape {given.shape}; expected {(len(free), points)}, a row for each of "
+            f"{', '.join(free) or 'no inputs'} and a column for each time"
+        )
+    for name, values in zip(free, given, strict=True):
+        rows[inputs.index(name)] = _row(name, values, points)
+    return rows
+
+
+def _row(name: str, values: ArrayLike, points: int) -> Array:
+    row = np.asarray(values)
+    if row.shape != (points,):
+        raise ValueError(f"disturbance {name!r} has shape {row.shape}; expected {(points,)}, a value for each time")
+    if row.dtype.kind == "f" and not np.isfinite(row).all():
+        gap = int(np.flatnonzero(~np.isfinite(row))[0])
+        raise ValueError(f"disturbance {name!r} has a gap: {row[gap]} at point {gap}; fill it before the simulation")
+    return finite_array(f"disturbance {name!r}", row)
+
+
+def per_signal(what: str, levels: Levels, signals: Sequence[str], zero: bool = False) -> Array:
+    """Return a positive level for each signal, ``inf`` where none is given; ``zero``: levels of zero stand for none."""
+    found = np.full(len(signals), np.inf)
+    if levels is None:
+        return found
+    check = nonnegative if zero else positive
+    if isinstance(levels, Mapping):
+        for name, value in levels.items():
+            known(f"signal of {what}", name, signals)
+            found[list(signals).index(name)] = check(f"{what}[{name!r}]", value)
+    else:
+        found[:] = check(what, levels)
+    if zero:
+        found[found == 0.0] = np.inf
+    return found

@@ -1,0 +1,149 @@
+"""The loop, step by step: the plant exactly, the controller at its samples, contacts where there are any."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from boomctl.arrays import Array, Flags
+from boomctl.simulation.contacts import Contacts
+from boomctl.simulation.controller import SampledController
+from boomctl.simulation.plant import ModalPlant, StepMaps
+from boomctl.simulation.signals import TimeGrid
+
+__all__ = ["ControlLog", "LoopProblem", "control_log", "limited", "run_smooth", "sampler"]
+
+
+@dataclass(frozen=True)
+class LoopProblem:
+    """Everything that a run needs, checked.
+
+    Attributes
+    ----------
+    W : (inputs, steps + 1) ndarray
+        Disturbances on the grid.
+    lag : int
+        Whole steps by which the controls come late; ``maps`` knows the rest.
+    force, rate : (controls,) ndarray
+        Largest control, and largest change from one sample to the next; ``inf`` for none.
+    quantum : (measurements,) ndarray
+        Steps of the measurements; ``inf`` for none.
+    start : (n,) ndarray
+        Modal states at the first time.
+    """
+
+    plant: ModalPlant
+    maps: StepMaps
+    controller: SampledController
+    grid: TimeGrid
+    W: Array
+    lag: int
+    force: Array
+    rate: Array
+    quantum: Array
+    start: Array
+    contacts: Contacts | None
+
+    @property
+    def forcing(self) -> Array:
+        """What the disturbances add to the states at each step, (steps, n)."""
+        used = np.flatnonzero(self.W.any(axis=1))
+        W = self.W[used]
+        return W[:, :-1].T @ self.maps.first[:, used].T + W[:, 1:].T @ self.maps.last[:, used].T
+
+    @property
+    def stepper(self) -> Array:
+        """The map of states, control before and control after the switch to the states a step later."""
+        d = self.controller.driven
+        return np.hstack([self.maps.Phi, self.maps.before[:, d], self.maps.after[:, d]])
+
+    @property
+    def samples(self) -> int:
+        """How often the controller is sampled."""
+        return (self.grid.steps - 1) // self.grid.per_sample + 1
+
+
+@dataclass(frozen=True)
+class ControlLog:
+    """What the controller asked for at each sample, what it was given, and where which limit was met."""
+
+    asked: Array
+    given: Array
+    saturated: Flags
+    slewed: Flags
+
+
+def control_log(p: LoopProblem) -> ControlLog:
+    """Return a log to be filled."""
+    shape = (p.samples, len(p.controller.driven))
+    return ControlLog(np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool))
+
+
+def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
+    """Return the function that takes sample ``k`` of the controller from ``[states, control]`` and writes it down."""
+    c, plant = p.controller, p.plant
+    ny, nu = len(c.measured), len(c.driven)
+    reads = np.hstack([plant.C[c.measured], plant.D[np.ix_(c.measured, c.driven)]])
+    heard = np.ascontiguousarray((plant.D[c.measured] @ p.W[:, :: p.grid.per_sample]).T)
+    law = np.block([[c.D, c.C], [c.B, c.A]])
+    known, found = np.zeros(ny + len(c.A)), np.zeros(nu + len(c.A))
+    y, state, u, following = known[:ny], known[ny:], found[:nu], found[nu:]
+    grain = np.where(np.isfinite(p.quantum), p.quantum, 1.0) if np.isfinite(p.quantum).any() else None
+    coarse = np.isfinite(p.quantum)
+    bounded = bool(np.isfinite(p.force).any() or np.isfinite(p.rate).any())
+    force, rate, last = p.force.tolist(), p.rate.tolist(), [0.0] * nu
+    asked, given, correct = log.asked, log.given, c.L.any()
+
+    def sample(k: int, at: Array) -> None:
+        np.dot(reads, at, out=y)
+        y.__iadd__(heard[k])
+        if grain is not None:
+            y[coarse] = (grain * np.rint(y / grain))[coarse]
+        np.dot(law, known, out=found)
+        asked[k] = u
+        if bounded and limited(u.tolist(), k, force, rate, last, log):
+            given[k] = last
+            if correct:
+                following.__iadd__(c.L @ (given[k] - asked[k]))
+        else:
+            given[k] = u
+        state[:] = following
+
+    return sample
+
+
+def limited(u: list[float], k: int, force: list[float], rate: list[float], last: list[float], log: ControlLog) -> bool:
+    """Put the controls given for those asked into ``last``, mark the limits that they meet, return whether one is met."""
+    met = False
+    for i, value in enumerate(u):
+        allowed = value
+        if abs(allowed) > force[i]:
+            allowed = force[i] if value > 0.0 else -force[i]
+            log.saturated[k, i] = met = True
+        if abs(allowed - last[i]) > rate[i]:
+            allowed = last[i] + (rate[i] if allowed > last[i] else -rate[i])
+            log.slewed[k, i] = met = True
+        last[i] = allowed
+    return met
+
+
+def run_smooth(p: LoopProblem, log: ControlLog) -> Array:
+    """Step a loop without contacts and return ``C`` times the modal states at each step, (outputs, steps + 1)."""
+    n, nu, per_sample, lag = len(p.plant.A), len(p.controller.driven), p.grid.per_sample, p.lag
+    stepper, forcing, sample, given = p.stepper, p.forcing, sampler(p, log), log.given
+    X = np.zeros((p.grid.steps + 1, n))
+    X[0] = p.start
+    full = np.zeros(n + 2 * nu)
+    states, before, after, heard = full[:n], full[n : n + nu], full[n + nu :], full[: n + nu]
+    states[:] = p.start
+    for k in range(p.grid.steps):
+        if k % per_sample == 0:
+            sample(k // per_sample, heard)
+        if k >= lag:
+            after[:] = given[(k - lag) // per_sample]
+        row = X[k + 1]
+        np.dot(stepper, full, out=row)
+        row += forcing[k]
+        states[:] = row
+        before[:] = after
+    return p.plant.C @ X.T

@@ -1,0 +1,227 @@
+"""The response of a plant with Coulomb friction to sines, in time: stepped frequencies, each until it is steady.
+
+All frequencies are stepped together, each with a step of its own, from the state that the describing function expects;
+what is kept is the fundamental of the last period.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.analysis.singular import singular_values
+from boomctl.arrays import Array, Complex, Flags
+from boomctl.checks import frequencies, known, names, positive, whole
+from boomctl.simulation.contacts import Contact, contact_at
+from boomctl.simulation.describing_function import SineResponse, balanced_friction, describing_function, sine_pattern
+from boomctl.simulation.friction import CoulombFriction, friction_step
+from boomctl.simulation.plant import ModalPlant, modal_plant
+from boomctl.structure.second_order import SecondOrderModel
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["sine_sigma", "swept_sine"]
+
+_LEAST_PERIODS = 3
+
+
+def swept_sine(
+    plant: "SecondOrderModel | control.StateSpace",
+    friction: CoulombFriction,
+    omega: ArrayLike,
+    excitation: str | dict[str, complex],
+    amplitude: float,
+    outputs: str | Sequence[str] | None = None,
+    steps: int = 200,
+    periods: int = 256,
+    tolerance: float = 1e-4,
+) -> SineResponse:
+    """Return the fundamental of the steady response to a stepped sine, simulated with true stick-slip.
+
+    Parameters
+    ----------
+    plant, friction, omega, excitation, amplitude, outputs
+        As for :func:`describing_function`; break-away at ``static_force`` is simulated.
+    steps : int
+        Steps a period, at least 16.
+    periods : int
+        Most periods.
+    tolerance : float
+        Change of the response from one window of periods to the next, relative to its size, at which it counts as
+        steady.
+
+    Returns
+    -------
+    SineResponse
+        ``settled`` says how steady each frequency was at the end.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Unknown signals; amplitude, frequencies or tolerance not above zero; too few steps or periods.
+    """
+    grid, size = frequencies("omega", omega), positive("amplitude", amplitude)
+    if (grid == 0.0).any():
+        raise ValueError("omega: expected frequencies above zero")
+    count, most = whole("steps", steps, 16), whole("periods", periods, _LEAST_PERIODS)
+    modal = modal_plant(plant, (friction.input,) if isinstance(plant, SecondOrderModel) else ())
+    excited, shape = sine_pattern(modal.inputs, excitation)
+    read = names("output", outputs, modal.outputs)
+    known("input of the friction", friction.input, modal.inputs)
+    drive = np.zeros(len(modal.inputs), dtype=complex)
+    drive[[modal.inputs.index(name) for name in excited]] = size * shape
+    sweep = _prepared(modal, friction, grid, drive, count)
+    rows = [modal.outputs.index(name) for name in read]
+    slip_row = modal.outputs.index(friction.output)
+    found, stuck, settled = _run(sweep, friction, most, positive("tolerance", tolerance), modal.C[rows])
+    everything = modal.C @ found.T + (modal.D @ drive)[:, None]
+    slip = np.where(stuck, 0.0, np.abs(everything[slip_row]))
+    return SineResponse(grid, everything[rows] / size, slip, stuck, size, excited, read, settled)
+
+
+@dataclass(frozen=True)
+class _Sweep:
+    """Maps of all frequencies (first axis) over a step, forcing at each step of a period, and contact rows."""
+
+    Phi: Array
+    forcing: Array
+    velocity: Array
+    held: Array
+    gain: Array
+    offset: Array
+    start: Array
+
+
+def _prepared(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex, count: int) -> _Sweep:
+    turns = np.exp(2j * np.pi * np.arange(count + 1) / count)
+    waves = np.real(drive[:, None] * turns)
+    maps = [plant.step(2.0 * np.pi / (w * count)) for w in grid]
+    places: list[Contact] = [contact_at(plant, step, law.output, law.input) for step in maps]
+    forcing = np.array([step.first @ waves[:, :-1] + step.last @ waves[:, 1:] for step in maps])
+    rates = np.real(1j * grid[:, None, None] * drive[:, None] * turns)
+    offset = np.array([place.through[1] @ waves + place.rate @ rate for place, rate in zip(places, rates, strict=True)])
+    return _Sweep(
+        np.array([step.Phi for step in maps]),
+        np.ascontiguousarray(np.moveaxis(forcing, 2, 0)),
+        places[0].velocity,
+        np.array([place.held for place in places]),
+        np.array([place.gain for place in places]),
+        offset,
+        _balanced_start(plant, law, grid, drive),
+    )
+
+
+def _balanced_start(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex) -> Array:
+    """Return the states that the harmonic balance expects at the beginning of a period, (frequencies, n)."""
+    n = len(plant.A)
+    column = plant.B[:, plant.inputs.index(law.input)].astype(complex)
+    load = np.column_stack([plant.B @ drive, column])
+    solved = np.linalg.solve(1j * grid[:, None, None] * np.eye(n) - plant.A, load[None])
+    row = plant.outputs.index(law.output)
+    slips = np.einsum("n,fnk->fk", plant.C[row], solved)
+    force, _ = balanced_friction(slips[:, 0] + plant.D[row] @ drive, slips[:, 1], law.force)
+    return np.real(solved[:, :, 0] + solved[:, :, 1] * force[:, None])
+
+
+def _run(
+    sweep: _Sweep, law: CoulombFriction, periods: int, tolerance: float, rows: Array
+) -> tuple[Complex, Flags, Array]:
+    """Step all frequencies until they are steady; return fundamentals of the states, who stuck, and how steady.
+
+    Fundamentals are averaged over windows, each twice as long as the one before: what is not in step with the
+    excitation (a lightly damped mode that still rings) averages out.
+    """
+    X = sweep.start.copy()
+    speed = X @ sweep.velocity + sweep.offset[:, 0]
+    slipping = tuple(_Slip(float(value), False, None) for value in speed)
+    old, window, done = np.zeros(X.shape, dtype=complex), 1, 0
+    while True:
+        found, at_rest = np.zeros(X.shape, dtype=complex), np.ones(len(X), dtype=bool)
+        for _ in range(window):
+            X, slipping, fundamental, rested = _period(sweep, law, X, slipping)
+            found += fundamental / window
+            at_rest &= rested
+        done += window
+        size = np.maximum(np.linalg.norm(found @ rows.T, axis=1), np.finfo(float).tiny)
+        settled = np.linalg.norm((found - old) @ rows.T, axis=1) / size
+        if (done >= _LEAST_PERIODS and settled.max() <= tolerance) or done + 2 * window > periods:
+            return found, at_rest, settled
+        old, window = found, 2 * window
+
+
+def _period(
+    sweep: _Sweep, law: CoulombFriction, X: Array, slipping: "tuple[_Slip, ...]"
+) -> "tuple[Array, tuple[_Slip, ...], Complex, Flags]":
+    """Step one period; return states and slips at its end, the fundamental of the states, and who stuck throughout."""
+    count = len(sweep.forcing)
+    turns, gains = np.exp(-2j * np.pi * np.arange(count) / count) * (2.0 / count), sweep.gain.tolist()
+    found, at_rest = np.zeros(X.shape, dtype=complex), np.ones(len(X), dtype=bool)
+    for k in range(count):
+        found += turns[k] * X
+        X = (sweep.Phi @ X[:, :, None])[:, :, 0] + sweep.forcing[k]
+        free = (X @ sweep.velocity + sweep.offset[:, k + 1]).tolist()
+        steps = [
+            friction_step(now.velocity, now.stuck, end, gain, law, now.held)
+            for now, end, gain in zip(slipping, free, gains, strict=True)
+        ]
+        X = X + sweep.held * np.array([step.force for step in steps])[:, None]
+        slipping = tuple(
+            _Slip(step.velocity, step.stuck, step.force if step.stuck and step.sliding == 0.0 else None)
+            for step in steps
+        )
+        at_rest &= [now.stuck for now in slipping]
+    return X, slipping, found, at_rest
+
+
+class _Slip(NamedTuple):
+    velocity: float
+    stuck: bool
+    held: float | None
+
+
+def sine_sigma(
+    plant: "SecondOrderModel | control.StateSpace",
+    friction: CoulombFriction,
+    omega: ArrayLike,
+    patterns: Sequence[dict[str, complex]],
+    amplitude: float,
+    outputs: str | Sequence[str] | None = None,
+    method: str = "swept",
+) -> Array:
+    """Return the singular values of a plant with friction, as they are measured: from independent patterns of sines.
+
+    Each pattern is applied on its own; the response matrix is what takes the patterns to the responses.
+
+    Parameters
+    ----------
+    patterns : sequence of mapping from input to complex
+        As many independent patterns as there are inputs excited.
+    method : "swept" or "balance"
+        :func:`swept_sine` or :func:`describing_function`.
+
+    Returns
+    -------
+    (k, n) ndarray
+        Descending.
+
+    Raises
+    ------
+    ValueError
+        Patterns that depend on each other or are not as many as inputs; what the methods raise.
+    """
+    known("method", method, ("swept", "balance"))
+    inputs = tuple(dict.fromkeys(name for pattern in patterns for name in pattern))
+    if len(patterns) != len(inputs):
+        raise ValueError(f"patterns: {len(patterns)} for the inputs {', '.join(inputs)}; expected one an input")
+    shapes = np.array([[pattern.get(name, 0.0) for pattern in patterns] for name in inputs], dtype=complex)
+    shapes = shapes / np.linalg.norm(shapes, axis=0)
+    if np.linalg.cond(shapes) > 1e6:
+        raise ValueError("patterns: expected independent ones")
+    respond = swept_sine if method == "swept" else describing_function
+    found = [respond(plant, friction, omega, dict(pattern), amplitude, outputs).response for pattern in patterns]
+    measured = np.moveaxis(np.array(found), 0, 1)
+    matrix = np.einsum("opn,pi->oin", measured, np.linalg.inv(shapes))
+    return singular_values(matrix)

@@ -1,0 +1,48 @@
+"""The lowest undamped modes of a structure, and what the others do at rest."""
+
+import numpy as np
+from scipy import sparse
+
+from boomctl.arrays import Array
+from boomctl.structure.modal import project, undamped_modes
+from boomctl.structure.pencil import factorized
+from boomctl.structure.second_order import SecondOrderModel
+
+__all__ = ["truncated"]
+
+_SHIFT = 1e-6
+
+
+def truncated(model: SecondOrderModel, modes: int) -> tuple[SecondOrderModel, Array]:
+    """Return the model projected onto its lowest modes, and the static response of the others, outputs x inputs.
+
+    Matrices without real modes, or of no more coordinates than ``modes``, are left as they are.
+    """
+    nothing = np.zeros((len(model.outputs), len(model.inputs)))
+    if modes >= model.n:
+        return model, nothing
+    try:
+        frequencies, shapes = undamped_modes(model, modes)
+    except ValueError:
+        return model, nothing
+    M, K, C = project(model, shapes)
+    labels = tuple(f"mode{k}" for k in range(modes))
+    small = SecondOrderModel.build(M, C, K, model.ports.congruent(shapes), labels)
+    return small, _at_rest(model, frequencies, shapes)
+
+
+def _at_rest(model: SecondOrderModel, frequencies: Array, shapes: Array) -> Array:
+    """Return ``L (K^-1 - V V^T/omega^2) B0`` for displacement outputs and inputs that are not integrated.
+
+    A shift far below the modes left out lets rigid-body modes through.
+    """
+    ports = model.ports
+    shift = _SHIFT * float(frequencies[-1]) ** 2
+    plain_in = np.array([count == 0 for count in ports.integrators], dtype=bool)
+    plain_out = np.array([bandwidth is None for bandwidth in ports.bandwidths], dtype=bool)[:, None]
+    loads = ports.B[0] * plain_in
+    solve = factorized(sparse.csr_array(sparse.csr_array(model.K) + shift * sparse.csr_array(model.M)))
+    rest = loads - model.M @ (shapes @ (shapes.T @ loads))
+    found = solve(rest)
+    found = found - shapes @ (shapes.T @ (model.M @ found))
+    return (ports.L[0] * plain_out) @ found
