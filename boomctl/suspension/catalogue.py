@@ -5,9 +5,8 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from boomctl.suspension.design import SuspensionDesign
-
 from boomctl.checks import known
+from boomctl.suspension.design import SuspensionDesign
 
 __all__ = ["design_names", "load_design"]
 
