@@ -101,8 +101,8 @@ def polynomial_motion(omega: np.ndarray, h: np.ndarray, force: np.ndarray) -> np
         Modal forces at the nodes.
     """
     table, phase = _table(), omega * h[:, None]
-    powers = force @ table.to_powers.T
-    derivatives = (powers @ table.derivatives).reshape(*omega.shape, -1, STAGES)
+    powers = _times(force, table.to_powers.T)
+    derivatives = _times(powers, table.derivatives).reshape(*omega.shape, -1, STAGES)
     result: np.ndarray = (_scales(omega, phase)[:, :, None] @ derivatives)[:, :, 0]
     slow = phase < _SLOW
     if not slow.any():
@@ -117,7 +117,13 @@ def polynomial_motion(omega: np.ndarray, h: np.ndarray, force: np.ndarray) -> np
 
 def highest_terms(force: np.ndarray) -> np.ndarray:
     """The two highest Legendre terms of forces given at the nodes, in the nodes; shape of `force`."""
-    return force @ _table().highest.T
+    return _times(force, _table().highest.T)
+
+
+def _times(tensor: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """``tensor @ matrix`` in one product of matrices."""
+    result: np.ndarray = (tensor.reshape(-1, tensor.shape[-1]) @ matrix).reshape(*tensor.shape[:-1], -1)
+    return result
 
 
 def _diagonal(tensor: np.ndarray) -> np.ndarray:
@@ -172,7 +178,7 @@ def _by_force(
     rate = motions[:, :, s + 3] / phase[..., None] + sine[..., s, None] * start - cosine[..., s, None] * start_slope
     ends = np.empty((*omega.shape, 2, s))
     ends[:, :, 0], ends[:, :, 1] = to_place[:, :, s], omega[..., None] * rate
-    return to_place @ table.to_powers, ends @ table.to_powers
+    return _times(to_place, table.to_powers), _times(ends, table.to_powers)
 
 
 def _scales(omega: np.ndarray, phase: np.ndarray) -> np.ndarray:
