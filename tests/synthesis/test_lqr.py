@@ -303,3 +303,13 @@ def test_other_systems_are_refused():
 
 def _even(matrix):
     return 0.5 * (matrix + matrix.T)
+
+
+def test_a_stable_mode_that_no_weight_sees_is_left_alone_on_any_mesh():
+    for elements in (6, 20, 50):
+        model = bc.spray_boom(elements=elements).select(("actuator_left", *SUSPENSIONS), ("tip_left", "tip_right"))
+        design = bc.lqr(model, None, 1e-6, output_weight=np.ones((2, 2)), controls=SUSPENSIONS)
+        yaw = design.poles[np.argmax(design.poles.real)]
+        assert yaw.real == pytest.approx(-0.00215, rel=0.01)
+        assert abs(yaw) == pytest.approx(1.534, rel=0.01)
+        assert design.certificate.return_difference == pytest.approx(1.0, abs=1e-4)
