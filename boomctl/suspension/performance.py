@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Performance", "loop_between", "performance"]
 
 _HALF = np.sqrt(0.5)
+_FREQUENCIES = np.geomspace(0.15, 130.0, 400)
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Performance:
     jolt, yaw : NormCertificate
         Certified peaks of the symmetric and the antisymmetric part.
     run : LoopResult
-        Over the field, limits, sampling, delay and quantisation included.
+        Over the field, run-in, limits, sampling, delay and quantisation included.
     spray, spray_by_jolt, spray_by_yaw : SprayResult
         Of the whole motion, of its symmetric and of its antisymmetric part.
     """
@@ -102,8 +103,10 @@ def performance(
     motion = scene.motion()
     run = _run(model, controller, scene, motion, friction)
     points, moved = _boom_motion(run, parameters)
-    sprays = spray_by_motion(run.time, moved, points, scene.speed, nozzles=nozzle_positions(parameters.length))
-    return Performance(title, sigma(loop), _part(loop, 1.0), _part(loop, -1.0), run, *sprays)
+    record = run.time >= run.time[0] + scene.run_in
+    nozzles = nozzle_positions(parameters.length)
+    sprays = spray_by_motion(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
+    return Performance(title, sigma(loop, _grid(loop)), _part(loop, 1.0), _part(loop, -1.0), run, *sprays)
 
 
 def loop_between(
@@ -135,6 +138,11 @@ def loop_between(
         found = (closed.A, closed.B, closed.C, closed.D)
         outputs = [name.removeprefix("z_") for name in closed.output_labels]
     return control.ss(*found, inputs=list(inputs), outputs=list(outputs), name="loop")
+
+
+def _grid(loop: "control.StateSpace") -> Array:
+    """Return frequencies that resolve the loop's peaks and reach from slow yaw to where the boom no longer follows."""
+    return np.union1d(sigma(loop).omega, _FREQUENCIES)
 
 
 def _part(loop: "control.StateSpace", parity: float) -> NormCertificate:

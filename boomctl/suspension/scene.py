@@ -21,7 +21,7 @@ CONTROLS = ("suspension_left", "suspension_right")
 STROKES = ("stroke_left", "stroke_right")
 ACCELERATIONS = ("tip_left_acceleration", "tip_right_acceleration")
 SENSORS = (*STROKES, *ACCELERATIONS)
-_MAY_BE_ZERO = ("delay", "stroke_step", "acceleration_step")
+_MAY_BE_ZERO = ("run_in", "delay", "stroke_step", "acceleration_step")
 _APPROACH = 10.0
 
 
@@ -34,8 +34,10 @@ class FieldScene:
     road_class : str
         Of the track, ISO 8608; ``"E"`` is a rough field track.
     tractor : TractorParameters
-    speed, duration : float
-        Driving speed [m/s] and length of the run [s].
+    speed : float
+        Driving speed [m/s].
+    run_in, duration : float
+        Time driven before the record begins, until lightly damped modes have built up, and of the record [s].
     seed : int
         Of the random track.
     sample_time, delay : float
@@ -57,7 +59,8 @@ class FieldScene:
 
     road_class: str = "E"
     tractor: TractorParameters = field(default_factory=TractorParameters)
-    speed: float = 2.5
+    speed: float = 3.0
+    run_in: float = 60.0
     duration: float = 60.0
     seed: int = 1
     sample_time: float = 0.002
@@ -78,10 +81,11 @@ class FieldScene:
                 (nonnegative if each.name in _MAY_BE_ZERO else positive)(each.name, value)
 
     def motion(self) -> PlatformMotion:
-        """Return what the track does to the platform."""
-        length = self.speed * self.duration + _APPROACH
+        """Return what the track does to the platform, run-in included."""
+        duration = self.run_in + self.duration
+        length = self.speed * duration + _APPROACH
         track = iso_track(self.road_class, length=length, seed=self.seed, width=self.tractor.track_width)
-        return platform_motion(track, self.tractor, self.speed, self.duration, self.sample_time)
+        return platform_motion(track, self.tractor, self.speed, duration, self.sample_time)
 
     def quantization(self, measurements: tuple[str, ...]) -> Mapping[str, float]:
         """Return the steps of the measurements that sensors take."""
