@@ -71,6 +71,7 @@ def test_poles_come_near_the_axis_and_the_solution_stays_exact(epsilon):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_the_gain_follows_units_order_and_coordinates(seed):
     rng = np.random.default_rng(seed)
     system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
@@ -88,6 +89,7 @@ def test_the_gain_follows_units_order_and_coordinates(seed):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_kalmans_inequality_and_the_cost_of_a_run(seed):
     system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
     design = bc.lqr(system, Q, R)
@@ -104,6 +106,7 @@ def test_kalmans_inequality_and_the_cost_of_a_run(seed):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_any_other_gain_costs_more(seed):
     rng = np.random.default_rng(seed)
     system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
@@ -118,6 +121,7 @@ def test_any_other_gain_costs_more(seed):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_a_cross_weight_is_a_change_of_controls(seed):
     rng = np.random.default_rng(seed)
     system, R = random_system(seed), random_weight(seed, 2)
@@ -130,6 +134,7 @@ def test_a_cross_weight_is_a_change_of_controls(seed):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_an_output_with_feedthrough_weighs_controls_too(seed):
     rng = np.random.default_rng(seed)
     bare = random_system(seed)
