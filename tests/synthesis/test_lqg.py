@@ -58,6 +58,7 @@ def test_an_integrator_in_closed_form(q, r, w, v):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_separation_and_the_cost_by_three_routes(seed):
     system, Q, R, W, V = problem(seed)
     design = bc.lqg(system, Q, R, W, V)
@@ -77,6 +78,7 @@ def test_separation_and_the_cost_by_three_routes(seed):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_any_other_controller_costs_more(seed):
     rng = np.random.default_rng(seed)
     system, Q, R, W, V = problem(seed)
@@ -91,6 +93,7 @@ def test_any_other_controller_costs_more(seed):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_the_controller_follows_units_and_coordinates(seed):
     rng = np.random.default_rng(seed)
     system, Q, R, W, V = problem(seed)
@@ -111,6 +114,7 @@ def test_the_controller_follows_units_and_coordinates(seed):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_feedthrough_from_controls_to_measurements_is_known_to_the_controller(seed):
     rng = np.random.default_rng(seed)
     system, Q, R, W, V = problem(seed)
