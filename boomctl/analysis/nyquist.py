@@ -51,8 +51,8 @@ class ExactLoopStability:
         Least singular value of ``I - G K`` met, and its frequency [rad/s].
     top : float
         Frequency beyond which the loop gain is below one [rad/s].
-    proved_top : bool
-        Whether a bound of the plant says so; otherwise it was seen over two further decades.
+    plant_bounded : bool
+        Whether a bound of the plant stands behind that; otherwise it was seen over two further decades.
     evaluations : int
         Frequencies at which the plant was asked.
     """
@@ -64,7 +64,7 @@ class ExactLoopStability:
     distance: float
     distance_omega: float
     top: float
-    proved_top: bool
+    plant_bounded: bool
     evaluations: int
 
 
@@ -135,11 +135,11 @@ def exact_loop_stability(
         The winding could not be told: a pole of the loop on the imaginary axis, or too close to it.
     """
     K, limit = state_matrices(controller_of(controller)), whole("max_evaluations", max_evaluations)
-    own = np.linalg.eigvals(K.A) if len(K.A) else np.zeros(0, complex)
+    own: Complex = np.linalg.eigvals(K.A) if len(K.A) else np.zeros(0, complex)
     if (np.abs(own.real) <= _AXIS * np.maximum(np.abs(own), _AXIS)).any():
         raise ValueError("controller: expected no pole on the imaginary axis (an integrator, an undamped mode)")
     gain = _LoopGain(plant, K, tuple(controller.output_labels), tuple(controller.input_labels))
-    near = np.concatenate([np.atleast_1d(np.asarray(poles, dtype=complex)), own])
+    near: Complex = np.concatenate([np.atleast_1d(np.asarray(poles, dtype=complex)), own])
     near = near[(np.abs(near) > 0.0) & np.isfinite(near)]
     near = np.where(near.imag < 0.0, near.conj(), near)
     reach = float(np.abs(near).max(initial=1.0))

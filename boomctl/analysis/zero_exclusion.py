@@ -11,7 +11,7 @@ the corners.  The eigenvectors follow the parameters to first order, so that the
 """
 
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from scipy import linalg
@@ -167,7 +167,7 @@ def _range(power: tuple[int, ...], reach: Array) -> tuple[float, float]:
 def _excluded(modes: _Modes) -> bool:
     """Return whether the whole imaginary axis is excluded; of conjugate frequencies one suffices."""
     ends = _breaks(modes)
-    intervals = np.array([[a, b, 1.0, 1.0] for a, b in zip(ends[:-1], ends[1:], strict=True)])
+    intervals = np.array([[a, b, 1.0, 1.0] for a, b in pairwise(ends)])
     intervals = np.vstack([intervals, [1.0, 1.0, 0.0, 1.0 / ends[-1]]])
     for depth in range(_DEPTH + 1):
         radius = np.concatenate([_radius(modes, intervals[i : i + _BATCH]) for i in range(0, len(intervals), _BATCH)])
