@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -280,7 +280,7 @@ def named_response(
     if isinstance(plant, control.FrequencyResponseData):
         if omega is not None:
             raise ValueError("omega: frequency response data have their own frequencies; leave it out")
-        data = plant
+        data: Any = plant
     elif callable(plant):
         if omega is None:
             raise ValueError("omega: expected frequencies at which to ask the plant's response")
