@@ -1,6 +1,5 @@
 """Measured curves from CSV files."""
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from boomctl.analysis.singular import singular_values
 from boomctl.arrays import Array
+from boomctl.csv_table import read_numbers
 
 __all__ = ["MeasuredCurve", "read_measured_curve"]
 
@@ -46,48 +46,30 @@ def read_measured_curve(path: str | Path) -> MeasuredCurve:
         A column or value is missing, not a number, negative where it cannot be, or frequencies do not ascend; the
         message names file and line.
     """
-    lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
-    rows = [(i, row) for i, row in enumerate(csv.reader(lines), 1) if row and not row[0].lstrip().startswith("#")]
-    if len(rows) < 2:
-        raise ValueError(f"{path}: expected a line of column names and at least one line of numbers")
-    header = [name.strip() for name in rows[0][1]]
+    table = read_numbers(path)
+    header, values = table.header, table.values
     if header[0] != "freq_hz" or len(header) < 2:
-        raise ValueError(f"{path}, line {rows[0][0]}: expected columns freq_hz and at least one more, got {header}")
-    table = np.array([_numbers(path, line, row, header) for line, row in rows[1:]])
-    freq = table[:, 0]
+        raise ValueError(
+            f"{path}, line {table.header_line}: expected columns freq_hz and at least one more, got {list(header)}"
+        )
+    freq = values[:, 0]
     if (freq < 0).any() or not (np.diff(freq) > 0).all():
         bad = int(np.argmax(np.concatenate([[freq[0] < 0], ~(np.diff(freq) > 0)])))
         raise ValueError(
-            f"{path}, line {rows[1 + bad][0]}: expected freq_hz not below zero and ascending, got {freq[bad]:g}"
+            f"{path}, line {table.lines[bad]}: expected freq_hz not below zero and ascending, got {freq[bad]:g}"
         )
     if header[1].startswith(("re_", "im_")):
-        response = _complex_response(path, header, table)
-        values = singular_values(response)
-        return MeasuredCurve(freq, values, tuple(f"measured {i + 1}" for i in range(len(values))))
-    if (table[:, 1:] < 0).any():
-        line, column = (int(i) for i in np.argwhere(table[:, 1:] < 0)[0])
+        curves = singular_values(_complex_response(path, header, values))
+        return MeasuredCurve(freq, curves, tuple(f"measured {i + 1}" for i in range(len(curves))))
+    if (values[:, 1:] < 0).any():
+        line, column = (int(i) for i in np.argwhere(values[:, 1:] < 0)[0])
         raise ValueError(
-            f"{path}, line {rows[1 + line][0]}: expected a magnitude not below zero in {header[1 + column]!r}"
+            f"{path}, line {table.lines[line]}: expected a magnitude not below zero in {header[1 + column]!r}"
         )
-    return MeasuredCurve(freq, table[:, 1:].T.copy(), tuple(header[1:]))
+    return MeasuredCurve(freq, values[:, 1:].T.copy(), header[1:])
 
 
-def _numbers(path: str | Path, line: int, row: list[str], header: list[str]) -> list[float]:
-    if len(row) != len(header):
-        raise ValueError(f"{path}, line {line}: expected {len(header)} values, got {len(row)}")
-    numbers = []
-    for name, text in zip(header, row, strict=True):
-        try:
-            value = float(text)
-        except ValueError:
-            raise ValueError(f"{path}, line {line}: expected a number in {name!r}, got {text!r}") from None
-        if not np.isfinite(value):
-            raise ValueError(f"{path}, line {line}: expected a finite number in {name!r}, got {text!r}")
-        numbers.append(value)
-    return numbers
-
-
-def _complex_response(path: str | Path, header: list[str], table: Array) -> Array:
+def _complex_response(path: str | Path, header: tuple[str, ...], table: Array) -> Array:
     entries = {}
     for column, name in enumerate(header[1:], 1):
         part, *place = name.split("_")

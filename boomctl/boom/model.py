@@ -45,7 +45,10 @@ _PAIRS = (
 
 
 def boom_assembly(
-    p: BoomParameters, discretization: Discretization, accelerometer_bandwidth_hz: float | None = None
+    p: BoomParameters,
+    discretization: Discretization,
+    accelerometer_bandwidth_hz: float | None = None,
+    nozzles: Sequence[float] = (),
 ) -> Assembly:
     """Return the boom as a description: platform, cradle, boom, springs, dampers, forces and outputs.
 
@@ -76,6 +79,7 @@ def boom_assembly(
             Output(f"tip_{side}_acceleration", boom.at(sign * half), derivative=2, bandwidth_hz=band)
             for side, sign in sides
         ]
+    outputs += [Output(nozzle_name(i), boom.at(x)) for i, x in enumerate(nozzles)]
     return Assembly(
         bodies=(platform, cradle, boom, stiff_middle),
         links=(
@@ -100,6 +104,7 @@ def spray_boom(
     accelerometer_bandwidth_hz: float | None = None,
     order: int = 12,
     reactions: bool = False,
+    nozzles: Sequence[float] | Array | None = None,
 ) -> SecondOrderModel:
     """Return the horizontal dynamics of the spray boom.
 
@@ -121,6 +126,9 @@ def spray_boom(
         Polynomial order of the elements of ``"high-order"``.
     reactions : bool
         Adds outputs ``actuator_left_force``, ``actuator_right_force`` [N]: what the actuators exert.
+    nozzles : sequence of float, optional
+        Places ``x`` [m] along the boom, ascending; adds outputs ``nozzle_01``, ``nozzle_02``, ... [m], absolute as those
+        of the tips.
 
     Returns
     -------
@@ -139,11 +147,12 @@ def spray_boom(
         raise TypeError(f"parameters: expected BoomParameters, got {type(p).__name__}")
     known("excitation", excitation, (*MOTIONS, "force"))
     mesh = boom_discretization(p, discretization, elements, order)
-    model = boom_assembly(p, mesh, accelerometer_bandwidth_hz).assemble()
+    sprayed = () if nozzles is None else _nozzle_places(p, nozzles)
+    model = boom_assembly(p, mesh, accelerometer_bandwidth_hz, sprayed).assemble()
     model = SecondOrderModel.build(
         model.M, model.C, model.K, model.ports, model.coordinates, model.elastic, None, (ACTUATORS, TIPS)
     )
-    model = with_mirror(model, boom_mirror(model.coordinates))
+    model = with_mirror(model, boom_mirror(model.coordinates, sprayed))
     if excitation == "force":
         if reactions:
             raise ValueError("reactions = True: the actuators' forces are inputs where excitation = 'force'")
@@ -198,7 +207,32 @@ def _attached_nodes(p: BoomParameters, elements: int) -> tuple[float, ...]:
     return tuple(x + half)
 
 
-def boom_mirror(coordinates: Sequence[str]) -> Mirror | None:
+def nozzle_name(index: int) -> str:
+    """Return the output's name of a nozzle, counted from the left from zero."""
+    return f"nozzle_{index + 1:02d}"
+
+
+def _nozzle_places(p: BoomParameters, nozzles: Sequence[float] | Array) -> tuple[float, ...]:
+    """Return places on the boom, refused unless they ascend and lie on it."""
+    x = finite_array("nozzles", np.asarray(nozzles), ndim=1)
+    if not len(x) or not (np.diff(x) > 0.0).all():
+        raise ValueError("nozzles: expected at least one place along the boom, ascending")
+    half = p.length / 2
+    if x[0] < -half or x[-1] > half:
+        raise ValueError(f"nozzles: expected places on the boom, {-half:g} to {half:g} m, got {x[0]:g} to {x[-1]:g}")
+    return tuple(x.tolist())
+
+
+def _nozzle_pairs(places: Sequence[float]) -> tuple[SignalPair, ...]:
+    """Return which nozzles are each other's images; none where they do not lie symmetrically."""
+    count, x = len(places), np.asarray(places)
+    if count and np.abs(x + x[::-1]).max() > 1e-9 * np.abs(x).max():
+        return ()
+    pairs = [SignalPair(nozzle_name(i), nozzle_name(count - 1 - i), nozzle_name(i)) for i in range(count // 2)]
+    return (*pairs, SignalPair(nozzle_name(count // 2), nozzle_name(count // 2))) if count % 2 else tuple(pairs)
+
+
+def boom_mirror(coordinates: Sequence[str], nozzles: Sequence[float] = ()) -> Mirror | None:
     """Return the reflection about the hinge; None where the mesh has no mirror image."""
     images = {
         "platform.y": ("platform.y", 1),
@@ -209,4 +243,4 @@ def boom_mirror(coordinates: Sequence[str]) -> Mirror | None:
     nodes = 1 + max(int(name[1:]) for name in local if name.startswith("w"))
     reflected = beam_reflection(local, nodes)
     images.update({f"boom.{name}": (f"boom.{image}", sign) for name, (image, sign) in reflected.items()})
-    return mirror_of(coordinates, images, _PAIRS)
+    return mirror_of(coordinates, images, (*_PAIRS, *_nozzle_pairs(nozzles)))

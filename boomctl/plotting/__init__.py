@@ -2,5 +2,15 @@
 
 from boomctl.plotting.canvas import figure_bytes, new_figure, style
 from boomctl.plotting.sigma import plot_measured, plot_sigma
+from boomctl.plotting.spray import draw_deposit, draw_motion, draw_track_density
 
-__all__ = ["figure_bytes", "new_figure", "plot_measured", "plot_sigma", "style"]
+__all__ = [
+    "draw_deposit",
+    "draw_motion",
+    "draw_track_density",
+    "figure_bytes",
+    "new_figure",
+    "plot_measured",
+    "plot_sigma",
+    "style",
+]

@@ -7,8 +7,8 @@ from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, StateMatrices, axis_eigenvalues, level_crossings, matrices_norm
 from boomctl.analysis.singular import singular_values
+from boomctl.analysis.spectral import ModalSystem, diagonalized
 from boomctl.arrays import Array, Complex
-from boomctl.reduction.spectral import ModalSystem, diagonalized
 
 __all__ = ["band_norm", "difference", "verified_norm"]
 

@@ -1,0 +1,271 @@
+"""Motion of the platform: of a tractor on a track, sine sweeps, measured motions and their files."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.boom.parameters import BoomParameters
+from boomctl.boom.tracks import Track
+from boomctl.boom.tractor import TractorParameters, tractor_system
+from boomctl.checks import finite_array, known, positive, real
+
+__all__ = ["PlatformMotion", "platform_motion", "read_motion", "sine_sweep", "write_motion"]
+
+_DISTANCE = BoomParameters.actuator_distance
+_SETTLED = 1e-6
+_SIDES = ("time_s", "left_m", "right_m")
+_MOTIONS = ("time_s", "jolt_m", "yaw_rad")
+
+
+@dataclass(frozen=True, eq=False)
+class PlatformMotion:
+    """What the two platform actuators do: forward displacements from uniform driving, equally spaced in time.
+
+    Attributes
+    ----------
+    time : (n,) ndarray
+        [s]
+    left, right : (n,) ndarray
+        Displacements of ``actuator_left`` and ``actuator_right`` [m].
+    actuator_distance : float
+        Between the actuators [m].
+
+    Raises
+    ------
+    TypeError, ValueError
+        Fewer than two samples, lengths that differ, values that are not finite, times not equally spaced.
+    """
+
+    time: Array
+    left: Array
+    right: Array
+    actuator_distance: float = _DISTANCE
+
+    def __post_init__(self) -> None:
+        positive("actuator_distance", self.actuator_distance)
+        for name in ("time", "left", "right"):
+            object.__setattr__(self, name, finite_array(name, getattr(self, name), ndim=1))
+        if len(self.time) < 2 or not len(self.time) == len(self.left) == len(self.right):
+            raise ValueError(
+                "time, left, right: expected two samples or more, equally many, got"
+                f" {len(self.time)}, {len(self.left)} and {len(self.right)}"
+            )
+        bad = uneven(self.time)
+        if bad is not None:
+            raise ValueError(f"time[{bad[0]}] = {self.time[bad[0]]:g}: {bad[1]}")
+
+    @property
+    def sample_time(self) -> float:
+        """Time between samples [s]."""
+        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+
+    @property
+    def actuators(self) -> Array:
+        """Left and right displacement as the two rows of a disturbance (2 x n) [m]."""
+        return np.array([self.left, self.right])
+
+    @property
+    def jolt(self) -> Array:
+        """Forward displacement of the platform's middle [m]."""
+        return 0.5 * (self.left + self.right)
+
+    @property
+    def yaw(self) -> Array:
+        """Turn of the platform, right side ahead [rad]."""
+        return (self.right - self.left) / self.actuator_distance
+
+
+def uneven(time: Array) -> tuple[int, str] | None:
+    """Return the first sample at which times are not equally spaced, and what is wrong there; None if they are."""
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    for broken, what in (
+        (steps <= 0.0, "expected times to ascend"),
+        (steps > 1.5 * usual, f"a gap, samples are missing before it (usual step {usual:g} s)"),
+    ):
+        if broken.any():
+            return int(np.argmax(broken)) + 1, what
+    step = (time[-1] - time[0]) / len(steps)
+    off = np.abs(time - (time[0] + step * np.arange(len(time))))
+    worst = int(np.argmax(off))
+    if off[worst] > 0.05 * step:
+        return worst, f"expected equal steps, of {step:g} s in the mean; resample the motion"
+    return None
+
+
+def _of_motions(time: Array, jolt: Array, yaw: Array, distance: float) -> PlatformMotion:
+    half = 0.5 * distance * yaw
+    return PlatformMotion(time, jolt - half, jolt + half, distance)
+
+
+def platform_motion(
+    track: Track,
+    tractor: TractorParameters | None = None,
+    speed: float = 2.5,
+    duration: float | None = None,
+    sample_time: float = 1e-3,
+    actuator_distance: float = _DISTANCE,
+) -> PlatformMotion:
+    """Return the motion of the platform of a tractor that drives over a track.
+
+    Parameters
+    ----------
+    track : Track
+        A periodic one is driven on before, until the motion is stationary; on another the tractor starts from
+        equilibrium, its rear axle at the beginning of the track.
+    tractor : TractorParameters, optional
+    speed : float
+        [m/s]
+    duration : float, optional
+        [s]; by default once over the track.
+    sample_time : float
+        [s]
+    actuator_distance : float
+        Between the actuators [m].
+
+    Returns
+    -------
+    PlatformMotion
+        Exact for ground that runs straight between the places met at the samples.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The tracks are not as far apart as the wheels; a track too short; a time, speed or distance not above zero.
+    """
+    p = TractorParameters() if tractor is None else tractor
+    system = tractor_system(p, speed, actuator_distance)
+    V, h = float(speed), positive("sample_time", sample_time)
+    if not np.isclose(track.width, p.track_width, rtol=1e-6):
+        raise ValueError(
+            f"track: its sides are {track.width:g} m apart; expected track_width, {p.track_width:g} m, of the tractor"
+        )
+    reach = track.length if track.periodic else track.length - p.wheelbase
+    if reach <= 0.0:
+        raise ValueError(f"track: {track.length:g} m are shorter than the wheelbase, {p.wheelbase:g} m")
+    wanted = reach / V if duration is None else positive("duration", duration)
+    if not track.periodic and wanted * V > reach * (1.0 + 1e-9):
+        raise ValueError(f"duration = {wanted:g}: expected at most {reach / V:g} s, where the track ends")
+    count = round(wanted / h)
+    if count < 1:
+        raise ValueError(f"sample_time = {h:g}: expected less than the duration, {wanted:g} s")
+    finest = max(0.25 * p.contact_length, track.step)
+    if V * h > finest * (1.0 + 1e-9):
+        raise ValueError(
+            f"sample_time = {h:g}: expected at most {finest / V:g} s, a quarter of a tyre's contact length"
+        )
+    slowest = -float(np.linalg.eigvals(system.A).real.max())
+    before = int(np.ceil(-np.log(_SETTLED) / (slowest * h))) if track.periodic and slowest > 1e-9 else 0
+    distance = V * h * np.arange(-before, count + 1)
+    ground = np.vstack([track.heights(distance + p.wheelbase), track.heights(distance)])
+    from boomctl.structure.sampled import linear_hold_response
+
+    rest = -np.linalg.lstsq(system.A, system.B @ ground[:, 0], rcond=None)[0]
+    moved = linear_hold_response(system, ground, h, rest)[:, before:]
+    return PlatformMotion(h * np.arange(count + 1), moved[0], moved[1], float(actuator_distance))
+
+
+def sine_sweep(
+    start_hz: float,
+    stop_hz: float,
+    duration: float,
+    amplitude: float,
+    motion: str = "jolt",
+    *,
+    logarithmic: bool = True,
+    sample_time: float = 1e-3,
+    actuator_distance: float = _DISTANCE,
+) -> PlatformMotion:
+    """Return a sine of running frequency on the actuators.
+
+    Parameters
+    ----------
+    start_hz, stop_hz : float
+        Frequency at the beginning and at the end; the same, or falling, as one likes.
+    duration : float
+        [s]
+    amplitude : float
+        Of the actuators that move [m].
+    motion : "jolt", "yaw", "left" or "right"
+        Both alike, both against each other (right ahead first), or one alone.
+    logarithmic : bool
+        The frequency runs evenly over its logarithm, else over time.
+    sample_time, actuator_distance : float
+        [s], [m]
+
+    Raises
+    ------
+    TypeError, ValueError
+        A value not above zero, fewer than two samples a period, an unknown motion.
+    """
+    low, high = positive("start_hz", start_hz), positive("stop_hz", stop_hz)
+    T, h, size = positive("duration", duration), positive("sample_time", sample_time), real("amplitude", amplitude)
+    known("motion", motion, ("jolt", "yaw", "left", "right"))
+    if max(low, high) * h >= 0.5:
+        raise ValueError(
+            f"sample_time = {h:g}: expected less than {0.5 / max(low, high):g} s, half the shortest period"
+        )
+    time = h * np.arange(round(T / h) + 1)
+    if logarithmic and low != high:
+        rate = np.log(high / low) / T
+        cycles = low * np.expm1(rate * time) / rate
+    else:
+        cycles = (low + 0.5 * (high - low) * time / T) * time
+    wave = size * np.sin(2.0 * np.pi * cycles)
+    still = np.zeros_like(wave)
+    left = {"jolt": wave, "yaw": -wave, "left": wave, "right": still}[motion]
+    return PlatformMotion(
+        time, left, still if motion == "left" else wave, positive("actuator_distance", actuator_distance)
+    )
+
+
+def read_motion(path: str | Path, actuator_distance: float = _DISTANCE) -> PlatformMotion:
+    """Read a measured motion from a CSV file.
+
+    The first line names the columns, ``time_s, left_m, right_m`` or ``time_s, jolt_m, yaw_rad``, in any order.  Lines that
+    begin with ``#`` are comments.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        A column is missing, unknown or there twice; a value missing or not finite; times that do not ascend, have a gap
+        or are not equally spaced; the message names file and line.
+    """
+    from boomctl.csv_table import read_numbers
+
+    distance = positive("actuator_distance", actuator_distance)
+    table = read_numbers(path)
+    found = set(table.header)
+    if len(found) != len(table.header) or found not in (set(_SIDES), set(_MOTIONS)):
+        raise ValueError(
+            f"{path}, line {table.header_line}: expected columns {', '.join(_SIDES)} or {', '.join(_MOTIONS)},"
+            f" got {', '.join(table.header)}"
+        )
+    if len(table.values) < 2:
+        raise ValueError(f"{path}: expected at least two samples")
+    column = {name: table.values[:, i] for i, name in enumerate(table.header)}
+    bad = uneven(column["time_s"])
+    if bad is not None:
+        raise ValueError(f"{path}, line {table.lines[bad[0]]}: time_s = {column['time_s'][bad[0]]:g}: {bad[1]}")
+    if "left_m" in column:
+        return PlatformMotion(column["time_s"], column["left_m"], column["right_m"], distance)
+    return _of_motions(column["time_s"], column["jolt_m"], column["yaw_rad"], distance)
+
+
+def write_motion(path: str | Path, motion: PlatformMotion) -> None:
+    """Write a motion as a CSV file that :func:`read_motion` reads back to the last digit; whole or not at all.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    from boomctl.output import write_whole
+
+    rows = np.column_stack([motion.time, motion.left, motion.right]).tolist()
+    lines = [",".join(_SIDES), *(",".join(map(repr, row)) for row in rows)]
+    write_whole(Path(path), "\n".join(lines) + "\n")

@@ -1,0 +1,334 @@
+"""Spray on the field: what moving nozzles leave on the ground, and how uneven it is.
+
+Each nozzle drives at ``V`` and moves ``y(t)`` ahead of that.  Its spray falls on a footprint of the ground: along the boom a
+triangle (or a box), along the driving direction a box; both are stated in :class:`Footprint`.  The deposit is integrated
+in closed form for paths that run straight between samples, and averaged over the cells of a grid on the ground, so that
+nothing is lost or made.  Where a nozzle moves back over the ground (``y' < -V``) its passes add up.
+
+Under a point footprint the dose is ``1/(1 + y'/V)`` times the nominal one; small motion varies it by ``sigma(y')/V``.
+"""
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.arrays import Array
+from boomctl.boom.motion import uneven
+from boomctl.boom.parameters import BoomParameters
+from boomctl.checks import finite_array, known, nonnegative, positive
+
+__all__ = ["Footprint", "SprayResult", "nozzle_positions", "split_motion", "spray_by_motion", "spray_deposit"]
+
+_SHAPES = ("triangle", "box")
+_MOST_CELLS = 20_000_000
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """Where a nozzle's spray falls; an assumption: a flat fan whose patterns overlap once.
+
+    Attributes
+    ----------
+    width : float
+        Base along the boom [m]; with a triangle, twice the nozzles' spacing makes an even swath.
+    thickness : float
+        Along the driving direction, an even density [m]; may be zero, a line.
+    shape : "triangle" or "box"
+        Of the density along the boom.
+    """
+
+    width: float = 1.0
+    thickness: float = 0.1
+    shape: str = "triangle"
+
+    def __post_init__(self) -> None:
+        positive("width", self.width)
+        nonnegative("thickness", self.thickness)
+        known("shape", self.shape, _SHAPES)
+
+    def share_below(self, offset: Array) -> Array:
+        """Return the share of a nozzle's spray that falls left of ``x_nozzle + offset``."""
+        s = np.clip(offset / self.width, -0.5, 0.5)
+        if self.shape == "box":
+            return 0.5 + s
+        return 0.5 + 2.0 * s * (1.0 - np.abs(s))
+
+
+@dataclass(frozen=True, eq=False)
+class SprayResult:
+    """Spray on the field.
+
+    Attributes
+    ----------
+    deposit : (nx, ny) ndarray
+        Mean deposit of each cell over the nominal one; ``x`` along the boom from left to right, ``y`` along the drive.
+    x_edges, y_edges : ndarray
+        Edges of the cells [m].
+    x_judged, y_judged : slice
+        Cells that figures speak of: between the outermost nozzles, where all neighbours spray, and away from the ends of
+        the run, on ground that no nozzle met outside the record (if it moved there no further than within it).
+    rms_tip_speed : float
+        RMS of ``y'`` at the outermost points given, the larger one of both [m/s].
+    speed : float
+        Driving speed [m/s].
+    footprint : Footprint
+    """
+
+    deposit: Array
+    x_edges: Array
+    y_edges: Array
+    x_judged: slice
+    y_judged: slice
+    rms_tip_speed: float
+    speed: float
+    footprint: Footprint
+
+    @property
+    def judged(self) -> Array:
+        """The cells that figures speak of."""
+        return self.deposit[self.x_judged, self.y_judged]
+
+    @property
+    def cv(self) -> float:
+        """Coefficient of variation of the deposit: standard deviation over mean."""
+        return float(self.judged.std() / self.judged.mean())
+
+    @property
+    def mean_dose(self) -> float:
+        """Mean deposit over the nominal one; off one by how far the boom moved ahead or back over the run."""
+        return float(self.judged.mean())
+
+    @property
+    def share_outside_10(self) -> float:
+        """Share of the field with more than 10 % off the nominal deposit."""
+        return self.share_outside(0.1)
+
+    @property
+    def share_outside_20(self) -> float:
+        """Share of the field with more than 20 % off the nominal deposit."""
+        return self.share_outside(0.2)
+
+    def share_outside(self, tolerance: float) -> float:
+        """Return the share of the field with more than ``tolerance`` off the nominal deposit, 0.1 for 10 %."""
+        return float((np.abs(self.judged - 1.0) > nonnegative("tolerance", tolerance)).mean())
+
+    @property
+    def lowest_dose(self) -> float:
+        """Least deposit of a cell over the nominal one."""
+        return float(self.judged.min())
+
+    @property
+    def highest_dose(self) -> float:
+        """Largest deposit of a cell over the nominal one."""
+        return float(self.judged.max())
+
+    def plot(self) -> Any:
+        """Draw the deposit on the field; see :func:`boomctl.plotting.draw_deposit`."""
+        return import_module("boomctl.plotting").draw_deposit({"deposit": self})
+
+    @property
+    def relative_tip_speed(self) -> float:
+        """RMS tip speed over driving speed."""
+        return self.rms_tip_speed / self.speed
+
+    @property
+    def worst_dose(self) -> float:
+        """The dose furthest from the nominal one, in ratio: the highest, or the lowest if its inverse is larger."""
+        farther_low = self.lowest_dose <= 0.0 or 1.0 / self.lowest_dose > self.highest_dose
+        return self.lowest_dose if farther_low else self.highest_dose
+
+
+def nozzle_positions(length: float = BoomParameters.length, spacing: float = 0.5) -> Array:
+    """Return nozzles ``spacing`` apart along a boom, the outermost half a spacing from its tips if it divides evenly [m]."""
+    count = int(np.floor(positive("length", length) / positive("spacing", spacing) + 1e-9))
+    if not count:
+        raise ValueError(f"spacing = {spacing:g}: expected at most the boom's length, {length:g} m")
+    return spacing * (np.arange(count) - 0.5 * (count - 1))
+
+
+def spray_deposit(
+    time: ArrayLike,
+    displacement: ArrayLike,
+    positions: ArrayLike,
+    speed: float,
+    *,
+    nozzles: ArrayLike | None = None,
+    footprint: Footprint | None = None,
+    cell: float | tuple[float, float] = 0.1,
+) -> SprayResult:
+    """Return what the nozzles leave on the field.
+
+    Parameters
+    ----------
+    time : (n,) array_like
+        Equally spaced [s].
+    displacement : (k, n) array_like
+        Forward displacement from uniform driving of ``k`` points of the boom [m].
+    positions : (k,) array_like
+        Where they are along the boom, ascending [m].
+    speed : float
+        Driving speed [m/s].
+    nozzles : array_like, optional
+        Places of the nozzles, equally spaced, between the first and the last point [m]; the boom is taken as straight
+        between two points.  By default there is a nozzle at each point.
+    footprint : Footprint, optional
+        By default a triangle of twice the nozzles' spacing along the boom, 0.1 m thick.
+    cell : float or (float, float)
+        Size of the cells along the boom and along the drive [m].
+
+    Returns
+    -------
+    SprayResult
+
+    Raises
+    ------
+    TypeError, ValueError
+        Shapes that do not fit, values that are not finite, times not equally spaced, nozzles outside the points or not
+        equally spaced, a run too short for one cell to be judged, a motion too large for the size of the cells.
+    """
+    t, x, moved = _points(time, displacement, positions)
+    V = positive("speed", speed)
+    at = x if nozzles is None else _nozzles(nozzles, x)
+    spacing = _spacing(at)
+    pattern = Footprint(2.0 * spacing) if footprint is None else footprint
+    dx, dy = (positive("cell", c) for c in (cell if isinstance(cell, tuple) else (cell, cell)))
+    offset, driven = _between(x, moved, at), V * (t - t[0])
+    path, half = offset + driven, 0.5 * pattern.thickness
+    x_edges = _edges(at[0] - 0.5 * pattern.width, at[-1] + 0.5 * pattern.width, dx, origin=at[0])
+    _check_size(path, (dx, dy), len(x_edges))
+    y_edges = _edges(path.min() - half, path.max() + half, dy)
+    shares = np.diff(pattern.share_below(x_edges[:, None] - at), axis=0) * (spacing / dx)
+    stays = np.array([np.diff(_stay_below(y_edges, line, t, pattern.thickness)) for line in path])
+    across = _within(x_edges, at[0], at[-1])
+    along = _within(y_edges, offset.max() + half, driven[-1] + offset.min() - half)
+    if across.start == across.stop or along.start == along.stop:
+        raise ValueError(f"time: the run of {t[-1] - t[0]:g} s is too short for a cell to be judged")
+    tips = np.sqrt(np.mean((np.diff(moved[[0, -1]]) / np.diff(t)) ** 2, axis=1)).max()
+    return SprayResult(shares @ stays * (V / dy), x_edges, y_edges, across, along, float(tips), V, pattern)
+
+
+def _check_size(path: Array, cell: tuple[float, float], columns: int) -> None:
+    """Refuse motions that would need more cells than memory holds, as those of an unstable loop do."""
+    extent, way = np.ptp(path), np.abs(np.diff(path)).sum(axis=1).max()
+    if extent / cell[1] * columns > _MOST_CELLS or way / cell[1] > _MOST_CELLS:
+        raise ValueError(
+            f"displacement: nozzles travel {way:.3g} m over {extent:.3g} m of ground, too much for cells of"
+            f" {cell[0]:g} by {cell[1]:g} m"
+        )
+
+
+def split_motion(displacement: ArrayLike, positions: ArrayLike) -> tuple[Array, Array]:
+    """Return the symmetric (jolt) and the antisymmetric (yaw) part of the motion of points that lie symmetrically.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As of :func:`spray_deposit`; points that have no mirror image.
+    """
+    x = finite_array("positions", positions, ndim=1)
+    moved = finite_array("displacement", displacement, ndim=2)
+    if len(x) != len(moved):
+        raise ValueError(f"displacement: expected {len(x)} rows, one a position, got shape {moved.shape}")
+    if np.abs(x + x[::-1]).max(initial=0.0) > 1e-9 * np.abs(x).max(initial=0.0):
+        raise ValueError("positions: expected points that lie symmetrically about x = 0")
+    return 0.5 * (moved + moved[::-1]), 0.5 * (moved - moved[::-1])
+
+
+def spray_by_motion(
+    time: ArrayLike,
+    displacement: ArrayLike,
+    positions: ArrayLike,
+    speed: float,
+    *,
+    nozzles: ArrayLike | None = None,
+    footprint: Footprint | None = None,
+    cell: float | tuple[float, float] = 0.1,
+) -> tuple[SprayResult, SprayResult, SprayResult]:
+    """Return the spray of the whole motion, of its jolt alone and of its yaw alone; see :func:`spray_deposit`."""
+    jolt, yaw = split_motion(displacement, positions)
+    total, symmetric, antisymmetric = (
+        spray_deposit(time, part, positions, speed, nozzles=nozzles, footprint=footprint, cell=cell)
+        for part in (displacement, jolt, yaw)
+    )
+    return total, symmetric, antisymmetric
+
+
+def _points(time: ArrayLike, displacement: ArrayLike, positions: ArrayLike) -> tuple[Array, Array, Array]:
+    t, x = finite_array("time", time, ndim=1), finite_array("positions", positions, ndim=1)
+    moved = finite_array("displacement", displacement, ndim=2)
+    if len(t) < 2 or moved.shape != (len(x), len(t)):
+        raise ValueError(
+            f"displacement: expected {len(x)} positions by {len(t)} times, at least two, got shape {moved.shape}"
+        )
+    if len(x) < 2 or not (np.diff(x) > 0.0).all():
+        raise ValueError("positions: expected at least two points, ascending")
+    bad = uneven(t)
+    if bad is not None:
+        raise ValueError(f"time[{bad[0]}] = {t[bad[0]]:g}: {bad[1]}")
+    return t, x, moved
+
+
+def _nozzles(nozzles: ArrayLike, x: Array) -> Array:
+    at = finite_array("nozzles", nozzles, ndim=1)
+    if not len(at) or at.min() < x[0] - 1e-9 or at.max() > x[-1] + 1e-9:
+        raise ValueError(f"nozzles: expected places between the points given, {x[0]:g} to {x[-1]:g} m")
+    return at
+
+
+def _spacing(at: Array) -> float:
+    gaps = np.diff(at)
+    if len(at) < 2 or gaps.min() <= 0.0 or np.ptp(gaps) > 1e-6 * gaps.max():
+        raise ValueError("nozzles: expected at least two, ascending and equally spaced")
+    return float(gaps.mean())
+
+
+def _between(x: Array, moved: Array, at: Array) -> Array:
+    """Return displacements at ``at``, straight between the points ``x``."""
+    right = np.clip(np.searchsorted(x, at), 1, len(x) - 1)
+    share = ((at - x[right - 1]) / (x[right] - x[right - 1]))[:, None]
+    return (1.0 - share) * moved[right - 1] + share * moved[right]
+
+
+def _edges(low: float, high: float, size: float, origin: float = 0.0) -> Array:
+    """Return edges ``size`` apart, one of them at ``origin``, that cover ``low`` to ``high``."""
+    first, last = np.floor((low - origin) / size - 1e-9), np.ceil((high - origin) / size + 1e-9)
+    return origin + size * np.arange(first, last + 1)
+
+
+def _within(edges: Array, low: float, high: float) -> slice:
+    """Return the cells that lie wholly between two places."""
+    slack = 1e-9 * (edges[1] - edges[0])
+    inside = np.flatnonzero((edges[:-1] >= low - slack) & (edges[1:] <= high + slack))
+    return slice(int(inside[0]), int(inside[-1]) + 1) if len(inside) else slice(0, 0)
+
+
+def _stay_below(edges: Array, path: Array, time: Array, thickness: float) -> Array:
+    """Return for how long the spray of a nozzle falls behind each edge [s].
+
+    During a step of ``dt`` from ``Y0`` to ``Y1`` the spray is spread over ground as the convolution of two boxes, the way
+    and the thickness; a step counts in full at the edges ahead of that and in part at those within.
+    """
+    dt, way = np.diff(time), np.abs(np.diff(path))
+    begin = np.minimum(path[1:], path[:-1]) - 0.5 * thickness
+    size = edges[1] - edges[0]
+    first = np.ceil((begin - edges[0]) / size).astype(np.intp)
+    done = np.ceil((begin + way + thickness - edges[0]) / size).astype(np.intp)
+    count = np.maximum(done - first, 0)
+    step = np.repeat(np.arange(len(dt)), count)
+    edge = np.arange(len(step)) - np.repeat(np.cumsum(count) - count - first, count)
+    narrow, broad = np.minimum(way, thickness), np.maximum(way, thickness)
+    part = _two_boxes(edges[edge] - begin[step], narrow[step], broad[step])
+    whole = np.cumsum(np.bincount(done, dt, minlength=len(edges)))[: len(edges)]
+    return whole + np.bincount(edge, dt[step] * part, minlength=len(edges))
+
+
+def _two_boxes(u: Array, narrow: Array, broad: Array) -> Array:
+    """Return the share below ``u`` of the convolution of two boxes that begin at zero, one of them of some breadth."""
+    least = np.finfo(float).tiny
+    slim, wide = np.maximum(narrow, least), np.maximum(broad, least)
+    left, rest = np.clip(u, 0.0, narrow), np.clip(narrow + broad - u, 0.0, narrow)
+    rise, level = 0.5 * left * (left / slim) / wide, (np.minimum(u, broad) - 0.5 * narrow) / wide
+    return np.where(u < narrow, rise, np.where(u < broad, level, 1.0 - 0.5 * rest * (rest / slim) / wide))

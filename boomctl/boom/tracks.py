@@ -1,0 +1,231 @@
+"""Wheel tracks: seeded random ones of ISO 8608 classes, and a bump.
+
+A track is the height of the ground under the left and the right wheels.  The random ones are stationary Gaussian
+processes of one-sided density ``G_d(n) = G_d(n0) (n/n0)^-2`` in the wave number ``n`` [1/m], ``n0 = 0.1 /m``,
+``G_d(n0) = 16 * 4^k * 1e-6 m^3`` for class ``k`` (0 is A, 7 is H).
+
+What two tracks have in common follows from isotropy (Dodds & Robson 1973; Kamash & Robson 1978): if the ground looks
+alike in all directions, the density along a line fixes the one over the plane, ``S(n, m) ~ (n^2 + m^2)^(-3/2)`` for the
+slope -2, and the cross density of two lines ``b`` apart is its cosine transform over ``m``,
+
+    G_lr(n) = G_d(n) z K1(z),   z = 2 pi n b,
+
+with the modified Bessel function ``K1``: one for waves much longer than ``b``, nought for shorter ones.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.arrays import Array
+from boomctl.checks import finite_array, frequencies, known, positive, real, whole
+
+__all__ = ["COHERENCES", "ROAD_CLASSES", "Track", "bump_track", "iso_track", "road_density", "track_coherence"]
+
+ROAD_CLASSES = "ABCDEFGH"
+COHERENCES = ("isotropic", "full", "none")
+REFERENCE_WAVE_NUMBER = 0.1
+BAND = (0.01, 3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Height of the ground under the left and the right wheels; straight between the points.
+
+    Attributes
+    ----------
+    step : float
+        Distance between points [m].
+    left, right : (n,) ndarray
+        Heights [m] at ``0, step, 2 step, ...``
+    width : float
+        Distance between the two lines [m].
+    periodic : bool
+        True: the track goes round, its first point follows its last.  False: the ground is level before and behind it.
+    """
+
+    step: float
+    left: Array
+    right: Array
+    width: float
+    periodic: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("step", "width"):
+            positive(name, getattr(self, name))
+        for side in ("left", "right"):
+            object.__setattr__(self, side, finite_array(side, getattr(self, side), ndim=1))
+        if len(self.left) != len(self.right) or len(self.left) < 2:
+            raise ValueError(
+                f"left, right: expected two heights or more, equally many, got {len(self.left)} and {len(self.right)}"
+            )
+
+    @property
+    def distance(self) -> Array:
+        """Where the points are, from the beginning of the track [m]."""
+        return self.step * np.arange(len(self.left))
+
+    @property
+    def length(self) -> float:
+        """Length of the track, of one round if it is periodic [m]."""
+        return self.step * (len(self.left) if self.periodic else len(self.left) - 1)
+
+    def heights(self, distance: ArrayLike) -> Array:
+        """Return the heights (2 x n: left, right) at places along the track [m]."""
+        at = finite_array("distance", distance, ndim=1)
+        x = self.distance
+        if self.periodic:
+            x = np.append(x, self.length)
+            sides = [np.append(side, side[0]) for side in (self.left, self.right)]
+            at = np.mod(at, self.length)
+        else:
+            sides = [self.left, self.right]
+        return np.array([np.interp(at, x, side) for side in sides])
+
+
+def road_density(road_class: str | int, wave_number: ArrayLike) -> Array:
+    """Return the one-sided displacement density ``G_d(n)`` [m^3] of a road class at wave numbers [1/m] above zero.
+
+    ``road_class`` is a letter from A to H or its number from 0; source: ISO 8608, geometric means of the classes.
+    """
+    n = np.asarray(frequencies("wave_number", wave_number))
+    if (n == 0.0).any():
+        raise ValueError("wave_number: expected values above zero, got 0")
+    return 16e-6 * 4.0 ** class_number(road_class) * (n / REFERENCE_WAVE_NUMBER) ** -2
+
+
+def class_number(road_class: str | int) -> int:
+    """Return the number of a road class, 0 for A."""
+    if isinstance(road_class, str):
+        return ROAD_CLASSES.index(known("road_class", road_class, ROAD_CLASSES))
+    number = whole("road_class", road_class, least=0)
+    if number >= len(ROAD_CLASSES):
+        raise ValueError(f"road_class = {number}: expected a letter from A to H or a number from 0 to 7")
+    return number
+
+
+def track_coherence(wave_number: ArrayLike, width: float, coherence: str = "isotropic") -> Array:
+    """Return cross density over density of two tracks ``width`` metres apart: real, between 0 and 1.
+
+    ``"isotropic"`` is ``z K1(z)``, ``z = 2 pi n width``; ``"full"`` is 1 (the wheels meet the same ground), ``"none"`` 0.
+    """
+    n = frequencies("wave_number", wave_number)
+    known("coherence", coherence, COHERENCES)
+    positive("width", width)
+    if coherence != "isotropic":
+        return np.full(n.shape, 1.0 if coherence == "full" else 0.0)
+    from scipy.special import k1
+
+    z = 2.0 * np.pi * n * width
+    common = np.ones(z.shape)
+    common[z > 0.0] = z[z > 0.0] * k1(z[z > 0.0])
+    return np.minimum(common, 1.0)
+
+
+def iso_track(
+    road_class: str | int = "C",
+    length: float = 200.0,
+    seed: int = 0,
+    *,
+    width: float = 1.8,
+    step: float = 0.02,
+    band: tuple[float, float] = BAND,
+    coherence: str = "isotropic",
+) -> Track:
+    """Return a random track of a road class of ISO 8608, the same for the same seed on every machine.
+
+    Parameters
+    ----------
+    road_class : str or int
+        A letter from A to H, or its number from 0.
+    length : float
+        Length of the track [m]; it goes round.
+    seed : int
+        Of NumPy's PCG64.
+    width : float
+        Distance between the wheels' tracks [m].
+    step : float
+        Distance between points [m].
+    band : (float, float)
+        Wave numbers [1/m] between which the track has content; none outside.
+    coherence : "isotropic", "full" or "none"
+        What left and right have in common, see :func:`track_coherence`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A class that does not exist, a length that does not hold the longest wave, a step too long for the shortest.
+
+    Notes
+    -----
+    Half sum and half difference of the two sides are independent with densities ``(1 +- coherence)/2 G_d``; each is the
+    Fourier sum over the wave numbers ``j/length`` with independent Gaussian amplitudes, which has that density exactly.
+    """
+    spacing, longest = positive("step", step), positive("length", length)
+    low, high = (positive("band", value) for value in band)
+    if not low < high:
+        raise ValueError(f"band = ({low:g}, {high:g}): expected the lower wave number first")
+    if high >= 0.5 / spacing:
+        raise ValueError(f"step = {spacing:g}: expected less than {0.5 / high:g} m, half the shortest wave of the band")
+    count = round(longest / spacing)
+    if count < 2 or count * spacing * high < 1.0:
+        raise ValueError(f"length = {longest:g}: expected at least the shortest wave of the band, {1 / high:g} m")
+    n = np.arange(1, count // 2 + 1) / (count * spacing)
+    inside = (n >= low) & (n <= high)
+    if not inside.any():
+        raise ValueError(f"length = {longest:g}: no wave of the band ({low:g} to {high:g} /m) fits into it")
+    common = track_coherence(n[inside], positive("width", width), coherence)
+    power = road_density(road_class, n[inside]) / (count * spacing)
+    generator = np.random.Generator(np.random.PCG64(whole("seed", seed, least=0)))
+    parts = []
+    for share in (1.0 + common, 1.0 - common):
+        drawn = generator.standard_normal((2, len(n)))[:, inside]
+        amplitude = np.zeros(count // 2 + 1, dtype=complex)
+        amplitude[1:][inside] = 0.5 * count * np.sqrt(0.5 * power * share) * (drawn[0] + 1j * drawn[1])
+        parts.append(np.fft.irfft(amplitude, count))
+    return Track(spacing, parts[0] - parts[1], parts[0] + parts[1], float(width), periodic=True)
+
+
+def bump_track(
+    height: float,
+    bump_length: float,
+    side: str = "left",
+    *,
+    position: float = 5.0,
+    length: float = 50.0,
+    width: float = 1.8,
+    step: float = 0.005,
+) -> Track:
+    """Return level ground with one bump, ``height (1 - cos(2 pi s/bump_length))/2``, as of a stone.
+
+    Parameters
+    ----------
+    height : float
+        Of the bump [m]; negative for a pothole.
+    bump_length : float
+        From foot to foot along the track [m].
+    side : "left", "right" or "both"
+        Under which wheels.
+    position : float
+        Where it begins [m].
+    length, width, step : float
+        Of the track, between the wheels, between points [m].
+
+    Raises
+    ------
+    TypeError, ValueError
+        The bump does not lie within the track, or is shorter than ten steps.
+    """
+    known("side", side, ("left", "right", "both"))
+    peak, extent, begin = real("height", height), positive("bump_length", bump_length), positive("position", position)
+    spacing, whole_length = positive("step", step), positive("length", length)
+    if begin + extent > whole_length:
+        raise ValueError(f"position = {begin:g}: expected the bump to end before the track does, at {whole_length:g} m")
+    if extent < 10.0 * spacing:
+        raise ValueError(f"bump_length = {extent:g}: expected at least ten steps, {10 * spacing:g} m")
+    s = (spacing * np.arange(round(whole_length / spacing) + 1) - begin) / extent
+    raised = np.where((s > 0.0) & (s < 1.0), 0.5 * peak * (1.0 - np.cos(2.0 * np.pi * s)), 0.0)
+    level = np.zeros_like(raised)
+    left = raised if side != "right" else level
+    return Track(spacing, left, raised if side != "left" else level, positive("width", width))

@@ -1,0 +1,124 @@
+"""The field on which suspensions are compared: track, tractor, speed, sensors, sampling, limits."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+
+from boomctl.boom import (
+    BoomParameters,
+    PlatformMotion,
+    TractorParameters,
+    iso_track,
+    nozzle_positions,
+    platform_motion,
+    spray_boom,
+)
+from boomctl.checks import nonnegative, positive, whole
+from boomctl.structure import SecondOrderModel
+
+__all__ = ["ACCELERATIONS", "CONTROLS", "SENSORS", "STROKES", "FieldScene", "suspension_model"]
+
+CONTROLS = ("suspension_left", "suspension_right")
+STROKES = ("stroke_left", "stroke_right")
+ACCELERATIONS = ("tip_left_acceleration", "tip_right_acceleration")
+SENSORS = (*STROKES, *ACCELERATIONS)
+_MAY_BE_ZERO = ("run_in", "delay", "stroke_step", "acceleration_step")
+_APPROACH = 10.0
+
+
+@dataclass(frozen=True)
+class FieldScene:
+    """A run over a field; all of it assumed, the papers give none of it but the stroke of the shaker's cylinders.
+
+    Attributes
+    ----------
+    road_class : str
+        Of the track, ISO 8608; ``"E"`` is a rough field track.
+    tractor : TractorParameters
+    speed : float
+        Driving speed [m/s].
+    run_in, duration : float
+        Time driven before the record begins, until lightly damped modes have built up, and of the record [s].
+    seed : int
+        Of the random track.
+    sample_time, delay : float
+        Of the controller, and between a sample and the force it leads to [s].
+    force_limit, stroke_limit : float
+        Of each actuator of the suspension [N], [m].
+    stroke_step, acceleration_step : float
+        What the sensors resolve [m], [m/s^2].
+    accelerometer_hz : float
+        Bandwidth of the accelerometers [Hz].
+    elements : int
+        Finite elements of the boom that is driven over the field.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A value out of range.
+    """
+
+    road_class: str = "E"
+    tractor: TractorParameters = field(default_factory=TractorParameters)
+    speed: float = 3.0
+    run_in: float = 60.0
+    duration: float = 60.0
+    seed: int = 1
+    sample_time: float = 0.002
+    delay: float = 0.002
+    force_limit: float = 150.0
+    stroke_limit: float = 0.05
+    stroke_step: float = 1e-4
+    acceleration_step: float = 5e-3
+    accelerometer_hz: float = 20.0
+    elements: int = 20
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if each.name in ("seed", "elements"):
+                whole(each.name, value, 0 if each.name == "seed" else 1)
+            elif each.name not in ("road_class", "tractor"):
+                (nonnegative if each.name in _MAY_BE_ZERO else positive)(each.name, value)
+
+    def motion(self) -> PlatformMotion:
+        """Return what the track does to the platform, run-in included."""
+        duration = self.run_in + self.duration
+        length = self.speed * duration + _APPROACH
+        track = iso_track(self.road_class, length=length, seed=self.seed, width=self.tractor.track_width)
+        return platform_motion(track, self.tractor, self.speed, duration, self.sample_time)
+
+    def quantization(self, measurements: tuple[str, ...]) -> Mapping[str, float]:
+        """Return the steps of the measurements that sensors take."""
+        steps = {**dict.fromkeys(STROKES, self.stroke_step), **dict.fromkeys(ACCELERATIONS, self.acceleration_step)}
+        return {name: steps[name] for name in measurements if steps.get(name)}
+
+
+def suspension_model(
+    parameters: BoomParameters | None = None,
+    elements: int = 20,
+    accelerometer_hz: float = 20.0,
+    nozzles: bool = False,
+) -> SecondOrderModel:
+    """Return the boom with the sensors of an active suspension.
+
+    Parameters
+    ----------
+    parameters : BoomParameters, optional
+    elements : int
+        Finite elements.
+    accelerometer_hz : float
+        Bandwidth of the tip accelerometers [Hz].
+    nozzles : bool
+        Adds the displacements of the nozzles, ``nozzle_01``, ... [m].
+
+    Returns
+    -------
+    SecondOrderModel
+        Inputs ``actuator_*`` [m], ``suspension_*`` [N]; outputs ``tip_*``, ``stroke_*`` [m], ``tip_*_acceleration``
+        [m/s^2] and the nozzles.
+    """
+    p = BoomParameters() if parameters is None else parameters
+    places = nozzle_positions(p.length) if nozzles else None
+    model = spray_boom(p, elements=elements, accelerometer_bandwidth_hz=accelerometer_hz, nozzles=places)
+    outputs = [name for name in model.outputs if name != "cradle_slip"]
+    return model.select(["actuator_left", "actuator_right", *CONTROLS], outputs)

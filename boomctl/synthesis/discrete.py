@@ -1,0 +1,99 @@
+"""Controllers for a computer: a sampled version of a controller in continuous time, names kept."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.checks import finite_array, known, positive
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["discretize"]
+
+_METHODS = ("tustin", "zoh")
+
+
+def discretize(
+    controller: "control.StateSpace",
+    sample_time: float,
+    method: str = "tustin",
+    *,
+    samples_per_period: float = 4.0,
+    prewarp_omega: float | None = None,
+) -> "control.StateSpace":
+    """Return a controller that runs once a sample, refused where it is sampled too slowly for its poles.
+
+    Parameters
+    ----------
+    controller : control.StateSpace
+        In continuous time.
+    sample_time : float
+        [s]
+    method : "tustin" or "zoh"
+        Trapezoidal rule (keeps the frequency response, but for a warped axis), or exact for inputs held between samples
+        (delays them by half a sample).
+    samples_per_period : float
+        Least number of samples in ``2 pi/|p|`` for every pole ``p``; not below 2, the limit of Nyquist.
+    prewarp_omega : float, optional
+        Frequency at which "tustin" is exact [rad/s]; by default 0.
+
+    Returns
+    -------
+    control.StateSpace
+        In discrete time, inputs, outputs and states named as the controller's.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not a continuous-time state space, not finite; unknown method; a sampling rate too low for a pole, which is
+        named with the rate that it needs.
+
+    Examples
+    --------
+    >>> import control
+    >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="stroke", outputs="force")
+    >>> discretize(lag, 0.1).A.round(4)
+    array([[0.8182]])
+    """
+    import control
+
+    if not isinstance(controller, control.StateSpace):
+        raise TypeError(f"controller: expected StateSpace, got {type(controller).__name__}")
+    if not controller.isctime():
+        raise ValueError(f"controller: expected continuous time, got a sampling time of {controller.dt:g} s")
+    for name in ("A", "B", "C", "D"):
+        finite_array(f"{name} of the controller", getattr(controller, name))
+    T = positive("sample_time", sample_time)
+    known("method", method, _METHODS)
+    if positive("samples_per_period", samples_per_period) < 2.0:
+        raise ValueError(f"samples_per_period = {samples_per_period:g}: expected at least 2, the limit of Nyquist")
+    warped = _prewarp(prewarp_omega, method, T)
+    _check_rate(controller, T, samples_per_period)
+    return control.sample_system(controller, T, method, prewarp_frequency=warped, name=f"{controller.name}_discrete")
+
+
+def _prewarp(omega: float | None, method: str, T: float) -> float | None:
+    if omega is None:
+        return None
+    if method != "tustin":
+        raise ValueError(f"prewarp_omega: expected only with method 'tustin', got method {method!r}")
+    if positive("prewarp_omega", omega) >= np.pi / T:
+        raise ValueError(f"prewarp_omega = {omega:g}: expected less than pi/sample_time = {np.pi / T:g} rad/s")
+    return float(omega)
+
+
+def _check_rate(controller: "control.StateSpace", T: float, samples: float) -> None:
+    """Raise ``ValueError`` naming the fastest pole if it sees fewer samples a period than wanted."""
+    poles = linalg.eigvals(controller.A) if controller.nstates else np.zeros(0, dtype=complex)
+    if not len(poles):
+        return
+    fastest = complex(poles[np.argmax(np.abs(poles))])
+    needed = samples * abs(fastest) / (2.0 * np.pi)
+    if needed * T > 1.0:
+        raise ValueError(
+            f"sample_time = {T:g} s: too long for the pole of the controller at {fastest:.4g} rad/s, which needs "
+            f"{needed:.4g} Hz or more ({samples:g} samples in each {2.0 * np.pi / abs(fastest):.4g} s); sample faster, "
+            "or reduce the controller first"
+        )

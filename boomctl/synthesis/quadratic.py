@@ -1,0 +1,102 @@
+"""Weights and noise intensities: numbers, vectors, matrices or mappings by name become symmetric matrices."""
+
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.checks import finite_array, known, real
+
+__all__ = ["Weight", "definite", "semidefinite", "square_root"]
+
+Weight: TypeAlias = ArrayLike | Mapping[str, float]
+"""A number (the same for each signal), one number a signal, a symmetric matrix, or numbers by signal name."""
+
+_NOISE = 1e-12
+
+
+def semidefinite(what: str, value: Weight, signals: Sequence[str]) -> Array:
+    """Return a weight as a positive semidefinite matrix over ``signals``; names a mapping leaves out weigh nothing.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Of the wrong shape, not symmetric, an unknown name, or a negative eigenvalue, which is named.
+    """
+    matrix = _matrix(what, value, signals)
+    lowest = _scaled_lowest(matrix)
+    if lowest < -_NOISE * max(len(matrix), 1):
+        raise ValueError(
+            f"{what}: expected a positive semidefinite weight, got an eigenvalue of {_lowest(matrix, lowest):.4g}"
+        )
+    return matrix
+
+
+def definite(what: str, value: Weight, signals: Sequence[str]) -> Array:
+    """Return a weight as a positive definite matrix over ``signals``, each of which has to weigh something.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Of the wrong shape, not symmetric, an unknown or missing name, or an eigenvalue not above zero, which is named.
+    """
+    if isinstance(value, Mapping):
+        for name in signals:
+            if name not in value:
+                raise ValueError(f"{what}: expected a weight for each of {', '.join(signals)}; {name!r} has none")
+    matrix = _matrix(what, value, signals)
+    lowest = _scaled_lowest(matrix)
+    if lowest <= _NOISE:
+        raise ValueError(
+            f"{what}: expected a positive definite weight, got an eigenvalue of {_lowest(matrix, lowest):.4g}"
+        )
+    return matrix
+
+
+def square_root(matrix: Array) -> Array:
+    """Return ``F`` with ``F F^T`` the positive semidefinite matrix given, as many columns as its rank."""
+    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    safe = np.where(size > 0.0, size, 1.0)
+    values, vectors = linalg.eigh(matrix / np.outer(safe, safe))
+    good = values > 4.0 * np.finfo(float).eps * len(matrix) * max(float(values.max(initial=0.0)), 0.0)
+    return size[:, None] * (vectors[:, good] * np.sqrt(values[good]))
+
+
+def _matrix(what: str, value: Weight, signals: Sequence[str]) -> Array:
+    n = len(signals)
+    if isinstance(value, Mapping):
+        diagonal = np.zeros(n)
+        for name, number in value.items():
+            diagonal[signals.index(known(f"signal in {what}", name, signals))] = real(f"{what}[{name!r}]", number)
+        return np.diag(diagonal)
+    array = finite_array(what, value)
+    if array.ndim == 0:
+        return float(array) * np.eye(n)
+    if array.shape == (n,):
+        return np.diag(array)
+    if array.shape != (n, n):
+        raise ValueError(f"{what}: expected a number, {n} numbers or a {n} by {n} matrix, got shape {array.shape}")
+    if np.abs(array - array.T).max(initial=0.0) > 1e-10 * np.abs(array).max(initial=0.0):
+        i, j = (int(k) for k in np.unravel_index(np.argmax(np.abs(array - array.T)), array.shape))
+        raise ValueError(
+            f"{what}: expected a symmetric matrix, got {array[i, j]:.6g} at ({i}, {j}) and {array[j, i]:.6g} at ({j}, {i})"
+        )
+    return 0.5 * (array + array.T)
+
+
+def _scaled_lowest(matrix: Array) -> float:
+    """Return the lowest eigenvalue of the matrix scaled to a unit diagonal, so that units do not matter."""
+    if not matrix.size:
+        return np.inf
+    size = np.sqrt(np.abs(np.diag(matrix)))
+    bare = np.abs(matrix).max(axis=1) > 0.0
+    safe = np.where(size > 0.0, size, np.where(bare, np.sqrt(np.abs(matrix).max()), 1.0))
+    return float(linalg.eigvalsh(matrix / np.outer(safe, safe))[0])
+
+
+def _lowest(matrix: Array, scaled: float) -> float:
+    plain = float(linalg.eigvalsh(matrix)[0])
+    return plain if (plain < 0.0) == (scaled < 0.0) else scaled

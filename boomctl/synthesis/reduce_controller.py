@@ -1,0 +1,179 @@
+"""Controllers of lower order and without fast poles, accepted only after their loop was verified."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.analysis.norm import NormCertificate, StateMatrices
+from boomctl.arrays import Array
+from boomctl.checks import nonnegative, positive, whole
+from boomctl.synthesis.candidates import Candidate, fastest_pole, judged
+from boomctl.synthesis.errors import SynthesisError
+from boomctl.synthesis.loop import closed, matched, named_loop
+from boomctl.synthesis.partition import Plant
+from boomctl.synthesis.slow_poles import without_fast_poles
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["ReducedController", "reduce_controller"]
+
+_NEGLIGIBLE = 1e-12
+_SINGULAR = 1e12
+
+
+@dataclass(frozen=True)
+class ReducedController:
+    """A smaller controller and the loop it was verified in.
+
+    Attributes
+    ----------
+    controller, closed_loop : control.StateSpace
+        Named as in the generalised plant.
+    order : int
+        Number of states of the controller.
+    gamma, full_gamma : float
+        The closed loop's H-infinity norm, verified, with this controller and with the one it was made from.
+    norm : NormCertificate
+    fastest_pole : float
+        Largest magnitude of the controller's poles [rad/s].
+    method : str
+        What was done to the states left out.
+    values : ndarray
+        Hankel-like singular values of the controller's states within the loop, descending.
+    """
+
+    controller: "control.StateSpace"
+    closed_loop: "control.StateSpace"
+    order: int
+    gamma: float
+    full_gamma: float
+    norm: NormCertificate
+    fastest_pole: float
+    method: str
+    values: Array
+
+
+def reduce_controller(
+    P: "control.StateSpace",
+    controller: "control.StateSpace",
+    *,
+    order: int | None = None,
+    tolerance: float = 0.05,
+    fastest: float | None = None,
+) -> ReducedController:
+    """Return a controller of lower order whose closed loop has nearly the norm of before.
+
+    The controller's states are balanced by what they do within the loop (the controller's parts of the closed loop's
+    gramians), so that unstable controllers need no care of their own.
+
+    Parameters
+    ----------
+    P : control.StateSpace
+        Generalised plant; the controller fits its last outputs and inputs.
+    controller : control.StateSpace
+        Stabilises ``P``, ``u = K y``.
+    order : int, optional
+        Number of states wanted.  By default the lowest whose loop stays within ``tolerance``.
+    tolerance : float
+        By how much the closed loop's norm may grow, relative to it.
+    fastest : float, optional
+        No pole of the controller may have a larger magnitude [rad/s]; faster ones are replaced by their static gain.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Other kinds of system; numbers out of range; an order above the controller's.
+    SynthesisError
+        The controller does not stabilise ``P``; no smaller one stays within the tolerance.
+    """
+    plant, K = matched(P, controller)
+    share, limit = nonnegative("tolerance", tolerance), np.inf if fastest is None else positive("fastest", fastest)
+    if order is not None and whole("order", order, 0) > len(K.A):
+        raise ValueError(f"order = {order}: the controller has only {len(K.A)} states")
+    full = judged(plant, K, np.inf)
+    if isinstance(full, str):
+        raise SynthesisError(f"the controller cannot be reduced: {full}")
+    if fastest_pole(K) > limit:
+        K = _slower(plant, K, limit)
+    balanced, values = _balanced_in_loop(plant, K)
+    orders = range(len(K.A) + 1) if order is None else [min(order, len(K.A))]
+    allowed, rejected = full.norm.upper * (1.0 + share), ""
+    for method, smaller in (found for count in orders for found in _smaller(balanced, count)):
+        if fastest_pole(smaller) > limit:
+            rejected = f"a pole at {fastest_pole(smaller):.3g} rad/s where {limit:.3g} are allowed"
+            continue
+        found = judged(plant, smaller, allowed)
+        if isinstance(found, Candidate):
+            return _result(plant, found, full.norm.lower, method, values)
+        rejected = found
+    which = f"order {order}" if order is not None else "any order"
+    raise SynthesisError(f"no controller of {which} keeps the norm of the loop below {allowed:.6g}: {rejected}")
+
+
+def _slower(plant: Plant, K: StateMatrices, limit: float) -> StateMatrices:
+    """Return a controller without its fast poles; it must stabilise, or nothing can be balanced."""
+    slower = without_fast_poles(K, limit)
+    found = "they cannot be split off" if slower is None else judged(plant, slower, np.inf)
+    if slower is None or isinstance(found, str):
+        raise SynthesisError(f"the controller does not work without its poles above {limit:.3g} rad/s: {found}")
+    return slower
+
+
+def _balanced_in_loop(plant: Plant, K: StateMatrices) -> tuple[StateMatrices, Array]:
+    """Return a controller in coordinates in which its states are as much driven as seen within the loop, descending."""
+    loop, n = closed(plant, K), len(plant.A)
+    if not len(K.A):
+        return K, np.zeros(0)
+    A, (scale, _) = linalg.matrix_balance(loop.A, permute=False, separate=True)
+    B, C = loop.B / scale[:, None], loop.C * scale[None, :]
+    driven = _root(linalg.solve_continuous_lyapunov(A, -B @ B.T)[n:, n:])
+    seen = _root(linalg.solve_continuous_lyapunov(A.T, -C.T @ C)[n:, n:])
+    left, values, right = linalg.svd(seen.T @ driven)
+    kept = values > _NEGLIGIBLE * values[0]
+    into = (left[:, kept] / np.sqrt(values[kept])).T @ seen.T / scale[n:]
+    out = scale[n:, None] * (driven @ (right[kept].T / np.sqrt(values[kept])))
+    return StateMatrices(into @ K.A @ out, into @ K.B, K.C @ out, K.D), values
+
+
+def _root(gramian: Array) -> Array:
+    values, vectors = linalg.eigh(0.5 * (gramian + gramian.T))
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _smaller(K: StateMatrices, order: int) -> Iterator[tuple[str, StateMatrices]]:
+    """Yield controllers of an order: the states left out, and these at rest."""
+    if order > len(K.A):
+        return
+    A, B, C = K.A[:order, :order], K.B[:order], K.C[:, :order]
+    yield "truncated", StateMatrices(A, B, C, K.D)
+    rest = K.A[order:, order:]
+    if len(rest) and np.linalg.cond(rest) < _SINGULAR:
+        states = np.linalg.solve(rest, np.hstack([K.A[order:, :order], K.B[order:]]))
+        slow, direct = states[:, :order], states[:, order:]
+        side = K.A[:order, order:]
+        yield (
+            "residualised",
+            StateMatrices(A - side @ slow, B - side @ direct, C - K.C[:, order:] @ slow, K.D - K.C[:, order:] @ direct),
+        )
+
+
+def _result(plant: Plant, found: Candidate, full: float, method: str, values: Array) -> ReducedController:
+    import control
+
+    K, ins, outs = found.K, list(plant.measurements), list(plant.controls)
+    named = control.ss(K.A, K.B, K.C, K.D, inputs=ins, outputs=outs, name="controller")
+    return ReducedController(
+        named,
+        named_loop(plant, found.loop),
+        len(K.A),
+        found.norm.lower,
+        full,
+        found.norm,
+        fastest_pole(K),
+        method,
+        values,
+    )

@@ -1,0 +1,318 @@
+"""Stabilising solutions of Riccati equations, refined by Newton's method and certified in the coordinates given.
+
+``A^T X + X A + Q - (X B + N) R^-1 (X B + N)^T = 0``, solved by the Schur vectors of the Hamiltonian matrix (Laub 1979;
+SLICOT SB02MD) in modal coordinates scaled so that each mode is as easy to move as to see, then by Newton's method
+(Kleinman 1968), which doubles the digits that are right with every step.  On a fine mesh the nodal coordinates lose
+them all: the certificate is computed there nevertheless, apart from the solver.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array, Complex, Flags, Indices
+from boomctl.synthesis.errors import SynthesisError
+
+__all__ = ["RiccatiCertificate", "RiccatiProblem", "RiccatiSolution", "solve_riccati"]
+
+_CONDITION = 1e10
+_STEPS = 12
+_POLISHING = 4
+_POLISHED = 1e-8
+_EXTENDED = 300
+_GOAL = 1e-12
+_FLOOR = 1e-12
+_RESIDUAL = 1e-6
+_COST = 1e-4
+_TINY = float(np.finfo(float).tiny)
+
+
+@dataclass(frozen=True)
+class RiccatiProblem:
+    """``A, B`` and the weights of ``x^T Q x + 2 x^T N u + u^T R u``."""
+
+    A: Array
+    B: Array
+    Q: Array
+    R: Array
+    N: Array
+
+    @property
+    def shifted(self) -> tuple[Array, Array, Array]:
+        """``A - B R^-1 N^T``, ``B R^-1/2`` and ``Q - N R^-1 N^T``: the problem without its cross term."""
+        L = linalg.cholesky(self.R, lower=True)
+        acting = linalg.solve_triangular(L, self.B.T, lower=True).T
+        crossed = linalg.solve_triangular(L, self.N.T, lower=True)
+        return self.A - acting @ crossed, acting, _even(self.Q - crossed.T @ crossed)
+
+    def gain(self, X: Array) -> Array:
+        """Return ``F = R^-1 (B^T X + N^T)``, for ``u = -F x``."""
+        return linalg.solve(self.R, self.B.T @ X + self.N.T, assume_a="pos")
+
+    def terms(self, X: Array) -> tuple[Array, Array]:
+        """Return ``A^T X`` and ``(X B + N) R^-1 (X B + N)^T``, what control takes off the cost."""
+        half = linalg.solve_triangular(linalg.cholesky(self.R, lower=True), self.B.T @ X + self.N.T, lower=True)
+        return self.A.T @ X, half.T @ half
+
+    def residual(self, X: Array, extended: bool = False) -> Array:
+        """Return the residual of ``X``; if ``extended``, with products in the longest floating-point numbers at hand."""
+        if not extended:
+            half, drop = self.terms(X)
+            return half + half.T + self.Q - drop
+        A, B, Q, R, N, x = (
+            np.asarray(part, dtype=np.longdouble) for part in (self.A, self.B, self.Q, self.R, self.N, X)
+        )
+        inverse = np.asarray(linalg.inv(self.R), dtype=np.longdouble)
+        for _ in range(2):
+            inverse = inverse @ (2.0 * np.eye(len(R)) - R @ inverse)
+        half, side = A.T @ x, x @ B + N
+        return np.asarray(half + half.T + Q - side @ inverse @ side.T, dtype=float)
+
+
+@dataclass(frozen=True)
+class RiccatiCertificate:
+    """What was found about a solution, in the coordinates of the problem and apart from the solver.
+
+    Attributes
+    ----------
+    residual : float
+        Residual of the equation, relative to the largest of its terms (Frobenius norms).
+    backward_error : float
+        Each entry of the residual relative to the sum of the sizes of the products in its row and column; unchanged
+        by other units of the states.  Large where some state hardly matters, which is no harm.
+    cost_error : float
+        Size of one more Newton step, each state scaled by its own cost: how much of the cost is in doubt.  Above 1e-4,
+        or with a residual above 1e-6, no solution is returned.
+    abscissa : float
+        Largest real part of the closed-loop poles [rad/s].
+    """
+
+    residual: float
+    backward_error: float
+    cost_error: float
+    abscissa: float
+
+
+@dataclass(frozen=True)
+class RiccatiSolution:
+    """Stabilising solution ``X``, the gain ``F`` of ``u = -F x``, the closed-loop poles and the certificate."""
+
+    X: Array
+    gain: Array
+    poles: Complex
+    certificate: RiccatiCertificate
+
+
+def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> RiccatiSolution:
+    """Return the stabilising solution.
+
+    Stable states from which no path leads to the weight cost nothing: they are left out, and ``X`` is zero there.
+
+    Raises
+    ------
+    SynthesisError
+        None was found, or the best one found fails its certificate.
+    """
+    kept = _weighted_states(problem)
+    inside, others = np.ix_(kept, kept), np.ix_(~kept, ~kept)
+    if kept.all() or _abscissa(linalg.eigvals(problem.A[others])) >= 0.0:
+        return _solution(problem, what)
+    n, m = problem.B.shape
+    X, F = np.zeros((n, n)), np.zeros((m, n))
+    poles = np.asarray(linalg.eigvals(problem.A[others]))
+    if not kept.any():
+        return RiccatiSolution(X, F, poles, RiccatiCertificate(0.0, 0.0, 0.0, _abscissa(poles)))
+    part = RiccatiProblem(problem.A[inside], problem.B[kept], problem.Q[inside], problem.R, problem.N[kept])
+    found = _solution(part, what)
+    X[inside], F[:, kept] = found.X, found.gain
+    poles = np.concatenate([found.poles, poles])
+    return RiccatiSolution(X, F, poles, replace(found.certificate, abscissa=_abscissa(poles)))
+
+
+def _weighted_states(problem: RiccatiProblem) -> Flags:
+    """Return which states have a path to the weight, judged by the zeros of the matrices."""
+    seen = (problem.Q != 0.0).any(axis=1) | (problem.N != 0.0).any(axis=1)
+    links = problem.A != 0.0
+    while True:
+        more = seen | links[seen].any(axis=0)
+        if (more == seen).all():
+            return seen
+        seen = more
+
+
+def _solution(problem: RiccatiProblem, what: str) -> RiccatiSolution:
+    best: RiccatiSolution | None = None
+    for T, inverse in _coordinates(problem):
+        X = _solved(problem, T, inverse)
+        if X is None:
+            continue
+        found = _polished(problem, X)
+        if best is None or _rank(found.certificate) < _rank(best.certificate):
+            best = found
+        if _sound(best.certificate, 1e-2):
+            break
+    if best is None:
+        raise SynthesisError(f"{what}: no stabilising solution was found; eigenvalues lie too close to the axis")
+    if not _sound(best.certificate):
+        c = best.certificate
+        raise SynthesisError(
+            f"{what}: the best solution found is not exact enough to vouch for (relative residual {c.residual:.1e}, "
+            f"cost in doubt by {c.cost_error:.1e}, largest real part of the poles {c.abscissa:.3g} rad/s)"
+        )
+    return best
+
+
+def _rank(c: RiccatiCertificate) -> float:
+    return max(c.cost_error / _COST, c.residual / _RESIDUAL) if c.abscissa < 0.0 else np.inf
+
+
+def _sound(c: RiccatiCertificate, share: float = 1.0) -> bool:
+    return _rank(c) <= share
+
+
+def _coordinates(problem: RiccatiProblem) -> list[tuple[Array, Array]]:
+    """Return changes of coordinates ``x = T z`` to try, and their inverses: modal if there are any, balanced, none."""
+    A, acting, Q = problem.shifted
+    n = len(A)
+    T, mode = _modal_columns(A)
+    found = []
+    if np.linalg.cond(T) < _CONDITION:
+        inverse = np.linalg.inv(T)
+        d = _mode_scales(inverse @ acting, T.T @ Q @ T, mode)
+        found.append((T * d, inverse / d[:, None]))
+    scale = np.asarray(linalg.matrix_balance(A, permute=False, separate=True)[1][0])
+    d = scale * _mode_scales(acting / scale[:, None], Q * np.outer(scale, scale), np.zeros(n, dtype=int))
+    return [*found, (np.diag(d), np.diag(1.0 / d)), (np.eye(n), np.eye(n))]
+
+
+def _modal_columns(A: Array) -> tuple[Array, Indices]:
+    """Return a real basis of eigenvectors, two columns a complex pair, and which mode each column belongs to."""
+    poles, V = linalg.eig(A)
+    first = poles.imag > 0.0
+    second = poles.imag < 0.0
+    T = np.real(V)
+    T[:, first] *= np.sqrt(2.0)
+    T[:, second] = -np.sqrt(2.0) * V[:, second].imag
+    return T, np.cumsum(~second) - 1
+
+
+def _mode_scales(acting: Array, Q: Array, mode: Indices) -> Array:
+    """Return scales, one a mode, under which controls and weight act on it alike."""
+    count = int(mode.max(initial=-1)) + 1
+    g, q = np.zeros(count), np.zeros(count)
+    np.add.at(g, mode, (acting**2).sum(axis=1))
+    np.add.at(q, mode, np.maximum(np.diag(Q), 0.0))
+    if g.max(initial=0.0) <= 0.0 or q.max(initial=0.0) <= 0.0:
+        return np.ones(len(mode))
+    floor = _FLOOR**2
+    return ((np.maximum(g, floor * g.max()) / np.maximum(q, floor * q.max())) ** 0.25)[mode]
+
+
+def _solved(problem: RiccatiProblem, T: Array, inverse: Array) -> Array | None:
+    """Return the solution found in other coordinates, or None."""
+    A, acting, Q = problem.shifted
+    own = RiccatiProblem(
+        inverse @ A @ T, inverse @ acting, _even(T.T @ Q @ T), np.eye(acting.shape[1]), np.zeros_like(acting)
+    )
+    Z = _start(own)
+    if Z is None:
+        return None
+    Z = _refined(own, Z)
+    return None if Z is None else _even(inverse.T @ Z @ inverse)
+
+
+def _start(own: RiccatiProblem) -> Array | None:
+    import slycot
+    from slycot.exceptions import SlycotError
+
+    scaling = "G" if own.Q.any() and own.B.any() else "N"
+    try:
+        X = slycot.sb02md(len(own.A), own.A.copy(), own.B @ own.B.T, own.Q.copy(), "C", scal=scaling)[0]
+    except SlycotError:
+        try:
+            X = linalg.solve_continuous_are(own.A, own.B, own.Q, own.R)
+        except (linalg.LinAlgError, ValueError):
+            return None
+    return _even(np.asarray(X)) if np.isfinite(X).all() else None
+
+
+def _refined(own: RiccatiProblem, X: Array) -> Array | None:
+    """Return a solution after Newton steps, as many as make it better; None if it does not stabilise."""
+    last = np.inf
+    for _ in range(_STEPS):
+        step, _ = newton_step(own, X, own.residual(X))
+        if step is None:
+            return None if not np.isfinite(last) else X
+        size = _scaled(step, X + step)
+        if size >= 0.5 * last:
+            return X
+        X, last = _even(X + step), size
+        if size <= _GOAL:
+            return X
+    return X
+
+
+def newton_step(problem: RiccatiProblem, X: Array, residual: Array) -> tuple[Array | None, Complex]:
+    """Return the change of ``X`` that Newton's method makes (None where ``X`` does not stabilise) and the poles."""
+    closed, (d, _) = linalg.matrix_balance(problem.A - problem.B @ problem.gain(X), permute=False, separate=True)
+    T, Z = linalg.schur(closed, output="complex")
+    poles = np.asarray(np.diag(T), dtype=complex)
+    if _abscissa(poles) >= 0.0:
+        return None, poles
+    solve = linalg.get_lapack_funcs("trsyl", (T,))
+    scaled = _even(residual) * np.outer(d, d)
+    Y, scale, _ = solve(T, T, -(Z.conj().T @ scaled @ Z), trana="C")
+    return _even(np.real(Z @ (Y / scale) @ Z.conj().T)) / np.outer(d, d), poles
+
+
+def _polished(problem: RiccatiProblem, X: Array) -> RiccatiSolution:
+    """Return a certified solution after Newton steps in the coordinates of the problem, as long as they help."""
+    best, step = _certified(problem, X)
+    for _ in range(_POLISHING):
+        if step is None or _sound(best.certificate, _POLISHED):
+            break
+        found, step = _certified(problem, _even(best.X + step))
+        if _rank(found.certificate) >= _rank(best.certificate):
+            break
+        best = found
+    poles = np.asarray(linalg.eigvals(problem.A - problem.B @ best.gain))
+    return replace(best, poles=poles, certificate=replace(best.certificate, abscissa=_abscissa(poles)))
+
+
+def _certified(problem: RiccatiProblem, X: Array) -> tuple[RiccatiSolution, Array | None]:
+    """Return a solution with its certificate, and the Newton step from there."""
+    residual = problem.residual(X, extended=len(X) <= _EXTENDED)
+    terms = max(float(np.linalg.norm(term)) for term in (*problem.terms(X), problem.Q))
+    entry = _sizes(problem, X)
+    allowed = np.sqrt(np.outer(entry, entry))
+    step, poles = newton_step(problem, X, residual)
+    certificate = RiccatiCertificate(
+        residual=float(np.linalg.norm(residual)) / max(terms, _TINY),
+        backward_error=float((np.abs(residual) / np.maximum(allowed, _TINY)).max(initial=0.0)),
+        cost_error=np.inf if step is None else _scaled(step, X),
+        abscissa=_abscissa(poles),
+    )
+    return RiccatiSolution(X, problem.gain(X), poles, certificate), step
+
+
+def _sizes(problem: RiccatiProblem, X: Array) -> Array:
+    """Return the sums of the sizes of the products that make up each diagonal entry of the residual."""
+    F = np.abs(problem.gain(X))
+    stored = np.einsum("ji,ji->i", np.abs(problem.A), np.abs(X))
+    return 2.0 * stored + np.abs(np.diag(problem.Q)) + np.einsum("ji,jk,ki->i", F, np.abs(problem.R), F)
+
+
+def _scaled(step: Array, X: Array) -> float:
+    """Return the size of a change of ``X``, each state scaled by its own cost."""
+    size = np.sqrt(np.maximum(np.diag(X), 0.0))
+    inverse = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
+    return float(np.linalg.norm(step * np.outer(inverse, inverse), 2)) if len(X) else 0.0
+
+
+def _abscissa(poles: Complex) -> float:
+    return float(np.max(np.real(poles)))
+
+
+def _even(matrix: Array) -> Array:
+    return 0.5 * (matrix + matrix.T)

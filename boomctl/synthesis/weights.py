@@ -1,0 +1,120 @@
+"""Weights for generalised plants: small stable filters in state space, corner frequencies in rad/s."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.checks import positive, real, whole
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["band_pass", "high_pass", "low_pass", "shelf"]
+
+_BUTTERWORTH = float(np.sqrt(0.5))
+
+
+def _filter(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: float) -> "control.StateSpace":
+    import control
+
+    return control.ss(A, B, C, [[D]], inputs="in", outputs="out")
+
+
+def _order(value: object) -> int:
+    order = whole("order", value)
+    if order > 2:
+        raise ValueError(f"order = {order}: expected 1 or 2")
+    return order
+
+
+def _second(corner: float, damping: float) -> tuple[list[list[float]], list[list[float]]]:
+    """Return ``A, B`` with the states ``corner^2/d`` and ``corner s/d``, ``d = s^2 + 2 damping corner s + corner^2``."""
+    return [[0.0, corner], [-corner, -2.0 * damping * corner]], [[0.0], [corner]]
+
+
+def low_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTERWORTH) -> "control.StateSpace":
+    """Return a filter with ``gain`` below ``corner`` [rad/s] that rolls off above.
+
+    Parameters
+    ----------
+    gain : float
+        Gain at zero frequency.
+    corner : float
+        Corner frequency [rad/s].
+    order : 1 or 2
+    damping : float
+        Damping ratio of the second order; a small one makes a peak of height ``gain/(2 damping)``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A number out of range.
+    """
+    g, w, zeta = real("gain", gain), positive("corner", corner), positive("damping", damping)
+    if _order(order) == 1:
+        return _filter([[-w]], [[w]], [[g]], 0.0)
+    return _filter(*_second(w, zeta), [[g, 0.0]], 0.0)
+
+
+def high_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTERWORTH) -> "control.StateSpace":
+    """Return a filter with ``gain`` above ``corner`` [rad/s] that vanishes at zero frequency.
+
+    Parameters and errors as of `low_pass`; ``gain`` is that at high frequency.
+    """
+    g, w, zeta = real("gain", gain), positive("corner", corner), positive("damping", damping)
+    if _order(order) == 1:
+        return _filter([[-w]], [[w]], [[-g]], g)
+    return _filter(*_second(w, zeta), [[-g, -2.0 * g * zeta]], g)
+
+
+def band_pass(gain: float, low: float, high: float) -> "control.StateSpace":
+    """Return a second-order filter between two corner frequencies [rad/s]: platform motion from a track, for instance.
+
+    Parameters
+    ----------
+    gain : float
+        Largest gain, at ``sqrt(low high)``.
+    low, high : float
+        Where the gain is lower by the square root of two [rad/s], ascending.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A number out of range; frequencies that do not ascend.
+    """
+    g, a, b = real("gain", gain), positive("low", low), positive("high", high)
+    if a >= b:
+        raise ValueError(f"low, high = {a:g}, {b:g}: expected ascending frequencies [rad/s]")
+    centre = float(np.sqrt(a * b))
+    damping = (b - a) / (2.0 * centre)
+    return _filter(*_second(centre, damping), [[0.0, 2.0 * g * damping]], 0.0)
+
+
+def shelf(low_gain: float, high_gain: float, corner: float, order: int = 1) -> "control.StateSpace":
+    """Return a filter that goes from one gain to another: lag or lead, performance weight or roll-off of the effort.
+
+    Parameters
+    ----------
+    low_gain, high_gain : float
+        Gains at zero and at infinite frequency, both above zero.
+    corner : float
+        Where the gain is the geometric mean of both [rad/s].
+    order : 1 or 2
+        Two double the slope in between.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A number out of range.
+    """
+    a, b, w = positive("low_gain", low_gain), positive("high_gain", high_gain), positive("corner", corner)
+    count = _order(order)
+    ratio = (b / a) ** (1.0 / count)
+    # each factor is (1 + ratio s/pole)/(1 + s/pole) = ratio + (1 - ratio)/(1 + s/pole)
+    pole = w * np.sqrt(ratio)
+    change = 1.0 - ratio
+    if count == 1:
+        return _filter([[-pole]], [[pole]], [[a * change]], a * ratio)
+    A = [[-pole, 0.0], [pole * change, -pole]]
+    return _filter(A, [[pole], [pole * ratio]], [[a * ratio * change, a * change]], a * ratio**2)

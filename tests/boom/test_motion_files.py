@@ -1,0 +1,139 @@
+"""Motions of the platform: sweeps, files written and read, and files that are refused with file and line."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import boomctl as bc
+
+NUMBERS = st.floats(-10.0, 10.0, allow_nan=False)
+
+
+def written(folder, text, name="motion.csv"):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@given(arrays(float, (2, 9), elements=NUMBERS), st.floats(1e-4, 1.0), st.floats(-5.0, 100.0))
+@settings(max_examples=30)
+def test_a_motion_written_is_the_motion_read(tmp_path_factory, moved, step, start):
+    path = tmp_path_factory.mktemp("motion") / "motion.csv"
+    motion = bc.PlatformMotion(start + step * np.arange(9), *moved, 2.0)
+    bc.write_motion(path, motion)
+    found = bc.read_motion(path, 2.0)
+    for name in ("time", "left", "right"):
+        assert (getattr(found, name) == getattr(motion, name)).all()
+
+
+def test_jolt_and_yaw_are_left_and_right(tmp_path):
+    path = written(tmp_path, "# field 3\nyaw_rad,time_s,jolt_m\n0.1,0,1\n\n0.2,0.5,2\n")
+    motion = bc.read_motion(path, actuator_distance=2.0)
+    assert motion.left == pytest.approx([0.9, 1.8])
+    assert motion.right == pytest.approx([1.1, 2.2])
+    assert motion.jolt == pytest.approx([1.0, 2.0])
+    assert motion.yaw == pytest.approx([0.1, 0.2])
+    assert motion.sample_time == pytest.approx(0.5)
+    assert (motion.actuators == [motion.left, motion.right]).all()
+
+
+def test_times_rounded_in_the_file_are_taken_as_equally_spaced(tmp_path):
+    lines = [f"{k / 300:.4f},0,{k}" for k in range(900)]
+    motion = bc.read_motion(written(tmp_path, "\n".join(["time_s,left_m,right_m", *lines])))
+    assert motion.sample_time == pytest.approx(1 / 300, rel=1e-4)
+
+
+HEAD = "time_s,left_m,right_m\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected a line of column names"),
+        (HEAD, "expected a line of column names and at least one line of numbers"),
+        (HEAD + "0,0,0\n", "at least two samples"),
+        ("time,left,right\n0,0,0\n1,0,0\n", "line 1: expected columns time_s, left_m, right_m or time_s, jolt_m"),
+        ("time_s,left_m,yaw_rad\n0,0,0\n1,0,0\n", "line 1: expected columns"),
+        ("time_s,left_m,left_m\n0,0,0\n1,0,0\n", "line 1: expected columns"),
+        (HEAD + "0,0,0\n1,0\n", "line 3: expected 3 values, got 2"),
+        (HEAD + "0,0,0\n1,,0\n", "line 3: expected a number in 'left_m', got ''"),
+        (HEAD + "0,0,0\n1,0,nan\n", "line 3: expected a finite number in 'right_m', got 'nan'"),
+        (HEAD + "0,0,0\n1,0,inf\n", "line 3: expected a finite number in 'right_m', got 'inf'"),
+        (HEAD + "0,0,0\n1,0,0\n0.5,0,0\n", r"line 4: time_s = 0\.5: expected times to ascend"),
+        (HEAD + "0,0,0\n0,0,0\n1,0,0\n", "line 3: time_s = 0: expected times to ascend"),
+        (HEAD + "0,0,0\n1,0,0\n2,0,0\n# lost\n5,0,0\n6,0,0\n", "line 6: time_s = 5: a gap"),
+        (HEAD + "0,0,0\n1,0,0\n2.3,0,0\n3.3,0,0\n", "line . time_s = .*expected equal steps|expected equal steps"),
+    ],
+)
+def test_a_file_that_is_no_motion_is_refused(tmp_path, text, message):
+    path = written(tmp_path, text)
+    with pytest.raises(ValueError, match=message) as caught:
+        bc.read_motion(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_file_that_is_not_there_or_not_text_is_refused(tmp_path):
+    with pytest.raises(OSError, match=r"none\.csv"):
+        bc.read_motion(tmp_path / "none.csv")
+    (tmp_path / "raw.csv").write_bytes(b"\xff\xfe\x00\x81")
+    with pytest.raises(ValueError, match="expected text in UTF-8"):
+        bc.read_motion(tmp_path / "raw.csv")
+
+
+def test_what_cannot_be_written_leaves_what_was_there(tmp_path, monkeypatch):
+    path = written(tmp_path, "precious")
+    motion = bc.sine_sweep(1.0, 1.0, 0.1, 0.01)
+
+    def broken(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("os.replace", broken)
+    with pytest.raises(OSError, match="disk full"):
+        bc.write_motion(path, motion)
+    assert path.read_text() == "precious"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@given(st.booleans(), st.floats(0.2, 2.0), st.floats(0.2, 5.0))
+@settings(max_examples=20)
+def test_a_sweep_runs_from_its_first_frequency_to_its_last(logarithmic, start, stop):
+    """Zero crossings lie where the integral of the frequency is a multiple of a half."""
+    motion = bc.sine_sweep(start, stop, 20.0, 0.02, logarithmic=logarithmic)
+    t, y = motion.time, motion.jolt
+    share = t / 20.0
+    frequency = start * (stop / start) ** share if logarithmic else start + (stop - start) * share
+    cycles = np.concatenate([[0.0], np.cumsum(0.5 * (frequency[1:] + frequency[:-1]) * np.diff(t))])
+    assert y == pytest.approx(0.02 * np.sin(2 * np.pi * cycles), abs=1e-5)
+    assert np.abs(motion.yaw).max() == 0.0
+
+
+def test_a_sweep_moves_what_it_says():
+    for motion, left, right in (("jolt", 1, 1), ("yaw", -1, 1), ("left", 1, 0), ("right", 0, 1)):
+        found = bc.sine_sweep(0.1, 2.0, 5.0, 0.02, motion)
+        wave = bc.sine_sweep(0.1, 2.0, 5.0, 0.02).left
+        assert found.left == pytest.approx(left * wave)
+        assert found.right == pytest.approx(right * wave)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0.0, 1.0, 5.0, 0.02), r"start_hz = 0\.0: expected"),
+        ((0.1, np.nan, 5.0, 0.02), "stop_hz = nan"),
+        ((0.1, 1.0, -5.0, 0.02), "duration"),
+        ((0.1, 600.0, 5.0, 0.02), r"sample_time = 0\.001: expected less than"),
+        ((0.1, 1.0, 5.0, 0.02, "roll"), "unknown motion 'roll'"),
+    ],
+)
+def test_a_sweep_that_cannot_be_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        bc.sine_sweep(*arguments)
+
+
+def test_a_motion_with_a_gap_is_refused_in_memory_too():
+    with pytest.raises(ValueError, match=r"time\[3\] = 9: a gap"):
+        bc.PlatformMotion([0.0, 1.0, 2.0, 9.0], np.zeros(4), np.zeros(4))
+    with pytest.raises(ValueError, match="equally many, got 4, 3 and 4"):
+        bc.PlatformMotion(np.arange(4.0), np.zeros(3), np.zeros(4))

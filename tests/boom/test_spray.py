@@ -1,0 +1,296 @@
+"""Spray on the field: what falls is what was sprayed, the dose of a moving nozzle, passes that add up, and bad input."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.boom.spray import _stay_below
+from tests.strategies import seeds
+
+X = bc.nozzle_positions()
+LINE = bc.Footprint(1.0, 0.0)
+
+
+def sine(k, speed=2.0, frequency_hz=0.5, duration=40.0, step=1e-3):
+    """Return times and a jolt whose speed is ``k`` times the driving speed at most."""
+    t = step * np.arange(round(duration / step) + 1)
+    w = 2 * np.pi * frequency_hz
+    return t, np.ones((len(X), 1)) * (k * speed / w * np.sin(w * t))
+
+
+def wandering(rng, count, n, size):
+    """Return rough and smooth motions with an RMS of ``size`` metres, walking to and fro."""
+    steps = rng.standard_normal((count, n))
+    smooth = np.cumsum(np.cumsum(steps - steps.mean(axis=1)[:, None], axis=1), axis=1)
+    moved = smooth / np.abs(smooth).max() + 0.02 * steps
+    return size * moved / moved.std()
+
+
+@given(seeds, st.floats(0.001, 2.0), st.sampled_from([0.0, 0.03, 0.1, 0.37]), st.sampled_from(["triangle", "box"]))
+@settings(max_examples=30)
+def test_all_that_was_sprayed_lies_on_the_ground(seed, size, thickness, shape):
+    rng = np.random.default_rng(seed)
+    t, moved = 0.02 * np.arange(401), wandering(rng, 6, 401, size)
+    x = 0.5 * np.arange(6) - 1.25
+    cell = (float(rng.uniform(0.05, 0.4)), float(rng.uniform(0.03, 0.3)))
+    footprint = bc.Footprint(float(rng.uniform(0.2, 1.5)), thickness, shape)
+    assume(np.ptp(moved) < 10.0)
+    result = bc.spray_deposit(t, moved, x, 3.0, footprint=footprint, cell=cell)
+    area = np.outer(np.diff(result.x_edges), np.diff(result.y_edges))
+    assert (result.deposit * area).sum() == pytest.approx(6 * 0.5 * 3.0 * t[-1], rel=1e-9)
+    assert result.deposit.min() > -1e-9 * result.deposit.max()
+
+
+@given(seeds, st.floats(0.01, 1.0), st.sampled_from([0.0, 1e-12, 0.05, 0.6]))
+@settings(max_examples=25)
+def test_the_time_spent_behind_an_edge_is_that_of_many_drops(seed, size, thickness):
+    """Drops let fall evenly over time and over the thickness, counted."""
+    rng = np.random.default_rng(seed)
+    t = 0.1 * np.arange(41)
+    path = 0.5 * t + wandering(rng, 1, 41, size)[0]
+    edges = np.arange(path.min() - 1.0, path.max() + 1.0, 0.13)
+    found = _stay_below(edges, path, t, thickness)
+    drops = np.interp(np.linspace(0.0, 4.0, 40001)[:-1] + 5e-5, t, path)
+    offsets = thickness * ((np.arange(16) + 0.5) / 16 - 0.5)
+    counted = [np.mean(drops[:, None] + offsets < edge) * 4.0 for edge in edges]
+    assert found == pytest.approx(counted, abs=0.02)
+
+
+def test_a_boom_that_drives_evenly_sprays_evenly():
+    t = 0.01 * np.arange(2001)
+    result = bc.spray_deposit(t, np.full((24, 2001), 0.3), X, 2.5, cell=(0.07, 0.11))
+    assert result.judged == pytest.approx(np.ones(result.judged.shape), abs=1e-9)
+    assert (result.cv, result.share_outside_10, result.rms_tip_speed) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+    assert result.worst_dose == pytest.approx(1.0)
+    edge = result.deposit[: result.x_judged.start].sum() + result.deposit[result.x_judged.stop :].sum()
+    assert edge < 0.1 * result.deposit.sum()
+
+
+@pytest.mark.parametrize("k", [0.05, 0.2, 0.5, 0.7])
+def test_the_variation_of_a_sine_is_known(k):
+    """Dose ``1/(1 + y'/V)`` under a point; over the ground its square has the mean ``1/sqrt(1 - k^2)``."""
+    t, moved = sine(k)
+    result = bc.spray_deposit(t, moved, X, 2.0, footprint=LINE, cell=(0.5, 0.01))
+    assert result.cv == pytest.approx(np.sqrt(1.0 / np.sqrt(1.0 - k * k) - 1.0), rel=5e-3)
+    assert result.highest_dose == pytest.approx(1.0 / (1.0 - k), rel=5e-3)
+    assert result.lowest_dose == pytest.approx(1.0 / (1.0 + k), rel=5e-3)
+    assert result.relative_tip_speed == pytest.approx(k / np.sqrt(2.0), rel=1e-3)
+
+
+@given(seeds, st.floats(0.5, 4.0), st.floats(0.002, 0.02))
+@settings(max_examples=15)
+def test_small_motion_varies_by_its_speed_over_the_driving_speed(seed, speed, k):
+    """Slow against cell and footprint: CV = sigma(y')/V, to first order in it."""
+    rng = np.random.default_rng(seed)
+    t = 0.01 * np.arange(6001)
+    rate = np.zeros_like(t)
+    for f in rng.uniform(0.05, 0.4, 5):
+        rate += np.cos(2 * np.pi * f * t + rng.uniform(0, 6))
+    rate *= k * speed / rate.std()
+    moved = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * 0.01)])
+    result = bc.spray_deposit(
+        t, np.ones((24, 1)) * moved, X, speed, cell=(0.5, 0.02), footprint=bc.Footprint(1.0, 0.02)
+    )
+    inside = (t * speed > result.y_edges[result.y_judged.start]) & (t * speed < result.y_edges[result.y_judged.stop])
+    assert result.cv == pytest.approx(rate[inside].std() / speed, rel=0.05)
+
+
+def test_where_a_nozzle_goes_back_its_passes_add_up():
+    """Forward 3 m, back 1 m, forward 3 m, at 1 m/s against the ground: three passes over the middle metre."""
+    t = 0.01 * np.arange(701)
+    path = np.interp(t, [0.0, 3.0, 4.0, 7.0], [0.0, 3.0, 2.0, 5.0])
+    moved = np.ones((24, 1)) * (path - t * 5.0 / 7.0)
+    result = bc.spray_deposit(t, moved, X, 5.0 / 7.0, footprint=LINE, cell=0.1)
+    along = result.deposit[result.x_judged].mean(axis=0)
+    middle = 0.5 * (result.y_edges[1:] + result.y_edges[:-1])
+    nominal = 5.0 / 7.0
+    for low, high, passes in ((0.0, 2.0, 1), (2.0, 3.0, 3), (3.0, 5.0, 1)):
+        chosen = (middle > low + 0.06) & (middle < high - 0.06)
+        assert along[chosen] == pytest.approx(np.full(chosen.sum(), passes * nominal), rel=1e-6)
+
+
+@given(seeds, st.integers(-30, 30), st.floats(-100.0, 100.0))
+@settings(max_examples=15)
+def test_a_start_elsewhere_leaves_the_same_field(seed, cells, start):
+    rng = np.random.default_rng(seed)
+    t, moved = 0.02 * np.arange(801), wandering(rng, 24, 801, 0.05)
+    here = bc.spray_deposit(t, moved, X, 2.0)
+    there = bc.spray_deposit(start + t, moved + 0.1 * cells, X, 2.0)
+    assert there.deposit == pytest.approx(here.deposit, abs=1e-7)
+    assert there.cv == pytest.approx(here.cv, rel=1e-6)
+    assert there.y_edges[0] - here.y_edges[0] == pytest.approx(0.1 * cells, abs=1e-6)
+
+
+@given(seeds)
+@settings(max_examples=10)
+def test_the_mirrored_boom_leaves_the_mirrored_field(seed):
+    t, moved = 0.02 * np.arange(401), wandering(np.random.default_rng(seed), 24, 401, 0.1)
+    found, other = bc.spray_deposit(t, moved, X, 2.0), bc.spray_deposit(t, moved[::-1], X, 2.0)
+    assert found.deposit == pytest.approx(other.deposit[::-1], abs=1e-9)
+
+
+def test_the_same_motion_twice_as_fast_and_far_leaves_the_same_field():
+    """Only the path counts: all times halved, all speeds doubled."""
+    t, moved = sine(0.4, 2.0)
+    slow, fast = bc.spray_deposit(t, moved, X, 2.0), bc.spray_deposit(0.5 * t, moved, X, 4.0)
+    assert fast.deposit == pytest.approx(slow.deposit, abs=1e-9)
+    assert fast.relative_tip_speed == pytest.approx(slow.relative_tip_speed)
+
+
+def test_a_thick_footprint_and_a_large_cell_even_out():
+    t, moved = sine(0.5, frequency_hz=4.0, duration=20.0, step=4e-3)
+    values = [
+        bc.spray_deposit(t, moved, X, 2.0, footprint=bc.Footprint(1.0, thickness), cell=(0.5, cell)).cv
+        for thickness, cell in ((0.0, 0.01), (0.1, 0.01), (0.1, 0.1), (0.3, 0.1), (0.3, 0.5))
+    ]
+    assert (np.diff(values) < 0.0).all()
+    period = bc.spray_deposit(t, moved, X, 2.0, footprint=bc.Footprint(1.0, 0.5), cell=(0.5, 0.01))
+    assert period.cv < 1e-3
+
+
+@pytest.mark.parametrize("shape", ["triangle", "box"])
+def test_the_footprint_is_what_it_says(shape):
+    """Share left of a place, against the density integrated."""
+    footprint = bc.Footprint(0.8, 0.1, shape)
+    s = np.linspace(-0.6, 0.6, 4001)
+    density = np.where(np.abs(s) < 0.4, 1.0 / 0.8 if shape == "box" else (1 - np.abs(s) / 0.4) / 0.4, 0.0)
+    share = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(s))])
+    assert footprint.share_below(s) == pytest.approx(share, abs=1e-3)
+
+
+def test_a_straight_boom_between_tips_is_one_with_every_nozzle_given():
+    rng = np.random.default_rng(1)
+    t, tips = 0.02 * np.arange(801), wandering(rng, 2, 801, 0.1)
+    every = tips[0] + (tips[1] - tips[0]) * (X[:, None] + 6.0) / 12.0
+    short = bc.spray_deposit(t, tips, [-6.0, 6.0], 2.0, nozzles=X)
+    assert bc.spray_deposit(t, every, X, 2.0).deposit == pytest.approx(short.deposit, abs=1e-9)
+    assert short.rms_tip_speed == pytest.approx(np.sqrt(np.mean((np.diff(tips) / 0.02) ** 2, axis=1)).max())
+
+
+def test_jolt_and_yaw_apart_add_up_to_the_motion():
+    rng = np.random.default_rng(2)
+    moved = wandering(rng, 24, 801, 0.03)
+    jolt, yaw = bc.split_motion(moved, X)
+    assert jolt + yaw == pytest.approx(moved)
+    assert jolt == pytest.approx(jolt[::-1])
+    assert yaw == pytest.approx(-yaw[::-1])
+    t = 0.02 * np.arange(801)
+    total, of_jolt, of_yaw = bc.spray_by_motion(t, jolt, X, 2.0)
+    assert of_jolt.cv == pytest.approx(total.cv)
+    assert of_yaw.cv == pytest.approx(0.0, abs=1e-9)
+    with pytest.raises(ValueError, match="symmetrically about x = 0"):
+        bc.split_motion(moved, X + 0.1)
+
+
+def test_small_jolt_and_yaw_vary_independently():
+    """Cell by cell the two add; where they are uncorrelated over time their variances do."""
+    t = 0.005 * np.arange(24001)
+    jolt = 0.02 * np.sin(2 * np.pi * 0.5 * t)
+    yaw = 0.01 * np.sin(2 * np.pi * 0.3 * t)
+    total, of_jolt, of_yaw = bc.spray_by_motion(t, jolt + X[:, None] * yaw, X, 3.0)
+    assert total.cv**2 == pytest.approx(of_jolt.cv**2 + of_yaw.cv**2, rel=0.03)
+
+
+def test_the_shares_and_the_worst_dose_are_counted_on_the_judged_cells():
+    t, moved = sine(0.3)
+    result = bc.spray_deposit(t, moved, X, 2.0)
+    dose = result.judged
+    assert result.share_outside_10 == pytest.approx(np.mean(np.abs(dose - 1) > 0.1))
+    assert result.share_outside_20 == pytest.approx(np.mean(np.abs(dose - 1) > 0.2))
+    assert (result.lowest_dose, result.highest_dose) == pytest.approx((dose.min(), dose.max()))
+    assert result.share_outside(0.0) == pytest.approx(1.0, abs=0.01)
+    assert result.worst_dose in (result.lowest_dose, result.highest_dose)
+    assert result.cv == pytest.approx(dose.std() / dose.mean())
+    edges = result.x_edges[result.x_judged.start], result.x_edges[result.x_judged.stop]
+    assert edges == pytest.approx((X[0], X[-1]), abs=0.1 + 1e-9)
+
+
+def test_nozzles_of_the_model_are_the_boom_between_its_tips():
+    """Where a nozzle is at a tip it is the tip; slowly driven, the boom follows the platform as a rigid one."""
+    model = bc.spray_boom(nozzles=[-6.0, -2.0, 2.0, 6.0])
+    assert model.outputs[-4:] == ("nozzle_01", "nozzle_02", "nozzle_03", "nozzle_04")
+    Y = model.frequency_response([0.5, 5.0], outputs=["tip_left", "nozzle_01", "tip_right", "nozzle_04"]).frdata
+    assert Y[0] == pytest.approx(Y[1])
+    assert Y[2] == pytest.approx(Y[3])
+    slow = model.frequency_response([1e-4], ["actuator_left", "actuator_right"], ["nozzle_02", "nozzle_03"]).frdata
+    half = bc.BoomParameters().actuator_distance / 2
+    expected = [[0.5 * (1 + 2.0 / half), 0.5 * (1 - 2.0 / half)], [0.5 * (1 - 2.0 / half), 0.5 * (1 + 2.0 / half)]]
+    assert np.abs(slow[:, :, 0] - expected).max() < 1e-5
+
+
+@pytest.mark.parametrize("nozzles", [[-3.0, 3.0], [-3.0, 0.0, 3.0], bc.nozzle_positions().tolist()])
+def test_a_boom_with_nozzles_splits(nozzles):
+    model = bc.spray_boom(nozzles=nozzles)
+    jolt, yaw = bc.split_symmetric(model)
+    assert jolt.n + yaw.n == model.n
+    assert "nozzle_01_sym" in jolt.outputs
+    assert "nozzle_01_anti" in yaw.outputs
+    assert bc.sigma(model).peak == pytest.approx(bc.sigma(bc.spray_boom()).peak, rel=1e-9)
+
+
+def test_a_boom_with_nozzles_on_one_side_is_still_a_boom():
+    model = bc.spray_boom(nozzles=[1.0, 2.0])
+    assert bc.sigma(model).peak == pytest.approx(bc.sigma(bc.spray_boom()).peak, rel=1e-9)
+    with pytest.raises(ValueError, match="not pairs of mirror images"):
+        bc.split_symmetric(model)
+
+
+@pytest.mark.parametrize(
+    ("nozzles", "message"),
+    [
+        ([], "at least one place along the boom"),
+        ([1.0, 0.0], "nozzles: expected at least one place along the boom, ascending"),
+        ([0.0, 6.5], "expected places on the boom, -6 to 6 m, got 0 to 6.5"),
+        ([0.0, np.nan], "nozzles: expected finite numbers"),
+    ],
+)
+def test_nozzles_that_are_not_on_the_boom_are_refused(nozzles, message):
+    with pytest.raises(ValueError, match=message):
+        bc.spray_boom(nozzles=nozzles)
+
+
+T = np.arange(0.0, 10.0, 0.01)
+STILL = np.zeros((24, 1000))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"displacement": STILL[:20]}, ValueError, "displacement: expected 24 positions by 1000 times"),
+        ({"displacement": np.full((24, 1000), np.nan)}, ValueError, "displacement: expected finite numbers, got nan"),
+        ({"displacement": STILL[0]}, ValueError, "displacement: expected 2 dimension"),
+        ({"time": np.r_[T[:-1], 12.0]}, ValueError, r"time\[999\] = 12: a gap"),
+        ({"time": T[::-1]}, ValueError, "expected times to ascend"),
+        ({"positions": X[::-1]}, ValueError, "positions: expected at least two points, ascending"),
+        ({"speed": 0.0}, ValueError, r"speed = 0\.0: expected a number greater than zero"),
+        ({"speed": -2.0}, ValueError, r"speed = -2\.0"),
+        ({"speed": 0.001}, ValueError, "too short for a cell to be judged"),
+        (
+            {"displacement": 1e6 * T * np.ones((24, 1))},
+            ValueError,
+            r"displacement: nozzles travel 9\.99e.06 m over 9\.99e.06 m",
+        ),
+        ({"cell": 1e-7}, ValueError, "too much for cells of 1e-07 by 1e-07 m"),
+        ({"cell": 0.0}, ValueError, r"cell = 0\.0"),
+        ({"cell": (0.1, np.nan)}, ValueError, "cell = nan"),
+        ({"nozzles": [-6.0, 0.0, 6.0]}, ValueError, "nozzles: expected places between the points given"),
+        ({"nozzles": [-5.0, 0.0, 4.0]}, ValueError, "nozzles: expected at least two, ascending and equally spaced"),
+    ],
+)
+def test_a_run_that_cannot_be_is_refused(arguments, error, message):
+    usual = {"time": T, "displacement": STILL, "positions": X, "speed": 2.0}
+    with pytest.raises(error, match=message):
+        bc.spray_deposit(**(usual | arguments))
+
+
+def test_a_footprint_that_cannot_be_is_refused():
+    with pytest.raises(ValueError, match="width = -1"):
+        bc.Footprint(width=-1.0)
+    with pytest.raises(ValueError, match="thickness = nan"):
+        bc.Footprint(thickness=np.nan)
+    with pytest.raises(ValueError, match="unknown shape 'cone'"):
+        bc.Footprint(shape="cone")
+    with pytest.raises(ValueError, match="spacing = 20: expected at most the boom's length"):
+        bc.nozzle_positions(12.0, 20.0)

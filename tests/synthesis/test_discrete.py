@@ -1,0 +1,113 @@
+"""Sampled controllers: closed forms, names, the responses they keep, rates that are too low."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import linalg
+
+import boomctl as bc
+from tests.strategies import seeds
+from tests.synthesis.test_lqr import random_system
+
+
+@given(seeds, st.floats(1e-4, 1e-1))
+def test_the_trapezoidal_rule_keeps_the_response_on_a_warped_axis(seed, sample_time):
+    controller = random_system(seed, unstable=False)
+    digital = bc.discretize(controller, sample_time)
+    for w in (0.1, 1.0, 3.0):
+        warped = 2.0 / sample_time * np.tan(0.5 * w * sample_time)
+        assert digital(np.exp(1j * w * sample_time)) == pytest.approx(controller(1j * warped), rel=1e-6)
+
+
+@given(seeds, st.floats(1e-4, 1e-1))
+def test_held_inputs_are_followed_exactly(seed, sample_time):
+    controller = random_system(seed, unstable=False)
+    digital = bc.discretize(controller, sample_time, "zoh")
+    x, u = np.random.default_rng(seed).standard_normal((2, 5))
+    flow = linalg.expm(sample_time * controller.A)
+    forced = np.linalg.solve(controller.A, (flow - np.eye(5)) @ controller.B @ u[:2])
+    assert digital.A @ x + digital.B @ u[:2] == pytest.approx(flow @ x + forced, rel=1e-7, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["tustin", "zoh"])
+def test_names_and_stability_survive(method):
+    controller = random_system(5, unstable=False)
+    digital = bc.discretize(controller, 0.01, method)
+    assert digital.dt == 0.01
+    assert digital.input_labels == controller.input_labels
+    assert digital.output_labels == controller.output_labels
+    assert digital.state_labels == controller.state_labels
+    assert np.abs(digital.poles()).max() < 1.0
+
+
+def test_a_frequency_may_be_kept_exactly():
+    controller = random_system(6, unstable=False)
+    digital = bc.discretize(controller, 0.05, prewarp_omega=6.0)
+    assert digital(np.exp(1j * 6.0 * 0.05)) == pytest.approx(controller(6.0j), rel=1e-9)
+    assert np.abs(digital(np.exp(1j * 3.0 * 0.05)) - controller(3.0j)).max() > 1e-6
+
+
+def test_a_gain_stays_a_gain():
+    gain = control.ss([], [], [], [[1.0, -2.0]], inputs=["a", "b"], outputs="u")
+    digital = bc.discretize(gain, 0.1)
+    assert (digital.nstates, digital.dt) == (0, 0.1)
+    assert pytest.approx(gain.D) == digital.D
+    assert digital.input_labels == ["a", "b"]
+
+
+def test_a_rate_too_low_for_a_pole_names_both():
+    fast = control.ss([[-3.0, 0.0], [0.0, -2000.0]], [[1], [1]], [[1, 1]], 0)
+    with pytest.raises(
+        ValueError, match=r"sample_time = 0.001 s: too long for the pole .* at -2000\S* rad/s, which needs 1273 Hz"
+    ):
+        bc.discretize(fast, 1e-3)
+    assert bc.discretize(fast, 1e-3, samples_per_period=2.0).nstates == 2
+    assert bc.discretize(fast, 1.0 / 1274.0).nstates == 2
+
+
+def test_an_lqg_controller_of_a_fine_mesh_needs_reduction_and_a_coarse_one_runs():
+    noise = {"actuator_left": 1e-3, "actuator_right": 1e-3}
+    for elements, possible in ((6, True), (20, False)):
+        model = bc.spray_boom(elements=elements)
+        design = bc.lqg(
+            model,
+            None,
+            1e-6,
+            noise,
+            1e-6,
+            ["stroke_left", "stroke_right"],
+            ["suspension_left", "suspension_right"],
+            output_weight={"tip_left": 1.0, "tip_right": 1.0},
+        )
+        if possible:
+            assert bc.discretize(design.controller, 1e-3).output_labels == ["suspension_left", "suspension_right"]
+        else:
+            with pytest.raises(ValueError, match="reduce the controller"):
+                bc.discretize(design.controller, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ((np.eye(2), 0.1), TypeError, "controller: expected StateSpace"),
+        ((control.ss([[0.5]], [[1]], [[1]], 0, 0.1), 0.1), ValueError, "sampling time of 0.1 s"),
+        ((control.ss([[np.nan]], [[1]], [[1]], 0), 0.1), ValueError, "A of the controller: expected finite"),
+        ((control.ss([[-1]], [[1]], [[1]], 0), 0.0), ValueError, "sample_time = 0.0"),
+        ((control.ss([[-1]], [[1]], [[1]], 0), 0.1, "tustn"), ValueError, "did you mean 'tustin'"),
+    ],
+)
+def test_what_cannot_be_sampled_is_refused(arguments, error, message):
+    with pytest.raises(error, match=message):
+        bc.discretize(*arguments)
+
+
+def test_options_that_do_not_fit_are_refused():
+    lag = control.ss([[-1]], [[1]], [[1]], 0)
+    with pytest.raises(ValueError, match="prewarp_omega: expected only with method 'tustin'"):
+        bc.discretize(lag, 0.1, "zoh", prewarp_omega=1.0)
+    with pytest.raises(ValueError, match="prewarp_omega = 100: expected less than pi"):
+        bc.discretize(lag, 0.1, prewarp_omega=100.0)
+    with pytest.raises(ValueError, match="samples_per_period = 1: expected at least 2"):
+        bc.discretize(lag, 0.1, samples_per_period=1.0)

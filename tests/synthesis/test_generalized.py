@@ -1,0 +1,144 @@
+"""Generalised plants: each channel against the product that it stands for, every name in its place."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+import boomctl as bc
+
+OMEGA = (0.3, 2.0, 11.0)
+
+
+@pytest.fixture(scope="module")
+def yaw():
+    return bc.split_symmetric(bc.spray_boom(bc.BoomParameters()))[1]
+
+
+@pytest.fixture(scope="module")
+def pieces(yaw):
+    track, tip = bc.band_pass(0.05, 1.0, 20.0), bc.shelf(10.0, 1.0, 3.0)
+    effort, noise = bc.shelf(1e-4, 1e-2, 60.0, order=2), bc.high_pass(0.01, 5.0)
+    P = bc.generalized_plant(
+        yaw,
+        disturbances={"actuator_anti": track},
+        noises={"stroke_anti": noise},
+        performance={"tip_anti": tip},
+        effort={"suspension_anti": effort},
+        measurements="stroke_anti",
+        controls="suspension_anti",
+    )
+    return P, track, tip, effort, noise
+
+
+def test_names_and_states(yaw, pieces):
+    P, *weights = pieces
+    assert P.input_labels == ["w_actuator_anti", "n_stroke_anti", "suspension_anti"]
+    assert P.output_labels == ["z_tip_anti", "z_suspension_anti", "stroke_anti"]
+    assert P.nstates == 2 * yaw.n + sum(weight.nstates for weight in weights)
+    assert "w_actuator_anti[1]" in P.state_labels
+    assert "boom.w0_anti.x1" in P.state_labels
+    assert bc.select_channels(P, "suspension_anti", "stroke_anti").output_labels == ["stroke_anti"]
+
+
+@pytest.mark.parametrize("omega", OMEGA)
+def test_channels_are_products(yaw, pieces, omega):
+    P, *weights = pieces
+    s = 1j * omega
+    track, tip, effort, noise = (weight(s) for weight in weights)
+    G = yaw.to_statespace()(s)  # rows: tip, stroke; columns: actuator, suspension
+    expected = np.array(
+        [[tip * G[0, 0] * track, 0.0, tip * G[0, 1]], [0.0, 0.0, effort], [G[1, 0] * track, noise, G[1, 1]]]
+    )
+    assert_allclose(P(s), expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
+
+
+def test_numbers_add_no_states(yaw):
+    P = bc.generalized_plant(
+        yaw,
+        disturbances={"actuator_anti": 0.5},
+        performance={"tip_anti": 2.0, "stroke_anti": 3.0},
+        measurements=["stroke_anti", "tip_anti"],
+        controls=["suspension_anti", "actuator_anti"],
+    )
+    assert P.nstates == 2 * yaw.n
+    assert P.input_labels == ["w_actuator_anti", "suspension_anti", "actuator_anti"]
+    assert P.output_labels == ["z_tip_anti", "z_stroke_anti", "stroke_anti", "tip_anti"]
+    G = yaw.to_statespace()(2j)
+    assert_allclose(P(2j)[0], 2.0 * np.array([0.5 * G[0, 0], G[0, 1], G[0, 0]]), rtol=1e-10)
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 10**6), n=st.integers(1, 6), k=st.integers(0, 3), omega=st.floats(0.1, 30.0))
+def test_close_loop_is_the_fractional_transformation(seed, n, k, omega):
+    rng = np.random.default_rng(seed)
+    P = control.ss(*(rng.normal(size=shape) for shape in ((n, n), (n, 4), (5, n), (5, 4))))
+    K = control.ss(*(rng.normal(size=shape) for shape in ((k, k), (k, 2), (1, k), (1, 2))))
+    p, c = P(1j * omega), np.atleast_2d(K(1j * omega))
+    expected = p[:3, :3] + p[:3, 3:] @ np.linalg.solve(np.eye(1) - c @ p[3:, 3:], c @ p[3:, :3])
+    loop = bc.close_loop(P, K)
+    assert loop.input_labels == P.input_labels[:3]
+    assert loop.output_labels == P.output_labels[:3]
+    assert_allclose(loop(1j * omega), expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
+
+
+def test_close_loop_finds_signals_by_name():
+    P = control.rss(3, 4, 3, strictly_proper=True)
+    P = control.ss(P.A, P.B, P.C, P.D, inputs=["w", "u", "v"], outputs=["z", "a", "b", "c"])
+    K = control.ss([], [], [], [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], inputs=["c", "a", "b"], outputs=["v", "u"])
+    straight = control.ss([], [], [], [[5.0, 6.0, 4.0], [2.0, 3.0, 1.0]], inputs=["a", "b", "c"], outputs=["u", "v"])
+    assert_allclose(bc.close_loop(P, K)(1j), bc.close_loop(P, straight)(1j))
+
+
+def test_a_loop_that_is_not_well_posed_is_refused():
+    P = control.ss([], [], [], [[0.0, 1.0], [1.0, 2.0]])
+    with pytest.raises(ValueError, match="not well-posed"):
+        bc.close_loop(P, control.ss([], [], [], 0.5))
+
+
+def test_mixed_sensitivity_stacks_the_weighted_functions():
+    G = control.ss([[-1.0, 0.3], [0.0, -2.0]], np.eye(2), np.eye(2), 0.0, inputs=["u1", "u2"], outputs=["y1", "y2"])
+    W1, W3 = bc.shelf(50.0, 0.5, 1.0), bc.high_pass(2.0, 20.0)
+    P = bc.mixed_sensitivity(G, W1, 0.1, W3)
+    assert P.output_labels[:2] == ["z_error_y1", "z_error_y2"]
+    assert P.output_labels[-2:] == ["error_y1", "error_y2"]
+    assert P.input_labels == ["r_y1", "r_y2", "u1", "u2"]
+    assert P.nstates == 2 + 2 * W1.nstates + 2 * W3.nstates
+    design, s = bc.h_infinity(P, 2, 2), 0.7j
+    g, k = G(s), design.controller(s)
+    S = np.linalg.inv(np.eye(2) + g @ k)
+    expected = np.vstack([W1(s) * S, 0.1 * k @ S, W3(s) * g @ k @ S])
+    assert_allclose(design.closed_loop(s), expected, rtol=1e-6, atol=1e-8)
+
+
+BAD = {
+    "an unstable weight": ({"performance": {"tip_anti": control.ss(1.0, 1.0, 1.0, 0.0)}}, ValueError, "'tip_anti'.*pole"),
+    "an integrator": ({"disturbances": {"actuator_anti": control.ss(0.0, 1.0, 1.0, 0.0)}}, ValueError, "'actuator_anti'"),
+    "two outputs": ({"effort": {"suspension_anti": control.rss(2, 2, 1)}}, ValueError, "'suspension_anti'.*one input"),
+    "polynomials": ({"effort": {"suspension_anti": control.tf(1, [1, 1])}}, TypeError, "transfer function"),
+    "discrete time": ({"noises": {"stroke_anti": control.ss(0.1, 1, 1, 0, True)}}, ValueError, "continuous time"),
+    "not a number": ({"noises": {"stroke_anti": float("nan")}}, ValueError, "'stroke_anti'"),
+    "an unknown output": ({"performance": {"tip_ant": 1.0}}, ValueError, "did you mean 'tip_anti'"),
+    "noise where nothing is measured": ({"noises": {"tip_anti": 1.0}}, ValueError, "unknown noise of measurement"),
+    "effort of no control": ({"effort": {"actuator_anti": 1.0}}, ValueError, "unknown effort of control"),
+    "no disturbance": ({"disturbances": {}, "noises": {}}, ValueError, "at least one disturbance"),
+    "no performance": ({"performance": {}, "effort": {}}, ValueError, "at least one performance"),
+    "a list": ({"performance": ["tip_anti"]}, TypeError, "mapping"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_pieces_are_named(yaw, case):
+    changes, kind, match = BAD[case]
+    given = {
+        "disturbances": {"actuator_anti": 1.0},
+        "noises": {"stroke_anti": 0.01},
+        "performance": {"tip_anti": 1.0},
+        "effort": {"suspension_anti": 0.01},
+        "measurements": "stroke_anti",
+        "controls": "suspension_anti",
+    }
+    with pytest.raises(kind, match=match):
+        bc.generalized_plant(yaw, **(given | changes))

@@ -1,0 +1,230 @@
+"""H2 synthesis: closed forms, slycot as a peer, LQG as a special case, direct terms, refusals."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from scipy import linalg
+
+import boomctl as bc
+from boomctl.analysis.norm import StateMatrices
+from boomctl.synthesis import SynthesisError
+from boomctl.synthesis.loop import closed
+from boomctl.synthesis.partition import partition
+from boomctl.synthesis.quadratic_norm import quadratic_norm
+from tests.strategies import seeds
+from tests.synthesis.test_lqg import generalised, matrices, problem
+
+INPUTS, OUTPUTS = ["w0", "w1", "w2", "u0", "u1"], ["z0", "z1", "z2", "y0", "y1"]
+
+
+def random_plant(seed, n=4, D11=None, D22=None):
+    rng = np.random.default_rng(seed)
+    D = rng.standard_normal((5, 5))
+    D[:3, :3] = 0.0 if D11 is None else D11
+    D[3:, 3:] = 0.0 if D22 is None else D22
+    A = rng.standard_normal((n, n))
+    return control.ss(A, rng.standard_normal((n, 5)), rng.standard_normal((5, n)), D, inputs=INPUTS, outputs=OUTPUTS)
+
+
+def integrator(D=((0, 0, 0), (0, 0, 1), (0, 1, 0))):
+    return control.ss(
+        [[0.0]],
+        [[1.0, 0.0, 1.0]],
+        [[1.0], [0.0], [1.0]],
+        np.array(D, dtype=float),
+        inputs=["load", "noise", "u"],
+        outputs=["place", "effort", "y"],
+    )
+
+
+def test_an_integrator_in_closed_form():
+    design = bc.h2(integrator(), 1, 1)
+    assert design.norm**2 == pytest.approx(2.0)
+    assert pytest.approx(-2.0) == design.controller.A
+    assert design.controller(1.0) == pytest.approx(-1.0 / 3.0)
+    assert (design.controller.input_labels, design.controller.output_labels) == (["y"], ["u"])
+    assert design.closed_loop.input_labels == ["load", "noise"]
+    assert design.closed_loop.output_labels == ["place", "effort"]
+
+
+@given(seeds)
+@settings(max_examples=50)
+def test_the_norm_is_slycots_and_the_closed_loops_own(seed):
+    import slycot
+
+    P = random_plant(seed)
+    design = bc.h2(P, 2, 2)
+    K = slycot.sb10hd(4, 5, 5, 2, 2, P.A, P.B, P.C, P.D)[:4]
+    peer = quadratic_norm(closed(partition(P, 2, 2), StateMatrices(*K)))
+    assert design.norm == pytest.approx(peer.value, rel=1e-5)
+    assert design.norm == pytest.approx(design.optimum, rel=1e-5)
+    loop = P.lft(design.controller)
+    assert quadratic_norm(matrices(loop)).value == pytest.approx(design.norm, rel=1e-5)
+    for w in (0.1, 1.0, 10.0):
+        assert loop(1j * w) == pytest.approx(design.closed_loop(1j * w), rel=1e-6, abs=1e-8)
+
+
+@given(seeds)
+def test_lqg_is_a_special_case(seed):
+    system, Q, R, W, V = problem(seed)
+    design = bc.h2(generalised(system, Q, R, W, V), 2, 2)
+    assert design.norm**2 == pytest.approx(bc.lqg(system, Q, R, W, V).cost, rel=1e-6)
+
+
+@given(seeds)
+@settings(max_examples=50)
+def test_feedthrough_from_controls_to_measurements_costs_nothing(seed):
+    rng = np.random.default_rng(seed)
+    D22 = 0.3 * rng.standard_normal((2, 2))
+    plain, fed = random_plant(seed), random_plant(seed, D22=D22)
+    design = bc.h2(fed, 2, 2)
+    assert design.norm == pytest.approx(bc.h2(plain, 2, 2).norm, rel=1e-5)
+    loop = fed.lft(design.controller)
+    assert quadratic_norm(matrices(loop)).value == pytest.approx(design.norm, rel=1e-5)
+
+
+@given(seeds)
+@settings(max_examples=50)
+def test_a_direct_way_that_a_controller_can_cancel_is_cancelled(seed):
+    rng = np.random.default_rng(seed)
+    plain = random_plant(seed)
+    gain = rng.standard_normal((2, 2))
+    D = plain.D.copy()
+    D[:3, :3] = -D[:3, 3:] @ gain @ D[3:, :3]
+    design = bc.h2(control.ss(plain.A, plain.B, plain.C, D, inputs=INPUTS, outputs=OUTPUTS), 2, 2)
+    assert pytest.approx(gain, rel=1e-6, abs=1e-8) == design.controller.D
+    assert design.norm == pytest.approx(design.optimum, rel=1e-5)
+    assert not design.closed_loop.D.any()
+
+
+@given(seeds)
+@settings(max_examples=30)
+def test_any_other_controller_has_a_larger_norm(seed):
+    rng = np.random.default_rng(seed)
+    P = random_plant(seed)
+    design = bc.h2(P, 2, 2)
+    best = matrices(design.controller)
+    for size in (1e-3, 1e-2):
+        parts = [m + size * rng.standard_normal(m.shape) * np.abs(m).max() for m in (best.A, best.B, best.C)]
+        other = quadratic_norm(closed(partition(P, 2, 2), StateMatrices(*parts, best.D)))
+        assert other.value >= design.norm * (1.0 - 1e-9)
+
+
+@given(seeds)
+@settings(max_examples=30)
+def test_units_of_controls_measurements_and_states_do_not_matter(seed):
+    rng = np.random.default_rng(seed)
+    P = random_plant(seed)
+    T, u, y = (np.diag(10.0 ** rng.uniform(-3, 3, k)) for k in (4, 2, 2))
+    right, left = linalg.block_diag(np.eye(3), u), linalg.block_diag(np.eye(3), y)
+    inverse = np.linalg.inv(T)
+    same = control.ss(inverse @ P.A @ T, inverse @ P.B @ right, left @ P.C @ T, left @ P.D @ right)
+    assert bc.h2(same, 2, 2).norm == pytest.approx(bc.h2(P, 2, 2).norm, rel=1e-5)
+
+
+REFUSED = {
+    "D12 .*'u'": integrator(((0, 0, 0), (0, 0, 0), (0, 1, 0))),
+    "D21 .*'y'": integrator(((0, 0, 0), (0, 0, 1), (0, 0, 0))),
+    r"disturbance 'load' acts on performance signal 'place' directly \(gain 3\)": integrator(
+        ((3, 0, 0), (0, 0, 1), (0, 1, 0))
+    ),
+}
+
+
+@pytest.mark.parametrize("message", REFUSED)
+def test_what_fails_is_named(message):
+    with pytest.raises(SynthesisError, match=message):
+        bc.h2(REFUSED[message], 1, 1)
+
+
+def oscillator(B, C):
+    """An undamped mode at 3 rad/s, entered by columns ``B`` of w, noise, u and read by rows ``C`` of z, effort, y."""
+    return control.ss(
+        [[0, 1], [-9.0, 0]],
+        np.array([[0.0, 0.0, 0.0], B]),
+        np.array([[c, 0.0] for c in C]),
+        [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
+        inputs=["track", "noise", "u"],
+        outputs=["tip", "effort", "y"],
+    )
+
+
+@pytest.mark.parametrize(
+    ("B", "C", "message"),
+    [
+        ((1, 0, 0), (1, 0, 1), r"stabilisable.*\(u\).* 3 rad/s"),
+        ((1, 0, 1), (1, 0, 0), r"detectable.*\(y\).* 3 rad/s"),
+        ((1, 0, 1), (0, 0, 1), r"controls \(u\).* 3 rad/s"),
+        ((0, 0, 1), (1, 0, 1), r"disturbances \(track, noise\).* 3 rad/s"),
+    ],
+)
+def test_modes_in_the_way_are_named(B, C, message):
+    with pytest.raises(SynthesisError, match=message):
+        bc.h2(oscillator(B, C), 1, 1)
+
+
+def test_without_obstacles_the_oscillator_is_damped():
+    assert bc.h2(oscillator((1, 0, 1), (1, 0, 1)), 1, 1).poles.real.max() < 0.0
+
+
+def test_combinations_that_nothing_weighs_are_named():
+    P = random_plant(1)
+    D = P.D.copy()
+    D[:3, 4] = 2.0 * D[:3, 3]
+    with pytest.raises(SynthesisError, match=r"D12 .*'u0', 'u1'"):
+        bc.h2(control.ss(P.A, P.B, P.C, D, inputs=INPUTS, outputs=OUTPUTS), 2, 2)
+
+
+@pytest.mark.parametrize(
+    ("counts", "message"),
+    [
+        ((3, 1), "nmeas = 3: "),
+        ((1, 3), "ncon = 3: "),
+        ((0, 1), "nmeas = 0"),
+    ],
+)
+def test_numbers_of_signals_that_are_not_there_are_refused(counts, message):
+    with pytest.raises(ValueError, match=message):
+        bc.h2(integrator(), *counts)
+
+
+def lightly_damped(modes=40, damping=5e-4):
+    """Forty modes over three decades, barely damped, with weak weights and little noise."""
+    rng = np.random.default_rng(0)
+    omega = np.geomspace(1.0, 1000.0, modes)
+    A = np.block([[np.zeros((modes, modes)), np.eye(modes)], [-np.diag(omega**2), -np.diag(2.0 * damping * omega)]])
+    B = np.vstack([np.zeros((modes, 5)), rng.standard_normal((modes, 5))])
+    C = np.hstack([rng.standard_normal((5, modes)), np.zeros((5, modes))])
+    B[:, 1:3], C[1:3] = 0.0, 0.0
+    D = np.zeros((5, 5))
+    D[1, 3] = D[2, 4] = D[3, 1] = D[4, 2] = 1e-3
+    return control.ss(A, B, C, D, inputs=INPUTS, outputs=OUTPUTS)
+
+
+def test_eighty_lightly_damped_states():
+    P = lightly_damped()
+    design = bc.h2(P, 2, 2)
+    assert design.certificate.disagreement < 1e-5
+    assert design.poles.real.max() < 0.0
+    assert design.norm < 0.5 * quadratic_norm(StateMatrices(P.A, P.B[:, :1], P.C[:1], np.zeros((1, 1)))).value
+
+
+def test_the_boom_from_track_to_tip():
+    model = bc.split_symmetric(bc.spray_boom(elements=20, accelerometer_bandwidth_hz=50.0))[1]
+    P = bc.generalized_plant(
+        model,
+        disturbances={"actuator_anti": 0.03},
+        performance={"tip_anti": 1.0},
+        effort={"suspension_anti": 1e-3},
+        noises={"stroke_anti": 1e-3, "tip_acceleration_anti": 1e-2},
+        measurements=["stroke_anti", "tip_acceleration_anti"],
+        controls="suspension_anti",
+    )
+    design = bc.h2(P, 2, 1)
+    assert design.controller.input_labels == ["stroke_anti", "tip_acceleration_anti"]
+    assert design.controller.output_labels == ["suspension_anti"]
+    assert design.closed_loop.output_labels == ["z_tip_anti", "z_suspension_anti"]
+    assert design.certificate.disagreement < 1e-5
+    open_loop = P[["z_tip_anti"], ["w_actuator_anti"]]
+    assert design.norm < 0.5 * quadratic_norm(matrices(open_loop)).value

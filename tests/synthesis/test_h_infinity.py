@@ -1,0 +1,177 @@
+"""H-infinity synthesis: optima known in closed form, laws that any result obeys, and what it may not depend on."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy import linalg
+
+import boomctl as bc
+from tests.synthesis.plants import lower_loop_norm, random_plant, resonators, weighed, yaw_plant
+
+SIZES = st.tuples(st.integers(0, 2), st.integers(0, 2), st.integers(1, 2), st.integers(1, 2))
+
+
+def assert_near_optimum(design, optimum):
+    """The bound lies just below a known optimum, the norm at most one per cent above the bound."""
+    assert design.certificate.lower <= optimum * (1.0 + 1e-6)
+    assert design.certificate.lower >= optimum * (1.0 - 5e-3)
+    assert optimum * (1.0 - 1e-6) <= design.gamma <= 1.0101 * design.certificate.lower
+
+
+@settings(max_examples=20)
+@given(pole=st.floats(-0.45, 50.0), unit=st.floats(1e-4, 1e4))
+def test_one_state_in_closed_form(pole, unit):
+    """``x' = a x + w + u``, ``z = (x, u)``, ``y = x + n``: both Riccati equations are scalar; a + sqrt(a^2 + 2)."""
+    P = control.ss(pole, [[unit, 0, unit]], [[1 / unit], [0], [1 / unit]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]])
+    assert_near_optimum(bc.h_infinity(P, 1, 1), pole + np.sqrt(pole**2 + 2.0))
+
+
+@settings(max_examples=15)
+@given(seed=st.integers(0, 10**6), n=st.integers(1, 12), shift=st.floats(-1.0, 1.0))
+def test_normalised_coprime_factors_in_closed_form(seed, n, shift):
+    """Glover & McFarlane (1989): the least norm of [K; I](I - GK)^-1 [G, I] is sqrt(1 + rho(XZ)), G unstable or not."""
+    rng = np.random.default_rng(seed)
+    A, B, C = rng.normal(size=(n, n)) + shift * np.eye(n), rng.normal(size=(n, 2)), rng.normal(size=(2, n))
+    X = linalg.solve_continuous_are(A, B, C.T @ C, np.eye(2))
+    Z = linalg.solve_continuous_are(A.T, C.T, B @ B.T, np.eye(2))
+    O, I = np.zeros((2, 2)), np.eye(2)
+    D = np.block([[O, I, O], [O, O, I], [O, I, O]])
+    P = control.ss(A, np.hstack([B, np.zeros((n, 2)), B]), np.vstack([C, np.zeros((2, n)), C]), D)
+    assert_near_optimum(bc.h_infinity(P, 2, 2), np.sqrt(1.0 + linalg.eigvals(X @ Z).real.max()))
+
+
+@pytest.mark.parametrize(("zero", "pole"), [(2.0, -1.0), (5.0, 1.0), (1.0, 3.0), (30.0, -0.2)])
+def test_weighted_sensitivity_is_bound_by_a_zero_and_a_pole(zero, pole):
+    """Interpolation: |W(z)|, times |(z + p)/(z - p)| with an unstable pole; W2 and W3 are left out, G is biproper."""
+    W = bc.shelf(10.0, 0.5, 1.0)
+    G = control.ss(pole, 1.0, pole - zero, 1.0, inputs="u", outputs="y")
+    optimum = abs(W(zero)) * (abs((zero + pole) / (zero - pole)) if pole > 0.0 else 1.0)
+    design = bc.h_infinity(bc.mixed_sensitivity(G, W1=W), 1, 1)
+    assert_near_optimum(design, optimum)
+    assert design.certificate.frequency_bound == 0.0
+
+
+def test_static_plants():
+    P = control.ss([], [], [], [[3.0, 0.0, 1.0], [1.0, 2.0, 0.5], [0.5, 1.0, 0.0]])
+    design = bc.h_infinity(P, 1, 1)
+    assert_allclose(design.gamma, design.certificate.lower, rtol=0.0101)
+    assert design.controller.nstates == 0
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 10**6), n=st.integers(1, 8), sizes=SIZES, feedthrough=st.booleans())
+def test_norm_is_what_others_find_and_no_bound_lies_above_it(seed, n, sizes, feedthrough):
+    P = random_plant(seed, n, sizes, feedthrough)
+    design = bc.h_infinity(P, sizes[3], sizes[2])
+    certificate = design.certificate
+    assert_allclose(lower_loop_norm(P, design.controller), design.gamma, rtol=1e-4)
+    assert_allclose(lower_loop_norm(P, design.controller), bc.sigma(design.closed_loop).peak, rtol=1e-4)
+    assert design.gamma <= 1.01 * certificate.level
+    assert certificate.lower <= design.gamma * (1.0 + 1e-7)
+    assert certificate.slowest_pole < 0.0
+    assert design.controller.input_labels == P.output_labels[-sizes[3] :]
+    assert design.controller.output_labels == P.input_labels[-sizes[2] :]
+    assert design.closed_loop.input_labels == P.input_labels[: -sizes[2]]
+    assert design.closed_loop.output_labels == P.output_labels[: -sizes[3]]
+
+
+@settings(max_examples=15)
+@given(seed=st.integers(0, 10**6), n=st.integers(2, 8), sizes=SIZES)
+def test_other_controllers_do_not_beat_the_bound(seed, n, sizes):
+    """Static controllers and perturbed ones, where they stabilise, stay above the lower bound."""
+    P = random_plant(seed, n, sizes, False)
+    rng = np.random.default_rng(seed)
+    design = bc.h_infinity(P, sizes[3], sizes[2])
+    K = design.controller
+    for share in (0.0, 1e-3, 1e-2, 0.1):
+        D = K.D + share * rng.normal(size=K.D.shape)
+        other = control.ss(K.A * (1.0 + share), K.B, K.C, D)
+        assert lower_loop_norm(P, other) >= design.certificate.lower * (1.0 - 1e-6)
+
+
+@settings(max_examples=12)
+@given(seed=st.integers(0, 10**6), exponent=st.floats(-3.0, 3.0), share=st.floats(0.1, 10.0))
+def test_units_and_order_of_signals_change_nothing(seed, exponent, share):
+    """States, controls and measurements in other units; all signals of a kind in another order."""
+    P = random_plant(seed, 5, (1, 1, 2, 2), False)
+    rng = np.random.default_rng(seed)
+    units = 10.0 ** (exponent * rng.uniform(-1.0, 1.0, 5))
+    ins, outs = np.array([1, 2, 0, 4, 3]), np.array([2, 0, 1, 4, 3])
+    scale_in, scale_out = np.ones(5), np.ones(5)
+    scale_in[3:], scale_out[3:] = [1.0, 10.0**exponent], [share, 10.0**-exponent]
+    A = P.A * units[:, None] / units
+    B, C = (P.B * units[:, None] * scale_in)[:, ins], (P.C / units * scale_out[:, None])[outs]
+    D = (P.D * scale_out[:, None] * scale_in)[np.ix_(outs, ins)]
+    plain, changed = bc.h_infinity(P, 2, 2), bc.h_infinity(control.ss(A, B, C, D), 2, 2)
+    assert_allclose(changed.certificate.lower, plain.certificate.lower, rtol=2e-3)
+    assert_allclose(changed.certificate.frequency_bound, plain.certificate.frequency_bound, rtol=1e-5)
+    assert_allclose(changed.gamma, plain.gamma, rtol=1e-2)
+
+
+@settings(max_examples=12)
+@given(seed=st.integers(0, 10**6), size=st.floats(1e-5, 1e5), rate=st.floats(1e-4, 1e4))
+def test_norm_follows_the_units_of_disturbances_and_time(seed, size, rate):
+    P = random_plant(seed, 5, (1, 1, 1, 1), False)
+    B, D = P.B.copy(), P.D.copy()
+    B[:, :2], D[:, :2] = B[:, :2] * size, D[:, :2] * size
+    other = control.ss(P.A * rate, B * rate, P.C, D)
+    assert_allclose(
+        bc.h_infinity(other, 1, 1).certificate.lower, size * bc.h_infinity(P, 1, 1).certificate.lower, rtol=2e-3
+    )
+
+
+@pytest.mark.parametrize("measured", ["stroke_anti", "tip_anti"])
+def test_cheap_control_of_the_lightly_damped_boom(measured):
+    """The passive loop's norm is 2473; at the yaw resonance no controller goes below 8.145."""
+    P = yaw_plant(measured=measured)
+    design = bc.h_infinity(P, 1, 1)
+    assert 2400.0 < bc.sigma(P, inputs="w_actuator_anti", outputs="z_tip_anti").peak < 2500.0
+    assert_allclose(design.certificate.frequency_bound, 8.14494, rtol=1e-5)
+    assert_allclose(design.certificate.frequency_omega, 1.53953, rtol=1e-2)
+    assert design.gamma <= 1.01 * design.certificate.lower
+    assert_allclose(lower_loop_norm(P, design.controller), design.gamma, rtol=1e-4)
+    if measured == "stroke_anti":
+        assert design.gamma <= 1.01 * design.certificate.frequency_bound
+
+
+def test_a_level_that_is_enough_and_one_that_is_too_low():
+    P = weighed(resonators(4, 0.01, 4))
+    best = bc.h_infinity(P, 1, 1)
+    enough = bc.h_infinity(P, 1, 1, gamma=2.0 * best.gamma)
+    assert best.gamma < enough.gamma <= 2.0 * best.gamma
+    with pytest.raises(bc.SynthesisError, match="cannot be reached"):
+        bc.h_infinity(P, 1, 1, gamma=0.9 * best.certificate.lower)
+
+
+def test_slow_controllers_come_first_and_the_certificate_tells_their_price():
+    P = weighed(resonators(3, 0.01, 3))
+    free, slow = bc.h_infinity(P, 1, 1), bc.h_infinity(P, 1, 1, fastest_pole=100.0)
+    assert free.certificate.fastest_pole > 100.0 >= np.abs(slow.controller.poles()).max()
+    assert free.gamma < slow.gamma <= 1.05 * slow.certificate.lower
+    assert "could not be had with poles below 100 rad/s" in slow.certificate.statement
+    assert "could not be had" not in free.certificate.statement
+    assert_allclose(lower_loop_norm(P, slow.controller), slow.gamma, rtol=1e-4)
+    with pytest.raises(bc.SynthesisError, match=r"a pole at .* rad/s where 0.1 are allowed"):
+        bc.h_infinity(P, 1, 1, fastest_pole=0.1)
+
+
+BAD = {
+    "another kind": (lambda P: bc.h_infinity("P", 1, 1), TypeError, "P: expected a StateSpace"),
+    "no performance left": (lambda P: bc.h_infinity(P, 3, 1), ValueError, "nmeas = 3"),
+    "no disturbance left": (lambda P: bc.h_infinity(P, 1, 3), ValueError, "ncon = 3"),
+    "half a measurement": (lambda P: bc.h_infinity(P, 0.5, 1), TypeError, "nmeas = 0.5"),
+    "no level": (lambda P: bc.h_infinity(P, 1, 1, gamma=0.0), ValueError, "gamma = 0.0"),
+    "no time": (lambda P: bc.h_infinity(P, 1, 1, time_limit=-1.0), ValueError, "time_limit"),
+    "discrete time": (lambda P: bc.h_infinity(P.sample(0.1), 1, 1), ValueError, "continuous time"),
+    "not a number": (lambda P: bc.h_infinity(control.ss(np.nan * P.A, P.B, P.C, P.D), 1, 1), ValueError, "A of P"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_named(case):
+    call, kind, match = BAD[case]
+    with pytest.raises(kind, match=match):
+        call(weighed(resonators(2, 0.01, 1)))

@@ -1,0 +1,96 @@
+"""Plants on which synthesis tends to hang or to lie: each ends in time, with a right answer or a right refusal."""
+
+import control
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import boomctl as bc
+from tests.synthesis.plants import lower_loop_norm, resonators, two_modes, weighed
+
+CHAIN = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+
+
+def chain(noise=None):
+    return bc.generalized_plant(
+        CHAIN,
+        disturbances={"force": 1.0},
+        noises={} if noise is None else {"place": noise},
+        performance={"place": 1.0},
+        effort={"force": 1.0},
+        measurements="place",
+        controls="force",
+    )
+
+
+def test_double_integrator_without_noise_is_refused():
+    with pytest.raises(bc.SynthesisError, match=r"D21.*measurement 'place'.*noise"):
+        bc.h_infinity(chain(), 1, 1)
+
+
+@pytest.mark.parametrize("noise", [1.0, 1e-2, 1e-5])
+def test_double_integrator_with_noise(noise):
+    P = chain(noise)
+    design = bc.h_infinity(P, 1, 1)
+    assert design.gamma <= 1.01 * design.certificate.lower
+    assert_allclose(lower_loop_norm(P, design.controller), design.gamma, rtol=1e-4)
+    assert_allclose(design.certificate.frequency_bound, 1.0, rtol=1e-6)
+
+
+def test_mixed_sensitivity_without_effort_is_refused():
+    G = control.ss([[0.0, 1.0], [-1.0, -0.02]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="u", outputs="y")
+    with pytest.raises(bc.SynthesisError, match=r"D12.*control 'u'.*effort weight"):
+        bc.h_infinity(bc.mixed_sensitivity(G, W1=bc.shelf(100.0, 0.5, 1.0)), 1, 1)
+
+
+@pytest.mark.parametrize("damping", [1e-2, 5e-4, 1e-5])
+def test_eighty_lightly_damped_states(damping):
+    P = weighed(resonators(40, damping, 40))
+    design = bc.h_infinity(P, 1, 1)
+    assert P.nstates == 80
+    assert design.gamma <= 1.0101 * design.certificate.lower
+    assert design.gamma < 0.1 * bc.sigma(P, inputs="w_d", outputs="z_q").peak
+    assert_allclose(lower_loop_norm(P, design.controller), design.gamma, rtol=1e-3)
+
+
+def test_undamped_modes_within_reach():
+    P = weighed(two_modes((1, 1, 1, 1), (1, 1, 1, 1)))
+    design = bc.h_infinity(P, 1, 1)
+    assert bc.sigma(P, inputs="w_d", outputs="z_q").peak == np.inf
+    assert design.gamma <= 1.01 * design.certificate.lower
+    assert_allclose(lower_loop_norm(P, design.controller), design.gamma, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("drives", "shown", "match"),
+    [
+        ((1, 1, 1, 0), (1, 1, 1, 1), r"not stabilisable: no control \(u\).*undamped mode at 3 rad/s.*'fast"),
+        ((1, 1, 1, 1), (1, 1, 1, 0), r"not detectable: no measurement \(y\).*undamped mode at 3 rad/s.*'fast"),
+        ((1, 1, 1, 1), (1, 0, 1, 1), r"controls \(u\) to the performance.*at 3 rad/s.*zero.*'fast"),
+        ((1, 1, 0, 1), (1, 1, 1, 1), r"disturbances \(w_d, n_y\) to the measurements \(y\).*at 3 rad/s.*zero.*'fast"),
+        ((0, 1, 1, 1), (1, 1, 0, 1), r"not detectable.*at 2 rad/s.*'slow"),
+    ],
+)
+def test_modes_and_zeros_on_the_axis_are_named(drives, shown, match):
+    with pytest.raises(bc.SynthesisError, match=match):
+        bc.h_infinity(weighed(two_modes(drives, shown)), 1, 1)
+
+
+def test_an_integrator_as_weight_is_found_in_a_plant_made_by_hand():
+    P = control.ss(
+        [[-1.0, 0.0], [1.0, 0.0]], [[1, 0, 1], [0, 0, 0]], [[0, 1], [0, 0], [1, 0]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
+        states=["plant", "weight"],
+    )  # fmt: skip
+    with pytest.raises(bc.SynthesisError, match=r"not detectable.*integrating mode.*'weight'"):
+        bc.h_infinity(P, 1, 1)
+
+
+def test_dependent_controls_and_measurements_are_named():
+    G = control.rss(3, 4, 4, strictly_proper=True)
+    G = control.ss(G.A - np.eye(3), G.B, G.C, G.D, inputs=["w", "n", "left", "right"], outputs=["z", "e", "a", "b"])
+    D = np.array([[0, 0, 0, 0], [0, 0, 1.0, 1.0], [0, 1.0, 0, 0], [0.5, 0, 0, 0]])
+    with pytest.raises(bc.SynthesisError, match="combination of the controls 'left', 'right'"):
+        bc.h_infinity(control.ss(G.A, G.B, G.C, D, inputs=G.input_labels, outputs=G.output_labels), 2, 2)
+    D = np.array([[0, 0, 1.0, 0], [0, 0, 0, 1.0], [0, 1.0, 0, 0], [0, 2.0, 0, 0]])
+    with pytest.raises(bc.SynthesisError, match="combination of the measurements 'a', 'b'"):
+        bc.h_infinity(control.ss(G.A, G.B, G.C, D, inputs=G.input_labels, outputs=G.output_labels), 2, 2)

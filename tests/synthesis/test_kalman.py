@@ -1,0 +1,140 @@
+"""Filters: closed forms, duality with the regulator, variance of the error, names, refusals."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import linalg
+
+import boomctl as bc
+from boomctl.synthesis import SynthesisError
+from tests.strategies import seeds
+from tests.synthesis.riccati_cases import CASES
+from tests.synthesis.test_lqr import random_system, random_weight
+
+MEASURED = ("stroke_left", "stroke_right", "tip_left_acceleration", "tip_right_acceleration")
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_the_dual_of_the_regulator(case):
+    n, m = case.B.shape
+    dual = control.ss(case.A.T, np.eye(n), case.B.T, np.zeros((m, n)))
+    design = bc.kalman(dual, case.Q, case.R)
+    size = np.sqrt(np.diag(case.X))
+    assert np.abs((design.covariance - case.X) / np.outer(size, size)).max() < 1e-11
+    gain = np.linalg.solve(case.R, case.B.T @ case.X).T
+    assert design.gain == pytest.approx(gain, rel=1e-9, abs=1e-11 * np.abs(gain).max())
+
+
+@given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
+def test_a_mass_pushed_by_noise(w, v):
+    mass = control.ss([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0, inputs="force", outputs="place")
+    design = bc.kalman(mass, {"force": w}, {"place": v})
+    k = np.sqrt(w / v)
+    assert design.gain == pytest.approx(np.array([[np.sqrt(2.0 * k)], [k]]), rel=1e-9)
+
+
+@given(seeds)
+def test_the_covariance_is_that_of_the_error_and_no_other_gain_has_less(seed):
+    rng = np.random.default_rng(seed)
+    system, W, V = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
+    design = bc.kalman(system, W, V)
+    for size in (0.0, 1e-3, 1e-1):
+        L = design.gain + size * rng.standard_normal(design.gain.shape)
+        A = system.A - L @ system.C
+        if np.linalg.eigvals(A).real.max() < 0.0:
+            P = linalg.solve_continuous_lyapunov(A, -(W + L @ V @ L.T))
+            if size == 0.0:
+                assert design.covariance == pytest.approx(P, rel=1e-6, abs=1e-8 * np.abs(P).max())
+            assert np.linalg.eigvalsh(P - design.covariance).min() > -1e-8 * np.abs(P).max()
+
+
+@given(seeds)
+def test_noise_fed_through_to_a_measurement_is_noise_on_both(seed):
+    rng = np.random.default_rng(seed)
+    bare = random_system(seed, unstable=False)
+    D = rng.standard_normal((2, 2))
+    fed = control.ss(bare.A, bare.B, bare.C, D, inputs=["u0", "u1"], outputs=["y0", "y1"])
+    design = bc.kalman(fed, {"u0": 2.0, "u1": 0.3}, 0.1)
+    # the same noise through gains of our own: the error obeys e' = (A - L C) e + (B - L D) w - L v
+    W = np.diag([2.0, 0.3])
+    A, B = fed.A - design.gain @ fed.C, fed.B - design.gain @ fed.D
+    P = linalg.solve_continuous_lyapunov(A, -(B @ W @ B.T + 0.1 * design.gain @ design.gain.T))
+    assert design.covariance == pytest.approx(P, rel=1e-6, abs=1e-8 * np.abs(P).max())
+    innovation = P @ fed.C.T + B @ W @ fed.D.T - 0.1 * design.gain
+    assert np.abs(innovation).max() < 1e-7 * (1.0 + np.abs(P).max())  # error and innovation are orthogonal
+
+
+@given(seeds)
+def test_the_estimator_follows_a_known_input_without_error(seed):
+    system = random_system(seed, unstable=False)
+    design = bc.kalman(system, {"u0": 1.0}, 1.0, measurements=["y0", "y1"])
+    assert design.estimator.input_labels == ["y0", "y1", "u1"]
+    assert design.estimator.output_labels == ["x0", "x1", "x2", "x3", "x4"]
+    for w in (0.1, 1.0, 10.0):
+        estimate = design.estimator(1j * w)
+        response = system(1j * w)[:, 1:]
+        state = np.linalg.solve(1j * w * np.eye(5) - system.A, system.B[:, 1:])
+        assert estimate[:, :2] @ response + estimate[:, 2:] == pytest.approx(state, rel=1e-7, abs=1e-9)
+
+
+def test_inputs_may_be_named_as_disturbances():
+    system = random_system(3)
+    by_name = bc.kalman(system, {"u1": 2.0}, 1.0)
+    assert bc.kalman(system, 2.0, 1.0, disturbances="u1").gain == pytest.approx(by_name.gain)
+    assert bc.kalman(system, [2.0], 1.0, disturbances=["u1"]).gain == pytest.approx(by_name.gain)
+    on_states = bc.kalman(system, 2.0 * system.B[:, 1:] @ system.B[:, 1:].T, 1.0)
+    assert on_states.gain == pytest.approx(by_name.gain, rel=1e-6)
+    assert on_states.estimator.input_labels == ["y0", "y1", "u0", "u1"]
+
+
+@pytest.mark.parametrize("elements", [6, 20])
+def test_the_boom_seen_by_strokes_and_accelerometers(elements):
+    model = bc.spray_boom(elements=elements, accelerometer_bandwidth_hz=50.0)
+    design = bc.kalman(model, {"actuator_left": 1e-3, "actuator_right": 1e-3}, 1e-6, measurements=MEASURED)
+    assert design.poles.real.max() < 0.0
+    assert design.certificate.residual < 1e-7
+    assert design.certificate.cost_error < 1e-5
+    assert design.estimator.input_labels == [*MEASURED, "suspension_left", "suspension_right", "cradle"]
+
+
+def test_a_mode_that_no_measurement_sees_is_named():
+    A = linalg.block_diag([[0, 1], [-4.0, 0.0]], [[0, 1], [-12.25, 0.0]])
+    system = control.ss(
+        A,
+        [[0], [1], [0], [1]],
+        [[1, 0, 0, 0], [0, 0, 1, 0]],
+        0,
+        inputs="push",
+        outputs=["near", "far"],
+        states=list("abcd"),
+    )
+    with pytest.raises(SynthesisError, match=r"mode at 3\.5 rad/s .*not seen by near"):
+        bc.kalman(system, {"push": 1.0}, 1.0, measurements="near")
+    assert bc.kalman(system, {"push": 1.0}, 1.0).poles.real.max() < 0.0
+
+
+def test_an_undamped_mode_that_no_noise_reaches_is_named():
+    A = linalg.block_diag([[0, 1], [-4.0, 0.0]], [[0, 1], [-12.25, -0.1]])
+    system = control.ss(
+        A, np.eye(4)[:, [1, 3]], [[1.0, 0.0, 1.0, 0.0]], 0, inputs=["near", "far"], outputs="y", states=list("abcd")
+    )
+    with pytest.raises(SynthesisError, match=r"mode at 2 rad/s .*not reached by any process noise"):
+        bc.kalman(system, {"far": 1.0}, 1.0)
+    assert bc.kalman(system, {"near": 1.0}, 1.0).poles.real.max() < 0.0
+
+
+@pytest.mark.parametrize(
+    ("noise", "message"),
+    [
+        ((-1.0, 1.0), "process_noise: expected a positive semidefinite weight, got an eigenvalue of -1"),
+        ((1.0, 0.0), "measurement_noise: expected a positive definite weight, got an eigenvalue of 0"),
+        ((1.0, {"y0": 1.0}), "measurement_noise: expected a weight for each of y0, y1; 'y1' has none"),
+        (({"w": 1.0}, 1.0), "unknown process_noise 'w'"),
+        ((np.eye(3), 1.0), "process_noise: expected a number, 5 numbers"),
+    ],
+)
+def test_bad_noise_is_refused(noise, message):
+    with pytest.raises(ValueError, match=message):
+        bc.kalman(random_system(1), *noise)

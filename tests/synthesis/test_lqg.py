@@ -1,0 +1,226 @@
+"""LQG controllers: closed forms, optimality, separation, names, recovery of the regulator's loop."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import linalg
+
+import boomctl as bc
+from boomctl.analysis.norm import StateMatrices, state_matrices
+from boomctl.synthesis.loop import closed
+from boomctl.synthesis.output_feedback import observer
+from boomctl.synthesis.partition import partition
+from boomctl.synthesis.quadratic_norm import quadratic_norm
+from tests.strategies import seeds
+from tests.synthesis.test_lqr import random_system, random_weight
+
+SUSPENSIONS = ("suspension_left", "suspension_right")
+STROKES = ("stroke_left", "stroke_right")
+TRACKS = {"actuator_left": 1e-3, "actuator_right": 1e-3}
+TIPS = {"tip_left": 1.0, "tip_right": 1.0}
+
+
+def generalised(system, Q, R, W, V):
+    """The plant whose H2 norm squared is the LQG cost, written out with Cholesky factors."""
+    n, m, p = system.nstates, system.ninputs, system.noutputs
+    q, r, w, v = linalg.cholesky(Q), linalg.cholesky(R), linalg.cholesky(W).T, linalg.cholesky(V).T
+    B = np.hstack([w, np.zeros((n, p)), system.B])
+    C = np.vstack([q, np.zeros((m, n)), system.C])
+    D = np.block(
+        [
+            [np.zeros((n, n + p)), np.zeros((n, m))],
+            [np.zeros((m, n + p)), r],
+            [np.zeros((p, n)), v, system.D],
+        ]
+    )
+    return control.ss(system.A, B, C, D)
+
+
+def problem(seed):
+    system = random_system(seed)
+    return system, random_weight(seed, 5), random_weight(seed + 1, 2), random_weight(seed + 2, 5), np.diag([0.5, 2.0])
+
+
+def matrices(system):
+    return StateMatrices(system.A, system.B, system.C, system.D)
+
+
+@given(st.floats(1e-2, 1e2), st.floats(1e-2, 1e2), st.floats(1e-2, 1e2), st.floats(1e-2, 1e2))
+def test_an_integrator_in_closed_form(q, r, w, v):
+    tank = control.ss([[0.0]], [[1.0]], [[1.0]], 0, inputs="flow", outputs="level")
+    design = bc.lqg(tank, q, r, w, v)
+    x, y, f = np.sqrt(q * r), np.sqrt(w * v), np.sqrt(q / r)
+    assert design.cost == pytest.approx(x * w + r * f**2 * y, rel=1e-8)
+    assert pytest.approx(-f - np.sqrt(w / v)) == design.controller.A
+    assert design.controller(0.0) == pytest.approx(-f * np.sqrt(w / v) / (f + np.sqrt(w / v)))
+
+
+@given(seeds)
+def test_separation_and_the_cost_by_three_routes(seed):
+    system, Q, R, W, V = problem(seed)
+    design = bc.lqg(system, Q, R, W, V)
+    loop = closed(partition(generalised(system, Q, R, W, V), 2, 2), matrices(design.controller))
+    poles = np.concatenate(
+        [
+            np.linalg.eigvals(system.A - system.B @ design.regulator_gain),
+            np.linalg.eigvals(system.A - design.filter_gain @ system.C),
+        ]
+    )
+    assert np.poly(linalg.eigvals(loop.A)) == pytest.approx(np.poly(poles), rel=1e-6, abs=1e-6)
+    assert design.certificate.separation_error < 1e-4
+    norm = quadratic_norm(loop)
+    assert norm.disagreement < 1e-6
+    assert norm.value**2 == pytest.approx(design.cost, rel=1e-6)
+    assert design.certificate.least_norm**2 == pytest.approx(design.cost, rel=1e-6)
+
+
+@given(seeds)
+def test_any_other_controller_costs_more(seed):
+    rng = np.random.default_rng(seed)
+    system, Q, R, W, V = problem(seed)
+    design = bc.lqg(system, Q, R, W, V)
+    P, best = partition(generalised(system, Q, R, W, V), 2, 2), matrices(design.controller)
+    for size in (1e-3, 1e-2, 1e-1):
+        parts = [m + size * rng.standard_normal(m.shape) * np.abs(m).max() for m in (best.A, best.B, best.C)]
+        assert quadratic_norm(closed(P, StateMatrices(*parts, best.D))).value ** 2 >= design.cost * (1.0 - 1e-9)
+        gains = [g + size * rng.standard_normal(g.shape) for g in (design.regulator_gain, design.filter_gain)]
+        other = observer(StateMatrices(system.A, system.B, system.C, system.D), *gains)
+        assert quadratic_norm(closed(P, other)).value ** 2 >= design.cost * (1.0 - 1e-9)
+
+
+@given(seeds)
+def test_the_controller_follows_units_and_coordinates(seed):
+    rng = np.random.default_rng(seed)
+    system, Q, R, W, V = problem(seed)
+    design = bc.lqg(system, Q, R, W, V)
+    T = np.diag(10.0 ** rng.uniform(-1, 1, 5)) @ np.linalg.qr(rng.standard_normal((5, 5)))[0]
+    u, y = np.diag(10.0 ** rng.uniform(-3, 3, 2)), np.diag(10.0 ** rng.uniform(-3, 3, 2))
+    inverse = np.linalg.inv(T)
+    same = control.ss(inverse @ system.A @ T, inverse @ system.B @ u, y @ system.C @ T, system.D)
+    other = bc.lqg(same, _even(T.T @ Q @ T), u @ R @ u, _even(inverse @ W @ inverse.T), y @ V @ y)
+    assert other.cost == pytest.approx(design.cost, rel=1e-5)
+    gain = u @ other.regulator_gain @ inverse
+    assert gain == pytest.approx(design.regulator_gain, rel=1e-5, abs=1e-6 * np.abs(gain).max())
+    gain = T @ other.filter_gain @ y
+    assert gain == pytest.approx(design.filter_gain, rel=1e-5, abs=1e-6 * np.abs(gain).max())
+    for w in (0.1, 1.0, 10.0):
+        expected = design.controller(1j * w)
+        assert u @ other.controller(1j * w) @ y == pytest.approx(expected, rel=1e-4, abs=1e-5 * np.abs(expected).max())
+
+
+@given(seeds)
+def test_feedthrough_from_controls_to_measurements_is_known_to_the_controller(seed):
+    rng = np.random.default_rng(seed)
+    system, Q, R, W, V = problem(seed)
+    fed = control.ss(system.A, system.B, system.C, rng.standard_normal((2, 2)))
+    plain, design = bc.lqg(system, Q, R, W, V), bc.lqg(fed, Q, R, W, V)
+    assert design.cost == pytest.approx(plain.cost, rel=1e-6)
+
+
+@pytest.mark.parametrize("elements", [6, 20])
+def test_the_boom_with_strokes_and_accelerometers(elements):
+    model = bc.spray_boom(elements=elements, accelerometer_bandwidth_hz=50.0)
+    measured = (*STROKES, "tip_left_acceleration", "tip_right_acceleration")
+    design = bc.lqg(model, None, 1e-7, TRACKS, 1e-6, measured, SUSPENSIONS, output_weight=TIPS)
+    assert design.controller.input_labels == list(measured)
+    assert design.controller.output_labels == list(SUSPENSIONS)
+    assert design.closed_loop.input_labels == ["actuator_left", "actuator_right", "cradle"]
+    assert design.closed_loop.output_labels == list(model.outputs)
+    assert design.certificate.disagreement < 1e-5
+    assert design.certificate.abscissa < 0.0
+    tips = bc.sigma(design.closed_loop, inputs=["actuator_left", "actuator_right"], outputs=["tip_left", "tip_right"])
+    assert tips.peak < 0.2 * bc.sigma(model).peak
+
+
+def test_the_closed_loop_is_the_plant_joined_with_the_controller():
+    model = bc.spray_boom(elements=6, accelerometer_bandwidth_hz=50.0)
+    measured = (*STROKES, "tip_left_acceleration", "tip_right_acceleration")
+    design = bc.lqg(model, None, 1e-7, TRACKS, 1e-6, measured, SUSPENSIONS, output_weight=TIPS)
+    whole = control.interconnect(
+        [model.to_statespace(), design.controller],
+        inputs=["actuator_left", "actuator_right", "cradle"],
+        outputs=list(model.outputs),
+    )
+    # states balanced: python-control's own evaluation keeps only six digits of a controller with gains of 1e5
+    omega = np.array([0.5, 1.54, 17.5])
+    expected = state_matrices(design.closed_loop).response(omega)
+    assert state_matrices(whole).response(omega) == pytest.approx(expected, rel=1e-6, abs=1e-8)
+
+
+def test_the_fine_boom_costs_what_the_coarse_one_does():
+    costs = []
+    for elements in (6, 20, 50):
+        design = bc.lqg(
+            bc.spray_boom(elements=elements), None, 1e-6, TRACKS, 1e-6, STROKES, SUSPENSIONS, output_weight=TIPS
+        )
+        costs.append(design.cost)
+    assert costs[1] == pytest.approx(costs[2], rel=1e-3)
+    assert costs[0] == pytest.approx(costs[2], rel=0.05)
+
+
+def test_recovery_comes_nearer_with_every_step():
+    jolt = bc.split_symmetric(bc.spray_boom(elements=6))[0]
+    found = bc.loop_transfer_recovery(
+        jolt,
+        None,
+        1e-5,
+        {"actuator_sym": 1e-3},
+        1e-8,
+        "stroke_sym",
+        "suspension_sym",
+        strengths=[1.0, 1e3, 1e6, 1e9, 1e12],
+        band=(0.3, 30.0),
+        output_weight={"tip_sym": 1.0},
+    )
+    assert len(found.zeros) == 0
+    assert (np.diff(found.gaps) < 0.0).all()
+    assert found.gaps[-1] < 0.03
+    # a place from a force: the poles of the filter go out with the fourth root of the noise, and the gap falls with it
+    assert found.gaps[-1] / found.gaps[-2] == pytest.approx(1e3**-0.25, rel=0.3)
+    assert np.abs(found.recovered / found.target - 1.0).max() == pytest.approx(found.gaps[-1])
+
+
+def test_recovery_is_not_complete_with_a_zero_in_the_right_half_plane():
+    system = control.ss([[0, 1], [-1, -0.2]], [[0], [1]], [[1.0, -0.5]], 0, inputs="u", outputs="y")  # zero at 2
+    found = bc.loop_transfer_recovery(
+        system, np.diag([10.0, 1.0]), 1.0, 1.0, 1.0, strengths=[1.0, 1e4, 1e8], band=(0.1, 10.0)
+    )
+    assert found.zeros == pytest.approx([2.0])
+    assert found.gaps[-1] > 0.1
+
+
+@given(seeds)
+@settings(max_examples=20)
+def test_zeros_are_where_the_system_matrix_loses_rank(seed):
+    system = random_system(seed)
+    found = bc.loop_transfer_recovery(system, 1.0, 1.0, 1.0, 1.0, strengths=[1.0], band=(0.1, 10.0)).zeros
+    expected = control.zeros(system)
+    expected = expected[expected.real > 1e-6]
+    assert np.sort(np.abs(found)) == pytest.approx(np.sort(np.abs(expected)), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"band": (3.0, 1.0)}, "band = .* ascending"),
+        ({"strengths": [0.0]}, "strengths = 0.0: expected a number greater than zero"),
+        ({"measurements": "y0"}, "measurements: expected at least as many as controls"),
+    ],
+)
+def test_what_cannot_be_recovered_is_refused(options, message):
+    arguments = {"strengths": [1.0], "band": (0.1, 1.0)} | options
+    with pytest.raises(ValueError, match=message):
+        bc.loop_transfer_recovery(random_system(1), 1.0, 1.0, 1.0, 1.0, **arguments)
+
+
+def test_more_measurements_than_controls_are_welcome():
+    system = random_system(4, unstable=False)
+    found = bc.loop_transfer_recovery(system, 1.0, 1.0, 1.0, 1.0, controls="u0", strengths=[1.0, 1e6], band=(0.1, 3.0))
+    assert found.gaps[1] < found.gaps[0]
+    assert len(found.zeros) == 0
+
+
+def _even(matrix):
+    return 0.5 * (matrix + matrix.T)

@@ -1,0 +1,305 @@
+"""Regulators: closed forms, invariance, Kalman's inequality, names, refusals."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import linalg
+
+import boomctl as bc
+from boomctl.synthesis import SynthesisError
+from tests.strategies import seeds, structures
+from tests.synthesis.riccati_cases import CASES, plant
+
+SUSPENSIONS = ("suspension_left", "suspension_right")
+TIPS = {"tip_left": 1.0, "tip_right": 1.0}
+
+
+def random_system(seed, n=5, m=2, p=2, unstable=True):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((n, n))
+    if not unstable:
+        A = A - (np.linalg.eigvals(A).real.max() + 0.2) * np.eye(n)
+    return control.ss(
+        A,
+        rng.standard_normal((n, m)),
+        rng.standard_normal((p, n)),
+        np.zeros((p, m)),
+        inputs=[f"u{i}" for i in range(m)],
+        outputs=[f"y{i}" for i in range(p)],
+        states=[f"x{i}" for i in range(n)],
+    )
+
+
+def random_weight(seed, n, least=0.1):
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((n, n))
+    return root @ root.T + least * np.eye(n)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_solutions_in_closed_form(case):
+    design = bc.lqr(plant(case), case.Q, case.R)
+    size = np.sqrt(np.diag(case.X))
+    assert np.abs((design.cost - case.X) / np.outer(size, size)).max() < 1e-11
+    gain = np.linalg.solve(case.R, case.B.T @ case.X)
+    assert design.gain == pytest.approx(gain, rel=1e-9, abs=1e-11 * np.abs(gain).max())
+    assert design.certificate.riccati.residual < 1e-11
+    assert design.poles.real.max() < 0.0
+
+
+@given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
+def test_double_integrator(q, r):
+    mass = control.ss([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0, inputs="force", outputs="place")
+    design = bc.lqr(mass, None, r, output_weight=q)
+    k = np.sqrt(q / r)
+    assert design.gain == pytest.approx(np.array([[k, np.sqrt(2.0 * k)]]), rel=1e-9)
+
+
+@pytest.mark.parametrize("epsilon", [1.0, 1e-3, 1e-5])
+def test_poles_come_near_the_axis_and_the_solution_stays_exact(epsilon):
+    # CAREX 2.8: two modes, one damped, one driven, by epsilon
+    block = np.array([[-epsilon, 1.0], [-1.0, -epsilon]])
+    A = linalg.block_diag(block, -block.T)
+    design = bc.lqr(control.ss(A, np.ones((4, 1)), np.eye(4), 0), np.ones((4, 4)), 1.0)
+    X = design.cost
+    assert np.linalg.eigvalsh(X).min() > 0.0
+    assert np.abs(A.T @ X + X @ A - X @ np.ones((4, 4)) @ X + np.ones((4, 4))).max() < 1e-13 * np.abs(X).max() ** 2
+    assert design.poles.real.max() == pytest.approx(-0.5 * epsilon**2, rel=0.1) or epsilon == 1.0
+    assert design.certificate.riccati.cost_error < 1e-14 / epsilon**2  # rounding over the distance from the axis
+
+
+@given(seeds)
+def test_the_gain_follows_units_order_and_coordinates(seed):
+    rng = np.random.default_rng(seed)
+    system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
+    design = bc.lqr(system, Q, R)
+    units = np.diag(10.0 ** rng.uniform(-3, 3, 5))
+    order = np.eye(5)[rng.permutation(5)]
+    turn = np.linalg.qr(rng.standard_normal((5, 5)))[0]
+    effort = np.diag(10.0 ** rng.uniform(-3, 3, 2))
+    for T in (units, order, turn):
+        inverse = np.linalg.inv(T)
+        same = control.ss(inverse @ system.A @ T, inverse @ system.B @ effort, system.C @ T, system.D)
+        other = bc.lqr(same, _even(T.T @ Q @ T), _even(effort @ R @ effort))
+        assert effort @ other.gain @ inverse == pytest.approx(design.gain, rel=1e-6, abs=1e-7 * abs(design.gain).max())
+        assert sorted(other.poles.real) == pytest.approx(sorted(design.poles.real), rel=1e-6)
+
+
+@given(seeds)
+def test_kalmans_inequality_and_the_cost_of_a_run(seed):
+    system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
+    design = bc.lqr(system, Q, R)
+    assert design.certificate.return_difference == pytest.approx(1.0, abs=1e-8)
+    L = linalg.cholesky(R)
+    for w in np.geomspace(1e-2, 1e2, 30):
+        loop = design.gain @ np.linalg.solve(1j * w * np.eye(5) - system.A, system.B)
+        difference = L @ (np.eye(2) + loop) @ np.linalg.inv(L)
+        assert np.linalg.svd(difference, compute_uv=False)[-1] >= 1.0 - 1e-9
+    closed = system.A - system.B @ design.gain
+    x = np.random.default_rng(seed).standard_normal(5)
+    run = linalg.solve_continuous_lyapunov(closed.T, -(Q + design.gain.T @ R @ design.gain))
+    assert x @ run @ x == pytest.approx(x @ design.cost @ x, rel=1e-7)
+
+
+@given(seeds)
+def test_any_other_gain_costs_more(seed):
+    rng = np.random.default_rng(seed)
+    system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
+    design = bc.lqr(system, Q, R)
+    for size in (1e-3, 1e-1):
+        gain = design.gain + size * rng.standard_normal(design.gain.shape)
+        closed = system.A - system.B @ gain
+        if np.linalg.eigvals(closed).real.max() < 0.0:
+            run = linalg.solve_continuous_lyapunov(closed.T, -(Q + gain.T @ R @ gain))
+            assert np.linalg.eigvalsh(run - design.cost).min() > -1e-9 * np.abs(run).max()
+            assert np.trace(run) > np.trace(design.cost)
+
+
+@given(seeds)
+def test_a_cross_weight_is_a_change_of_controls(seed):
+    rng = np.random.default_rng(seed)
+    system, R = random_system(seed), random_weight(seed, 2)
+    F = rng.standard_normal((2, 5))
+    Q = random_weight(seed + 1, 5)
+    plain = bc.lqr(control.ss(system.A - system.B @ F, system.B, system.C, system.D), Q, R)
+    crossed = bc.lqr(system, _even(Q + F.T @ R @ F), R, N=F.T @ R)
+    assert crossed.cost == pytest.approx(plain.cost, rel=1e-6, abs=1e-8 * abs(plain.cost).max())
+    assert crossed.gain == pytest.approx(plain.gain + F, rel=1e-6, abs=1e-7)
+
+
+@given(seeds)
+def test_an_output_with_feedthrough_weighs_controls_too(seed):
+    rng = np.random.default_rng(seed)
+    bare = random_system(seed)
+    D = rng.standard_normal((2, 2))
+    fed = control.ss(bare.A, bare.B, bare.C, D, inputs=["u0", "u1"], outputs=["y0", "y1"])
+    W = np.diag([2.0, 0.5])
+    design = bc.lqr(fed, None, 1.0, output_weight={"y0": 2.0, "y1": 0.5})
+    same = bc.lqr(bare, _even(bare.C.T @ W @ bare.C), _even(np.eye(2) + D.T @ W @ D), N=bare.C.T @ W @ D)
+    assert design.gain == pytest.approx(same.gain, rel=1e-6, abs=1e-8)
+
+
+@pytest.mark.parametrize(("elements", "residual", "doubt"), [(6, 1e-10, 1e-9), (20, 1e-8, 1e-6), (50, 1e-7, 1e-5)])
+def test_the_boom_at_any_mesh(elements, residual, doubt):
+    model = bc.spray_boom(elements=elements)
+    design = bc.lqr(model, None, 1e-6, output_weight=TIPS, controls=SUSPENSIONS)
+    assert len(design.poles) == model.to_statespace().nstates
+    assert design.certificate.riccati.residual < residual
+    assert design.certificate.riccati.cost_error < doubt
+    assert design.poles.real.max() == pytest.approx(-0.1680, abs=0.002)
+    assert design.closed_loop.input_labels == ["actuator_left", "actuator_right", "cradle"]
+    assert design.closed_loop.output_labels == list(model.outputs)
+    assert design.effort.output_labels == list(SUSPENSIONS)
+    assert design.controller.output_labels == list(SUSPENSIONS)
+    assert pytest.approx(-design.gain) == design.controller.D
+
+
+def test_symmetric_halves_cost_what_the_whole_costs():
+    model = bc.spray_boom(elements=6)
+    whole = bc.lqr(model, None, 1e-6, output_weight=TIPS, controls=SUSPENSIONS)
+    jolt, yaw = bc.split_symmetric(model)
+    halves = [
+        bc.lqr(half, None, 1e-6, output_weight={f"tip_{side}": 1.0}, controls=f"suspension_{side}")
+        for half, side in ((jolt, "sym"), (yaw, "anti"))
+    ]
+    poles = np.concatenate([half.poles for half in halves])
+    assert np.sort(np.abs(poles)) == pytest.approx(np.sort(np.abs(whole.poles)), rel=1e-6)
+    # H2 cost from a unit impulse at one suspension: half of each half's
+    B = model.to_statespace(inputs=["suspension_left"]).B
+    parts = [half.to_statespace(inputs=[f"suspension_{side}"]).B for half, side in ((jolt, "sym"), (yaw, "anti"))]
+    expected = sum(0.5 * np.trace(b.T @ d.cost @ b) for b, d in zip(parts, halves, strict=True))
+    assert np.trace(B.T @ whole.cost @ B) == pytest.approx(expected, rel=1e-7)
+
+
+def test_integral_action_leaves_no_error_in_a_constant_disturbance():
+    model = bc.spray_boom(elements=6).select(("actuator_left", *SUSPENSIONS), ("stroke_left", "stroke_right"))
+    design = bc.lqr(
+        model, None, 1e-6, output_weight=1.0, controls=SUSPENSIONS, integral=["stroke_left", "stroke_right"]
+    )
+    assert design.controller.input_labels[-2:] == ["stroke_left", "stroke_right"]
+    assert design.controller.state_labels == ["integral.stroke_left", "integral.stroke_right"]
+    static = design.closed_loop(0.0)
+    assert np.abs(static).max() < 1e-8
+    without = bc.lqr(model, None, 1e-6, output_weight=1.0, controls=SUSPENSIONS)
+    assert np.abs(without.closed_loop(0.0)).max() > 1e-3
+
+
+def test_the_controller_closes_the_loop_that_the_result_shows():
+    model = bc.spray_boom(elements=6).select(("actuator_left", "suspension_left"), "tip_left")
+    plant_system = model.to_statespace()
+    n = plant_system.nstates
+    names = [state.replace(".", "_") for state in plant_system.state_labels]
+    design = bc.lqr(model, None, 1e-6, output_weight=1.0, controls="suspension_left", integral={"tip_left": 0.1})
+    assert design.controller.input_labels == [*names, "tip_left"]
+    read = control.ss(
+        plant_system.A,
+        plant_system.B,
+        np.vstack([plant_system.C, np.eye(n)]),
+        np.vstack([plant_system.D, np.zeros((n, 2))]),
+        inputs=plant_system.input_labels,
+        outputs=["tip_left", *names],
+        name="boom",
+    )
+    loop = control.interconnect(
+        [read, design.controller], inputs=["actuator_left"], outputs=["tip_left"], name="joined"
+    )
+    for w in (0.1, 1.5, 5.0, 60.0):
+        assert loop(1j * w) == pytest.approx(design.closed_loop(1j * w), rel=1e-6)
+
+
+@given(structures(inputs=2))
+@settings(max_examples=20)
+def test_damped_structures_can_do_without_weight(structure):
+    design = bc.lqr(structure.model, 0.0, 1.0)
+    assert not design.gain.any()
+    assert design.poles.real.max() < 0.0
+
+
+def two_oscillators(damping=0.0):
+    A = linalg.block_diag([[0, 1], [-4.0, -2 * 2 * damping]], [[0, 1], [-12.25, -2 * 3.5 * damping]])
+    B = np.array([[0.0], [1.0], [0.0], [0.0]])
+    C = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+    return control.ss(A, B, C, 0, inputs="motor", outputs=["near", "far"], states=["a", "da", "b", "db"])
+
+
+def test_a_mode_that_cannot_be_moved_is_named():
+    with pytest.raises(SynthesisError, match=r"mode at 3\.5 rad/s \(damping .*cannot be moved by motor"):
+        bc.lqr(two_oscillators(), None, 1.0, output_weight=1.0)
+    allowed = bc.lqr(two_oscillators(0.001), None, 1.0, output_weight=1.0)
+    assert [mode.omega for mode in allowed.unmoved] == pytest.approx([3.5])
+    assert "damping 0.1 %" in str(allowed.unmoved[0])
+    with pytest.raises(SynthesisError, match=r"unstable, damping -0\.1 %.*cannot be moved by motor"):
+        bc.lqr(two_oscillators(-0.001), None, 1.0, output_weight=1.0)
+
+
+def test_an_undamped_mode_that_no_weight_sees_is_named():
+    system = two_oscillators()
+    moved = control.ss(
+        system.A,
+        [[0], [1], [0], [1]],
+        system.C,
+        0,
+        inputs="motor",
+        outputs=["near", "far"],
+        states=["a", "da", "b", "db"],
+    )
+    with pytest.raises(SynthesisError, match=r"mode at 2 rad/s .*not seen by any weight"):
+        bc.lqr(moved, None, 1.0, output_weight={"far": 1.0})
+    assert bc.lqr(moved, None, 1.0, output_weight=1.0).poles.real.max() < 0.0
+
+
+@pytest.mark.parametrize("excitation", ["acceleration", "velocity"])
+def test_platform_motion_is_out_of_the_suspensions_reach(excitation):
+    model = bc.spray_boom(elements=6, excitation=excitation)
+    with pytest.raises(SynthesisError, match=r"mode at 0 rad/s .*actuator_left\..*cannot be moved by suspension_left"):
+        bc.lqr(model, None, 1.0, output_weight=TIPS, controls=SUSPENSIONS)
+
+
+def test_two_integrators_on_one_control_are_one_too_many():
+    two = control.ss(np.zeros((2, 2)), [[1.0], [2.0]], np.eye(2), 0, inputs="u", outputs=["a", "b"])
+    with pytest.raises(SynthesisError, match="mode at 0 rad/s"):
+        bc.lqr(two, 1.0, 1.0)
+
+
+BAD = {
+    "eigenvalue of -1": {"Q": np.diag([1.0, -1.0])},
+    "Q: expected a positive semidefinite": {"Q": [[0.0, 1.0], [1.0, 0.0]]},
+    "R: expected a positive definite weight, got an eigenvalue of 0": {"R": 0.0},
+    "R: expected a weight for each of force": {"R": {}},
+    "Q: expected a symmetric matrix": {"Q": [[1.0, 2.0], [0.0, 1.0]]},
+    "Q: expected a number, 2 numbers or a 2 by 2 matrix, got shape": {"Q": np.ones(3)},
+    "unknown signal in output_weight 'plac'; did you mean 'place'": {"output_weight": {"plac": 1.0}},
+    "unknown controls 'forc'": {"controls": "forc"},
+    "unknown integral 'x'": {"integral": ["x"]},
+    "integral: expected a positive semidefinite": {"integral": {"place": -1.0}},
+    "N: expected shape": {"N": np.ones((1, 2))},
+    "Q - N R": {"N": 10.0 * np.ones((2, 1))},
+    "controls: expected at least one": {"controls": []},
+    "Q, output_weight: expected at least one": {"Q": None},
+    "Q: expected finite": {"Q": np.nan},
+}
+
+
+@pytest.mark.parametrize("message", BAD)
+def test_bad_weights_are_refused(message):
+    mass = control.ss([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0, inputs="force", outputs="place")
+    arguments = {"Q": 1.0, "R": 1.0} | BAD[message]
+    with pytest.raises(ValueError, match=message):
+        bc.lqr(mass, **arguments)
+
+
+def test_other_systems_are_refused():
+    with pytest.raises(TypeError, match="expected SecondOrderModel or StateSpace"):
+        bc.lqr(np.eye(2), 1.0, 1.0)
+    with pytest.raises(ValueError, match="sampling time of"):
+        bc.lqr(control.ss([[0.5]], [[1]], [[1]], 0, 0.1), 1.0, 1.0)
+    with pytest.raises(ValueError, match="A of the system: expected finite"):
+        bc.lqr(control.ss([[np.nan]], [[1]], [[1]], 0), 1.0, 1.0)
+    with pytest.raises(ValueError, match="at least one state"):
+        bc.lqr(control.ss([], [], [], [[1.0]]), 1.0, 1.0)
+
+
+def _even(matrix):
+    return 0.5 * (matrix + matrix.T)

@@ -1,0 +1,63 @@
+"""Controller reduction: the loop of the smaller controller, seen by others, keeps its norm."""
+
+import control
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import boomctl as bc
+from tests.synthesis.plants import lower_loop_norm, resonators, weighed, yaw_plant
+
+
+@pytest.fixture(scope="module")
+def design():
+    P = yaw_plant(0.01)
+    return P, bc.h_infinity(P, 1, 1)
+
+
+def test_the_lowest_order_within_the_tolerance(design):
+    P, full = design
+    small = bc.reduce_controller(P, full.controller, tolerance=0.05)
+    assert small.order < full.controller.nstates / 2
+    assert small.controller.nstates == small.order
+    assert_allclose(lower_loop_norm(P, small.controller), small.gamma, rtol=1e-4)
+    assert small.gamma <= 1.0501 * full.gamma
+    assert_allclose(small.full_gamma, full.gamma, rtol=1e-5)
+    assert small.controller.input_labels == ["stroke_anti"]
+    assert small.closed_loop.input_labels == full.closed_loop.input_labels
+    with pytest.raises(bc.SynthesisError, match=f"order {small.order - 1}"):
+        bc.reduce_controller(P, full.controller, order=small.order - 1)
+
+
+def test_all_states_kept_change_nothing(design):
+    P, full = design
+    same = bc.reduce_controller(P, full.controller, order=full.controller.nstates, tolerance=1e-4)
+    assert_allclose(same.gamma, full.gamma, rtol=1e-4)
+    assert (np.diff(same.values) <= 0.0).all()
+
+
+def test_poles_too_fast_are_replaced_by_their_gain():
+    P = weighed(resonators(3, 0.01, 3))
+    K = bc.h_infinity(P, 1, 1).controller
+    fast = control.ss([[-1e6]], [[1e3]], [[1e3]], [[0.0]], inputs="u", outputs="u_out")
+    chain = control.ss(
+        np.block([[K.A, np.zeros((K.nstates, 1))], [fast.B @ K.C, fast.A]]),
+        np.vstack([K.B, fast.B @ K.D]),
+        np.hstack([fast.D @ K.C, fast.C]),
+        fast.D @ K.D,
+    )
+    small = bc.reduce_controller(P, chain, order=K.nstates, fastest=1e5)
+    assert small.fastest_pole <= 1e5
+    assert_allclose(small.gamma, small.full_gamma, rtol=1e-2)
+
+
+def test_a_controller_that_does_not_stabilise_is_refused():
+    P = control.ss(1.0, [[1, 0, 1]], [[1], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]])
+    with pytest.raises(bc.SynthesisError, match="real part 1 rad/s"):
+        bc.reduce_controller(P, control.ss([], [], [], 0.0))
+
+
+def test_an_order_above_the_controllers_is_refused(design):
+    P, full = design
+    with pytest.raises(ValueError, match="order = 99"):
+        bc.reduce_controller(P, full.controller, order=99)
