@@ -6,12 +6,13 @@ Requests come through standard input, answers go through what was standard outpu
 import os
 import struct
 import sys
+import time
 from typing import BinaryIO
 
 import numpy as np
 
 REQUEST = struct.Struct("<5qd")
-ANSWER = struct.Struct("<3q")
+ANSWER = struct.Struct("<3qd")
 READY = b"boomctl"
 
 
@@ -34,13 +35,14 @@ def _serve(source: BinaryIO, sink: BinaryIO) -> None:
     while True:
         n, m, p, ncon, nmeas, gamma = REQUEST.unpack(_read(source, REQUEST.size))
         A, B, C, D = (_matrix(source, *shape) for shape in ((n, n), (n, m), (p, n), (p, m)))
+        start = time.process_time()
         try:
             K = slycot.sb10fd(n, m, p, ncon, nmeas, gamma, A, B, C, D, 0.0)[:4]
             payload = b"".join(np.ascontiguousarray(part, dtype=float).tobytes() for part in K)
-            head = ANSWER.pack(1, len(K[0]), len(payload))
+            head = ANSWER.pack(1, len(K[0]), len(payload), time.process_time() - start)
         except Exception as error:
             payload = " ".join(str(error).split()).encode("utf-8", "replace")
-            head = ANSWER.pack(0, 0, len(payload))
+            head = ANSWER.pack(0, 0, len(payload), time.process_time() - start)
         sink.write(head + payload)
         sink.flush()
 

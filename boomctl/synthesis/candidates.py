@@ -17,7 +17,7 @@ from boomctl.synthesis.search import Bounds, Deadline
 from boomctl.synthesis.slow_poles import without_fast_poles
 from boomctl.synthesis.two_riccati import level_of
 
-__all__ = ["Candidate", "Task", "fastest_pole", "first_accepted", "judged", "levels_within"]
+__all__ = ["Candidate", "Task", "first_accepted", "judged", "largest_pole", "levels_within"]
 
 _ACCEPT = 0.01
 _BELOW = 0.95
@@ -127,7 +127,7 @@ def _controllers(task: Task, level: float, rejected: dict[str, str]) -> Iterator
         except (NativeFailure, ValueError, np.linalg.LinAlgError) as error:
             rejected[solver] = str(error)
             continue
-        speed = fastest_pole(K)
+        speed = largest_pole(K)
         if speed <= task.fastest:
             yield solver, K
             continue
@@ -167,7 +167,7 @@ def _in_plant_signals(task: Task, K: StateMatrices) -> StateMatrices:
     return with_feedthrough(scaled, task.plant.D22)
 
 
-def fastest_pole(K: StateMatrices) -> float:
+def largest_pole(K: StateMatrices) -> float:
     """Return the largest magnitude of a controller's poles [rad/s]."""
     return float(np.abs(linalg.eigvals(K.A)).max()) if len(K.A) else 0.0
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from boomctl.checks import positive
 from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
-from boomctl.synthesis.candidates import Candidate, Task, fastest_pole, first_accepted
+from boomctl.synthesis.candidates import Candidate, Task, first_accepted, largest_pole
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.loop import named_loop
 from boomctl.synthesis.native import shared_worker
@@ -112,14 +112,14 @@ def _result(task: Task, found: Candidate) -> HInfinityResult:
     )
     certificate = HInfinityCertificate(
         found.norm, found.slowest, bounds.lower, bounds.frequency, bounds.omega, bounds.riccati, bounds.reason,
-        found.level, fastest_pole(K), task.fastest, found.solver, _statement(task, found),
+        found.level, largest_pole(K), task.fastest, found.solver, _statement(task, found),
     )  # fmt: skip
     return HInfinityResult(controller, named_loop(plant, found.loop), found.norm.lower, certificate)
 
 
 def _statement(task: Task, found: Candidate) -> str:
     """Say how far the norm lies above the bound and, where that is farther than wanted or poles are fast, why."""
-    bounds, gamma, fast = task.bounds, found.norm.upper, fastest_pole(found.K)
+    bounds, gamma, fast = task.bounds, found.norm.upper, largest_pole(found.K)
     told = f"verified norm {gamma:.6g}"
     if bounds.lower > 0.0:
         above = gamma / bounds.lower - 1.0

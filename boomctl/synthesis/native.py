@@ -35,6 +35,12 @@ class Worker:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
+        self._spent = 0.0
+
+    @property
+    def processor_time(self) -> float:
+        """Processor time that children have spent on the requests they answered [s]."""
+        return self._spent
 
     @property
     def pid(self) -> int | None:
@@ -77,7 +83,7 @@ class Worker:
         paths = [home, *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = os.environ | dict.fromkeys(_THREADS, "1") | {"PYTHONPATH": os.pathsep.join(paths)}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "boomctl.synthesis._worker"],
+            [sys.executable, "-P", "-m", "boomctl.synthesis._worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -104,16 +110,17 @@ class Worker:
             process.stdin.write(data)
             process.stdin.flush()
             head = process.stdout.read(ANSWER.size)
-            ok, states, length = ANSWER.unpack(head) if len(head) == ANSWER.size else (0, 0, -1)
+            ok, states, length, spent = ANSWER.unpack(head) if len(head) == ANSWER.size else (0, 0, -1, 0.0)
             body = process.stdout.read(length) if length > 0 else b""
         except OSError:
-            ok, states, length, body = 0, 0, -1, b""
+            ok, states, length, spent, body = 0, 0, -1, 0.0, b""
         finally:
             timer.cancel()
         if killed.is_set() or length != len(body):
             self._drop()
             why = f"it took longer than {limit:.3g} s and was killed" if killed.is_set() else "its process died"
             raise NativeFailure(why)
+        self._spent += spent
         return bool(ok), states, body
 
     def _guarded(self, process: "subprocess.Popen[bytes]", data: bytes, count: int, limit: float) -> bytes:

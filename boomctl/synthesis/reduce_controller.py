@@ -10,7 +10,7 @@ from scipy import linalg
 from boomctl.analysis.norm import NormCertificate, StateMatrices
 from boomctl.arrays import Array
 from boomctl.checks import nonnegative, positive, whole
-from boomctl.synthesis.candidates import Candidate, fastest_pole, judged
+from boomctl.synthesis.candidates import Candidate, judged, largest_pole
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.loop import closed, matched, named_loop
 from boomctl.synthesis.partition import Plant
@@ -63,7 +63,7 @@ def reduce_controller(
     *,
     order: int | None = None,
     tolerance: float = 0.05,
-    fastest: float | None = None,
+    fastest_pole: float | None = None,
 ) -> ReducedController:
     """Return a controller of lower order whose closed loop has nearly the norm of before.
 
@@ -80,7 +80,7 @@ def reduce_controller(
         Number of states wanted.  By default the lowest whose loop stays within ``tolerance``.
     tolerance : float
         By how much the closed loop's norm may grow, relative to it.
-    fastest : float, optional
+    fastest_pole : float, optional
         No pole of the controller may have a larger magnitude [rad/s]; faster ones are replaced by their static gain.
 
     Raises
@@ -91,20 +91,23 @@ def reduce_controller(
         The controller does not stabilise ``P``; no smaller one stays within the tolerance.
     """
     plant, K = matched(P, controller)
-    share, limit = nonnegative("tolerance", tolerance), np.inf if fastest is None else positive("fastest", fastest)
+    share, limit = (
+        nonnegative("tolerance", tolerance),
+        np.inf if fastest_pole is None else positive("fastest_pole", fastest_pole),
+    )
     if order is not None and whole("order", order, 0) > len(K.A):
         raise ValueError(f"order = {order}: the controller has only {len(K.A)} states")
     full = judged(plant, K, np.inf)
     if isinstance(full, str):
         raise SynthesisError(f"the controller cannot be reduced: {full}")
-    if fastest_pole(K) > limit:
+    if largest_pole(K) > limit:
         K = _slower(plant, K, limit)
     balanced, values = _balanced_in_loop(plant, K)
     orders = range(len(K.A) + 1) if order is None else [min(order, len(K.A))]
     allowed, rejected = full.norm.upper * (1.0 + share), ""
     for method, smaller in (found for count in orders for found in _smaller(balanced, count)):
-        if fastest_pole(smaller) > limit:
-            rejected = f"a pole at {fastest_pole(smaller):.3g} rad/s where {limit:.3g} are allowed"
+        if largest_pole(smaller) > limit:
+            rejected = f"a pole at {largest_pole(smaller):.3g} rad/s where {limit:.3g} are allowed"
             continue
         found = judged(plant, smaller, allowed)
         if isinstance(found, Candidate):
@@ -173,7 +176,7 @@ def _result(plant: Plant, found: Candidate, full: float, method: str, values: Ar
         found.norm.lower,
         full,
         found.norm,
-        fastest_pole(K),
+        largest_pole(K),
         method,
         values,
     )

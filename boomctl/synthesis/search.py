@@ -16,6 +16,7 @@ __all__ = ["Bounds", "Deadline", "lowest_level"]
 _GROWTH = (1.01, 1.1, 1.5, 3.0, 10.0, 100.0, 1e4, 1e6, 1e9)
 _STEPS = 60
 _NOTHING = 1e-8
+_ABOVE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -131,31 +132,42 @@ def _narrowed(span: _Span, ready: Normalised, tolerance: float, deadline: Deadli
     for level in levels:
         span = span.with_level(level)
     floor = _NOTHING * _size(ready)
-    for _ in range(_STEPS):
+    for step in range(_STEPS):
         if span.high <= max(span.low * (1.0 + tolerance), floor):
             break
         deadline.left("searching for the lowest level")
-        levels.append(level_of(ready, _next(span, levels[-1].radius, tolerance)))
+        levels.append(level_of(ready, _middle(span) if step % 3 == 2 else _next(span, levels, tolerance)))
         span = span.with_level(levels[-1])
     return span, levels
 
 
 def _reached(ready: Normalised, base: float, deadline: Deadline) -> list[Level]:
-    """Return levels that grow until the last can be reached."""
+    """Return levels that grow until the last can be reached; where only the coupling fails, its radius can be."""
     levels: list[Level] = []
+    enough = np.inf
     for growth in _GROWTH:
         deadline.left("looking for a level that can be reached")
-        levels.append(level_of(ready, growth * base))
+        levels.append(level_of(ready, min(growth * base, enough)))
         if not levels[-1].reason:
             return levels
+        if np.isfinite(levels[-1].radius):
+            enough = levels[-1].radius * (1.0 + _ABOVE)
     raise SynthesisError(f"no level up to {_GROWTH[-1] * base:.3g} can be reached: {levels[-1].reason}")
 
 
-def _next(span: _Span, hint: float, tolerance: float) -> float:
-    """Return a level within a span: just above the last radius if that lies in it, else the middle."""
-    low = max(span.low, 1e-3 * span.high)
-    middle = float(np.sqrt(low * span.high))
-    return min(hint * (1.0 + 0.5 * tolerance), middle) if low < hint < span.high else middle
+def _middle(span: _Span) -> float:
+    return float(np.sqrt(max(span.low, 1e-3 * span.high) * span.high))
+
+
+def _next(span: _Span, levels: list[Level], tolerance: float) -> float:
+    """Return a level just above where a line through two levels says that the radius equals it, else the middle."""
+    below = max((v for v in levels if v.reason and v.radius > 0.0), key=lambda v: v.gamma, default=None)
+    above = min((v for v in levels if not v.reason and v.radius > 0.0), key=lambda v: v.gamma, default=None)
+    if below is None or above is None:
+        return _middle(span)
+    a, b = np.log(below.radius / below.gamma), np.log(above.radius / above.gamma)
+    guess = below.gamma * (above.gamma / below.gamma) ** (a / (a - b)) * (1.0 + 0.4 * tolerance)
+    return float(guess) if span.low < guess < span.high else _middle(span)
 
 
 def _size(ready: Normalised) -> float:

@@ -92,6 +92,23 @@ def test_other_controllers_do_not_beat_the_bound(seed, n, sizes):
         assert lower_loop_norm(P, other) >= design.certificate.lower * (1.0 - 1e-6)
 
 
+@settings(max_examples=15)
+@given(seed=st.integers(0, 10**6), n=st.integers(1, 6), sizes=SIZES, feedthrough=st.booleans())
+def test_no_matrix_beats_the_frequency_bound(seed, n, sizes, feedthrough):
+    """At the bound's frequency ``P11 + P12 Q P21`` stays above it for any Q, the least-squares one and its neighbours."""
+    P = random_plant(seed, n, sizes, feedthrough)
+    certificate = bc.h_infinity(P, sizes[3], sizes[2]).certificate
+    G = P(1j * certificate.frequency_omega) if np.isfinite(certificate.frequency_omega) else P.D
+    p, m = len(G) - sizes[3], G.shape[1] - sizes[2]
+    P11, P12, P21 = G[:p, :m], G[:p, m:], G[p:, :m]
+    Q = -np.linalg.pinv(P12) @ P11 @ np.linalg.pinv(P21)
+    rng = np.random.default_rng(seed)
+    for size in (0.0, 1e-3, 0.1, 1.0, 10.0):
+        other = Q + size * (rng.normal(size=Q.shape) + 1j * rng.normal(size=Q.shape))
+        assert np.linalg.norm(P11 + P12 @ other @ P21, 2) >= certificate.frequency_bound * (1.0 - 1e-8)
+    assert certificate.frequency_bound <= certificate.lower
+
+
 @settings(max_examples=12)
 @given(seed=st.integers(0, 10**6), exponent=st.floats(-3.0, 3.0), share=st.floats(0.1, 10.0))
 def test_units_and_order_of_signals_change_nothing(seed, exponent, share):

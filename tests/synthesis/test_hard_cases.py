@@ -94,3 +94,40 @@ def test_dependent_controls_and_measurements_are_named():
     D = np.array([[0, 0, 1.0, 0], [0, 0, 0, 1.0], [0, 1.0, 0, 0], [0, 2.0, 0, 0]])
     with pytest.raises(bc.SynthesisError, match="combination of the measurements 'a', 'b'"):
         bc.h_infinity(control.ss(G.A, G.B, G.C, D, inputs=G.input_labels, outputs=G.output_labels), 2, 2)
+
+
+def test_the_unreduced_boom_in_physical_units():
+    _, yaw = bc.split_symmetric(bc.spray_boom(bc.BoomParameters(), elements=50))
+    P = bc.generalized_plant(
+        yaw,
+        disturbances={"actuator_anti": 1.0},
+        noises={"stroke_anti": 0.01},
+        performance={"tip_anti": 1.0},
+        effort={"suspension_anti": 0.05},
+        measurements="stroke_anti",
+        controls="suspension_anti",
+    )
+    design = bc.h_infinity(P, 1, 1)
+    assert P.nstates > 100
+    assert design.gamma <= 1.01 * design.certificate.lower
+    assert_allclose(lower_loop_norm(P, design.controller), design.gamma, rtol=1e-3)
+
+
+def test_the_plant_of_the_slicot_library():
+    """Data of the examples of SB10FD (for gamma = 15); python-control's ``hinfsyn`` reaches 10.18427."""
+    A = [
+        [-1, 0, 4, 5, -3, -2], [-2, 4, -7, -2, 0, 3], [-6, 9, -5, 0, 2, -1],
+        [-8, 4, 7, -1, -3, 0], [2, 5, 8, -9, 1, -4], [3, -5, 8, 0, 2, -6],
+    ]  # fmt: skip
+    B = [
+        [-3, -4, -2, 1, 0], [2, 0, 1, -5, 2], [-5, -7, 0, 7, -2],
+        [4, -6, 1, 1, -2], [-3, 9, -8, 0, 5], [1, -2, 3, -6, -2],
+    ]  # fmt: skip
+    C = [[1, -1, 2, -4, 0, -3], [-3, 0, 5, -1, 1, 1], [-7, 5, 0, -8, 2, -2], [9, -3, 4, 0, 3, 7], [0, 1, -2, 1, -6, -2]]
+    D = [[1, -2, -3, 0, 0], [0, 4, 0, 1, 0], [5, -3, -4, 0, 1], [0, 1, 0, 1, -3], [0, 0, 1, 7, 1]]
+    P = control.ss(A, B, C, D)
+    best, enough = bc.h_infinity(P, 2, 2), bc.h_infinity(P, 2, 2, gamma=15.0)
+    assert 10.18 < best.certificate.lower <= 10.18427
+    assert best.gamma <= 1.01 * best.certificate.lower
+    assert best.gamma < enough.gamma <= 15.0
+    assert_allclose(lower_loop_norm(P, enough.controller), enough.gamma, rtol=1e-4)

@@ -46,7 +46,7 @@ def test_poles_too_fast_are_replaced_by_their_gain():
         np.hstack([fast.D @ K.C, fast.C]),
         fast.D @ K.D,
     )
-    small = bc.reduce_controller(P, chain, order=K.nstates, fastest=1e5)
+    small = bc.reduce_controller(P, chain, order=K.nstates, fastest_pole=1e5)
     assert small.fastest_pole <= 1e5
     assert_allclose(small.gamma, small.full_gamma, rtol=1e-2)
 
