@@ -1,4 +1,4 @@
-"""The command line: ``boomctl reproduce``, ``sigma``, ``parameters``, ``benchmark``.
+"""The command line: ``boomctl design``, ``reproduce``, ``sigma``, ``parameters``, ``benchmark``.
 
 Exit code 0: done; 1: could not be done; 2: bad use or bad input.
 """
@@ -32,7 +32,7 @@ def main() -> None:
         code = app(standalone_mode=False)
     except (ValueError, TypeError) as error:
         _fail(str(error), 2)
-    except (OSError, ArithmeticError, ImportError) as error:
+    except (OSError, ArithmeticError, ImportError, RuntimeError) as error:
         _fail(str(error), 1)
     except KeyboardInterrupt:
         _fail("interrupted", 1)
@@ -117,7 +117,7 @@ def reproduce(
 def _bind(folder: Path, results: dict[str, Any]) -> None:
     """Write report and results of both papers into one file each."""
     from boomctl.output import write_json, write_whole
-    from boomctl.reproduce.report import bound_reports
+    from boomctl.reporting import bound_reports
 
     heads = {"boom": "Anthonis & Ramon (2003): the spray boom", "hub-beam": "Bai et al. (2009): the rotating hub-beam"}
     reports = [(head, (folder / name / "report.html").read_text(encoding="utf-8")) for name, head in heads.items()]
@@ -169,6 +169,35 @@ def _print_table_1(table: dict[str, Any]) -> None:
     print(
         "The geometrical column's fourth value, 2.9316 Hz, is not reproducible under any reading tried; see the report."
     )
+
+
+@app.command()
+def design(
+    name: Annotated[str, typer.Argument(help="A design of boomctl, or a Python file with a function design().")],
+    out: Annotated[Path, typer.Option(help="Folder for pictures, report and results.")] = Path("results"),
+    road: Annotated[str, typer.Option(help="Class of the track, ISO 8608: A to H.")] = "E",
+    speed: Annotated[float, typer.Option(help="Driving speed [m/s].")] = 3.0,
+    seed: Annotated[int, typer.Option(help="Of the random track.")] = 1,
+    as_json: Json = False,
+) -> None:
+    """Run the design of a suspension and report what it is worth, beside the boom as it is."""
+    from boomctl.output import prepared_folder
+    from boomctl.suspension import FieldScene, evaluate, load_design
+    from boomctl.suspension.report import write_report
+
+    scene = FieldScene(road_class=road, speed=speed, seed=seed)
+    folder = prepared_folder(out)
+    with _progress(4) as progress:
+        progress("synthesis")
+        found = load_design(name)
+        progress("judging")
+        result = evaluate(found, scene)
+        written = write_report(result, folder, progress)
+    if as_json:
+        _print_json(written)
+        return
+    print(result)
+    print(f"Report: {folder / 'report.html'}")
 
 
 @app.command()

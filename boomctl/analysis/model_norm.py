@@ -7,6 +7,7 @@ positive definite, ``|L D^-1 B(omega)| <= |C^-1/2 L^T| |C^-1/2 B(omega)|/omega``
 
 from dataclasses import dataclass
 from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg, sparse
@@ -15,14 +16,17 @@ from boomctl.analysis.norm import NormCertificate, grows_towards, matrices_norm,
 from boomctl.analysis.singular import singular_values
 from boomctl.arrays import Array, Complex
 from boomctl.structure.galerkin import Core, build_core
-from boomctl.structure.modal import damped_poles, dense, first_order_poles, undamped_modes
+from boomctl.structure.modal import damped_poles, dense, first_order_poles, project, undamped_modes
 from boomctl.structure.pencil import factorized
 from boomctl.structure.response import direct_response, respond
 from boomctl.structure.second_order import SecondOrderModel
 from boomctl.structure.statespace import realize
 from boomctl.structure.symmetry import half
 
-__all__ = ["Resonances", "model_norm", "orthonormal_parts", "resonances"]
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["Resonances", "modal_realization", "model_norm", "orthonormal_parts", "resonances"]
 
 _CORE_FROM = 40
 _CORE_ERROR = 1e-7
@@ -142,10 +146,28 @@ def _small_norm(small: SecondOrderModel) -> NormCertificate:
         low = float(frequencies[frequencies > _RIGID * frequencies[-1]].min(initial=np.inf))
         if grows_towards(lambda omega: _response(small, omega), 0.0, low if np.isfinite(low) else 1.0):
             return NormCertificate(inf, inf, 0.0, "an integrating or rigid-body mode")
-    modal = SecondOrderModel.build(
-        V.T @ small.M @ V, V.T @ small.C @ V, V.T @ small.K @ V, small.ports.congruent(V), small.coordinates
-    )
-    return matrices_norm(state_matrices(realize(modal)), lambda omega: _response(small, omega))
+    return matrices_norm(state_matrices(realize(_in_modes(small, V))), lambda omega: _response(small, omega))
+
+
+def _in_modes(model: SecondOrderModel, V: Array) -> SecondOrderModel:
+    """Return a model over the coordinates of its undamped modes, which keep the names of the old ones."""
+    M, K, C = project(model, V)
+    return SecondOrderModel.build(M, C, K, model.ports.congruent(V), model.coordinates)
+
+
+def modal_realization(model: SecondOrderModel) -> "control.StateSpace":
+    """Return a state-space system of a model in the coordinates of its undamped modes, or, without them, its own.
+
+    Raises
+    ------
+    ValueError
+        An output that needs a derivative of an input.
+    """
+    try:
+        _, V = undamped_modes(model)
+    except ValueError:
+        return realize(model)
+    return realize(_in_modes(model, V))
 
 
 def _response(small: SecondOrderModel, omega: Array) -> Complex:

@@ -228,13 +228,15 @@ def level_crossings(system: StateMatrices, level: float) -> tuple[Array, bool]:
 def axis_eigenvalues(system: StateMatrices, level: float) -> Array:
     """Return the frequencies at which a singular value may equal ``level``, which is none of those of ``D``.
 
-    They are the imaginary parts, not below zero, of eigenvalues of the Hamiltonian matrix on the imaginary axis.
+    They are the imaginary parts, not below zero, of eigenvalues of the Hamiltonian matrix on the imaginary axis, or as
+    near as rounding may have moved them: by a multiple of the norm of the balanced matrix, not of its eigenvalues.
     """
     A, B, C, D = system.A, system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
     R, S = np.eye(D.shape[1]) - D.T @ D, np.eye(D.shape[0]) - D @ D.T
     shifted = A + B @ np.linalg.solve(R, D.T @ C)
     H = np.block([[shifted, B @ np.linalg.solve(R, B.T)], [-C.T @ np.linalg.solve(S, C), -shifted.T]])
+    H = linalg.matrix_balance(H, permute=False)[0]
     values = linalg.eigvals(H)
-    noise = 1e2 * np.finfo(float).eps * np.abs(values).max() + 1e-12 * np.abs(values)
+    noise = 1e2 * np.finfo(float).eps * np.linalg.norm(H) + 1e-12 * np.abs(values)
     close = values[(np.abs(values.real) <= noise) & (values.imag >= 0.0)]
     return np.sort(close.imag)

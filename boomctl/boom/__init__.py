@@ -4,17 +4,11 @@ from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_respon
 from boomctl.boom.model import spray_boom
 from boomctl.boom.motion import PlatformMotion, platform_motion, read_motion, sine_sweep, write_motion
 from boomctl.boom.parameters import BoomParameters
-from boomctl.boom.spray import (
-    Footprint,
-    SprayResult,
-    nozzle_positions,
-    split_motion,
-    spray_by_motion,
-    spray_deposit,
-)
+from boomctl.boom.spray import Footprint, SprayResult, nozzle_positions, split_motion, spray_by_motion, spray_deposit
 from boomctl.boom.track_filter import PlatformDensity, platform_density, track_filter
 from boomctl.boom.tracks import Track, bump_track, iso_track, road_density, track_coherence
 from boomctl.boom.tractor import TractorParameters, tractor_system
+from boomctl.boom.uncertainty import boom_family, yaw_family
 
 __all__ = [
     "BoomParameters",
@@ -24,6 +18,7 @@ __all__ = [
     "SprayResult",
     "Track",
     "TractorParameters",
+    "boom_family",
     "bump_track",
     "exact_eigenfrequencies_hz",
     "exact_frequency_response",
@@ -42,4 +37,5 @@ __all__ = [
     "track_filter",
     "tractor_system",
     "write_motion",
+    "yaw_family",
 ]

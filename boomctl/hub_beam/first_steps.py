@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from itertools import pairwise
+from math import ceil, log2
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -33,14 +34,14 @@ def first_steps(equations: Equations, breakpoints: tuple[float, ...], end: float
     """
     lowest, highest = equations.frequency_range
     phase = _FIRST_PHASE_GRADED if graded else _FIRST_PHASE
-    halvings = int(np.ceil(np.log2(highest / lowest)))
     corners = [0.0, *(each for each in breakpoints if 0.0 < each < end), end]
     edges: list[np.ndarray] = [np.zeros(1)]
     for left, right in pairwise(corners):
-        count = max(1, int(np.ceil((right - left) * lowest / phase)))
+        count = max(1, ceil((right - left) * lowest / phase))
         if graded:
+            halvings = ceil(log2(highest / lowest))
             edges.append(left + (right - left) / count * 0.5 ** np.arange(halvings, 0, -1))
-        edges.append(np.linspace(left, right, count + 1)[1:])
+        edges.append(right - (right - left) / count * np.arange(count - 1, -1, -1))
     return np.concatenate(edges)
 
 

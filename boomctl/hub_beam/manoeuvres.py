@@ -49,7 +49,8 @@ class SpinUp:
         return self.duration
 
     def _phase(self, t: ArrayLike) -> np.ndarray:
-        return np.clip(np.asarray(t, dtype=float) / self.duration, 0.0, 1.0)
+        phase: np.ndarray = np.minimum(np.maximum(np.asarray(t, dtype=float) / self.duration, 0.0), 1.0)
+        return phase
 
     def angle(self, t: ArrayLike) -> np.ndarray:
         """Hub angle, rad."""

@@ -239,13 +239,13 @@ class HubBeam:
     def _start(
         self, manoeuvre: PrescribedMotion | TorqueDriven, initial: ArrayLike | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates and rates at t = 0."""
+        """Coordinates and rates at t = 0; the hub's only where they are free or given."""
         size = self.equations.size
         state = np.zeros(2 * size) if initial is None else state_vector(initial, 2 * size)
         if isinstance(manoeuvre, SpinUp | Hold | HubProfile):
-            for index, name in ((0, "angle"), (size, "speed")):
+            for index, name in ((0, "angle"), (size, "speed")) if initial is not None else ():
                 given, prescribed = state[index], float(getattr(manoeuvre, name)(0.0))
-                if initial is not None and abs(given - prescribed) > 1e-12 * max(1.0, abs(prescribed)):
+                if abs(given - prescribed) > 1e-12 * max(1.0, abs(prescribed)):
                     raise ValueError(
                         f"initial hub {name} = {given:g}: expected {prescribed:g}, as the manoeuvre has it"
                     )

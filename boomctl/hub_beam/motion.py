@@ -95,7 +95,7 @@ class _Piece:
 def watched_instants(equations: Equations, timepts: np.ndarray) -> np.ndarray:
     """The instants asked for, and enough others that no swing of the lowest mode passes unseen, from 0 on."""
     gap = 2.0 * np.pi / equations.frequency_range[0] / 16.0
-    if np.diff(timepts, prepend=0.0).max() <= gap:
+    if max(timepts[0], (timepts[1:] - timepts[:-1]).max(initial=0.0)) <= gap:
         return timepts
     return np.union1d(timepts, np.linspace(0.0, timepts[-1], int(np.ceil(timepts[-1] / gap)) + 1))
 

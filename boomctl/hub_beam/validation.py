@@ -40,11 +40,11 @@ def time_points(value: ArrayLike) -> np.ndarray:
         raise TypeError("timepts: expected a sequence of real numbers [s]") from error
     if timepts.ndim != 1 or timepts.size == 0:
         raise ValueError(f"timepts of shape {timepts.shape}: expected one dimension and at least one instant")
-    if not np.all(np.isfinite(timepts)):
+    if not np.isfinite(timepts).all():
         raise ValueError("timepts: expected finite instants")
     if timepts[0] < 0.0:
         raise ValueError(f"timepts[0] = {timepts[0]!r}: expected instants >= 0; a manoeuvre starts at 0")
-    if np.any(np.diff(timepts) <= 0.0):
+    if (timepts[1:] <= timepts[:-1]).any():
         raise ValueError("timepts: expected strictly ascending instants")
     return timepts
 

@@ -7,8 +7,8 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.norm import StateMatrices, state_matrices
+from boomctl.analysis.spectral import ModalSystem, diagonalized, spectral_parts
 from boomctl.arrays import Array
-from boomctl.reduction.spectral import ModalSystem, diagonalized, spectral_parts
 from boomctl.reduction.structural_tail import Loads, separated_damping, tail_bound
 from boomctl.structure.modal import project, undamped_modes
 from boomctl.structure.second_order import SecondOrderModel

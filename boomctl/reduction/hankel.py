@@ -7,9 +7,9 @@ value that goes, the smallest that any system of that order has.
 import numpy as np
 
 from boomctl.analysis.norm import StateMatrices
+from boomctl.analysis.spectral import spectral_parts
 from boomctl.arrays import Array
 from boomctl.reduction.balanced import Balanced
-from boomctl.reduction.spectral import spectral_parts
 
 __all__ = ["hankel_optimal"]
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from boomctl.analysis.norm import StateMatrices
+from boomctl.analysis.spectral import ModalSystem
 from boomctl.arrays import Array, Flags
-from boomctl.reduction.spectral import ModalSystem
 
 __all__ = ["modal_reduced"]
 

@@ -10,11 +10,11 @@ from math import inf
 import numpy as np
 
 from boomctl.analysis.norm import StateMatrices, state_matrices
+from boomctl.analysis.spectral import spectral_parts
 from boomctl.arrays import Array, Indices
 from boomctl.reduction.core import SystemCore, core_of
 from boomctl.reduction.result import ReductionError
 from boomctl.reduction.selection import Attempt, Band, verified
-from boomctl.reduction.spectral import spectral_parts
 from boomctl.structure.modal import project, undamped_modes
 from boomctl.structure.ports import evaluate
 from boomctl.structure.second_order import SecondOrderModel

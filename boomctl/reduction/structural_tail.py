@@ -18,8 +18,8 @@ from math import inf
 import numpy as np
 from scipy import linalg, sparse
 
+from boomctl.analysis.spectral import ModalSystem
 from boomctl.arrays import Array
-from boomctl.reduction.spectral import ModalSystem
 from boomctl.structure.pencil import factorized
 from boomctl.structure.second_order import SecondOrderModel
 

@@ -7,14 +7,15 @@ from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, StateMatrices, axis_eigenvalues, level_crossings, matrices_norm
 from boomctl.analysis.singular import singular_values
+from boomctl.analysis.spectral import ModalSystem, diagonalized
 from boomctl.arrays import Array, Complex
-from boomctl.reduction.spectral import ModalSystem, diagonalized
 
 __all__ = ["band_norm", "difference", "verified_norm"]
 
 _LEVELS = (1.0 + 1e-6, 1.0 + 1e-5, 1.0001, 1.001, 1.01, 1.1, 2.0)
 _POINTS = 200
 _ROUNDS = 20
+_PEAKS, _ZOOMS, _FINE = 3, 6, 11
 
 
 def difference(full: StateMatrices, reduced: StateMatrices) -> StateMatrices:
@@ -72,7 +73,7 @@ def band_norm(gap: StateMatrices, respond: object, band: tuple[float, float], fl
     grid = np.concatenate([[low, high], np.geomspace(start, high, _POINTS), near.ravel()])
     grid = np.unique(grid[(grid >= low) & (grid <= high)])
     values = singular_values(respond(grid))[0]  # type: ignore[operator]
-    peak, at = float(values.max()), float(grid[int(np.argmax(values))])
+    peak, at = _zoomed(respond, grid, values)
     for _ in range(_ROUNDS):
         for factor in _LEVELS:
             level = max(peak * factor, floor)
@@ -91,3 +92,18 @@ def band_norm(gap: StateMatrices, respond: object, band: tuple[float, float], fl
         else:
             break
     return NormCertificate(peak, inf, at, "a Hamiltonian eigenvalue too close to the imaginary axis to tell")
+
+
+def _zoomed(respond: object, grid: Array, values: Array) -> tuple[float, float]:
+    """Return the largest value around the highest points of a grid, and where it is, on ever finer grids."""
+    peak, at = float(values.max()), float(grid[int(np.argmax(values))])
+    for i in np.argsort(values)[::-1][:_PEAKS]:
+        low, high = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
+        for _ in range(_ZOOMS):
+            fine = np.linspace(low, high, _FINE)
+            seen = singular_values(respond(fine))[0]  # type: ignore[operator]
+            best = int(np.argmax(seen))
+            if seen[best] > peak:
+                peak, at = float(seen[best]), float(fine[best])
+            low, high = fine[max(best - 1, 0)], fine[min(best + 1, _FINE - 1)]
+    return peak, at

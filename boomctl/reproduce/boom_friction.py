@@ -177,7 +177,7 @@ def friction_study(
 def _frequencies(*models: SecondOrderModel) -> Array:
     """Return frequencies that resolve the resonances of some models."""
     wide = 2.0 * np.pi * np.geomspace(*_SPAN_HZ, 400)
-    poles = np.concatenate([damped_poles(model, 3) for model in models])
+    poles: Complex = np.concatenate([damped_poles(model, 3) for model in models])
     near = (poles.imag[:, None] - poles.real[:, None] * np.linspace(-6.0, 6.0, 25)).ravel()
     both = np.unique(np.concatenate([wide, near]))
     return both[(both >= wide[0]) & (both <= wide[-1])]

@@ -10,8 +10,8 @@ import numpy as np
 from boomctl.analysis import MeasuredCurve
 from boomctl.boom import BoomParameters
 from boomctl.output import prepared_folder, write_json, write_whole
+from boomctl.reporting import Picture, Section, Table, html_report
 from boomctl.reproduce.boom import BoomReproduction, compute
-from boomctl.reproduce.report import Picture, Section, Table, html_report
 
 __all__ = ["run"]
 

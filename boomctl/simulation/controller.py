@@ -103,30 +103,32 @@ def _discrete(controller: "control.StateSpace", sample_time: float, method: str)
     return tuple(np.asarray(getattr(found, name), dtype=float) for name in ("A", "B", "C", "D"))  # type: ignore[return-value]
 
 
-def conditioning_gain(A: Array, B: Array, C: Array, D: Array) -> Array:
+def conditioning_gain(A: Array, B: Array, C: Array, D: Array, softening: float = 0.1) -> Array:
     """Return the gain through which the control that was applied corrects the controller's state.
 
     The controller is run as an observer of itself: its input is taken for white noise, what was applied for a
-    measurement of what it asked for.  The stationary Kalman gain is Hanus' conditioning ``B D^-1`` where ``D`` is
-    invertible and the controller of minimum phase, and stabilising otherwise.  A stable controller for which none is
-    found (its poles hardly seen at the output) is left as it is: its state fades by itself.
+    measurement of what it asked for, itself noisy by ``softening`` of the variance that one sample adds.  Without
+    softening the stationary Kalman gain is Hanus' conditioning ``B D^-1`` where ``D`` is invertible and the controller
+    of minimum phase, and stabilising otherwise; but that is harsh where ``D`` is small, as it is in every controller
+    that rolls off.  A stable controller for which none is found (its poles hardly seen at the output) is left as it is:
+    its state fades by itself.
+
+    Source: Hanus, Kinnaert & Henrotte (1987); Astrom & Rundqwist (1989).
 
     Raises
     ------
     ValueError
         The controller is not stable, and no gain was found.
-
-    Source: Hanus, Kinnaert & Henrotte (1987); Astrom & Rundqwist (1989).
     """
+    own, gain = float(np.abs(np.linalg.eigvals(A)).max()), np.zeros((len(A), len(C)))
     if not B.any() or not C.any():
-        return np.zeros((len(A), len(C)))
+        return gain
     through = D @ D.T
-    size = float(np.linalg.norm(through)) or float(np.linalg.norm(C @ B @ B.T @ C.T)) or 1.0
-    R = through + _REGULAR * size * np.eye(len(C))
+    size = np.diag(through + C @ B @ B.T @ C.T)
+    R = through + (softening + _REGULAR) * np.diag(np.where(size > 0.0, size, size.max() or 1.0))
     Q = B @ B.T
     Q = Q + _REGULAR * np.linalg.norm(Q) * np.eye(len(A))
     S = B @ D.T
-    own, gain = float(np.abs(np.linalg.eigvals(A)).max()), np.zeros((len(A), len(C)))
     try:
         P = linalg.solve_discrete_are(A.T, C.T, Q, R, s=S)
         gain = np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T + S.T).T

@@ -81,13 +81,9 @@ def receptances(
     plant: "SecondOrderModel | control.StateSpace", omega: Array, inputs: Sequence[str], outputs: Sequence[str]
 ) -> Complex:
     """Return the frequency response of some signals, (outputs, inputs, frequencies)."""
-    import control
-
     if isinstance(plant, SecondOrderModel):
         return np.asarray(plant.frequency_response(omega, inputs=list(inputs), outputs=list(outputs)).frdata)
-    if not isinstance(plant, control.StateSpace):
-        raise TypeError(f"plant: expected control.StateSpace or SecondOrderModel, got {type(plant).__name__}")
-    ins, outs = tuple(plant.input_labels), tuple(plant.output_labels)
+    ins, outs = plant_inputs(plant), plant_outputs(plant)
     i = [ins.index(name) for name in names("input", list(inputs), ins)]
     o = [outs.index(name) for name in names("output", list(outputs), outs)]
     return np.asarray(plant.frequency_response(omega).frdata)[np.ix_(o, i)]
@@ -155,7 +151,11 @@ def balanced_friction(slip: Complex, receptance: Complex, force: float) -> tuple
 
 
 def plant_inputs(plant: "SecondOrderModel | control.StateSpace") -> tuple[str, ...]:
-    """Return the names of a plant's inputs."""
+    """Return the names of a plant's inputs; another kind of plant is an error."""
+    import control
+
+    if not isinstance(plant, (SecondOrderModel, control.StateSpace)):
+        raise TypeError(f"plant: expected control.StateSpace or SecondOrderModel, got {type(plant).__name__}")
     return plant.inputs if isinstance(plant, SecondOrderModel) else tuple(plant.input_labels)
 
 

@@ -52,7 +52,7 @@ class Lifted:
         """Return what the inputs add to the state over each block, (blocks, n)."""
         inputs, size, blocks = columns.shape
         flat = columns.transpose(1, 0, 2).reshape(size * inputs, blocks)
-        return np.ascontiguousarray((self.reached.reshape(size * inputs, -1).T @ flat).T)
+        return np.ascontiguousarray((self.reached.reshape(size * inputs, self.reached.shape[2]).T @ flat).T)
 
     def forced(self, columns: Array, outputs: slice | None = None) -> Array:
         """Return outputs within each block from its inputs alone, (outputs, size, blocks)."""

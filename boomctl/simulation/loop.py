@@ -16,7 +16,7 @@ from boomctl.simulation.plant import ModalPlant, modal_plant
 from boomctl.simulation.result import FrictionReport, LoopResult
 from boomctl.simulation.signals import disturbance_rows, per_signal, time_grid
 from boomctl.simulation.speculation import run_fast
-from boomctl.simulation.stepping import ControlLog, LoopProblem, control_log
+from boomctl.simulation.stepping import ControlLog, Limits, LoopProblem, control_log
 from boomctl.simulation.stops import merged_hits
 from boomctl.structure.second_order import SecondOrderModel
 
@@ -90,45 +90,52 @@ def simulate_loop(
     TypeError, ValueError
         Wrong shapes, unknown signals, gaps, times not even, a sampling rate too low for the controller's poles.
     """
-    delay = nonnegative("delay", delay)
-    places_of = friction.input if friction is not None else None
-    modal = modal_plant(plant, _contact_inputs(plant, places_of, stroke_limit))
+    late = nonnegative("delay", delay)
+    modal = modal_plant(plant, _contact_inputs(plant, friction, stroke_limit))
     places = stop_places(stroke_limit, modal)
-    substeps = 1 if friction is None else friction.substeps
-    grid = time_grid(timepts, sample_time, max(substeps, _STOP_SUBSTEPS) if places else substeps)
+    grid = time_grid(timepts, sample_time, _substeps(friction, bool(places)))
     K = sampled_controller(controller, modal, float(sample_time), anti_windup, discretization)
     rows = disturbance_rows(disturbance, modal.inputs, K.outputs, len(grid.time))
-    lag = int(np.floor(delay / grid.h * (1.0 + 1e-12) + 1e-9))
-    maps = modal.step(grid.h, max(delay - lag * grid.h, 0.0) if delay - lag * grid.h > 1e-9 * grid.h else 0.0)
-    contacts = contacts_of(modal, maps, friction, places, K.outputs)
-    problem = LoopProblem(
-        modal,
-        maps,
-        K,
-        grid,
-        grid.refined(rows),
-        lag,
+    lag, rest = _whole_steps(late, grid.h)
+    maps = modal.step(grid.h, rest)
+    limits = Limits(
         per_signal("force_limit", force_limit, K.outputs),
         per_signal("rate_limit", rate_limit, K.outputs) * float(sample_time),
         per_signal("quantization", quantization, K.inputs, zero=True),
-        _start(initial, modal),
-        contacts,
     )
-    log = control_log(problem)
-    if contacts is None:
-        moving, contact_log = run_fast(problem, log)[:, :: grid.per_point], None
-    else:
-        moving, contact_log = run_contact(problem, log, contacts)
-    return _result(problem, rows, log, moving, contact_log, delay)
+    contacts = contacts_of(modal, maps, friction, places, K.outputs)
+    start = _start(initial, modal)
+    return _run(LoopProblem(modal, maps, K, grid, grid.refined(rows), lag, limits, start, contacts), rows, late)
+
+
+def _substeps(friction: CoulombFriction | None, stops: bool) -> int:
+    """Return how many steps to take from one point of the grid to the next."""
+    wanted = 1 if friction is None else friction.substeps
+    return max(wanted, _STOP_SUBSTEPS) if stops else wanted
+
+
+def _whole_steps(delay: float, h: float) -> tuple[int, float]:
+    """Return a delay as whole steps and what is left of it."""
+    lag = int(np.floor(delay / h + 1e-9))
+    rest = delay - lag * h
+    return lag, rest if rest > 1e-9 * h else 0.0
+
+
+def _run(p: LoopProblem, rows: Array, delay: float) -> LoopResult:
+    log = control_log(p)
+    if p.contacts is None:
+        return _result(p, rows, log, run_fast(p, log)[:, :: p.grid.per_point], None, delay)
+    moving, contact_log = run_contact(p, log, p.contacts)
+    return _result(p, rows, log, moving, contact_log, delay)
 
 
 def _contact_inputs(
-    plant: "control.StateSpace | SecondOrderModel", friction_input: str | None, limit: StrokeLimit
+    plant: "control.StateSpace | SecondOrderModel", friction: CoulombFriction | None, limit: StrokeLimit
 ) -> tuple[str, ...]:
     """Return the inputs of a model at which contact forces act."""
     if not isinstance(plant, SecondOrderModel):
         return ()
-    found = [name for name in plant.inputs if name == friction_input]
+    found = [] if friction is None else [friction.input]
     if limit is not None:
         named = [value[1] for value in limit.values() if isinstance(value, tuple)] if isinstance(limit, Mapping) else []
         found += [name for name in plant.inputs if name in named or name.startswith("suspension_")]

@@ -7,6 +7,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.checks import known
 from boomctl.simulation.truncation import truncated
 from boomctl.structure.second_order import SecondOrderModel
 
@@ -98,11 +99,13 @@ def modal_plant(system: "control.StateSpace | SecondOrderModel", keep_rigid: tup
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time, numbers that are not finite, a name given twice.
+        Another kind of system, discrete time, numbers that are not finite, a name given twice, unknown inputs.
     """
     import control
 
     if isinstance(system, SecondOrderModel):
+        for name in keep_rigid:
+            known("input of a contact", name, system.inputs)
         small, compliance = truncated(system, _MODES)
         compliance[:, [system.inputs.index(name) for name in keep_rigid]] = 0.0
         linear = small.to_statespace()

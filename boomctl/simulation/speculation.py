@@ -39,7 +39,7 @@ class _Linear:
 def run_fast(p: LoopProblem, log: ControlLog) -> Array:
     """Do what ``run_smooth`` does, in blocks where the loop allows it."""
     states = len(p.plant.A) + (p.lag + 1) * len(p.controller.driven) + len(p.controller.A)
-    plain = p.grid.per_sample == 1 and not np.isfinite(p.quantum).any() and p.lag < _LONGEST_QUEUE
+    plain = p.grid.per_sample == 1 and not np.isfinite(p.limits.quantum).any() and p.lag < _LONGEST_QUEUE
     if not plain or states > _MOST_STATES or p.grid.steps < 2 * _BLOCK:
         return run_smooth(p, log)
     return _run_blocks(p, log)
@@ -103,7 +103,7 @@ def _blocks(
 ) -> tuple[Array, Flags, list[tuple[int, Array]]]:
     """Return the states (without lead) at the beginning of each block, which were clean, and the others' plant states."""
     n, outputs, steps = len(p.plant.A), len(p.plant.C), p.grid.steps
-    bound = np.concatenate([p.force, p.rate])
+    bound = np.concatenate([p.limits.force, p.limits.rate])
     watched = outputs + np.flatnonzero(np.isfinite(bound))
     seen = np.ascontiguousarray(lifted.seen[:, watched].transpose(1, 0, 2)).reshape(-1, lifted.seen.shape[2])
     limit = np.repeat(bound[watched - outputs], lifted.size)
@@ -154,7 +154,9 @@ class _Walk:
         first = np.vstack([loop.D[asked], loop.first])[:, used]
         last = np.vstack([np.zeros_like(loop.D[asked]), loop.last])[:, used]
         both = np.ascontiguousarray(np.vstack([loop.C[asked], loop.Phi]))
-        return cls(both, first, last, loop.mend, p.W[used], len(p.plant.A), p.force.tolist(), p.rate.tolist())
+        return cls(
+            both, first, last, loop.mend, p.W[used], len(p.plant.A), p.limits.force.tolist(), p.limits.rate.tolist()
+        )
 
     def through(self, log: ControlLog, span: tuple[int, int], z: Array) -> Array:
         """Step from state ``z`` and return the loop's state at each step of the span, (steps + 1, states)."""

@@ -11,7 +11,24 @@ from boomctl.simulation.controller import SampledController
 from boomctl.simulation.plant import ModalPlant, StepMaps
 from boomctl.simulation.signals import TimeGrid
 
-__all__ = ["ControlLog", "LoopProblem", "control_log", "limited", "run_smooth", "sampler"]
+__all__ = ["ControlLog", "Limits", "LoopProblem", "control_log", "limited", "run_smooth", "sampler"]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a controller's hardware allows; ``inf`` for none.
+
+    Attributes
+    ----------
+    force, rate : (controls,) ndarray
+        Largest control, and largest change from one sample to the next.
+    quantum : (measurements,) ndarray
+        Steps of the measurements.
+    """
+
+    force: Array
+    rate: Array
+    quantum: Array
 
 
 @dataclass(frozen=True)
@@ -24,10 +41,6 @@ class LoopProblem:
         Disturbances on the grid.
     lag : int
         Whole steps by which the controls come late; ``maps`` knows the rest.
-    force, rate : (controls,) ndarray
-        Largest control, and largest change from one sample to the next; ``inf`` for none.
-    quantum : (measurements,) ndarray
-        Steps of the measurements; ``inf`` for none.
     start : (n,) ndarray
         Modal states at the first time.
     """
@@ -38,9 +51,7 @@ class LoopProblem:
     grid: TimeGrid
     W: Array
     lag: int
-    force: Array
-    rate: Array
-    quantum: Array
+    limits: Limits
     start: Array
     contacts: Contacts | None
 
@@ -88,10 +99,12 @@ def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
     law = np.block([[c.D, c.C], [c.B, c.A]])
     known, found = np.zeros(ny + len(c.A)), np.zeros(nu + len(c.A))
     y, state, u, following = known[:ny], known[ny:], found[:nu], found[nu:]
-    grain = np.where(np.isfinite(p.quantum), p.quantum, 1.0) if np.isfinite(p.quantum).any() else None
-    coarse = np.isfinite(p.quantum)
-    bounded = bool(np.isfinite(p.force).any() or np.isfinite(p.rate).any())
-    force, rate, last = p.force.tolist(), p.rate.tolist(), [0.0] * nu
+    grain = (
+        np.where(np.isfinite(p.limits.quantum), p.limits.quantum, 1.0) if np.isfinite(p.limits.quantum).any() else None
+    )
+    coarse = np.isfinite(p.limits.quantum)
+    bounded = bool(np.isfinite(p.limits.force).any() or np.isfinite(p.limits.rate).any())
+    force, rate, last = p.limits.force.tolist(), p.limits.rate.tolist(), [0.0] * nu
     asked, given, correct = log.asked, log.given, c.L.any()
 
     def sample(k: int, at: Array) -> None:

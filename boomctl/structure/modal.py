@@ -21,7 +21,8 @@ def undamped_modes(model: SecondOrderModel, count: int | None = None) -> tuple[A
 
     The pencil is solved upside down, ``M v = mu (K + alpha M) v``, so that the low modes are the largest eigenvalues
     and keep their digits on fine meshes; a Rayleigh quotient over the strain rows mends what rounding is left.  The
-    shift ``alpha``, first just above rounding, then at the lowest elastic mode, keeps floating structures definite.
+    shift ``alpha``, just above rounding, keeps floating structures definite; where one floats, the pencil is solved once
+    more with the shift at its lowest elastic mode, or rigid-body modes would be so large as to take the others' digits.
 
     Raises
     ------
@@ -39,7 +40,7 @@ def undamped_modes(model: SecondOrderModel, count: int | None = None) -> tuple[A
     noise = _NOISE * float((np.abs(K.diagonal()) / M.diagonal()).max())
     stiffness, shapes = _sorted(model, M, solve(M, K, noise, wanted))
     elastic = stiffness[stiffness > 0.1 * noise]
-    if len(elastic) and elastic[0] > 10.0 * noise:
+    if 0 < len(elastic) < len(stiffness) and elastic[0] > 10.0 * noise:
         stiffness, shapes = _sorted(model, M, solve(M, K, float(elastic[0]), wanted))
     return np.sqrt(np.maximum(stiffness, 0.0)), shapes
 

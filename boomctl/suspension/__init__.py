@@ -2,6 +2,7 @@
 
 from boomctl.suspension.catalogue import design_names, load_design
 from boomctl.suspension.design import SuspensionDesign
+from boomctl.suspension.evaluate import SuspensionResult, evaluate
 from boomctl.suspension.performance import Performance, performance
 from boomctl.suspension.scene import ACCELERATIONS, CONTROLS, SENSORS, STROKES, FieldScene, suspension_model
 
@@ -13,7 +14,9 @@ __all__ = [
     "FieldScene",
     "Performance",
     "SuspensionDesign",
+    "SuspensionResult",
     "design_names",
+    "evaluate",
     "load_design",
     "performance",
     "suspension_model",

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Performance", "loop_between", "performance"]
 
 _HALF = np.sqrt(0.5)
+_FREQUENCIES = np.geomspace(0.15, 130.0, 400)
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def performance(
     record = run.time >= run.time[0] + scene.run_in
     nozzles = nozzle_positions(parameters.length)
     sprays = spray_by_motion(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
-    return Performance(title, sigma(loop), _part(loop, 1.0), _part(loop, -1.0), run, *sprays)
+    return Performance(title, sigma(loop, _grid(loop)), _part(loop, 1.0), _part(loop, -1.0), run, *sprays)
 
 
 def loop_between(
@@ -137,6 +138,11 @@ def loop_between(
         found = (closed.A, closed.B, closed.C, closed.D)
         outputs = [name.removeprefix("z_") for name in closed.output_labels]
     return control.ss(*found, inputs=list(inputs), outputs=list(outputs), name="loop")
+
+
+def _grid(loop: "control.StateSpace") -> Array:
+    """Return frequencies that resolve the loop's peaks and reach from slow yaw to where the boom no longer follows."""
+    return np.union1d(sigma(loop).omega, _FREQUENCIES)
 
 
 def _part(loop: "control.StateSpace", parity: float) -> NormCertificate:

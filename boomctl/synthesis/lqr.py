@@ -12,7 +12,7 @@ from boomctl.analysis.norm import Response, StateMatrices, refined_peak
 from boomctl.arrays import Array, Complex
 from boomctl.checks import finite_array
 from boomctl.synthesis.errors import SynthesisError
-from boomctl.synthesis.modes import Blind, check_stabilizable, check_weighted, unmoved
+from boomctl.synthesis.modes import HiddenMode, check_stabilizable, check_weighted, unmoved
 from boomctl.synthesis.named import NamedMatrices, named_matrices, named_statespace, static_gain
 from boomctl.synthesis.quadratic import Weight, definite, semidefinite, square_root
 from boomctl.synthesis.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["LqrCertificate", "LqrResult", "lqr", "regulator_problem", "solved_regulator"]
 
 _SCREENED = 60
-_RETURN_DIFFERENCE = 1e-5
+_RETURN_DIFFERENCE = 1e-2
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,8 @@ class LqrCertificate:
     return_difference : float
         Smallest singular value of ``R^1/2 (I + F (s I - A)^-1 B) R^-1/2`` found at any frequency.  Of an optimal
         regulator it is 1 (Kalman's inequality), whence margins of 60 degrees and from one half to infinity in each
-        control; with a cross weight ``N``, where the inequality does not hold, it is what was found.
+        control; on very fine meshes rounding of the gain takes some of its digits, and below 0.99 no regulator is
+        returned.  With a cross weight ``N``, where the inequality does not hold, it is what was found.
     """
 
     riccati: RiccatiCertificate
@@ -66,7 +67,7 @@ class LqrResult:
         From the same inputs to the controls.
     poles : (n,) complex ndarray
         Of the closed loop [rad/s].
-    unmoved : tuple of Blind
+    unmoved : tuple of HiddenMode
         Stable modes that the controls cannot move; they stay as they are.
     certificate : LqrCertificate
     """
@@ -77,7 +78,7 @@ class LqrResult:
     closed_loop: "control.StateSpace" = field(repr=False)
     effort: "control.StateSpace" = field(repr=False)
     poles: Complex = field(repr=False)
-    unmoved: tuple[Blind, ...]
+    unmoved: tuple[HiddenMode, ...]
     certificate: LqrCertificate
 
 

@@ -13,16 +13,16 @@ from scipy import linalg
 from boomctl.arrays import Array, Complex, Flags
 from boomctl.synthesis.errors import SynthesisError
 
-__all__ = ["Blind", "check_detectable", "check_excited", "check_stabilizable", "check_weighted", "unmoved"]
+__all__ = ["HiddenMode", "check_detectable", "check_excited", "check_stabilizable", "check_weighted", "unmoved"]
 
 _WEAK = 1e-9
 _AXIS = 1e-9
-_ROUNDING = 50.0 * float(np.finfo(float).eps)
+_ROUNDING = 4.0 * float(np.finfo(float).eps)
 _CLUSTER = 1e-6
 
 
 @dataclass(frozen=True)
-class Blind:
+class HiddenMode:
     """A mode that a set of columns does not reach.
 
     Attributes
@@ -78,7 +78,7 @@ def check_excited(A: Array, root: Array, what: str, states: Sequence[str]) -> No
 
 def unmoved(
     A: Array, B: Array, states: Sequence[str], *, axis_only: bool = False, stable: bool = False
-) -> tuple[Blind, ...]:
+) -> tuple[HiddenMode, ...]:
     """Return the modes that no column of ``B`` reaches, of conjugate pairs one.
 
     Parameters
@@ -109,7 +109,7 @@ def unmoved(
         for k in np.flatnonzero(reach <= _WEAK):
             shape = basis @ directions[:, k]
             pole = complex(poles[cluster].mean())
-            found.append(Blind(pole, str(states[int(np.argmax(np.abs(shape)))])))
+            found.append(HiddenMode(pole, str(states[int(np.argmax(np.abs(shape)))])))
     return tuple(found)
 
 

@@ -1,4 +1,8 @@
-"""H2 norms by both Gramians, solved apart from each other."""
+"""H2 norms of closed loops by both Gramians, solved apart from each other.
+
+The Gramians are those of balanced states, by Bartels and Stewart: with each mode of a plant twice in the loop, once
+regulated and once estimated, its eigenvectors are nearly parallel, and modal coordinates would lose the digits.
+"""
 
 from dataclasses import dataclass
 

@@ -11,7 +11,7 @@ from scipy import linalg
 from boomctl.analysis.norm import StateMatrices, state_matrices
 from boomctl.analysis.singular import singular_values
 from boomctl.arrays import Array, Complex
-from boomctl.checks import frequencies, positive
+from boomctl.checks import finite_array, frequencies, positive
 from boomctl.synthesis.lqg import LqgResult, lqg
 from boomctl.synthesis.named import named_matrices
 from boomctl.synthesis.quadratic import Weight
@@ -99,33 +99,24 @@ def loop_transfer_recovery(
         raise ValueError(
             f"measurements: expected at least as many as controls ({len(driven)}) to recover a loop, got {len(measured)}"
         )
-    ends = frequencies("band", band)
-    if ends.shape != (2,) or not 0.0 < ends[0] < ends[1]:
-        raise ValueError(f"band = {band!r}: expected two frequencies above zero, ascending [rad/s]")
-    levels = [positive("strengths", float(q)) for q in np.atleast_1d(np.asarray(strengths, dtype=float))]
-    designs = tuple(
-        lqg(
-            system,
-            Q,
-            R,
-            process_noise,
-            measurement_noise,
-            measured,
-            driven,
-            disturbances=disturbances,
-            output_weight=output_weight,
-            ltr=level,
-        )
-        for level in levels
-    )
-    inner = plant.block(measured, driven)
-    omega = np.geomspace(ends[0], ends[1], _POINTS)
-    F = designs[0].regulator_gain
+    omega = _grid(band)
+    levels = [positive("strengths", float(q)) for q in np.atleast_1d(finite_array("strengths", strengths))]
+    noise = (process_noise, measurement_noise, measured, driven)
+    options = {"disturbances": disturbances, "output_weight": output_weight}
+    designs = tuple(lqg(system, Q, R, *noise, **options, ltr=level) for level in levels)  # type: ignore[arg-type]
+    inner, F = plant.block(measured, driven), designs[0].regulator_gain
     target = singular_values(StateMatrices(plant.A, inner.B, F, np.zeros((len(F), len(F)))).response(omega))
     response = inner.response(omega)
     loops = [singular_values(_at_input(design, response, omega)) for design in designs]
     gaps = np.array([float((np.abs(loop - target) / target).max()) for loop in loops])
     return RecoveryResult(np.array(levels), gaps, omega, target, loops[-1], right_zeros(inner), designs)
+
+
+def _grid(band: tuple[float, float]) -> Array:
+    ends = frequencies("band", band)
+    if ends.shape != (2,) or not 0.0 < ends[0] < ends[1]:
+        raise ValueError(f"band = {band!r}: expected two frequencies above zero, ascending [rad/s]")
+    return np.geomspace(ends[0], ends[1], _POINTS)
 
 
 def _at_input(design: LqgResult, plant: Complex, omega: Array) -> Complex:

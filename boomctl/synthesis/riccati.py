@@ -255,14 +255,15 @@ def _refined(own: RiccatiProblem, X: Array) -> Array | None:
 
 def newton_step(problem: RiccatiProblem, X: Array, residual: Array) -> tuple[Array | None, Complex]:
     """Return the change of ``X`` that Newton's method makes (None where ``X`` does not stabilise) and the poles."""
-    closed = problem.A - problem.B @ problem.gain(X)
+    closed, (d, _) = linalg.matrix_balance(problem.A - problem.B @ problem.gain(X), permute=False, separate=True)
     T, Z = linalg.schur(closed, output="complex")
     poles = np.asarray(np.diag(T), dtype=complex)
     if _abscissa(poles) >= 0.0:
         return None, poles
     solve = linalg.get_lapack_funcs("trsyl", (T,))
-    Y, scale, _ = solve(T, T, -(Z.conj().T @ _even(residual) @ Z), trana="C")
-    return _even(np.real(Z @ (Y / scale) @ Z.conj().T)), poles
+    scaled = _even(residual) * np.outer(d, d)
+    Y, scale, _ = solve(T, T, -(Z.conj().T @ scaled @ Z), trana="C")
+    return _even(np.real(Z @ (Y / scale) @ Z.conj().T)) / np.outer(d, d), poles
 
 
 def _polished(problem: RiccatiProblem, X: Array) -> RiccatiSolution:

@@ -7,14 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.analysis.gramians import band_integral, factors, gramian_residual
 from boomctl.analysis.norm import StateMatrices, state_matrices
 from boomctl.analysis.singular import singular_values
+from boomctl.analysis.spectral import diagonalized
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.reduction.balanced import balance
 from boomctl.reduction.core import structure_core
-from boomctl.reduction.gramians import band_integral, factors, gramian_residual
 from boomctl.reduction.hankel import hankel_optimal
-from boomctl.reduction.spectral import diagonalized
 from boomctl.reduction.verify import difference
 from tests.reduction.test_reduce import stable_system
 from tests.strategies import seeds

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from boomctl.output import plain, write_whole
+from boomctl.reporting import Picture, Section, Table, bound_reports, html_report
 from boomctl.reproduce.boom import compute
 from boomctl.reproduce.published import TABLE_1
-from boomctl.reproduce.report import Picture, Section, Table, bound_reports, html_report
 
 
 @pytest.fixture(scope="module")

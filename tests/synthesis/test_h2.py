@@ -66,6 +66,7 @@ def test_the_norm_is_slycots_and_the_closed_loops_own(seed):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_lqg_is_a_special_case(seed):
     system, Q, R, W, V = problem(seed)
     design = bc.h2(generalised(system, Q, R, W, V), 2, 2)
@@ -187,3 +188,44 @@ def test_combinations_that_nothing_weighs_are_named():
 def test_numbers_of_signals_that_are_not_there_are_refused(counts, message):
     with pytest.raises(ValueError, match=message):
         bc.h2(integrator(), *counts)
+
+
+def lightly_damped(modes=40, damping=5e-4):
+    """Forty modes over three decades, barely damped, with weak weights and little noise."""
+    rng = np.random.default_rng(0)
+    omega = np.geomspace(1.0, 1000.0, modes)
+    A = np.block([[np.zeros((modes, modes)), np.eye(modes)], [-np.diag(omega**2), -np.diag(2.0 * damping * omega)]])
+    B = np.vstack([np.zeros((modes, 5)), rng.standard_normal((modes, 5))])
+    C = np.hstack([rng.standard_normal((5, modes)), np.zeros((5, modes))])
+    B[:, 1:3], C[1:3] = 0.0, 0.0
+    D = np.zeros((5, 5))
+    D[1, 3] = D[2, 4] = D[3, 1] = D[4, 2] = 1e-3
+    return control.ss(A, B, C, D, inputs=INPUTS, outputs=OUTPUTS)
+
+
+def test_eighty_lightly_damped_states():
+    P = lightly_damped()
+    design = bc.h2(P, 2, 2)
+    assert design.certificate.disagreement < 1e-5
+    assert design.poles.real.max() < 0.0
+    assert design.norm < 0.5 * quadratic_norm(StateMatrices(P.A, P.B[:, :1], P.C[:1], np.zeros((1, 1)))).value
+
+
+def test_the_boom_from_track_to_tip():
+    model = bc.split_symmetric(bc.spray_boom(elements=20, accelerometer_bandwidth_hz=50.0))[1]
+    P = bc.generalized_plant(
+        model,
+        disturbances={"actuator_anti": 0.03},
+        performance={"tip_anti": 1.0},
+        effort={"suspension_anti": 1e-3},
+        noises={"stroke_anti": 1e-3, "tip_acceleration_anti": 1e-2},
+        measurements=["stroke_anti", "tip_acceleration_anti"],
+        controls="suspension_anti",
+    )
+    design = bc.h2(P, 2, 1)
+    assert design.controller.input_labels == ["stroke_anti", "tip_acceleration_anti"]
+    assert design.controller.output_labels == ["suspension_anti"]
+    assert design.closed_loop.output_labels == ["z_tip_anti", "z_suspension_anti"]
+    assert design.certificate.disagreement < 1e-5
+    open_loop = P[["z_tip_anti"], ["w_actuator_anti"]]
+    assert design.norm < 0.5 * quadratic_norm(matrices(open_loop)).value

@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import linalg
 
@@ -36,6 +36,7 @@ def test_a_mass_pushed_by_noise(w, v):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_the_covariance_is_that_of_the_error_and_no_other_gain_has_less(seed):
     rng = np.random.default_rng(seed)
     system, W, V = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
@@ -51,6 +52,7 @@ def test_the_covariance_is_that_of_the_error_and_no_other_gain_has_less(seed):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_noise_fed_through_to_a_measurement_is_noise_on_both(seed):
     rng = np.random.default_rng(seed)
     bare = random_system(seed, unstable=False)
@@ -67,6 +69,7 @@ def test_noise_fed_through_to_a_measurement_is_noise_on_both(seed):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_the_estimator_follows_a_known_input_without_error(seed):
     system = random_system(seed, unstable=False)
     design = bc.kalman(system, {"u0": 1.0}, 1.0, measurements=["y0", "y1"])

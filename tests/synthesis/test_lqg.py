@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.analysis.norm import StateMatrices
+from boomctl.analysis.norm import StateMatrices, state_matrices
 from boomctl.synthesis.loop import closed
 from boomctl.synthesis.output_feedback import observer
 from boomctl.synthesis.partition import partition
@@ -58,6 +58,7 @@ def test_an_integrator_in_closed_form(q, r, w, v):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_separation_and_the_cost_by_three_routes(seed):
     system, Q, R, W, V = problem(seed)
     design = bc.lqg(system, Q, R, W, V)
@@ -77,6 +78,7 @@ def test_separation_and_the_cost_by_three_routes(seed):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_any_other_controller_costs_more(seed):
     rng = np.random.default_rng(seed)
     system, Q, R, W, V = problem(seed)
@@ -91,22 +93,28 @@ def test_any_other_controller_costs_more(seed):
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_the_controller_follows_units_and_coordinates(seed):
     rng = np.random.default_rng(seed)
     system, Q, R, W, V = problem(seed)
     design = bc.lqg(system, Q, R, W, V)
-    T = np.diag(10.0 ** rng.uniform(-2, 2, 5)) @ np.linalg.qr(rng.standard_normal((5, 5)))[0]
+    T = np.diag(10.0 ** rng.uniform(-1, 1, 5)) @ np.linalg.qr(rng.standard_normal((5, 5)))[0]
     u, y = np.diag(10.0 ** rng.uniform(-3, 3, 2)), np.diag(10.0 ** rng.uniform(-3, 3, 2))
     inverse = np.linalg.inv(T)
     same = control.ss(inverse @ system.A @ T, inverse @ system.B @ u, y @ system.C @ T, system.D)
     other = bc.lqg(same, _even(T.T @ Q @ T), u @ R @ u, _even(inverse @ W @ inverse.T), y @ V @ y)
     assert other.cost == pytest.approx(design.cost, rel=1e-5)
+    gain = u @ other.regulator_gain @ inverse
+    assert gain == pytest.approx(design.regulator_gain, rel=1e-5, abs=1e-6 * np.abs(gain).max())
+    gain = T @ other.filter_gain @ y
+    assert gain == pytest.approx(design.filter_gain, rel=1e-5, abs=1e-6 * np.abs(gain).max())
     for w in (0.1, 1.0, 10.0):
         expected = design.controller(1j * w)
         assert u @ other.controller(1j * w) @ y == pytest.approx(expected, rel=1e-4, abs=1e-5 * np.abs(expected).max())
 
 
 @given(seeds)
+@settings(max_examples=40)
 def test_feedthrough_from_controls_to_measurements_is_known_to_the_controller(seed):
     rng = np.random.default_rng(seed)
     system, Q, R, W, V = problem(seed)
@@ -139,13 +147,10 @@ def test_the_closed_loop_is_the_plant_joined_with_the_controller():
         inputs=["actuator_left", "actuator_right", "cradle"],
         outputs=list(model.outputs),
     )
-    for w in (0.5, 1.54, 17.5):
-        expected, found = design.closed_loop(1j * w), whole(1j * w)
-        size = np.abs(expected).max(
-            axis=1, keepdims=True
-        )  # an output read as b^2 times a small difference loses digits
-        assert (np.abs(found - expected) / size).max() < 1e-4
-        assert found[:5] == pytest.approx(expected[:5], rel=1e-4, abs=1e-5 * size[:5].max())
+    # states balanced: python-control's own evaluation keeps only six digits of a controller with gains of 1e5
+    omega = np.array([0.5, 1.54, 17.5])
+    expected = state_matrices(design.closed_loop).response(omega)
+    assert state_matrices(whole).response(omega) == pytest.approx(expected, rel=1e-6, abs=1e-8)
 
 
 def test_the_fine_boom_costs_what_the_coarse_one_does():

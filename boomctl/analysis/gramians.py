@@ -4,8 +4,8 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.norm import StateMatrices
+from boomctl.analysis.spectral import ModalSystem
 from boomctl.arrays import Array, Complex
-from boomctl.reduction.spectral import ModalSystem
 
 __all__ = ["band_integral", "factors", "gramian_residual"]
 

@@ -13,18 +13,19 @@ h1{font-size:1.6rem;margin-bottom:.2rem}h2{font-size:1.15rem;margin-top:2.2rem;b
 table{display:block;overflow-x:auto;
 border-collapse:collapse;margin:.8rem 0;font-variant-numeric:tabular-nums;font-size:.87rem}
 th,td{padding:.22rem .6rem;text-align:right;border-bottom:1px solid #e4e4e4}th{background:#f3f5f7}
-th:first-child,td:first-child{text-align:left}img{max-width:100%;height:auto}
+th:first-child,td:first-child,table.prose th,table.prose td{text-align:left}img{max-width:100%;height:auto}
 figcaption,.note{color:#444;font-size:.9rem}figure{margin:1rem 0}
 """
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table: column heads, lines of text, a caption."""
+    """A table: column heads, lines of text, a caption; ``prose`` sets words, not numbers, to the left."""
 
     heads: tuple[str, ...]
     lines: tuple[tuple[str, ...], ...]
     caption: str = ""
+    prose: bool = False
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,8 @@ def _table(table: Table) -> str:
     heads = "".join(f"<th>{escape(head)}</th>" for head in table.heads)
     lines = "\n".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in line) + "</tr>" for line in table.lines)
     caption = f"<p class='note'>{escape(table.caption)}</p>" if table.caption else ""
-    return f"<table><thead><tr>{heads}</tr></thead><tbody>\n{lines}\n</tbody></table>{caption}"
+    kind = " class='prose'" if table.prose else ""
+    return f"<table{kind}><thead><tr>{heads}</tr></thead><tbody>\n{lines}\n</tbody></table>{caption}"
 
 
 def _picture(picture: Picture) -> str:

@@ -1,0 +1,151 @@
+"""Certified H2 norms.
+
+Three ways to one number: the Gramian of controllability, that of observability (both in modal coordinates where there
+are any, so that light damping costs no digits), and the sum over pairs of modes
+``|G|^2 = -sum_ij (c_i^* c_j)(b_j b_i^*)/(p_j + p_i^*)``.  What the equations of the Gramians leave over bounds the error:
+with ``A P + P A^T + B B^T = R`` the square of the norm is ``tr(C P C^T) - tr(R Q)``, exactly.
+"""
+
+from dataclasses import dataclass
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.analysis.gramians import factors
+from boomctl.analysis.model_norm import modal_realization
+from boomctl.analysis.norm import StateMatrices, grows_towards, state_matrices
+from boomctl.analysis.spectral import ModalSystem, diagonalized, spectral_parts
+from boomctl.arrays import Array, Complex
+from boomctl.structure.second_order import SecondOrderModel
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["H2Certificate", "h2_norm", "matrices_h2"]
+
+_AXIS = 1e-10
+_AGREEMENT = 1e-6
+_EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class H2Certificate:
+    """An H2 norm between two bounds.
+
+    Attributes
+    ----------
+    value : float
+        The norm; ``inf`` with a feedthrough, an unstable pole, or an undamped mode that shows.
+    lower, upper : float
+        Bounds from the residual of the Gramian's equation.
+    gap : float
+        Largest relative difference of the values by the Gramian of controllability, by that of observability and by
+        the modes.
+    method : str
+        How it was obtained, or why it is infinite.
+    """
+
+    value: float
+    lower: float
+    upper: float
+    gap: float
+    method: str
+
+    @property
+    def certified(self) -> bool:
+        """Whether bounds and independent values agree to a millionth, or the norm is known to be infinite."""
+        if self.value == inf:
+            return True
+        return self.gap <= _AGREEMENT and self.upper - self.lower <= _AGREEMENT * self.upper
+
+
+def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
+    """Return the certified H2 norm: the RMS of the outputs to white noise of unit intensity at every input.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system, discrete time, not finite; an output of a structure that needs a derivative of an input.
+    """
+    import control
+
+    if isinstance(system, SecondOrderModel):
+        realized = modal_realization(system)
+    elif isinstance(system, control.StateSpace):
+        realized = system
+    else:
+        raise TypeError(f"system: expected SecondOrderModel or StateSpace, got {type(system).__name__}")
+    return matrices_h2(state_matrices(realized), tuple(realized.input_labels), tuple(realized.output_labels))
+
+
+def matrices_h2(system: StateMatrices, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> H2Certificate:
+    """Return the certified H2 norm of ``A, B, C, D``; the names serve the message of an infinite one."""
+    if system.D.any():
+        o, i = np.unravel_index(int(np.argmax(np.abs(system.D))), system.D.shape)
+        names = (outputs[int(o)] if outputs else f"output {o}", inputs[int(i)] if inputs else f"input {i}")
+        return _infinite(f"a feedthrough to {names[0]!r} from {names[1]!r}")
+    if not len(system.A) or min(system.D.shape) == 0:
+        return H2Certificate(0.0, 0.0, 0.0, 0.0, "no response")
+    poles = linalg.eigvals(system.A)
+    size = np.abs(poles).max()
+    unstable = poles.real > _AXIS * np.maximum(np.abs(poles), 1e-3 * size)
+    if unstable.any():
+        return _infinite(f"an unstable pole at {_written(poles[unstable][0])} rad/s")
+    axis = poles[np.abs(poles.real) <= _AXIS * np.maximum(np.abs(poles), 1e-6)]
+    for omega in np.unique(np.abs(axis.imag)):
+        others = np.abs(poles[np.abs(np.abs(poles.imag) - omega) > 1e-6 * size])
+        scale = float(omega) if omega > 0.0 else float(others.min(initial=1.0))
+        if grows_towards(system.response, float(omega), scale):
+            return _infinite(f"a pole on the imaginary axis, at {omega:.6g} rad/s")
+    return _finite(spectral_parts(system)[0] if len(axis) else system)
+
+
+def _infinite(why: str) -> H2Certificate:
+    return H2Certificate(inf, inf, inf, 0.0, why)
+
+
+def _written(pole: complex) -> str:
+    return f"{pole.real:.4g}{pole.imag:+.4g}j"
+
+
+def _finite(system: StateMatrices) -> H2Certificate:
+    """Return the norm of a stable system without feedthrough."""
+    if not len(system.A):
+        return H2Certificate(0.0, 0.0, 0.0, 0.0, "no mode that shows")
+    modal = diagonalized(system)
+    used = system if modal is None else modal.blocks
+    F, H = factors(used, None)
+    by_control, by_observation = float(np.linalg.norm(used.C @ F)), float(np.linalg.norm(used.B.T @ H))
+    values = [by_control, by_observation] + ([] if modal is None else [_by_modes(modal)])
+    largest = max(values)
+    gap = (largest - min(values)) / largest if largest > 0.0 else 0.0
+    margin = _leftover(used, F, H)
+    square = by_control**2
+    return H2Certificate(
+        by_control,
+        float(np.sqrt(max(square - margin, 0.0))),
+        float(np.sqrt(square + margin)),
+        gap,
+        "two Gramians" if modal is None else "two Gramians and the modes",
+    )
+
+
+def _by_modes(modal: ModalSystem) -> float:
+    """Return the norm as a sum over pairs of modes."""
+    p = modal.poles
+    acting: Complex = modal.B @ modal.B.conj().T
+    reading: Complex = modal.C.conj().T @ modal.C
+    square = -np.sum(reading.T * acting / (p[:, None] + p.conj()[None, :]))
+    return float(np.sqrt(max(float(square.real), 0.0)))
+
+
+def _leftover(system: StateMatrices, F: Array, H: Array) -> float:
+    """Return a bound of ``|tr(R Q)|``, the rounding of ``R`` itself included."""
+    A, B = system.A, system.B
+    P = F @ F.T
+    AP, BB = A @ P, B @ B.T
+    rounding = 2.0 * len(A) * _EPS * (2.0 * (np.abs(A) @ np.abs(P)) + np.abs(BB))
+    Q = H @ H.T
+    return float(np.sum((np.abs(AP + AP.T + BB) + rounding + rounding.T) * np.abs(Q)))

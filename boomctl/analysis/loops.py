@@ -1,0 +1,295 @@
+"""Feedback loops ``u = K y`` closed by name, with signals added at controls and measurements."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import linalg
+
+from boomctl.analysis.norm import StateMatrices, state_matrices
+from boomctl.arrays import Array, Complex
+from boomctl.checks import frequencies, known, names
+from boomctl.structure.second_order import SecondOrderModel
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["Loop", "closed_loop_response", "controller_of", "feedback_loop", "joined", "named_response", "plant_of"]
+
+_WELL_POSED = 1e-12
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A plant and a controller, ``u = K y``, as one system with every signal around the loop at hand.
+
+    ``system`` has the plant's remaining inputs, then what is added to each control, then what is added to each
+    measurement; its outputs are the plant's, then the controls as the plant feels them, then the measurements as the
+    controller reads them.
+
+    Attributes
+    ----------
+    disturbances, controls, measurements, outputs : tuple of str
+        Names; ``outputs`` are all of the plant's.
+    system : StateMatrices
+        Plant states first, then the controller's.
+    states : tuple of str
+        Their names.
+    """
+
+    disturbances: tuple[str, ...]
+    controls: tuple[str, ...]
+    measurements: tuple[str, ...]
+    outputs: tuple[str, ...]
+    system: StateMatrices
+    states: tuple[str, ...]
+
+    @property
+    def poles(self) -> Complex:
+        """Poles of the closed loop [rad/s]."""
+        return linalg.eigvals(self.system.A) if len(self.system.A) else np.zeros(0, complex)
+
+    def balanced(self, rows: Sequence[int], columns: Sequence[int]) -> StateMatrices:
+        """Return the system between some of its signals, states balanced."""
+        s = self.system
+        B, C, D = s.B[:, list(columns)], s.C[list(rows)], s.D[np.ix_(list(rows), list(columns))]
+        if not len(s.A):
+            return StateMatrices(s.A, B, C, D)
+        A, (scale, _) = linalg.matrix_balance(s.A, permute=False, separate=True)
+        return StateMatrices(A, B / scale[:, None], C * scale, D)
+
+    @property
+    def sensitivity(self) -> StateMatrices:
+        """From what is added to controls and measurements to controls and measurements: ``(I - [0 K; G 0])^-1``."""
+        first, size = len(self.disturbances), len(self.controls) + len(self.measurements)
+        last = len(self.outputs)
+        return self.balanced(range(last, last + size), range(first, first + size))
+
+
+def plant_of(plant: "SecondOrderModel | control.StateSpace") -> "control.StateSpace":
+    """Return a plant as a continuous-time state-space system, refused if it is neither that nor a structure."""
+    import control
+
+    if isinstance(plant, SecondOrderModel):
+        return plant.to_statespace()
+    if not isinstance(plant, control.StateSpace):
+        raise TypeError(f"plant: expected SecondOrderModel or StateSpace, got {type(plant).__name__}")
+    state_matrices(plant)
+    return plant
+
+
+def controller_of(controller: "control.StateSpace") -> "control.StateSpace":
+    """Return a controller, refused if it is not a continuous-time state-space system."""
+    import control
+
+    if not isinstance(controller, control.StateSpace):
+        raise TypeError(f"controller: expected StateSpace, got {type(controller).__name__}")
+    state_matrices(controller)
+    return controller
+
+
+def joined(plant: "SecondOrderModel | control.StateSpace", controller: "control.StateSpace") -> Loop:
+    """Return the loop of a plant and a controller, found by name.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Other kinds of system, discrete time; a controller's input that is no output of the plant, or its output no
+        input of it; a loop that is not well-posed.
+    """
+    P, K = plant_of(plant), controller_of(controller)
+    for label in K.input_labels:
+        known("plant output (it is an input of the controller)", label, P.output_labels)
+    for label in K.output_labels:
+        known("plant input (it is an output of the controller)", label, P.input_labels)
+    measured = [P.output_labels.index(label) for label in K.input_labels]
+    acting = [P.input_labels.index(label) for label in K.output_labels]
+    others = [i for i in range(P.ninputs) if i not in acting]
+    return Loop(
+        tuple(P.input_labels[i] for i in others),
+        tuple(K.output_labels),
+        tuple(K.input_labels),
+        tuple(P.output_labels),
+        _closed(_matrices(P), _matrices(K), (others, acting), measured),
+        tuple(P.state_labels) + tuple(f"controller_{label}" for label in K.state_labels),
+    )
+
+
+def _matrices(system: "control.StateSpace") -> StateMatrices:
+    return StateMatrices(*(np.asarray(getattr(system, name), dtype=float) for name in ("A", "B", "C", "D")))
+
+
+def _closed(
+    P: StateMatrices, K: StateMatrices, inputs: tuple[Sequence[int], Sequence[int]], measured: Sequence[int]
+) -> StateMatrices:
+    """Return the loop: with the signals ``l = (u, y)`` around it, ``l = C2 x + D21 w + D22 l``."""
+    others, acting = list(inputs[0]), list(inputs[1])
+    n, k, m, p = len(P.A), len(K.A), len(acting), len(measured)
+    w, outputs = len(others), len(P.C)
+    A = linalg.block_diag(P.A, K.A).reshape(n + k, n + k)
+    B1 = np.zeros((n + k, w + m + p))
+    B1[:n, :w] = P.B[:, others]
+    B2 = linalg.block_diag(P.B[:, acting].reshape(n, m), K.B.reshape(k, p)).reshape(n + k, m + p)
+    C2 = np.vstack([np.hstack([np.zeros((m, n)), K.C]), np.hstack([P.C[measured], np.zeros((p, k))])])
+    D21 = np.vstack([np.zeros((m, w)), P.D[np.ix_(measured, others)]])
+    D21 = np.hstack([D21, np.eye(m + p)])
+    D22 = np.zeros((m + p, m + p))
+    D22[:m, m:], D22[m:, :m] = K.D, P.D[np.ix_(measured, acting)]
+    solved = _well_posed(np.eye(m + p) - D22)
+    C1 = np.hstack([P.C, np.zeros((outputs, k))])
+    D11 = np.hstack([P.D[:, others], np.zeros((outputs, m + p))])
+    D12 = np.hstack([P.D[:, acting], np.zeros((outputs, p))])
+    return StateMatrices(
+        A + B2 @ solved @ C2,
+        B1 + B2 @ solved @ D21,
+        np.vstack([C1 + D12 @ solved @ C2, solved @ C2]),
+        np.vstack([D11 + D12 @ solved @ D21, solved @ D21]),
+    )
+
+
+def _well_posed(matrix: Array) -> Array:
+    """Return the inverse of ``I - D22``."""
+    values = linalg.svdvals(matrix)
+    if values[-1] <= _WELL_POSED * max(1.0, values[0]):
+        raise ValueError("the loop is not well-posed: the feedthroughs of plant and controller cancel one another")
+    return linalg.inv(matrix)
+
+
+def feedback_loop(
+    plant: "SecondOrderModel | control.StateSpace",
+    controller: "control.StateSpace",
+    added: str | Sequence[str] = (),
+) -> "control.StateSpace":
+    """Return the closed loop ``u = K y``; signals of plant and controller meet by name.
+
+    Parameters
+    ----------
+    plant : SecondOrderModel or control.StateSpace
+    controller : control.StateSpace
+        Its inputs are outputs of the plant, its outputs inputs of the plant.
+    added : str or sequence of str, optional
+        Controls and measurements at which a further signal is added, ``u = K (y + n) + v``; its name is that of the
+        signal with ``_added`` behind it.
+
+    Returns
+    -------
+    control.StateSpace
+        Inputs: those of the plant that the controller does not drive, then those added.  Outputs: those of the plant,
+        then the controls as the plant feels them (under their own names).
+
+    Raises
+    ------
+    TypeError, ValueError
+        Other kinds of system, discrete time; names that do not meet; nothing left to drive the loop; a loop that is
+        not well-posed.
+    """
+    import control
+
+    loop = joined(plant, controller)
+    around = loop.controls + loop.measurements
+    extra = names("control or measurement", added, around)
+    if not loop.disturbances and not extra:
+        raise ValueError(
+            f"the controller drives every input of the plant, and nothing drives the loop: name in added some of {around}"
+        )
+    columns = [*range(len(loop.disturbances)), *(len(loop.disturbances) + around.index(name) for name in extra)]
+    rows = range(len(loop.outputs) + len(loop.controls))
+    s = loop.system
+    return control.ss(
+        s.A,
+        s.B[:, columns],
+        s.C[list(rows)],
+        s.D[np.ix_(list(rows), columns)],
+        inputs=[*loop.disturbances, *(f"{name}_added" for name in extra)],
+        outputs=[*loop.outputs, *loop.controls],
+        states=list(loop.states),
+        name="closed loop",
+        remove_useless_states=False,
+    )
+
+
+def closed_loop_response(
+    plant: "Callable[[Array], control.FrequencyResponseData] | control.FrequencyResponseData",
+    controller: "control.StateSpace",
+    omega: ArrayLike | None = None,
+) -> "control.FrequencyResponseData":
+    """Return the frequency response of the loop ``u = K y`` of a plant known by its frequency response.
+
+    Parameters
+    ----------
+    plant : control.FrequencyResponseData, or function from frequencies [rad/s] to it
+        Such as the response of an exact boom; its signals are named.
+    controller : control.StateSpace
+        Its inputs are outputs of the plant, its outputs inputs of the plant.
+    omega : array_like, optional
+        Angular frequencies [rad/s]; only with a function.
+
+    Returns
+    -------
+    control.FrequencyResponseData
+        From the inputs that the controller does not drive to the plant's outputs and the controls.  It says nothing of
+        stability: see :func:`boomctl.exact_loop_stability`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Names that do not meet; no frequencies, or frequencies beside data that have their own; a loop with a pole at
+        a frequency asked for.
+    """
+    import control
+
+    data = named_response(plant, omega)
+    K = controller_of(controller)
+    grid, G = np.asarray(data.omega, dtype=float), np.moveaxis(np.asarray(data.frdata), 2, 0)
+    measured = [
+        data.output_labels.index(known("plant output (it is an input of the controller)", label, data.output_labels))
+        for label in K.input_labels
+    ]
+    acting = [
+        data.input_labels.index(known("plant input (it is an output of the controller)", label, data.input_labels))
+        for label in K.output_labels
+    ]
+    others = [i for i in range(data.ninputs) if i not in acting]
+    if not others:
+        raise ValueError("the controller drives every input of the plant, and nothing drives the loop")
+    Kw = np.moveaxis(state_matrices(K).response(grid), 2, 0)
+    loop = np.eye(len(acting)) - Kw @ G[:, measured][:, :, acting]
+    try:
+        u = np.linalg.solve(loop, Kw @ G[:, measured][:, :, others])
+    except np.linalg.LinAlgError:
+        raise ValueError("the loop has a pole at one of the frequencies asked for") from None
+    z = G[:, :, others] + G[:, :, acting] @ u
+    return control.frd(
+        np.moveaxis(np.concatenate([z, u], axis=1), 0, 2),
+        grid,
+        inputs=[data.input_labels[i] for i in others],
+        outputs=[*data.output_labels, *K.output_labels],
+        name="closed loop",
+    )
+
+
+def named_response(
+    plant: "Callable[[Array], control.FrequencyResponseData] | control.FrequencyResponseData",
+    omega: ArrayLike | None,
+) -> "control.FrequencyResponseData":
+    """Return the frequency response of a plant, whether it is data or a function of frequency; refused if not finite."""
+    import control
+
+    if isinstance(plant, control.FrequencyResponseData):
+        if omega is not None:
+            raise ValueError("omega: frequency response data have their own frequencies; leave it out")
+        data: Any = plant
+    elif callable(plant):
+        if omega is None:
+            raise ValueError("omega: expected frequencies at which to ask the plant's response")
+        data = plant(frequencies("omega", omega))
+        if not isinstance(data, control.FrequencyResponseData):
+            raise TypeError(f"plant: expected a function that returns FrequencyResponseData, got {type(data).__name__}")
+    else:
+        kind = type(plant).__name__
+        raise TypeError(f"plant: expected FrequencyResponseData or a function of frequency, got {kind}")
+    if not np.isfinite(np.asarray(data.frdata)).all():
+        raise ValueError("plant: expected a finite frequency response")
+    return data

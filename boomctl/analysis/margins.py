@@ -1,0 +1,284 @@
+"""Margins of feedback loops ``u = K y``: gain, phase and delay one loop at a time, and disk margins.
+
+A disk margin ``alpha`` says that every loop in question may be multiplied by any number, or stable system, in the disk
+with the diameter from ``(1 - a/2)/(1 + a/2)`` to its inverse, all ``a < alpha``, all loops at once.  It is
+``2/|S - T|`` in the H-infinity norm (Seiler, Packard & Gahinet 2020, IEEE Control Systems 40), here with a constant
+diagonal scaling, so that it does not depend on units, and the certified upper bound of that norm.
+"""
+
+from dataclasses import dataclass
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import optimize
+
+from boomctl.analysis.loops import joined
+from boomctl.analysis.norm import Response, StateMatrices, axis_eigenvalues, matrices_norm
+from boomctl.analysis.sigma import resolved_grid
+from boomctl.analysis.singular import singular_values
+from boomctl.arrays import Array, Complex
+
+if TYPE_CHECKING:
+    import control
+
+    from boomctl.structure.second_order import SecondOrderModel
+
+__all__ = ["DiskMargin", "LoopMargin", "Margins", "margins"]
+
+_ONE = 1e-9
+_REST = 1e-9
+_POLE = 1e-12
+
+
+@dataclass(frozen=True)
+class DiskMargin:
+    """A disk margin that is guaranteed: of the certified upper bound of a norm.
+
+    Attributes
+    ----------
+    alpha : float
+        The margin, at most 2.
+    omega : float
+        Frequency at which it is least [rad/s]; ``inf`` where it is the loop's own at high frequency.
+    certified : bool
+        Whether the norm is known to one part in 1e5.
+    """
+
+    alpha: float
+    omega: float
+    certified: bool
+
+    @property
+    def gain(self) -> float:
+        """Factor by which the gains may rise, and by which they may fall."""
+        return (2.0 + self.alpha) / (2.0 - self.alpha) if self.alpha < 2.0 * (1.0 - _ONE) else inf
+
+    @property
+    def phase_deg(self) -> float:
+        """Angle by which the phases may turn [degrees]."""
+        return float(np.degrees(2.0 * np.arctan(0.5 * self.alpha)))
+
+
+@dataclass(frozen=True)
+class LoopMargin:
+    """Margins of one loop, opened at one signal with all others closed.
+
+    Attributes
+    ----------
+    signal, place : str
+        Where it is opened; ``"control"`` or ``"measurement"``.
+    gain_low, gain_high : float
+        The loop stays stable for factors between these; 0 and ``inf`` where there is no limit.
+    gain_low_omega, gain_high_omega : float
+        Frequencies of the limits [rad/s]; ``nan`` without.
+    phase_deg, phase_omega : float
+        Least angle that makes it unstable, and where; ``inf`` and ``nan`` without a crossing of gain one.
+    delay, delay_omega : float
+        Least delay that makes it unstable [s], and where.
+    disk : DiskMargin
+    """
+
+    signal: str
+    place: str
+    gain_low: float
+    gain_low_omega: float
+    gain_high: float
+    gain_high_omega: float
+    phase_deg: float
+    phase_omega: float
+    delay: float
+    delay_omega: float
+    disk: DiskMargin
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins of a loop.
+
+    Attributes
+    ----------
+    loops : tuple of LoopMargin
+        One for each control, then one for each measurement.
+    controls, measurements, everywhere : DiskMargin
+        All controls at once; all measurements at once; both together.
+    """
+
+    loops: tuple[LoopMargin, ...]
+    controls: DiskMargin
+    measurements: DiskMargin
+    everywhere: DiskMargin
+
+    def __getitem__(self, signal: str) -> LoopMargin:
+        from boomctl.checks import known
+
+        return self.loops[
+            [loop.signal for loop in self.loops].index(known("loop", signal, [x.signal for x in self.loops]))
+        ]
+
+    def render(self) -> str:
+        """Return the margins as text."""
+        lines = [f"{'opened at':24s} {'gain from':>9s} {'to':>9s} {'phase [deg]':>11s} {'delay [s]':>10s} {'disk':>6s}"]
+        for x in self.loops:
+            numbers = f"{x.gain_low:9.4g} {x.gain_high:9.4g} {x.phase_deg:11.4g} {x.delay:10.4g} {x.disk.alpha:6.3f}"
+            lines.append(f"{x.signal:24s} {numbers}")
+        for name in ("controls", "measurements", "everywhere"):
+            disk: DiskMargin = getattr(self, name)
+            lines.append(
+                f"{'all at once: ' + name:24s} {1.0 / disk.gain:9.4g} {disk.gain:9.4g} {disk.phase_deg:11.4g}"
+                f" {'':10s} {disk.alpha:6.3f}"
+            )
+        return "\n".join(lines)
+
+
+def margins(plant: "SecondOrderModel | control.StateSpace", controller: "control.StateSpace") -> Margins:
+    """Return the margins of the loop ``u = K y``, signals found by name.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Other kinds of system, names that do not meet, a loop that is not well-posed, or not stable.
+    """
+    loop = joined(plant, controller)
+    poles = loop.poles
+    if len(poles) and poles.real.max() >= 0.0:
+        worst = poles[int(np.argmax(poles.real))]
+        raise ValueError(f"the loop is not stable (pole at {worst:.4g} rad/s): it has no margins")
+    S = loop.sensitivity
+    m, total = len(loop.controls), len(S.D)
+    places = ["control"] * m + ["measurement"] * (total - m)
+    loops = tuple(
+        _loop_margin(name, place, _only(S, [i]))
+        for i, (name, place) in enumerate(zip(loop.controls + loop.measurements, places, strict=True))
+    )
+    first, second, every = (_disk(_only(S, list(rows))) for rows in (range(m), range(m, total), range(total)))
+    return Margins(loops, first, second, every)
+
+
+def _only(S: StateMatrices, chosen: list[int]) -> StateMatrices:
+    return StateMatrices(S.A, S.B[:, chosen], S.C[chosen], S.D[np.ix_(chosen, chosen)])
+
+
+def _disk(S: StateMatrices) -> DiskMargin:
+    """Return the disk margin of a sensitivity; ``S - T = 2 S - 1``."""
+    balanced = StateMatrices(S.A, S.B, 2.0 * S.C, 2.0 * S.D - np.eye(len(S.D)))
+    scale = _scaling(balanced)
+    scaled = StateMatrices(S.A, balanced.B / scale, scale[:, None] * balanced.C, scale[:, None] * balanced.D / scale)
+    norm = matrices_norm(scaled)
+    bound = norm.upper if norm.upper < inf else inf
+    return DiskMargin(min(2.0 / bound, 2.0), norm.omega, norm.certified)
+
+
+def _scaling(system: StateMatrices) -> Array:
+    """Return a constant diagonal scaling that makes the largest singular value small; it is convex in its logarithm."""
+    n = len(system.D)
+    if n == 1:
+        return np.ones(1)
+    G = system.response(_grid(system))
+    size = np.abs(G).max(axis=2)
+    start = np.zeros(n)
+    for _ in range(50):
+        for i in range(n):
+            scaled = np.exp(start)[:, None] * size / np.exp(start)
+            row, column = (np.delete(x, i).max() for x in (scaled[i], scaled[:, i]))
+            if row > 0.0 and column > 0.0:
+                start[i] += 0.5 * np.log(column / row)
+
+    def largest(log: Array) -> float:
+        d = np.exp(np.append(log, 0.0))
+        return float(singular_values(d[:, None, None] * G / d[None, :, None])[0].max())
+
+    found = optimize.minimize(
+        largest, start[:-1] - start[-1], method="Nelder-Mead", options={"maxiter": 80 * n, "xatol": 1e-4, "fatol": 1e-6}
+    )
+    best = found.x if largest(found.x) < largest(start[:-1] - start[-1]) else start[:-1] - start[-1]
+    return np.exp(np.append(best, 0.0))
+
+
+def _grid(system: StateMatrices) -> Array:
+    poles: Complex = np.linalg.eigvals(system.A) if len(system.A) else np.zeros(0, complex)
+    if not len(poles):
+        return np.array([0.0])
+    upper = poles[(poles.imag >= 0.0) & (np.abs(poles) > _REST * np.abs(poles).max())]
+    size = np.abs(upper)
+    if not len(upper):
+        return np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 240)])
+    return np.concatenate([[0.0], resolved_grid(upper, 0.01 * float(size.min()), 100.0 * float(size.max()), np.nan)])
+
+
+def _loop_margin(signal: str, place: str, S: StateMatrices) -> LoopMargin:
+    """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``."""
+    disk = _disk(S)
+    open_loop = _opened(S)
+    grid = np.unique(np.concatenate([_grid(S), _grid(open_loop)]))
+
+    def response(omega: Array) -> Complex:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return 1.0 - 1.0 / S.response(np.atleast_1d(omega))[0, 0]
+
+    there = np.abs(S.response(grid)[0, 0]) > _POLE
+    grid = grid[there]
+    low, high = _gain_limits(response, grid, open_loop)
+    phase, delay = _phase_limits(response, grid, open_loop)
+    return LoopMargin(signal, place, *low, *high, *phase, *delay, disk)
+
+
+def _opened(S: StateMatrices) -> StateMatrices:
+    """Return ``L = 1 - 1/S``; where ``S`` is zero at infinite frequency there is none."""
+    d = float(S.D[0, 0])
+    return StateMatrices(S.A - S.B @ S.C / d, S.B / d, S.C / d, np.array([[1.0 - 1.0 / d]]))
+
+
+def _gain_limits(response: Response, grid: Array, L: StateMatrices) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the limits of the factor, each with its frequency: where ``L`` is real and positive, it is ``1/L``."""
+    values = response(grid)
+    flips = np.flatnonzero(np.sign(values.imag[:-1]) * np.sign(values.imag[1:]) < 0.0)
+    crossings = [
+        float(
+            optimize.brentq(
+                lambda w: float(response(np.array([w]))[0].imag), grid[i], grid[i + 1], xtol=1e-14, rtol=1e-12
+            )
+        )  # type: ignore[arg-type]
+        for i in flips
+    ]
+    crossings += [float(w) for w in grid[values.imag == 0.0]]
+    low, high = (0.0, float("nan")), (inf, float("nan"))
+    found = [(1.0 / float(x.real), w) for w in crossings if _positive(x := response(np.array([w]))[0])]
+    if L.D[0, 0] > 0.0:
+        found.append((1.0 / float(L.D[0, 0]), inf))
+    for factor, omega in found:
+        if factor > 1.0 and factor < high[0]:
+            high = (factor, omega)
+        elif low[0] < factor < 1.0:
+            low = (factor, omega)
+    return low, high
+
+
+def _positive(value: complex) -> bool:
+    """Return whether a value is a positive real number, not the other side of a pole."""
+    return bool(np.isfinite(value)) and value.real > 0.0 and abs(value.imag) < 1e-6 * abs(value)
+
+
+def _phase_limits(response: Response, grid: Array, L: StateMatrices) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the least angle [degrees] and the least delay [s] from ``L`` to one, where ``|L| = 1``."""
+    values = np.abs(response(grid)) - 1.0
+    flips = np.flatnonzero(values[:-1] * values[1:] < 0.0)
+    crossings = [
+        float(
+            optimize.brentq(
+                lambda w: float(np.abs(response(np.array([w]))[0])) - 1.0, grid[i], grid[i + 1], xtol=1e-14, rtol=1e-12
+            )
+        )  # type: ignore[arg-type]
+        for i in flips
+    ]
+    if abs(abs(float(L.D[0, 0])) - 1.0) > 1e-9 and len(L.A):
+        extra = axis_eigenvalues(L, 1.0)
+        crossings += [float(w) for w in extra if abs(abs(response(np.array([w]))[0]) - 1.0) < 1e-6]
+    phase, delay = (inf, float("nan")), (inf, float("nan"))
+    for omega in crossings:
+        angle = float(np.angle(response(np.array([omega]))[0]))
+        if abs(angle) < np.radians(phase[0]):
+            phase = (float(np.degrees(abs(angle))), omega)
+        if omega > 0.0 and (angle % (2.0 * np.pi)) / omega < delay[0]:
+            delay = ((angle % (2.0 * np.pi)) / omega, omega)
+    return phase, delay

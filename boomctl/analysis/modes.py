@@ -1,0 +1,135 @@
+"""Mode tables: frequency, damping, and which actuator and which sensor sees a mode.
+
+What a mode contributes to the response from input ``i`` to output ``o`` peaks, seen by itself, at ``|c_o| |b_i|/|Re p|``.
+A signal's share in a mode is that contribution against the largest of all modes between the same two signals: it depends
+neither on units, nor on the coordinates, nor on how signals are ordered.  Poles that decay so little that nothing finite can
+be said have share 1 where they show at all.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from boomctl.analysis.model_norm import modal_realization
+from boomctl.analysis.norm import StateMatrices, state_matrices
+from boomctl.analysis.spectral import diagonalized
+from boomctl.arrays import Array, Complex
+from boomctl.structure.second_order import SecondOrderModel
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["ModeRow", "ModeTable", "mode_table"]
+
+_UNDAMPED = 1e-12
+_HIDDEN = 1e-10
+
+
+@dataclass(frozen=True)
+class ModeRow:
+    """One mode: a pair of complex poles, or a real pole.
+
+    Attributes
+    ----------
+    pole : complex
+        Of non-negative imaginary part [rad/s].
+    input_shares, output_shares : (m,) and (p,) ndarray
+        From 0 to 1: how much of the largest modal peak between an input and any output (an output and any input) this
+        mode makes.
+    peaks : (p, m) ndarray
+        ``|c_o| |b_i|/|Re p|`` in units of output over input; ``inf`` for an undamped mode that shows.
+    """
+
+    pole: complex
+    input_shares: Array
+    output_shares: Array
+    peaks: Array
+
+    @property
+    def omega(self) -> float:
+        """Natural frequency ``|p|`` [rad/s]."""
+        return abs(self.pole)
+
+    @property
+    def frequency_hz(self) -> float:
+        """Damped frequency ``Im p/2 pi`` [Hz]."""
+        return self.pole.imag / (2.0 * np.pi)
+
+    @property
+    def damping(self) -> float:
+        """Damping ratio ``-Re p/|p|``; negative for an unstable mode, 0 at the origin."""
+        return -self.pole.real / abs(self.pole) if self.pole else 0.0
+
+
+@dataclass(frozen=True)
+class ModeTable:
+    """Modes in ascending natural frequency, and the signals they were asked for."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    rows: tuple[ModeRow, ...]
+
+    def __str__(self) -> str:
+        return self.render()
+
+    def render(self, count: int | None = None) -> str:
+        """Return the first modes as text, shares in per cent."""
+        wide = [max(len(name), 6) for name in (*self.inputs, *self.outputs)]
+        heads = [f"{name:>{w}}" for name, w in zip((*self.inputs, *self.outputs), wide, strict=True)]
+        lines = ["  omega [rad/s]   [Hz]  damping [%]  " + "  ".join(heads)]
+        for row in self.rows[:count]:
+            shares = [*row.input_shares, *row.output_shares]
+            cells = [f"{100.0 * share:{w}.1f}" for share, w in zip(shares, wide, strict=True)]
+            start = f"{row.omega:15.6g}{row.frequency_hz:7.4g}{100.0 * row.damping:13.4g}"
+            lines.append(start + "  " + "  ".join(cells))
+        return "\n".join(lines)
+
+
+def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
+    """Return the modes of a system, and how well each input moves and each output shows them.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system, discrete time, not finite; poles without eigenvectors of their own (a rigid body that
+        no support holds, equal poles in a chain).
+    """
+    import control
+
+    if isinstance(system, SecondOrderModel):
+        realized = modal_realization(system)
+    elif isinstance(system, control.StateSpace):
+        realized = system
+    else:
+        raise TypeError(f"system: expected SecondOrderModel or StateSpace, got {type(system).__name__}")
+    poles, peaks = modal_peaks(state_matrices(realized))
+    return ModeTable(tuple(realized.input_labels), tuple(realized.output_labels), _rows(poles, peaks))
+
+
+def modal_peaks(system: StateMatrices) -> tuple[Complex, Array]:
+    """Return the poles of non-negative imaginary part, ascending in size, and ``|c_o| |b_i|/|Re p|``, (modes, p, m)."""
+    modal = diagonalized(system)
+    if modal is None:
+        raise ValueError(
+            "system: it has poles without eigenvectors of their own (a free rigid body, a chain of equals)"
+        )
+    chosen = np.flatnonzero(modal.poles.imag >= 0.0)
+    chosen = chosen[np.argsort(np.abs(modal.poles[chosen]), kind="stable")]
+    poles = modal.poles[chosen]
+    residues = np.abs(modal.C[:, chosen]).T[:, :, None] * np.abs(modal.B[chosen])[:, None, :]
+    decay = np.abs(poles.real)
+    undamped = decay <= _UNDAMPED * np.maximum(np.abs(poles), np.abs(modal.poles).max(initial=0.0))
+    peaks = residues / np.where(undamped, 1.0, decay)[:, None, None]
+    shown = residues > _HIDDEN * residues.max(axis=0, initial=np.finfo(float).tiny)
+    return poles, np.where(undamped[:, None, None], np.where(shown, np.inf, 0.0), peaks)
+
+
+def _rows(poles: Complex, peaks: Array) -> tuple[ModeRow, ...]:
+    largest = peaks.max(axis=0, initial=0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shares = np.where(np.isinf(peaks), 1.0, np.where(largest > 0.0, peaks / largest, 0.0))
+    return tuple(
+        ModeRow(complex(pole), share.max(axis=0, initial=0.0), share.max(axis=1, initial=0.0), peak)
+        for pole, share, peak in zip(poles, shares, peaks, strict=True)
+    )

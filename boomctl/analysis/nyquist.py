@@ -1,0 +1,220 @@
+"""Stability of a loop whose plant is known only by its frequency response, such as one with an exact beam.
+
+The winding of ``det(I - G(jw) K(jw))`` about zero counts the unstable poles of the loop (Nyquist).  It is followed along
+the axis in steps that are halved until the phase turns little in each and turns the same when they are halved again.
+Beyond a frequency at which ``|G K| < 1`` for good it cannot wind any more.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.analysis.loops import controller_of, named_response
+from boomctl.analysis.norm import StateMatrices, state_matrices
+from boomctl.analysis.sigma import resolved_grid
+from boomctl.analysis.singular import singular_values
+from boomctl.arrays import Array, Complex
+from boomctl.checks import known, positive, whole
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["ExactLoopStability", "exact_loop_stability"]
+
+_STEP = np.deg2rad(30.0)
+_STRAIGHT = 0.2
+_ROUNDS = 40
+_DECADES = 2.0
+_INTEGER = 1e-3
+_AXIS = 1e-9
+_SEARCH = 200
+
+
+@dataclass(frozen=True)
+class ExactLoopStability:
+    """What the winding of ``det(I - G K)`` says of a loop.
+
+    Attributes
+    ----------
+    stable : bool
+        Whether no pole of the loop is unstable.
+    unstable_poles : int
+        How many are.
+    encirclements : int
+        Of zero, counter-clockwise, over the whole axis.
+    controller_poles : int
+        Unstable poles of the controller; the plant has none.
+    distance, distance_omega : float
+        Least singular value of ``I - G K`` met, and its frequency [rad/s].
+    top : float
+        Frequency beyond which the loop gain is below one [rad/s].
+    plant_bounded : bool
+        Whether a bound of the plant stands behind that; otherwise it was seen over two further decades.
+    evaluations : int
+        Frequencies at which the plant was asked.
+    """
+
+    stable: bool
+    unstable_poles: int
+    encirclements: int
+    controller_poles: int
+    distance: float
+    distance_omega: float
+    top: float
+    plant_bounded: bool
+    evaluations: int
+
+
+@dataclass(frozen=True)
+class _LoopGain:
+    """``L = G K``, from frequencies to a stack of matrices (frequency first)."""
+
+    plant: "Callable[[Array], control.FrequencyResponseData]"
+    controller: StateMatrices
+    controls: tuple[str, ...]
+    measurements: tuple[str, ...]
+
+    def parts(self, omega: Array) -> tuple[Complex, Complex]:
+        data = named_response(self.plant, omega)
+        i = [data.input_labels.index(known("plant input", n, data.input_labels)) for n in self.controls]
+        o = [data.output_labels.index(known("plant output", n, data.output_labels)) for n in self.measurements]
+        G = np.asarray(data.frdata)[np.ix_(o, i)]
+        return np.moveaxis(G, 2, 0), np.moveaxis(self.controller.response(omega), 2, 0)
+
+    def difference(self, omega: Array) -> Complex:
+        """Return ``I - G K``."""
+        G, K = self.parts(omega)
+        return np.eye(G.shape[1]) - G @ K
+
+    def size(self, omega: Array) -> Array:
+        """Return the largest singular value of ``K G``, whose units are those of the controls."""
+        G, K = self.parts(omega)
+        return np.min([_largest(K @ G), _largest(G @ K)], axis=0)
+
+
+def _largest(stack: Complex) -> Array:
+    return singular_values(np.moveaxis(stack, 0, 2))[0]
+
+
+def exact_loop_stability(
+    plant: "Callable[[Array], control.FrequencyResponseData]",
+    controller: "control.StateSpace",
+    poles: ArrayLike,
+    plant_bound: Callable[[float], float] | None = None,
+    top: float | None = None,
+    max_evaluations: int = 200_000,
+) -> ExactLoopStability:
+    """Return whether the loop ``u = K y`` of a stable plant known by its frequency response is stable.
+
+    Parameters
+    ----------
+    plant : function from frequencies [rad/s] to control.FrequencyResponseData
+        A stable plant with named signals, such as ``lambda w: boomctl.exact_frequency_response(p, w)``.
+    controller : control.StateSpace
+        Its inputs are outputs of the plant, its outputs inputs of it.
+    poles : array_like of complex
+        Estimates of the plant's lightly damped poles [rad/s], such as those of a fine mesh; around each the axis is
+        walked in small steps.
+    plant_bound : function, optional
+        From a frequency to a bound of the plant's gain (largest singular value) from there on, non-increasing.
+    top : float, optional
+        Where to begin the search for the frequency beyond which the loop gain stays below one [rad/s]; by default twice
+        the largest of ``poles`` and of the controller's.
+    max_evaluations : int
+        After so many the walk is given up.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Other kinds of system, names that do not meet, a controller with poles on the imaginary axis, a loop gain that
+        does not fall below one.
+    ArithmeticError
+        The winding could not be told: a pole of the loop on the imaginary axis, or too close to it.
+    """
+    K, limit = state_matrices(controller_of(controller)), whole("max_evaluations", max_evaluations)
+    own: Complex = np.linalg.eigvals(K.A) if len(K.A) else np.zeros(0, complex)
+    if (np.abs(own.real) <= _AXIS * np.maximum(np.abs(own), _AXIS)).any():
+        raise ValueError("controller: expected no pole on the imaginary axis (an integrator, an undamped mode)")
+    gain = _LoopGain(plant, K, tuple(controller.output_labels), tuple(controller.input_labels))
+    near: Complex = np.concatenate([np.atleast_1d(np.asarray(poles, dtype=complex)), own])
+    near = near[(np.abs(near) > 0.0) & np.isfinite(near)]
+    near = np.where(near.imag < 0.0, near.conj(), near)
+    reach = float(np.abs(near).max(initial=1.0))
+    end = _top(gain, K, 2.0 * reach if top is None else positive("top", top), plant_bound)
+    low = 0.01 * float(np.abs(near).min(initial=1.0))
+    grid = np.concatenate([[0.0], resolved_grid(near, low, end, end)])
+    omega, values = _walked(gain, np.unique(np.append(grid, end)), limit)
+    turned = float(np.angle(_determinants(values)[1:] / _determinants(values)[:-1]).sum())
+    rest = float(np.angle(np.linalg.eigvals(values[-1])).sum())
+    windings = (turned - rest) / np.pi
+    count = round(windings)
+    if abs(windings - count) > _INTEGER:
+        raise ArithmeticError(f"the loop winds {windings:.4f} times about zero, not a whole number of times")
+    unstable = int((own.real > 0.0).sum())
+    if unstable - count < 0:
+        raise ArithmeticError(f"{count} encirclements with {unstable} unstable poles: the plant itself is not stable")
+    least = singular_values(np.moveaxis(values, 0, 2))[-1]
+    best = int(np.argmin(least))
+    return ExactLoopStability(
+        count == unstable,
+        unstable - count,
+        count,
+        unstable,
+        float(least[best]),
+        float(omega[best]),
+        end,
+        plant_bound is not None,
+        len(omega),
+    )
+
+
+def _determinants(values: Complex) -> Complex:
+    return np.linalg.det(values)
+
+
+def _top(gain: _LoopGain, K: StateMatrices, start: float, bound: Callable[[float], float] | None) -> float:
+    """Return a frequency beyond which the loop gain stays below one."""
+    end = start
+    for _ in range(60):
+        ahead = end * np.logspace(0.0, _DECADES, _SEARCH)
+        if bound is None:
+            small = bool((gain.size(ahead) < 0.5).all())
+        else:
+            far = end * np.logspace(0.0, 8.0, 4 * _SEARCH)
+            peak = float(_largest(np.moveaxis(K.response(far), 2, 0)).max())
+            small = bound(end) * peak * 1.1 < 1.0
+        if small:
+            return float(end)
+        end *= 1.5
+    raise ValueError("the loop gain does not fall below one: give plant_bound, or let the controller roll off")
+
+
+def _walked(gain: _LoopGain, grid: Array, limit: int) -> tuple[Array, Complex]:
+    """Return frequencies and ``I - G K`` at them, so close that the determinant's phase cannot be mistaken."""
+    omega, values = grid, gain.difference(grid)
+    settled = np.zeros(len(grid) - 1, dtype=bool)
+    for _ in range(_ROUNDS):
+        open_ = np.flatnonzero(~settled)
+        if not len(open_):
+            return omega, values
+        if len(omega) + len(open_) > limit:
+            break
+        middle = 0.5 * (omega[open_] + omega[open_ + 1])
+        found = gain.difference(middle)
+        a, b, m = (_determinants(x) for x in (values[open_], values[open_ + 1], found))
+        if (np.abs(m) == 0.0).any():
+            break
+        small = (
+            (np.abs(np.angle(m / a)) < _STEP) & (np.abs(np.angle(b / m)) < _STEP) & (np.abs(np.angle(b / a)) < _STEP)
+        )
+        straight = np.abs(m - 0.5 * (a + b)) < _STRAIGHT * np.minimum(np.abs(a), np.abs(b))
+        fine = small & straight
+        omega, values = np.insert(omega, open_ + 1, middle), np.insert(values, open_ + 1, found, axis=0)
+        halves = np.repeat(settled, np.where(settled, 1, 2))
+        places = open_ + np.arange(len(open_))
+        halves[places], halves[places + 1] = fine, fine
+        settled = halves
+    raise ArithmeticError("the loop's phase could not be followed: it has a pole on the imaginary axis, or close to it")

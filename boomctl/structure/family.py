@@ -1,0 +1,144 @@
+"""Structures whose matrices are affine in uncertain parameters."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.arrays import Array, Matrix
+from boomctl.checks import finite_array, known, real, signal_name
+from boomctl.structure.ports import Ports, Triple
+from boomctl.structure.second_order import SecondOrderModel
+
+__all__ = ["AffineFamily", "Slope"]
+
+_EXACT = 1e-9
+
+
+@dataclass(frozen=True)
+class Slope:
+    """How matrices change from the centre of a parameter's range to its upper end."""
+
+    M: Matrix
+    C: Matrix
+    K: Matrix
+    B: Triple
+
+
+@dataclass(frozen=True)
+class AffineFamily:
+    """A family of structures over a box of parameters, exactly affine in them.
+
+    With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_i delta_i M_i``; ``C``, ``K`` and the
+    columns of the inputs alike.  What the outputs read does not change.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the parameters.
+    low, high : (k,) ndarray
+        Ends of their ranges.
+    centre : SecondOrderModel
+        The structure in the middle of the box.
+    slopes : tuple of Slope
+        One a parameter.
+    """
+
+    names: tuple[str, ...]
+    low: Array
+    high: Array
+    centre: SecondOrderModel
+    slopes: tuple[Slope, ...]
+
+    @classmethod
+    def through(
+        cls, ranges: Mapping[str, tuple[float, float]], make: Callable[[Mapping[str, float]], SecondOrderModel]
+    ) -> "AffineFamily":
+        """Return the family that ``make`` spans, checked at every corner of the box.
+
+        Parameters
+        ----------
+        ranges : mapping from name to (low, high)
+        make : function from parameter values to a structure
+
+        Raises
+        ------
+        TypeError, ValueError
+            Empty or reversed ranges; structures of different signals; a corner that the affine family misses, or
+            outputs that change.
+        """
+        if not ranges:
+            raise ValueError("ranges: expected at least one parameter")
+        names = tuple(signal_name("parameter", name) for name in ranges)
+        low, high = (np.array([real(f"range of {n}", ranges[n][end]) for n in names]) for end in (0, 1))
+        for name, a, b in zip(names, low, high, strict=True):
+            if a >= b:
+                raise ValueError(f"range of {name} = ({a:g}, {b:g}): expected two ascending numbers")
+        middle, width = 0.5 * (low + high), 0.5 * (high - low)
+
+        def at(delta: Array) -> SecondOrderModel:
+            return make({n: float(v) for n, v in zip(names, middle + delta * width, strict=True)})
+
+        centre = at(np.zeros(len(names)))
+        ends = [at(unit) for unit in np.eye(len(names))]
+        family = cls(names, low, high, centre, tuple(_slope(centre, end) for end in ends))
+        for corner in product((-1.0, 1.0), repeat=len(names)):
+            family._check(np.array(corner), at(np.array(corner)))
+        return family
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return len(self.names)
+
+    def deltas(self, values: Mapping[str, float]) -> Array:
+        """Return parameter values as ``delta``; those not given are in the middle of their range."""
+        for name in values:
+            known("parameter", name, self.names)
+        middle, width = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
+        given = np.array([real(n, values.get(n, middle[i])) for i, n in enumerate(self.names)])
+        return (given - middle) / width
+
+    def values(self, delta: ArrayLike) -> dict[str, float]:
+        """Return ``delta`` as parameter values."""
+        d = self._delta(delta)
+        found = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * d
+        return {name: float(value) for name, value in zip(self.names, found, strict=True)}
+
+    def at(self, delta: ArrayLike) -> SecondOrderModel:
+        """Return the structure at ``delta``; beyond -1 and 1 it is extrapolated."""
+        d, c = self._delta(delta), self.centre
+        M, C, K = (
+            sum((x * getattr(s, name) for x, s in zip(d, self.slopes, strict=True)), getattr(c, name))
+            for name in ("M", "C", "K")
+        )
+        B = tuple(sum((x * s.B[k] for x, s in zip(d, self.slopes, strict=True)), c.ports.B[k]) for k in range(3))
+        ports = replace(c.ports, B=(B[0], B[1], B[2]))
+        return SecondOrderModel.build(M, C, K, ports, c.coordinates, None, c.mirror, c.primary)
+
+    def _delta(self, delta: ArrayLike) -> Array:
+        d = finite_array("delta", delta, ndim=1)
+        if len(d) != len(self.names):
+            raise ValueError(f"delta has {len(d)} entries; expected {len(self.names)}: {', '.join(self.names)}")
+        return d
+
+    def _check(self, delta: Array, exact: SecondOrderModel) -> None:
+        mine = self.at(delta)
+        pairs = [(name, getattr(mine, name), getattr(exact, name)) for name in ("M", "C", "K")]
+        for group in ("B", "L", "E"):
+            mine_3, exact_3 = getattr(mine.ports, group), getattr(exact.ports, group)
+            pairs += [(f"{group}{k}", mine_3[k], exact_3[k]) for k in range(3)]
+        for name, a, b in pairs:
+            size = np.abs(b).max() if b.shape[0] and b.shape[1] else 0.0
+            if np.abs(a - b).max() > _EXACT * size if size else bool(np.abs(a).max() if min(a.shape) else 0.0):
+                raise ValueError(f"{name} is not affine in {', '.join(self.names)}, or an output changes with them")
+
+
+def _slope(centre: SecondOrderModel, end: SecondOrderModel) -> Slope:
+    before: Ports = centre.ports
+    if end.inputs != centre.inputs or end.outputs != centre.outputs or end.n != centre.n:
+        raise ValueError("the structures of a family must have the same coordinates, inputs and outputs")
+    B = tuple(end.ports.B[k] - before.B[k] for k in range(3))
+    return Slope(end.M - centre.M, end.C - centre.C, end.K - centre.K, (B[0], B[1], B[2]))

@@ -1,0 +1,100 @@
+"""Each suspension of designs/ is worth what the README says, and better than the boom as it is."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from boomctl.suspension import FieldScene, SuspensionDesign, design_names, evaluate, load_design, suspension_model
+
+SCENE = FieldScene(duration=30.0, run_in=20.0)
+PEAKS = {
+    "passive_tuning": 9.86,
+    "lqr_suspension": 3.37,
+    "lqg_suspension": 13.60,
+    "h_infinity_split": 9.52,
+    "h_infinity_full": 10.15,
+}
+
+
+@pytest.fixture(
+    scope="module", params=[pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in sorted(PEAKS)]
+)
+def result(request):
+    return evaluate(load_design(request.param), SCENE)
+
+
+def test_every_design_in_the_folder_is_known():
+    assert set(design_names()) == set(PEAKS)
+
+
+def test_the_certified_peak_is_the_one_of_the_readme(result):
+    assert result.active.sigma.certified
+    assert result.active.sigma.peak == pytest.approx(PEAKS[result.design.name], rel=5e-3)
+
+
+def test_it_is_better_than_the_boom_as_it_is(result):
+    assert result.better
+    assert result.active.stroke < SCENE.stroke_limit
+    assert not result.active.run.stops
+
+
+def test_h_infinity_takes_the_yaw_down_by_forty_decibels(result):
+    if result.design.name.startswith("h_infinity"):
+        assert result.yaw_reduction_db > 40.0
+
+
+def test_the_halves_make_the_whole(result):
+    """Of a symmetric loop the largest peak is the larger one of both halves."""
+    halves = max(result.active.jolt.lower, result.active.yaw.lower)
+    assert halves == pytest.approx(result.active.sigma.peak, rel=1e-4)
+
+
+def test_a_design_may_come_from_a_file(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(
+        "from boomctl.suspension import SuspensionDesign\ndef design(): return SuspensionDesign('mine', 'as it is')\n"
+    )
+    assert load_design(str(path)) == SuspensionDesign("mine", "as it is")
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        ("x = 1\n", ValueError, r"expected a file with a function design\(\)"),
+        ("def design(): return 3\n", TypeError, "returned int"),
+    ],
+)
+def test_a_file_without_a_design_is_refused(tmp_path, text, error, message):
+    path = tmp_path / "mine.py"
+    path.write_text(text)
+    with pytest.raises(error, match=message):
+        load_design(str(path))
+
+
+def test_an_unknown_design_is_refused():
+    with pytest.raises(ValueError, match="did you mean 'lqg_suspension'"):
+        load_design("lqg_suspensions")
+    with pytest.raises(ValueError, match="no such file"):
+        load_design("nowhere.py")
+
+
+def test_a_scene_out_of_range_is_refused():
+    for name, value in (("speed", 0.0), ("delay", -1.0), ("duration", np.nan), ("force_limit", -5.0)):
+        with pytest.raises(ValueError, match=name):
+            FieldScene(**{name: value})
+
+
+def test_the_same_scene_gives_the_same_motion():
+    one, other = FieldScene(duration=5.0, run_in=0.0).motion(), FieldScene(duration=5.0, run_in=0.0).motion()
+    assert np.array_equal(one.left, other.left)
+    faster = dataclasses.replace(SCENE, duration=5.0, run_in=0.0, seed=2).motion()
+    assert not np.array_equal(one.left, faster.left)
+
+
+def test_the_sensors_follow_from_the_boom():
+    """A tip accelerometer far below its bandwidth reads the second derivative of the tip."""
+    model = suspension_model(elements=8)
+    omega = np.array([0.5, 2.0])
+    found = model.frequency_response(omega, ["actuator_left"], ["tip_left", "tip_left_acceleration"]).frdata[:, 0]
+    assert np.allclose(found[1], -(omega**2) * found[0], rtol=3e-2)

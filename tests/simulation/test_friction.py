@@ -1,0 +1,192 @@
+"""Coulomb friction: against solutions in closed form, and by the law itself."""
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from boomctl.simulation import CoulombFriction, simulate_loop
+from boomctl.simulation.friction import friction_step
+from tests.simulation.cases import mass_on_spring
+
+
+def _law(force, static=None, substeps=1):
+    return CoulombFriction(force, static, input="f", output="x", substeps=substeps)
+
+
+def _fading(x0, time, stiffness=100.0, mass=1.0, force=1.0):
+    """Return the free motion of a mass on a spring with friction: half cosines about -+ F/k, then rest."""
+    omega, gap = np.sqrt(stiffness / mass), force / stiffness
+    x, side, start = x0, np.sign(x0), 0.0
+    found = np.full(len(time), x0)
+    while abs(x) > gap:
+        here = time >= start
+        found[here] = side * gap + (x - side * gap) * np.cos(omega * (time[here] - start))
+        start += np.pi / omega
+        x = 2.0 * side * gap - x
+        side = -side
+    found[time >= start] = x
+    return found
+
+
+@pytest.mark.parametrize("x0", [0.37, 0.051, -0.23, 0.0099])
+def test_free_motion_fades_in_straight_lines_and_stops(x0):
+    errors = []
+    for steps in (100, 200, 400):
+        time = np.linspace(0.0, 8.0, 8 * steps + 1)
+        found = simulate_loop(
+            mass_on_spring(), None, None, time, sample_time=1.0 / steps, friction=_law(1.0), initial=[x0, 0.0]
+        )
+        errors.append(np.abs(found["x"] - _fading(x0, time)).max())
+        energy = 50.0 * (x0**2 - found["x"][-1] ** 2) - 0.5 * found["v"][-1] ** 2
+        assert found.friction.dissipated == pytest.approx(energy, abs=0.05 * (100.0 / steps) ** 2)
+    assert errors[0] < 2e-3 * abs(x0) + 1e-15
+    assert errors[2] < errors[0] / 10.0 + 1e-12
+
+
+def test_it_stays_where_the_spring_cannot_move_it():
+    time = np.linspace(0.0, 1.0, 101)
+    found = simulate_loop(
+        mass_on_spring(), None, None, time, sample_time=0.01, friction=_law(1.0), initial=[0.0099, 0.0]
+    )
+    np.testing.assert_allclose(found["x"], 0.0099, atol=1e-15)
+    assert found.friction.stuck_share == 1.0
+    assert found.friction.dissipated == 0.0
+
+
+@pytest.mark.parametrize(("ratio", "share"), [(1.4, 0.3), (0.7, 0.4), (2.0, 0.5), (0.8, 0.4)])
+def test_den_hartog_without_stops(ratio, share):
+    """Source: Den Hartog (1931): largest displacement of a mass on a spring under a sine, sliding without stops."""
+    stiffness, pushed = 100.0, 5.0
+    friction = share * pushed
+    period = 2.0 * np.pi / (10.0 * ratio)
+    steps, cycles = 400, 120
+    time = np.linspace(0.0, cycles * period, cycles * steps + 1)
+    found = simulate_loop(
+        mass_on_spring(1.0, stiffness),
+        None,
+        {"f": pushed * np.cos(10.0 * ratio * time)},
+        time,
+        sample_time=period / steps,
+        friction=_law(friction),
+    )
+    largest = np.abs(found["x"][-5 * steps :]).max()
+    response = 1.0 / (1.0 - ratio**2)
+    damping = np.sin(np.pi / ratio) / (ratio * (1.0 + np.cos(np.pi / ratio)))
+    expected = pushed / stiffness * np.sqrt(response**2 - (share * damping) ** 2)
+    assert largest == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.parametrize("static", [1.0, 1.7])
+def test_break_away_under_a_growing_force(static):
+    """A free mass is pulled with a force that grows evenly: it holds until the static force, then the rest moves it."""
+    plant = ct.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs=["f"], outputs=["x"])
+    errors = []
+    for steps in (64, 128, 256):
+        time = np.linspace(0.0, 3.0, 3 * steps + 1)
+        found = simulate_loop(plant, None, {"f": time}, time, sample_time=1.0 / steps, friction=_law(1.0, static))["x"]
+        after = np.maximum(time - static, 0.0)
+        exact = after**3 / 6.0 + 0.5 * (static - 1.0) * after**2
+        errors.append(np.abs(found - exact).max())
+    assert errors[2] < 1e-4
+    assert errors[2] < errors[0] / 8.0 + 1e-9
+
+
+@given(
+    velocity=st.floats(-2.0, 2.0),
+    free=st.floats(-2.0, 2.0),
+    gain=st.floats(1e-3, 10.0),
+    force=st.floats(1e-3, 10.0),
+    extra=st.floats(0.0, 5.0),
+    stuck=st.booleans(),
+)
+@settings(max_examples=300)
+def test_the_law(velocity, free, gain, force, extra, stuck):
+    law = CoulombFriction(force, force + extra)
+    step = friction_step(0.0 if stuck else velocity, stuck, free, gain, law)
+    assert abs(step.force) <= law.breakaway * (1.0 + 1e-9)
+    assert step.velocity == pytest.approx(free + gain * step.force, abs=1e-9 * (1.0 + abs(free)))
+    if step.stuck:
+        assert step.velocity == 0.0
+    elif step.sliding == 1.0:
+        assert step.force == -force * np.sign(step.velocity)
+    else:
+        assert step.velocity * free >= 0.0 or step.velocity * velocity <= 0.0
+    assert 0.0 <= step.sliding <= 1.0
+
+
+@given(
+    force=st.floats(0.1, 5.0),
+    damping=st.floats(0.0, 2.0),
+    freq=st.floats(2.0, 25.0),
+    static=st.floats(1.0, 2.0),
+)
+@settings(max_examples=20)
+def test_the_energy_balance_closes(force, damping, freq, static):
+    time = np.linspace(0.0, 6.0, 6001)
+    pushed = 4.0 * np.sin(freq * time)
+    found = simulate_loop(
+        mass_on_spring(damping=damping),
+        None,
+        {"f": pushed},
+        time,
+        sample_time=1e-3,
+        friction=_law(force, static * force),
+        initial=[0.05, 0.0],
+    )
+    x, v = found["x"], found["v"]
+    work = np.trapezoid(pushed * v, time)
+    stored = 50.0 * (x[-1] ** 2 - x[0] ** 2) + 0.5 * v[-1] ** 2
+    lost = np.trapezoid(damping * v**2, time)
+    taken = found.friction.dissipated
+    assert taken >= 0.0
+    assert work == pytest.approx(stored + lost + taken, abs=2e-3 * (abs(work) + lost + taken) + 1e-4)
+    assert np.abs(found.friction.force).max() <= static * force * (1.0 + 1e-9)
+
+
+def test_a_support_that_moves_carries_what_sticks_to_it():
+    """The slip has a displacement input: the mass must follow the support without creeping away from it."""
+    plant = ct.ss(
+        [[0.0, 1.0], [0.0, 0.0]],
+        [[0.0, 0.0], [0.0, 1.0]],
+        [[1.0, 0.0]],
+        [[-1.0, 0.0]],
+        inputs=["d", "f"],
+        outputs=["x"],
+    )
+    for steps, most in ((200, 4e-4), (400, 1e-4)):
+        time = np.linspace(0.0, 4.0, 4 * steps + 1)
+        d = 0.3 * (1.0 - np.cos(4.0 * time))
+        found = simulate_loop(plant, None, {"d": d}, time, sample_time=1.0 / steps, friction=_law(100.0))
+        assert np.abs(found["x"]).max() < most
+        assert found.friction.stuck_share > 0.999  # the first slope is not zero
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"force": 0.0}, "force"),
+        ({"force": -1.0}, "force"),
+        ({"static_force": 0.5}, "static_force = 0.5"),
+        ({"substeps": 0}, "substeps"),
+        ({"input": ""}, "input"),
+    ],
+)
+def test_bad_friction(change, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        CoulombFriction(**({"force": 1.0} | change))
+
+
+def test_friction_needs_a_displacement_and_the_force_that_works_on_it():
+    time = np.linspace(0.0, 1.0, 11)
+    for output, message in (("v", "no inertia"), ("nowhere", "unknown output of a contact")):
+        with pytest.raises(ValueError, match=message):
+            simulate_loop(
+                mass_on_spring(),
+                None,
+                None,
+                time,
+                sample_time=0.1,
+                friction=CoulombFriction(1.0, input="f", output=output),
+            )

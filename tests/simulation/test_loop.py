@@ -1,0 +1,351 @@
+"""Sampled loops: against loops stepped in physical coordinates, and by laws."""
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.simulation.controller import conditioning_gain
+from boomctl.simulation.loop import simulate_loop
+from boomctl.simulation.speculation import run_fast
+from boomctl.simulation.stepping import run_smooth
+from tests.simulation.cases import mass_on_spring, random_controller, random_plant, stepped_loop
+from tests.strategies import seeds
+
+_H = 0.05
+_STROKES, _SUSPENSION = ["stroke_left", "stroke_right"], ["suspension_left", "suspension_right"]
+
+
+def _scene(seed, points=140):
+    rng = np.random.default_rng(seed)
+    plant, law = random_plant(rng), random_controller(rng, _H)
+    share = 0.5 / _loop_gain(plant, law)  # by small gain: a loop that saturates is then not chaotic
+    law = ct.ss(law.A, law.B, share * law.C, share * law.D, _H, inputs=law.input_labels, outputs=law.output_labels)
+    time = _H * np.arange(points)
+    return plant, law, time, np.cumsum(rng.standard_normal(points)) * 0.5
+
+
+def _loop_gain(plant, law):
+    omega = np.linspace(1e-3, np.pi / _H, 200)
+    sampled = ct.sample_system(plant, _H, "zoh")[: law.ninputs, 1:]
+    size = [
+        np.linalg.norm(np.moveaxis(system(np.exp(1j * omega * _H)), 2, 0), 2, axis=(1, 2)) for system in (sampled, law)
+    ]
+    return size[0].max() * size[1].max()
+
+
+def _close(a, b, tolerance=1e-9):
+    np.testing.assert_allclose(a, b, atol=tolerance * max(1.0, np.abs(b).max()))
+
+
+@given(
+    seed=seeds,
+    share=st.sampled_from([np.inf, 0.3, 0.8]),
+    slow=st.sampled_from([np.inf, 0.4]),
+    delay=st.sampled_from([0.0, 0.4, 1.0, 2.7]),
+)
+@settings(max_examples=40)
+def test_the_loop_is_the_one_stepped_in_physical_coordinates(seed, share, slow, delay):
+    plant, law, time, w = _scene(seed)
+    free = stepped_loop(plant, law, w, _H)[1]
+    limit, rate = share * np.abs(free).max(), slow * np.abs(np.diff(free)).max() / _H
+    outputs, controls = stepped_loop(plant, law, w, _H, limit, rate, delay * _H)
+    found = simulate_loop(
+        plant,
+        law,
+        {"w": w},
+        time,
+        sample_time=_H,
+        delay=delay * _H,
+        force_limit=None if limit == np.inf else limit,
+        rate_limit=None if rate == np.inf else rate,
+        anti_windup=False,
+    )
+    scale = max(1.0, np.abs(outputs).max())
+    for name, values in zip(plant.output_labels, outputs, strict=True):
+        np.testing.assert_allclose(found[name], values, atol=1e-8 * scale)
+    late = int(np.ceil(delay - 1e-9))
+    for k, name in enumerate(law.output_labels):
+        np.testing.assert_allclose(
+            found.controls[name][late:-1], controls[k][: len(time) - 1 - late], atol=1e-8 * scale
+        )
+        assert np.abs(found.controls[name]).max() <= limit
+        assert np.abs(np.diff(found.controls[name])).max() <= rate * _H * (1.0 + 1e-12)
+
+
+@given(seed=seeds, delay=st.sampled_from([0.0, 0.3, 1.0, 3.6]), share=st.sampled_from([0.2, 0.7, 2.0]))
+@settings(max_examples=30)
+def test_stepping_in_blocks_changes_nothing(seed, delay, share):
+    plant, law, time, w = _scene(seed, 300)
+    free = stepped_loop(plant, law, w, _H)[1]
+    limit, rate = share * np.abs(free[0]).max(), share * np.abs(np.diff(free[1])).max() / _H
+    _compare_runs(
+        (plant, law, {"w": w}, time),
+        sample_time=_H,
+        delay=delay * _H,
+        force_limit={"u0": limit},
+        rate_limit={"u1": rate},
+        anti_windup=False,  # random laws, corrected where they saturate, may be chaotic
+    )
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4e-2, 1e-2])
+def test_stepping_in_blocks_changes_nothing_with_anti_windup(delay):
+    eye, time = np.eye(2), 1e-2 * np.arange(1500)
+    law = ct.ss(-6.0 * eye, 6.0 * eye, 150.0 * eye, -300.0 * eye, inputs=_STROKES, outputs=_SUSPENSION)
+    platform = {"actuator_left": 0.01 * np.sin(3.0 * time), "actuator_right": 0.01 * np.sin(2.0 * time)}
+    found = _compare_runs(
+        (bc.spray_boom(elements=6), law, platform, time),
+        sample_time=1e-2,
+        delay=delay,
+        force_limit=1.0,
+        rate_limit=10.0,
+    )
+    assert min(found.saturation_share.values()) > 0.01
+    assert max(found.rate_share.values()) > 0.01
+
+
+def _compare_runs(scene, **options):
+    results = []
+    for run in (run_fast, run_smooth):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("boomctl.simulation.loop.run_fast", run)
+            results.append(simulate_loop(*scene, **options))
+    for kind in ("outputs", "controls", "asked"):
+        for name, values in getattr(results[1], kind).items():
+            _close(getattr(results[0], kind)[name], values)
+    assert results[0].saturation_share == results[1].saturation_share
+    assert results[0].rate_share == results[1].rate_share
+    return results[0]
+
+
+def test_the_linear_loop_is_that_of_the_sampled_plant():
+    plant, law, time, _ = _scene(5)
+    w = np.ones(len(time))  # a held disturbance is the same for both
+    sampled = ct.sample_system(plant, _H, "zoh")
+    loop = ct.interconnect([sampled, law], inplist=["w"], outlist=list(plant.output_labels), add_unused=True)
+    theirs = ct.forced_response(loop, time, w).outputs
+    found = simulate_loop(plant, law, {"w": w}, time, sample_time=_H)
+    _close(np.array(list(found.outputs.values())), theirs[:3])
+
+
+@given(seed=seeds, ratios=st.tuples(*(st.floats(1e-2, 1e2) for _ in range(3))))
+@settings(max_examples=20)
+def test_units_do_not_matter(seed, ratios):
+    plant, law, time, w = _scene(seed)
+    given_as, forces, lengths = ratios
+    ins, outs = np.diag([given_as, forces, forces]), np.diag([lengths] * 3)
+    other = ct.ss(
+        plant.A,
+        plant.B @ np.linalg.inv(ins),
+        outs @ plant.C,
+        outs @ plant.D @ np.linalg.inv(ins),
+        inputs=plant.input_labels,
+        outputs=plant.output_labels,
+    )
+    scaled = ct.ss(
+        law.A,
+        law.B / lengths,
+        law.C * forces,
+        law.D * forces / lengths,
+        _H,
+        inputs=law.input_labels,
+        outputs=law.output_labels,
+    )
+    plain = simulate_loop(plant, law, {"w": w}, time, sample_time=_H, force_limit=0.5)
+    found = simulate_loop(other, scaled, {"w": given_as * w}, time, sample_time=_H, force_limit=0.5 * forces)
+    for name, values in plain.outputs.items():
+        np.testing.assert_allclose(found[name] / lengths, values, atol=1e-6 * max(1.0, np.abs(values).max()))
+
+
+def test_finer_times_show_the_same_loop():
+    plant, law, time, w = _scene(11)
+    fine = np.linspace(time[0], time[-1], 4 * (len(time) - 1) + 1)
+    coarse = simulate_loop(plant, law, {"w": w}, time, sample_time=_H, force_limit=0.5)
+    found = simulate_loop(plant, law, {"w": np.interp(fine, time, w)}, fine, sample_time=_H, force_limit=0.5)
+    for name, values in coarse.outputs.items():
+        _close(found[name][::4], values)
+    assert found.saturation_share == coarse.saturation_share
+
+
+def test_coarser_times_show_the_same_loop():
+    plant, law, time, _ = _scene(12)
+    w = np.interp(time, time[::3], np.sin(time[::3]))
+    fine = simulate_loop(plant, law, {"w": w[: 3 * 46 + 1]}, time[: 3 * 46 + 1], sample_time=_H, force_limit=0.5)
+    found = simulate_loop(
+        plant, law, {"w": w[: 3 * 46 + 1 : 3]}, time[: 3 * 46 + 1 : 3], sample_time=_H, force_limit=0.5
+    )
+    for name, values in fine.outputs.items():
+        _close(found[name], values[::3])
+
+
+def test_measurements_are_rounded_to_their_steps():
+    plant, _, time, w = _scene(7)
+    gain = ct.ss([], [], [], [[2.0]], _H, inputs=["y0"], outputs=["u0"])
+    found = simulate_loop(plant, gain, {"w": w}, time, sample_time=_H, quantization={"y0": 0.25})
+    steps = found.asked["u0"][:-1] / 0.5
+    np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
+    assert np.abs(found.asked["u0"][:-1] - 2.0 * found["y0"][:-1]).max() <= 0.25 + 1e-9
+    assert np.abs(found.asked["u0"]).max() > 0.0
+
+
+@given(seed=seeds)
+@settings(max_examples=15)
+def test_anti_windup_does_nothing_while_no_limit_is_met(seed):
+    plant, law, time, w = _scene(seed)
+    plain = simulate_loop(plant, law, {"w": w}, time, sample_time=_H)
+    most = 1.01 * max(np.abs(values).max() for values in plain.asked.values())
+    with_it, without = (
+        simulate_loop(plant, law, {"w": w}, time, sample_time=_H, force_limit=most, anti_windup=chosen)
+        for chosen in (True, False)
+    )
+    for name, values in plain.outputs.items():
+        np.testing.assert_array_equal(with_it[name], without[name])
+        _close(with_it[name], values)
+
+
+def test_anti_windup_keeps_a_saturated_integrator_from_overshooting():
+    plant = ct.ss([[-0.2]], [[1.0, 1.0]], [[1.0]], 0.0, inputs=["w", "u"], outputs=["y"])
+    law = ct.ss([[0.0]], [[1.0]], [[-2.0]], [[-2.0]], inputs=["y"], outputs=["u"])
+    time = 0.02 * np.arange(2000)
+    w = np.where(time < 10.0, 3.0, 0.0)
+    with_it, without = (
+        simulate_loop(plant, law, {"w": w}, time, sample_time=0.02, force_limit=1.0, anti_windup=chosen)["y"]
+        for chosen in (True, False)
+    )
+    after = time > 10.0
+    assert without[after].min() < -2.0
+    assert with_it[after].min() > 0.25 * without[after].min()
+
+
+def test_anti_windup_of_a_controller_that_rolls_off():
+    """Its zero at the sampling rate must not make the correction ring: it comes out of saturation quietly."""
+    plant = ct.ss([[-0.5]], [[1.0, 1.0]], [[1.0]], 0.0, inputs=["w", "u"], outputs=["y"])
+    law = ct.tf2ss([-8.0], [1.0, 4.0, 1e-3], inputs=["y"], outputs=["u"])
+    time = 0.02 * np.arange(2000)
+    w = np.where(time < 10.0, 3.0, 0.0)
+    with_it, without = (
+        simulate_loop(plant, law, {"w": w}, time, sample_time=0.02, force_limit=1.0, anti_windup=chosen)
+        for chosen in (True, False)
+    )
+    after = time > 10.0
+    assert without["y"][after].min() < -1.0
+    assert with_it["y"][after].min() > 0.5 * without["y"][after].min()
+    assert np.abs(np.diff(with_it.asked["u"][after])).max() < 0.1
+
+
+def test_the_conditioning_gain_is_that_of_hanus_where_that_is_stable():
+    rng = np.random.default_rng(2)
+    A, B, C = 0.3 * np.eye(2), rng.standard_normal((2, 2)), 0.1 * rng.standard_normal((2, 2))
+    D = 2.0 * np.eye(2)
+    assert np.abs(np.linalg.eigvals(A - B @ np.linalg.inv(D) @ C)).max() < 1.0
+    np.testing.assert_allclose(conditioning_gain(A, B, C, D, softening=0.0), B @ np.linalg.inv(D), atol=1e-6)
+
+
+@given(seed=seeds)
+@settings(max_examples=25)
+def test_the_conditioned_controller_is_stable(seed):
+    rng = np.random.default_rng(seed)
+    A, B, C = rng.standard_normal((3, 3)), rng.standard_normal((3, 2)), rng.standard_normal((2, 3))
+    for D in (np.zeros((2, 2)), rng.standard_normal((2, 2))):
+        assert np.abs(np.linalg.eigvals(A - conditioning_gain(A, B, C, D) @ C)).max() < 1.0
+
+
+def test_a_structure_and_its_state_space_move_alike():
+    model = bc.spray_boom(elements=6)
+    time = np.linspace(0.0, 4.0, 4001)
+    platform = {"actuator_left": 0.01 * np.sin(3.0 * time), "actuator_right": 0.01 * np.sin(5.0 * time)}
+    law = ct.ss(
+        [],
+        [],
+        [],
+        -200.0 * np.eye(2),
+        inputs=_STROKES,
+        outputs=_SUSPENSION,
+    )
+    of_model, of_system = (
+        simulate_loop(plant, law, platform, time, sample_time=1e-3, force_limit=1.0)
+        for plant in (model, model.to_statespace())
+    )
+    for name, values in of_system.outputs.items():
+        np.testing.assert_allclose(of_model[name], values, atol=1e-9)
+    assert max(of_model.saturation_share.values()) > 0.0
+    assert set(of_model.strokes) == {"stroke_left", "stroke_right"}
+
+
+def test_the_result_is_a_named_time_response():
+    plant, law, time, w = _scene(1)
+    response = simulate_loop(plant, law, {"w": w}, time, sample_time=_H).response
+    assert isinstance(response, ct.TimeResponseData)
+    assert response.output_labels == plant.output_labels
+    assert response.input_labels == ["w", "u0", "u1"]
+    np.testing.assert_array_equal(response.inputs[0].ravel(), w)
+
+
+def test_it_starts_where_it_is_told():
+    time = np.linspace(0.0, 2.0, 101)
+    found = simulate_loop(mass_on_spring(), None, None, time, sample_time=0.02, initial=[0.1, 0.5])
+    np.testing.assert_allclose(found["x"], 0.1 * np.cos(10 * time) + 0.05 * np.sin(10 * time), atol=1e-12)
+
+
+def test_an_open_loop_takes_an_array():
+    time = np.linspace(0.0, 2.0, 101)
+    by_name = simulate_loop(mass_on_spring(), None, {"f": np.sin(time)}, time, sample_time=0.02)
+    by_row = simulate_loop(mass_on_spring(), None, np.sin(time), time, sample_time=0.02)
+    np.testing.assert_array_equal(by_name["x"], by_row["x"])
+
+
+_TIME = 0.05 * np.arange(40)
+_GAP = np.where(np.arange(40) == 7, np.nan, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"disturbance": {"w": _GAP}}, "'w' has a gap: nan at point 7"),
+        ({"disturbance": {"w": np.zeros(39)}}, r"'w' has shape \(39,\)"),
+        ({"disturbance": {"v": np.zeros(40)}}, "unknown disturbance input 'v'"),
+        ({"disturbance": np.zeros((2, 40))}, r"shape \(2, 40\); expected \(1, 40\)"),
+        ({"timepts": np.delete(0.05 * np.arange(41), 20)}, "expected equal steps"),
+        ({"timepts": _TIME[::-1]}, "ascending"),
+        ({"timepts": [0.0]}, "at least two"),
+        ({"sample_time": 0.07}, "whole multiple"),
+        ({"sample_time": -1.0}, "sample_time"),
+        ({"delay": -1.0}, "delay"),
+        ({"force_limit": {"u9": 1.0}}, "unknown signal of force_limit 'u9'"),
+        ({"force_limit": 0.0}, "force_limit"),
+        ({"rate_limit": {"u0": np.inf}}, "rate_limit"),
+        ({"quantization": {"z": 1.0}}, "quantization"),
+        ({"stroke_limit": 0.1}, "no outputs stroke_"),
+        ({"discretization": "euler"}, "discretization"),
+        ({"initial": [0.0]}, "initial has shape"),
+        ({"controller": 3.0}, "controller: expected"),
+    ],
+)
+def test_bad_input(change, message):
+    plant, law, _, _ = _scene(0)
+    arguments = {"plant": plant, "controller": law, "disturbance": None, "timepts": _TIME, "sample_time": _H} | change
+    with pytest.raises((TypeError, ValueError), match=message):
+        simulate_loop(**arguments)
+
+
+def test_controllers_that_do_not_fit():
+    plant, _, time, _ = _scene(0)
+    fast = ct.ss([[-100.0]], [[1.0]], [[1.0]], 0.0, inputs=["y0"], outputs=["u0"])
+    with pytest.raises(ValueError, match=r"too long for the controller's pole at -100\+0j rad/s"):
+        simulate_loop(plant, fast, None, time, sample_time=_H)
+    simulate_loop(plant, fast, None, np.linspace(0, 0.2, 21), sample_time=0.01)
+    stranger = ct.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs=["y7"], outputs=["u0"])
+    with pytest.raises(ValueError, match="'y7'"):
+        simulate_loop(plant, stranger, None, time, sample_time=_H)
+    other = ct.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1, inputs=["y0"], outputs=["u0"])
+    with pytest.raises(ValueError, match=r"its sampling time is 0.1 s"):
+        simulate_loop(plant, other, None, time, sample_time=_H)
+
+
+def test_a_loop_that_diverges_says_so():
+    plant = ct.ss([[40.0]], [[1.0]], [[1.0]], 0.0, inputs=["w"], outputs=["y"])
+    with np.errstate(all="ignore"), pytest.raises(ValueError, match="diverges"):
+        simulate_loop(plant, None, np.ones(1000), 0.05 * np.arange(1000), sample_time=_H)

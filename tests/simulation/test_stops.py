@@ -1,0 +1,135 @@
+"""End stops: against impacts in closed form, and by the laws of an inelastic, one-sided stop."""
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+import boomctl as bc
+from boomctl.simulation import CoulombFriction, simulate_loop
+from tests.simulation.cases import mass_on_spring
+from tests.strategies import seeds
+
+_FREE = ct.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [0.5]], np.eye(2), 0.0, inputs=["f"], outputs=["x", "v"])
+
+
+def test_a_thrown_mass_stops_dead():
+    time = np.linspace(0.0, 2.0, 201)
+    found = simulate_loop(
+        _FREE, None, None, time, sample_time=0.01, stroke_limit={"x": (1.003, "f")}, initial=[0.0, 1.5]
+    )
+    before = time < 1.003 / 1.5
+    np.testing.assert_allclose(found["x"][before], 1.5 * time[before], atol=1e-12)
+    np.testing.assert_allclose(found["x"][time > 0.68], 1.003, atol=1e-12)
+    np.testing.assert_allclose(found["v"][time > 0.68], 0.0, atol=1e-12)
+    first = found.stops[0]
+    assert first.impulse == pytest.approx(-3.0, rel=1e-9)  # 2 kg at 1.5 m/s
+    assert first.speed == pytest.approx(1.5)
+    assert first.side == 1
+    assert first.time == pytest.approx(1.003 / 1.5, abs=0.01)
+
+
+def test_a_mass_pressed_to_a_stop_rests_there_and_leaves_when_pulled():
+    time = np.linspace(0.0, 6.0, 601)
+    pushed = np.where(time <= 3.0, 2.0, -2.0 * (time - 3.0))
+    found = simulate_loop(_FREE, None, {"f": pushed}, time, sample_time=0.01, stroke_limit={"x": (0.5, "f")})
+    resting = (time > 1.1) & (time < 2.99)
+    np.testing.assert_allclose(found["x"][resting], 0.5, atol=1e-10)
+    np.testing.assert_allclose(found["v"][resting], 0.0, atol=1e-10)
+    total = sum(hit.impulse for hit in found.stops if hit.time < 3.0)
+    assert total == pytest.approx(-2.0 * 3.0, rel=0.01)  # what was pushed: the mass is at rest again
+    later = time > 3.1
+    np.testing.assert_allclose(found["x"][later], np.maximum(0.5 - (time[later] - 3.0) ** 3 / 6.0, -0.5), atol=0.01)
+    assert found.stops[0].side == 1
+    assert found.stops[-1].side == -1
+
+
+@given(seed=seeds)
+@settings(max_examples=15)
+def test_strokes_never_pass_and_stops_only_push_and_take_energy(seed):
+    rng = np.random.default_rng(seed)
+    n = 3
+    Q = rng.standard_normal((n, n))
+    K, M = Q @ Q.T + 5.0 * np.eye(n), np.diag(rng.uniform(0.5, 2.0, n))
+    inverse = np.linalg.inv(M)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ K, np.zeros((n, n))]])
+    loads = rng.standard_normal((n, 2))
+    B, C = np.vstack([np.zeros((n, 2)), inverse @ loads]), np.hstack([loads.T, np.zeros((2, n))])
+    C = np.vstack([C, np.eye(2 * n)])
+    plant = ct.ss(
+        A,
+        B,
+        C,
+        0.0,
+        inputs=["suspension_a", "suspension_b"],
+        outputs=["stroke_a", "stroke_b", *(f"q{k}" for k in range(2 * n))],
+    )
+    time = np.linspace(0.0, 5.0, 1001)
+    start = np.concatenate([np.zeros(n), rng.standard_normal(n)])
+    found = simulate_loop(plant, None, None, time, sample_time=0.005, stroke_limit=0.25, initial=start)
+    for stroke in found.strokes.values():
+        assert np.abs(stroke).max() <= 0.25 * (1.0 + 1e-8)
+    for hit in found.stops:
+        assert hit.impulse * hit.side <= 0.0
+    states = np.array([found[f"q{k}"] for k in range(2 * n)])
+    q, v = states[:n], states[n:]
+    energy = 0.5 * np.einsum("it,ij,jt->t", q, K, q) + 0.5 * np.einsum("it,ij,jt->t", v, M, v)
+    assert (np.diff(energy) <= 2e-2 * energy[0]).all()
+    assert energy[-1] <= energy[0] * (1.0 + 1e-9)
+
+
+def test_stops_out_of_reach_change_nothing():
+    time = np.linspace(0.0, 2.0, 401)
+    plain = simulate_loop(mass_on_spring(), None, None, time, sample_time=0.005, initial=[0.1, 0.0])
+    found = simulate_loop(
+        mass_on_spring(), None, None, time, sample_time=0.005, initial=[0.1, 0.0], stroke_limit={"x": (0.11, "f")}
+    )
+    np.testing.assert_allclose(found["x"], plain["x"], atol=1e-13)
+    assert found.stops == ()
+
+
+def test_boom_with_stops_friction_and_limits_at_once():
+    model = bc.spray_boom(elements=6)
+    time = np.linspace(0.0, 5.0, 2501)
+    platform = np.array(
+        [0.02 * np.sin(rate * time + phase) - 0.02 * np.sin(phase) for rate, phase in ((1.6, 0.3), (3.4, 1.0))]
+    )
+    law = ct.ss(
+        [],
+        [],
+        [],
+        -100.0 * np.eye(2),
+        inputs=["stroke_left", "stroke_right"],
+        outputs=["suspension_left", "suspension_right"],
+    )
+    found = simulate_loop(
+        model,
+        law,
+        {"actuator_left": platform[0], "actuator_right": platform[1]},
+        time,
+        sample_time=0.002,
+        force_limit=1.0,
+        stroke_limit=0.02,
+        friction=CoulombFriction(6.0, 8.0),
+    )
+    assert max(np.abs(stroke).max() for stroke in found.strokes.values()) <= 0.02 * (1.0 + 1e-8)
+    assert found.stops
+    assert 0.0 < found.friction.stuck_share < 1.0
+    assert found.friction.dissipated > 0.0
+    assert max(found.saturation_share.values()) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("limit", "message"),
+    [
+        (0.0, "stroke_limit"),
+        ({"x": (0.1, "g")}, "unknown input at the stop of 'x'"),
+        ({"y": 0.1}, "unknown output of stroke_limit"),
+        ({"v": (0.1, "f")}, "no inertia"),
+        ({"x": 0.1}, "unknown input at the stop of 'x' 'x'"),
+        (0.1, "no outputs stroke_"),
+    ],
+)
+def test_bad_stops(limit, message):
+    with pytest.raises(ValueError, match=message):
+        simulate_loop(_FREE, None, None, np.linspace(0, 1, 11), sample_time=0.1, stroke_limit=limit)

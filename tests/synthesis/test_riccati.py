@@ -1,0 +1,118 @@
+"""Riccati equations: states that cost nothing, unstable ones that must move, meshes on which the peers fail."""
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from scipy import linalg
+
+import boomctl as bc
+from boomctl.analysis.norm import StateMatrices
+from boomctl.synthesis.quadratic import square_root
+from boomctl.synthesis.quadratic_norm import quadratic_norm
+from boomctl.synthesis.riccati import RiccatiProblem, solve_riccati
+from tests.strategies import seeds
+from tests.synthesis.test_lqr import random_system, random_weight
+
+SUSPENSIONS = ("suspension_left", "suspension_right")
+
+
+def boom_problem(elements, effort=1e-6):
+    system = bc.spray_boom(elements=elements).to_statespace(inputs=SUSPENSIONS, outputs=("tip_left", "tip_right"))
+    Q = system.C.T @ system.C
+    return RiccatiProblem(system.A, system.B, Q, effort * np.eye(2), np.zeros_like(system.B))
+
+
+def relative_residual(problem, X):
+    half, drop = problem.terms(X)
+    size = max(np.linalg.norm(half), np.linalg.norm(drop), np.linalg.norm(problem.Q))
+    return np.linalg.norm(half + half.T + problem.Q - drop) / size
+
+
+def test_a_fine_mesh_is_solved_where_scipy_is_not():
+    problem = boom_problem(50)
+    found = solve_riccati(problem)
+    peer = linalg.solve_continuous_are(problem.A, problem.B, problem.Q, problem.R)
+    assert relative_residual(problem, found.X) < 1e-8
+    assert relative_residual(problem, found.X) < 1e-4 * relative_residual(problem, peer)
+    assert found.certificate.cost_error < 1e-6
+    assert np.linalg.eigvalsh(found.X).min() > -1e-12 * np.abs(found.X).max()
+
+
+def test_the_solution_is_right_to_many_digits():
+    problem = boom_problem(4)
+    found = solve_riccati(problem)
+    with mp.workdps(40):
+        A, X, Q = (mp.matrix(m.tolist()) for m in (problem.A, found.X, problem.Q))
+        side = X * mp.matrix(problem.B.tolist())
+        residual = A.T * X + X * A + Q - side * side.T / mp.mpf(problem.R[0, 0])
+        exact = np.array(residual.tolist(), dtype=float)
+    closed = problem.A - problem.B @ found.gain
+    step = linalg.solve_continuous_lyapunov(closed.T, -exact)
+    size = np.sqrt(np.diag(found.X))
+    assert np.abs(step / np.outer(size, size)).max() < 1e-9
+    assert found.certificate.cost_error < 1e-9
+    if np.finfo(np.longdouble).nmant > 60:
+        assert problem.residual(found.X, extended=True) == pytest.approx(exact, abs=1e-9 * np.abs(exact).max() + 1e-16)
+
+
+def test_states_without_a_way_to_the_weight_cost_exactly_nothing():
+    model = bc.spray_boom(elements=6, accelerometer_bandwidth_hz=50.0)
+    weight = {"tip_left": 1.0, "tip_right": 1.0}
+    design = bc.lqr(model, None, 1e-6, output_weight=weight, controls=SUSPENSIONS)
+    bare = bc.lqr(bc.spray_boom(elements=6), None, 1e-6, output_weight=weight, controls=SUSPENSIONS)
+    assert not design.gain[:, -4:].any()
+    assert not design.cost[-4:].any()
+    assert design.gain[:, :-4] == pytest.approx(bare.gain, rel=1e-6, abs=1e-9 * np.abs(bare.gain).max())
+    assert len(design.poles) == len(bare.poles) + 4
+
+
+@given(seeds)
+@settings(max_examples=40)
+def test_with_no_weight_unstable_poles_are_mirrored(seed):
+    system = random_system(seed)
+    found = solve_riccati(RiccatiProblem(system.A, system.B, np.zeros((5, 5)), np.eye(2), np.zeros((5, 2))))
+    poles = np.linalg.eigvals(system.A)
+    expected = np.where(poles.real > 0.0, -poles.conj(), poles)
+    assert np.poly(found.poles).real == pytest.approx(np.poly(expected).real, rel=1e-5, abs=1e-5)
+
+
+@given(seeds)
+@settings(max_examples=50)
+def test_a_sharp_change_of_units_changes_nothing(seed):
+    rng = np.random.default_rng(seed)
+    system = random_system(seed)
+    plain = RiccatiProblem(system.A, system.B, random_weight(seed, 5), np.eye(2), np.zeros((5, 2)))
+    d = 10.0 ** rng.uniform(-8, 8, 5)
+    scaled = RiccatiProblem(
+        system.A * d / d[:, None], system.B / d[:, None], plain.Q * np.outer(d, d), plain.R, plain.N
+    )
+    one, other = solve_riccati(plain), solve_riccati(scaled)
+    size = np.sqrt(np.diag(one.X))
+    assert np.abs((other.X / np.outer(d, d) - one.X) / np.outer(size, size)).max() < 1e-6
+
+
+@given(seeds)
+@settings(max_examples=40)
+def test_square_roots_of_weights_of_any_rank(seed):
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((6, int(rng.integers(0, 7)))) * 10.0 ** rng.uniform(-6, 6, (6, 1))
+    matrix = root @ root.T
+    found = square_root(matrix)
+    size = np.sqrt(np.diag(matrix)) if root.shape[1] else np.ones(6)
+    assert found.shape == (6, root.shape[1])
+    assert np.abs((found @ found.T - matrix) / np.outer(size, size)).max() < 1e-12
+
+
+def test_h2_norms_in_closed_form():
+    lag = StateMatrices(np.array([[-2.0]]), np.array([[3.0]]), np.array([[5.0]]), np.zeros((1, 1)))
+    assert quadratic_norm(lag).value == pytest.approx(15.0 / 2.0)
+    w, z = 3.0, 1e-4
+    mode = StateMatrices(
+        np.array([[0, 1.0], [-(w**2), -2 * z * w]]), np.array([[0], [1.0]]), np.array([[1.0, 0]]), np.zeros((1, 1))
+    )
+    assert quadratic_norm(mode).value == pytest.approx(np.sqrt(1.0 / (4.0 * z * w**3)))
+    assert quadratic_norm(mode).disagreement < 1e-9
+    unstable = StateMatrices(-lag.A, lag.B, lag.C, lag.D)
+    direct = StateMatrices(lag.A, lag.B, lag.C, np.ones((1, 1)))
+    assert quadratic_norm(unstable).value == quadratic_norm(direct).value == np.inf
