@@ -1,6 +1,7 @@
 """The process for native synthesis: warm, killed in time, started anew, safe between threads, no guard in scripts."""
 
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -94,6 +95,19 @@ def test_a_native_solver_out_of_order_does_not_stop_synthesis(monkeypatch):
     design = bc.h_infinity(weighed(resonators(3, 0.01, 2)), 1, 1)
     assert design.certificate.solver == "two Riccati equations"
     assert design.gamma <= 1.01 * design.certificate.lower
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="processes cannot be stopped here")
+def test_a_native_solver_that_hangs_is_killed_and_synthesis_goes_on():
+    P = weighed(resonators(3, 0.01, 2))
+    bc.h_infinity(P, 1, 1)
+    hung = shared_worker().pid
+    os.kill(hung, signal.SIGSTOP)
+    design = bc.h_infinity(P, 1, 1, time_limit=3.0)
+    assert design.certificate.solver == "two Riccati equations"
+    assert design.gamma <= 1.01 * design.certificate.lower
+    assert bc.h_infinity(P, 1, 1).certificate.solver == "SLICOT SB10FD"
+    assert shared_worker().pid not in (None, hung)
 
 
 def test_scripts_need_no_guard_and_leave_no_process(tmp_path):
