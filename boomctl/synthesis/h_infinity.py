@@ -125,7 +125,9 @@ def _statement(task: Task, found: Candidate) -> str:
         above = gamma / bounds.lower - 1.0
         told += f", at most {100.0 * above:.2g} % above {bounds.lower:.6g}, which no controller beats"
         if task.wanted is None and above > task.tolerance:
-            told += f"; the {100.0 * task.tolerance:.3g} % wanted could not be had with poles below {task.fastest:.3g} rad/s"
+            told += f"; the {100.0 * task.tolerance:.3g} % wanted could not be had "
+            open_ = bounds.reached > bounds.lower * (1.0 + 0.5 * task.tolerance)
+            told += "for rounding" if open_ else f"with poles below {task.fastest:.3g} rad/s"
     if fast > task.fastest:
         told += f"; the controller has a pole at {fast:.3g} rad/s, no slower one passed below {task.fastest:.3g} rad/s"
     return told

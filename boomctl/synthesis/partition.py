@@ -123,7 +123,7 @@ def normalised(plant: Plant) -> Normalised:
 def modal_basis(A: Array, B: Array, C: Array) -> Array:
     """Return real columns that span the modes of ``A``, each scaled so that it is driven as much as it is seen.
 
-    Where the eigenvectors hardly differ (integrator chains), the states are balanced one by one instead.
+    Modes whose eigenvectors hardly differ (integrator chains, double poles) stay together in a block.
     """
     if not len(A):
         return np.zeros((0, 0))
@@ -133,14 +133,26 @@ def modal_basis(A: Array, B: Array, C: Array) -> Array:
         for value, v in zip(values, vectors.T, strict=True)
         if value.imag >= 0.0
     ]
-    columns = [column for block in blocks for column in block]
-    basis = np.array(columns).T
+    basis = np.array([column for block in blocks for column in block]).T
     widths = [len(block) for block in blocks]
     if basis.shape != A.shape or np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > _INDEPENDENT:
-        _, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
-        basis, widths = np.diag(scale), [1] * len(A)
-        return basis * _even(linalg.inv(basis) @ B, C @ basis, [len(A)])
+        basis, widths = _blocks(A)
     return basis * _even(np.linalg.solve(basis, B), C @ basis, widths)
+
+
+def _blocks(A: Array) -> tuple[Array, list[int]]:
+    """Return columns that bring ``A`` to diagonal blocks without being near to dependent, and the blocks' widths."""
+    import control
+
+    balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
+    blocks, columns, widths = control.bdschur(balanced, condmax=_INDEPENDENT)
+    basis, start = np.asarray(scale)[:, None] * np.asarray(columns), 0
+    for width in map(int, widths):
+        part = slice(start, start + width)
+        _, (inner, _) = linalg.matrix_balance(blocks[part, part], permute=False, separate=True)
+        basis[:, part] *= inner
+        start += width
+    return basis, [int(width) for width in widths]
 
 
 def _even(B: Array, C: Array, widths: list[int]) -> Array:

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import boomctl as bc
-from tests.synthesis.plants import assert_verified, resonators, two_modes, weighed
+from tests.synthesis.plants import assert_verified, lower_loop_norm, resonators, two_modes, weighed
 
 CHAIN = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
 
@@ -131,3 +131,31 @@ def test_the_plant_of_the_slicot_library():
     assert best.gamma <= 1.01 * best.certificate.lower
     assert best.gamma < enough.gamma <= 15.0
     assert_verified(P, enough.controller, enough.gamma, enough.certificate.norm.omega)
+
+
+def test_weights_with_double_poles_on_a_fine_mesh():
+    """A double pole has one eigenvector only; the modes of the boom must keep coordinates of their own beside it."""
+    _, yaw = bc.split_symmetric(bc.spray_boom(bc.BoomParameters(), elements=20))
+    P = bc.generalized_plant(
+        yaw,
+        disturbances={"actuator_anti": bc.low_pass(0.05, 5.0, order=2)},
+        noises={"stroke_anti": 1e-3},
+        performance={"tip_anti": 1.0},
+        effort={"suspension_anti": bc.shelf(0.01, 10.0, 60.0, order=2)},
+        measurements="stroke_anti",
+        controls="suspension_anti",
+    )
+    design = bc.h_infinity(P, 1, 1)
+    assert design.gamma <= 1.01 * design.certificate.lower
+    assert_verified(P, design.controller, design.gamma, design.certificate.norm.omega)
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 6])
+def test_chains_of_integrators(count):
+    A = np.diag(np.ones(count - 1), 1)
+    B, C = np.eye(count)[:, -1:], np.eye(count)[:1]
+    chain = control.ss(A, np.hstack([B, B]), np.vstack([C, C]), 0.0, inputs=["d", "u"], outputs=["q", "y"])
+    P = weighed(chain)
+    design = bc.h_infinity(P, 1, 1)
+    assert design.gamma <= 1.01 * design.certificate.lower
+    assert_allclose(lower_loop_norm(P, design.controller), design.gamma, rtol=1e-4)
