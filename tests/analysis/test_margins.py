@@ -58,7 +58,9 @@ def test_limits_are_where_the_loop_loses_stability_and_disks_lie_inside(seed, ga
 def test_margins_do_not_depend_on_units():
     system, K = chain(5).to_statespace(), velocity_feedback(0.3)
     a, b = np.diag([1e3, 1.0, 1e-2]), np.diag([1e2, 1.0, 1e-4])
-    other = control.ss(system.A, system.B @ a, b @ system.C, 0.0, inputs=system.input_labels, outputs=system.output_labels)
+    other = control.ss(
+        system.A, system.B @ a, b @ system.C, 0.0, inputs=system.input_labels, outputs=system.output_labels
+    )
     u, y = np.linalg.inv(a[::2, ::2]), np.linalg.inv(b[::2, ::2])
     scaled = control.ss(K.A, K.B @ y, u @ K.C, u @ K.D @ y, **SIGNALS)
     first, second = margins(system, K), margins(other, scaled)

@@ -86,7 +86,14 @@ def test_the_passive_boom_is_stable_over_the_whole_box():
 def test_the_pencil_has_the_loops_poles_filters_and_accelerations_included():
     model = boom_family(accelerometer_bandwidth_hz=20.0).at([0.4, -0.7])
     names = ["tip_left_acceleration", "stroke_right"], ["suspension_left", "cradle"]
-    K = control.ss(-3.0 * np.eye(2), np.eye(2), [[5.0, 1.0], [0.0, 9.0]], [[1.0, -20.0], [3.0, 4.0]], inputs=names[0], outputs=names[1])
+    K = control.ss(
+        -3.0 * np.eye(2),
+        np.eye(2),
+        [[5.0, 1.0], [0.0, 9.0]],
+        [[1.0, -20.0], [3.0, 4.0]],
+        inputs=names[0],
+        outputs=names[1],
+    )
     mine = closed_pencil(model.select(names[1], names[0]), state_matrices(K)).poles
     loop = np.linalg.eigvals(feedback_loop(model, K).A)
     other = list(loop)
@@ -98,7 +105,9 @@ def test_the_pencil_has_the_loops_poles_filters_and_accelerations_included():
 
 def test_the_worst_norm_is_attained_and_at_least_the_nominal_one():
     family = boom_family(half="yaw")
-    K = control.ss([[-30.0]], [[1.0]], [[6000.0]], [[-200.0 * 30.0]], inputs=["stroke_anti"], outputs=["suspension_anti"])
+    K = control.ss(
+        [[-30.0]], [[1.0]], [[6000.0]], [[-200.0 * 30.0]], inputs=["stroke_anti"], outputs=["suspension_anti"]
+    )
     found = worst_case(family, K, "actuator_anti", "tip_anti")
     assert found.norm.certified
     assert found.norm.lower >= found.nominal.lower
