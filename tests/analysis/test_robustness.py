@@ -115,6 +115,12 @@ def test_the_worst_norm_is_attained_and_at_least_the_nominal_one():
     assert hinf_norm(again["tip_anti", "actuator_anti"]).lower == pytest.approx(found.norm.lower, rel=1e-6)
 
 
+def test_a_loop_unstable_in_the_middle_bears_nothing():
+    found = structured_margin(oscillators({"k": (3.0, 5.0)}), feedback(4.5))
+    assert found.stable_up_to == found.unstable_at == 0.0
+    assert found.mu_lower == found.mu_upper == np.inf
+
+
 def test_imposed_motions_are_no_controls():
     K = control.ss([], [], [], [[0.1]], inputs=["stroke_anti"], outputs=["actuator_anti"])
     with pytest.raises(ValueError, match="actuator_anti"):
