@@ -150,8 +150,8 @@ def _closed(
 
 
 def _well_posed(matrix: Array) -> Array:
-    """Return the inverse of ``I - D22``."""
-    values = linalg.svdvals(matrix)
+    """Return the inverse of ``I - D22``, judged after balancing, so that units do not matter."""
+    values = linalg.svdvals(linalg.matrix_balance(matrix, permute=False)[0]) if len(matrix) else np.ones(1)
     if values[-1] <= _WELL_POSED * max(1.0, values[0]):
         raise ValueError("the loop is not well-posed: the feedthroughs of plant and controller cancel one another")
     return linalg.inv(matrix)

@@ -2,8 +2,8 @@
 
 What a mode contributes to the response from input ``i`` to output ``o`` peaks, seen by itself, at ``|c_o| |b_i|/|Re p|``.
 A signal's share in a mode is that contribution against the largest of all modes between the same two signals: it depends
-neither on units, nor on the coordinates, nor on how signals are ordered.  Poles that decay so little that nothing finite can
-be said have share 1 where they show at all.
+neither on units, nor on the coordinates, nor on how signals are ordered.  An undamped mode has
+share 1 where it shows at all.
 """
 
 from dataclasses import dataclass

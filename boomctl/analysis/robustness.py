@@ -80,7 +80,7 @@ class StructuredMargin:
     @property
     def mu_lower(self) -> float:
         """Lower bound of the structured singular value for these real parameters, 1 being the box itself."""
-        return 1.0 / self.unstable_at
+        return 1.0 / self.unstable_at if self.unstable_at > 0.0 else inf
 
     @property
     def mu_upper(self) -> float:
@@ -244,7 +244,7 @@ def structured_margin(
     top, close, limit = positive("largest", largest), positive("tolerance", tolerance), whole("max_cells", max_cells)
     pencils = _pencils(family, controller)
     if pencils.centre.abscissa >= 0.0:
-        return StructuredMargin(0.0, 0.0 + float(np.finfo(float).tiny), family.values(np.zeros(family.size)))
+        return StructuredMargin(0.0, 0.0, family.values(np.zeros(family.size)))
     bad, where = _unstable_factor(pencils, top, close)
     good, ceiling = 0.0, min(bad, top)
     tried = ceiling * (1.0 - 0.5 * close) if bad < inf else ceiling

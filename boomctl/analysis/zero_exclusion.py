@@ -129,7 +129,8 @@ def _straightened(poles: Complex, E: Complex, A: Complex, reach: Array) -> _Mode
     ``(1 + sum d_i Y_i)(s E - A)(1 + sum d_i X_i)`` is regular only if ``s E - A`` is; ``E[0], A[0]`` are rounding.
     """
     k, n = len(reach), len(poles)
-    gaps = poles[:, None] - poles[None, :] + np.eye(n)
+    gaps = poles[:, None] - poles[None, :]
+    gaps[gaps == 0.0] = np.inf
     X = (E[1:] * poles - A[1:]) / gaps
     X *= 1.0 - np.eye(n)
     X[np.abs(X) * reach[:, None, None] > _TURN] = 0.0

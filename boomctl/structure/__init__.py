@@ -3,6 +3,7 @@
 from boomctl.structure.assembly import Assembly
 from boomctl.structure.beam import DiscreteElements, FiniteElements
 from boomctl.structure.displacement_input import prescribe_displacement
+from boomctl.structure.family import AffineFamily
 from boomctl.structure.parts import (
     GROUND,
     Beam,
@@ -24,6 +25,7 @@ from boomctl.structure.symmetry import split_symmetric
 
 __all__ = [
     "GROUND",
+    "AffineFamily",
     "Assembly",
     "Beam",
     "BeamSection",

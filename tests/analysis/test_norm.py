@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from boomctl.analysis import hinf_norm
@@ -13,6 +13,7 @@ from boomctl.analysis.singular import singular_values
 from boomctl.boom import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.structure import SecondOrderModel
+from tests.analysis.loop_cases import chain
 
 
 def oscillator(zeta, omega=2.0, gain=3.0):
@@ -103,3 +104,14 @@ def test_the_halves_stand_for_the_whole_only_if_every_signal_has_its_image():
 def test_unsymmetric_matrices_have_norms_too():
     model = SecondOrderModel(np.eye(2), [[0.3, 1.0], [-1.0, 0.3]], np.diag([4.0, 9.0]), {"f": [1, 0]}, {"y": [0, 1]})
     assert model_norm(model).lower == pytest.approx(hinf_norm(model.to_statespace()).lower, rel=1e-7)
+
+
+@given(st.integers(0, 10_000), st.floats(1e-5, 1e-2))
+@settings(max_examples=20)
+def test_no_resonance_is_missed_however_light_its_damping(seed, damping):
+    system = chain(seed, damping=damping).to_statespace()
+    certificate, poles = hinf_norm(system), system.poles()
+    at_poles = singular_values(state_matrices(system).response(np.abs(poles.imag)))[0]
+    assert certificate.certified
+    assert at_poles.max() <= certificate.upper
+    assert at_poles.max() >= 0.5 * certificate.lower

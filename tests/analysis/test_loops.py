@@ -1,0 +1,61 @@
+"""Closed loops by name: against algebra at each frequency, and against python-control."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from boomctl.analysis import closed_loop_response, feedback_loop
+from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20)
+def test_the_loop_solves_its_equations_at_each_frequency(seed):
+    rng = np.random.default_rng(seed)
+    plant = control.rss(4, 3, 3)
+    plant = control.ss(
+        plant.A, plant.B, plant.C, rng.standard_normal((3, 3)), inputs=["a", "u", "b"], outputs=["y", "z", "x"]
+    )
+    K = control.rss(3, 1, 2)
+    K = control.ss(K.A, K.B, K.C, 0.1 * rng.standard_normal((1, 2)), inputs=["x", "y"], outputs=["u"])
+    loop = feedback_loop(plant, K, added=["y", "u"])
+    assert loop.input_labels == ["a", "b", "y_added", "u_added"]
+    assert loop.output_labels == ["y", "z", "x", "u"]
+    s = 0.7j
+    response, G, C = loop(s), plant(s), K(s)
+    for i in range(4):
+        u = response[3, i]
+        w = np.array([i == 0, u, i == 1], dtype=complex)
+        assert G @ w == pytest.approx(response[:3, i], rel=1e-8, abs=1e-8)
+        read = response[[2, 0], i] + np.array([0.0, i == 2])
+        assert (C @ read)[0] + (i == 3) == pytest.approx(u, rel=1e-8, abs=1e-8)
+
+
+def test_a_loop_of_responses_is_the_response_of_the_loop():
+    model, K, omega = chain(3), velocity_feedback(0.4), np.geomspace(0.1, 20.0, 50)
+    closed = feedback_loop(model, K)
+    data = closed_loop_response(model.frequency_response, K, omega)
+    assert data.input_labels == ["w"]
+    assert data.output_labels == closed.output_labels == ["y0", "z", "y1", "u0", "u1"]
+    assert data.frdata == pytest.approx(closed(1j * omega).reshape(5, 1, 50), rel=1e-8)
+    assert closed_loop_response(model.frequency_response(omega), K).frdata == pytest.approx(data.frdata)
+
+
+def test_bad_loops_are_refused_by_name():
+    model = chain(0)
+    stray = control.ss([], [], [], [[1.0]], inputs=["y9"], outputs=["u0"])
+    with pytest.raises(ValueError, match="'y9'"):
+        feedback_loop(model, stray)
+    through = control.ss([[-1.0]], [[1.0]], [[1.0]], [[2.0]], inputs=["u0"], outputs=["y0"])
+    half = control.ss([], [], [], [[0.5]], inputs=["y0"], outputs=["u0"])
+    with pytest.raises(ValueError, match="well-posed"):
+        feedback_loop(through, half, added="u0")
+    with pytest.raises(ValueError, match="nothing drives the loop"):
+        feedback_loop(through, control.ss([], [], [], [[0.1]], inputs=["y0"], outputs=["u0"]))
+    with pytest.raises(TypeError, match="controller"):
+        feedback_loop(model, np.eye(2))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="omega"):
+        closed_loop_response(model.frequency_response, velocity_feedback(0.1))
+    assert SIGNALS["inputs"] == ["y0", "y1"]

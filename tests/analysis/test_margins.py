@@ -1,0 +1,75 @@
+"""Margins: loops with margins in closed form, limits that are limits, and no dependence on units."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from boomctl.analysis import feedback_loop, margins
+from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
+
+
+def loop(A, B, C, gain):
+    plant = control.ss(A, B, C, 0.0, inputs=["u"], outputs=["y"])
+    return plant, control.ss([], [], [], [[-gain]], inputs=["y"], outputs=["u"])
+
+
+@given(st.floats(0.01, 100.0))
+@settings(max_examples=15)
+def test_an_integrator_has_ninety_degrees_and_the_largest_disk(gain):
+    found = margins(*loop([[0.0]], [[1.0]], [[1.0]], gain))["u"]
+    assert found.gain_high == np.inf
+    assert found.phase_deg == pytest.approx(90.0, rel=1e-6)
+    assert found.phase_omega == pytest.approx(gain, rel=1e-6)
+    assert found.delay == pytest.approx(np.pi / 2 / gain, rel=1e-6)
+    assert found.disk.alpha == pytest.approx(2.0, rel=1e-4)
+
+
+@given(st.floats(0.2, 7.0))
+@settings(max_examples=15)
+def test_three_equal_lags_bear_a_gain_of_eight(gain):
+    A = [[-1.0, 1.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, -1.0]]
+    found = margins(*loop(A, [[0.0], [0.0], [1.0]], [[1.0, 0.0, 0.0]], gain))["u"]
+    assert found.gain_high == pytest.approx(8.0 / gain, rel=1e-6)
+    assert found.gain_high_omega == pytest.approx(np.sqrt(3.0), rel=1e-6)
+    if gain > 1.01:
+        omega = np.sqrt(gain ** (2.0 / 3.0) - 1.0)
+        assert found.phase_deg == pytest.approx(180.0 - 3.0 * np.degrees(np.arctan(omega)), rel=1e-5)
+    assert found.gain_high >= found.disk.gain * (1.0 - 1e-5)
+
+
+@given(st.integers(0, 200), st.floats(0.05, 0.5))
+@settings(max_examples=4)
+def test_limits_are_where_the_loop_loses_stability_and_disks_lie_inside(seed, gain):
+    plant, K = chain(seed), velocity_feedback(gain, 8.0)
+    found = margins(plant, K)
+    for row in found.loops:
+        assert row.disk.alpha >= found.everywhere.alpha * (1.0 - 1e-4)
+        assert row.gain_high >= row.disk.gain * (1.0 - 1e-4)
+        assert row.phase_deg >= row.disk.phase_deg * (1.0 - 1e-4)
+        if row.place == "control" and row.gain_high < 1e3:
+            for factor, stable in ((row.gain_high * 0.999, True), (row.gain_high * 1.001, False)):
+                scale = np.where(np.array(SIGNALS["outputs"]) == row.signal, factor, 1.0)[:, None]
+                changed = control.ss(K.A, K.B, scale * K.C, scale * K.D, **SIGNALS)
+                assert (feedback_loop(plant, changed).poles().real.max() < 0.0) == stable
+
+
+def test_margins_do_not_depend_on_units():
+    system, K = chain(5).to_statespace(), velocity_feedback(0.3)
+    a, b = np.diag([1e3, 1.0, 1e-2]), np.diag([1e2, 1.0, 1e-4])
+    other = control.ss(
+        system.A, system.B @ a, b @ system.C, 0.0, inputs=system.input_labels, outputs=system.output_labels
+    )
+    u, y = np.linalg.inv(a[::2, ::2]), np.linalg.inv(b[::2, ::2])
+    scaled = control.ss(K.A, K.B @ y, u @ K.C, u @ K.D @ y, **SIGNALS)
+    first, second = margins(system, K), margins(other, scaled)
+    for name in ("controls", "measurements", "everywhere"):
+        assert getattr(second, name).alpha == pytest.approx(getattr(first, name).alpha, rel=2e-2)
+    assert second["u1"].phase_deg == pytest.approx(first["u1"].phase_deg, rel=1e-5)
+    assert "all at once: everywhere" in first.render()
+
+
+def test_an_unstable_loop_has_none():
+    with pytest.raises(ValueError, match="not stable"):
+        margins(chain(0), velocity_feedback(-3.0))

@@ -1,0 +1,56 @@
+"""Stability by winding: the same verdict and count as eigenvalues."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from boomctl.analysis import exact_loop_stability, feedback_loop
+from boomctl.boom import BoomParameters, exact_frequency_response, spray_boom
+from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
+
+
+@given(st.integers(0, 1000), st.floats(-1.0, 1.0), st.floats(2.0, 30.0))
+@settings(max_examples=30)
+def test_counts_the_unstable_poles_that_eigenvalues_show(seed, gain, corner):
+    plant, K = chain(seed), velocity_feedback(gain, corner)
+    poles = feedback_loop(plant, K).poles()
+    if np.abs(poles.real).min() < 1e-6:
+        return
+    found = exact_loop_stability(plant.frequency_response, K, plant.to_statespace().poles())
+    assert found.unstable_poles == int((poles.real > 0.0).sum())
+    assert found.stable == bool(poles.real.max() < 0.0)
+    assert found.distance > 0.0
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=15)
+def test_counts_with_an_unstable_controller(seed):
+    rng = np.random.default_rng(seed)
+    plant = chain(seed, damping=0.2)
+    K = control.ss(np.diag([0.5, -3.0]), rng.standard_normal((2, 2)), rng.standard_normal((2, 2)), 0.0, **SIGNALS)
+    found = exact_loop_stability(plant.frequency_response, K, plant.to_statespace().poles())
+    assert found.controller_poles == 1
+    assert found.unstable_poles == int((feedback_loop(plant, K).poles().real > 0.0).sum())
+
+
+@pytest.mark.parametrize("gain", [-20000.0, -200.0, -1.0, 200.0, 30000.0])
+def test_the_exact_boom_agrees_with_a_fine_mesh(gain):
+    strokes, forces = ["stroke_left", "stroke_right"], ["suspension_left", "suspension_right"]
+    eye = np.eye(2)
+    K = control.ss(-30.0 * eye, eye, 30.0 * gain * eye, 0.0 * eye, inputs=strokes, outputs=forces)
+    mesh = spray_boom(discretization="high-order", elements=4)
+    poles = mesh.to_statespace().poles()
+    poles = poles[np.abs(poles) < 600.0]
+    p = BoomParameters()
+    found = exact_loop_stability(lambda w: exact_frequency_response(p, w, forces, strokes), K, poles)
+    assert found.unstable_poles == int((feedback_loop(mesh, K).poles().real > 0.0).sum())
+
+
+def test_what_cannot_be_told_is_refused():
+    plant = chain(1)
+    poles = plant.to_statespace().poles()
+    integrator = control.ss(np.zeros((2, 2)), np.eye(2), np.eye(2), 0.0, **SIGNALS)
+    with pytest.raises(ValueError, match="imaginary axis"):
+        exact_loop_stability(plant.frequency_response, integrator, poles)

@@ -1,0 +1,128 @@
+"""Stability over boxes of parameters: closed forms, no proof where a point is unstable, bounds in order."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from boomctl.analysis import robust_stability, structured_margin, worst_case
+from boomctl.analysis.closed_pencil import closed_pencil
+from boomctl.analysis.loops import feedback_loop
+from boomctl.analysis.norm import hinf_norm, state_matrices
+from boomctl.boom import boom_family, yaw_family
+from boomctl.structure import SecondOrderModel
+from boomctl.structure.family import AffineFamily
+from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
+
+
+def oscillators(ranges):
+    def make(values):
+        m, c, k = (values.get(name, default) for name, default in (("m", 1.0), ("c", 0.02), ("k", 4.0)))
+        return SecondOrderModel([[m]], [[c]], [[k]], {"u": [1.0], "w": [1.0]}, {"y": [1.0]})
+
+    return AffineFamily.through(ranges, make)
+
+
+def feedback(gain):
+    return control.ss([], [], [], [[gain]], inputs=["y"], outputs=["u"])
+
+
+@given(st.floats(0.2, 3.5), st.floats(0.05, 1.0))
+@settings(max_examples=20)
+def test_an_uncertain_spring_bears_what_its_closed_form_says(gain, width):
+    """k + d width - gain > 0 for stability."""
+    family, exact = oscillators({"k": (4.0 - width, 4.0 + width)}), (4.0 - gain) / width
+    found = structured_margin(family, feedback(gain), largest=100.0, tolerance=0.02)
+    assert found.stable_up_to <= exact * (1.0 + 1e-9)
+    assert exact <= found.unstable_at * (1.0 + 1e-9)
+    assert found.stable_up_to >= 0.95 * found.unstable_at
+    assert found.mu_lower <= found.mu_upper
+    assert robust_stability(family, feedback(gain)).proved == (exact > 1.0) or abs(exact - 1.0) < 0.01
+
+
+def test_an_uncertain_damper_bears_what_its_closed_form_says():
+    found = structured_margin(oscillators({"c": (0.01, 0.03)}), feedback(0.5), largest=10.0, tolerance=0.02)
+    assert found.stable_up_to <= 2.0 <= found.unstable_at
+    assert found.stable_up_to >= 1.9
+
+
+@given(st.integers(0, 500), st.floats(-0.3, 1.0))
+@settings(max_examples=20)
+def test_a_proof_is_never_contradicted_by_a_point(seed, gain):
+    rng = np.random.default_rng(seed)
+    base, heavy, stiff = chain(seed), np.diag(rng.uniform(0.0, 1.0, 4)), rng.standard_normal((4, 2))
+
+    def make(v):
+        return SecondOrderModel(
+            base.M + v["m"] * 0.3 * heavy,
+            base.C,
+            base.K + 0.05 * v["k"] * stiff @ stiff.T,
+            dict(zip(base.inputs, base.ports.B[0].T, strict=True)),
+            dict(zip(base.outputs, base.ports.L[0], strict=True)),
+        )
+
+    family, K = AffineFamily.through({"m": (-1.0, 1.0), "k": (-1.0, 1.0)}, make), velocity_feedback(gain, 3.0)
+    found = robust_stability(family, K)
+    points = rng.uniform(-1.0, 1.0, (40, 2))
+    worst = max(feedback_loop(family.at(d), K).poles().real.max() for d in points)
+    if found.proved:
+        assert worst < 0.0
+    if found.unstable_at is not None:
+        delta = family.deltas(found.unstable_at)
+        assert (np.abs(delta) <= 1.0 + 1e-9).all()
+        assert feedback_loop(family.at(delta), K).poles().real.max() >= -1e-9
+    assert found.proved or found.unstable_at is not None
+
+
+def test_the_passive_boom_is_stable_over_the_whole_box():
+    none = control.ss([], [], [], [[0.0]], inputs=["stroke_anti"], outputs=["suspension_anti"])
+    found = robust_stability(boom_family(half="yaw"), none)
+    assert found.proved
+    assert found.cells < 50
+    assert robust_stability(yaw_family(half="yaw"), none).proved
+
+
+def test_the_pencil_has_the_loops_poles_filters_and_accelerations_included():
+    model = boom_family(accelerometer_bandwidth_hz=20.0).at([0.4, -0.7])
+    names = ["tip_left_acceleration", "stroke_right"], ["suspension_left", "cradle"]
+    K = control.ss(
+        -3.0 * np.eye(2),
+        np.eye(2),
+        [[5.0, 1.0], [0.0, 9.0]],
+        [[1.0, -20.0], [3.0, 4.0]],
+        inputs=names[0],
+        outputs=names[1],
+    )
+    mine = closed_pencil(model.select(names[1], names[0]), state_matrices(K)).poles
+    loop = np.linalg.eigvals(feedback_loop(model, K).A)
+    other = list(loop)
+    for pole in sorted(mine, key=abs):
+        nearest = min(other, key=lambda x: abs(x - pole))
+        assert abs(nearest - pole) < 1e-6 * abs(pole) + 1e-6
+    assert len(mine) <= len(loop)
+
+
+def test_the_worst_norm_is_attained_and_at_least_the_nominal_one():
+    family = boom_family(half="yaw")
+    K = control.ss(
+        [[-30.0]], [[1.0]], [[6000.0]], [[-200.0 * 30.0]], inputs=["stroke_anti"], outputs=["suspension_anti"]
+    )
+    found = worst_case(family, K, "actuator_anti", "tip_anti")
+    assert found.norm.certified
+    assert found.norm.lower >= found.nominal.lower
+    again = feedback_loop(family.at(family.deltas(found.values)), K)
+    assert hinf_norm(again["tip_anti", "actuator_anti"]).lower == pytest.approx(found.norm.lower, rel=1e-6)
+
+
+def test_a_loop_unstable_in_the_middle_bears_nothing():
+    found = structured_margin(oscillators({"k": (3.0, 5.0)}), feedback(4.5))
+    assert found.stable_up_to == found.unstable_at == 0.0
+    assert found.mu_lower == found.mu_upper == np.inf
+
+
+def test_imposed_motions_are_no_controls():
+    K = control.ss([], [], [], [[0.1]], inputs=["stroke_anti"], outputs=["actuator_anti"])
+    with pytest.raises(ValueError, match="actuator_anti"):
+        robust_stability(boom_family(half="yaw"), K)
+    assert SIGNALS["outputs"] == ["u0", "u1"]
