@@ -49,8 +49,8 @@ def reduce(
     method : "balanced", "singular-perturbation", "hankel", "modal" or "second-order"
         Balanced truncation (exact at infinite frequency), singular perturbation (exact at zero frequency), optimal
         Hankel-norm approximation, the strongest modes with the static gain of the others; of a structure, likewise
-        with undamped modes, which gives a smaller structure (an even order, two states a coordinate; no bound of the
-        error is known beforehand, it is ``inf``).
+        with undamped modes, which gives a smaller structure (an even order, two states a coordinate; the bound is
+        ``inf`` for more than 700 coordinates, undamped modes, or other outputs than displacements).
     error : float, optional
         Instead of ``order``: the lowest order whose verified error is not above this (absolute).
     band : (float, float), optional
