@@ -20,7 +20,6 @@ from scipy import linalg, sparse
 
 from boomctl.arrays import Array
 from boomctl.reduction.spectral import ModalSystem
-from boomctl.structure.pencil import factorized
 from boomctl.structure.second_order import SecondOrderModel
 
 __all__ = ["Damping", "Loads", "damper_forces", "damping_between", "intervals", "separated_damping", "tail_bound"]
@@ -152,7 +151,7 @@ def _at_dampers(B1: Array, damping: Damping) -> tuple[Array, Array]:
 def _compliances(model: SecondOrderModel, V: Array, lowest: float, columns: tuple[Array, ...]) -> list[float]:
     """Return the square root of the largest compliance of each group of loads, over the modes left out."""
     shift = _SHIFT * lowest**2
-    solve = factorized(sparse.csr_array(model.K) + shift * sparse.csr_array(model.M))
+    solve = model.prepared.pencil.shifted(shift)
     stacked = np.hstack(columns)
     for _ in range(2):
         stacked = stacked - model.M @ (V @ (V.T @ stacked))
