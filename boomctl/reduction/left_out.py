@@ -14,7 +14,7 @@ from scipy import linalg
 from boomctl.analysis.norm import StateMatrices
 from boomctl.arrays import Array, Flags
 from boomctl.reduction.core import core_states
-from boomctl.reduction.spectral import diagonalized
+from boomctl.reduction.spectral import ModalSystem, diagonalized
 from boomctl.reduction.structural_tail import Loads, damper_forces, damping_between, intervals
 
 __all__ = ["left_out_bound"]
@@ -50,17 +50,8 @@ def left_out_bound(stiffness: Array, C: Array, loads: Loads, kept: Flags) -> flo
     if dissipated <= 0.0:
         return inf
     ours, others = _only(loads, kept), _only(loads, ~kept)
-    k, m, p = int(kept.sum()), loads.B0.shape[1], len(loads.L)
-    eye = np.eye(k)
-    core = core_states(eye, np.diag(stiffness[kept]), C[np.ix_(kept, kept)], ours, eye)
-    closed = diagonalized(
-        StateMatrices(
-            core.A,
-            np.hstack([core.B, np.vstack([np.zeros((k, p)), ours.L.T])]),
-            np.hstack([X, np.zeros((len(w), k))]),
-            np.zeros((len(w), m + p)),
-        )
-    )
+    m = loads.B0.shape[1]
+    closed = _motions(stiffness[kept], C[np.ix_(kept, kept)], ours, X)
     if closed is None or (closed.poles.real >= 0.0).any():
         return inf
     low, high = intervals(closed, float(w.min()))
@@ -73,6 +64,14 @@ def left_out_bound(stiffness: Array, C: Array, loads: Loads, kept: Flags) -> flo
     parts = (reads + by_outputs) * inverse * (b0 + by_inputs + high * b1)
     last = (reads + by_outputs[-1]) * ((b0 + by_inputs[-1]) / low[-1] + b1) / dissipated
     return float(max(parts[:-1].max(), last))
+
+
+def _motions(stiffness: Array, C: Array, loads: Loads, rows: Array) -> ModalSystem | None:
+    """Return the modes kept, from inputs and forces at the outputs to ``rows`` of their coordinates."""
+    k, m, p, r = len(stiffness), loads.B0.shape[1], len(loads.L), len(rows)
+    core = core_states(np.eye(k), np.diag(stiffness), C, loads, np.eye(k))
+    B = np.hstack([core.B, np.vstack([np.zeros((k, p)), loads.L.T])])
+    return diagonalized(StateMatrices(core.A, B, np.hstack([rows, np.zeros((r, k))]), np.zeros((r, m + p))))
 
 
 def _only(loads: Loads, chosen: Flags) -> Loads:
