@@ -269,16 +269,18 @@ def parameters(as_json: Json = False) -> None:
 
 @app.command()
 def benchmark(
-    what: Annotated[str, typer.Argument(help="boom or hub-beam")] = "boom",
+    what: Annotated[str, typer.Argument(help="boom, hub-beam or suspension")] = "boom",
     full: Annotated[bool, typer.Option(help="Include what takes minutes.")] = False,
     as_json: Json = False,
 ) -> None:
     """Measure run time and error side by side, against other programs."""
     from boomctl.checks import known
 
-    known("benchmark", what, ("boom", "hub-beam"))
+    known("benchmark", what, ("boom", "hub-beam", "suspension"))
     if what == "hub-beam":
         from boomctl.benchmark.hub_beam import run
+    elif what == "suspension":
+        from boomctl.benchmark.suspension import run
     else:
         from boomctl.benchmark.boom import run
 

@@ -28,7 +28,7 @@ _REFEREE_MODES = 60
 
 
 def reduction_lines(
-    elements: int = 200, order: int = 10, rounds: int = 5, tell: Callable[[str], None] = lambda text: None
+    rounds: int = 5, tell: Callable[[str], None] = lambda text: None, elements: int = 200, order: int = 10
 ) -> list[Row]:
     """Race ``reduce`` against ``control.balred`` and, where it is installed, pyMOR's balanced truncation.
 
@@ -82,6 +82,7 @@ def _pymor(model: SecondOrderModel, order: int) -> "control.StateSpace":
     import control
 
     full = model.to_statespace()
+    import_module("pymor.core.logger").set_log_levels({"pymor": "ERROR"})
     form = import_module("pymor.models.iosys").LTIModel.from_matrices(full.A, full.B, full.C, full.D)
     A, B, C, D, E = import_module("pymor.reductors.bt").BTReductor(form).reduce(order).to_matrices(format="dense")
     small = (A, B) if E is None else (np.linalg.solve(E, A), np.linalg.solve(E, B))

@@ -18,10 +18,10 @@ from boomctl.structure.symmetry import half
 if TYPE_CHECKING:
     import control
 
-__all__ = ["SystemCore", "core_of", "statespace_core", "structure_core"]
+__all__ = ["LARGEST_DENSE", "SystemCore", "core_of", "core_states", "loads_of", "statespace_core", "structure_core"]
 
 _CORE_FROM = 40
-_LARGEST_DENSE = 700
+LARGEST_DENSE = 700
 _MANY_STATES = 80
 _ALL_MODES = 0.8
 
@@ -57,13 +57,30 @@ def core_of(system: "control.StateSpace | SecondOrderModel", modes: int) -> Syst
         found = structure_core(system, modes) if system.n >= _CORE_FROM else None
         if found is not None:
             return found
-        if system.n > _LARGEST_DENSE:
+        if system.n > LARGEST_DENSE:
             raise ValueError(
                 f"a model of {system.n} coordinates without closed-form bound of its high modes (it needs symmetric "
                 f"matrices, damping proportional to stiffness but for a few dampers, displacements imposed and read)"
             )
-        return statespace_core(state_matrices(realize(system)), 2 * modes)
+        return statespace_core(state_matrices(realize(_in_modes(system))), 2 * modes)
     return statespace_core(state_matrices(system), 2 * modes)
+
+
+def _in_modes(model: SecondOrderModel) -> SecondOrderModel:
+    """Return a structure over all of its undamped modes, projected through its strain rows, where it has such modes.
+
+    Assembled matrices of a fine mesh carry few digits of its low modes; the rows carry them all.  The highest modes come
+    first: solvers of eigenvalues keep the digits of what stands last in a graded matrix.
+    """
+    if model.elastic is None:
+        return model
+    try:
+        V = undamped_modes(model)[1][:, ::-1]
+    except ValueError:
+        return model
+    M, K, C = project(model, V)
+    names = tuple(f"mode{i + 1}" for i in range(model.n))
+    return SecondOrderModel.build(M, C, K, model.ports.congruent(V), names, primary=model.primary)
 
 
 def statespace_core(system: StateMatrices, states: int) -> SystemCore:
@@ -133,7 +150,7 @@ def _stacked(parts: list[StateMatrices], D: Array) -> StateMatrices:
 def _piece(model: SecondOrderModel, modes: int) -> tuple[StateMatrices, float] | None:
     """Return a modal core of a structure and the bound of what it leaves out, or None where there is none."""
     damping = separated_damping(model)
-    loads = _loads(model)
+    loads = loads_of(model)
     if damping is None or loads is None or modes >= _ALL_MODES * model.n:
         return None
     try:
@@ -142,7 +159,7 @@ def _piece(model: SecondOrderModel, modes: int) -> tuple[StateMatrices, float] |
         return None
     V, lowest = shapes[:, :modes], float(frequencies[modes])
     M, K, C = project(model, V)
-    core = _core_states(M, K, C, loads, V)
+    core = core_states(M, K, C, loads, V)
     closed = diagonalized(
         StateMatrices(
             core.A,
@@ -157,7 +174,7 @@ def _piece(model: SecondOrderModel, modes: int) -> tuple[StateMatrices, float] |
     return (StateMatrices(core.A, core.B, core.C, model.ports.E[0]), tail) if np.isfinite(tail) else None
 
 
-def _loads(model: SecondOrderModel) -> Loads | None:
+def loads_of(model: SecondOrderModel) -> Loads | None:
     """Return loads and rows of a model that imposes forces or displacements and reads displacements; None otherwise."""
     ports = model.ports
     plain = not any(ports.integrators) and all(b is None for b in ports.bandwidths)
@@ -165,7 +182,7 @@ def _loads(model: SecondOrderModel) -> Loads | None:
     return Loads(ports.B[0], ports.B[1], ports.L[0]) if plain and not higher else None
 
 
-def _core_states(M: Array, K: Array, C: Array, loads: Loads, V: Array) -> StateMatrices:
+def core_states(M: Array, K: Array, C: Array, loads: Loads, V: Array) -> StateMatrices:
     """Return the kept modes with states ``x`` and ``x' - B1 d``."""
     k = V.shape[1]
     B0, B1, L = V.T @ loads.B0, V.T @ loads.B1, loads.L @ V

@@ -56,7 +56,7 @@ def _dilated(balanced: Balanced, r: int, k: int, sigma: float) -> StateMatrices:
     A = balanced.system.A[np.ix_(keep, keep)]
     B, C, D = np.zeros((len(balanced.values), q)), np.zeros((q, len(balanced.values))), np.zeros((q, q))
     B[:, :m], C[:p], D[:p, :m] = balanced.system.B, balanced.system.C, balanced.system.D
-    U = _orthogonal(B[cut], C[:, cut], -C @ B)
+    U = _orthogonal(B[cut], C[:, cut], -_glimpse(balanced.system.A, B, C))
     S = balanced.values[keep]
     B1, C1 = B[keep], C[:, keep]
     gamma = (S**2 - sigma**2)[:, None]
@@ -64,6 +64,12 @@ def _dilated(balanced: Balanced, r: int, k: int, sigma: float) -> StateMatrices:
     B_new = (S[:, None] * B1 + sigma * C1.T @ U) / gamma
     C_new = C1 * S[None, :] + sigma * U @ B1.T
     return StateMatrices(A_new, B_new[:, :m], C_new[:p], (D - sigma * U)[:p, :m])
+
+
+def _glimpse(A: Array, B: Array, C: Array) -> Array:
+    """Return ``C (s - A)^-1 B`` at the real ``s`` amid the poles; unlike ``C B`` it is there for displacements, too."""
+    s = float(np.exp(np.linalg.slogdet(A)[1] / len(A)))
+    return C @ np.linalg.solve(s * np.eye(len(A)) - A, B)
 
 
 def _orthogonal(B: Array, C: Array, near: Array) -> Array:

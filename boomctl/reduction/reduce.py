@@ -49,8 +49,8 @@ def reduce(
     method : "balanced", "singular-perturbation", "hankel", "modal" or "second-order"
         Balanced truncation (exact at infinite frequency), singular perturbation (exact at zero frequency), optimal
         Hankel-norm approximation, the strongest modes with the static gain of the others; of a structure, likewise
-        with undamped modes, which gives a smaller structure (an even order, two states a coordinate; no bound of the
-        error is known beforehand, it is ``inf``).
+        with undamped modes, which gives a smaller structure (an even order, two states a coordinate; the bound is
+        ``inf`` for more than 700 coordinates, undamped modes, or other outputs than displacements).
     error : float, optional
         Instead of ``order``: the lowest order whose verified error is not above this (absolute).
     band : (float, float), optional
@@ -78,12 +78,7 @@ def reduce(
     """
     states = _states(system)
     known("method", method, METHODS)
-    if (order is None) == (error is None):
-        raise ValueError("order, error: expected exactly one of them")
-    if order is not None and whole("order", order, 0) > states:
-        raise ValueError(f"order = {order}: the system has only {states} states")
-    wanted = None if error is None else positive("error", error)
-    limits = _band(band)
+    wanted, limits = _wanted(states, order, error), _band(band)
     if method == "second-order":
         return _structure(system, order, wanted, limits)
     core, found, values = _reduced(system, order, wanted, method, limits)
@@ -135,6 +130,15 @@ def _states(system: Any) -> int:
     for name in ("A", "B", "C", "D"):
         finite_array(f"{name} of the system", getattr(system, name))
     return int(system.nstates)
+
+
+def _wanted(states: int, order: int | None, error: float | None) -> float | None:
+    """Return the wanted error, if that is what is given, and refuse an order that cannot be."""
+    if (order is None) == (error is None):
+        raise ValueError("order, error: expected exactly one of them")
+    if order is not None and whole("order", order, 0) > states:
+        raise ValueError(f"order = {order}: the system has only {states} states")
+    return None if error is None else positive("error", error)
 
 
 def _band(band: object) -> Band | None:

@@ -1,7 +1,7 @@
 """Structure-preserving reduction: the strongest undamped modes of a structure, the others as they are at rest.
 
 A symmetric projection leaves mass, damping and stiffness definite, so that the reduced structure is stable and passive
-whatever modes it keeps.  No bound of its error is known beforehand (the dampers couple the modes); it is measured.
+whatever modes it keeps.  What the other modes add is bounded beforehand, and the error is measured.
 """
 
 from dataclasses import replace
@@ -12,9 +12,15 @@ import numpy as np
 from boomctl.analysis.norm import StateMatrices, state_matrices
 from boomctl.analysis.spectral import spectral_parts
 from boomctl.arrays import Array, Indices
-from boomctl.reduction.core import SystemCore, core_of
+from boomctl.reduction.core import LARGEST_DENSE, SystemCore, core_of, loads_of
+from boomctl.reduction.left_out import left_out_bound
 from boomctl.reduction.result import ReductionError
 from boomctl.reduction.selection import Attempt, Band, verified
+<<<<<<< HEAD
+=======
+from boomctl.reduction.spectral import spectral_parts
+from boomctl.reduction.structural_tail import Loads
+>>>>>>> reduce
 from boomctl.structure.modal import project, undamped_modes
 from boomctl.structure.ports import evaluate
 from boomctl.structure.second_order import SecondOrderModel
@@ -51,7 +57,8 @@ def reduced_structure(
         No choice among these modes has so small an error, or an error could not be verified.
     """
     core = core_of(model, modes)
-    frequencies, V = undamped_modes(model, min(model.n, modes))
+    all_frequencies, all_modes = undamped_modes(model, model.n if model.n <= LARGEST_DENSE else modes)
+    frequencies, V = all_frequencies[:modes], all_modes[:, :modes]
     rigid = int((frequencies <= _RIGID * frequencies[-1]).sum())
     ranking = _ranking(model, frequencies, V, band)
     if order is not None:
@@ -59,14 +66,16 @@ def reduced_structure(
             least = 2 * max(rigid, 1)
             raise ValueError(f"order = {order}: expected an even number, two states a coordinate, at least {least}")
         smaller = _projected(model, frequencies, V, ranking[: order // 2], rigid, band)
-        return smaller, core, _compared(core, smaller, band)
+        bound = _bound(model, all_frequencies, all_modes, smaller, ranking[: order // 2])
+        return smaller, core, _compared(core, smaller, band, bound)
     best = inf
     for count in range(max(rigid, 1), len(ranking) + 1):
         smaller = _projected(model, frequencies, V, ranking[:count], rigid, band)
-        found = _compared(core, smaller, band)
+        found = _compared(core, smaller, band, inf)
         best = min(best, found.measured)
         if found.measured <= (error or 0.0):
-            return smaller, core, found
+            bound = _bound(model, all_frequencies, all_modes, smaller, ranking[:count])
+            return smaller, core, _compared(core, smaller, band, bound)
     raise ReductionError(f"error = {error:g}: the smallest verified error of {len(ranking)} modes is {best:.4g}")
 
 
@@ -106,14 +115,32 @@ def _projected(
     return SecondOrderModel.build(M, C, K, replace(ports, E=E), names, primary=model.primary)
 
 
-def _compared(core: SystemCore, smaller: SecondOrderModel, band: Band | None) -> Attempt:
+def _bound(
+    model: SecondOrderModel, frequencies: Array, modes: Array, smaller: SecondOrderModel, chosen: Indices
+) -> float:
+    """Return a bound of the error: what the other modes add at most, and the static share that stands for them.
+
+    ``inf`` for a structure too large for all of its modes, or one that reads more than displacements.
+    """
+    loads = loads_of(model)
+    if loads is None or modes.shape[1] < model.n:
+        return inf
+    kept = np.zeros(model.n, dtype=bool)
+    kept[chosen] = True
+    _, _, C = project(model, modes)
+    on_modes = Loads(modes.T @ loads.B0, modes.T @ loads.B1, loads.L @ modes)
+    static = smaller.ports.E[0] - model.ports.E[0]
+    return left_out_bound(frequencies**2, C, on_modes, kept) + float(np.linalg.norm(static, 2))
+
+
+def _compared(core: SystemCore, smaller: SecondOrderModel, band: Band | None, bound: float) -> Attempt:
     stable, kept = spectral_parts(state_matrices(realize(smaller)))
     if not _same(core.kept, kept):
         raise ReductionError(
             f"{len(core.kept.A)} unstable, undamped or rigid-body states do not come out as they went in "
             f"({len(kept.A)} in the reduced structure): damping couples them to modes that are left out"
         )
-    return verified(core, stable, inf, band)
+    return verified(core, stable, bound + core.tail, band)
 
 
 def _same(one: StateMatrices, other: StateMatrices) -> bool:

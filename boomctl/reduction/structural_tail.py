@@ -20,10 +20,14 @@ from scipy import linalg, sparse
 
 from boomctl.analysis.spectral import ModalSystem
 from boomctl.arrays import Array
+<<<<<<< HEAD
 from boomctl.structure.pencil import factorized
+=======
+from boomctl.reduction.spectral import ModalSystem
+>>>>>>> reduce
 from boomctl.structure.second_order import SecondOrderModel
 
-__all__ = ["Damping", "Loads", "separated_damping", "tail_bound"]
+__all__ = ["Damping", "Loads", "damper_forces", "damping_between", "intervals", "separated_damping", "tail_bound"]
 
 _SAME = 1e-9
 _MOST_DAMPERS = 12
@@ -106,7 +110,7 @@ def tail_bound(
     gamma, U_V = damping.gamma, V.T @ damping.U
     N, rest = _at_dampers(loads.B1, damping)
     b0, b1, reads, *u = _compliances(model, V, lowest, (loads.B0, rest, loads.L.T, *damping.U.T[:, :, None]))
-    coupling = _coupling(C_V, U_V * gamma)
+    coupling = damping_between(C_V, U_V * gamma)
     if coupling is None:
         return inf
     u_all = float(np.sum(np.square(u)))
@@ -115,11 +119,11 @@ def tail_bound(
     if dissipated <= 0.0:
         return inf
     softened = u_all * (np.abs(gamma).max(initial=0.0) + float(np.linalg.norm(coupling, 2) if len(gamma) else 0.0))
-    low, high = _intervals(closed, lowest)
+    low, high = intervals(closed, lowest)
     stiff = 1.0 - (high / lowest) ** 2 - high * softened
     with np.errstate(divide="ignore"):
         inverse = np.minimum(np.where(stiff > 0.0, 1.0 / stiff, inf), 1.0 / (dissipated * low))
-    by_outputs, by_inputs = _damper_forces(closed, N, np.abs(gamma), loads.B0.shape[1], (low, high))
+    by_outputs, by_inputs = damper_forces(closed, N, np.abs(gamma), loads.B0.shape[1], (low, high))
     acting = b0 + np.array(u) @ by_inputs + high * b1
     parts = (reads + np.array(u) @ by_outputs) * inverse * acting
     last = (reads + np.array(u) @ by_outputs[:, -1]) * (
@@ -128,7 +132,7 @@ def tail_bound(
     return float(max(parts[:-1].max(), last))
 
 
-def _intervals(closed: ModalSystem, lowest: float) -> tuple[Array, Array]:
+def intervals(closed: ModalSystem, lowest: float) -> tuple[Array, Array]:
     """Return the ends of intervals that cover the frequency axis, fine near the core's poles; the last one is open."""
     upper = closed.poles[closed.poles.imag > 0.0]
     width = np.abs(upper.real)[:, None] * np.array([-8.0, -3.0, -1.0, 0.0, 1.0, 3.0, 8.0])
@@ -152,7 +156,7 @@ def _at_dampers(B1: Array, damping: Damping) -> tuple[Array, Array]:
 def _compliances(model: SecondOrderModel, V: Array, lowest: float, columns: tuple[Array, ...]) -> list[float]:
     """Return the square root of the largest compliance of each group of loads, over the modes left out."""
     shift = _SHIFT * lowest**2
-    solve = factorized(sparse.csr_array(model.K) + shift * sparse.csr_array(model.M))
+    solve = model.prepared.pencil.shifted(shift)
     stacked = np.hstack(columns)
     for _ in range(2):
         stacked = stacked - model.M @ (V @ (V.T @ stacked))
@@ -162,7 +166,7 @@ def _compliances(model: SecondOrderModel, V: Array, lowest: float, columns: tupl
     return [float(np.sqrt(max(linalg.eigvalsh(0.5 * (g + g.T)).max(initial=0.0), 0.0))) for g in blocks]
 
 
-def _coupling(C_V: Array, loaded: Array) -> Array | None:
+def damping_between(C_V: Array, loaded: Array) -> Array | None:
     """Return ``loaded^T C_V^-1 loaded``, or None where the kept modes do not dissipate what is loaded."""
     values, X = linalg.eigh(C_V)
     good = values > 1e-12 * max(values[-1], 0.0)
@@ -172,7 +176,7 @@ def _coupling(C_V: Array, loaded: Array) -> Array | None:
     return seen[good].T @ (seen[good] / values[good, None])
 
 
-def _damper_forces(
+def damper_forces(
     closed: ModalSystem, N: Array, gamma: Array, inputs: int, ends: tuple[Array, Array]
 ) -> tuple[Array, Array]:
     """Return bounds of the core's damper forces over each interval, shape (dampers, intervals).

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array, Complex, Matrix
 from boomctl.structure.second_order import SecondOrderModel
 
 __all__ = ["damped_poles", "dense", "first_order_poles", "is_symmetric", "project", "undamped_modes"]
@@ -30,9 +30,9 @@ def undamped_modes(model: SecondOrderModel, count: int | None = None) -> tuple[A
         ``M`` is not positive definite, ``K`` not positive semidefinite, or they are not symmetric.
     """
     wanted = model.n if count is None else min(count, model.n)
-    M, K = sparse.csr_array(model.M), sparse.csr_array(model.K)
+    M, K = model.M, model.K
     for name, matrix in (("M", M), ("K", K)):
-        if np.abs((matrix - matrix.T).data).max(initial=0.0) > 1e-9 * np.abs(matrix.data).max(initial=0.0):
+        if abs(matrix - matrix.T).max() > 1e-9 * abs(matrix).max():
             raise ValueError(f"undamped modes need a symmetric {name}")
     if not (M.diagonal() > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
@@ -45,7 +45,7 @@ def undamped_modes(model: SecondOrderModel, count: int | None = None) -> tuple[A
     return np.sqrt(np.maximum(stiffness, 0.0)), shapes
 
 
-def _sorted(model: SecondOrderModel, M: sparse.csr_array, vectors: Array) -> tuple[Array, Array]:
+def _sorted(model: SecondOrderModel, M: Matrix, vectors: Array) -> tuple[Array, Array]:
     """Return modal stiffnesses, ascending, and mass-normalised shapes."""
     mass = np.einsum("ij,ij->j", vectors, M @ vectors)
     if not (mass > 0.0).all():
@@ -56,8 +56,8 @@ def _sorted(model: SecondOrderModel, M: sparse.csr_array, vectors: Array) -> tup
     return stiffness[order], shapes[:, order]
 
 
-def _dense_modes(M: sparse.csr_array, K: sparse.csr_array, shift: float, count: int) -> Array:
-    full_M, full_K = M.toarray(), K.toarray()
+def _dense_modes(M: Matrix, K: Matrix, shift: float, count: int) -> Array:
+    full_M, full_K = dense(M), dense(K)
     try:
         n = len(full_M)
         chosen = (n - count, n - 1) if count < _FEW * n else None
@@ -67,8 +67,8 @@ def _dense_modes(M: sparse.csr_array, K: sparse.csr_array, shift: float, count: 
     return vectors[:, ::-1][:, :count]
 
 
-def _sparse_modes(M: sparse.csr_array, K: sparse.csr_array, shift: float, count: int) -> Array:
-    factor = splu((K + shift * M).tocsc())
+def _sparse_modes(M: Matrix, K: Matrix, shift: float, count: int) -> Array:
+    factor = splu(sparse.csc_array(K + shift * M))
     inverse: Any = LinearOperator(M.shape, matvec=factor.solve, dtype=float)  # type: ignore[call-arg]
     start = np.random.default_rng(0).standard_normal(M.shape[0])
     _, vectors = eigsh(K, count, M, sigma=-shift, OPinv=inverse, v0=start, tol=1e-12)

@@ -71,10 +71,19 @@ class Pencil:
         return cls(M, C, K, order, bands)
 
     def factorized(self, s: float) -> Solve:
-        """Return a solver at a real shift, where the matrix is positive definite."""
+        """Return a solver at a real ``s``, where the matrix is positive definite."""
+        return self._solver((s * s, s))
+
+    def shifted(self, alpha: float) -> Solve:
+        """Return a solver of ``K + alpha M``, positive definite."""
+        return self._solver((alpha, 0.0))
+
+    def _solver(self, shares: tuple[float, float]) -> Solve:
+        """Return a solver of the stiffness matrix and shares of mass and damping."""
+        m, c = shares
         if not self.bands.shape[1]:
-            return factorized(self.K + s * self.C + s * s * self.M)
-        factor, failed = lapack.dpbtrf(self._band(s), lower=1, overwrite_ab=1)
+            return factorized(self.K + c * self.C + m * self.M)
+        factor, failed = lapack.dpbtrf(self.bands[2] + c * self.bands[1] + m * self.bands[0], lower=1, overwrite_ab=1)
         if failed:
             raise np.linalg.LinAlgError("the matrix is not positive definite")
 

@@ -1,0 +1,136 @@
+"""Reductions where others lose digits: hardly any damping, repeated modes, a thousand states, other coordinates."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from boomctl.analysis import sigma
+from boomctl.analysis.norm import StateMatrices, state_matrices
+from boomctl.analysis.singular import singular_values
+from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
+from boomctl.reduction import reduce
+from boomctl.reduction.core import core_of
+from boomctl.structure import SecondOrderModel
+from tests.strategies import seeds
+
+METHODS = ("balanced", "singular-perturbation", "hankel", "modal", "second-order")
+
+
+def chain(count, ratio=1e-2, seed=0, dashpot=0.0):
+    """Masses between springs, both ends held, two forces and two displacements; damping ratio at 1 rad/s."""
+    rng = np.random.default_rng(seed)
+    k, mass = rng.uniform(20.0, 60.0, count + 1), rng.uniform(0.5, 1.5, count)
+    K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+    C = 2.0 * ratio * K
+    C[-1, -1] += dashpot
+    lines = rng.standard_normal((4, count))
+    forces, places = {"f1": lines[0], "f2": lines[1]}, {"y1": lines[2], "y2": lines[3]}
+    return SecondOrderModel(np.diag(mass), C, K, forces, places)
+
+
+def shown(model, red, omega):
+    """Largest singular value of the difference, both answered from their own matrices."""
+    full = np.asarray(model.frequency_response(omega).frdata)
+    small = red.system
+    answer = (
+        np.asarray(small.frequency_response(omega).frdata)
+        if isinstance(small, SecondOrderModel)
+        else state_matrices(small).response(omega)
+    )
+    return singular_values(full - answer)[0]
+
+
+def around(model, count):
+    """Frequencies across every resonance of a structure, within its half-power width."""
+    A = state_matrices(model.to_statespace()).A
+    poles = np.linalg.eigvals(A)
+    poles = poles[poles.imag > 0.0]
+    near = poles.imag[:, None] + np.abs(poles.real)[:, None] * np.linspace(-2.0, 2.0, count)
+    return np.sort(np.abs(near.ravel()))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("ratio", [1e-6, 1e-4])
+def test_hardly_any_damping(method, ratio):
+    model = chain(8, ratio)
+    red = reduce(model, order=6, method=method)
+    seen = shown(model, red, around(model, 21))
+    peak = sigma(model).peak
+    assert seen.max() <= red.measured_error * (1 + 1e-4) + 1e-6 * peak
+    assert red.measured_error <= 1.01 * seen.max() + 1e-6 * peak
+    assert red.measured_error <= red.error_bound * (1 + 1e-3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_repeated_modes(method):
+    one = chain(5, 1e-3)
+    zero = np.zeros((5, 5))
+    M, C, K = (np.block([[X, zero], [zero, X]]) for X in (one.M, one.C, one.K))
+    column, row = one.ports.B[0][:, 0], one.ports.L[0][0]
+    nothing = np.zeros(5)
+    twins = SecondOrderModel(
+        M, C, K,
+        {"f1": np.concatenate([column, nothing]), "f2": np.concatenate([nothing, column])},
+        {"y1": np.concatenate([row, nothing]), "y2": np.concatenate([nothing, row])},
+    )  # fmt: skip
+    if method == "hankel":  # the values across this cut are equal: of several best systems, none is returned
+        with pytest.raises(ValueError, match="equal"):
+            reduce(twins, order=3, method=method)
+    red = reduce(twins, order=4, method=method)
+    seen = shown(twins, red, around(twins, 15)).max()
+    assert seen <= red.measured_error * (1 + 1e-5)
+    assert red.measured_error <= red.error_bound * (1 + 1e-3)
+
+
+def test_a_thousand_states():
+    model = chain(500, 1e-3)
+    assert model.to_statespace().nstates == 1000
+    red = reduce(model, order=20)
+    seen = shown(model, red, np.geomspace(0.01, 30.0, 400)).max()
+    assert seen <= red.measured_error
+    assert red.truncation_bound <= red.measured_error <= red.error_bound * (1 + 1e-3)
+    assert red.measured_error < 0.3 * sigma(model).peak
+
+
+@settings(max_examples=10, deadline=None)
+@given(seeds, st.sampled_from(METHODS))
+def test_coordinates_and_units_of_a_structure_do_not_matter(seed, method):
+    rng = np.random.default_rng(seed)
+    model = chain(7, 1e-2, seed, dashpot=0.5)
+    T = np.eye(7)[rng.permutation(7)] * 10.0 ** rng.uniform(-3, 3, 7)
+    ports = model.ports.congruent(T)
+    other = SecondOrderModel(
+        T.T @ model.M @ T, T.T @ model.C @ T, T.T @ model.K @ T,
+        dict(zip(model.inputs, ports.B[0].T, strict=True)), dict(zip(model.outputs, ports.L[0], strict=True)),
+    )  # fmt: skip
+    one, two = (reduce(each, order=6, method=method) for each in (model, other))
+    assert two.measured_error == pytest.approx(one.measured_error, rel=1e-4)
+    omega = np.geomspace(0.1, 30.0, 60)
+    size = sigma(model).peak
+    assert np.abs(shown(model, one, omega) - shown(model, two, omega)).max() <= 1e-5 * size
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds, st.integers(1, 6), st.floats(0.0, 5.0), st.floats(-4.0, -0.5))
+def test_the_bound_of_modes_left_out_holds_with_dampers_between_them(seed, count, dashpot, exponent):
+    model = chain(7, 10.0**exponent, seed, dashpot)
+    red = reduce(model, order=2 * count, method="second-order")
+    omega = np.concatenate([[0.0], np.geomspace(1e-2, 1e3, 400), around(model, 9)])
+    assert np.isfinite(red.error_bound)
+    assert shown(model, red, omega).max() <= min(red.measured_error * (1 + 1e-5), red.error_bound)
+
+
+@pytest.mark.parametrize("elements", [36, 60])
+def test_a_full_core_keeps_the_digits_of_a_fine_mesh(elements):
+    """With accelerometers no bound in closed form is known, so that all modes stay, seen through their strains."""
+    outputs = (*TIPS, "tip_left_acceleration", "tip_right_acceleration")
+    model = spray_boom(elements=elements, accelerometer_bandwidth_hz=50.0).select(ACTUATORS, outputs)
+    core = core_of(model, 4 * model.n)
+    assert core.complete
+    omega = np.unique(np.concatenate([np.geomspace(0.1, 200.0, 100), 2.0 * np.pi * model.eigenfrequencies_hz(3)]))
+    full = np.asarray(model.frequency_response(omega).frdata)
+    kept = StateMatrices(core.kept.A, core.kept.B, core.kept.C, core.kept.D)
+    stable = core.stable.response(omega) if core.modal is None else core.modal.response(omega)
+    gap = np.abs(full - stable - kept.response(omega)).max(axis=2)
+    assert (gap <= 1e-7 * np.abs(full).max(axis=2)).all()
