@@ -36,8 +36,8 @@ _NO_DAMPING = 1e-9
 # name, viscous damping left and friction, as shares of what Table 2 has and of the force that matches it
 _READINGS = (
     ("in place of viscous damping", 0.0, 1.0),
-    ("in place of half of it", 0.5, 0.5),
-    ("added to it", 1.0, 1.0),
+    ("in place of half the viscous damping", 0.5, 0.5),
+    ("added to viscous damping", 1.0, 1.0),
 )
 
 
@@ -99,6 +99,14 @@ class BoomFriction:
         """Return a lower singular value over the linear one."""
         linear = np.exp(np.interp(omega, self.omega, np.log(self.jolt)))
         return self.lower(omega, jolt) / self.lower(omega, linear)
+
+    def numbers(self) -> dict[str, float]:
+        """Return the lower singular value over the linear one, mean over 2.5 to 3.5 Hz, of each reading and method."""
+        found = {"stuck": self.change(self.omega, self.stuck)}
+        for reading in self.readings:
+            for method, response in (("describing function", reading.balance), ("stepped sine", reading.swept)):
+                found[f"friction {reading.name}, {method}"] = self.change(response.omega, response.gain)
+        return found
 
     def change(self, omega: Array, jolt: Array, band_hz: tuple[float, float] = BAND_HZ) -> float:
         """Return the mean (geometric) ratio of a lower singular value to the linear one within a band."""

@@ -105,7 +105,17 @@ def simulate_loop(
     )
     contacts = contacts_of(modal, maps, friction, places, K.outputs)
     start = _start(initial, modal)
+    _check_strokes(places, modal.C @ start + modal.D @ rows[:, 0], modal.outputs)
     return _run(LoopProblem(modal, maps, K, grid, grid.refined(rows), lag, limits, start, contacts), rows, late)
+
+
+def _check_strokes(places: list[tuple[str, str, float]], outputs: Array, names: tuple[str, ...]) -> None:
+    for output, _, limit in places:
+        value = float(outputs[names.index(output)])
+        if abs(value) > limit:
+            raise ValueError(
+                f"stroke_limit: {output!r} is {value:g} m at the first time, beyond its stop at {limit:g} m"
+            )
 
 
 def _substeps(friction: CoulombFriction | None, stops: bool) -> int:

@@ -8,7 +8,7 @@ decided for all of them together, by trying the cases in order of likelihood.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from boomctl.arrays import Array
 __all__ = ["StopHit", "StopMaps", "StopStep", "merged_hits", "stop_step"]
 
 _ROUNDING = 1e-9
+
+Set = tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,8 @@ def stop_step(maps: StopMaps, position: Array, velocity: Array) -> StopStep | No
     over = np.abs(position) > maps.limits
     if not over.any():
         return None
-    for touched, leaving in _cases(over, count):
-        found = _met(maps, position, velocity, touched, leaving)
+    for touched, leaving, side in _cases(np.where(over, np.sign(position), 0.0)):
+        found = _met(maps, position, velocity, (touched, leaving), side)
         if found is None:
             continue
         amounts, sides = found
@@ -100,23 +102,29 @@ def stop_step(maps: StopMaps, position: Array, velocity: Array) -> StopStep | No
     raise RuntimeError("no consistent set of end stops was found: the stops contradict each other")
 
 
-def _cases(over: Array, count: int) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
-    """Yield the stops that may be touched, and those of them that are left at once; the likely ones first."""
+def _cases(over: Array) -> Iterator[tuple[Set, Set, Array]]:
+    """Yield the stops that may be touched, those of them that are left at once, and the sides; the likely ones first.
+
+    ``over`` is the side of a stop that is passed without stops, zero where none is.  Any stop may be met on either side,
+    because what stops one stroke may drive another.
+    """
+    count = len(over)
     first = tuple(int(i) for i in np.flatnonzero(over))
     others = (choice for size in range(1, count + 1) for choice in combinations(range(count), size) if choice != first)
     for touched in (first, *others):
-        for size in range(len(touched) + 1):
-            for leaving in combinations(touched, size):
-                yield touched, leaving
+        for side in product(*((over[i], -over[i]) if over[i] else (1.0, -1.0) for i in touched)):
+            for size in range(len(touched) + 1):
+                for leaving in combinations(touched, size):
+                    yield touched, leaving, np.array(side)
 
 
 def _met(
-    maps: StopMaps, position: Array, velocity: Array, touched: tuple[int, ...], leaving: tuple[int, ...]
+    maps: StopMaps, position: Array, velocity: Array, sets: tuple[Set, Set], side: Array
 ) -> tuple[Array, Array] | None:
     """Return the amounts that bring the stops touched to their limits and those not left at once to rest there."""
+    touched, leaving = sets
     count, rows, resting = len(maps.limits), list(touched), [i for i in touched if i not in leaving]
     columns = rows + [count + i for i in resting]
-    side = np.where(position[rows] >= 0.0, 1.0, -1.0)
     matrix = np.vstack([maps.position[np.ix_(rows, columns)], maps.velocity[np.ix_(resting, columns)]])
     wanted = np.concatenate([side * maps.limits[rows] - position[rows], -velocity[resting]])
     scale = np.concatenate([np.abs(maps.position[rows, rows]), np.abs(maps.velocity[resting, resting])])

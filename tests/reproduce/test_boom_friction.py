@@ -68,6 +68,13 @@ def test_the_force_is_in_proportion_to_the_amplitude():
     assert large[1] == small[1]
 
 
+def test_the_numbers_are_those_of_the_curves(study):
+    numbers = study.numbers()
+    assert len(numbers) == 1 + 2 * len(study.readings)
+    assert min(numbers, key=lambda name: numbers[name]).startswith("friction in place of viscous")
+    assert max(numbers, key=lambda name: numbers[name]) == "stuck"
+
+
 def test_the_picture_is_drawn(study):
     assert figure_bytes(draw_friction(study), "png").startswith(b"\x89PNG")
 

@@ -88,6 +88,41 @@ def test_stops_out_of_reach_change_nothing():
     assert found.stops == ()
 
 
+@pytest.mark.parametrize("seed", [48, 69, 107])
+def test_a_shaken_boom_between_narrow_stops(seed):
+    """White noise of the platform, a kink at every sample: both stops at once, on either side, one driving the other."""
+    rng = np.random.default_rng(seed)
+    time = np.linspace(0.0, 0.6, 601)
+    platform = 4e-3 * rng.standard_normal((2, len(time)))
+    platform -= platform[:, :1]
+    found = simulate_loop(
+        bc.spray_boom(elements=8),
+        None,
+        {"actuator_left": platform[0], "actuator_right": platform[1]},
+        time,
+        sample_time=1e-3,
+        stroke_limit=1.2e-3,
+        friction=CoulombFriction(10.0, 15.0),
+    )
+    assert max(np.abs(stroke).max() for stroke in found.strokes.values()) <= 1.2e-3 * (1.0 + 1e-8)
+    assert {hit.side for hit in found.stops} == {-1, 1}
+    assert all(hit.impulse * hit.side <= 0.0 for hit in found.stops)
+    assert found.friction.dissipated > 0.0
+
+
+def test_a_stroke_beyond_its_stop_to_begin_with_is_refused():
+    with pytest.raises(ValueError, match=r"'x' is 0.6 m at the first time"):
+        simulate_loop(
+            _FREE,
+            None,
+            None,
+            np.linspace(0, 1, 11),
+            sample_time=0.1,
+            stroke_limit={"x": (0.5, "f")},
+            initial=[0.6, 0.0],
+        )
+
+
 def test_boom_with_stops_friction_and_limits_at_once():
     model = bc.spray_boom(elements=6)
     time = np.linspace(0.0, 5.0, 2501)
