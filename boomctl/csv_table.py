@@ -47,12 +47,21 @@ def read_numbers(path: str | Path) -> NumberTable:
         lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise ValueError(f"{path}: expected text in UTF-8") from None
-    rows = [(i, row) for i, row in enumerate(csv.reader(lines), 1) if row and not row[0].lstrip().startswith("#")]
-    if len(rows) < 2:
+    told = [(i, line) for i, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
+    if len(told) < 2:
         raise ValueError(f"{path}: expected a line of column names and at least one line of numbers")
+    rows = [(i, _cells(path, i, line)) for i, line in told]
     header = tuple(name.strip() for name in rows[0][1])
     values = np.array([_numbers(path, line, row, header) for line, row in rows[1:]])
     return NumberTable(header, rows[0][0], values, tuple(line for line, _ in rows[1:]))
+
+
+def _cells(path: str | Path, line: int, text: str) -> list[str]:
+    """Return the values of one line; a line is read for itself, so that a stray quotation mark swallows no others."""
+    try:
+        return next(csv.reader([text], strict=True))
+    except csv.Error as error:
+        raise ValueError(f"{path}, line {line}: expected comma-separated values ({error})") from None
 
 
 def _numbers(path: str | Path, line: int, row: list[str], header: tuple[str, ...]) -> list[float]:
@@ -63,7 +72,11 @@ def _numbers(path: str | Path, line: int, row: list[str], header: tuple[str, ...
         try:
             value = float(text)
         except ValueError:
-            raise ValueError(f"{path}, line {line}: expected a number in {name!r}, got {text!r}") from None
+            value = None
+        if (
+            value is None or "_" in text or not text.isascii()
+        ):  # Python's own 1_000 and foreign digits are no CSV numbers
+            raise ValueError(f"{path}, line {line}: expected a number in {name!r}, got {text[:50]!r}")
         if not np.isfinite(value):
             raise ValueError(f"{path}, line {line}: expected a finite number in {name!r}, got {text!r}")
         numbers.append(value)

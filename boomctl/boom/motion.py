@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,10 +12,15 @@ from boomctl.boom.tracks import Track
 from boomctl.boom.tractor import TractorParameters, tractor_system
 from boomctl.checks import finite_array, known, positive, real
 
+if TYPE_CHECKING:
+    import control
+
 __all__ = ["PlatformMotion", "platform_motion", "read_motion", "sine_sweep", "write_motion"]
 
 _DISTANCE = BoomParameters.actuator_distance
 _SETTLED = 1e-6
+_DRIFTING = 1e-9
+_MOST_SAMPLES = 50_000_000
 _SIDES = ("time_s", "left_m", "right_m")
 _MOTIONS = ("time_s", "jolt_m", "yaw_rad")
 
@@ -95,6 +101,13 @@ def uneven(time: Array) -> tuple[int, str] | None:
     return None
 
 
+def _samples(duration: float, step: float) -> int:
+    """Return the number of steps in a duration, if memory holds them."""
+    if duration / step > _MOST_SAMPLES:
+        raise ValueError(f"sample_time = {step:g}: expected at most {_MOST_SAMPLES:g} samples in {duration:g} s")
+    return round(duration / step)
+
+
 def _of_motions(time: Array, jolt: Array, yaw: Array, distance: float) -> PlatformMotion:
     half = 0.5 * distance * yaw
     return PlatformMotion(time, jolt - half, jolt + half, distance)
@@ -135,6 +148,8 @@ def platform_motion(
     TypeError, ValueError
         The tracks are not as far apart as the wheels; a track too short; a time, speed or distance not above zero.
     """
+    if not isinstance(track, Track):
+        raise TypeError(f"track: expected Track, got {type(track).__name__}")
     p = TractorParameters() if tractor is None else tractor
     system = tractor_system(p, speed, actuator_distance)
     V, h = float(speed), positive("sample_time", sample_time)
@@ -148,7 +163,7 @@ def platform_motion(
     wanted = reach / V if duration is None else positive("duration", duration)
     if not track.periodic and wanted * V > reach * (1.0 + 1e-9):
         raise ValueError(f"duration = {wanted:g}: expected at most {reach / V:g} s, where the track ends")
-    count = round(wanted / h)
+    count = _samples(wanted, h)
     if count < 1:
         raise ValueError(f"sample_time = {h:g}: expected less than the duration, {wanted:g} s")
     finest = max(0.25 * p.contact_length, track.step)
@@ -156,15 +171,42 @@ def platform_motion(
         raise ValueError(
             f"sample_time = {h:g}: expected at most {finest / V:g} s, a quarter of a tyre's contact length"
         )
-    slowest = -float(np.linalg.eigvals(system.A).real.max())
-    before = int(np.ceil(-np.log(_SETTLED) / (slowest * h))) if track.periodic and slowest > 1e-9 else 0
-    distance = V * h * np.arange(-before, count + 1)
-    ground = np.vstack([track.heights(distance + p.wheelbase), track.heights(distance)])
+    before, rest = _driven_before(system, track, V, h, p.wheelbase) if track.periodic else (0, None)
+    ground = _ground(track, V * h * np.arange(-before, count + 1), p.wheelbase)
+    if rest is None:
+        rest = -np.linalg.lstsq(system.A, system.B @ ground[:, 0], rcond=None)[0]
     from boomctl.structure.sampled import linear_hold_response
 
-    rest = -np.linalg.lstsq(system.A, system.B @ ground[:, 0], rcond=None)[0]
     moved = linear_hold_response(system, ground, h, rest)[:, before:]
     return PlatformMotion(h * np.arange(count + 1), moved[0], moved[1], float(actuator_distance))
+
+
+def _ground(track: Track, distance: Array, wheelbase: float) -> Array:
+    """Return the height of the ground under the four wheels [m]; ``distance`` is that of the rear axle."""
+    return np.vstack([track.heights(distance + wheelbase), track.heights(distance)])
+
+
+def _driven_before(
+    system: "control.StateSpace", track: Track, speed: float, h: float, wheelbase: float
+) -> tuple[int, Array | None]:
+    """Return how many samples to drive before the record for the motion to be stationary, and the state to begin with.
+
+    Where it would take more than a round, the state is that of the motion that repeats itself round by round, found with
+    as many whole steps as there are in one; without anything that holds the heading there is none.
+    """
+    slowest = -float(np.linalg.eigvals(system.A).real.max())
+    if slowest <= _DRIFTING:
+        return 0, None
+    settling, steps = -np.log(_SETTLED) / (slowest * h), int(np.ceil(track.length / (speed * h)))
+    if settling <= steps:
+        return int(np.ceil(settling)), None
+    from boomctl.structure.sampled import linear_hold, recursion
+
+    step = track.length / (speed * steps)
+    ground = _ground(track, -steps * speed * h + speed * step * np.arange(steps + 1), wheelbase)
+    Phi, G, H = linear_hold(system.A, system.B, step)
+    reached = recursion(Phi, G @ ground[:, :-1] + H @ np.diff(ground), np.zeros(len(Phi)))[:, -1]
+    return steps, np.linalg.solve(np.eye(len(Phi)) - np.linalg.matrix_power(Phi, steps), reached)
 
 
 def sine_sweep(
@@ -207,9 +249,11 @@ def sine_sweep(
         raise ValueError(
             f"sample_time = {h:g}: expected less than {0.5 / max(low, high):g} s, half the shortest period"
         )
-    time = h * np.arange(round(T / h) + 1)
+    time = h * np.arange(_samples(T, h) + 1)
+    if len(time) < 2:
+        raise ValueError(f"sample_time = {h:g}: expected less than the duration, {T:g} s")
     if logarithmic and low != high:
-        rate = np.log(high / low) / T
+        rate = (np.log(high) - np.log(low)) / T
         cycles = low * np.expm1(rate * time) / rate
     else:
         cycles = (low + 0.5 * (high - low) * time / T) * time
@@ -263,7 +307,11 @@ def write_motion(path: str | Path, motion: PlatformMotion) -> None:
     ------
     OSError
         The file cannot be written.
+    TypeError
+        Not a motion.
     """
+    if not isinstance(motion, PlatformMotion):
+        raise TypeError(f"motion: expected PlatformMotion, got {type(motion).__name__}")
     from boomctl.output import write_whole
 
     rows = np.column_stack([motion.time, motion.left, motion.right]).tolist()

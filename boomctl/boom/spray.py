@@ -10,6 +10,7 @@ Under a point footprint the dose is ``1/(1 + y'/V)`` times the nominal one; smal
 
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ __all__ = ["Footprint", "SprayResult", "nozzle_positions", "split_motion", "spra
 
 _SHAPES = ("triangle", "box")
 _MOST_CELLS = 20_000_000
+_PORTION = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -68,8 +70,9 @@ class SprayResult:
     x_edges, y_edges : ndarray
         Edges of the cells [m].
     x_judged, y_judged : slice
-        Cells that figures speak of: between the outermost nozzles, where all neighbours spray, and away from the ends of
-        the run, on ground that no nozzle met outside the record (if it moved there no further than within it).
+        Cells that figures speak of: between the outermost nozzles, as far inside as a wide footprint needs for all
+        neighbours to spray, and away from the ends of the run, on ground that no nozzle met outside the record (if it
+        moved there no further than within it).
     rms_tip_speed : float
         RMS of ``y'`` at the outermost points given, the larger one of both [m/s].
     speed : float
@@ -143,7 +146,9 @@ class SprayResult:
 
 def nozzle_positions(length: float = BoomParameters.length, spacing: float = 0.5) -> Array:
     """Return nozzles ``spacing`` apart along a boom, the outermost half a spacing from its tips if it divides evenly [m]."""
-    count = int(np.floor(positive("length", length) / positive("spacing", spacing) + 1e-9))
+    count = int(min(positive("length", length) / positive("spacing", spacing) + 1e-9, _MOST_CELLS))
+    if count == _MOST_CELLS:
+        raise ValueError(f"spacing = {spacing:g}: expected fewer than {_MOST_CELLS:g} nozzles on {length:g} m")
     if not count:
         raise ValueError(f"spacing = {spacing:g}: expected at most the boom's length, {length:g} m")
     return spacing * (np.arange(count) - 0.5 * (count - 1))
@@ -187,33 +192,51 @@ def spray_deposit(
     ------
     TypeError, ValueError
         Shapes that do not fit, values that are not finite, times not equally spaced, nozzles outside the points or not
-        equally spaced, a run too short for one cell to be judged, a motion too large for the size of the cells.
+        equally spaced, a run too short or a footprint too wide for one cell to be judged, a motion or footprint too large
+        for the size of the cells.
     """
     t, x, moved = _points(time, displacement, positions)
     V = positive("speed", speed)
     at = x if nozzles is None else _nozzles(nozzles, x)
     spacing = _spacing(at)
     pattern = Footprint(2.0 * spacing) if footprint is None else footprint
-    dx, dy = (positive("cell", c) for c in (cell if isinstance(cell, tuple) else (cell, cell)))
+    if not isinstance(pattern, Footprint):
+        raise TypeError(f"footprint: expected Footprint, got {type(pattern).__name__}")
+    dx, dy = _cell(cell)
     offset, driven = _between(x, moved, at), V * (t - t[0])
     path, half = offset + driven, 0.5 * pattern.thickness
+    _check_size(path, (dx, dy), (at[-1] - at[0] + pattern.width) / dx, pattern.thickness)
     x_edges = _edges(at[0] - 0.5 * pattern.width, at[-1] + 0.5 * pattern.width, dx, origin=at[0])
-    _check_size(path, (dx, dy), len(x_edges))
     y_edges = _edges(path.min() - half, path.max() + half, dy)
     shares = np.diff(pattern.share_below(x_edges[:, None] - at), axis=0) * (spacing / dx)
     stays = np.array([np.diff(_stay_below(y_edges, line, t, pattern.thickness)) for line in path])
-    across = _within(x_edges, at[0], at[-1])
+    lacking = max(0.5 * pattern.width - spacing, 0.0)
+    across = _within(x_edges, at[0] + lacking, at[-1] - lacking)
+    if across.start == across.stop:
+        raise ValueError(
+            f"footprint: no cell of {dx:g} m between the nozzles at {at[0]:g} and {at[-1]:g} m is sprayed by all"
+            f" neighbours {pattern.width:g} m wide"
+        )
     along = _within(y_edges, offset.max() + half, driven[-1] + offset.min() - half)
-    if across.start == across.stop or along.start == along.stop:
+    if along.start == along.stop:
         raise ValueError(f"time: the run of {t[-1] - t[0]:g} s is too short for a cell to be judged")
     tips = np.sqrt(np.mean((np.diff(moved[[0, -1]]) / np.diff(t)) ** 2, axis=1)).max()
     return SprayResult(shares @ stays * (V / dy), x_edges, y_edges, across, along, float(tips), V, pattern)
 
 
-def _check_size(path: Array, cell: tuple[float, float], columns: int) -> None:
-    """Refuse motions that would need more cells than memory holds, as those of an unstable loop do."""
-    extent, way = np.ptp(path), np.abs(np.diff(path)).sum(axis=1).max()
-    if extent / cell[1] * columns > _MOST_CELLS or way / cell[1] > _MOST_CELLS:
+def _cell(cell: float | tuple[float, float]) -> tuple[float, float]:
+    """Return the size of the cells along the boom and along the drive."""
+    if not isinstance(cell, tuple):
+        return positive("cell", cell), positive("cell", cell)
+    if len(cell) != 2:
+        raise ValueError(f"cell = {cell!r}: expected one size, or that along the boom and that along the drive")
+    return positive("cell", cell[0]), positive("cell", cell[1])
+
+
+def _check_size(path: Array, cell: tuple[float, float], columns: float, thickness: float) -> None:
+    """Refuse what would need more cells than memory holds, as motions of an unstable loop do."""
+    extent, way = np.ptp(path) + thickness, np.abs(np.diff(path)).sum(axis=1).max()
+    if max(extent / cell[1], 1.0) * max(columns, 1.0) > _MOST_CELLS or way / cell[1] > _MOST_CELLS:
         raise ValueError(
             f"displacement: nozzles travel {way:.3g} m over {extent:.3g} m of ground, too much for cells of"
             f" {cell[0]:g} by {cell[1]:g} m"
@@ -317,12 +340,22 @@ def _stay_below(edges: Array, path: Array, time: Array, thickness: float) -> Arr
     first = np.ceil((begin - edges[0]) / size).astype(np.intp)
     done = np.ceil((begin + way + thickness - edges[0]) / size).astype(np.intp)
     count = np.maximum(done - first, 0)
-    step = np.repeat(np.arange(len(dt)), count)
-    edge = np.arange(len(step)) - np.repeat(np.cumsum(count) - count - first, count)
     narrow, broad = np.minimum(way, thickness), np.maximum(way, thickness)
-    part = _two_boxes(edges[edge] - begin[step], narrow[step], broad[step])
+    parts = np.zeros(len(edges))
+    for some in _portions(count):
+        step = np.repeat(np.arange(len(dt))[some], count[some])
+        edge = np.arange(len(step)) - np.repeat(np.cumsum(count[some]) - count[some] - first[some], count[some])
+        part = _two_boxes(edges[edge] - begin[step], narrow[step], broad[step])
+        parts += np.bincount(edge, dt[step] * part, minlength=len(edges))
     whole = np.cumsum(np.bincount(done, dt, minlength=len(edges)))[: len(edges)]
-    return whole + np.bincount(edge, dt[step] * part, minlength=len(edges))
+    return whole + parts
+
+
+def _portions(count: Array) -> list[slice]:
+    """Return steps in portions that memory holds, from how many edges each one meets."""
+    portion = np.cumsum(count) // _PORTION
+    cuts = np.concatenate([[0], np.flatnonzero(np.diff(portion)) + 1, [len(count)]])
+    return [slice(int(a), int(b)) for a, b in pairwise(cuts)]
 
 
 def _two_boxes(u: Array, narrow: Array, broad: Array) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.boom.tracks import BAND, road_density, track_coherence
+from boomctl.boom.tracks import BAND, class_number, road_density, track_coherence, wave_band
 from boomctl.boom.tractor import TractorParameters, tractor_system
 from boomctl.checks import frequencies, whole
 
@@ -66,22 +66,38 @@ def platform_density(
     Raises
     ------
     TypeError, ValueError
-        As these do; a frequency of zero.
+        As these do; a frequency of zero; numbers so far out that the densities are not finite.
     """
+    low, high = wave_band(band)
     p = TractorParameters() if tractor is None else tractor
     system = tractor_system(p, speed, actuator_distance)
     f, V = frequencies("freq_hz", freq_hz), float(speed)
     wave = f / V
-    ground = np.where((wave >= band[0]) & (wave <= band[1]), road_density(road_class, wave), 0.0) / V
+    if (wave <= 0.0).any():
+        raise ValueError(f"freq_hz: expected frequencies above zero, got {f.min():g} at a speed of {V:g} m/s")
+    inside = (wave >= low) & (wave <= high)
+    ground = np.zeros(len(f))
+    if inside.any():
+        ground[inside] = road_density(road_class, wave[inside]) / V
+    else:
+        class_number(road_class)
     common = track_coherence(wave, p.track_width, coherence)
     response = np.asarray(system(2j * np.pi * f, squeeze=False))
     ahead = np.exp(2j * np.pi * f * p.wheelbase / V)
     left, right = (response[:, 0 + i] * ahead + response[:, 2 + i] for i in (0, 1))
     jolt = 0.5 * (left[0] + left[1] + right[0] + right[1])
     difference = 0.5 * (left[0] - left[1] - right[0] + right[1])
-    return PlatformDensity(
-        f, np.abs(jolt) ** 2 * ground * 0.5 * (1.0 + common), np.abs(difference) ** 2 * ground * 0.5 * (1.0 - common)
-    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        parts = [
+            np.abs(moved) ** 2 * ground * 0.5 * share
+            for moved, share in ((jolt, 1.0 + common), (difference, 1.0 - common))
+        ]
+    if not np.isfinite(parts).all():
+        raise ValueError(
+            f"speed = {V:g}, actuator_distance = {actuator_distance:g}: the densities are not finite at"
+            f" {f.min():g} to {f.max():g} Hz"
+        )
+    return PlatformDensity(f, *parts)
 
 
 def track_filter(

@@ -27,6 +27,7 @@ ROAD_CLASSES = "ABCDEFGH"
 COHERENCES = ("isotropic", "full", "none")
 REFERENCE_WAVE_NUMBER = 0.1
 BAND = (0.01, 3.0)
+MOST_POINTS = 50_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,8 @@ class Track:
     def __post_init__(self) -> None:
         for name in ("step", "width"):
             positive(name, getattr(self, name))
+        if not isinstance(self.periodic, (bool, np.bool_)):
+            raise TypeError(f"periodic = {self.periodic!r}: expected True or False, got {type(self.periodic).__name__}")
         for side in ("left", "right"):
             object.__setattr__(self, side, finite_array(side, getattr(self, side), ndim=1))
         if len(self.left) != len(self.right) or len(self.left) < 2:
@@ -82,6 +85,19 @@ class Track:
         else:
             sides = [self.left, self.right]
         return np.array([np.interp(at, x, side) for side in sides])
+
+
+def wave_band(band: tuple[float, float]) -> tuple[float, float]:
+    """Return the two wave numbers of a band [1/m], checked: both above zero, the lower first."""
+    try:
+        low, high = (positive("band", value) for value in band)
+    except TypeError as error:
+        raise TypeError(f"band = {band!r}: expected two wave numbers ({error})") from None
+    except ValueError as error:
+        raise ValueError(f"band = {band!r}: expected two wave numbers above zero ({error})") from None
+    if not low < high:
+        raise ValueError(f"band = ({low:g}, {high:g}): expected the lower wave number first")
+    return low, high
 
 
 def road_density(road_class: str | int, wave_number: ArrayLike) -> Array:
@@ -163,12 +179,10 @@ def iso_track(
     Fourier sum over the wave numbers ``j/length`` with independent Gaussian amplitudes, which has that density exactly.
     """
     spacing, longest = positive("step", step), positive("length", length)
-    low, high = (positive("band", value) for value in band)
-    if not low < high:
-        raise ValueError(f"band = ({low:g}, {high:g}): expected the lower wave number first")
+    low, high = wave_band(band)
     if high >= 0.5 / spacing:
         raise ValueError(f"step = {spacing:g}: expected less than {0.5 / high:g} m, half the shortest wave of the band")
-    count = round(longest / spacing)
+    count = _points("length", longest, spacing)
     if count < 2 or count * spacing * high < 1.0:
         raise ValueError(f"length = {longest:g}: expected at least the shortest wave of the band, {1 / high:g} m")
     n = np.arange(1, count // 2 + 1) / (count * spacing)
@@ -185,6 +199,13 @@ def iso_track(
         amplitude[1:][inside] = 0.5 * count * np.sqrt(0.5 * power * share) * (drawn[0] + 1j * drawn[1])
         parts.append(np.fft.irfft(amplitude, count))
     return Track(spacing, parts[0] - parts[1], parts[0] + parts[1], float(width), periodic=True)
+
+
+def _points(name: str, length: float, spacing: float) -> int:
+    """Return the number of steps in a length, if memory holds them."""
+    if length / spacing > MOST_POINTS:
+        raise ValueError(f"{name} = {length:g}: expected at most {MOST_POINTS:g} steps of {spacing:g} m")
+    return round(length / spacing)
 
 
 def bump_track(
@@ -224,7 +245,7 @@ def bump_track(
         raise ValueError(f"position = {begin:g}: expected the bump to end before the track does, at {whole_length:g} m")
     if extent < 10.0 * spacing:
         raise ValueError(f"bump_length = {extent:g}: expected at least ten steps, {10 * spacing:g} m")
-    s = (spacing * np.arange(round(whole_length / spacing) + 1) - begin) / extent
+    s = (spacing * np.arange(_points("length", whole_length, spacing) + 1) - begin) / extent
     raised = np.where((s > 0.0) & (s < 1.0), 0.5 * peak * (1.0 - np.cos(2.0 * np.pi * s)), 0.0)
     level = np.zeros_like(raised)
     left = raised if side != "right" else level

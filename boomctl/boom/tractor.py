@@ -237,6 +237,8 @@ def tractor_system(
     A[5:10, :10] = -inverse @ np.hstack([K, C])
     A[5:10, 10:] = inverse @ np.hstack([felt, felt_rate + slope_force])
     A[10:14, 14:] = np.eye(4)
+    if not 1e-150 < tau < 1e150:
+        raise ValueError(f"speed = {V:g}: a tyre passes its contact patch in {tau:g} s, beyond what can be computed")
     A[14:, 10:] = np.hstack([-np.eye(4) / tau**2, -2.0 * np.eye(4) / tau])
     B[14:] = np.eye(4) / tau**2
     for i, side in enumerate((-0.5, 0.5)):

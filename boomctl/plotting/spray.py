@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from boomctl.checks import finite_array, positive, real
 from boomctl.plotting.canvas import COLOURS, new_figure, style
 
 if TYPE_CHECKING:
@@ -46,11 +47,20 @@ def draw_deposit(results: "Mapping[str, SprayResult]", length: float | None = No
     Returns
     -------
     matplotlib Figure
+
+    Raises
+    ------
+    TypeError, ValueError
+        No results by title; a length not above zero, a start that is no number.
     """
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
+    if not isinstance(results, Mapping):
+        raise TypeError(f"results: expected a mapping from title to SprayResult, got {type(results).__name__}")
     if not results:
         raise ValueError("results: expected at least one")
+    extent = None if length is None else positive("length", length)
+    begin = None if start is None else real("start", start)
     colours = ListedColormap(list(_SHADES), over=_MORE)
     norm = BoundaryNorm(_STEPS, len(_SHADES))
     with style():
@@ -61,7 +71,7 @@ def draw_deposit(results: "Mapping[str, SprayResult]", length: float | None = No
             drawn = ax.pcolormesh(
                 result.y_edges, result.x_edges, result.deposit, cmap=colours, norm=norm, rasterized=True
             )
-            _frame(ax, result, length, start)
+            _frame(ax, result, extent, begin)
             ax.set_title(f"{title}: {_figures(result)}", fontsize=8.5)
             ax.set_ylabel("along boom [m]")
         axes[-1].set_xlabel("along the drive [m]  (boom moves to the right)")
@@ -111,7 +121,25 @@ def draw_motion(
     Returns
     -------
     matplotlib Figure
+
+    Raises
+    ------
+    TypeError, ValueError
+        Tips that are not two rows of finite numbers, one a time of the motion; a span without two of these times.
     """
+    moved = {title: 1e3 * finite_array(f"tips[{title!r}]", value, ndim=2) for title, value in tips.items()}
+    for title, lines in moved.items():
+        if lines.shape != (2, len(motion.time)):
+            raise ValueError(f"tips[{title!r}]: expected shape {(2, len(motion.time))}, got {lines.shape}")
+    shown = np.ones(len(motion.time), dtype=bool)
+    if span is not None:
+        begin, end = (real("span", value) for value in span)
+        shown = (motion.time >= begin) & (motion.time <= end)
+        if shown.sum() < 2:
+            raise ValueError(
+                f"span = ({begin:g}, {end:g}): expected times within {motion.time[0]:g} to {motion.time[-1]:g} s,"
+                " the earlier first"
+            )
     with style():
         figure = new_figure(8.0, 2.2 + 1.6 * len(tips))
         axes = np.atleast_1d(figure.subplots(1 + len(tips), 1, sharex=True))
@@ -119,13 +147,10 @@ def draw_motion(
         turned = 0.5e3 * motion.actuator_distance * motion.yaw
         axes[0].plot(motion.time, turned, color=COLOURS[1], label="yaw, at an actuator", linewidth=1.0)
         axes[0].set_title("platform")
-        shown = np.ones(len(motion.time), dtype=bool)
         if span is not None:
-            shown = (motion.time >= span[0]) & (motion.time <= span[1])
             axes[0].set_xlim(*span)
         largest = 0.0
-        for ax, (title, value) in zip(axes[1:], tips.items(), strict=True):
-            lines = 1e3 * np.asarray(value, dtype=float)
+        for ax, (title, lines) in zip(axes[1:], moved.items(), strict=True):
             for side, line, colour in zip(("left tip", "right tip"), lines, COLOURS[2:4], strict=True):
                 ax.plot(motion.time, line, color=colour, label=side, linewidth=1.0)
             largest = max(largest, float(np.abs(lines[:, shown]).max()))
@@ -133,7 +158,7 @@ def draw_motion(
         for ax in axes:
             ax.set_ylabel("ahead [mm]")
             ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncols=2)
-        for ax in axes[1:]:
+        for ax in axes[1:] if largest > 0.0 else ():
             ax.set_ylim(-1.25 * largest, 1.25 * largest)
         axes[-1].set_xlabel("time [s]")
     return figure
@@ -153,9 +178,16 @@ def draw_track_density(tracks: "Mapping[str, Sequence[Track]]", band: tuple[floa
     Returns
     -------
     matplotlib Figure
+
+    Raises
+    ------
+    ValueError
+        A class without tracks; tracks that do not go round, or differ in length or step; none of their waves in the band.
     """
     from boomctl.boom import road_density
 
+    for letter, several in tracks.items():
+        _check_alike(letter, several)
     with style():
         figure = new_figure(6.4, 4.4)
         ax = figure.subplots()
@@ -173,6 +205,18 @@ def draw_track_density(tracks: "Mapping[str, Sequence[Track]]", band: tuple[floa
     return figure
 
 
+def _check_alike(letter: str, tracks: "Sequence[Track]") -> None:
+    if not tracks:
+        raise ValueError(f"tracks[{letter!r}]: expected at least one")
+    if not all(track.periodic for track in tracks):
+        raise ValueError(f"tracks[{letter!r}]: expected tracks that go round, such as iso_track makes")
+    sizes = sorted({(len(track.left), track.step) for track in tracks})
+    if len(sizes) > 1:
+        raise ValueError(
+            f"tracks[{letter!r}]: expected equal numbers of points and steps, got {sizes[0]} and {sizes[1]}"
+        )
+
+
 def _density(tracks: "Sequence[Track]") -> "tuple[Array, Array]":
     """Return wave numbers and the mean one-sided density of the tracks' sides."""
     sides = np.array([side for track in tracks for side in (track.left, track.right)])
@@ -184,6 +228,8 @@ def _density(tracks: "Sequence[Track]") -> "tuple[Array, Array]":
 def _averaged(n: "Array", density: "Array", band: tuple[float, float]) -> "tuple[Array, Array]":
     """Return mean wave numbers and densities over a twelfth of an octave, these as means of ``n^2 G(n)``."""
     inside = (n >= band[0] * (1.0 - 1e-9)) & (n <= band[1] * (1.0 + 1e-9))
+    if not inside.any():
+        raise ValueError(f"band = ({band[0]:g}, {band[1]:g}): the tracks have no wave in it ({n[0]:g} to {n[-1]:g} /m)")
     n, level = n[inside], density[inside] * n[inside] ** 2
     _, group = np.unique(np.floor(12.0 * np.log2(n / band[0]) + 1e-6), return_inverse=True)
     members = np.bincount(group)

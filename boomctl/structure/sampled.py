@@ -51,26 +51,40 @@ def linear_hold_response(
     Raises
     ------
     TypeError, ValueError
-        Shapes that do not fit, values that are not finite, a step not above zero, a discrete system.
+        Shapes that do not fit, values that are not finite, a step not above zero, a discrete system, another kind of
+        system; an unstable one whose outputs grow beyond all numbers.
 
     Notes
     -----
     The samples are cut into about ``sqrt(N)`` runs that are stepped through side by side from a zero state; what each
     run inherits is added afterwards.  Nothing is diagonalised, so that defective systems are served as well.
     """
+    import control
+
+    if not isinstance(system, control.StateSpace):
+        raise TypeError(f"system: expected control.StateSpace, got {type(system).__name__}")
     if not system.isctime():
-        raise ValueError("system: expected a continuous system")
+        raise ValueError(f"system: expected a continuous system, got one with a sampling time of {system.dt} s")
     u = finite_array("inputs", inputs, ndim=2)
     h = positive("step", step)
     if u.shape[0] != system.ninputs or not u.shape[1]:
         raise ValueError(f"inputs: expected {system.ninputs} rows and at least one column, got shape {u.shape}")
-    A, B, C, D = (np.asarray(X, dtype=float) for X in (system.A, system.B, system.C, system.D))
+    A, B, C, D = (finite_array(f"{name} of the system", getattr(system, name), ndim=2) for name in "ABCD")
     start = np.zeros(len(A)) if initial is None else finite_array("initial", initial, ndim=1)
     if len(start) != len(A):
         raise ValueError(f"initial: expected {len(A)} values, got {len(start)}")
-    Phi, G, H = linear_hold(A, B, h)
-    states = recursion(Phi, G @ u[:, :-1] + H @ np.diff(u), start)
-    return C @ states + D @ u
+    if not len(A):
+        return D @ u
+    with np.errstate(over="ignore", invalid="ignore"):
+        Phi, G, H = linear_hold(A, B, h)
+        states = recursion(Phi, G @ u[:, :-1] + H @ np.diff(u), start)
+        found = C @ states + D @ u
+    if not np.isfinite(found).all():
+        raise ValueError(
+            f"system: its outputs grow beyond all numbers within {u.shape[1]} samples, {h:g} s apart; it is unstable, "
+            "or step is too long for its numbers"
+        )
+    return found
 
 
 def recursion(Phi: Array, forcing: Array, start: Array) -> Array:

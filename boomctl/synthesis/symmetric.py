@@ -6,6 +6,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.checks import finite_array
 from boomctl.structure.second_order import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
 
@@ -34,10 +35,19 @@ def join_symmetric(
 
     Raises
     ------
-    ValueError
-        The model has no mirror symmetry; the halves' controllers differ in sampling time; a signal that is no half
-        of a pair of the machine's.
+    TypeError, ValueError
+        Another kind of model or controller, one with entries that are not finite; the model has no mirror symmetry; the
+        halves' controllers differ in sampling time; a signal that is no half of a pair of the machine's.
     """
+    import control
+
+    if not isinstance(model, SecondOrderModel):
+        raise TypeError(f"model: expected SecondOrderModel, got {type(model).__name__}")
+    for what, half in (("symmetric", symmetric), ("antisymmetric", antisymmetric)):
+        if not isinstance(half, control.StateSpace):
+            raise TypeError(f"{what}: expected control.StateSpace, got {type(half).__name__}")
+        for name in "ABCD":
+            finite_array(f"{name} of the {what} controller", getattr(half, name))
     mirror = model.mirror
     if mirror is None:
         raise ValueError("model: expected one with mirror symmetry, such as spray_boom with a symmetric mesh")
@@ -48,8 +58,6 @@ def join_symmetric(
     driven = _whole(mirror, [(half.output_labels, parity) for half, parity in halves], model.inputs, "input")
     reads = [_matrix(mirror, measured, half.input_labels, parity) for half, parity in halves]
     drives = [_matrix(mirror, driven, half.output_labels, parity) for half, parity in halves]
-    import control
-
     return control.ss(
         linalg.block_diag(symmetric.A, antisymmetric.A),
         np.vstack([half.B @ W.T for (half, _), W in zip(halves, reads, strict=True)]),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import known, positive
+from boomctl.checks import finite_array, known, positive
 from boomctl.structure.second_order import SecondOrderModel
 from boomctl.synthesis.pieces import statespace
 
@@ -31,8 +31,10 @@ def in_units(system: "control.StateSpace | SecondOrderModel", units: Mapping[str
         Another kind of system; a unit that is not a number above zero or of an unknown signal.
     """
     plain = statespace(system)
-    _check(units, (*plain.input_labels, *plain.output_labels))
-    return _scaled(plain, _sizes(units, plain.input_labels), 1.0 / _sizes(units, plain.output_labels))
+    _check(units)
+    for name in units:
+        known("signal in units", name, (*plain.input_labels, *plain.output_labels))
+    return _scaled(plain, _sizes(units, plain.input_labels), _inverse(units, plain.output_labels))
 
 
 def from_units(controller: "control.StateSpace", units: Mapping[str, float]) -> "control.StateSpace":
@@ -48,16 +50,20 @@ def from_units(controller: "control.StateSpace", units: Mapping[str, float]) -> 
     Raises
     ------
     TypeError, ValueError
-        A unit that is not a number above zero.
+        Another kind of system, entries that are not finite; a unit that is not a number above zero.
     """
-    for name, value in units.items():
-        positive(f"units[{name!r}]", value)
-    return _scaled(controller, 1.0 / _sizes(units, controller.input_labels), _sizes(units, controller.output_labels))
+    import control
+
+    if not isinstance(controller, control.StateSpace):
+        raise TypeError(f"controller: expected control.StateSpace, got {type(controller).__name__}")
+    _check(units)
+    return _scaled(controller, _inverse(units, controller.input_labels), _sizes(units, controller.output_labels))
 
 
-def _check(units: Mapping[str, float], signals: Sequence[str]) -> None:
+def _check(units: Mapping[str, float]) -> None:
+    if not isinstance(units, Mapping):
+        raise TypeError(f"units: expected a mapping from signal to what counts as one, got {type(units).__name__}")
     for name, value in units.items():
-        known("signal in units", name, signals)
         positive(f"units[{name!r}]", value)
 
 
@@ -65,14 +71,23 @@ def _sizes(units: Mapping[str, float], labels: Sequence[str]) -> Array:
     return np.array([float(units.get(label, 1.0)) for label in labels])
 
 
+def _inverse(units: Mapping[str, float], labels: Sequence[str]) -> Array:
+    with np.errstate(over="ignore"):
+        return 1.0 / _sizes(units, labels)
+
+
 def _scaled(system: "control.StateSpace", entry: Array, leave: Array) -> "control.StateSpace":
     import control
 
+    with np.errstate(over="ignore", invalid="ignore"):
+        B, C, D = system.B * entry, leave[:, None] * system.C, leave[:, None] * system.D * entry
+    for name, matrix in (("A", system.A), ("B", B), ("C", C), ("D", D)):
+        finite_array(f"{name} in these units", matrix)
     return control.ss(
         system.A,
-        system.B * entry,
-        leave[:, None] * system.C,
-        leave[:, None] * system.D * entry,
+        B,
+        C,
+        D,
         system.dt,
         inputs=list(system.input_labels),
         outputs=list(system.output_labels),

@@ -137,3 +137,33 @@ def test_a_motion_with_a_gap_is_refused_in_memory_too():
         bc.PlatformMotion([0.0, 1.0, 2.0, 9.0], np.zeros(4), np.zeros(4))
     with pytest.raises(ValueError, match="equally many, got 4, 3 and 4"):
         bc.PlatformMotion(np.arange(4.0), np.zeros(3), np.zeros(4))
+
+
+def test_a_quotation_mark_in_a_comment_swallows_no_samples(tmp_path):
+    text = HEAD + '0,0,1\n# left cylinder,"bent\n1,0,2\n2,0,3\n# right one"\n3,0,4\n'
+    assert bc.read_motion(written(tmp_path, text)).right == pytest.approx([1.0, 2.0, 3.0, 4.0])
+    quoted = '"time_s","left_m","right_m"\n"0","0","1"\n  \n1,0,2\n'
+    assert bc.read_motion(written(tmp_path, quoted)).right == pytest.approx([1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("1,1_0,0", "line 3: expected a number in 'left_m', got '1_0'"),
+        ("1,\u0661,0", "line 3: expected a number in 'left_m'"),
+        ('1,"0,0', "line 3: expected comma-separated values"),
+        ("1," + "1" * 200000 + ",0", "line 3: expected comma-separated values"),
+    ],
+)
+def test_what_only_python_takes_for_a_number_is_refused(tmp_path, line, message):
+    with pytest.raises(ValueError, match=message):
+        bc.read_motion(written(tmp_path, HEAD + "0,0,0\n" + line + "\n2,0,0\n"))
+
+
+def test_a_sweep_shorter_than_a_sample_or_longer_than_memory_is_refused():
+    with pytest.raises(ValueError, match=r"sample_time = 0\.1: expected less than the duration"):
+        bc.sine_sweep(1.0, 1.0, 0.01, 1.0, sample_time=0.1)
+    with pytest.raises(ValueError, match=r"sample_time = 0.001: expected at most"):
+        bc.sine_sweep(1.0, 1.0, 1e12, 1.0)
+    with pytest.raises(TypeError, match="motion: expected PlatformMotion, got NoneType"):
+        bc.write_motion("x.csv", None)

@@ -294,3 +294,49 @@ def test_a_footprint_that_cannot_be_is_refused():
         bc.Footprint(shape="cone")
     with pytest.raises(ValueError, match="spacing = 20: expected at most the boom's length"):
         bc.nozzle_positions(12.0, 20.0)
+
+
+@pytest.mark.parametrize("width", [0.3, 1.0, 1.7, 2.0, 4.0])
+@pytest.mark.parametrize("shape", ["triangle", "box"])
+def test_cells_are_judged_only_where_all_neighbours_spray(width, shape):
+    """One nozzle more at each end changes nothing there, however wide the footprint."""
+    t, footprint = 0.01 * np.arange(1001), bc.Footprint(width, 0.1, shape)
+    found = bc.spray_deposit(t, np.zeros((24, 1001)), X, 2.5, footprint=footprint)
+    longer = np.r_[X[0] - 0.5, X, X[-1] + 0.5]
+    more = bc.spray_deposit(t, np.zeros((26, 1001)), longer, 2.5, footprint=footprint)
+    start = int(np.flatnonzero(np.isclose(more.x_edges, found.x_edges[found.x_judged.start]))[0])
+    same = more.deposit[start : start + len(found.judged), found.y_judged]
+    assert same == pytest.approx(found.judged, abs=1e-9)
+    assert len(found.judged) > 20
+
+
+def test_a_footprint_too_wide_for_any_cell_to_be_judged_is_refused():
+    t = 0.01 * np.arange(1001)
+    with pytest.raises(ValueError, match=r"footprint: no cell of 0.1 m between the nozzles"):
+        bc.spray_deposit(t, np.zeros((24, 1001)), X, 2.5, footprint=bc.Footprint(14.0))
+
+
+def test_a_thick_footprint_on_fine_cells_is_done_in_portions(monkeypatch):
+    t, moved = 0.01 * np.arange(301), wandering(np.random.default_rng(3), 24, 301, 0.1)
+    arguments = (t, moved, X, 2.0)
+    options = {"footprint": bc.Footprint(1.0, 1.0), "cell": (0.5, 0.01)}
+    whole = bc.spray_deposit(*arguments, **options).deposit
+    monkeypatch.setattr("boomctl.boom.spray._PORTION", 500)
+    assert bc.spray_deposit(*arguments, **options).deposit == pytest.approx(whole, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"footprint": 0.5}, TypeError, "footprint: expected Footprint, got float"),
+        ({"cell": (0.1,)}, ValueError, "cell = .0.1,.: expected one size, or that along the boom"),
+        ({"cell": (1e-9, 0.1)}, ValueError, "too much for cells of 1e-09 by 0.1 m"),
+        ({"footprint": bc.Footprint(1.0, 1e9)}, ValueError, "too much for cells of 0.1 by 0.1 m"),
+        ({"footprint": bc.Footprint(1e12)}, ValueError, "too much for cells of 0.1 by 0.1 m"),
+    ],
+)
+def test_sizes_that_memory_does_not_hold_are_refused(arguments, error, message):
+    with pytest.raises(error, match=message):
+        bc.spray_deposit(T, STILL, X, 2.0, **arguments)
+    with pytest.raises(ValueError, match="spacing = 1e-12: expected fewer than"):
+        bc.nozzle_positions(12.0, 1e-12)

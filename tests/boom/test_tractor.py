@@ -250,7 +250,35 @@ def test_a_drive_that_cannot_be_is_refused():
         bc.platform_motion(track, P, 2.5, sample_time=100.0)
     with pytest.raises(ValueError, match=r"sample_time = 0\.1: expected at most 0\.04 s"):
         bc.platform_motion(track, P, 2.5, sample_time=0.1)
-    with pytest.raises(ValueError, match="wave_number: expected values above zero"):
+    with pytest.raises(ValueError, match="freq_hz: expected frequencies above zero"):
         bc.platform_density([0.0, 1.0])
     with pytest.raises(ValueError, match="sections = 0"):
         bc.track_filter(sections=0)
+
+
+def test_slow_steering_costs_no_more_rounds_and_leaves_a_motion_that_repeats():
+    """The time it takes to forget the start is 100 rounds; driven once more, the motion is the same."""
+    p, track = replace(P, steering_corner_hz=2e-4), bc.iso_track("C", 40.0, 3, step=0.04, band=(0.05, 3.0))
+    once = bc.platform_motion(track, p, 2.0, sample_time=0.02)
+    twice = bc.platform_motion(track, p, 2.0, duration=40.0, sample_time=0.02)
+    assert twice.left[: len(once.left)] == pytest.approx(once.left, abs=1e-9)
+    assert twice.left[1000:] == pytest.approx(twice.left[:1001], abs=1e-6 * twice.left.std())
+    assert once.yaw[-1] == pytest.approx(once.yaw[0], abs=1e-6 * once.yaw.std())
+
+
+def test_slow_steering_between_samples_that_do_not_fit_into_a_round_is_the_limit_of_finer_ones():
+    p, track = replace(P, steering_corner_hz=2e-4), bc.iso_track("C", 40.0, 3, step=0.04, band=(0.05, 3.0))
+    coarse, fine = (bc.platform_motion(track, p, 2.0, 10.0, sample_time=h) for h in (0.01 / 0.97, 0.001 / 0.97))
+    assert fine.yaw[::10][: len(coarse.yaw)] == pytest.approx(coarse.yaw, abs=3e-3 * np.abs(coarse.yaw).max())
+
+
+def test_what_is_no_track_and_what_is_beyond_numbers_is_refused():
+    with pytest.raises(TypeError, match="track: expected Track, got NoneType"):
+        bc.platform_motion(None)
+    with pytest.raises(ValueError, match=r"sample_time = 1e-12: expected at most 5e.07 samples"):
+        bc.platform_motion(bc.iso_track("C", 40.0), sample_time=1e-12)
+    for call in (bc.platform_density, lambda f, **options: bc.track_filter(**options)):
+        with pytest.raises(ValueError, match=r"speed = 1e.300: a tyre passes its contact patch"):
+            call([1.0], speed=1e300)
+        with pytest.raises(ValueError, match=r"actuator_distance = 1e.300: the densities are not finite"):
+            call([1.0], actuator_distance=1e300)

@@ -58,3 +58,34 @@ def test_densities_lie_on_the_line_of_their_class():
     off = np.log(points.get_ydata()) - expected
     assert abs(off[-24:].mean()) < 0.05
     assert np.abs(off[-24:]).max() < 0.5
+
+
+def test_still_tips_and_tips_that_do_not_fit():
+    motion = bc.sine_sweep(0.2, 2.0, 10.0, 0.01)
+    still = np.zeros((2, len(motion.time)))
+    assert len(draw_motion(motion, {"held": still}).axes) == 2
+    with pytest.raises(ValueError, match=r"tips\['held'\]: expected shape \(2, 10001\), got \(2, 5\)"):
+        draw_motion(motion, {"held": still[:, :5]})
+    with pytest.raises(ValueError, match=r"tips\['held'\]: expected finite numbers"):
+        draw_motion(motion, {"held": still + np.nan})
+    for span in ((20.0, 30.0), (8.0, 2.0)):
+        with pytest.raises(ValueError, match=r"span = .*: expected times within 0 to 10 s"):
+            draw_motion(motion, {"held": still}, span=span)
+    with pytest.raises(ValueError, match="length = -1"):
+        draw_deposit({"even": sprayed(0.0)}, length=-1.0)
+    with pytest.raises(TypeError, match="results: expected a mapping"):
+        draw_deposit(sprayed(0.0))
+
+
+@pytest.mark.parametrize(
+    ("tracks", "band", "message"),
+    [
+        ([], (0.01, 3.0), r"tracks\['C'\]: expected at least one"),
+        ([bc.iso_track("C", 50.0), bc.iso_track("C", 60.0)], (0.01, 3.0), "expected equal numbers of points"),
+        ([bc.bump_track(0.1, 0.4)], (0.01, 3.0), "expected tracks that go round"),
+        ([bc.iso_track("C", 50.0)], (1e-4, 1e-3), "no wave in it"),
+    ],
+)
+def test_tracks_whose_densities_cannot_be_averaged_are_refused(tracks, band, message):
+    with pytest.raises(ValueError, match=message):
+        draw_track_density({"C": tracks}, band)

@@ -73,3 +73,22 @@ def test_what_does_not_fit_is_refused():
         linear_hold_response(control.sample_system(system, 0.1), np.zeros((2, 5)), 0.1)
     with pytest.raises(ValueError, match="inputs: expected finite"):
         linear_hold_response(system, np.full((2, 5), np.nan), 0.1)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7])
+def test_a_system_without_states_passes_its_inputs_on(count):
+    u = np.arange(2.0 * count).reshape(2, count)
+    system = control.ss([], [], [], [[2.0, -1.0]])
+    assert linear_hold_response(system, u, 0.1) == pytest.approx(2.0 * u[:1] - u[1:])
+
+
+def test_what_grows_beyond_all_numbers_and_what_is_no_system_is_refused():
+    unstable = control.ss([[5.0]], [[1.0]], [[1.0]], 0.0)
+    assert np.isfinite(linear_hold_response(unstable, np.ones((1, 200)), 0.1)).all()
+    with pytest.raises(ValueError, match="outputs grow beyond all numbers within 50000 samples"):
+        linear_hold_response(unstable, np.ones((1, 50000)), 0.1)
+    with pytest.raises(ValueError, match="A of the system: expected finite numbers"):
+        linear_hold_response(control.ss([[np.nan]], [[1.0]], [[1.0]], 0.0), np.ones((1, 5)), 0.1)
+    for wrong in (None, control.tf([1.0], [1.0, 1.0])):
+        with pytest.raises(TypeError, match=r"system: expected control.StateSpace"):
+            linear_hold_response(wrong, np.ones((1, 5)), 0.1)

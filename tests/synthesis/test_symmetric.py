@@ -59,3 +59,16 @@ def test_a_machine_without_mirror_is_refused():
     gain = half_controller("sym", 0)
     with pytest.raises(ValueError, match="mirror symmetry"):
         join_symmetric(lopsided, gain, gain)
+
+
+def test_what_is_no_machine_or_controller_is_refused():
+    sym, anti = half_controller("sym", 1), half_controller("anti", 2)
+    with pytest.raises(TypeError, match="model: expected SecondOrderModel, got StateSpace"):
+        join_symmetric(sym, sym, anti)
+    with pytest.raises(TypeError, match=r"^symmetric: expected control.StateSpace, got NoneType"):
+        join_symmetric(MODEL, None, anti)
+    with pytest.raises(TypeError, match=r"antisymmetric: expected control.StateSpace, got float"):
+        join_symmetric(MODEL, sym, 1.0)
+    anti.C[0, 0] = np.nan
+    with pytest.raises(ValueError, match="C of the antisymmetric controller: expected finite numbers"):
+        join_symmetric(MODEL, sym, anti)

@@ -45,3 +45,19 @@ def test_bad_units_are_refused():
         bc.in_units(plant(), {"push": 0.0})
     with pytest.raises(ValueError, match="did you mean 'stroke'"):
         bc.in_units(plant(), {"strokes": 0.1})
+
+
+def test_what_is_no_mapping_no_system_or_beyond_numbers_is_refused():
+    K = control.ss([[-2.0]], [[1.0]], [[0.3]], 0.1, inputs=["stroke"], outputs=["push"])
+    for units in (None, 2.0, "push", [0.1]):
+        for call in (lambda u: bc.in_units(plant(), u), lambda u: bc.from_units(K, u)):
+            with pytest.raises(TypeError, match="units: expected a mapping"):
+                call(units)
+    for wrong in (None, control.tf([1.0], [1.0, 1.0])):
+        with pytest.raises(TypeError, match=r"controller: expected control.StateSpace"):
+            bc.from_units(wrong, {})
+    for call in (lambda u: bc.in_units(plant(), u), lambda u: bc.from_units(K, u)):
+        with pytest.raises(ValueError, match="in these units: expected finite numbers"):
+            call({"stroke": 1e-310})
+    with pytest.raises(ValueError, match="A in these units: expected finite numbers, got nan"):
+        bc.from_units(control.ss([[np.nan]], [[1.0]], [[0.3]], 0.1), {})
