@@ -12,9 +12,9 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.norm import StateMatrices
+from boomctl.analysis.spectral import ModalSystem, diagonalized
 from boomctl.arrays import Array, Flags
 from boomctl.reduction.core import core_states
-from boomctl.reduction.spectral import ModalSystem, diagonalized
 from boomctl.reduction.structural_tail import Loads, damper_forces, damping_between, intervals
 
 __all__ = ["left_out_bound"]

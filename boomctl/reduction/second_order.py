@@ -16,11 +16,7 @@ from boomctl.reduction.core import LARGEST_DENSE, SystemCore, core_of, loads_of
 from boomctl.reduction.left_out import left_out_bound
 from boomctl.reduction.result import ReductionError
 from boomctl.reduction.selection import Attempt, Band, verified
-<<<<<<< HEAD
-=======
-from boomctl.reduction.spectral import spectral_parts
 from boomctl.reduction.structural_tail import Loads
->>>>>>> reduce
 from boomctl.structure.modal import project, undamped_modes
 from boomctl.structure.ports import evaluate
 from boomctl.structure.second_order import SecondOrderModel

@@ -20,11 +20,6 @@ from scipy import linalg, sparse
 
 from boomctl.analysis.spectral import ModalSystem
 from boomctl.arrays import Array
-<<<<<<< HEAD
-from boomctl.structure.pencil import factorized
-=======
-from boomctl.reduction.spectral import ModalSystem
->>>>>>> reduce
 from boomctl.structure.second_order import SecondOrderModel
 
 __all__ = ["Damping", "Loads", "damper_forces", "damping_between", "intervals", "separated_damping", "tail_bound"]

@@ -1,4 +1,4 @@
-"""Two controllers, one of each half of a symmetric machine, as one controller of the machine."""
+"""Controllers of a symmetric machine: one of each half joined into one, and one split into those of the halves."""
 
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,9 @@ from boomctl.structure.symmetry import Mirror
 if TYPE_CHECKING:
     import control
 
-__all__ = ["join_symmetric"]
+_SPLIT = 1e-7
+
+__all__ = ["join_symmetric", "split_controller"]
 
 
 def join_symmetric(
@@ -68,6 +70,82 @@ def join_symmetric(
         outputs=list(driven),
         name="controller",
     )
+
+
+def split_controller(
+    model: SecondOrderModel, controller: "control.StateSpace"
+) -> tuple["control.StateSpace", "control.StateSpace", float]:
+    """Return the controllers of the halves that a controller of a symmetric machine amounts to, and what they miss.
+
+    Parameters
+    ----------
+    model : SecondOrderModel
+        The machine, with mirror symmetry.
+    controller : control.StateSpace
+        Of the machine, ``u = K y``, in continuous time; both signals of each pair.
+
+    Returns
+    -------
+    symmetric, antisymmetric : control.StateSpace
+        Without the states that only serve the other half.
+    missed : float
+        Share of the controller that leads from one half to the other: the largest gain of those channels at the
+        frequencies of its poles and decades around, over the largest gain of the others, each in units in which the
+        machine's measurements are alike.  Rounding of a symmetric controller; anything else is a controller that mixes
+        the halves.
+
+    Raises
+    ------
+    ValueError
+        The model has no mirror symmetry; a signal without its mirror image.
+    """
+    mirror = model.mirror
+    if mirror is None:
+        raise ValueError("model: expected one with mirror symmetry, such as spray_boom with a symmetric mesh")
+    halves, entries, leaves = [], [], []
+    for parity in (1, -1):
+        read, drive = mirror.signals(controller.input_labels, parity), mirror.signals(controller.output_labels, parity)
+        if read is None or drive is None:
+            raise ValueError("controller: expected both signals of each pair, left and right")
+        entries.append(read)
+        leaves.append(drive)
+        halves.append(_reached(controller, read, drive))
+    grid = _around(controller)
+    response = np.moveaxis(np.asarray(controller(1j * grid, squeeze=False)), 2, 0)
+    unit = np.abs(response).max(axis=(0, 1))
+    response = response / np.where(unit > 0.0, unit, 1.0)
+    gains = {(i, j): np.abs(leaves[i][0].T @ response @ entries[j][0]).max(initial=0.0) for i in (0, 1) for j in (0, 1)}
+    kept = max(gains[0, 0], gains[1, 1])
+    return halves[0], halves[1], float(max(gains[0, 1], gains[1, 0]) / kept) if kept else 0.0
+
+
+def _around(controller: "control.StateSpace") -> Array:
+    size = np.abs(controller.poles()) if controller.nstates else np.ones(1)
+    size = size[size > 0.0]
+    low, high = (float(size.min()), float(size.max())) if len(size) else (1.0, 1.0)
+    return np.union1d(np.geomspace(0.01 * low, 10.0 * high, 200), size)
+
+
+def _reached(
+    controller: "control.StateSpace", read: tuple[Array, tuple[str, ...]], drive: tuple[Array, tuple[str, ...]]
+) -> "control.StateSpace":
+    """Return the channels between signals of one half, reduced to the states that they reach and see."""
+    import control
+
+    from boomctl.reduction import reduce
+
+    half = control.ss(
+        controller.A,
+        controller.B @ read[0],
+        drive[0].T @ controller.C,
+        drive[0].T @ controller.D @ read[0],
+        inputs=list(read[1]),
+        outputs=list(drive[1]),
+    )
+    size = float(np.abs(np.asarray(half(1j * _around(controller), squeeze=False))).max(initial=0.0))
+    if not half.nstates or size == 0.0:
+        return half
+    return reduce(half, error=_SPLIT * size).system
 
 
 def _whole(mirror: Mirror, halves: list[tuple[list[str], int]], available: tuple[str, ...], what: str) -> list[str]:
