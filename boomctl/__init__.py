@@ -61,6 +61,7 @@ _HOME = {
     "discretize": "boomctl.synthesis",
     "SynthesisError": "boomctl.synthesis",
     "join_symmetric": "boomctl.synthesis",
+    "split_controller": "boomctl.synthesis",
     "in_units": "boomctl.synthesis",
     "from_units": "boomctl.synthesis",
     "h_infinity": "boomctl.synthesis",

@@ -1,6 +1,7 @@
 """H-infinity suspension on the full plant: two platform actuators, two suspension actuators, two tips, four sensors.
 
-The same weights left and right; the synthesis does not know of the symmetry and finds it again.
+The same weights left and right; the synthesis does not know of the symmetry and finds it again but for a remainder, the
+share of the controller that leads from yaw to jolt and back. That is removed, and the loop is verified once more.
 """
 
 from math import sqrt
@@ -27,7 +28,8 @@ ROLL_OFF, FASTEST = 5.0, 300.0  # between which effort costs more and more [rad/
 
 def design() -> SuspensionDesign:
     """Return the controller of the whole machine."""
-    reduced = bc.reduce(bc.in_units(suspension_model(), UNITS), order=ORDER, band=BAND)
+    model = suspension_model()
+    reduced = bc.reduce(bc.in_units(model, UNITS), order=ORDER, band=BAND)
     track = bc.low_pass(1.0, TRACK)
     effort = bc.shelf(EFFORT, EFFORT * (FASTEST / ROLL_OFF) ** 2, sqrt(FASTEST * ROLL_OFF), order=2)
     P = bc.generalized_plant(
@@ -43,12 +45,16 @@ def design() -> SuspensionDesign:
         controls=list(CONTROLS),
     )
     synthesis = bc.h_infinity(P, nmeas=4, ncon=2)
+    symmetric, antisymmetric, mixed = bc.split_controller(model, synthesis.controller)
+    controller = bc.join_symmetric(model, symmetric, antisymmetric)
+    norm = bc.hinf_norm(bc.close_loop(P, controller))
     return SuspensionDesign(
         "h_infinity_full",
         "H-infinity on the full 2 x 2 plant",
-        controller=bc.from_units(synthesis.controller, UNITS),
+        controller=bc.from_units(controller, UNITS),
         facts={
             "verified gamma": synthesis.certificate.statement,
+            "made symmetric": f"{100 * mixed:.2g} % led from half to half; verified norm without it {norm.upper:.6g}",
             "reduction": f"to order {reduced.order}, error {reduced.measured_error:.3g} up to {BAND[1]:g} rad/s",
         },
         weights={"track": track, "effort": effort},

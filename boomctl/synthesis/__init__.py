@@ -12,7 +12,7 @@ from boomctl.synthesis.lqr import LqrResult, lqr
 from boomctl.synthesis.recovery import RecoveryResult, loop_transfer_recovery
 from boomctl.synthesis.reduce_controller import ReducedController, reduce_controller
 from boomctl.synthesis.result import HInfinityCertificate, HInfinityResult
-from boomctl.synthesis.symmetric import join_symmetric
+from boomctl.synthesis.symmetric import join_symmetric, split_controller
 from boomctl.synthesis.units import from_units, in_units
 from boomctl.synthesis.weights import band_pass, high_pass, low_pass, shelf
 
@@ -45,4 +45,5 @@ __all__ = [
     "reduce_controller",
     "select_channels",
     "shelf",
+    "split_controller",
 ]
