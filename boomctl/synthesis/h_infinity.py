@@ -1,5 +1,6 @@
 """``h_infinity``: controllers whose closed loop was verified, and a bound that tells how far from the best they are."""
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,7 @@ from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
 from boomctl.synthesis.candidates import Candidate, Task, first_accepted, largest_pole
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.loop import named_loop
-from boomctl.synthesis.native import shared_worker
+from boomctl.synthesis.native import NativeFailure, shared_worker
 from boomctl.synthesis.partition import normalised, partition
 from boomctl.synthesis.result import HInfinityCertificate, HInfinityResult
 from boomctl.synthesis.search import Bounds, Deadline, lowest_level
@@ -84,7 +85,8 @@ def h_infinity(
     ready = normalised(plant)
     check_modes(plant, ready)
     check_zeros(plant, ready)
-    shared_worker().warm()
+    with suppress(NativeFailure):  # without it the Riccati equations here must do
+        shared_worker().warm()
     deadline = Deadline.after(limit)
     bounds = lowest_level(ready, _SEARCH * share, deadline)
     if wanted is not None and wanted < bounds.lower:

@@ -48,7 +48,13 @@ class Worker:
         return self._process.pid if self._process is not None and self._process.poll() is None else None
 
     def warm(self) -> None:
-        """Start the child if it does not run."""
+        """Start the child if it does not run.
+
+        Raises
+        ------
+        NativeFailure
+            It cannot be started.
+        """
         with self._lock:
             self._started()
 
@@ -82,13 +88,12 @@ class Worker:
         home = str(Path(__file__).resolve().parents[2])
         paths = [home, *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = os.environ | dict.fromkeys(_THREADS, "1") | {"PYTHONPATH": os.pathsep.join(paths)}
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "boomctl.synthesis._worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env=environment,
-        )
+        command = [sys.executable, "-P", "-m", "boomctl.synthesis._worker"]
+        pipe, nothing = subprocess.PIPE, subprocess.DEVNULL
+        try:
+            self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=nothing, env=environment)
+        except OSError as error:
+            raise NativeFailure(f"the process for native synthesis could not be started ({error})") from None
         if self._guarded(self._process, b"", len(READY), _START) != READY:
             self._drop()
             raise NativeFailure("the process for native synthesis could not be started")

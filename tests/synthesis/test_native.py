@@ -97,6 +97,13 @@ def test_a_native_solver_out_of_order_does_not_stop_synthesis(monkeypatch):
     assert design.gamma <= 1.01 * design.certificate.lower
 
 
+def test_a_process_that_cannot_start_does_not_stop_synthesis(monkeypatch):
+    shared_worker().close()
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    design = bc.h_infinity(weighed(resonators(3, 0.01, 2)), 1, 1)
+    assert design.certificate.solver == "two Riccati equations"
+
+
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="processes cannot be stopped here")
 def test_a_native_solver_that_hangs_is_killed_and_synthesis_goes_on():
     P = weighed(resonators(3, 0.01, 2))
