@@ -95,11 +95,20 @@ def stop_step(maps: StopMaps, position: Array, velocity: Array) -> StopStep | No
         if found is None:
             continue
         amounts, sides = found
-        impulses = amounts[:count] + amounts[count:]
-        end = position + maps.position @ amounts
-        if (impulses * sides <= 0.0).all() and (np.abs(end) <= maps.limits * (1.0 + _ROUNDING)).all():
-            return StopStep(impulses, amounts, sides)
+        if _consistent(maps, position, amounts, sides):
+            return StopStep(amounts[:count] + amounts[count:], amounts, sides)
     raise RuntimeError("no consistent set of end stops was found: the stops contradict each other")
+
+
+def _consistent(maps: StopMaps, position: Array, amounts: Array, sides: Array) -> bool:
+    """Return whether no stop is passed, each pushes, and each that is touched would be passed without what it does."""
+    count, here = len(sides), np.arange(len(sides))
+    shares = maps.position * amounts
+    end, own = position + shares.sum(axis=1), shares[here, here] + shares[here, count + here]
+    pushed = (amounts[:count] + amounts[count:]) * sides <= 0.0
+    needed = (sides == 0.0) | ((end - own) * sides >= maps.limits * (1.0 - _ROUNDING))
+    kept = np.abs(end) <= maps.limits * (1.0 + _ROUNDING)
+    return bool((pushed & needed & kept).all())
 
 
 def _cases(over: Array) -> Iterator[tuple[Set, Set, Array]]:
@@ -110,8 +119,9 @@ def _cases(over: Array) -> Iterator[tuple[Set, Set, Array]]:
     """
     count = len(over)
     first = tuple(int(i) for i in np.flatnonzero(over))
-    others = (choice for size in range(1, count + 1) for choice in combinations(range(count), size) if choice != first)
-    for touched in (first, *others):
+    fewer = [choice for size in range(len(first), 0, -1) for choice in combinations(first, size)]
+    others = [choice for size in range(1, count + 1) for choice in combinations(range(count), size)]
+    for touched in dict.fromkeys([*fewer, *others]):
         for side in product(*((over[i], -over[i]) if over[i] else (1.0, -1.0) for i in touched)):
             for size in range(len(touched) + 1):
                 for leaving in combinations(touched, size):
