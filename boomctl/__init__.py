@@ -4,6 +4,7 @@ Names are loaded when first used, so that ``import boomctl`` itself costs next t
 """
 
 from importlib import import_module
+from typing import Any
 
 __version__ = "0.1.0"
 
@@ -85,7 +86,7 @@ _HOME = {
 __all__ = [*_HOME, "__version__"]
 
 
-def __getattr__(name: str) -> object:
+def __getattr__(name: str) -> Any:
     if name in _HOME:
         return getattr(import_module(_HOME[name]), name)
     raise AttributeError(f"module 'boomctl' has no attribute {name!r}; it offers {', '.join(sorted(_HOME))}")

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 
+from boomctl.benchmark.h_infinity import h_infinity_lines
+from boomctl.benchmark.loop import loop_lines
 from boomctl.benchmark.reduction import reduction_lines
 from boomctl.benchmark.report import BenchmarkReport, Row
 from boomctl.benchmark.scene import Progress
@@ -12,7 +14,7 @@ __all__ = ["run"]
 Lines = Callable[[int, Progress], list[Row]]
 """Returns the rows of a subject, given the number of rounds and who is told what comes next."""
 
-_LINES: tuple[Lines, ...] = (reduction_lines,)
+_LINES: tuple[Lines, ...] = (reduction_lines, h_infinity_lines, loop_lines)
 _ROUNDS, _ROUNDS_FULL = 3, 9
 
 _NOTES = (
