@@ -132,7 +132,7 @@ def _reproduce_boom(folder: Path, parameters: Path | None, measured: Path | None
 
     p = BoomParameters.from_toml(parameters) if parameters else None
     curve = read_measured_curve(measured) if measured else None
-    with _progress(6) as progress:
+    with _progress(7) as progress:
         results = run(folder, p, curve, progress)
     if not quiet:
         _print_table_1(results["table_1"])

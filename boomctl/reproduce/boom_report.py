@@ -12,6 +12,8 @@ from boomctl.boom import BoomParameters
 from boomctl.output import prepared_folder, write_json, write_whole
 from boomctl.reporting import Picture, Section, Table, html_report
 from boomctl.reproduce.boom import BoomReproduction, compute
+from boomctl.reproduce.boom_friction import BoomFriction
+from boomctl.reproduce.boom_friction_section import friction_numbers, friction_section, studied
 
 __all__ = ["run"]
 
@@ -81,37 +83,43 @@ def run(
     """
     folder = prepared_folder(out)
     p = BoomParameters() if parameters is None else parameters
+    tell: Callable[[str], None] = (lambda text: None) if progress is None else progress
     result = compute(p, progress)
-    if progress is not None:
-        progress("pictures and report")
-    files = _draw(result, p, measured)
-    summary = _summary(result)
+    tell("friction in the cradle")
+    friction = studied(p, lambda text: None)
+    tell("pictures and report")
+    files = _draw(result, p, measured, friction)
+    summary = {**_summary(result), "friction": friction_numbers(friction)}
     for name, content in files.svg.items():
         write_whole(folder / f"{name}.svg", content)
     for name, content in files.png.items():
         write_whole(folder / f"{name}.png", content)
     write_whole(folder / "boom_motion.gif", files.gif)
     write_json(folder / "results.json", summary)
-    report = html_report("The spray boom of Anthonis & Ramon (2003)", _LEAD, _sections(result, files))
+    report = html_report("The spray boom of Anthonis & Ramon (2003)", _LEAD, _sections(result, files, friction))
     write_whole(folder / "report.html", report)
     return summary
 
 
-def _draw(result: BoomReproduction, p: BoomParameters, measured: MeasuredCurve | None) -> _Files:
+def _draw(
+    result: BoomReproduction, p: BoomParameters, measured: MeasuredCurve | None, friction: BoomFriction
+) -> _Files:
     from boomctl.plotting import figure_bytes
     from boomctl.plotting.boom import animation_gif, draw_convergence, draw_figure_3, draw_modes
+    from boomctl.plotting.friction import draw_friction
 
     figures = {
         "boom_figure_3": draw_figure_3(result.sigma, result.measured_hz, result.deviation, measured),
         "boom_convergence": draw_convergence(result.convergence),
         "boom_modes": draw_modes(result.modes, p),
+        "boom_friction": draw_friction(friction),
     }
     svg = {name: figure_bytes(figure, "svg") for name, figure in figures.items()}
     png = {name: figure_bytes(figure, "png") for name, figure in figures.items()}
     return _Files(svg, png, animation_gif(result.driven, p))
 
 
-def _sections(result: BoomReproduction, files: _Files) -> list[Section]:
+def _sections(result: BoomReproduction, files: _Files, friction: BoomFriction) -> list[Section]:
     curves = Table(
         ("curve", "peak [m/m]", "at [Hz]", "certified", "upper bound"),
         tuple(
@@ -150,6 +158,7 @@ def _sections(result: BoomReproduction, files: _Files) -> list[Section]:
             (),
             (Picture(pictures["boom_modes"], "svg", modes), Picture(files.gif, "gif", motion)),
         ),
+        friction_section(friction, pictures["boom_friction"]),
     ]
 
 
