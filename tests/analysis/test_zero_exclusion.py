@@ -1,0 +1,80 @@
+"""Proof over cells: bounds that hold at every point and frequency tried, and no proof where a pole crosses."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from boomctl.analysis import zero_exclusion
+from boomctl.analysis.closed_pencil import Pencil
+from boomctl.analysis.zero_exclusion import Cell, prove_cell
+
+
+def pencils(seed, n=6, size=0.3):
+    """Return a stable pencil with lightly damped poles, and two changes of it."""
+    rng = np.random.default_rng(seed)
+    blocks = [(rng.uniform(0.02, 0.5), rng.uniform(0.5, 8.0)) for _ in range(n // 2)]
+    A = np.zeros((n, n))
+    for i, (damping, omega) in enumerate(blocks):
+        A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[-damping, omega], [-omega, -damping]]
+    mixed = rng.standard_normal((n, n)) + 2.0 * np.eye(n)
+    E = np.eye(n) + 0.05 * rng.standard_normal((n, n))
+    changes = [Pencil(0.02 * size * rng.standard_normal((n, n)), size * rng.standard_normal((n, n))) for _ in range(2)]
+    return Pencil(E @ mixed, E @ A @ mixed), tuple(Pencil(x.E @ mixed, x.A @ mixed) for x in changes)
+
+
+@given(st.integers(0, 10_000), st.floats(0.02, 1.5))
+@settings(max_examples=30)
+def test_what_is_proved_holds_at_every_point_tried(seed, reach):
+    centre, slopes = pencils(seed)
+    found = prove_cell(centre, slopes, Cell(np.zeros(2), np.full(2, reach)))
+    if not found.proved:
+        return
+    deltas = np.random.default_rng(seed).uniform(-reach, reach, (40, 2))
+    corners = reach * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
+    for d in np.vstack([deltas, corners]):
+        E, A = (getattr(centre, x) + sum(w * getattr(s, x) for w, s in zip(d, slopes, strict=True)) for x in "EA")
+        assert Pencil(E, A).abscissa < 0.0
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=20)
+def test_couplings_and_diagonals_are_bounded_all_along_an_interval(seed):
+    rng = np.random.default_rng(seed)
+    centre, slopes = pencils(seed)
+    reach = np.array([0.2, 0.1])
+    modes = zero_exclusion._modes(centre, slopes, Cell(np.zeros(2), reach))
+    assert modes is not None
+    ends = np.array([[lowest := rng.uniform(0.0, 8.0), 1.0], [lowest + rng.exponential(1.0), 1.0]])
+    n = len(modes.poles)
+    coupling = zero_exclusion._couplings(zero_exclusion._squares(modes), ends).reshape(2, n, n).max(axis=0)
+    distance = zero_exclusion._along(modes, ends).min(axis=1).max(axis=0)
+    k = modes.exact
+    for share in rng.uniform(0.0, 1.0, 20):
+        a = ends[0, 0] + share * (ends[1, 0] - ends[0, 0])
+        weights = rng.uniform(modes.low, modes.high)
+        terms = weights[:, None, None] * (1j * a * modes.E - modes.A)
+        diagonal = 1j * a - modes.poles + np.diagonal(terms[:k].sum(axis=0))
+        assert (np.abs(diagonal) >= distance - 1e-12).all()
+        np.einsum("tkk->tk", terms)[:k] = 0.0
+        assert (np.abs(terms.sum(axis=0)) <= coupling + 1e-12).all()
+
+
+@given(st.integers(0, 10_000), st.floats(0.5, 1.5), st.integers(1, 12))
+@settings(max_examples=30)
+def test_a_radius_is_called_below_one_only_if_it_is(seed, radius, n):
+    rng = np.random.default_rng(seed)
+    H = rng.uniform(0.0, 1.0, (n, n)) * (rng.uniform(size=(n, n)) < 0.6) * np.exp(3.0 * rng.standard_normal((n, n)))
+    own = np.abs(np.linalg.eigvals(H)).max()
+    H = H * (radius / own) if own > 1e-9 else H
+    shown = bool(zero_exclusion._below_one(H[None])[0])
+    actual = np.abs(np.linalg.eigvals(H)).max()
+    assert not shown or actual < 1.0
+    if own > 1e-9 and (H > 0.0).all():
+        assert shown == (actual < 1.0) or abs(actual - 1.0) < 0.05
+
+
+def test_a_wide_cell_is_cut_where_a_pole_crosses_and_proved_where_none_does():
+    centre = Pencil(np.eye(2), np.array([[-0.1, 3.0], [-3.0, -0.1]]))
+    slopes = (Pencil(np.zeros((2, 2)), np.eye(2)),)
+    assert prove_cell(centre, slopes, Cell(np.zeros(1), np.array([0.099]))).proved
+    assert not prove_cell(centre, slopes, Cell(np.zeros(1), np.array([0.101]))).proved
