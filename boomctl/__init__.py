@@ -24,6 +24,8 @@ _HOME = {
     "hold": "boomctl.hub_beam",
     "free": "boomctl.hub_beam",
     "reduce": "boomctl.reduction",
+    "optimal_slew": "boomctl.slew",
+    "SlewError": "boomctl.slew",
 }
 
 __all__ = [*_HOME, "__version__"]
