@@ -225,6 +225,10 @@ class HubBeam:
         """Return the same model with another tip mass [kg]."""
         return HubBeam(slewing.with_tip_mass(self.parameters, tip_mass), self.model, self.modes)
 
+    def with_stiffness(self, factor: float) -> "HubBeam":
+        """Return the same model with the bending stiffness multiplied by a factor."""
+        return HubBeam(slewing.with_stiffness(self.parameters, factor), self.model, self.modes)
+
     def in_model(self, model: str, modes: int | None = None) -> "HubBeam | GeometricallyExactBeam":
         """Return the same machine in another model; `modes` as here unless given."""
         return hub_beam(self.parameters, model, self.modes if modes is None else modes)

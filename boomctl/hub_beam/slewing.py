@@ -61,3 +61,8 @@ def shape(beam: "HubBeam", states: ArrayLike, points: int = 41) -> np.ndarray:
 def with_tip_mass(parameters: HubBeamParameters, tip_mass: float) -> HubBeamParameters:
     """The same machine with another tip mass [kg]."""
     return replace(parameters, tip_mass=tip_mass)
+
+
+def with_stiffness(parameters: HubBeamParameters, factor: float) -> HubBeamParameters:
+    """The same machine with its bending stiffness multiplied by a factor; its axial stiffness stays."""
+    return replace(parameters, second_moment=factor * parameters.second_moment)

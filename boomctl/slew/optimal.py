@@ -1,17 +1,17 @@
 """Optimal slews: the best torque for a problem, played back and certified."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.slew.bounds import effort_gap, time_gap
-from boomctl.slew.problem import SlewProblem, slew_problem
+from boomctl.slew.problem import SlewProblem, changed, slew_problem
 from boomctl.slew.programme import Programme, Solution, prepare
 from boomctl.slew.reference import cheapest, guess_from, least_time, linear_time_problem, typical_sizes
-from boomctl.slew.replay import Motion, binding, end_error, other_models, played, replay_of, violation
+from boomctl.slew.replay import Motion, binding, end_error, other_models, played, violation
 from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
 from boomctl.slew.sharpen import Sharpened, sharpened
 from boomctl.slew.torque import TorqueHistory, held
@@ -106,25 +106,44 @@ def optimal_slew(
     return _judged(problem, _planned(problem))
 
 
-def resolve(result: SlewResult, **changes: Any) -> SlewResult:
+def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: float | None = None) -> SlewResult:
     """Solve a slew's programme again with other data, started from its solution; nothing is built anew.
 
     Parameters
     ----------
     result : SlewResult
-        Of a fixed-time objective, or of minimum time with limits besides the torque's.
-    changes : float
-        Any of ``angle``, ``torque_limit``, ``duration`` and the limits that the slew had.
+        Of `optimal_slew` with method "collocation" or "shooting" in its certificate.
+    angle, torque_limit : float or None
+        What is new; None: as before.
+
+    Returns
+    -------
+    SlewResult
 
     Raises
     ------
     ValueError
-        If the slew has no programme, or a change is of another kind.
+        If the slew was not planned by a programme, or its angle was free or part of given states.
     SlewError
         As `optimal_slew`.
     """
-    del changes
-    raise NotImplementedError
+    planned = result.plan
+    if planned is None or planned.programme is None or planned.solution is None:
+        raise ValueError("result: expected a slew planned by collocation or shooting; plan this one anew")
+    problem = changed(planned.problem, angle, torque_limit)
+    solution = planned.programme.solve(problem, None, planned.solution)
+    intervals = planned.programme.transcription.scheme.intervals
+    plan = _Plan(solution.history, problem.method, np.nan, "stationary", intervals, planned.programme, solution)
+    return _judged(problem, replace(plan, gap=result.certificate.optimality_gap))
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """What a result remembers of its planning."""
+
+    problem: SlewProblem
+    programme: Programme | None
+    solution: Solution | None
 
 
 def _planned(problem: SlewProblem) -> _Plan:
@@ -182,22 +201,49 @@ def _first(problem: SlewProblem, start: TorqueHistory | None, intervals: int) ->
 
 def _programmed(problem: SlewProblem, start: TorqueHistory | None = None) -> _Plan:
     """Refine mesh and order until replay and halved mesh agree."""
-    meshes = _MESHES if problem.intervals is None else (max(2, problem.intervals // 2), problem.intervals)
     ramp = problem.objective in ("jerk", "torque-rate") or "rate" in problem.limits
-    costs: list[float] = []
-    plan = None
-    for intervals in meshes:
-        programme, solution = _solved(problem, intervals, ramp, start)
-        costs.append(solution.cost)
-        gap = np.inf if len(costs) < 2 else abs(costs[-1] - costs[-2]) / max(abs(costs[-1]), 1e-300)
-        plan = _Plan(solution.history, problem.method, gap, "stationary", intervals, programme, solution)
-        if gap < _MESH_GAP and problem.intervals is None:
-            break
-        start = solution.history
-    assert plan is not None
+    if problem.intervals is None:
+        plan = _refined(problem, start, ramp)
+    else:
+        programme, solution = _solved(problem, problem.intervals, ramp, start)
+        other = _companion(problem, ramp, solution)
+        gap = abs(solution.cost - other.cost) / max(abs(solution.cost), 1e-300)
+        plan = _Plan(solution.history, problem.method, gap, "stationary", problem.intervals, programme, solution)
     if problem.linear and problem.objective == "effort" and not problem.limits:
         return replace(plan, gap=effort_gap(problem, plan.history), optimality="proved")
     return plan
+
+
+def _refined(problem: SlewProblem, start: TorqueHistory | None, ramp: bool) -> _Plan:
+    """Halve the intervals until that changes the cost by little; a mesh too coarse for any slew is passed over."""
+    plan, cost, failure = None, np.inf, None
+    for intervals in _MESHES:
+        try:
+            programme, solution = _solved(problem, intervals, ramp, start)
+        except SlewError as error:
+            failure = error
+            if plan is None and intervals < _MESHES[-2]:
+                continue
+            raise
+        gap = abs(solution.cost - cost) / max(abs(solution.cost), 1e-300)
+        plan = _Plan(solution.history, problem.method, gap, "stationary", intervals, programme, solution)
+        cost, start = solution.cost, solution.history
+        if gap < _MESH_GAP:
+            break
+    if plan is None:
+        raise failure or SlewError("no mesh was tried")
+    return plan
+
+
+def _companion(problem: SlewProblem, ramp: bool, solution: Solution) -> Solution:
+    """The solution on a mesh half as fine, or twice as fine where that one allows none."""
+    assert problem.intervals is not None
+    if problem.intervals >= 4 * problem.ends.shape[0]:
+        try:
+            return _solved(problem, problem.intervals // 2, ramp, solution.history)[1]
+        except SlewError:
+            pass
+    return _solved(problem, 2 * problem.intervals, ramp, solution.history)[1]
 
 
 def _solved(
@@ -245,12 +291,6 @@ def _judged(problem: SlewProblem, plan: _Plan) -> SlewResult:
             f"the replay ends {error:.1e} off the end state; expected {problem.tolerance:.1e}. "
             "A larger tolerance, or the objective 'effort' with a given duration, may do"
         )
-    machine = problem.plants[0].machine
-    payloads = tuple(
-        replay_of(problem, plant.machine, plant.machine.model, history, float(plant.machine.parameters.tip_mass))  # pyright: ignore
-        for plant in problem.plants[1:]
-        if plant.machine is not None
-    )
     certificate = SlewCertificate(
         plan.method,
         error,
@@ -260,11 +300,9 @@ def _judged(problem: SlewProblem, plan: _Plan) -> SlewResult:
         plan.optimality,
         int(history.switches.size) if plan.method == "switching times" else None,
         plan.intervals,
-        payloads + other_models(problem, history),
     )
     first, plant = motions[0], problem.plants[0]
     rows = {name: first.places @ row for name, row in plant.rows.items()}
-    del machine
     return SlewResult(
         objective=problem.objective,
         duration=history.duration,
@@ -280,7 +318,8 @@ def _judged(problem: SlewProblem, plan: _Plan) -> SlewResult:
         end_error=error,
         certificate=certificate,
         history=history,
-        plan=(problem, plan.programme, plan.solution),
+        replay=partial(other_models, problem, history),
+        plan=Planned(problem, plan.programme, plan.solution),
     )
 
 

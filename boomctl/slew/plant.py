@@ -65,6 +65,10 @@ class SlewMachine(Protocol):
         """The same model with another tip mass, kg."""
         ...
 
+    def with_stiffness(self, factor: float) -> "SlewMachine":
+        """The same model with its bending stiffness multiplied by a factor."""
+        ...
+
     def in_model(self, model: str, modes: int | None = None) -> Any:
         """The same machine in another model."""
         ...

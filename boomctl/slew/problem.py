@@ -1,6 +1,7 @@
 """What is asked of a slew, checked at the boundary, and refused where no torque can do it."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +11,7 @@ from boomctl.checks import finite_array, known, nonnegative, positive, real, who
 from boomctl.slew.plant import Plant, SlewMachine, plant_of
 from boomctl.slew.result import SlewError
 
-__all__ = ["LIMITS", "METHODS", "OBJECTIVES", "SlewProblem", "slew_problem"]
+__all__ = ["LIMITS", "METHODS", "OBJECTIVES", "SlewProblem", "changed", "slew_problem"]
 
 OBJECTIVES = ("time", "effort", "jerk", "torque-rate", "tip")
 METHODS = ("collocation", "shooting")
@@ -51,6 +52,8 @@ class SlewProblem:
     method : str
     tolerance : float
     intervals : int or None
+    tip_masses : tuple of float
+        Of the other payloads, kg.
     """
 
     plants: tuple[Plant, ...]
@@ -67,6 +70,7 @@ class SlewProblem:
     method: str
     tolerance: float
     intervals: int | None
+    tip_masses: tuple[float, ...] = ()
 
     @property
     def linear(self) -> bool:
@@ -91,10 +95,10 @@ class SlewProblem:
         inertia = self.plants[0].inertia
         if inertia is None:
             return float(2.0 * np.pi / max(np.abs(np.linalg.eigvals(self.plants[0].A)).max(), 1e-12))
-        turn = abs(self.plants[0].rows["angle"] @ (self.target - self.start)[: self.plants[0].n])
-        change = abs(self.plants[0].rows["speed"] @ (self.target - self.start)[: self.plants[0].n])
+        gap = (self.target - self.start)[: self.plants[0].n]
+        turn, change = (abs(float(self.plants[0].rows[name] @ gap)) for name in ("angle", "speed"))
         torque = self.torque_limit / inertia
-        return max(2.0 * np.sqrt(turn / torque) if self.angle is not None else 0.0, change / torque, 1e-9)
+        return max(2.0 * math.sqrt(turn / torque) if self.angle is not None else 0.0, change / torque, 1e-9)
 
 
 def slew_problem(
@@ -118,7 +122,7 @@ def slew_problem(
     """Check and put together what is asked; the arguments are those of `optimal_slew`."""
     known("objective", objective, OBJECTIVES)
     known("method", method, METHODS)
-    given = dict(rate=torque_rate_limit, speed=speed_limit, tip=tip_limit, moment=moment_limit)
+    given = {"rate": torque_rate_limit, "speed": speed_limit, "tip": tip_limit, "moment": moment_limit}
     limits = {kind: positive(LIMITS[kind], value) for kind, value in given.items() if value is not None}
     if (duration is None) != (objective == "time"):
         raise ValueError(
@@ -144,9 +148,33 @@ def slew_problem(
         method,
         positive("tolerance", tolerance),
         None if intervals is None else whole("intervals", intervals, 4),
+        tuple(float(mass) for mass in tip_masses),
     )
     _refuse(problem)
     return problem
+
+
+def changed(problem: SlewProblem, angle: float | None, torque_limit: float | None) -> SlewProblem:
+    """The problem with another angle or torque limit.
+
+    Raises
+    ------
+    ValueError
+        If its angle is free, or does not start and end at rest.
+    SlewError
+        If it is infeasible then.
+    """
+    new = problem
+    if angle is not None:
+        if problem.angle is None or not problem.waits:
+            raise ValueError("angle: expected None, for the slew had a free angle or given states")
+        shift = real("angle", angle) - problem.angle
+        gaps = [plant.rest(shift, 0.0) for plant in problem.plants]
+        new = replace(new, angle=float(angle), target=problem.target + np.concatenate(gaps))
+    if torque_limit is not None:
+        new = replace(new, torque_limit=positive("torque_limit", torque_limit))
+    _refuse(new)
+    return new
 
 
 def _plants(h: object, tip_masses: tuple[float, ...]) -> tuple[Plant, ...]:
@@ -219,7 +247,7 @@ def _refuse(problem: SlewProblem) -> None:
         raise ValueError("angle: the plant is at its end state already; expected a slew that leads somewhere")
     own = slice(0, plant.n)
     gap = (problem.target - problem.start)[own]
-    turn, change = abs(plant.rows["angle"] @ gap), abs(plant.rows["speed"] @ gap)
+    turn, change = (abs(float(plant.rows[name] @ gap)) for name in ("angle", "speed"))
     most = problem.limits.get("speed", np.inf)
     if abs(problem.final_speed) > most:
         raise SlewError(f"final_speed = {problem.final_speed:g}: expected at most speed_limit = {most:g} rad/s")
@@ -241,7 +269,7 @@ def _refuse_short(problem: SlewProblem, inertia: float, turn: float, change: flo
     margin = 1.0 - 1e-12 if problem.linear else 0.9
     torque = problem.torque_limit
     for what, least, needed in (
-        (f"{turn:g} rad", 2.0 * np.sqrt(turn * inertia / torque), 4.0 * inertia * turn / problem.duration**2),
+        (f"{turn:g} rad", 2.0 * math.sqrt(turn * inertia / torque), 4.0 * inertia * turn / problem.duration**2),
         (f"a change of {change:g} rad/s", inertia * change / torque, inertia * change / problem.duration),
     ):
         if problem.duration < margin * least:

@@ -110,7 +110,7 @@ class Programme:
         low, high = self._constraint_bounds(problem)
         arguments = dict(lbx=lower, ubx=upper, lbg=low, ubg=high, p=p)
         if before is not None:
-            arguments |= {name: before.raw[name] for name in ("lam_x", "lam_g")}
+            arguments |= {f"{name}0": before.raw[name] for name in ("lam_x", "lam_g")}
             arguments["x0"] = before.raw["x"]
         else:
             assert guess is not None

@@ -154,7 +154,7 @@ def replay_of(problem: SlewProblem, machine: Any, name: str, history: TorqueHist
     plant = problem.plants[0]
     assert plant.frequencies is not None
     after = np.concatenate([[history.duration], history.duration + _ring_down(plant)])
-    r = machine.simulate_torque(history, after, history.breakpoints, rtol=1e-7, atol=1e-9)
+    r = machine.simulate_torque(history, after, history.breakpoints, rtol=1e-5, atol=1e-7)
     angle = 0.0 if problem.angle is None else float(r.hub_angle[0]) - problem.angle
     energy = machine.residual_energy(r.states[0], problem.final_speed) if isinstance(machine, SlewMachine) else None
     if energy is None and problem.final_speed == 0.0:
@@ -164,12 +164,16 @@ def replay_of(problem: SlewProblem, machine: Any, name: str, history: TorqueHist
 
 
 def other_models(problem: SlewProblem, history: TorqueHistory) -> tuple[Replay, ...]:
-    """Play a torque back on FOAM and on the geometrically exact beam; only from rest at angle 0."""
+    """Play a torque back with the other payloads, on FOAM and on the geometrically exact beam; only from rest at 0."""
     machine = problem.plants[0].machine
     if machine is None or np.any(problem.start):
         return ()
+    payloads = [
+        replay_of(problem, machine.with_tip_mass(mass), machine.model, history, mass) for mass in problem.tip_masses
+    ]
     names = [name for name in ("foam", "geometrically-exact") if name != machine.model]
-    return tuple(
+    others = [
         replay_of(problem, machine.in_model(name, _EXACT_MODES if name != "foam" else None), name, history, None)
         for name in names
-    )
+    ]
+    return (*payloads, *others)

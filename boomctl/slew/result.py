@@ -1,6 +1,8 @@
 """What a planned slew returns, and what is raised when none can be vouched for."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
 from typing import Any
 
@@ -66,8 +68,6 @@ class SlewCertificate:
         Number of sign changes of a bang-bang torque.
     intervals : int or None
         Of the mesh.
-    replays : tuple of Replay
-        On the planned model, on FOAM and on the geometrically exact beam, and with the other payloads.
     """
 
     method: str
@@ -78,7 +78,6 @@ class SlewCertificate:
     optimality: str
     switches: int | None
     intervals: int | None
-    replays: tuple[Replay, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +90,8 @@ class SlewResult:
     duration : float
         s.
     cost : float
-        Value of the objective: s for "time", N^2 m^2 s for "effort", rad^2/s^5 for "jerk", N^2 m^2/s for "torque-rate", m for "tip".
+        Value of the objective: s for "time", N^2 m^2 s for "effort", rad^2/s^5 for "jerk", N^2 m^2/s for "torque-rate",
+        m for "tip".
     time : ndarray, k
         Instants of the dense replay, s.
     torque, hub_angle, hub_speed : ndarray, k
@@ -109,8 +109,10 @@ class SlewResult:
     certificate : SlewCertificate
     history : TorqueHistory
         The torque as a function of time.
-    costate : ndarray, n, or None
-        At the end, of a minimum-time slew of a linear plant.
+    replay : callable
+        Computes `replays`.
+    plan : object
+        What `resolve` and `track` start from.
     """
 
     objective: str
@@ -127,7 +129,13 @@ class SlewResult:
     end_error: float
     certificate: SlewCertificate
     history: TorqueHistory = field(repr=False)
+    replay: Callable[[], tuple[Replay, ...]] = field(repr=False, default=tuple)
     plan: Any = field(repr=False, default=None)
+
+    @cached_property
+    def replays(self) -> tuple[Replay, ...]:
+        """What the torque does to the other payloads, to FOAM and to the geometrically exact beam; computed when asked."""
+        return self.replay()
 
     def plot(self) -> Any:
         """Draw torque, hub and tip over time; returns a matplotlib figure."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, Indices
 from boomctl.slew.dynamics import rates, shooting_step
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueHistory, bang_bang
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Sharpened", "sharpened"]
 
-_MOST_STEPS = 4096
+_MOST_STEPS = 8192
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +47,9 @@ class Sharpened:
 def sharpened(problem: SlewProblem, first: TorqueHistory, sizes: Array, tolerance: float) -> Sharpened | None:
     """Sharpen a bang-bang torque; None if no such torque with its number of switches leads to the end."""
     durations, sign = np.diff(first.edges), float(np.sign(first.left[0]))
-    before, steps = None, _first_steps(problem, first)
+    before, finer = None, 1
     while True:
+        steps = finer * _steps(problem, durations)
         answer = _durations(problem, durations, sign, sizes, steps)
         if answer is None:
             return None
@@ -58,9 +59,9 @@ def sharpened(problem: SlewProblem, first: TorqueHistory, sizes: Array, toleranc
             before = None
             continue
         change = np.inf if before is None else float(np.abs(durations - before).max() / durations.sum())
-        if change < 0.05 * tolerance or 2 * steps * durations.size > _MOST_STEPS * durations.size:
+        if change < 0.05 * tolerance or 2 * steps.sum() > _MOST_STEPS:
             break
-        before, steps = durations, 2 * steps
+        before, finer = durations, 2 * finer
     edges = np.concatenate([[0.0], np.cumsum(durations)])
     history = bang_bang(edges[1:-1], float(edges[-1]), problem.torque_limit, sign)
     t, p = _switching_function(problem, history, weights, steps)
@@ -70,12 +71,10 @@ def sharpened(problem: SlewProblem, first: TorqueHistory, sizes: Array, toleranc
     return Sharpened(history, gain, t, p, change)
 
 
-def _first_steps(problem: SlewProblem, first: TorqueHistory) -> int:
-    """Steps a stretch such that the fastest mode that the torque moves turns by about one radian a step."""
-    fastest = max(
-        np.abs(np.linalg.eigvals(plant.A[np.ix_(plant.reach, plant.reach)])).max() for plant in problem.plants
-    )
-    return max(8, int(np.ceil(np.diff(first.edges).max() * fastest)))
+def _steps(problem: SlewProblem, durations: Array) -> Indices:
+    """Steps of each stretch such that the fastest mode that the torque moves turns by about one radian a step."""
+    fastest = max(np.abs(np.linalg.eigvals(plant.A[np.ix_(plant.reach, plant.reach)])).max() for plant in problem.plants)
+    return np.maximum(4, np.ceil(durations * fastest)).astype(int)
 
 
 def _without_empty(durations: Array, sign: float) -> tuple[Array, float]:
@@ -88,7 +87,7 @@ def _without_empty(durations: Array, sign: float) -> tuple[Array, float]:
     return np.concatenate([durations[: k - 1], [durations[k - 1] + durations[k + 1]], durations[k + 2 :]]), sign
 
 
-def _motion(problem: SlewProblem, count: int, sign: float, steps: int) -> "casadi.Function":
+def _motion(problem: SlewProblem, count: int, sign: float, steps: Indices) -> "casadi.Function":
     """``durations -> end state``."""
     import casadi as ca
 
@@ -96,10 +95,10 @@ def _motion(problem: SlewProblem, count: int, sign: float, steps: int) -> "casad
     for plant in problem.plants:
         z = ca.MX(problem.start[first : first + plant.n])
         one = _single(plant)
-        many = one.mapaccum("stretch", steps)
-        for k in range(count):
+        for k, many in enumerate(int(each) for each in steps):
             u = sign * problem.torque_limit * (-1.0) ** k
-            z = many(z, ca.repmat(ca.MX(u), 1, steps), ca.repmat(d[k] / steps, 1, steps))[:, -1]
+            stretch = one.mapaccum("stretch", many)
+            z = stretch(z, ca.repmat(ca.MX(u), 1, many), ca.repmat(d[k] / many, 1, many))[:, -1]
         ends.append(z)
         first += plant.n
     return ca.Function("motion", [d], [ca.vertcat(*ends)])
@@ -114,7 +113,7 @@ def _single(plant: Any) -> "casadi.Function":
 
 
 def _durations(
-    problem: SlewProblem, durations: Array, sign: float, sizes: Array, steps: int
+    problem: SlewProblem, durations: Array, sign: float, sizes: Array, steps: Indices
 ) -> tuple[Array, Array] | None:
     """Durations of least sum, and weights of the end conditions in the costate."""
     import casadi as ca
@@ -140,7 +139,7 @@ def _durations(
 
 
 def _switching_function(
-    problem: SlewProblem, history: TorqueHistory, weights: Array, steps: int
+    problem: SlewProblem, history: TorqueHistory, weights: Array, steps: Indices
 ) -> tuple[Array, Array]:
     """Instants and switching function, from the costate carried back over the steps."""
     import casadi as ca
