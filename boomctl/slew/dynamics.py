@@ -31,7 +31,7 @@ def rates(plant: Plant) -> "casadi.Function":
     return ca.Function("rates", [z, u], [_times(plant.from_state, turned)])
 
 
-def excess(plant: Plant) -> "casadi.Function | None":
+def excess(plant: Plant, share: float = 1.0) -> "casadi.Function | None":
     """``(z, u)`` -> what the undamped linear vibration under the torque leaves out of z'; None of a linear plant."""
     import casadi as ca
 
@@ -42,15 +42,18 @@ def excess(plant: Plant) -> "casadi.Function | None":
     assert frequencies is not None
     oscillation = ca.vertcat(z[half:], -ca.DM(frequencies**2) * z[:half])
     beyond = rates(plant)(z, u) - oscillation - ca.SX(ca.DM(plant.B)) * u
-    return ca.Function("excess", [z, u], [ca.vertcat(ca.SX.zeros(half), beyond[half:])])
+    return ca.Function("excess", [z, u], [ca.vertcat(ca.SX.zeros(half), share * beyond[half:])])
 
 
-def shooting_step(plant: Plant, substeps: int) -> "casadi.Function":
-    """``(z, u0, u1, h) -> z`` after a step h [s] on which the torque goes straight from u0 to u1, in `substeps` parts."""
+def shooting_step(plant: Plant, substeps: int, share: float = 1.0) -> "casadi.Function":
+    """``(z, u0, u1, h) -> z`` after a step h [s] on which the torque goes straight from u0 to u1, in `substeps` parts.
+
+    With a `share` below one only that share of what is not linear vibration acts: a way from the linear plant to the whole.
+    """
     import casadi as ca
 
     z, u0, u1, h = ca.SX.sym("z", plant.n), ca.SX.sym("u0"), ca.SX.sym("u1"), ca.SX.sym("h")
-    beyond = excess(plant)
+    beyond = None if share == 0.0 else excess(plant, share)
     slope, part, now = (u1 - u0) / h, h / substeps, z
     for k in range(substeps):
         u = u0 + slope * (k * part)

@@ -265,13 +265,13 @@ def _solved(
                 transcribe(problem.plants, scheme, units, problem.torque_limit, time, problem.ends), problem.tolerance
             )
         solution = programme.solve(problem, guess, before, backoff)
-        motions = played(problem, solution.history, 401)
+        motions = played(problem, solution.history)
         excess = violation(problem, solution.history, motions)
         worst = max((excess[kind] for kind in problem.limits), default=0.0)
         if end_error(problem, motions) > problem.tolerance:
             order, programme, before = order + 1 if problem.method == "collocation" else 2 * order, None, None
-        elif worst > problem.tolerance:
-            backoff = {kind: factor / (1.0 + 1.05 * excess[kind]) for kind, factor in backoff.items()}
+        elif worst > 1e-9:
+            backoff = {kind: factor / (1.0 + 1.1 * excess[kind] + 1e-6 * (excess[kind] > 0.0)) for kind, factor in backoff.items()}
             before = solution
         else:
             return programme, solution

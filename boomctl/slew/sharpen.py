@@ -5,12 +5,13 @@ give the costate; carried back along the motion it gives the switching function,
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from boomctl.arrays import Array, Indices
 from boomctl.slew.dynamics import rates, shooting_step
+from boomctl.slew.plant import Plant
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueHistory, bang_bang
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["Sharpened", "sharpened"]
 
 _MOST_STEPS = 8192
+_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +51,12 @@ def sharpened(problem: SlewProblem, first: TorqueHistory, sizes: Array, toleranc
     durations, sign = np.diff(first.edges), float(np.sign(first.left[0]))
     before, finer = None, 1
     while True:
+        if durations.size < problem.ends.shape[0]:
+            return None
         steps = finer * _steps(problem, durations)
         answer = _durations(problem, durations, sign, sizes, steps)
+        if answer is None and before is None:
+            answer = _led(problem, durations, sign, sizes, steps)
         if answer is None:
             return None
         durations, weights = answer
@@ -59,7 +65,7 @@ def sharpened(problem: SlewProblem, first: TorqueHistory, sizes: Array, toleranc
             before = None
             continue
         change = np.inf if before is None else float(np.abs(durations - before).max() / durations.sum())
-        if change < 0.05 * tolerance or 2 * steps.sum() > _MOST_STEPS:
+        if change < 0.002 * tolerance or 2 * steps.sum() > _MOST_STEPS:
             break
         before, finer = durations, 2 * finer
     edges = np.concatenate([[0.0], np.cumsum(durations)])
@@ -69,6 +75,19 @@ def sharpened(problem: SlewProblem, first: TorqueHistory, sizes: Array, toleranc
     lost = np.maximum(-p * torque, 0.0)
     gain = 2.0 * float(np.sum(0.5 * (lost[1:] + lost[:-1]) * np.diff(t))) / history.duration
     return Sharpened(history, gain, t, p, change)
+
+
+def _led(
+    problem: SlewProblem, durations: Array, sign: float, sizes: Array, steps: Indices
+) -> tuple[Array, Array] | None:
+    """The same, led there from the linear plant through plants in between."""
+    answer = None
+    for share in _SHARES:
+        answer = _durations(problem, durations, sign, sizes, steps, share)
+        if answer is None or np.any(answer[0] <= 1e-7 * answer[0].sum()):
+            return None
+        durations = answer[0]
+    return answer
 
 
 def _steps(problem: SlewProblem, durations: Array) -> Indices:
@@ -87,14 +106,14 @@ def _without_empty(durations: Array, sign: float) -> tuple[Array, float]:
     return np.concatenate([durations[: k - 1], [durations[k - 1] + durations[k + 1]], durations[k + 2 :]]), sign
 
 
-def _motion(problem: SlewProblem, count: int, sign: float, steps: Indices) -> "casadi.Function":
+def _motion(problem: SlewProblem, count: int, sign: float, steps: Indices, share: float) -> "casadi.Function":
     """``durations -> end state``."""
     import casadi as ca
 
     d, ends, first = ca.MX.sym("d", count), [], 0
     for plant in problem.plants:
         z = ca.MX(problem.start[first : first + plant.n])
-        one = _single(plant)
+        one = _single(plant, share)
         for k, many in enumerate(int(each) for each in steps):
             u = sign * problem.torque_limit * (-1.0) ** k
             stretch = one.mapaccum("stretch", many)
@@ -104,16 +123,16 @@ def _motion(problem: SlewProblem, count: int, sign: float, steps: Indices) -> "c
     return ca.Function("motion", [d], [ca.vertcat(*ends)])
 
 
-def _single(plant: Any) -> "casadi.Function":
+def _single(plant: Plant, share: float = 1.0) -> "casadi.Function":
     """``(z, u, h) -> z`` after a step under a constant torque."""
     import casadi as ca
 
     z, u, h = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h")
-    return ca.Function("single", [z, u, h], [shooting_step(plant, 1)(z, u, u, h)])
+    return ca.Function("single", [z, u, h], [shooting_step(plant, 1, share)(z, u, u, h)])
 
 
 def _durations(
-    problem: SlewProblem, durations: Array, sign: float, sizes: Array, steps: Indices
+    problem: SlewProblem, durations: Array, sign: float, sizes: Array, steps: Indices, share: float = 1.0
 ) -> tuple[Array, Array] | None:
     """Durations of least sum, and weights of the end conditions in the costate."""
     import casadi as ca
@@ -122,7 +141,7 @@ def _durations(
     rows = problem.ends / np.abs(rows).max(axis=1, keepdims=True)
     d = ca.MX.sym("d", durations.size)
     unit = float(durations.sum())
-    end = _motion(problem, durations.size, sign, steps)(d * unit)
+    end = _motion(problem, durations.size, sign, steps, share)(d * unit)
     lack = ca.mtimes(ca.DM(rows), end - ca.DM(problem.target))
     options = {
         "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "error_on_fail": False,
@@ -133,7 +152,7 @@ def _durations(
     }  # fmt: skip
     solver = ca.nlpsol("stretches", "ipopt", {"x": d, "f": ca.sum1(d), "g": lack}, options)
     answer = solver(x0=durations / unit, lbx=0.0, ubx=10.0, lbg=0.0, ubg=0.0)
-    if np.abs(np.array(answer["g"])).max() > 1e-9:
+    if not np.abs(np.array(answer["g"])).max() <= 1e-9:
         return None
     return np.array(answer["x"]).ravel() * unit, np.array(answer["lam_g"]).ravel() @ rows * unit
 
