@@ -26,6 +26,7 @@ _HOME = {
     "reduce": "boomctl.reduction",
     "optimal_slew": "boomctl.slew",
     "SlewError": "boomctl.slew",
+    "SlewResult": "boomctl.slew",
 }
 
 __all__ = [*_HOME, "__version__"]

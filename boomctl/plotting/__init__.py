@@ -2,5 +2,17 @@
 
 from boomctl.plotting.canvas import figure_bytes, new_figure, style
 from boomctl.plotting.sigma import plot_measured, plot_sigma
+from boomctl.plotting.slew import plot_mesh_study, plot_slew, plot_slew_comparison, plot_tracking, slew_film
 
-__all__ = ["figure_bytes", "new_figure", "plot_measured", "plot_sigma", "style"]
+__all__ = [
+    "figure_bytes",
+    "new_figure",
+    "plot_measured",
+    "plot_mesh_study",
+    "plot_sigma",
+    "plot_slew",
+    "plot_slew_comparison",
+    "plot_tracking",
+    "slew_film",
+    "style",
+]

@@ -271,7 +271,10 @@ def _solved(
         if end_error(problem, motions) > problem.tolerance:
             order, programme, before = order + 1 if problem.method == "collocation" else 2 * order, None, None
         elif worst > 1e-9:
-            backoff = {kind: factor / (1.0 + 1.1 * excess[kind] + 1e-6 * (excess[kind] > 0.0)) for kind, factor in backoff.items()}
+            backoff = {
+                kind: factor / (1.0 + 1.1 * excess[kind] + 1e-6 * (excess[kind] > 0.0))
+                for kind, factor in backoff.items()
+            }
             before = solution
         else:
             return programme, solution

@@ -92,7 +92,9 @@ def _led(
 
 def _steps(problem: SlewProblem, durations: Array) -> Indices:
     """Steps of each stretch such that the fastest mode that the torque moves turns by about one radian a step."""
-    fastest = max(np.abs(np.linalg.eigvals(plant.A[np.ix_(plant.reach, plant.reach)])).max() for plant in problem.plants)
+    fastest = max(
+        np.abs(np.linalg.eigvals(plant.A[np.ix_(plant.reach, plant.reach)])).max() for plant in problem.plants
+    )
     return np.maximum(4, np.ceil(durations * fastest)).astype(int)
 
 

@@ -88,8 +88,8 @@ def track(
     torque_margin : float
         The limit of the torque with feedback over that of the planning; a time-optimal slew leaves none of its own.
     error_weight : float
-        Weight of a state's deviation over its largest size, squared, beside that of the torque over its limit; larger
-        follows more tightly.
+        Weight of the deviations of hub angle, tip and their rates over their largest sizes, squared, beside that of the
+        torque over its limit; larger follows more tightly.
 
     Returns
     -------
@@ -112,8 +112,8 @@ def track(
     places, torques = _reference(result, plant, count)
     rest = 8.0 * np.pi / float(plant.frequencies[1]) if settle is None else nonnegative("settle", settle)  # pyright: ignore
     after = int(np.ceil(rest / step))
-    weights = error_weight / np.maximum(np.abs(places).max(axis=0), 1e-12) ** 2
-    gains, last = _gains(plant, places, torques, step, np.diag(weights), problem.torque_limit)
+    Q = positive("error_weight", error_weight) * _weights(plant, places)
+    gains, last = _gains(plant, places, torques, step, Q, problem.torque_limit)
     ends = np.array([_turned(plant, places[-1], k * step, problem.final_speed) for k in range(1, after + 1)])
     places = np.vstack([places, ends]) if after else places
     torques = np.concatenate([torques, np.zeros(after)])
@@ -138,9 +138,18 @@ def _reference(result: SlewResult, plant: Plant, count: int) -> tuple[Array, Arr
     return r.states @ plant.from_state.T, torques
 
 
-def _gains(
-    plant: Plant, places: Array, torques: Array, step: float, Q: Array, limit: float
-) -> tuple[Array, Array]:
+def _weights(plant: Plant, places: Array) -> Array:
+    """Angle, tip, and their rates, each over its largest size on the way, squared."""
+    half, total = plant.n // 2, np.zeros((plant.n, plant.n))
+    for name in ("angle", "tip"):
+        row = plant.rows[name]
+        for each in (row, np.concatenate([np.zeros(half), row[:half]])):
+            scaled = each / max(float(np.abs(places @ each).max()), 1e-12)
+            total += np.outer(scaled, scaled)
+    return total
+
+
+def _gains(plant: Plant, places: Array, torques: Array, step: float, Q: Array, limit: float) -> tuple[Array, Array]:
     """Gains of all samples and of the time after, in the plant's coordinates."""
     import casadi as ca
     from scipy.linalg import solve_discrete_are
