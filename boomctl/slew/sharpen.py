@@ -4,6 +4,7 @@
 give the costate; carried back along the motion it gives the switching function, whose sign must be the torque's.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
 __all__ = ["Sharpened", "sharpened"]
 
 _MOST_STEPS = 8192
+_NEWTON = 25
+_EMPTY = 1e-6
+_INSTANT = 1e-9
 _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
@@ -60,7 +64,7 @@ def sharpened(problem: SlewProblem, first: TorqueHistory, sizes: Array, toleranc
         if answer is None:
             return None
         durations, weights = answer
-        if np.any(durations <= 1e-7 * durations.sum()):
+        if np.any(durations <= _EMPTY * durations.sum()):
             durations, sign = _without_empty(durations, sign)
             before = None
             continue
@@ -84,7 +88,7 @@ def _led(
     answer = None
     for share in _SHARES:
         answer = _durations(problem, durations, sign, sizes, steps, share)
-        if answer is None or np.any(answer[0] <= 1e-7 * answer[0].sum()):
+        if answer is None or np.any(answer[0] <= _EMPTY * answer[0].sum()):
             return None
         durations = answer[0]
     return answer
@@ -108,21 +112,51 @@ def _without_empty(durations: Array, sign: float) -> tuple[Array, float]:
     return np.concatenate([durations[: k - 1], [durations[k - 1] + durations[k + 1]], durations[k + 2 :]]), sign
 
 
-def _motion(problem: SlewProblem, count: int, sign: float, steps: Indices, share: float) -> "casadi.Function":
-    """``durations -> end state``."""
+@dataclass(frozen=True, eq=False)
+class _Chain:
+    """All steps of a plant under a bang-bang torque: end state, costates, rates at the ends of the stretches."""
+
+    advance: "casadi.Function"
+    slopes: "casadi.Function"
+    rate: "casadi.Function"
+    start: Array
+    torques: Array
+    last: Indices
+
+    def motion(self, h: Array) -> Array:
+        """States after all steps, n x (k + 1)."""
+        z = np.array(self.advance(self.start, self.torques[None, :], h[None, :]))
+        return np.column_stack([self.start, z])
+
+    def moved(self, h: Array, z: Array, rows: Array) -> Array:
+        """Derivatives of ``rows z(end)`` with respect to the durations of the stretches."""
+        n, steps = self.start.size, self.torques.size
+        steep = np.array(self.slopes(z[:, :-1], self.torques[None, :], h[None, :]))
+        columns = np.empty((rows.shape[0], self.last.size))
+        stretch, weights = self.last.size - 1, rows
+        for k in range(steps - 1, -1, -1):
+            if k == self.last[stretch]:
+                columns[:, stretch] = weights @ np.array(self.rate(z[:, k + 1], self.torques[k], _INSTANT)).ravel()
+                stretch -= 1
+            weights = weights @ steep[:, k * n : (k + 1) * n]
+        return columns
+
+
+def _chains(problem: SlewProblem, count: int, sign: float, steps: Indices, share: float) -> list[_Chain]:
     import casadi as ca
 
-    d, ends, first = ca.MX.sym("d", count), [], 0
+    chains, first = [], 0
+    torques = np.repeat(sign * problem.torque_limit * (-1.0) ** np.arange(count), steps)
     for plant in problem.plants:
-        z = ca.MX(problem.start[first : first + plant.n])
+        z, u, h = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h")
         one = _single(plant, share)
-        for k, many in enumerate(int(each) for each in steps):
-            u = sign * problem.torque_limit * (-1.0) ** k
-            stretch = one.mapaccum("stretch", many)
-            z = stretch(z, ca.repmat(ca.MX(u), 1, many), ca.repmat(d[k] / many, 1, many))[:, -1]
-        ends.append(z)
+        slopes = ca.Function("slopes", [z, u, h], [ca.densify(ca.jacobian(one(z, u, h), z))])
+        rate = ca.Function("rate", [z, u, h], [ca.densify(ca.jacobian(one(z, u, h), h))])
+        start = problem.start[first : first + plant.n]
+        advance, every = one.mapaccum("advance", torques.size), slopes.map(torques.size)
+        chains.append(_Chain(advance, every, rate, start, torques, np.cumsum(steps) - 1))
         first += plant.n
-    return ca.Function("motion", [d], [ca.vertcat(*ends)])
+    return chains
 
 
 def _single(plant: Plant, share: float = 1.0) -> "casadi.Function":
@@ -136,27 +170,60 @@ def _single(plant: Plant, share: float = 1.0) -> "casadi.Function":
 def _durations(
     problem: SlewProblem, durations: Array, sign: float, sizes: Array, steps: Indices, share: float = 1.0
 ) -> tuple[Array, Array] | None:
-    """Durations of least sum, and weights of the end conditions in the costate."""
-    import casadi as ca
+    """Durations of least sum, and weights of the end conditions in the costate: Newton's method on both.
 
-    rows = problem.ends * sizes
-    rows = problem.ends / np.abs(rows).max(axis=1, keepdims=True)
-    d = ca.MX.sym("d", durations.size)
-    unit = float(durations.sum())
-    end = _motion(problem, durations.size, sign, steps, share)(d * unit)
-    lack = ca.mtimes(ca.DM(rows), end - ca.DM(problem.target))
-    options = {
-        "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "error_on_fail": False,
-        "ipopt.tol": 1e-12, "ipopt.constr_viol_tol": 1e-12, "ipopt.max_iter": 60, "ipopt.mu_init": 1e-8,
-        "ipopt.warm_start_init_point": "yes", "ipopt.warm_start_bound_push": 1e-12,
-        "ipopt.warm_start_mult_bound_push": 1e-12, "ipopt.acceptable_tol": 1e-10, "ipopt.bound_relax_factor": 0.0,
-        "ipopt.nlp_scaling_method": "none",
-    }  # fmt: skip
-    solver = ca.nlpsol("stretches", "ipopt", {"x": d, "f": ca.sum1(d), "g": lack}, options)
-    answer = solver(x0=durations / unit, lbx=0.0, ubx=10.0, lbg=0.0, ubg=0.0)
-    if not np.abs(np.array(answer["g"])).max() <= 1e-9:
-        return None
-    return np.array(answer["x"]).ravel() * unit, np.array(answer["lam_g"]).ravel() @ rows * unit
+    The Lagrangian's second derivatives are differences of its first; they only steer. A stretch that would vanish is
+    returned as it vanishes.
+    """
+    rows = problem.ends / np.abs(problem.ends * sizes).max(axis=1, keepdims=True)
+    chains = _chains(problem, durations.size, sign, steps, share)
+    blocks = np.split(rows, np.cumsum([plant.n for plant in problem.plants])[:-1], axis=1)
+
+    def conditions(d: Array) -> tuple[Array, Array]:
+        h = np.repeat(d / steps, steps)
+        lack, slope = -rows @ problem.target, np.zeros((rows.shape[0], d.size))
+        for chain, block in zip(chains, blocks, strict=True):
+            z = chain.motion(h)
+            lack = lack + block @ z[:, -1]
+            slope += chain.moved(h, z, block)
+        return lack, slope
+
+    d, total, weights, size = durations, float(durations.sum()), np.zeros(0), np.inf
+    for turn in range(_NEWTON):
+        lack, slope = conditions(d)
+        if not np.isfinite(slope).all():
+            return None
+        if turn == 0:
+            weights = np.linalg.lstsq(slope.T, -np.ones(d.size), rcond=None)[0]
+        move, weights = _newton_step(d, lack, slope, weights, conditions)
+        before, size = size, float(np.abs(move).max() / total)
+        if size < 1e-12 or (size < 1e-9 and size > 0.5 * before):
+            return d, weights @ rows
+        shrink = float(np.max(np.maximum(-move, 0.0) / d))
+        d = d + move * min(1.0, 0.7 / shrink if shrink > 0.0 else 1.0, 0.1 / size)
+        if d.min() < _EMPTY * total:
+            return d, weights @ rows
+    return None
+
+
+def _newton_step(
+    d: Array, lack: Array, slope: Array, weights: Array, conditions: Callable[[Array], tuple[Array, Array]]
+) -> tuple[Array, Array]:
+    """Change of the durations, and new weights."""
+    count, m = d.size, lack.size
+    curvature = np.zeros((count, count))
+    if count > m:
+        gap = 1e-6 * float(d.sum())
+        for i in range(count):
+            aside = d.copy()
+            aside[i] += gap
+            curvature[:, i] = weights @ (conditions(aside)[1] - slope) / gap
+        curvature = 0.5 * (curvature + curvature.T)
+    system = np.block([[curvature, slope.T], [slope, np.zeros((m, m))]])
+    right = np.concatenate([-np.ones(count), -lack])
+    scale = np.maximum(np.abs(system).max(axis=1), 1e-300)
+    answer = np.linalg.lstsq(system / scale[:, None], right / scale, rcond=1e-14)[0]
+    return answer[:count], answer[count:]
 
 
 def _switching_function(
