@@ -6,6 +6,7 @@ programme on a grid shows how often p changes its sign; Newton's method on the e
 ``H(T) = 1`` then gives the switching times to rounding, for matrix exponentials have no time step.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,8 @@ __all__ = ["Extremal", "LinearTimeProblem", "fastest", "lower_bound", "misfit", 
 
 _GRIDS = (200, 600, 2000, 6000)
 _NEWTON = 60
+_STRETCH = 0.1
+_HOPELESS = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,21 +129,26 @@ def lower_bound(problem: LinearTimeProblem, found: Extremal) -> float:
 
 def _grid_solution(problem: LinearTimeProblem, guess: float, intervals: int) -> tuple[float, Array, Array]:
     """Least time [s] of torques held on equal intervals, the torque over its limit, and the costate."""
-    low, high = 0.0, np.inf
-    duration, values, costate = guess, np.zeros(intervals), np.zeros(0)
-    for _ in range(60):
-        need, values, costate = _least_peak(problem, duration, intervals)
-        if abs(need - 1.0) < 1e-9:
+    from scipy.optimize import brentq
+
+    def excess(logarithm: float) -> float:
+        return math.log(_least_peak(problem, math.exp(logarithm), intervals)[0])
+
+    low = high = math.log(guess)
+    value = excess(low)
+    for _ in range(200):
+        if value == 0.0:
             break
-        low, high = (duration, high) if need > 1.0 else (low, duration)
-        following = duration * float(np.clip(np.sqrt(need), 0.5, 2.0))
-        if np.isfinite(high) and not low < following < high:
-            following = 0.5 * (low + high)
-        if abs(following - duration) < 1e-10 * duration:
+        further = (high if value > 0.0 else low) + math.copysign(_STRETCH, value)
+        last, value = value, excess(further)
+        low, high = (high, further) if last > 0.0 else (further, low)
+        if last * value <= 0.0:
             break
-        duration = following
-        if duration > 1e6 * guess:
-            raise SlewError("torque_limit: no torque within it leads to the end state in any time tried")
+    else:
+        raise SlewError("torque_limit: no torque within it leads to the end state in any time tried")
+    found = brentq(excess, low, high, xtol=1e-11, rtol=1e-11) if low < high else low
+    duration = math.exp(float(found))
+    _, values, costate = _least_peak(problem, duration, intervals)
     return duration, values, costate
 
 
@@ -162,8 +170,10 @@ def _least_peak(problem: LinearTimeProblem, duration: float, intervals: int) -> 
         bounds=[(-1.0, 1.0)] * intervals + [(0.0, None)],
         method="highs-ds",
     )
-    if answer.status != 0 or answer.x[-1] <= 0.0:
-        raise SlewError("angle: the end state cannot be reached by this torque in the time tried")
+    if answer.status != 0:
+        raise SlewError("angle: the end state cannot be reached by this torque")
+    if answer.x[-1] <= 1.0 / _HOPELESS:
+        return _HOPELESS, np.zeros(intervals), np.zeros(problem.start.size)
     costate = (-answer.eqlin.marginals / scale) @ problem.wanted
     return 1.0 / float(answer.x[-1]), answer.x[:-1], costate
 
@@ -197,7 +207,19 @@ def _from_values(problem: LinearTimeProblem, duration: float, values: Array, cos
             switches.append(k * h)
         sign = sign or float(np.sign(value) if abs(value) > 0.999 else 0.0)
     rough = Extremal(np.array(switches), duration, sign or 1.0, costate, np.inf)
-    return _normalised(problem, rough)
+    return _fitted(problem, rough)
+
+
+def _fitted(problem: LinearTimeProblem, rough: Extremal) -> Extremal:
+    """The costate whose switching function vanishes at the switches, its Hamiltonian 1; the grid's may not be unique."""
+    _, rate = _end(problem, rough)
+    later = [problem.flow.step(rough.duration - float(t))[0] @ problem.flow.B for t in rough.switches]
+    lines = np.array([*later, rate]) @ problem.wanted.T
+    columns = np.maximum(np.abs(lines).max(axis=0), 1e-300)
+    sizes = np.maximum(np.abs(lines / columns).max(axis=1), 1e-300)
+    right = np.append(np.zeros(rough.switches.size), 1.0) / sizes
+    weights = np.linalg.lstsq(lines / columns / sizes[:, None], right, rcond=1e-12)[0] / columns
+    return replace(rough, costate=weights @ problem.wanted)
 
 
 def _normalised(problem: LinearTimeProblem, rough: Extremal) -> Extremal | None:

@@ -48,7 +48,7 @@ def test_each_objective_is_best_at_its_own(beam):
         name: bc.optimal_slew(beam, ANGLE, LIMIT, name, 3.6, method="shooting", intervals=60)
         for name in ("effort", "torque-rate", "tip")
     }
-    rate = {name: np.sum(np.diff(slew.history.left) ** 2) for name, slew in slews.items()}
+    rate = {name: np.sum(np.diff([0.0, *slew.history.left, 0.0]) ** 2) for name, slew in slews.items()}
     tip = {name: np.abs(slew.tip_displacement).max() for name, slew in slews.items()}
     effort = {name: slew.history.effort for name, slew in slews.items()}
     assert min(effort, key=lambda name: effort[name]) == "effort"
