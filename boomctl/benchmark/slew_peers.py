@@ -50,8 +50,17 @@ def has_rockit() -> bool:
     return find_spec("rockit") is not None
 
 
-def opti_slew(effort: Effort, substeps: int = 1) -> Array:
+def opti_slew(effort: Effort, substeps: int = 1, mapped: bool = False) -> Array:
     """Torques [N m] by RK4 multiple shooting in `casadi.Opti`, the torque in units of its limit.
+
+    Parameters
+    ----------
+    effort : Effort
+    substeps : int
+        RK4 steps an interval.
+    mapped : bool
+        False: one constraint an interval, in a loop, as in CasADi's example of direct multiple shooting. True: an SX step
+        function mapped over all intervals at once.
 
     Raises
     ------
@@ -65,7 +74,13 @@ def opti_slew(effort: Effort, substeps: int = 1) -> Array:
     step = ca.Function("step", [x, u], [_rk4(lambda a: f(a, u)[0], x, effort.duration / N / substeps, substeps)])
     opti = ca.Opti()
     X, U = opti.variable(n, N + 1), opti.variable(1, N)
-    opti.subject_to(X[:, 1:] == step.map(N)(X[:, :-1], U * effort.torque_limit))
+    if mapped:
+        opti.subject_to(X[:, 1:] == step.map(N)(X[:, :-1], U * effort.torque_limit))
+    else:
+        h = effort.duration / N / substeps
+        for k in range(N):
+            now, torque = X[:, k], U[k] * effort.torque_limit
+            opti.subject_to(X[:, k + 1] == _rk4(lambda a, torque=torque: f(a, torque)[0], now, h, substeps))
     opti.subject_to(X[:, 0] == 0.0)
     opti.subject_to(X[:, N] == effort.target)
     opti.subject_to(opti.bounded(-1.0, U, 1.0))

@@ -10,7 +10,7 @@ from boomctl.arrays import Array
 from boomctl.slew.bounds import effort_gap, time_gap
 from boomctl.slew.problem import SlewProblem, changed, slew_problem
 from boomctl.slew.programme import Programme, Solution, prepare
-from boomctl.slew.reference import cheapest, guess_from, least_time, linear_time_problem, typical_sizes
+from boomctl.slew.reference import cheapest, effort_guess, guess_from, least_time, linear_time_problem, typical_sizes
 from boomctl.slew.replay import Motion, binding, end_error, other_models, played, violation
 from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
 from boomctl.slew.sharpen import Sharpened, sharpened
@@ -250,7 +250,10 @@ def _solved(
     problem: SlewProblem, intervals: int, ramp: bool, start: TorqueHistory | None
 ) -> tuple[Programme, Solution]:
     """Solve on a mesh, with the order raised and the limits tightened until the replay keeps what was asked."""
-    guess = guess_from(problem, _first(problem, start, intervals), intervals, ramp)
+    if problem.objective == "effort" and not problem.limits and problem.duration is not None:
+        guess = effort_guess(problem, problem.duration, intervals)
+    else:
+        guess = guess_from(problem, _first(problem, start, intervals), intervals, ramp)
     time = problem.duration or guess.duration
     order, backoff = 3 if problem.method == "collocation" else 1, dict.fromkeys(problem.limits, 1.0)
     programme = before = None

@@ -38,11 +38,27 @@ _OPTIONS = {
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """A start: duration [s], torque at intervals or nodes [N m], states at nodes, (N + 1) x n."""
+    """A start.
+
+    Attributes
+    ----------
+    duration : float
+        s.
+    torques : ndarray
+        At intervals or nodes, N m.
+    states : ndarray, (N + 1) x n
+        At nodes.
+    costates : ndarray, N x n, or None
+        Of least effort, at the ends of the intervals: the free torque is ``costate^T B``.
+    free : ndarray, N, or None
+        The torque of least effort without limit, N m.
+    """
 
     duration: float
     torques: Array
     states: Array
+    costates: Array | None = None
+    free: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +131,8 @@ class Programme:
         else:
             assert guess is not None
             arguments["x0"] = self._start(guess)
+            if guess.costates is not None and scheme.method == "shooting" and not problem.limits:
+                arguments |= self._multipliers(guess)
         raw = self.solver(**arguments)
         stats = self.solver.stats()
         if not stats["success"]:
@@ -145,6 +163,17 @@ class Programme:
         if layout.duration is not None:
             x[layout.duration] = guess.duration / layout.time_unit
         return x
+
+    def _multipliers(self, guess: Guess) -> dict[str, Array]:
+        """Those of the linear part's least effort; near them the programme needs few iterations."""
+        assert guess.costates is not None and guess.free is not None
+        t, layout, N = self.transcription, self.transcription.layout, self.transcription.scheme.intervals
+        h, unit = guess.duration / N, layout.torque_unit
+        dynamics = -2.0 / (N * unit**2 * h) * guess.costates * layout.unit
+        ends = np.linalg.lstsq(t.ends.T, dynamics[-1], rcond=None)[0]
+        bounds = np.zeros(layout.size)
+        bounds[layout.torques] = 2.0 / N * (guess.free - guess.torques) / unit
+        return {"lam_g0": np.concatenate([dynamics.ravel(), ends]), "lam_x0": bounds}
 
     def _read(self, problem: SlewProblem, raw: dict[str, Any], iterations: int) -> Solution:
         layout, scheme = self.transcription.layout, self.transcription.scheme
@@ -184,4 +213,6 @@ def prepare(transcription: Transcription, tolerance: float) -> Programme:
     import casadi as ca
 
     options = _OPTIONS | transcription.options | {"ipopt.tol": min(1e-9, 1e-3 * tolerance)}
+    if transcription.scheme.objective == "effort":  # the first guess is near enough to be left where it is
+        options |= {f"ipopt.warm_start_{kind}_push": 1e-9 for kind in ("bound", "mult_bound", "slack_bound")}
     return Programme(transcription, ca.nlpsol("slew", "ipopt", transcription.nlp, options))

@@ -1,6 +1,6 @@
 """The linear part's own slew: where every programme starts, and for linear plants the answer itself."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from boomctl.slew.programme import Guess
 from boomctl.slew.switching import Extremal, LinearTimeProblem, fastest
 from boomctl.slew.torque import TorqueHistory, bang_bang, held
 
-__all__ = ["LinearSlew", "cheapest", "guess_from", "least_time", "linear_time_problem", "typical_sizes"]
+__all__ = ["LinearSlew", "cheapest", "effort_guess", "guess_from", "least_time", "linear_time_problem", "typical_sizes"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +80,19 @@ def guess_from(problem: SlewProblem, history: TorqueHistory, intervals: int, ram
     if ramp:
         means = np.concatenate([[0.0], 0.5 * (means[1:] + means[:-1]), [0.0]])
     return Guess(history.duration, means, states)
+
+
+def effort_guess(problem: SlewProblem, duration: float, intervals: int) -> Guess:
+    """The linear part's least effort with its costates, where every programme of least effort starts best."""
+    linear = cheapest(problem, duration, intervals)
+    guess = guess_from(problem, linear.history, intervals, False)
+    E, push = LinearFlow(problem.A, problem.B).step(duration / intervals)
+    costates = np.empty((intervals, problem.start.size))
+    costates[-1] = linear.costate
+    for k in range(intervals - 1, 0, -1):
+        costates[k - 1] = costates[k] @ E
+    free = costates @ push * (intervals / duration)
+    return replace(guess, costates=costates, free=free)
 
 
 def typical_sizes(guess: Guess) -> Array:
