@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import boomctl as bc
-from boomctl.slew import compare_slews
+from boomctl.hub_beam import HubBeam, HubBeamParameters
+from boomctl.slew import compare_slews, optimal_slew
 
 ANGLE, LIMIT = np.pi / 2, 200.0
 
@@ -29,8 +29,8 @@ class MinTimeSlew:
 
 def main(modes: int = 2) -> MinTimeSlew:
     """Plan the slew, play it back, and compare."""
-    h = bc.hub_beam(model="sfoam", modes=modes)
-    fastest = bc.optimal_slew(h, angle=ANGLE, torque_limit=LIMIT)
+    h = HubBeam(HubBeamParameters(), "sfoam", modes)
+    fastest = optimal_slew(h, angle=ANGLE, torque_limit=LIMIT)
     table = {line.name: line for line in compare_slews(h, ANGLE, LIMIT, {"fastest": fastest}).lines}
     return MinTimeSlew(
         duration=fastest.duration,

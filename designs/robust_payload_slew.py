@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import boomctl as bc
+from boomctl.hub_beam import HubBeamParameters, hub_beam, torque
+from boomctl.slew import SlewResult, optimal_slew
 
 ANGLE, LIMIT, DURATION = np.pi / 2, 200.0, 4.5
 NOMINAL, OTHERS, BETWEEN = 0.1, (0.0, 0.2), (0.05, 0.15)
@@ -24,22 +25,22 @@ class RobustSlew:
     effort_ratio: float
 
 
-def swing(slew: "bc.SlewResult", masses: tuple[float, ...], modes: int) -> float:
+def swing(slew: SlewResult, masses: tuple[float, ...], modes: int) -> float:
     """Largest tip displacement [m] in the 6 s after the slew, over payloads."""
     after = slew.duration + np.linspace(0.0, 6.0, 121)
-    torque = bc.torque(slew.history, slew.history.breakpoints)
+    drive = torque(slew.history, slew.history.breakpoints)
     worst = 0.0
     for mass in masses:
-        beam = bc.hub_beam(bc.HubBeamParameters(tip_mass=mass), model="sfoam", modes=modes)
-        worst = max(worst, float(np.abs(beam.simulate(torque, after).tip_displacement).max()))
+        beam = hub_beam(HubBeamParameters(tip_mass=mass), model="sfoam", modes=modes)
+        worst = max(worst, float(np.abs(beam.simulate(drive, after).tip_displacement).max()))
     return worst
 
 
 def main(modes: int = 2, intervals: int = 100) -> RobustSlew:
     """Plan for one payload, and for three, and play both back with all of them."""
-    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=NOMINAL), model="sfoam", modes=modes)
+    h = hub_beam(HubBeamParameters(tip_mass=NOMINAL), model="sfoam", modes=modes)
     plain, robust = (
-        bc.optimal_slew(h, ANGLE, LIMIT, "effort", DURATION, tip_masses=masses, method="shooting", intervals=intervals)
+        optimal_slew(h, ANGLE, LIMIT, "effort", DURATION, tip_masses=masses, method="shooting", intervals=intervals)
         for masses in ((), OTHERS)
     )
     return RobustSlew(

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import boomctl as bc
+from boomctl.hub_beam import HubBeamParameters, hub_beam, spin_up, torque
+from boomctl.slew import optimal_slew
 
 SPEED, LIMIT = 1.0, 200.0
 
@@ -26,13 +27,13 @@ class SpinUpSlew:
 
 def main(modes: int = 2) -> SpinUpSlew:
     """Plan the spin-up and play both back."""
-    q = bc.HubBeamParameters()
-    h = bc.hub_beam(q, model="sfoam", modes=modes)
-    slew = bc.optimal_slew(h, angle=None, torque_limit=LIMIT, final_speed=SPEED)
+    q = HubBeamParameters()
+    h = hub_beam(q, model="sfoam", modes=modes)
+    slew = optimal_slew(h, angle=None, torque_limit=LIMIT, final_speed=SPEED)
     after = slew.duration + np.linspace(0.0, 6.0, 121)
-    played = h.simulate(bc.torque(slew.history, slew.history.breakpoints), after)
+    played = h.simulate(torque(slew.history, slew.history.breakpoints), after)
     smooth = 2.0 * q.rigid_inertia * SPEED / LIMIT  # the profile's largest acceleration is 2 w / T
-    profile = h.simulate(bc.spin_up(SPEED, smooth), smooth + np.linspace(0.0, 6.0, 121))
+    profile = h.simulate(spin_up(SPEED, smooth), smooth + np.linspace(0.0, 6.0, 121))
     return SpinUpSlew(
         duration=slew.duration,
         rigid_duration=q.rigid_inertia * SPEED / LIMIT,

@@ -49,7 +49,7 @@ def run(
     tell = progress or (lambda text: None)
     target = prepared_folder(folder)
     tell("the slew asked for")
-    slew = optimal_slew(h, angle, torque_limit, objective, duration, **limits)
+    slew = optimal_slew(h, angle, torque_limit, objective, duration, **limits)  # pyright: ignore[reportArgumentType]
     tell("slews to compare")
     planned = _planned(h, slew, angle, torque_limit)
     comparison = compare_slews(h, angle, torque_limit, planned)

@@ -126,7 +126,8 @@ def _damping(plant: Plant) -> float:
 
 
 def _line(name: str, history: TorqueHistory, plant: Plant, others: tuple[Any, ...], angle: float) -> SlewLine:
-    assert plant.machine is not None and plant.frequencies is not None
+    assert plant.machine is not None
+    assert plant.frequencies is not None
     during = np.linspace(0.0, history.duration, 401)
     after = history.duration + np.linspace(0.0, 3.0 * np.pi / plant.frequencies[1], 121)
     t = np.concatenate([during[:-1], after])

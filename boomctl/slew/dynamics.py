@@ -106,7 +106,7 @@ def _modal_flow(
             c, s = ca.cos(w * h), ca.sin(w * h)
             p, v = p * c + v * (s / w), v * c - p * (w * s)
             held, ramp = ((1.0 - c) / w**2, s / w), ((h - s / w) / w**2, (1.0 - c) / w**2)
-        if u is not None and b != 0.0:
+        if u is not None and slope is not None and b != 0.0:
             p, v = p + b * (held[0] * u + ramp[0] * slope), v + b * (held[1] * u + ramp[1] * slope)
         places.append(p)
         speeds.append(v)

@@ -256,7 +256,7 @@ def _solved(
         guess = guess_from(problem, _first(problem, start, intervals), intervals, ramp)
     time = problem.duration or guess.duration
     order, backoff = 3 if problem.method == "collocation" else 1, dict.fromkeys(problem.limits, 1.0)
-    programme = before = None
+    programme, before, missed, worst = None, None, np.inf, np.inf
     for _ in range(_ROUNDS):
         if programme is None:
             scheme = Scheme(
@@ -271,7 +271,8 @@ def _solved(
         motions = played(problem, solution.history)
         excess = violation(problem, solution.history, motions)
         worst = max((excess[kind] for kind in problem.limits), default=0.0)
-        if end_error(problem, motions) > problem.tolerance:
+        missed = end_error(problem, motions)
+        if missed > problem.tolerance:
             order, programme, before = order + 1 if problem.method == "collocation" else 2 * order, None, None
         elif worst > 1e-9:
             backoff = {
@@ -282,7 +283,7 @@ def _solved(
         else:
             return programme, solution
     raise SlewError(
-        f"intervals = {intervals}: the replay misses the end by {end_error(problem, motions):.1e} or exceeds a limit by "
+        f"intervals = {intervals}: the replay misses the end by {missed:.1e} or exceeds a limit by "
         f"{worst:.1e}; expected {problem.tolerance:.1e}. More intervals may help"
     )
 

@@ -1,4 +1,4 @@
-"""What is slewed, as the planning sees it: a linear system or a hub-beam, in coordinates in which its linear part is simple."""
+"""What is slewed, as the planning sees it: a linear system, or a hub-beam in coordinates of its vibrations."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -178,9 +178,10 @@ def _machine_plant(h: SlewMachine) -> Plant:
     system = h.linearize()
     A, B, C = (np.asarray(each, dtype=float) for each in (system.A, system.B, system.C))
     size = A.shape[0] // 2
-    squares, shapes = np.linalg.eig(-A[size:, :size])
-    order = np.argsort(squares.real)
-    shapes, squares = shapes[:, order].real, squares[order].real.copy()
+    values, vectors = np.linalg.eig(-A[size:, :size])
+    squares, shapes = np.real(values), np.real(vectors)
+    order = np.argsort(squares)
+    shapes, squares = shapes[:, order], squares[order]
     shapes[:, 0], squares[0] = np.eye(size)[0], 0.0
     inverse = np.linalg.inv(shapes)
     push = inverse @ B[size:, 0]

@@ -206,10 +206,8 @@ def _ends(
         raise ValueError("final_state: expected None beside final_speed; give one of the two")
     start = first.rest(0.0, 0.0) if initial is None else _state("initial_state", first, initial)
     begin = float(first.rows["angle"] @ start)
-    if final is None:
-        target = first.rest(begin + (angle or 0.0), final_speed)
-    else:
-        target = _state("final_state", first, final)
+    rested = first.rest(begin + (angle or 0.0), final_speed)
+    target = rested if final is None else _state("final_state", first, final)
     rest = first.rest(1.0, 0.0)
     free = angle is None and final is None
     ends = [_rows(first.n, first.reach, rest if free else None)]

@@ -104,7 +104,7 @@ class Programme:
         SlewError
             If no slew is found; it names the limit that is missed most, and when.
         """
-        t, layout, scheme = self.transcription, self.transcription.layout, self.transcription.scheme
+        _t, layout, scheme = self.transcription, self.transcription.layout, self.transcription.scheme
         factor = backoff or {}
         limits = {kind: value * factor.get(kind, 1.0) for kind, value in problem.limits.items()}
         p = np.array(
@@ -124,7 +124,7 @@ class Programme:
         if layout.bound is not None:
             lower[layout.bound] = 0.0
         low, high = self._constraint_bounds(problem)
-        arguments = dict(lbx=lower, ubx=upper, lbg=low, ubg=high, p=p)
+        arguments = {"lbx": lower, "ubx": upper, "lbg": low, "ubg": high, "p": p}
         if before is not None:
             arguments |= {f"{name}0": before.raw[name] for name in ("lam_x", "lam_g")}
             arguments["x0"] = before.raw["x"]
@@ -166,7 +166,8 @@ class Programme:
 
     def _multipliers(self, guess: Guess) -> dict[str, Array]:
         """Those of the linear part's least effort; near them the programme needs few iterations."""
-        assert guess.costates is not None and guess.free is not None
+        assert guess.costates is not None
+        assert guess.free is not None
         t, layout, N = self.transcription, self.transcription.layout, self.transcription.scheme.intervals
         h, unit = guess.duration / N, layout.torque_unit
         dynamics = -2.0 / (N * unit**2 * h) * guess.costates * layout.unit
@@ -204,7 +205,8 @@ class Programme:
             if stages[k, t.defects + j] > max(worst, 1e-7):
                 worst, where, when = float(stages[k, t.defects + j]), names[j], k * duration / N
         torques = np.abs(x[t.layout.torques]) * t.layout.torque_unit
-        bound = f"torque_limit = {problem.torque_limit:g} N m binds on {np.mean(torques > 0.999 * problem.torque_limit):.0%} of it"
+        share = np.mean(torques > 0.999 * problem.torque_limit)
+        bound = f"torque_limit = {problem.torque_limit:g} N m binds on {share:.0%} of it"
         return f"no slew of {duration:.6g} s was found: {where} cannot be met at t = {when:.4g} s; {bound}"
 
 

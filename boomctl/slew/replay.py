@@ -1,5 +1,6 @@
 """The plan is played back by integrators that planning does not use, and judged."""
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,7 +81,7 @@ def _series(plant: Plant, history: TorqueHistory, start: Array, times: Array) ->
     states, z, kept = [], start.astype(float), {float(t): i for i, t in enumerate(times)}
     if float(knots[0]) in kept:
         states.append(z)
-    for a, b in zip(knots[:-1], knots[1:], strict=True):
+    for a, b in itertools.pairwise(knots):
         k = min(int(np.searchsorted(history.edges, 0.5 * (a + b)) - 1), history.left.size - 1)
         width = history.edges[k + 1] - history.edges[k]
         slope = (history.right[k] - history.left[k]) / width

@@ -5,6 +5,7 @@ Unknowns, stage after stage: states z_k of all plants, torque u_k, stage rates o
 are put together from those of one stage, so that nothing is differentiated twice and building costs next to nothing.
 """
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -134,7 +135,7 @@ def transcribe(
     scaled_ends = np.array(end_rows)
     defects = shape[0] - shape[1] - _rate_rows(scheme)
     firsts = np.cumsum([0, *(plant.n for plant in plants)])
-    blocks = tuple(slice(int(a), int(b)) for a, b in zip(firsts[:-1], firsts[1:], strict=True))
+    blocks = tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(firsts))
     names = _names(plants, scheme)
     return Transcription(scheme, layout, nlp, options, defects, shape[1], scaled_ends, int(g.shape[0]), blocks, names)
 
@@ -252,7 +253,8 @@ def _stage(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout) -> _Stage:
 def _nonzeros(matrix: "casadi.SX") -> "casadi.SX":
     import casadi as ca
 
-    return ca.vertcat(*matrix.nonzeros()) if matrix.nnz() else ca.SX(0, 1)
+    pattern = ca.Sparsity.dense(matrix.nnz(), 1)
+    return ca.sparsity_cast(matrix, pattern)
 
 
 def _defects(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout, parts: tuple[Any, ...]) -> "casadi.SX":
