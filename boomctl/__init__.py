@@ -81,6 +81,9 @@ _HOME = {
     "describing_function": "boomctl.simulation",
     "swept_sine": "boomctl.simulation",
     "sine_sigma": "boomctl.simulation",
+    "optimal_slew": "boomctl.slew",
+    "SlewError": "boomctl.slew",
+    "SlewResult": "boomctl.slew",
 }
 
 __all__ = [*_HOME, "__version__"]

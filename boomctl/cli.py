@@ -33,6 +33,11 @@ def main() -> None:
     except (ValueError, TypeError) as error:
         _fail(str(error), 2)
     except (OSError, ArithmeticError, ImportError, RuntimeError) as error:
+<<<<<<< HEAD
+=======
+        if isinstance(error, NotImplementedError | RecursionError):
+            raise
+>>>>>>> slew
         _fail(str(error), 1)
     except KeyboardInterrupt:
         _fail("interrupted", 1)
@@ -268,19 +273,66 @@ def parameters(as_json: Json = False) -> None:
 
 
 @app.command()
+def slew(
+    angle: Annotated[float, typer.Option(help="Angle to turn through, rad.")] = 1.5707963267948966,
+    torque_limit: Annotated[float, typer.Option(help="Largest torque, N m.")] = 200.0,
+    objective: Annotated[str, typer.Option(help="time, effort, jerk, torque-rate or tip")] = "time",
+    duration: Annotated[float | None, typer.Option(help="s; needed by all objectives but time.")] = None,
+    model: Annotated[str, typer.Option(help="sfoam, sfoam-consistent, foam or tlam")] = "sfoam",
+    modes: Annotated[int, typer.Option(help="Number of modes.")] = 3,
+    tip_mass: Annotated[float, typer.Option(help="kg")] = 0.0,
+    torque_rate_limit: Annotated[float | None, typer.Option(help="N m/s")] = None,
+    speed_limit: Annotated[float | None, typer.Option(help="rad/s")] = None,
+    tip_limit: Annotated[float | None, typer.Option(help="m")] = None,
+    moment_limit: Annotated[float | None, typer.Option(help="N m, at the clamp.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for report, pictures and film.")] = Path("slew"),
+    as_json: Json = False,
+) -> None:
+    """Plan an optimal slew of the hub-beam, certify it and set it beside classical ones."""
+    from boomctl.hub_beam import HubBeam, HubBeamParameters
+    from boomctl.reproduce.slew import STEPS, run
+
+    given = {"torque_rate_limit": torque_rate_limit, "speed_limit": speed_limit, "tip_limit": tip_limit}
+    given["moment_limit"] = moment_limit
+    limits = {name: value for name, value in given.items() if value is not None}
+    beam = HubBeam(HubBeamParameters(tip_mass=tip_mass), model, modes)
+    with _progress(STEPS) as progress:
+        found = run(out, beam, angle, torque_limit, objective, duration, progress, **limits)
+    if as_json:
+        _print_json(found)
+        return
+    c = found["certificate"]
+    print(f"{found['duration']:.9g} s; {c['optimality']}, distance from optimality {abs(c['optimality_gap']):.1e}")
+    print(f"replay: end missed by {found['end_error']:.1e}, {found['residual_energy']:.1e} J left")
+    print(f"Report: {out / 'report.html'}")
+
+
+@app.command()
 def benchmark(
+<<<<<<< HEAD
     what: Annotated[str, typer.Argument(help="boom, hub-beam or suspension")] = "boom",
+=======
+    what: Annotated[str, typer.Argument(help="boom, hub-beam or slew")] = "boom",
+>>>>>>> slew
     full: Annotated[bool, typer.Option(help="Include what takes minutes.")] = False,
     as_json: Json = False,
 ) -> None:
     """Measure run time and error side by side, against other programs."""
     from boomctl.checks import known
 
+<<<<<<< HEAD
     known("benchmark", what, ("boom", "hub-beam", "suspension"))
     if what == "hub-beam":
         from boomctl.benchmark.hub_beam import run
     elif what == "suspension":
         from boomctl.benchmark.suspension import run
+=======
+    known("benchmark", what, ("boom", "hub-beam", "slew"))
+    if what == "hub-beam":
+        from boomctl.benchmark.hub_beam import run
+    elif what == "slew":
+        from boomctl.benchmark.slew import run
+>>>>>>> slew
     else:
         from boomctl.benchmark.boom import run
 

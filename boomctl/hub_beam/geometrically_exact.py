@@ -1,5 +1,6 @@
 """The geometrically exact hub-beam: the model against which the others are measured."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -20,7 +21,7 @@ from boomctl.hub_beam.geometrically_exact_statics import (
     steady_rotation,
     transverse_frequencies,
 )
-from boomctl.hub_beam.manoeuvres import PrescribedMotion, TorqueDriven
+from boomctl.hub_beam.manoeuvres import PrescribedMotion, Torque, TorqueDriven
 from boomctl.hub_beam.parameters import HubBeamParameters
 from boomctl.hub_beam.result import Details, SimulationResult, small_deformation_until
 from boomctl.hub_beam.validation import mode_count, state_vector, time_points
@@ -188,6 +189,18 @@ class GeometricallyExactBeam:
             tolerance,
         )
         return self._result(manoeuvre, times, motion)
+
+    def simulate_torque(
+        self,
+        function: Callable[..., object],
+        timepts: ArrayLike,
+        breakpoints: tuple[float, ...] = (),
+        initial: ArrayLike | None = None,
+        rtol: float = 1e-8,
+        atol: float = 1e-10,
+    ) -> SimulationResult:
+        """Motion under a torque [N m] that is a function of time [s]; see :meth:`simulate`."""
+        return self.simulate(Torque(function, breakpoints), timepts, initial, rtol, atol)
 
     def _start(self, drive: Drive, initial: ArrayLike | None) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates and velocities at t = 0."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.checks import positive, real
-from boomctl.hub_beam import frequencies, linearization
+from boomctl.hub_beam import frequencies, linearization, slewing
 from boomctl.hub_beam.cfoam import cfoam
 from boomctl.hub_beam.equations import Equations
 from boomctl.hub_beam.evaluation import details
@@ -191,6 +191,47 @@ class HubBeam:
             motion, tip = motion.at(instants, asked), tip[asked]
         later = partial(details, self.equations, manoeuvre, instants, motion)
         return SimulationResult(self.model, instants, tip, until, motion.error, motion.steps, later)
+
+    def simulate_torque(
+        self,
+        function: Callable[..., object],
+        timepts: ArrayLike,
+        breakpoints: tuple[float, ...] = (),
+        initial: ArrayLike | None = None,
+        rtol: float = 1e-8,
+        atol: float = 1e-10,
+    ) -> SimulationResult:
+        """Simulate a torque [N m] that is a function of time [s]; see `torque` and `simulate`."""
+        return self.simulate(Torque(function, breakpoints), timepts, initial, rtol, atol)
+
+    def steady_state(self, hub_speed: float = 0.0) -> np.ndarray:
+        """State, as `state_names`, of the beam that turns steadily at a hub speed [rad/s], the hub angle 0."""
+        return slewing.steady_state(self, real("hub_speed", hub_speed))
+
+    def residual_energy(self, state: ArrayLike, hub_speed: float = 0.0) -> float:
+        """Energy of a state's deviation from steady rotation at a hub speed [rad/s], whatever the hub angle, J."""
+        return slewing.residual_energy(self, state, real("hub_speed", hub_speed))
+
+    @property
+    def root_moment_row(self) -> np.ndarray:
+        """Row that reads the bending moment at the clamp [N m] off a state in the order of `state_names`."""
+        return slewing.root_moment_row(self)
+
+    def shape(self, states: ArrayLike) -> np.ndarray:
+        """Positions x + i y along the beam in fixed axes, from clamp to free end, for k states: k x 41, m."""
+        return slewing.shape(self, states)
+
+    def with_tip_mass(self, tip_mass: float) -> "HubBeam":
+        """Return the same model with another tip mass [kg]."""
+        return HubBeam(slewing.with_tip_mass(self.parameters, tip_mass), self.model, self.modes)
+
+    def with_stiffness(self, factor: float) -> "HubBeam":
+        """Return the same model with the bending stiffness multiplied by a factor."""
+        return HubBeam(slewing.with_stiffness(self.parameters, factor), self.model, self.modes)
+
+    def in_model(self, model: str, modes: int | None = None) -> "HubBeam | GeometricallyExactBeam":
+        """Return the same machine in another model; `modes` as here unless given."""
+        return hub_beam(self.parameters, model, self.modes if modes is None else modes)
 
     def to_nlsys(self) -> "control.NonlinearIOSystem":
         """Return the model as a nonlinear input-output system.

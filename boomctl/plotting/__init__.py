@@ -2,6 +2,7 @@
 
 from boomctl.plotting.canvas import figure_bytes, new_figure, style
 from boomctl.plotting.sigma import plot_measured, plot_sigma
+from boomctl.plotting.slew import plot_mesh_study, plot_slew, plot_slew_comparison, plot_tracking, slew_film
 from boomctl.plotting.spray import draw_deposit, draw_motion, draw_track_density
 
 __all__ = [
@@ -11,6 +12,11 @@ __all__ = [
     "figure_bytes",
     "new_figure",
     "plot_measured",
+    "plot_mesh_study",
     "plot_sigma",
+    "plot_slew",
+    "plot_slew_comparison",
+    "plot_tracking",
+    "slew_film",
     "style",
 ]

@@ -201,7 +201,8 @@ def film_bytes(film: Film) -> bytes:
     ax.add_patch(Circle((0.0, 0.0), film.hub_radius, color="0.75"))
     (spoke,) = ax.plot([], [], ":", color="0.6", linewidth=1.0, label="hub's axis")
     lines = [
-        ax.plot([], [], color=COLOURS.get(label, "0.3"), label=label, linewidth=1.8)[0] for label, _ in film.shapes
+        ax.plot([], [], color=COLOURS.get(label, _CYCLE[k % len(_CYCLE)]), label=label, linewidth=1.8)[0]
+        for k, (label, _) in enumerate(film.shapes)
     ]
     ax.legend(fontsize=8, loc="upper left")
     first = film.shapes[0][1]

@@ -1,0 +1,346 @@
+"""Optimal slews: the best torque for a problem, played back and certified."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.arrays import Array
+from boomctl.slew.bounds import effort_gap, time_gap
+from boomctl.slew.problem import SlewProblem, changed, slew_problem
+from boomctl.slew.programme import Programme, Solution, prepare
+from boomctl.slew.reference import cheapest, effort_guess, guess_from, least_time, linear_time_problem, typical_sizes
+from boomctl.slew.replay import Motion, binding, end_error, other_models, played, violation
+from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
+from boomctl.slew.sharpen import Sharpened, sharpened
+from boomctl.slew.torque import TorqueHistory, held
+from boomctl.slew.transcription import Scheme, transcribe
+
+__all__ = ["optimal_slew", "resolve"]
+
+_MESHES = (50, 100, 200, 400, 800)
+_MESH_GAP = 1e-4
+_ROUNDS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """A torque before it is judged; what is known of its optimality."""
+
+    history: TorqueHistory
+    method: str
+    gap: float
+    optimality: str
+    intervals: int | None = None
+    programme: Programme | None = None
+    solution: Solution | None = None
+
+
+def optimal_slew(
+    h: object,
+    angle: float | None,
+    torque_limit: float,
+    objective: str = "time",
+    duration: float | None = None,
+    *,
+    torque_rate_limit: float | None = None,
+    speed_limit: float | None = None,
+    tip_limit: float | None = None,
+    moment_limit: float | None = None,
+    final_speed: float = 0.0,
+    initial_state: ArrayLike | None = None,
+    final_state: ArrayLike | None = None,
+    tip_masses: tuple[float, ...] = (),
+    method: str = "collocation",
+    tolerance: float = 1e-6,
+    intervals: int | None = None,
+) -> SlewResult:
+    """Turn a flexible beam, or any linear system, through an angle in the best way that the limits allow.
+
+    Parameters
+    ----------
+    h : hub-beam or control.StateSpace
+        A linear system's first input is the torque, its first output the angle; it ends at the rest with ``A x = 0`` and
+        that angle. Outputs "tip_displacement" and "root_moment" are known by name.
+    angle : float or None
+        Angle to turn through, rad; None leaves it free.
+    torque_limit : float
+        Largest torque either way, N m.
+    objective : str
+        "time"; or in a given duration "effort" (integral of the torque squared), "jerk" (of the hub's jerk squared),
+        "torque-rate" (of the torque's slope squared), "tip" (largest tip displacement).
+    duration : float or None
+        s; needed by all but "time".
+    torque_rate_limit, speed_limit, tip_limit, moment_limit : float or None
+        Limits of the torque's slope [N m/s], hub speed [rad/s], tip displacement [m] and bending moment at the clamp [N m].
+    final_speed : float
+        Hub speed at the end, rad/s: a spin-up, the beam in steady rotation.
+    initial_state, final_state : array_like or None
+        In the order of the system's states; None is rest. A final state prescribes all that the torque moves.
+    tip_masses : tuple of float
+        Other payloads, kg, which the same torque is to leave without vibration; the angle is that of h itself, for one
+        torque turns different inertias through different angles.
+    method : str
+        "collocation" or "shooting", on the same mesh.
+    tolerance : float
+        Of the end state in the replay, relative.
+    intervals : int or None
+        Of the mesh; None refines it until halving it changes the cost by less than 1e-4.
+
+    Returns
+    -------
+    SlewResult
+
+    Raises
+    ------
+    TypeError, ValueError
+        Of a bad argument, one line.
+    SlewError
+        If the ask is infeasible, or no slew is found that the replay confirms.
+    """
+    problem = slew_problem(
+        h, angle, torque_limit, objective, duration, torque_rate_limit, speed_limit, tip_limit, moment_limit,
+        final_speed, initial_state, final_state, tip_masses, method, tolerance, intervals,
+    )  # fmt: skip
+    return _judged(problem, _planned(problem))
+
+
+def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: float | None = None) -> SlewResult:
+    """Solve a slew's programme again with other data, started from its solution; nothing is built anew.
+
+    Parameters
+    ----------
+    result : SlewResult
+        Of `optimal_slew` with method "collocation" or "shooting" in its certificate.
+    angle, torque_limit : float or None
+        What is new; None: as before.
+
+    Returns
+    -------
+    SlewResult
+
+    Raises
+    ------
+    ValueError
+        If the slew was not planned by a programme, or its angle was free or part of given states.
+    SlewError
+        As `optimal_slew`.
+    """
+    planned = result.plan
+    if planned is None or planned.programme is None or planned.solution is None:
+        raise ValueError("result: expected a slew planned by collocation or shooting; plan this one anew")
+    problem = changed(planned.problem, angle, torque_limit)
+    solution = planned.programme.solve(problem, None, planned.solution)
+    intervals = planned.programme.transcription.scheme.intervals
+    plan = _Plan(solution.history, problem.method, np.nan, "stationary", intervals, planned.programme, solution)
+    return _judged(problem, replace(plan, gap=result.certificate.optimality_gap))
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """What a result remembers of its planning."""
+
+    problem: SlewProblem
+    programme: Programme | None
+    solution: Solution | None
+
+
+def _planned(problem: SlewProblem) -> _Plan:
+    if problem.objective != "time" or problem.limits:
+        return _programmed(problem)
+    extremal, history = least_time(problem)
+    if problem.linear:
+        linear = linear_time_problem(problem)
+        gap = time_gap(linear, extremal)
+        return _Plan(history, "switching times", gap, "proved" if problem.waits else "extremal")
+    sizes = typical_sizes(guess_from(problem, history, 200, False))
+    found = _sharp(problem, history, sizes)
+    if found is None:
+        plan = _programmed(problem, history)
+        found = _sharp(problem, _structure(plan.history), sizes)
+        if found is None:
+            return plan
+    return _Plan(found.history, "switching times", found.gain, "extremal")
+
+
+def _sharp(problem: SlewProblem, history: TorqueHistory, sizes: Array) -> Sharpened | None:
+    found = sharpened(problem, history, sizes, problem.tolerance)
+    return found if found is not None and found.gain < 1e-3 else None
+
+
+def _structure(history: TorqueHistory) -> TorqueHistory:
+    """The bang-bang torque behind one that is held on a mesh: switches where it crosses zero, placed by its mean."""
+    limit, h = history.peak, history.edges[1]
+    values = history.left / limit
+    side = np.where(np.abs(values) > 0.9, np.sign(values), 0.0)
+    edges, signs, k = [0.0], [float(side[side != 0][0])], 0
+    while k < side.size:
+        if side[k] == -signs[-1]:
+            first = k
+            while first > 0 and side[first - 1] == 0.0:
+                first -= 1
+            mean = float(np.sum(values[first:k])) * signs[-1]
+            edges.append(float(h * (first + 0.5 * (k - first + mean))))
+            signs.append(-signs[-1])
+        k += 1
+    return held(np.append(edges, history.duration), limit * np.array(signs))
+
+
+def _first(problem: SlewProblem, start: TorqueHistory | None, intervals: int) -> TorqueHistory:
+    """A torque to start from."""
+    if start is not None:
+        return start
+    if problem.objective != "time":
+        assert problem.duration is not None
+        return cheapest(problem, problem.duration, intervals).history
+    history = least_time(problem)[1]
+    stretch = 1.5 if problem.limits else 1.05
+    return cheapest(problem, stretch * history.duration, intervals).history
+
+
+def _programmed(problem: SlewProblem, start: TorqueHistory | None = None) -> _Plan:
+    """Refine mesh and order until replay and halved mesh agree."""
+    ramp = problem.objective in ("jerk", "torque-rate") or "rate" in problem.limits
+    if problem.intervals is None:
+        plan = _refined(problem, start, ramp)
+    else:
+        programme, solution = _solved(problem, problem.intervals, ramp, start)
+        other = _companion(problem, ramp, solution)
+        gap = abs(solution.cost - other.cost) / max(abs(solution.cost), 1e-300)
+        plan = _Plan(solution.history, problem.method, gap, "stationary", problem.intervals, programme, solution)
+    if problem.linear and problem.objective == "effort" and not problem.limits:
+        return replace(plan, gap=effort_gap(problem, plan.history), optimality="proved")
+    return plan
+
+
+def _refined(problem: SlewProblem, start: TorqueHistory | None, ramp: bool) -> _Plan:
+    """Halve the intervals until that changes the cost by little; a mesh too coarse for any slew is passed over."""
+    plan, cost, failure = None, np.inf, None
+    for intervals in _MESHES:
+        try:
+            programme, solution = _solved(problem, intervals, ramp, start)
+        except SlewError as error:
+            failure = error
+            if plan is None and intervals < _MESHES[-2]:
+                continue
+            raise
+        gap = abs(solution.cost - cost) / max(abs(solution.cost), 1e-300)
+        plan = _Plan(solution.history, problem.method, gap, "stationary", intervals, programme, solution)
+        cost, start = solution.cost, solution.history
+        if gap < _MESH_GAP:
+            break
+    if plan is None:
+        raise failure or SlewError("no mesh was tried")
+    return plan
+
+
+def _companion(problem: SlewProblem, ramp: bool, solution: Solution) -> Solution:
+    """The solution on a mesh half as fine, or twice as fine where that one allows none."""
+    assert problem.intervals is not None
+    if problem.intervals >= 4 * problem.ends.shape[0]:
+        try:
+            return _solved(problem, problem.intervals // 2, ramp, solution.history)[1]
+        except SlewError:
+            pass
+    return _solved(problem, 2 * problem.intervals, ramp, solution.history)[1]
+
+
+def _solved(
+    problem: SlewProblem, intervals: int, ramp: bool, start: TorqueHistory | None
+) -> tuple[Programme, Solution]:
+    """Solve on a mesh, with the order raised and the limits tightened until the replay keeps what was asked."""
+    if problem.objective == "effort" and not problem.limits and problem.duration is not None:
+        guess = effort_guess(problem, problem.duration, intervals)
+    else:
+        guess = guess_from(problem, _first(problem, start, intervals), intervals, ramp)
+    time = problem.duration or guess.duration
+    order, backoff = 3 if problem.method == "collocation" else 1, dict.fromkeys(problem.limits, 1.0)
+    programme, before, missed, worst = None, None, np.inf, np.inf
+    for _ in range(_ROUNDS):
+        if programme is None:
+            scheme = Scheme(
+                problem.method, problem.objective, intervals, order, ramp, problem.duration is None,
+                tuple(sorted(problem.limits)),
+            )  # fmt: skip
+            units = typical_sizes(guess)
+            programme = prepare(
+                transcribe(problem.plants, scheme, units, problem.torque_limit, time, problem.ends), problem.tolerance
+            )
+        solution = programme.solve(problem, guess, before, backoff)
+        motions = played(problem, solution.history)
+        excess = violation(problem, solution.history, motions)
+        worst = max((excess[kind] for kind in problem.limits), default=0.0)
+        missed = end_error(problem, motions)
+        if missed > problem.tolerance:
+            order, programme, before = order + 1 if problem.method == "collocation" else 2 * order, None, None
+        elif worst > 1e-9:
+            backoff = {
+                kind: factor / (1.0 + 1.1 * excess[kind] + 1e-6 * (excess[kind] > 0.0))
+                for kind, factor in backoff.items()
+            }
+            before = solution
+        else:
+            return programme, solution
+    raise SlewError(
+        f"intervals = {intervals}: the replay misses the end by {missed:.1e} or exceeds a limit by "
+        f"{worst:.1e}; expected {problem.tolerance:.1e}. More intervals may help"
+    )
+
+
+def _judged(problem: SlewProblem, plan: _Plan) -> SlewResult:
+    """Play a plan back and put the result together."""
+    history = plan.history
+    motions = played(problem, history)
+    error, excess = end_error(problem, motions), violation(problem, history, motions)
+    if error > max(problem.tolerance, 1e-12):
+        raise SlewError(
+            f"the replay ends {error:.1e} off the end state; expected {problem.tolerance:.1e}. "
+            "A larger tolerance, or the objective 'effort' with a given duration, may do"
+        )
+    certificate = SlewCertificate(
+        plan.method,
+        error,
+        max(excess.values()),
+        binding(problem, history, motions),
+        plan.gap,
+        plan.optimality,
+        int(history.switches.size) if plan.method == "switching times" else None,
+        plan.intervals,
+    )
+    first, plant = motions[0], problem.plants[0]
+    rows = {name: first.places @ row for name, row in plant.rows.items()}
+    return SlewResult(
+        objective=problem.objective,
+        duration=history.duration,
+        cost=_cost(problem, history, motions),
+        time=first.time,
+        torque=history(first.time),
+        hub_angle=rows["angle"],
+        hub_speed=rows["speed"],
+        tip_displacement=rows.get("tip"),
+        root_moment=rows.get("moment"),
+        states=first.states,
+        residual_energy=first.residual_energy,
+        end_error=error,
+        certificate=certificate,
+        history=history,
+        replay=partial(other_models, problem, history),
+        plan=Planned(problem, plan.programme, plan.solution),
+    )
+
+
+def _cost(problem: SlewProblem, history: TorqueHistory, motions: tuple[Motion, ...]) -> float:
+    """The objective's value, from the torque and the replay."""
+    if problem.objective == "time":
+        return history.duration
+    if problem.objective == "effort":
+        return history.effort
+    if problem.objective == "torque-rate":
+        return float(np.sum((history.right - history.left) ** 2 / np.diff(history.edges)))
+    if problem.objective == "tip":
+        pairs = zip(motions, problem.plants, strict=True)
+        return max(float(np.abs(motion.places @ plant.rows["tip"]).max()) for motion, plant in pairs)
+    speed = motions[0].places @ problem.plants[0].rows["speed"]
+    acceleration = np.gradient(speed, motions[0].time)
+    return float(np.sum(np.diff(acceleration) ** 2 / np.diff(motions[0].time)))

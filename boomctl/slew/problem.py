@@ -1,0 +1,277 @@
+"""What is asked of a slew, checked at the boundary, and refused where no torque can do it."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.arrays import Array
+from boomctl.checks import finite_array, known, nonnegative, positive, real, whole
+from boomctl.slew.plant import Plant, SlewMachine, plant_of
+from boomctl.slew.result import SlewError
+
+__all__ = ["LIMITS", "METHODS", "OBJECTIVES", "SlewProblem", "changed", "slew_problem"]
+
+OBJECTIVES = ("time", "effort", "jerk", "torque-rate", "tip")
+METHODS = ("collocation", "shooting")
+LIMITS = {
+    "rate": "torque_rate_limit",
+    "speed": "speed_limit",
+    "tip": "tip_limit",
+    "moment": "moment_limit",
+}
+"""Kinds of limits, and the arguments that give them."""
+
+
+@dataclass(frozen=True, eq=False)
+class SlewProblem:
+    """A slew, in the coordinates of its plants.
+
+    Attributes
+    ----------
+    plants : tuple of Plant
+        The one that is to arrive, then the same with other payloads, which are to come to rest.
+    objective : str
+    duration : float or None
+        s; None of minimum time.
+    torque_limit : float
+        N m.
+    limits : dict of str to float
+        By kind: "rate", "speed", "tip", "moment".
+    angle : float or None
+        Turned through, rad; None if free.
+    final_speed : float
+        rad/s.
+    start, target : ndarray, n
+        Of all plants, in their coordinates.
+    ends : ndarray, m x n
+        Rows of the state that are prescribed at the end.
+    waits : bool
+        Whether the plant can wait at its start or its target.
+    method : str
+    tolerance : float
+    intervals : int or None
+    tip_masses : tuple of float
+        Of the other payloads, kg.
+    """
+
+    plants: tuple[Plant, ...]
+    objective: str
+    duration: float | None
+    torque_limit: float
+    limits: dict[str, float]
+    angle: float | None
+    final_speed: float
+    start: Array
+    target: Array
+    ends: Array
+    waits: bool
+    method: str
+    tolerance: float
+    intervals: int | None
+    tip_masses: tuple[float, ...] = ()
+
+    @property
+    def linear(self) -> bool:
+        """Whether all plants are linear."""
+        return all(plant.linear for plant in self.plants)
+
+    @property
+    def A(self) -> Array:
+        """Linear part of all plants."""
+        from scipy.linalg import block_diag
+
+        return block_diag(*[plant.A for plant in self.plants])
+
+    @property
+    def B(self) -> Array:
+        """What the torque pushes."""
+        return np.concatenate([plant.B for plant in self.plants])
+
+    @property
+    def rigid_time(self) -> float:
+        """A time scale, s: the least time of the rigid body with this inertia for this turn, or for this speed."""
+        inertia = self.plants[0].inertia
+        if inertia is None:
+            return float(2.0 * np.pi / max(np.abs(np.linalg.eigvals(self.plants[0].A)).max(), 1e-12))
+        gap = (self.target - self.start)[: self.plants[0].n]
+        turn, change = (abs(float(self.plants[0].rows[name] @ gap)) for name in ("angle", "speed"))
+        torque = self.torque_limit / inertia
+        return max(2.0 * math.sqrt(turn / torque) if self.angle is not None else 0.0, change / torque, 1e-9)
+
+
+def slew_problem(
+    h: object,
+    angle: float | None,
+    torque_limit: float,
+    objective: str = "time",
+    duration: float | None = None,
+    torque_rate_limit: float | None = None,
+    speed_limit: float | None = None,
+    tip_limit: float | None = None,
+    moment_limit: float | None = None,
+    final_speed: float = 0.0,
+    initial_state: ArrayLike | None = None,
+    final_state: ArrayLike | None = None,
+    tip_masses: tuple[float, ...] = (),
+    method: str = "collocation",
+    tolerance: float = 1e-6,
+    intervals: int | None = None,
+) -> SlewProblem:
+    """Check and put together what is asked; the arguments are those of `optimal_slew`."""
+    known("objective", objective, OBJECTIVES)
+    known("method", method, METHODS)
+    given = {"rate": torque_rate_limit, "speed": speed_limit, "tip": tip_limit, "moment": moment_limit}
+    limits = {kind: positive(LIMITS[kind], value) for kind, value in given.items() if value is not None}
+    if (duration is None) != (objective == "time"):
+        raise ValueError(
+            f"duration = {duration!r}: expected none with objective 'time'"
+            if objective == "time"
+            else f"duration = None: expected a number of seconds with objective {objective!r}"
+        )
+    plants = _plants(h, tip_masses)
+    for kind in ("tip", "moment"):
+        if (kind in limits or objective == kind) and kind not in plants[0].rows:
+            name = {"tip": "tip_displacement", "moment": "root_moment"}[kind]
+            raise ValueError(f"{LIMITS[kind]}: the system has no output {name!r}; name one so, or leave the limit out")
+    turn = None if angle is None else real("angle", angle)
+    problem = SlewProblem(
+        plants,
+        objective,
+        None if duration is None else positive("duration", duration),
+        positive("torque_limit", torque_limit),
+        limits,
+        turn,
+        real("final_speed", final_speed),
+        *_ends(plants, turn, real("final_speed", final_speed), initial_state, final_state),
+        method,
+        positive("tolerance", tolerance),
+        None if intervals is None else whole("intervals", intervals, 4),
+        tuple(float(mass) for mass in tip_masses),
+    )
+    _refuse(problem)
+    return problem
+
+
+def changed(problem: SlewProblem, angle: float | None, torque_limit: float | None) -> SlewProblem:
+    """The problem with another angle or torque limit.
+
+    Raises
+    ------
+    ValueError
+        If its angle is free, or does not start and end at rest.
+    SlewError
+        If it is infeasible then.
+    """
+    new = problem
+    if angle is not None:
+        if problem.angle is None or not problem.waits:
+            raise ValueError("angle: expected None, for the slew had a free angle or given states")
+        shift = real("angle", angle) - problem.angle
+        gaps = [plant.rest(shift, 0.0) for plant in problem.plants]
+        new = replace(new, angle=float(angle), target=problem.target + np.concatenate(gaps))
+    if torque_limit is not None:
+        new = replace(new, torque_limit=positive("torque_limit", torque_limit))
+    _refuse(new)
+    return new
+
+
+def _plants(h: object, tip_masses: tuple[float, ...]) -> tuple[Plant, ...]:
+    first = plant_of(h)
+    if not tip_masses:
+        return (first,)
+    if not isinstance(h, SlewMachine):
+        raise ValueError("tip_masses: expected none for a linear system; they are of a hub-beam")
+    return (first, *(plant_of(h.with_tip_mass(nonnegative("tip_masses", mass))) for mass in tip_masses))
+
+
+def _state(name: str, plant: Plant, value: ArrayLike) -> Array:
+    x = finite_array(name, value, 1)
+    if x.size != plant.n:
+        raise ValueError(f"{name}: expected {plant.n} numbers, one a state, got {x.size}")
+    return plant.from_state @ x
+
+
+def _ends(
+    plants: tuple[Plant, ...],
+    angle: float | None,
+    final_speed: float,
+    initial: ArrayLike | None,
+    final: ArrayLike | None,
+) -> tuple[Array, Array, Array, bool]:
+    """Start, target, prescribed rows of the end, and whether the plant can wait at either."""
+    first = plants[0]
+    if final is not None and final_speed != 0.0:
+        raise ValueError("final_state: expected None beside final_speed; give one of the two")
+    start = first.rest(0.0, 0.0) if initial is None else _state("initial_state", first, initial)
+    begin = float(first.rows["angle"] @ start)
+    rested = first.rest(begin + (angle or 0.0), final_speed)
+    target = rested if final is None else _state("final_state", first, final)
+    rest = first.rest(1.0, 0.0)
+    free = angle is None and final is None
+    ends = [_rows(first.n, first.reach, rest if free else None)]
+    starts, targets = [start], [target]
+    for plant in plants[1:]:
+        if initial is not None or final is not None:
+            raise ValueError("tip_masses: expected none beside initial_state or final_state")
+        elastic = plant.reach.copy()
+        elastic[[0, plant.n // 2]] = False
+        ends.append(_rows(plant.n, elastic, None))
+        starts.append(plant.rest(0.0, 0.0))
+        targets.append(plant.rest(angle or 0.0, final_speed))
+    from scipy.linalg import block_diag
+
+    still = [
+        np.abs(first.A @ z).max() <= 1e-9 * max(1.0, np.abs(first.A).max() * np.abs(z).max()) for z in (start, target)
+    ]
+    return np.concatenate(starts), np.concatenate(targets), block_diag(*ends), any(still)
+
+
+def _rows(n: int, reach: Array, free: Array | None) -> Array:
+    """Rows of the coordinates within reach, across a direction that is free."""
+    rows = np.eye(n)[reach]
+    if free is None:
+        return rows
+    along = rows @ free
+    kept = np.linalg.svd(along[None, :])[2][1:]
+    return kept @ rows
+
+
+def _refuse(problem: SlewProblem) -> None:
+    """Say what cannot be done, where a rigid body's motion shows it: its angular momentum is the torque's integral."""
+    plant = problem.plants[0]
+    if not np.any(problem.ends @ (problem.target - problem.start)) and problem.objective == "time":
+        raise ValueError("angle: the plant is at its end state already; expected a slew that leads somewhere")
+    own = slice(0, plant.n)
+    gap = (problem.target - problem.start)[own]
+    turn, change = (abs(float(plant.rows[name] @ gap)) for name in ("angle", "speed"))
+    most = problem.limits.get("speed", np.inf)
+    if abs(problem.final_speed) > most:
+        raise SlewError(f"final_speed = {problem.final_speed:g}: expected at most speed_limit = {most:g} rad/s")
+    if problem.duration is None:
+        return
+    if problem.angle is not None and turn > most * problem.duration:
+        raise SlewError(
+            f"duration = {problem.duration:g} s: too short for {turn:g} rad at speed_limit = {most:g} rad/s, "
+            f"which takes {turn / most:.6g} s at least"
+        )
+    if problem.waits and plant.inertia is not None:
+        resting = change == 0.0 and not np.any(np.abs(plant.rows["speed"] @ problem.start[own]) > 0.0)
+        _refuse_short(problem, plant.inertia, turn if resting and problem.angle is not None else 0.0, change)
+
+
+def _refuse_short(problem: SlewProblem, inertia: float, turn: float, change: float) -> None:
+    """A beam that bends may have a little less inertia than the rigid one: a tenth of the time is left to it."""
+    assert problem.duration is not None
+    margin = 1.0 - 1e-12 if problem.linear else 0.9
+    torque = problem.torque_limit
+    for what, least, needed in (
+        (f"{turn:g} rad", 2.0 * math.sqrt(turn * inertia / torque), 4.0 * inertia * turn / problem.duration**2),
+        (f"a change of {change:g} rad/s", inertia * change / torque, inertia * change / problem.duration),
+    ):
+        if problem.duration < margin * least:
+            raise SlewError(
+                f"duration = {problem.duration:g} s: too short for {what}; a rigid body of {inertia:.4g} kg m^2 takes "
+                f"{least:.6g} s at torque_limit = {torque:g} N m, or needs {needed:.4g} N m"
+            )

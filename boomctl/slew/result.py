@@ -1,0 +1,142 @@
+"""What a planned slew returns, and what is raised when none can be vouched for."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from typing import Any
+
+from boomctl.arrays import Array
+from boomctl.slew.torque import TorqueHistory
+
+__all__ = ["Replay", "SlewCertificate", "SlewError", "SlewResult"]
+
+
+class SlewError(RuntimeError):
+    """A slew that cannot be done, or could not be found or verified; the message says what binds, and when."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What a model does under the planned torque, by an integrator that the planning does not use.
+
+    Attributes
+    ----------
+    model : str
+        Name of the model.
+    tip_mass : float or None
+        Where it is another than the planned one, kg.
+    angle_error : float
+        Hub angle at the end less the wanted one, rad; 0 where the angle is free.
+    speed_error : float
+        Hub speed at the end less the wanted one, rad/s.
+    tip_swing : float
+        Largest tip displacement in the 1.5 slowest periods after the end, m.
+    residual_energy : float or None
+        Energy of the deviation from steady rotation at the wanted speed, J.
+    """
+
+    model: str
+    tip_mass: float | None
+    angle_error: float
+    speed_error: float
+    tip_swing: float
+    residual_energy: float | None
+
+
+@dataclass(frozen=True)
+class SlewCertificate:
+    """How close a slew is to what was asked and to the best there is, computed apart from its planning.
+
+    Attributes
+    ----------
+    method : str
+        "switching times", "collocation" or "shooting".
+    end_error : float
+        Largest deviation of the prescribed end state in the replay, each relative to its largest size on the way.
+    constraint_violation : float
+        Largest relative excess over any limit on the dense replay; 0 if there is none.
+    binding : dict of str to float
+        Limits that are met within 0.1 %, and the first instant at which they are, s.
+    optimality_gap : float
+        Distance from the least cost there is, relative; what it rests on stands in ``optimality``.
+    optimality : str
+        "proved": a duality bound or Pontryagin's principle on a convex problem; "extremal": Pontryagin's conditions hold on
+        a problem that is not convex; "stationary": the programme's optimality conditions hold on its mesh, and the gap
+        is that of halving the mesh.
+    switches : int or None
+        Number of sign changes of a bang-bang torque.
+    intervals : int or None
+        Of the mesh.
+    """
+
+    method: str
+    end_error: float
+    constraint_violation: float
+    binding: dict[str, float]
+    optimality_gap: float
+    optimality: str
+    switches: int | None
+    intervals: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class SlewResult:
+    """A slew: the torque, what the plant does under it, and the certificate.
+
+    Attributes
+    ----------
+    objective : str
+    duration : float
+        s.
+    cost : float
+        Value of the objective: s for "time", N^2 m^2 s for "effort", rad^2/s^5 for "jerk", N^2 m^2/s for "torque-rate",
+        m for "tip".
+    time : ndarray, k
+        Instants of the dense replay, s.
+    torque, hub_angle, hub_speed : ndarray, k
+        N m, rad, rad/s.
+    tip_displacement : ndarray, k, or None
+        m; None of a linear system without an output of this name.
+    root_moment : ndarray, k, or None
+        Bending moment at the clamp, N m.
+    states : ndarray, k x n
+        Of the plant, in its own order.
+    residual_energy : float or None
+        Energy left after the end, J; None of a linear system.
+    end_error : float
+        As in the certificate.
+    certificate : SlewCertificate
+    history : TorqueHistory
+        The torque as a function of time.
+    replay : callable
+        Computes `replays`.
+    plan : object
+        What `resolve` and `track` start from.
+    """
+
+    objective: str
+    duration: float
+    cost: float
+    time: Array = field(repr=False)
+    torque: Array = field(repr=False)
+    hub_angle: Array = field(repr=False)
+    hub_speed: Array = field(repr=False)
+    tip_displacement: Array | None = field(repr=False)
+    root_moment: Array | None = field(repr=False)
+    states: Array = field(repr=False)
+    residual_energy: float | None
+    end_error: float
+    certificate: SlewCertificate
+    history: TorqueHistory = field(repr=False)
+    replay: Callable[[], tuple[Replay, ...]] = field(repr=False, default=tuple)
+    plan: Any = field(repr=False, default=None)
+
+    @cached_property
+    def replays(self) -> tuple[Replay, ...]:
+        """What the torque does to the other payloads, to FOAM and to the geometrically exact beam; computed when asked."""
+        return self.replay()
+
+    def plot(self) -> Any:
+        """Draw torque, hub and tip over time; returns a matplotlib figure."""
+        return import_module("boomctl.plotting").plot_slew(self)

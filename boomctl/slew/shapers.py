@@ -1,0 +1,150 @@
+"""Classical slews under a torque limit: a rigid body's bang-bang, its smooth form, and both shaped against one vibration.
+
+A shaper is a train of impulses by which a command is convolved: ZV and ZVD (Singer & Seering 1990), EI (Singhose, Seering
+& Singer 1994). Shaping a torque keeps its integrals of first and second order if the amplitudes add up to one, so it still
+brings a rigid body to the same angle; what it adds is the length of the train.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.checks import known, nonnegative, positive
+from boomctl.slew.torque import TorqueHistory, held
+
+__all__ = ["SHAPERS", "Shaper", "classical_torque", "shaper"]
+
+_VERSINE_PIECES = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Shaper:
+    """A train of impulses.
+
+    Attributes
+    ----------
+    name : str
+    times : ndarray
+        s; the first is 0.
+    amplitudes : ndarray
+        They add up to one.
+    """
+
+    name: str
+    times: Array
+    amplitudes: Array
+
+    def residual(self, frequency: float, damping_ratio: float = 0.0) -> float:
+        """Vibration that is left of that after one impulse, at an angular frequency [rad/s]."""
+        s = -damping_ratio * frequency + 1j * frequency * math.sqrt(1.0 - damping_ratio**2)
+        return float(abs(np.sum(self.amplitudes * np.exp(s * (self.times[-1] - self.times)))))
+
+
+def _none(half: float, K: float, level: float) -> tuple[list[float], list[float]]:
+    return [0.0], [1.0]
+
+
+def _zv(half: float, K: float, level: float) -> tuple[list[float], list[float]]:
+    return [0.0, half], [1.0, K]
+
+
+def _zvd(half: float, K: float, level: float) -> tuple[list[float], list[float]]:
+    return [0.0, half, 2.0 * half], [1.0, 2.0 * K, K**2]
+
+
+def _ei(half: float, K: float, level: float) -> tuple[list[float], list[float]]:
+    return [0.0, half, 2.0 * half], [0.25 * (1.0 + level), 0.5 * (1.0 - level) * K, 0.25 * (1.0 + level) * K**2]
+
+
+SHAPERS: dict[str, Callable[[float, float, float], tuple[list[float], list[float]]]] = {
+    "none": _none,
+    "ZV": _zv,
+    "ZVD": _zvd,
+    "EI": _ei,
+}
+
+
+def shaper(name: str, frequency: float, damping_ratio: float = 0.0, level: float = 0.05) -> Shaper:
+    """Return a shaper against one vibration.
+
+    Parameters
+    ----------
+    name : str
+        "none", "ZV", "ZVD" or "EI".
+    frequency : float
+        Undamped angular frequency, rad/s.
+    damping_ratio : float
+        Below 1.
+    level : float
+        Of EI: the vibration that it tolerates at the frequency itself, as a share. Without damping it is exact; with little
+        damping it is the usual approximation, the amplitudes weighted by the decay.
+
+    Raises
+    ------
+    ValueError
+        If the name is unknown or a number out of its range.
+    """
+    known("shaper", name, tuple(SHAPERS))
+    zeta = nonnegative("damping_ratio", damping_ratio)
+    if zeta >= 1.0:
+        raise ValueError(f"damping_ratio = {damping_ratio!r}: expected a number below 1")
+    half = math.pi / (positive("frequency", frequency) * math.sqrt(1.0 - zeta**2))
+    K = math.exp(-zeta * math.pi / math.sqrt(1.0 - zeta**2))
+    times, amplitudes = SHAPERS[name](half, K, positive("level", level))
+    return Shaper(name, np.array(times), np.array(amplitudes) / np.sum(amplitudes))
+
+
+def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, torque_limit: float) -> TorqueHistory:
+    """Torque that turns a rigid body from rest to rest, shaped.
+
+    Parameters
+    ----------
+    shape : str
+        "bang-bang" or "versine": ``sin(2 pi t / T)``, of which the angle's course is a versine's integral.
+    train : Shaper
+    angle : float
+        rad.
+    inertia : float
+        kg m^2.
+    torque_limit : float
+        N m; the torque before shaping reaches it, and shaping with positive amplitudes does not exceed it.
+
+    Raises
+    ------
+    ValueError
+        If the shape is unknown or a number out of its range.
+    """
+    known("shape", shape, ("bang-bang", "versine"))
+    limit, turn = positive("torque_limit", torque_limit), abs(angle)
+    sign = math.copysign(1.0, angle)
+    if shape == "bang-bang":
+        T = 2.0 * math.sqrt(turn * positive("inertia", inertia) / limit)
+        edges, values = np.array([0.0, 0.5 * T, T]), np.array([1.0, -1.0])
+    else:
+        T = math.sqrt(2.0 * math.pi * turn * positive("inertia", inertia) / limit)
+        edges = np.linspace(0.0, T, _VERSINE_PIECES + 1)
+        course = -np.cos(2.0 * np.pi * edges / T) / (2.0 * np.pi / T)
+        values = np.diff(course) / np.diff(edges)  # means: the impulse is kept
+        values *= turn * inertia / (limit * _turned(edges, values))
+    return _convolved(edges, sign * limit * values, train)
+
+
+def _turned(edges: Array, values: Array) -> float:
+    """Twice integrated from rest."""
+    h = np.diff(edges)
+    speed = np.concatenate([[0.0], np.cumsum(h * values)])
+    return float(np.sum(0.5 * h * (speed[:-1] + speed[1:])))
+
+
+def _convolved(edges: Array, values: Array, train: Shaper) -> TorqueHistory:
+    """A torque held on intervals, repeated with each impulse's delay and amplitude."""
+    jumps = np.diff(np.concatenate([[0.0], values, [0.0]]))
+    times = (edges[None, :] + train.times[:, None]).ravel()
+    steps = (train.amplitudes[:, None] * jumps[None, :]).ravel()
+    order = np.argsort(times, kind="stable")
+    knots, first = np.unique(np.round(times[order], 12), return_index=True)
+    total = np.add.reduceat(steps[order], first)
+    return held(knots, np.cumsum(total)[:-1])

@@ -1,0 +1,102 @@
+"""A torque as a function of time: pieces that are constant or straight lines."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.arrays import Array
+
+__all__ = ["TorqueHistory", "bang_bang", "held", "ramped"]
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueHistory:
+    """A torque that is a straight line on each of N intervals, and zero outside them.
+
+    Attributes
+    ----------
+    edges : ndarray, N + 1
+        Instants at which the intervals meet, s; ascending, the first is 0.
+    left, right : ndarray, N
+        Torque at the beginning and at the end of each interval, N m.
+    """
+
+    edges: Array
+    left: Array
+    right: Array
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """Torque at instants t [s], N m; where it jumps, the value after the jump, and at the end the last one."""
+        t = np.asarray(t, dtype=float)
+        k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, self.left.size - 1)
+        share = (t - self.edges[k]) / (self.edges[k + 1] - self.edges[k])
+        value = self.left[k] + share * (self.right[k] - self.left[k])
+        return np.where((t >= 0.0) & (t <= self.edges[-1]), value, 0.0)
+
+    @property
+    def duration(self) -> float:
+        """Instant at which the torque ends, s."""
+        return float(self.edges[-1])
+
+    @property
+    def switches(self) -> Array:
+        """Instants at which the torque changes its sign by a jump, s."""
+        jumps = np.sign(self.right[:-1]) * np.sign(self.left[1:]) < 0.0
+        return self.edges[1:-1][jumps]
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Instants at which torque or slope jump, s."""
+        return tuple(float(t) for t in self.edges[1:])
+
+    @property
+    def peak(self) -> float:
+        """Largest absolute torque, N m."""
+        return float(max(np.abs(self.left).max(), np.abs(self.right).max()))
+
+    @property
+    def steepest(self) -> float:
+        """Largest absolute slope, N m/s; infinite where the torque jumps, be it at its ends."""
+        if np.any(self.right[:-1] != self.left[1:]) or self.left[0] != 0.0 or self.right[-1] != 0.0:
+            return float("inf")
+        return float(np.abs((self.right - self.left) / np.diff(self.edges)).max())
+
+    @property
+    def effort(self) -> float:
+        """Integral of the torque squared, N^2 m^2 s."""
+        squares = self.left**2 + self.left * self.right + self.right**2
+        return float(np.sum(np.diff(self.edges) * squares) / 3.0)
+
+    @property
+    def angular_momentum(self) -> float:
+        """Integral of the torque, N m s."""
+        return float(np.sum(np.diff(self.edges) * 0.5 * (self.left + self.right)))
+
+
+def held(edges: Array, values: Array) -> TorqueHistory:
+    """Return a torque that is constant between edges [s]."""
+    return TorqueHistory(np.asarray(edges, dtype=float), np.array(values), np.array(values))
+
+
+def ramped(edges: Array, values: Array) -> TorqueHistory:
+    """Return a continuous torque, straight between its values [N m] at the edges [s]."""
+    return TorqueHistory(np.asarray(edges, dtype=float), np.array(values[:-1]), np.array(values[1:]))
+
+
+def bang_bang(switches: Array, duration: float, limit: float, sign: float) -> TorqueHistory:
+    """Return a torque of constant size that changes its sign at switches [s] and ends at a duration [s].
+
+    Parameters
+    ----------
+    switches : ndarray, m
+        Ascending, within the duration.
+    duration : float
+        s.
+    limit : float
+        The size, N m.
+    sign : float
+        Of the first stretch.
+    """
+    values = sign * limit * (-1.0) ** np.arange(switches.size + 1)
+    return held(np.concatenate([[0.0], switches, [duration]]), values)

@@ -1,0 +1,121 @@
+"""Fixed time and limits: two transcriptions, one optimum; a bound that does not know the mesh; limits kept."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.slew import mesh_study, resolve
+from tests.slew.systems import rigid
+
+ANGLE, LIMIT = np.pi / 2, 200.0
+
+
+@pytest.fixture(scope="module")
+def beam():
+    return bc.hub_beam(modes=1)
+
+
+@settings(max_examples=10)
+@given(st.floats(0.2, 2.0), st.floats(1.3, 3.0))
+def test_rigid_effort_is_the_closed_form(angle, stretch):
+    inertia, limit = 50.0, 100.0
+    duration = stretch * 2.0 * np.sqrt(inertia * angle / limit)
+    slew = bc.optimal_slew(rigid(inertia), angle, limit, "effort", duration, intervals=80)
+    free = 12.0 * (inertia * angle) ** 2 / duration**3  # torque 6 J angle / T^2 (1 - 2 t / T)
+    if 6.0 * inertia * angle / duration**2 < limit:
+        assert slew.cost == pytest.approx(free, rel=1e-3)
+    assert slew.cost >= free * (1.0 - 1e-9)
+    assert -1e-9 < slew.certificate.optimality_gap < 1e-3
+    assert slew.certificate.optimality == "proved"
+
+
+@pytest.mark.parametrize("objective", ["effort", "torque-rate", "jerk", "tip"])
+def test_shooting_and_collocation_agree(beam, objective):
+    slews = [
+        bc.optimal_slew(beam, ANGLE, LIMIT, objective, 3.6, method=method, intervals=60, tolerance=1e-7)
+        for method in ("shooting", "collocation")
+    ]
+    costs = [slew.plan.solution.cost for slew in slews]
+    assert costs[0] == pytest.approx(costs[1], rel=1e-6)
+    assert all(slew.end_error < 1e-7 for slew in slews)
+    assert all(slew.residual_energy < 1e-9 for slew in slews)
+
+
+def test_each_objective_is_best_at_its_own(beam):
+    slews = {
+        name: bc.optimal_slew(beam, ANGLE, LIMIT, name, 3.6, method="shooting", intervals=60)
+        for name in ("effort", "torque-rate", "tip")
+    }
+    rate = {name: np.sum(np.diff([0.0, *slew.history.left, 0.0]) ** 2) for name, slew in slews.items()}
+    tip = {name: np.abs(slew.tip_displacement).max() for name, slew in slews.items()}
+    effort = {name: slew.history.effort for name, slew in slews.items()}
+    assert min(effort, key=lambda name: effort[name]) == "effort"
+    assert min(rate, key=lambda name: rate[name]) == "torque-rate"
+    assert min(tip, key=lambda name: tip[name]) == "tip"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("speed_limit", 0.7), ("tip_limit", 1.0), ("moment_limit", 35.0), ("torque_rate_limit", 800.0)],
+)
+def test_limits_are_kept_on_a_dense_replay(beam, name, value):
+    slew = bc.optimal_slew(beam, ANGLE, LIMIT, method="shooting", intervals=100, **{name: value})
+    t = np.linspace(0.0, slew.duration, 4001)
+    r = beam.simulate(bc.torque(slew.history, slew.history.breakpoints), t, rtol=1e-10, atol=1e-12)
+    reached = {
+        "speed_limit": np.abs(r.hub_speed).max(),
+        "tip_limit": np.abs(r.tip_displacement).max(),
+        "moment_limit": np.abs(r.states @ beam.root_moment_row).max(),
+        "torque_rate_limit": slew.history.steepest,
+    }[name]
+    assert reached <= value * (1.0 + 1e-6)
+    assert np.abs(slew.torque).max() <= LIMIT * (1.0 + 1e-9)
+    assert slew.certificate.constraint_violation <= 1e-6
+    assert name in slew.certificate.binding
+    assert slew.duration > bc.optimal_slew(beam, ANGLE, LIMIT).duration
+
+
+def test_orders_of_the_schemes(beam):
+    study = mesh_study(beam, ANGLE, LIMIT, 3.6, (("collocation", 1), ("collocation", 2)), (20, 40, 80, 160))
+    first, second, held = study.lines
+    assert first.order == pytest.approx(2.0, abs=0.3)
+    assert second.order == pytest.approx(4.0, abs=0.5)
+    assert held.order == pytest.approx(2.0, abs=0.4)
+
+
+def test_solving_again_with_other_data(beam):
+    slew = bc.optimal_slew(beam, ANGLE, LIMIT, "effort", 3.6, method="shooting", intervals=60)
+    again = resolve(slew, angle=1.4, torque_limit=180.0)
+    fresh = bc.optimal_slew(beam, 1.4, 180.0, "effort", 3.6, method="shooting", intervals=60)
+    assert again.cost == pytest.approx(fresh.cost, rel=1e-7)
+    assert again.hub_angle[-1] == pytest.approx(1.4, abs=1e-6)
+    with pytest.raises(ValueError, match="collocation or shooting"):
+        resolve(bc.optimal_slew(beam, ANGLE, LIMIT), angle=1.0)
+
+
+def test_foam_is_planned_with_its_axial_modes():
+    foam = bc.hub_beam(model="foam", modes=1)
+    slew = bc.optimal_slew(foam, ANGLE, LIMIT, "effort", 3.6, intervals=60)
+    sfoam = bc.optimal_slew(bc.hub_beam(model="sfoam", modes=1), ANGLE, LIMIT, "effort", 3.6, intervals=60)
+    assert slew.end_error < 1e-6
+    assert slew.states.shape[1] == 6
+    assert slew.cost == pytest.approx(sfoam.cost, rel=2e-2)
+
+
+def test_other_models_are_close_to_the_planned_one(beam):
+    slew = bc.optimal_slew(beam, 0.3, 100.0, "effort", 3.0, intervals=40)
+    names = [replay.model for replay in slew.replays]
+    assert names == ["foam", "geometrically-exact"]
+    assert all(abs(replay.angle_error) < 1e-3 for replay in slew.replays)
+
+
+def test_payloads_come_to_rest_together():
+    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=1)
+    masses = (0.0, 0.2)
+    slew = bc.optimal_slew(h, ANGLE, LIMIT, "effort", 5.0, tip_masses=masses, method="shooting", intervals=60)
+    for mass in (0.1, *masses):
+        other = h.with_tip_mass(mass)
+        r = other.simulate(bc.torque(slew.history, slew.history.breakpoints), slew.duration + np.linspace(0, 3, 31))
+        assert np.abs(r.tip_displacement).max() < 1e-4

@@ -1,0 +1,130 @@
+"""Minimum time: exact solutions, laws, and the certificate's own honesty."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.slew.bounds import time_gap
+from boomctl.slew.problem import slew_problem
+from boomctl.slew.reference import least_time, linear_time_problem
+from boomctl.slew.switching import misfit
+from tests.slew.systems import rigid, two_masses, two_masses_exact
+
+angles = st.floats(0.05, 3.0)
+torques = st.floats(20.0, 400.0)
+
+
+@settings(max_examples=25)
+@given(angles, torques, st.floats(0.1, 1e4))
+def test_rigid_body_takes_the_textbook_time(angle, torque, inertia):
+    slew = bc.optimal_slew(rigid(inertia), angle, torque)
+    exact = 2.0 * np.sqrt(inertia * angle / torque)
+    assert slew.duration == pytest.approx(exact, rel=1e-10)
+    assert slew.certificate.switches == 1
+    assert slew.history.switches == pytest.approx([exact / 2], rel=1e-10)
+
+
+def test_two_masses_and_a_spring():
+    exact, switches = two_masses_exact()
+    slew = bc.optimal_slew(two_masses(), 1.0, 1.0)
+    assert exact == pytest.approx(4.218, abs=5e-4)  # Liu & Wie; Singh & Vadali
+    assert slew.duration == pytest.approx(exact, rel=1e-8)
+    assert slew.history.switches == pytest.approx(switches, rel=1e-8)
+    assert slew.certificate.optimality == "proved"
+    assert abs(slew.certificate.optimality_gap) < 1e-9
+    assert slew.end_error < 1e-9
+    assert slew.residual_energy is None
+    assert slew.tip_displacement is None
+
+
+@pytest.mark.parametrize("modes", [1, 2, 3])
+def test_linear_hub_beam_is_proved_optimal(modes):
+    slew = bc.optimal_slew(bc.hub_beam(modes=modes).linearize(), np.pi / 2, 200.0)
+    c = slew.certificate
+    assert c.optimality == "proved"
+    assert abs(c.optimality_gap) < 1e-6
+    assert slew.end_error < 1e-6
+    assert c.switches % 2 == 1
+    assert c.switches >= 3
+    assert slew.duration > 2.0 * np.sqrt(bc.HubBeamParameters().rigid_inertia * np.pi / 2 / 200.0)
+
+
+@settings(max_examples=8)
+@given(st.floats(0.3, 2.5), st.floats(100.0, 400.0), st.integers(1, 3))
+def test_rest_to_rest_is_antisymmetric_in_time(angle, torque, modes):
+    slew = bc.optimal_slew(bc.hub_beam(modes=modes).linearize(), angle, torque)
+    switches = slew.history.switches
+    assert switches + switches[::-1] == pytest.approx(slew.duration, rel=1e-7)
+    t = np.linspace(0.0, slew.duration, 101)[1:-1]
+    t = t[np.abs(t[:, None] - switches).min(axis=1) > 1e-6]
+    assert slew.history(t) == pytest.approx(-slew.history(slew.duration - t))
+
+
+@settings(max_examples=8)
+@given(st.floats(0.3, 2.5), st.floats(100.0, 300.0), st.floats(1.01, 2.0))
+def test_more_torque_is_never_slower(angle, torque, factor):
+    h = bc.hub_beam(modes=1).linearize()
+    weak, strong = (bc.optimal_slew(h, angle, limit) for limit in (torque, factor * torque))
+    assert strong.duration < weak.duration
+
+
+@settings(max_examples=8)
+@given(st.floats(1.1, 3.0))
+def test_rigid_limit_scales_with_the_root_of_the_angle(factor):
+    stiff = bc.hub_beam(bc.HubBeamParameters(youngs_modulus=6.9e16), modes=1)
+    one, more = (bc.optimal_slew(stiff.linearize(), angle, 200.0).duration for angle in (0.5, 0.5 * factor))
+    assert more / one == pytest.approx(np.sqrt(factor), rel=1e-3)
+
+
+def test_lower_bound_catches_a_slew_that_is_not_the_fastest():
+    problem = slew_problem(two_masses(), 1.0, 1.0)
+    linear = linear_time_problem(problem)
+    found, _ = least_time(problem)
+    spoilt = type(found)(found.switches * 1.05, found.duration * 1.05, found.sign, found.costate, 0.0)
+    assert time_gap(linear, found) < 1e-9
+    assert time_gap(linear, spoilt) > 1e-3
+    assert misfit(linear, spoilt) > 1e-2
+
+
+@pytest.mark.parametrize(("model", "modes"), [("sfoam", 1), ("sfoam-consistent", 2)])
+def test_nonlinear_bang_bang_satisfies_pontryagin(model, modes):
+    h = bc.hub_beam(model=model, modes=modes)
+    slew = bc.optimal_slew(h, np.pi / 2, 200.0)
+    c = slew.certificate
+    assert c.method == "switching times"
+    assert c.optimality == "extremal"
+    assert c.optimality_gap < 1e-6
+    assert slew.end_error < 1e-6
+    assert slew.residual_energy < 1e-9
+    assert np.abs(slew.torque).max() <= 200.0 * (1.0 + 1e-12)
+    assert slew.hub_angle[-1] == pytest.approx(np.pi / 2, abs=1e-7)
+
+
+def test_small_nonlinear_slew_is_the_linear_one():
+    h = bc.hub_beam(modes=2)
+    gaps = []
+    for angle in (0.02, 0.04):
+        linear = bc.optimal_slew(h.linearize(), angle, 20.0).duration
+        gaps.append(abs(bc.optimal_slew(h, angle, 20.0).duration / linear - 1.0))
+    assert gaps[0] < 1e-5
+    assert gaps[0] < gaps[1]
+
+
+def test_spin_up_ends_in_steady_rotation():
+    h = bc.hub_beam(modes=1)
+    slew = bc.optimal_slew(h, None, 200.0, final_speed=1.0)
+    inertia = bc.HubBeamParameters().rigid_inertia
+    assert slew.hub_speed[-1] == pytest.approx(1.0, abs=1e-6)
+    assert slew.residual_energy < 1e-9
+    assert slew.duration > 0.99 * inertia / 200.0
+    assert slew.certificate.optimality_gap < 1e-6
+
+
+def test_arbitrary_end_states():
+    system = two_masses()
+    start, end = [0.2, 0.0, 0.1, -0.1], [1.0, 1.1, 0.0, 0.0]
+    slew = bc.optimal_slew(system, None, 1.0, initial_state=start, final_state=end)
+    assert slew.states[0] == pytest.approx(start)
+    assert slew.states[-1] == pytest.approx(end, abs=1e-8)

@@ -1,0 +1,68 @@
+"""Input shapers by their defining laws; the comparison; the following of a slew."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.slew import classical_torque, compare_slews, shaper, track
+
+frequencies = st.floats(0.5, 50.0)
+dampings = st.floats(0.0, 0.3)
+
+
+@given(st.sampled_from(["ZV", "ZVD"]), frequencies, dampings)
+def test_zv_and_zvd_leave_nothing(name, frequency, damping):
+    train = shaper(name, frequency, damping)
+    assert train.amplitudes.sum() == pytest.approx(1.0)
+    assert train.residual(frequency, damping) < 1e-12
+
+
+@given(frequencies)
+def test_zvd_is_flat_and_ei_is_level(frequency):
+    zv, zvd, ei = (shaper(name, frequency) for name in ("ZV", "ZVD", "EI"))
+    aside = 1.001 * frequency
+    assert zvd.residual(aside) < 1e-2 * zv.residual(aside)
+    assert ei.residual(frequency) == pytest.approx(0.05, rel=1e-9)
+    assert ei.residual(1.1 * frequency) < zv.residual(1.1 * frequency)
+
+
+@settings(max_examples=30)
+@given(st.sampled_from(["bang-bang", "versine"]), st.sampled_from(["none", "ZV", "ZVD", "EI"]), st.floats(0.1, 3.0))
+def test_shaped_torque_turns_a_rigid_body(shape, name, angle):
+    inertia, limit = 241.0, 200.0
+    torque = classical_torque(shape, shaper(name, 3.2), angle, inertia, limit)
+    h = np.diff(torque.edges)
+    speed = np.concatenate([[0.0], np.cumsum(h * torque.left)]) / inertia
+    assert speed[-1] == pytest.approx(0.0, abs=1e-9)
+    assert np.sum(0.5 * h * (speed[1:] + speed[:-1])) == pytest.approx(angle, rel=1e-8)
+    assert torque.peak <= limit * (1.0 + 1e-3)
+
+
+def test_comparison_ranks_as_the_theory_says():
+    h = bc.hub_beam(modes=2)
+    slew = bc.optimal_slew(h, 0.5, 100.0)
+    table = {line.name: line for line in compare_slews(h, 0.5, 100.0, {"fastest": slew}).lines}
+    assert table["bang-bang"].duration < table["fastest"].duration < table["bang-bang, ZV"].duration
+    assert table["fastest"].vibration < 1e-6
+    assert table["bang-bang, ZV"].vibration < 0.1 * table["bang-bang"].vibration
+    zv, zvd = table["bang-bang, ZV"], table["bang-bang, ZVD"]
+    assert max(zvd.vibration_low, zvd.vibration_high) < 0.4 * max(zv.vibration_low, zv.vibration_high)
+    for line in table.values():
+        assert abs(line.angle_error) < 0.02
+    assert compare_slews(h, 0.5, 100.0).plot().axes
+
+
+def test_tracking_holds_another_payload():
+    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2)
+    slew = bc.optimal_slew(h, np.pi / 2, 200.0, "effort", 3.6, method="shooting", intervals=60)
+    same, other = track(slew, 0.1), track(slew, 0.3)
+    assert same.final_angle_error < 1e-3
+    assert same.tip_swing < 1e-3
+    assert other.final_angle_error < 0.05 * other.open_final_angle_error
+    assert other.tip_swing < 0.05 * other.open_tip_swing
+    assert other.gains.shape[1] == 6
+    assert np.abs(other.torque).max() <= 1.5 * 200.0
+    assert other.plot().axes
+    assert slew.plot().axes
