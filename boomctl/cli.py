@@ -33,11 +33,8 @@ def main() -> None:
     except (ValueError, TypeError) as error:
         _fail(str(error), 2)
     except (OSError, ArithmeticError, ImportError, RuntimeError) as error:
-<<<<<<< HEAD
-=======
         if isinstance(error, NotImplementedError | RecursionError):
             raise
->>>>>>> slew
         _fail(str(error), 1)
     except KeyboardInterrupt:
         _fail("interrupted", 1)
@@ -309,30 +306,20 @@ def slew(
 
 @app.command()
 def benchmark(
-<<<<<<< HEAD
-    what: Annotated[str, typer.Argument(help="boom, hub-beam or suspension")] = "boom",
-=======
-    what: Annotated[str, typer.Argument(help="boom, hub-beam or slew")] = "boom",
->>>>>>> slew
+    what: Annotated[str, typer.Argument(help="boom, hub-beam, suspension or slew")] = "boom",
     full: Annotated[bool, typer.Option(help="Include what takes minutes.")] = False,
     as_json: Json = False,
 ) -> None:
     """Measure run time and error side by side, against other programs."""
     from boomctl.checks import known
 
-<<<<<<< HEAD
-    known("benchmark", what, ("boom", "hub-beam", "suspension"))
+    known("benchmark", what, ("boom", "hub-beam", "suspension", "slew"))
     if what == "hub-beam":
         from boomctl.benchmark.hub_beam import run
     elif what == "suspension":
         from boomctl.benchmark.suspension import run
-=======
-    known("benchmark", what, ("boom", "hub-beam", "slew"))
-    if what == "hub-beam":
-        from boomctl.benchmark.hub_beam import run
     elif what == "slew":
         from boomctl.benchmark.slew import run
->>>>>>> slew
     else:
         from boomctl.benchmark.boom import run
 
