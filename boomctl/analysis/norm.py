@@ -243,7 +243,8 @@ def axis_eigenvalues(system: StateMatrices, level: float) -> Array:
     R, S = np.eye(D.shape[1]) - D.T @ D, np.eye(D.shape[0]) - D @ D.T
     shifted = A + B @ np.linalg.solve(R, D.T @ C)
     H = np.block([[shifted, B @ np.linalg.solve(R, B.T)], [-C.T @ np.linalg.solve(S, C), -shifted.T]])
-    H = linalg.matrix_balance(H, permute=False)[0]
+    with np.errstate(invalid="ignore"):  # scipy casts what may be large scales to permutations, which are not used
+        H = linalg.matrix_balance(H, permute=False)[0]
     values = linalg.eigvals(H)
     noise = 1e2 * np.finfo(float).eps * np.linalg.norm(H) + 1e-12 * np.abs(values)
     close = values[(np.abs(values.real) <= noise) & (values.imag >= 0.0)]
