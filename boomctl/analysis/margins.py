@@ -6,6 +6,7 @@ with the diameter from ``(1 - a/2)/(1 + a/2)`` to its inverse, all ``a < alpha``
 diagonal scaling, so that it does not depend on units, and the certified upper bound of that norm.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ from boomctl.analysis.loops import joined
 from boomctl.analysis.norm import Response, StateMatrices, axis_eigenvalues, matrices_norm
 from boomctl.analysis.sigma import resolved_grid
 from boomctl.analysis.singular import singular_values
+from boomctl.analysis.triangular import Triangular, triangular
 from boomctl.arrays import Array, Complex
 
 if TYPE_CHECKING:
@@ -29,6 +31,8 @@ __all__ = ["DiskMargin", "LoopMargin", "Margins", "margins"]
 _ONE = 1e-9
 _REST = 1e-9
 _POLE = 1e-12
+_ACTIVE = 24
+_ROUNDS = 12
 
 
 @dataclass(frozen=True)
@@ -145,13 +149,18 @@ def margins(plant: "SecondOrderModel | control.StateSpace", controller: "control
         worst = poles[int(np.argmax(poles.real))]
         raise ValueError(f"the loop is not stable (pole at {worst:.4g} rad/s): it has no margins")
     S = loop.sensitivity
+    quick, grid = triangular(S), _grid(S)
+    G = quick.response(grid)
     m, total = len(loop.controls), len(S.D)
     places = ["control"] * m + ["measurement"] * (total - m)
     loops = tuple(
-        _loop_margin(name, place, _only(S, [i]))
+        _loop_margin(name, place, _only(S, [i]), quick.only([i]), (grid, G[i, i]))
         for i, (name, place) in enumerate(zip(loop.controls + loop.measurements, places, strict=True))
     )
-    first, second, every = (_disk(_only(S, list(rows))) for rows in (range(m), range(m, total), range(total)))
+    first, second, every = (
+        _disk(_only(S, rows), G[np.ix_(rows, rows)])
+        for rows in (list(range(m)), list(range(m, total)), list(range(total)))
+    )
     return Margins(loops, first, second, every)
 
 
@@ -159,40 +168,66 @@ def _only(S: StateMatrices, chosen: list[int]) -> StateMatrices:
     return StateMatrices(S.A, S.B[:, chosen], S.C[chosen], S.D[np.ix_(chosen, chosen)])
 
 
-def _disk(S: StateMatrices) -> DiskMargin:
-    """Return the disk margin of a sensitivity; ``S - T = 2 S - 1``."""
-    balanced = StateMatrices(S.A, S.B, 2.0 * S.C, 2.0 * S.D - np.eye(len(S.D)))
-    scale = _scaling(balanced)
+def _disk(S: StateMatrices, G: Complex) -> DiskMargin:
+    """Return the disk margin of a sensitivity of response ``G`` on a grid; ``S - T = 2 S - 1``."""
+    eye = np.eye(len(S.D))
+    balanced = StateMatrices(S.A, S.B, 2.0 * S.C, 2.0 * S.D - eye)
+    scale = _scaling(2.0 * G - eye[:, :, None])
     scaled = StateMatrices(S.A, balanced.B / scale, scale[:, None] * balanced.C, scale[:, None] * balanced.D / scale)
     norm = matrices_norm(scaled)
     bound = norm.upper if norm.upper < inf else inf
     return DiskMargin(min(2.0 / bound, 2.0), norm.omega, norm.certified)
 
 
-def _scaling(system: StateMatrices) -> Array:
-    """Return a constant diagonal scaling that makes the largest singular value small; it is convex in its logarithm."""
-    n = len(system.D)
+def _scaling(G: Complex) -> Array:
+    """Return a constant diagonal scaling that makes the largest singular value of a response small.
+
+    It is convex in the scaling's logarithm.  It is minimized over the frequencies at which it was found largest, and
+    those added at which the scaling found makes it larger still, until there are none.
+    """
+    n = len(G)
     if n == 1:
         return np.ones(1)
-    G = system.response(_grid(system))
-    size = np.abs(G).max(axis=2)
-    start = np.zeros(n)
+    best = _levelled(G)
+    values = _scaled_values(best, G)
+    lowest, active = float(values.max()), np.argsort(-values)[:_ACTIVE]
+    log = best
+    for _ in range(_ROUNDS):
+        log, reached = _least(G[:, :, active], log)
+        values = _scaled_values(log, G)
+        if values.max() < lowest:
+            lowest, best = float(values.max()), log
+        if values.max() <= reached * (1.0 + 1e-6):
+            break
+        active = np.union1d(active, np.argsort(-values)[:_ACTIVE])
+    return np.exp(np.append(best, 0.0))
+
+
+def _levelled(G: Complex) -> Array:
+    """Return the logarithm of a scaling that makes rows and columns alike, all but the last, whose is zero."""
+    size, log = np.abs(G).max(axis=2), np.zeros(len(G))
     for _ in range(50):
-        for i in range(n):
-            scaled = np.exp(start)[:, None] * size / np.exp(start)
+        for i in range(len(G)):
+            scaled = np.exp(log)[:, None] * size / np.exp(log)
             row, column = (np.delete(x, i).max() for x in (scaled[i], scaled[:, i]))
             if row > 0.0 and column > 0.0:
-                start[i] += 0.5 * np.log(column / row)
+                log[i] += 0.5 * np.log(column / row)
+    return log[:-1] - log[-1]
 
-    def largest(log: Array) -> float:
-        d = np.exp(np.append(log, 0.0))
-        return float(singular_values(d[:, None, None] * G / d[None, :, None])[0].max())
 
+def _scaled_values(log: Array, G: Complex) -> Array:
+    d = np.exp(np.append(log, 0.0))
+    return singular_values(d[:, None, None] * G / d[None, :, None])[0]
+
+
+def _least(G: Complex, start: Array) -> tuple[Array, float]:
     found = optimize.minimize(
-        largest, start[:-1] - start[-1], method="Nelder-Mead", options={"maxiter": 80 * n, "xatol": 1e-4, "fatol": 1e-6}
+        lambda log: float(_scaled_values(log, G).max()),
+        start,
+        method="Nelder-Mead",
+        options={"maxiter": 80 * len(G), "xatol": 1e-4, "fatol": 1e-6},
     )
-    best = found.x if largest(found.x) < largest(start[:-1] - start[-1]) else start[:-1] - start[-1]
-    return np.exp(np.append(best, 0.0))
+    return found.x, float(found.fun)
 
 
 def _grid(system: StateMatrices) -> Array:
@@ -206,21 +241,51 @@ def _grid(system: StateMatrices) -> Array:
     return np.concatenate([[0.0], resolved_grid(upper, 0.01 * float(size.min()), 100.0 * float(size.max()), np.nan)])
 
 
-def _loop_margin(signal: str, place: str, S: StateMatrices) -> LoopMargin:
-    """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``."""
-    disk = _disk(S)
+def _loop_margin(
+    signal: str, place: str, S: StateMatrices, quick: Triangular, known: tuple[Array, Complex]
+) -> LoopMargin:
+    """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``, known at some frequencies."""
+    disk = _disk(S, known[1][None, None])
     open_loop = _opened(S)
-    grid = np.unique(np.concatenate([_grid(S), _grid(open_loop)]))
+    more = np.setdiff1d(_grid(open_loop), known[0])
+    grid = np.concatenate([known[0], more])
+    values = np.concatenate([known[1], quick.response(more)[0, 0]])[order := np.argsort(grid)]
+    grid = grid[order]
+    there = np.abs(values) > _POLE
+    grid, values = grid[there], 1.0 - 1.0 / values[there]
 
     def response(omega: Array) -> Complex:
         with np.errstate(divide="ignore", invalid="ignore"):
             return 1.0 - 1.0 / S.response(np.atleast_1d(omega))[0, 0]
 
-    there = np.abs(S.response(grid)[0, 0]) > _POLE
-    grid = grid[there]
-    low, high = _gain_limits(response, grid, open_loop)
-    phase, delay = _phase_limits(response, grid, open_loop)
+    low, high = _gain_limits(response, grid, values, open_loop)
+    phase, delay = _phase_limits(response, grid, values, open_loop)
     return LoopMargin(signal, place, *low, *high, *phase, *delay, disk)
+
+
+def _crossings(response: Response, grid: Array, values: Complex, height: Callable[[Complex], Array]) -> list[float]:
+    """Return the frequencies at which ``height`` of the response is zero: on a grid, or where its sign changes between.
+
+    ``values`` are the response on the grid but for rounding; beside the changes, and at rest, where it is real, it is
+    asked anew.
+    """
+    values, asked = values.copy(), grid == 0.0
+    values[asked] = response(grid[asked])
+    while True:
+        signs = np.sign(height(values))
+        flips = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
+        beside = np.unique(np.concatenate([flips, flips + 1]))
+        fresh = beside[~asked[beside]]
+        if not len(fresh):
+            break
+        values[fresh], asked[fresh] = response(grid[fresh]), True
+    found = [float(w) for w in grid[signs == 0.0]]
+    for i in flips:
+        root = optimize.brentq(
+            lambda w: float(height(response(np.array([w])))[0]), grid[i], grid[i + 1], xtol=1e-14, rtol=1e-12
+        )
+        found.append(float(root))  # type: ignore[arg-type]
+    return found
 
 
 def _opened(S: StateMatrices) -> StateMatrices:
@@ -229,19 +294,11 @@ def _opened(S: StateMatrices) -> StateMatrices:
     return StateMatrices(S.A - S.B @ S.C / d, S.B / d, S.C / d, np.array([[1.0 - 1.0 / d]]))
 
 
-def _gain_limits(response: Response, grid: Array, L: StateMatrices) -> tuple[tuple[float, float], tuple[float, float]]:
+def _gain_limits(
+    response: Response, grid: Array, values: Complex, L: StateMatrices
+) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the limits of the factor, each with its frequency: where ``L`` is real and positive, it is ``1/L``."""
-    values = response(grid)
-    flips = np.flatnonzero(np.sign(values.imag[:-1]) * np.sign(values.imag[1:]) < 0.0)
-    crossings = [
-        float(
-            optimize.brentq(
-                lambda w: float(response(np.array([w]))[0].imag), grid[i], grid[i + 1], xtol=1e-14, rtol=1e-12
-            )
-        )  # type: ignore[arg-type]
-        for i in flips
-    ]
-    crossings += [float(w) for w in grid[values.imag == 0.0]]
+    crossings = _crossings(response, grid, values, lambda x: x.imag)
     low, high = (0.0, float("nan")), (inf, float("nan"))
     found = [(1.0 / float(x.real), w) for w in crossings if _positive(x := response(np.array([w]))[0])]
     if L.D[0, 0] > 0.0:
@@ -259,18 +316,11 @@ def _positive(value: complex) -> bool:
     return bool(np.isfinite(value)) and value.real > 0.0 and abs(value.imag) < 1e-6 * abs(value)
 
 
-def _phase_limits(response: Response, grid: Array, L: StateMatrices) -> tuple[tuple[float, float], tuple[float, float]]:
+def _phase_limits(
+    response: Response, grid: Array, values: Complex, L: StateMatrices
+) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the least angle [degrees] and the least delay [s] from ``L`` to one, where ``|L| = 1``."""
-    values = np.abs(response(grid)) - 1.0
-    flips = np.flatnonzero(values[:-1] * values[1:] < 0.0)
-    crossings = [
-        float(
-            optimize.brentq(
-                lambda w: float(np.abs(response(np.array([w]))[0])) - 1.0, grid[i], grid[i + 1], xtol=1e-14, rtol=1e-12
-            )
-        )  # type: ignore[arg-type]
-        for i in flips
-    ]
+    crossings = _crossings(response, grid, values, lambda x: np.abs(x) - 1.0)
     if abs(abs(float(L.D[0, 0])) - 1.0) > 1e-9 and len(L.A):
         extra = axis_eigenvalues(L, 1.0)
         crossings += [float(w) for w in extra if abs(abs(response(np.array([w]))[0]) - 1.0) < 1e-6]

@@ -34,6 +34,7 @@ _AXIS = 1e-10
 _ROUNDS = 30
 _REFINED = 3
 _SCREENED = 60
+_BATCH = 2**16
 
 Response = Callable[[Array], Complex]
 
@@ -84,8 +85,15 @@ class StateMatrices:
         return np.moveaxis(self.C @ resolvent + self.D, 0, 2)
 
     def _resolvent(self, omega: Array) -> Complex:
-        s = 1j * omega
-        return np.linalg.solve(s[:, None, None] * np.eye(len(self.A)) - self.A, self.B.astype(complex))
+        n, B = len(self.A), self.B.astype(complex)
+        found = np.empty((len(omega), *B.shape), complex)
+        step, places = max(1, _BATCH // max(n, 1) ** 2), np.arange(n)
+        for i in range(0, len(omega), step):
+            s = 1j * omega[i : i + step]
+            pencil = np.tile(-self.A.astype(complex), (len(s), 1, 1))
+            pencil[:, places, places] += s[:, None]
+            found[i : i + step] = np.linalg.solve(pencil, B)
+        return found
 
 
 def state_matrices(system: "control.StateSpace") -> StateMatrices:
@@ -235,7 +243,8 @@ def axis_eigenvalues(system: StateMatrices, level: float) -> Array:
     R, S = np.eye(D.shape[1]) - D.T @ D, np.eye(D.shape[0]) - D @ D.T
     shifted = A + B @ np.linalg.solve(R, D.T @ C)
     H = np.block([[shifted, B @ np.linalg.solve(R, B.T)], [-C.T @ np.linalg.solve(S, C), -shifted.T]])
-    H = linalg.matrix_balance(H, permute=False)[0]
+    with np.errstate(invalid="ignore"):  # scipy casts what may be large scales to permutations, which are not used
+        H = linalg.matrix_balance(H, permute=False)[0]
     values = linalg.eigvals(H)
     noise = 1e2 * np.finfo(float).eps * np.linalg.norm(H) + 1e-12 * np.abs(values)
     close = values[(np.abs(values.real) <= noise) & (values.imag >= 0.0)]

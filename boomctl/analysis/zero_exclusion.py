@@ -13,7 +13,7 @@ cell is given up at once where a single frequency fails, for then no cut helps. 
 to first order, so that the couplings are of second order.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -76,6 +76,7 @@ class _Modes:
     """The pencil over a cell, ``sum_t w_t (s E_t - A_t)`` and ``s - poles`` on the diagonal, ``low <= w <= high``.
 
     Of the first ``exact`` terms the diagonal is accounted for exactly; of the others, small ones, in magnitude.
+    ``powers[t, i]`` tells how often the weight of a term has parameter ``i`` as a factor.
     """
 
     poles: Complex
@@ -84,6 +85,12 @@ class _Modes:
     low: Array
     high: Array
     exact: int
+    powers: NDArray[np.int_]
+
+    def halved(self, axis: int) -> "_Modes":
+        """Return the same over the middle half of a parameter's range."""
+        share = 0.5 ** self.powers[:, axis]
+        return replace(self, low=share * self.low, high=share * self.high)
 
     @property
     def size(self) -> Array:
@@ -106,10 +113,24 @@ def prove_cell(centre: Pencil, slopes: tuple[Pencil, ...], cell: Cell) -> CellPr
     modes = None if abscissa >= 0.0 else _modes(here, slopes, cell)
     if modes is None:
         return CellProof(abscissa, False, int(np.argmax(cell.reach)))
-    k = len(cell.reach)
-    change = np.abs(1j * modes.poles.imag[:, None] * modes.E[:k] - modes.A[:k]).sum(axis=2)
-    axis = int(np.argmax(cell.reach * (change / np.abs(modes.poles.real)).max(axis=1)))
-    return CellProof(abscissa, _excluded(modes), axis)
+    worst = _hardest(modes)
+    return CellProof(abscissa, worst is None, 0 if worst is None else _decisive(modes, worst))
+
+
+def _decisive(modes: _Modes, point: Array) -> int:
+    """Return the parameter whose range, halved, would leave the least couplings at a frequency."""
+    found = []
+    for axis in range(modes.powers.shape[1]):
+        half = modes.halved(axis)
+        n = len(half.poles)
+        coupling = _couplings(_squares(half), point[None]).reshape(n, n)
+        distance = _along(half, point[None])[:, 0].max(axis=0)
+        clear = float(distance.min())
+        if clear > 0.0:
+            found.append((0, float(np.abs(np.linalg.eigvals(coupling / distance[:, None])).max()), axis))
+        else:
+            found.append((1, -clear, axis))
+    return min(found)[2]
 
 
 def _modes(here: Pencil, slopes: tuple[Pencil, ...], cell: Cell) -> _Modes | None:
@@ -163,6 +184,7 @@ def _straightened(poles: Complex, E: Complex, A: Complex, reach: Array) -> _Mode
         bounds[:, 0],
         bounds[:, 1],
         sum(-1 not in power and len(power) <= 2 for power in order),
+        np.array([[power.count(i) for i in range(k)] for power in order]),
     )
 
 
@@ -172,8 +194,8 @@ def _range(power: tuple[int, ...], reach: Array) -> tuple[float, float]:
     return (0.0 if len(power) == 2 and power[0] == power[1] >= 0 else -size), size
 
 
-def _excluded(modes: _Modes) -> bool:
-    """Return whether the whole imaginary axis is excluded; of conjugate frequencies one suffices.
+def _hardest(modes: _Modes) -> Array | None:
+    """Return a frequency that could not be excluded, None if the whole imaginary axis is; one of conjugates suffices.
 
     Frequencies are points ``(a, b)`` that stand for the pencil ``j a E - b A``, infinity for ``(1, 0)``.
     """
@@ -181,21 +203,22 @@ def _excluded(modes: _Modes) -> bool:
     ends = _breaks(modes)
     chain, tail = np.column_stack([ends, np.ones(len(ends))]), np.array([[1.0, 1.0 / ends[-1]], [1.0, 0.0]])
     lines = [chain[None, i : i + batch + 1] for i in range(0, len(chain) - 1, batch)] + [tail[None]]
+    rest = np.zeros((0, 2, 2))
     for _ in range(_DEPTH + 1):
         open_ = []
         for line in lines:
-            failed = _failed(modes, squares, line)
-            if failed is None:
-                return False
+            failed, point = _failed(modes, squares, line)
+            if point is not None:
+                return point
             open_.append(np.stack([line[:, :-1][failed], line[:, 1:][failed]], axis=1))
         rest = np.concatenate(open_)
         if not len(rest):
-            return True
+            return None
         share = np.linspace(0.0, 1.0, _PARTS + 1)[:, None]
         cut = (1.0 - share) * rest[:, :1] + share * rest[:, 1:]
         step = max(1, batch // _PARTS)
         lines = [cut[i : i + step] for i in range(0, len(cut), step)]
-    return False
+    return rest[0, 0]
 
 
 def _breaks(modes: _Modes) -> Array:
@@ -224,8 +247,8 @@ def _squares(modes: _Modes) -> Array:
     return found.reshape(len(found), 3, -1)
 
 
-def _failed(modes: _Modes, squares: Array, points: Array) -> NDArray[np.bool_] | None:
-    """Return which intervals between neighbours of ``points[line, place]`` are not excluded; None where none can be."""
+def _failed(modes: _Modes, squares: Array, points: Array) -> tuple[NDArray[np.bool_], Array | None]:
+    """Return which intervals between neighbours of ``points[line, place]`` are not excluded, and a hopeless point."""
     lines, places, n = *points.shape[:2], len(modes.poles)
     flat = points.reshape(-1, 2)
     coupling = _couplings(squares, flat).reshape(lines, places, n, n)
@@ -235,11 +258,12 @@ def _failed(modes: _Modes, squares: Array, points: Array) -> NDArray[np.bool_] |
     H = np.maximum(coupling[:, :-1], coupling[:, 1:])[~failed] / distance[~failed][:, :, None]
     failed[~failed] = ~_below_one(H)
     if not failed.any():
-        return failed
+        return failed, None
     touched = np.zeros((lines, places), dtype=bool)
     touched[:, :-1] |= failed
     touched[:, 1:] |= failed
-    return None if _fail(coupling[touched], along.max(axis=0)[touched]) else failed
+    at = _fail(coupling[touched], along.max(axis=0)[touched])
+    return failed, None if at is None else points[touched][at]
 
 
 def _couplings(squares: Array, points: Array) -> Array:
@@ -266,14 +290,17 @@ def _along(modes: _Modes, points: Array) -> Array:
     return found
 
 
-def _fail(coupling: Array, distance: Array) -> bool:
-    """Return whether the couplings at one of a few frequencies do not allow of a proof."""
+def _fail(coupling: Array, distance: Array) -> int | None:
+    """Return a place among a few frequencies whose couplings do not allow of a proof; None if none was found."""
     if (distance <= 0.0).any():
-        return True
+        return int(np.argmin(distance.min(axis=1)))
     H = coupling / distance[:, :, None]
-    H = H[~_below_one(H)]
-    worst = np.argsort(-np.linalg.norm(H, axis=(1, 2)))[:_ASKED]
-    return bool(len(worst)) and bool(np.abs(np.linalg.eigvals(H[worst])).max() >= 1.0)
+    open_ = np.flatnonzero(~_below_one(H))
+    if not len(open_):
+        return None
+    worst = open_[np.argsort(-np.linalg.norm(H[open_], axis=(1, 2)))[:_ASKED]]
+    radius = np.abs(np.linalg.eigvals(H[worst])).max(axis=1)
+    return int(worst[np.argmax(radius)]) if radius.max() >= 1.0 else None
 
 
 def _below_one(H: Array) -> NDArray[np.bool_]:

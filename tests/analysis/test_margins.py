@@ -73,3 +73,29 @@ def test_margins_do_not_depend_on_units():
 def test_an_unstable_loop_has_none():
     with pytest.raises(ValueError, match="not stable"):
         margins(chain(0), velocity_feedback(-3.0))
+
+
+@given(st.floats(0.05, 0.95))
+@settings(max_examples=10)
+def test_a_loop_that_is_lost_at_rest_is_limited_there(gain):
+    """``L = gain/(s + 1)`` fed back positively is lost by a pole through zero; its response there is real."""
+    found = margins(*loop([[-1.0]], [[1.0]], [[1.0]], -gain))["u"]
+    assert found.gain_high == pytest.approx(1.0 / gain, rel=1e-9)
+    assert found.gain_high_omega == 0.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_one_loop_at_a_time_is_the_loop_closed_by_all_others(seed):
+    plant, K = chain(seed), velocity_feedback(0.2, 8.0)
+    whole, named = margins(plant, K), SIGNALS["outputs"]
+    for i, name in enumerate(named):
+        others = [j for j in range(2) if j != i]
+        rest = control.ss(
+            K.A, K.B, K.C[others], K.D[others], inputs=SIGNALS["inputs"], outputs=[named[j] for j in others]
+        )
+        opened = feedback_loop(plant, rest)
+        own = control.ss(K.A, K.B, K.C[[i]], K.D[[i]], inputs=SIGNALS["inputs"], outputs=[name])
+        alone = margins(opened, own)[name]
+        for field in ("gain_low", "gain_high", "phase_deg", "delay"):
+            assert getattr(whole[name], field) == pytest.approx(getattr(alone, field), rel=1e-6)
+        assert whole[name].disk.alpha == pytest.approx(alone.disk.alpha, rel=1e-4)
