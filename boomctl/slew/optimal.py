@@ -155,10 +155,11 @@ def _planned(problem: SlewProblem) -> _Plan:
         gap = time_gap(linear, extremal)
         return _Plan(history, "switching times", gap, "proved" if problem.waits else "extremal")
     sizes = typical_sizes(guess_from(problem, history, 200, False))
-    found = _sharp(problem, history, sizes)
+    whole = all(plant.reach.all() for plant in problem.plants)
+    found = _sharp(problem, history, sizes) if whole else None
     if found is None:
         plan = _programmed(problem, history)
-        found = _sharp(problem, _structure(plan.history), sizes)
+        found = _sharp(problem, _structure(plan.history), sizes) if whole else None
         if found is None:
             return plan
     return _Plan(found.history, "switching times", found.gain, "extremal")
@@ -216,23 +217,21 @@ def _programmed(problem: SlewProblem, start: TorqueHistory | None = None) -> _Pl
 
 def _refined(problem: SlewProblem, start: TorqueHistory | None, ramp: bool) -> _Plan:
     """Halve the intervals until that changes the cost by little; a mesh too coarse for any slew is passed over."""
-    plan, cost, failure = None, np.inf, None
+    cost, failure = np.inf, SlewError("no mesh was tried")
     for intervals in _MESHES:
+        last = intervals == _MESHES[-1]
         try:
-            programme, solution = _solved(problem, intervals, ramp, start)
+            programme, solution = _solved(problem, intervals, ramp, start, rough=not last)
+            gap = abs(solution.cost - cost) / max(abs(solution.cost), 1e-300)
+            if gap < _MESH_GAP and not last:
+                programme, solution = _solved(problem, intervals, ramp, solution.history)
         except SlewError as error:
             failure = error
-            if plan is None and intervals < _MESHES[-2]:
-                continue
-            raise
-        gap = abs(solution.cost - cost) / max(abs(solution.cost), 1e-300)
-        plan = _Plan(solution.history, problem.method, gap, "stationary", intervals, programme, solution)
+            continue
         cost, start = solution.cost, solution.history
-        if gap < _MESH_GAP:
-            break
-    if plan is None:
-        raise failure or SlewError("no mesh was tried")
-    return plan
+        if gap < _MESH_GAP or last:
+            return _Plan(solution.history, problem.method, gap, "stationary", intervals, programme, solution)
+    raise failure
 
 
 def _companion(problem: SlewProblem, ramp: bool, solution: Solution) -> Solution:
@@ -247,9 +246,12 @@ def _companion(problem: SlewProblem, ramp: bool, solution: Solution) -> Solution
 
 
 def _solved(
-    problem: SlewProblem, intervals: int, ramp: bool, start: TorqueHistory | None
+    problem: SlewProblem, intervals: int, ramp: bool, start: TorqueHistory | None, rough: bool = False
 ) -> tuple[Programme, Solution]:
-    """Solve on a mesh, with the order raised and the limits tightened until the replay keeps what was asked."""
+    """Solve on a mesh, with the order raised and the limits tightened until the replay keeps what was asked.
+
+    A rough solution is not replayed: it tells the cost, and where to start on the next mesh.
+    """
     if problem.objective == "effort" and not problem.limits and problem.duration is not None:
         guess = effort_guess(problem, problem.duration, intervals)
     else:
@@ -268,6 +270,8 @@ def _solved(
                 transcribe(problem.plants, scheme, units, problem.torque_limit, time, problem.ends), problem.tolerance
             )
         solution = programme.solve(problem, guess, before, backoff)
+        if rough:
+            return programme, solution
         motions = played(problem, solution.history)
         excess = violation(problem, solution.history, motions)
         worst = max((excess[kind] for kind in problem.limits), default=0.0)
