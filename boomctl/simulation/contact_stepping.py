@@ -49,8 +49,8 @@ class _Motion:
 
 def _motion(p: LoopProblem, contacts: Contacts) -> _Motion:
     none = np.zeros(p.grid.steps + 1)
-    slip = (none, none) if contacts.slip is None else contacts.slip.offsets(p.W, p.grid.h)
-    found = [stop.offsets(p.W, p.grid.h) for stop in contacts.stops]
+    slip = (none, none) if contacts.slip is None else contacts.slip.offsets(p.W, p.grid.h, p.grid.per_point)
+    found = [stop.offsets(p.W, p.grid.h, p.grid.per_point) for stop in contacts.stops]
     strokes = tuple(np.column_stack([pair[kind] for pair in found]) if found else none[:, None] for kind in (0, 1))
     return _Motion(slip, (strokes[0], strokes[1]))
 
@@ -81,6 +81,8 @@ def run_contact(p: LoopProblem, log: ControlLog, contacts: Contacts) -> tuple[Ar
         before[:] = after
         if (k + 1) % per_point == 0:
             X[(k + 1) // per_point] = free
+    if p.grid.steps % per_sample == 0:
+        sample(p.grid.steps // per_sample, heard)
     return p.plant.C @ X.T, kept
 
 

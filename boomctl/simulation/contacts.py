@@ -50,17 +50,20 @@ class Contact:
     held: Array
     gain: float
 
-    def offsets(self, W: Array, h: float) -> tuple[Array, Array]:
+    def offsets(self, W: Array, h: float, per_point: int = 1) -> tuple[Array, Array]:
         """Return what disturbances ``W`` (inputs, steps + 1) add to displacement and velocity at each step.
 
-        The rate at a point is the mean of the slopes on both sides, so that it is of second order in the step.
+        The rate at a given time (each ``per_point`` steps) is the mean of the slopes on both sides and runs straight in
+        between, so that it is of second order and does not jump: a prescribed displacement has no corners, at which no
+        friction could hold.
         """
         used = np.flatnonzero(self.rate)
         rates = np.zeros((len(used), W.shape[1]))
         if len(used):
-            slopes = np.diff(W[used], axis=1) / h
-            rates[:, 1:-1] = 0.5 * (slopes[:, 1:] + slopes[:, :-1])
-            rates[:, 0], rates[:, -1] = slopes[:, 0], slopes[:, -1]
+            slopes = np.diff(W[used][:, ::per_point], axis=1) / (h * per_point)
+            given = np.hstack([slopes[:, :1], 0.5 * (slopes[:, 1:] + slopes[:, :-1]), slopes[:, -1:]])
+            points, steps = per_point * np.arange(given.shape[1]), np.arange(W.shape[1])
+            rates = np.array([np.interp(steps, points, row) for row in given])
         return self.through[0] @ W, self.through[1] @ W + self.rate[used] @ rates
 
 
@@ -112,9 +115,12 @@ def stop_places(limit: StrokeLimit, plant: ModalPlant) -> list[tuple[str, str, f
         return []
     found: list[tuple[str, str, float]] = []
     if isinstance(limit, Mapping):
-        for output, value in limit.items():
-            known("output of stroke_limit", output, plant.outputs)
-            size, force = value if isinstance(value, tuple) else (value, output.replace("stroke_", "suspension_", 1))
+        for name, value in limit.items():
+            output = known("output of stroke_limit", name, plant.outputs)
+            pair = value if isinstance(value, tuple) else (value, output.replace("stroke_", "suspension_", 1))
+            if len(pair) != 2:
+                raise ValueError(f"stroke_limit[{output!r}] = {value!r}: expected a number or (number, input)")
+            size, force = pair
             known(f"input at the stop of {output!r}", force, plant.inputs)
             found.append((output, force, positive(f"stroke_limit[{output!r}]", size)))
     else:
