@@ -8,7 +8,18 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 
-__all__ = ["finite_array", "frequencies", "known", "names", "nonnegative", "positive", "real", "signal_name", "whole"]
+__all__ = [
+    "finite_array",
+    "frequencies",
+    "known",
+    "names",
+    "nonnegative",
+    "plain_array",
+    "positive",
+    "real",
+    "signal_name",
+    "whole",
+]
 
 
 def real(name: str, value: object) -> float:
@@ -23,7 +34,12 @@ def real(name: str, value: object) -> float:
     """
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise TypeError(f"{name} = {value!r}: expected a real number, got {type(value).__name__}")
-    number = float(value)
+    try:
+        number = float(value)
+    except OverflowError:
+        raise ValueError(
+            f"{name}: expected a finite number, got an integer beyond all floating-point numbers"
+        ) from None
     if not np.isfinite(number):
         raise ValueError(f"{name} = {value!r}: expected a finite number")
     return number
@@ -54,9 +70,17 @@ def whole(name: str, value: object, least: int = 1) -> int:
     return int(value)
 
 
+def plain_array(name: str, value: ArrayLike) -> Array:
+    """Return ``value`` as an array of whatever it holds; rows of different lengths are refused by name."""
+    try:
+        return np.asarray(value)
+    except ValueError:
+        raise ValueError(f"{name}: expected an array, got rows of different lengths") from None
+
+
 def finite_array(name: str, value: ArrayLike, ndim: int | None = None) -> Array:
     """Return ``value`` as a real array without NaN or infinity, of ``ndim`` dimensions if that is given."""
-    array = np.asarray(value)
+    array = plain_array(name, value)
     if array.dtype.kind not in "iuf":
         raise TypeError(f"{name}: expected real numbers, got an array of {array.dtype}")
     if ndim is not None and array.ndim != ndim:
@@ -80,7 +104,7 @@ def frequencies(name: str, value: ArrayLike) -> Array:
 def known(what: str, name: object, choices: Iterable[str]) -> str:
     """Return ``name`` if it is among ``choices``; otherwise say which exist and suggest the nearest."""
     listed = list(choices)
-    if name in listed:
+    if isinstance(name, str) and name in listed:
         return str(name)
     close = get_close_matches(str(name), listed, n=1, cutoff=0.5)
     hint = f"; did you mean {close[0]!r}?" if close else ""
@@ -97,9 +121,11 @@ def signal_name(what: str, name: object) -> str:
 
 
 def names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str]) -> tuple[str, ...]:
-    """Return the wanted names, each known and none twice; ``None`` means all of ``choices``."""
+    """Return the wanted names, each known and none twice; ``None`` means all of ``choices``; no names are a TypeError."""
     if wanted is None:
         return tuple(choices)
+    if not isinstance(wanted, Iterable):
+        raise TypeError(f"{what} = {wanted!r}: expected a name or a sequence of names")
     listed = (wanted,) if isinstance(wanted, str) else tuple(wanted)
     for name in listed:
         known(what, name, choices)

@@ -50,18 +50,35 @@ class Contact:
     held: Array
     gain: float
 
-    def offsets(self, W: Array, h: float) -> tuple[Array, Array]:
+    def offsets(self, W: Array, h: float, per_point: int = 1) -> tuple[Array, Array]:
         """Return what disturbances ``W`` (inputs, steps + 1) add to displacement and velocity at each step.
 
-        The rate at a point is the mean of the slopes on both sides, so that it is of second order in the step.
+        A prescribed displacement has no corners, at which no friction could hold: between the given times (each
+        ``per_point`` steps) it is read along a cubic, whose rates there are the mean of the slopes on both sides.
         """
         used = np.flatnonzero(self.rate)
-        rates = np.zeros((len(used), W.shape[1]))
-        if len(used):
-            slopes = np.diff(W[used], axis=1) / h
-            rates[:, 1:-1] = 0.5 * (slopes[:, 1:] + slopes[:, :-1])
-            rates[:, 0], rates[:, -1] = slopes[:, 0], slopes[:, -1]
-        return self.through[0] @ W, self.through[1] @ W + self.rate[used] @ rates
+        if not len(used):
+            return self.through[0] @ W, self.through[1] @ W
+        values, rates = _smooth(W[used], h, per_point)
+        return (
+            self.through[0] @ W + self.through[0][used] @ (values - W[used]),
+            self.through[1] @ W + self.rate[used] @ rates,
+        )
+
+
+def _smooth(W: Array, h: float, per_point: int) -> tuple[Array, Array]:
+    """Return signals (k, steps + 1) and their rates along cubics between every ``per_point``-th step."""
+    H, given = h * per_point, W[:, ::per_point]
+    slopes = np.diff(given, axis=1) / H
+    rates = np.hstack([slopes[:, :1], 0.5 * (slopes[:, 1:] + slopes[:, :-1]), slopes[:, -1:]])
+    s, start, end, slope = np.arange(per_point) / per_point, rates[:, :-1, None], rates[:, 1:, None], slopes[:, :, None]
+    bent = H * (slope * (3.0 * s**2 - 2.0 * s**3) + start * (s - 2.0 * s**2 + s**3) + end * (s**3 - s**2))
+    value = given[:, :-1, None] + bent
+    rate = slope * 6.0 * (s - s**2) + start * (1.0 - 4.0 * s + 3.0 * s**2) + end * (3.0 * s**2 - 2.0 * s)
+    return (
+        np.hstack([value.reshape(len(W), -1), given[:, -1:]]),
+        np.hstack([rate.reshape(len(W), -1), rates[:, -1:]]),
+    )
 
 
 @dataclass(frozen=True)
@@ -112,9 +129,12 @@ def stop_places(limit: StrokeLimit, plant: ModalPlant) -> list[tuple[str, str, f
         return []
     found: list[tuple[str, str, float]] = []
     if isinstance(limit, Mapping):
-        for output, value in limit.items():
-            known("output of stroke_limit", output, plant.outputs)
-            size, force = value if isinstance(value, tuple) else (value, output.replace("stroke_", "suspension_", 1))
+        for name, value in limit.items():
+            output = known("output of stroke_limit", name, plant.outputs)
+            pair = value if isinstance(value, tuple) else (value, output.replace("stroke_", "suspension_", 1))
+            if len(pair) != 2:
+                raise ValueError(f"stroke_limit[{output!r}] = {value!r}: expected a number or (number, input)")
+            size, force = pair
             known(f"input at the stop of {output!r}", force, plant.inputs)
             found.append((output, force, positive(f"stroke_limit[{output!r}]", size)))
     else:

@@ -8,9 +8,9 @@ damping ``4 F/(pi omega A)`` at the slip amplitude ``A``.  With the plant's rece
 Source: Den Hartog (1931) for the damper, Gelb & Vander Velde (1968) for the method.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,13 +18,15 @@ from numpy.typing import ArrayLike
 from boomctl.analysis.singular import singular_values
 from boomctl.arrays import Array, Complex, Flags
 from boomctl.checks import frequencies, known, names, positive
-from boomctl.simulation.friction import CoulombFriction
+from boomctl.simulation.friction import CoulombFriction, friction_law
 from boomctl.structure.second_order import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
 
-__all__ = ["SineResponse", "describing_function", "receptances", "sine_pattern"]
+__all__ = ["SineResponse", "describing_function", "finite_response", "receptances", "sine_pattern"]
+
+Values = TypeVar("Values", Array, Complex)
 
 
 @dataclass(frozen=True)
@@ -67,9 +69,13 @@ class SineResponse:
 
 def sine_pattern(inputs: Sequence[str], excitation: str | dict[str, complex]) -> tuple[tuple[str, ...], Complex]:
     """Return the inputs excited and their complex amplitudes, scaled to length one."""
+    if not isinstance(excitation, (str, Mapping)):
+        raise TypeError(f"excitation = {excitation!r}: expected an input, or a mapping from inputs to amplitudes")
     shares = {excitation: 1.0 + 0.0j} if isinstance(excitation, str) else dict(excitation)
-    for name in shares:
+    for name, share in shares.items():
         known("excited input", name, inputs)
+        if not isinstance(share, (int, float, complex, np.number)):
+            raise TypeError(f"excitation[{name!r}] = {share!r}: expected a number")
     vector = np.array(list(shares.values()), dtype=complex)
     length = float(np.linalg.norm(vector))
     if not len(vector) or not np.isfinite(length) or length == 0.0:
@@ -116,21 +122,35 @@ def describing_function(
     Raises
     ------
     TypeError, ValueError
-        Unknown signals, amplitude or frequencies not above zero.
+        Unknown signals, amplitude or frequencies not above zero, an undamped resonance among these.
     """
-    grid, size = _positive_grid(omega), positive("amplitude", amplitude)
+    grid, size, law = _positive_grid(omega), positive("amplitude", amplitude), friction_law(friction)
     excited, shape = sine_pattern(plant_inputs(plant), excitation)
     read = names("output", outputs, plant_outputs(plant))
-    known("input of the friction", friction.input, plant_inputs(plant))
-    known("output of the friction", friction.output, plant_outputs(plant))
-    ins, outs = tuple(dict.fromkeys((*excited, friction.input))), tuple(dict.fromkeys((*read, friction.output)))
-    H = receptances(plant, grid, ins, outs)
-    acts, slips = ins.index(friction.input), outs.index(friction.output)
-    rows = [outs.index(name) for name in read]
-    moved = size * np.einsum("oin,i->on", H[:, [ins.index(name) for name in excited]], shape)
-    force, slip = balanced_friction(moved[slips], H[slips, acts], friction.force)
-    response = (moved[rows] + H[rows, acts] * force) / size
-    return SineResponse(grid, response, slip, slip == 0.0, size, excited, read, np.zeros(len(grid)))
+    known("input of the friction", law.input, plant_inputs(plant))
+    known("output of the friction", law.output, plant_outputs(plant))
+    ins, outs = tuple(dict.fromkeys((*excited, law.input))), tuple(dict.fromkeys((*read, law.output)))
+    with np.errstate(all="ignore"):
+        H = finite_response(receptances(plant, grid, ins, outs), grid)
+        acts, slips = ins.index(law.input), outs.index(law.output)
+        rows = [outs.index(name) for name in read]
+        moved = size * np.einsum("oin,i->on", H[:, [ins.index(name) for name in excited]], shape)
+        force, slip = balanced_friction(moved[slips], H[slips, acts], law.force)
+        response = finite_response((moved[rows] + H[rows, acts] * force) / size, grid)
+    return SineResponse(
+        grid, response, finite_response(slip, grid), slip == 0.0, size, excited, read, np.zeros(len(grid))
+    )
+
+
+def finite_response(response: Values, omega: Array) -> Values:
+    """Return a response (..., frequencies), real or complex, that is finite throughout; otherwise say where it is not."""
+    bad = ~np.isfinite(response.reshape(-1, len(omega))).all(axis=0)
+    if bad.any():
+        raise ValueError(
+            f"omega: the response is not finite at {omega[bad][0]:g} rad/s; expected no undamped resonance there, and "
+            "frequencies and amplitudes of finite squares"
+        )
+    return response
 
 
 def balanced_friction(slip: Complex, receptance: Complex, force: float) -> tuple[Complex, Array]:

@@ -111,6 +111,8 @@ def forced_response(
         found = lifted_response(modal.step(h).of_signals, modal.C, modal.D, rows)[
             [modal.outputs.index(name) for name in read]
         ]
+        if not np.isfinite(found).all():
+            raise ValueError("plant: its outputs grow beyond all numbers before the last of timepts")
         return ForcedResponse(time, dict(zip(read, found, strict=True)), _given(signals), 0.0, len(modal.A))
     for name in signals:
         known("signal", name, plant.inputs)

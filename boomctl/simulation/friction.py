@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from boomctl.checks import nonnegative, positive, signal_name, whole
 
-__all__ = ["CoulombFriction", "FrictionStep", "friction_step"]
+__all__ = ["CoulombFriction", "FrictionStep", "friction_law", "friction_step"]
 
 _END = 1e-12
 
@@ -58,6 +58,13 @@ class CoulombFriction:
     def breakaway(self) -> float:
         """Largest force that holds [N]."""
         return float(self.force if self.static_force is None else self.static_force)
+
+
+def friction_law(friction: object) -> CoulombFriction:
+    """Return a friction law; anything else is a TypeError."""
+    if not isinstance(friction, CoulombFriction):
+        raise TypeError(f"friction = {friction!r}: expected CoulombFriction, got {type(friction).__name__}")
+    return friction
 
 
 @dataclass(frozen=True)

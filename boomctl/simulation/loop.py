@@ -11,7 +11,7 @@ from boomctl.checks import finite_array, nonnegative
 from boomctl.simulation.contact_stepping import ContactLog, run_contact
 from boomctl.simulation.contacts import StrokeLimit, contacts_of, stop_places
 from boomctl.simulation.controller import sampled_controller
-from boomctl.simulation.friction import CoulombFriction
+from boomctl.simulation.friction import CoulombFriction, friction_law
 from boomctl.simulation.plant import ModalPlant, modal_plant
 from boomctl.simulation.result import FrictionReport, LoopResult
 from boomctl.simulation.signals import disturbance_rows, per_signal, time_grid
@@ -91,6 +91,7 @@ def simulate_loop(
         Wrong shapes, unknown signals, gaps, times not even, a sampling rate too low for the controller's poles.
     """
     late = nonnegative("delay", delay)
+    friction = None if friction is None else friction_law(friction)
     modal = modal_plant(plant, _contact_inputs(plant, friction, stroke_limit))
     places = stop_places(stroke_limit, modal)
     grid = time_grid(timepts, sample_time, _substeps(friction, bool(places)))
@@ -147,7 +148,11 @@ def _contact_inputs(
         return ()
     found = [] if friction is None else [friction.input]
     if limit is not None:
-        named = [value[1] for value in limit.values() if isinstance(value, tuple)] if isinstance(limit, Mapping) else []
+        named = (
+            [value[-1] for value in limit.values() if isinstance(value, tuple) and value]
+            if isinstance(limit, Mapping)
+            else []
+        )
         found += [name for name in plant.inputs if name in named or name.startswith("suspension_")]
     return tuple(dict.fromkeys(found))
 
@@ -201,7 +206,7 @@ def _result(
 def _at_points(p: LoopProblem, log: ControlLog) -> tuple[Array, Array]:
     """Return the controls that act just after each given time, and what was asked for last, (controls, points)."""
     step = np.arange(len(p.grid.time)) * p.grid.per_point
-    late = p.lag + (1 if p.maps.before.any() else 0)
+    late = p.lag + (1 if p.maps.late else 0)
     acting = np.minimum((step - late) // p.grid.per_sample, len(log.given) - 1)
     applied = np.where((step >= late)[:, None], log.given[np.maximum(acting, 0)], 0.0)
     latest = np.minimum(step // p.grid.per_sample, len(log.asked) - 1)

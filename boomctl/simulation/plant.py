@@ -62,14 +62,15 @@ class ModalPlant:
             rest, after_1, _ = self.motion(h - switch)
             before, after = rest @ self.motion(switch)[1] @ self.B, after_1 @ self.B
         ramp = P2 @ self.B / h
-        return StepMaps(h, Phi, before, after, P1 @ self.B - ramp, ramp)
+        return StepMaps(h, Phi, before, after, P1 @ self.B - ramp, ramp, switch > 0.0)
 
 
 @dataclass(frozen=True)
 class StepMaps:
     """Exact motion over one step: ``z+ = Phi z + before u_old + after u_new + first d + last d+``.
 
-    ``u`` is held and changes once within the step; ``d`` runs along a straight line from ``d`` to ``d+``.
+    ``u`` is held and changes once within the step, at its beginning unless ``late``; ``d`` runs along a straight line
+    from ``d`` to ``d+``.
     """
 
     h: float
@@ -78,6 +79,7 @@ class StepMaps:
     after: Array
     first: Array
     last: Array
+    late: bool = False
 
     @property
     def of_signals(self) -> tuple[Array, Array, Array]:

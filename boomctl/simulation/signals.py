@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, known, nonnegative, positive
+from boomctl.checks import finite_array, known, nonnegative, plain_array, positive
 
 __all__ = ["TimeGrid", "disturbance_rows", "per_signal", "time_grid", "uniform_times"]
 
@@ -126,7 +126,7 @@ def disturbance_rows(
             rows[inputs.index(name)] = _row(name, values, points)
         return rows
     free = [name for name in inputs if name not in driven]
-    given = np.atleast_2d(np.asarray(disturbance))
+    given = np.atleast_2d(plain_array("disturbance", disturbance))
     if given.shape != (len(free), points):
         raise ValueError(
             f"disturbance has shape {given.shape}; expected {(len(free), points)}, a row for each of "
@@ -138,7 +138,7 @@ def disturbance_rows(
 
 
 def _row(name: str, values: ArrayLike, points: int) -> Array:
-    row = np.asarray(values)
+    row = plain_array(f"disturbance {name!r}", values)
     if row.shape != (points,):
         raise ValueError(f"disturbance {name!r} has shape {row.shape}; expected {(points,)}, a value for each time")
     if row.dtype.kind == "f" and not np.isfinite(row).all():

@@ -83,7 +83,7 @@ def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
     """Return ``C`` times the states at each step; fill the log."""
     loop, outputs, nu = _linear_loop(p), len(p.plant.C), len(p.controller.driven)
     used = np.flatnonzero(p.W.any(axis=1))
-    first, last, W = loop.first[:, used], loop.last[:, used], p.W[used]
+    first, last, W = loop.first[:, used], loop.last[:, used], _one_more(p.W[used])
     G, D = recursion_without_lead(loop.Phi, first, last, loop.C, loop.D[:, used])
     lifted = Lifted.of(loop.Phi, G, loop.C, D, _BLOCK)
     columns = lifted.columns(W)
@@ -93,16 +93,21 @@ def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
     found = y.transpose(0, 2, 1).reshape(outputs + nu, -1)[:, : p.grid.steps + 1]
     for k, rows in stepped:
         found[:outputs, k : k + len(rows)] = p.plant.C @ rows.T
-    samples = np.flatnonzero(np.repeat(clean, _BLOCK)[: p.grid.steps])
+    samples = np.flatnonzero(np.repeat(clean, _BLOCK)[: p.samples])
     log.asked[samples] = log.given[samples] = found[outputs:, samples].T
     return found[:outputs]
+
+
+def _one_more(W: Array) -> Array:
+    """Return signals with their last column twice: one step more, for the sample at the last time."""
+    return np.hstack([W, W[:, -1:]])
 
 
 def _blocks(
     p: LoopProblem, log: ControlLog, loop: _Linear, lifted: Lifted, columns: Array, last: Array
 ) -> tuple[Array, Flags, list[tuple[int, Array]]]:
     """Return the states (without lead) at the beginning of each block, which were clean, and the others' plant states."""
-    n, outputs, steps = len(p.plant.A), len(p.plant.C), p.grid.steps
+    n, outputs, samples = len(p.plant.A), len(p.plant.C), p.samples
     bound = np.concatenate([p.limits.force, p.limits.rate])
     watched = outputs + np.flatnonzero(np.isfinite(bound))
     seen = np.ascontiguousarray(lifted.seen[:, watched].transpose(1, 0, 2)).reshape(-1, lifted.seen.shape[2])
@@ -118,10 +123,10 @@ def _blocks(
     for b in range(count):
         starts[b] = state
         k = b * lifted.size
-        if len(watched) and k < steps and (np.abs(seen @ state + alone[b]) > limit).any():
-            clean[b], end = False, min(k + lifted.size, steps)
+        if len(watched) and k < samples and (np.abs(seen @ state + alone[b]) > limit).any():
+            clean[b], end = False, min(k + lifted.size, samples)
             rows = walk.through(log, (k, end), state + lead[b])
-            stepped.append((k, rows[: end - k + (end == steps), :n]))
+            stepped.append((k, rows[: end - k, :n]))
             if b + 1 < count:
                 state = rows[-1] - lead[b + 1]
         else:
@@ -155,7 +160,14 @@ class _Walk:
         last = np.vstack([np.zeros_like(loop.D[asked]), loop.last])[:, used]
         both = np.ascontiguousarray(np.vstack([loop.C[asked], loop.Phi]))
         return cls(
-            both, first, last, loop.mend, p.W[used], len(p.plant.A), p.limits.force.tolist(), p.limits.rate.tolist()
+            both,
+            first,
+            last,
+            loop.mend,
+            _one_more(p.W[used]),
+            len(p.plant.A),
+            p.limits.force.tolist(),
+            p.limits.rate.tolist(),
         )
 
     def through(self, log: ControlLog, span: tuple[int, int], z: Array) -> Array:

@@ -70,8 +70,8 @@ class LoopProblem:
 
     @property
     def samples(self) -> int:
-        """How often the controller is sampled."""
-        return (self.grid.steps - 1) // self.grid.per_sample + 1
+        """How often the controller is sampled, at the last time included if a sample falls on it."""
+        return self.grid.steps // self.grid.per_sample + 1
 
 
 @dataclass(frozen=True)
@@ -159,4 +159,6 @@ def run_smooth(p: LoopProblem, log: ControlLog) -> Array:
         row += forcing[k]
         states[:] = row
         before[:] = after
+    if p.grid.steps % per_sample == 0:
+        sample(p.grid.steps // per_sample, heard)
     return p.plant.C @ X.T

@@ -7,8 +7,8 @@ decided for all of them together, by trying the cases in order of likelihood.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from itertools import combinations, product
+from dataclasses import dataclass, field
+from itertools import chain, combinations, product
 
 import numpy as np
 
@@ -62,6 +62,29 @@ class StopMaps:
     velocity: Array
     states: Array
     limits: Array
+    answers: dict[tuple[Set, Set], Array | None] = field(default_factory=dict, repr=False, compare=False)
+
+    def answer(self, touched: Set, leaving: Set) -> Array | None:
+        """Return what amounts (2 stops) per unit of ``[strokes, then velocities]`` wanted of the stops touched.
+
+        Strokes of all of them, velocities of those that are not left at once; ``None`` if these depend on each other.
+        Found once for each choice of stops.
+        """
+        if (touched, leaving) not in self.answers:
+            self.answers[touched, leaving] = self._solved(list(touched), [i for i in touched if i not in leaving])
+        return self.answers[touched, leaving]
+
+    def _solved(self, rows: list[int], resting: list[int]) -> Array | None:
+        count = len(self.limits)
+        columns = rows + [count + i for i in resting]
+        matrix = np.vstack([self.position[np.ix_(rows, columns)], self.velocity[np.ix_(resting, columns)]])
+        scale = np.concatenate([np.abs(self.position[rows, rows]), np.abs(self.velocity[resting, resting])])
+        found = np.zeros((2 * count, len(columns)))
+        try:
+            found[columns] = np.linalg.inv(matrix / scale[:, None]) / scale
+        except np.linalg.LinAlgError:
+            return None
+        return found
 
 
 @dataclass(frozen=True)
@@ -83,68 +106,63 @@ def stop_step(maps: StopMaps, position: Array, velocity: Array) -> StopStep | No
 
     Raises
     ------
-    RuntimeError
+    ArithmeticError
         No set of stops is consistent.
     """
     count = len(maps.limits)
     over = np.abs(position) > maps.limits
     if not over.any():
         return None
-    for touched, leaving, side in _cases(np.where(over, np.sign(position), 0.0)):
-        found = _met(maps, position, velocity, (touched, leaving), side)
-        if found is None:
+    for touched, leaving, side in _cases(
+        [float(np.sign(p)) if o else 0.0 for p, o in zip(position, over, strict=True)]
+    ):
+        answer = maps.answer(touched, leaving)
+        if answer is None:
             continue
-        amounts, sides = found
+        rest = [i for i in touched if i not in leaving]
+        wanted = [a * maps.limits[i] - position[i] for i, a in zip(touched, side, strict=True)]
+        amounts, sides = answer @ np.array(wanted + [-velocity[i] for i in rest]), np.zeros(count)
+        sides[list(touched)] = side
         if _consistent(maps, position, amounts, sides):
             return StopStep(amounts[:count] + amounts[count:], amounts, sides)
-    raise RuntimeError("no consistent set of end stops was found: the stops contradict each other")
+    raise ArithmeticError(
+        "no consistent set of end stops was found: over one step the stops contradict each other; expected finer timepts"
+    )
 
 
 def _consistent(maps: StopMaps, position: Array, amounts: Array, sides: Array) -> bool:
     """Return whether no stop is passed, each pushes, and each that is touched would be passed without what it does."""
-    count, here = len(sides), np.arange(len(sides))
-    shares = maps.position * amounts
-    end, own = position + shares.sum(axis=1), shares[here, here] + shares[here, count + here]
-    pushed = (amounts[:count] + amounts[count:]) * sides <= 0.0
-    needed = (sides == 0.0) | ((end - own) * sides >= maps.limits * (1.0 - _ROUNDING))
-    kept = np.abs(end) <= maps.limits * (1.0 + _ROUNDING)
-    return bool((pushed & needed & kept).all())
+    count = len(sides)
+    impulses = amounts[:count] + amounts[count:]
+    if (impulses * sides > 0.0).any():
+        return False
+    end = position + maps.position @ amounts
+    if (np.abs(end) > maps.limits * (1.0 + _ROUNDING)).any():
+        return False
+    touched = np.flatnonzero(sides)
+    own = maps.position[touched, touched] * amounts[touched]
+    own = own + maps.position[touched, count + touched] * amounts[count + touched]
+    return bool(((end[touched] - own) * sides[touched] >= maps.limits[touched] * (1.0 - _ROUNDING)).all())
 
 
-def _cases(over: Array) -> Iterator[tuple[Set, Set, Array]]:
+def _cases(over: list[float]) -> Iterator[tuple[Set, Set, tuple[float, ...]]]:
     """Yield the stops that may be touched, those of them that are left at once, and the sides; the likely ones first.
 
     ``over`` is the side of a stop that is passed without stops, zero where none is.  Any stop may be met on either side,
     because what stops one stroke may drive another.
     """
-    count = len(over)
-    first = tuple(int(i) for i in np.flatnonzero(over))
-    fewer = [choice for size in range(len(first), 0, -1) for choice in combinations(first, size)]
-    others = [choice for size in range(1, count + 1) for choice in combinations(range(count), size)]
-    for touched in dict.fromkeys([*fewer, *others]):
+    count, seen = len(over), set[Set]()
+    first = tuple(i for i, side in enumerate(over) if side)
+    fewer = (choice for size in range(len(first), 0, -1) for choice in combinations(first, size))
+    others = (choice for size in range(1, count + 1) for choice in combinations(range(count), size))
+    for touched in chain(fewer, others):
+        if touched in seen:
+            continue
+        seen.add(touched)
         for side in product(*((over[i], -over[i]) if over[i] else (1.0, -1.0) for i in touched)):
             for size in range(len(touched) + 1):
                 for leaving in combinations(touched, size):
-                    yield touched, leaving, np.array(side)
-
-
-def _met(
-    maps: StopMaps, position: Array, velocity: Array, sets: tuple[Set, Set], side: Array
-) -> tuple[Array, Array] | None:
-    """Return the amounts that bring the stops touched to their limits and those not left at once to rest there."""
-    touched, leaving = sets
-    count, rows, resting = len(maps.limits), list(touched), [i for i in touched if i not in leaving]
-    columns = rows + [count + i for i in resting]
-    matrix = np.vstack([maps.position[np.ix_(rows, columns)], maps.velocity[np.ix_(resting, columns)]])
-    wanted = np.concatenate([side * maps.limits[rows] - position[rows], -velocity[resting]])
-    scale = np.concatenate([np.abs(maps.position[rows, rows]), np.abs(maps.velocity[resting, resting])])
-    try:
-        solved = np.linalg.solve(matrix / scale[:, None], wanted / scale)
-    except np.linalg.LinAlgError:
-        return None
-    amounts, sides = np.zeros(2 * count), np.zeros(count)
-    amounts[columns], sides[rows] = solved, side
-    return amounts, sides
+                    yield touched, leaving, side
 
 
 def merged_hits(

@@ -4,7 +4,7 @@ All frequencies are stepped together, each with a step of its own, from the stat
 what is kept is the fundamental of the last period.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,8 +15,14 @@ from boomctl.analysis.singular import singular_values
 from boomctl.arrays import Array, Complex, Flags
 from boomctl.checks import frequencies, known, names, positive, whole
 from boomctl.simulation.contacts import Contact, contact_at
-from boomctl.simulation.describing_function import SineResponse, balanced_friction, describing_function, sine_pattern
-from boomctl.simulation.friction import CoulombFriction, friction_step
+from boomctl.simulation.describing_function import (
+    SineResponse,
+    balanced_friction,
+    describing_function,
+    finite_response,
+    sine_pattern,
+)
+from boomctl.simulation.friction import CoulombFriction, friction_law, friction_step
 from boomctl.simulation.plant import ModalPlant, modal_plant
 from boomctl.structure.second_order import SecondOrderModel
 
@@ -63,23 +69,24 @@ def swept_sine(
     TypeError, ValueError
         Unknown signals; amplitude, frequencies or tolerance not above zero; too few steps or periods.
     """
-    grid, size = frequencies("omega", omega), positive("amplitude", amplitude)
+    grid, size, law = frequencies("omega", omega), positive("amplitude", amplitude), friction_law(friction)
     if (grid == 0.0).any():
         raise ValueError("omega: expected frequencies above zero")
     count, most = whole("steps", steps, 16), whole("periods", periods, _LEAST_PERIODS)
-    modal = modal_plant(plant, (friction.input,) if isinstance(plant, SecondOrderModel) else ())
+    modal = modal_plant(plant, (law.input,) if isinstance(plant, SecondOrderModel) else ())
     excited, shape = sine_pattern(modal.inputs, excitation)
     read = names("output", outputs, modal.outputs)
-    known("input of the friction", friction.input, modal.inputs)
+    known("input of the friction", law.input, modal.inputs)
     drive = np.zeros(len(modal.inputs), dtype=complex)
     drive[[modal.inputs.index(name) for name in excited]] = size * shape
-    sweep = _prepared(modal, friction, grid, drive, count)
+    sweep = _prepared(modal, law, grid, drive, count)
     rows = [modal.outputs.index(name) for name in read]
-    slip_row = modal.outputs.index(friction.output)
-    found, stuck, settled = _run(sweep, friction, most, positive("tolerance", tolerance), modal.C[rows])
+    slip_row = modal.outputs.index(law.output)
+    found, stuck, settled = _run(sweep, law, most, positive("tolerance", tolerance), modal.C[rows])
     everything = modal.C @ found.T + (modal.D @ drive)[:, None]
     slip = np.where(stuck, 0.0, np.abs(everything[slip_row]))
-    return SineResponse(grid, everything[rows] / size, slip, stuck, size, excited, read, settled)
+    response = finite_response(everything[rows] / size, grid)
+    return SineResponse(grid, response, slip, stuck, size, excited, read, settled)
 
 
 @dataclass(frozen=True)
@@ -119,7 +126,12 @@ def _balanced_start(plant: ModalPlant, law: CoulombFriction, grid: Array, drive:
     n = len(plant.A)
     column = plant.B[:, plant.inputs.index(law.input)].astype(complex)
     load = np.column_stack([plant.B @ drive, column])
-    solved = np.linalg.solve(1j * grid[:, None, None] * np.eye(n) - plant.A, load[None])
+    with np.errstate(all="ignore"):
+        try:
+            solved = np.linalg.solve(1j * grid[:, None, None] * np.eye(n) - plant.A, load[None])
+        except np.linalg.LinAlgError:
+            raise ValueError("omega: expected no frequency at an undamped resonance of the plant") from None
+        finite_response(np.moveaxis(solved, 0, -1), grid)
     row = plant.outputs.index(law.output)
     slips = np.einsum("n,fnk->fk", plant.C[row], solved)
     force, _ = balanced_friction(slips[:, 0] + plant.D[row] @ drive, slips[:, 1], law.force)
@@ -209,16 +221,20 @@ def sine_sigma(
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         Patterns that depend on each other or are not as many as inputs; what the methods raise.
     """
     known("method", method, ("swept", "balance"))
+    if not isinstance(patterns, Sequence) or not all(isinstance(pattern, Mapping) for pattern in patterns):
+        raise TypeError(f"patterns = {patterns!r}: expected a sequence of mappings from inputs to amplitudes")
     inputs = tuple(dict.fromkeys(name for pattern in patterns for name in pattern))
     if len(patterns) != len(inputs):
         raise ValueError(f"patterns: {len(patterns)} for the inputs {', '.join(inputs)}; expected one an input")
-    shapes = np.array([[pattern.get(name, 0.0) for pattern in patterns] for name in inputs], dtype=complex)
-    shapes = shapes / np.linalg.norm(shapes, axis=0)
-    if np.linalg.cond(shapes) > 1e6:
+    shapes = np.zeros((len(inputs), len(patterns)), dtype=complex)
+    for k, pattern in enumerate(patterns):
+        used, share = sine_pattern(inputs, pattern)
+        shapes[[inputs.index(name) for name in used], k] = share
+    if not len(inputs) or np.linalg.cond(shapes) > 1e6:
         raise ValueError("patterns: expected independent ones")
     respond = swept_sine if method == "swept" else describing_function
     found = [respond(plant, friction, omega, dict(pattern), amplitude, outputs).response for pattern in patterns]

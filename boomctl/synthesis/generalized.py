@@ -155,9 +155,13 @@ def select_channels(
 
     Raises
     ------
-    ValueError
-        An unknown signal, or one asked for twice.
+    TypeError, ValueError
+        Another kind of system; an unknown signal, or one asked for twice.
     """
+    import control
+
+    if not isinstance(system, control.StateSpace):
+        raise TypeError(f"system: expected StateSpace, got {type(system).__name__}")
     ins, outs = list(system.input_labels), list(system.output_labels)
     chosen_in, chosen_out = names("input", inputs, ins), names("output", outputs, outs)
     columns, rows = [ins.index(name) for name in chosen_in], [outs.index(name) for name in chosen_out]

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import boomctl as bc
 from boomctl.simulation import CoulombFriction, simulate_loop
 from boomctl.simulation.friction import friction_step
 from tests.simulation.cases import mass_on_spring
@@ -161,6 +162,28 @@ def test_a_support_that_moves_carries_what_sticks_to_it():
         found = simulate_loop(plant, None, {"d": d}, time, sample_time=1.0 / steps, friction=_law(100.0))
         assert np.abs(found["x"]).max() < most
         assert found.friction.stuck_share > 0.999  # the first slope is not zero
+
+
+def _shaken_boom(h, force, substeps):
+    time = h * np.arange(round(4.0 / h) + 1)
+    platform = {
+        name: 0.03 * np.sin(2.0 * np.pi * freq_hz * time) ** 3
+        for name, freq_hz in (("actuator_left", 0.9), ("actuator_right", 0.6))
+    }
+    law = CoulombFriction(force, substeps=substeps)
+    return simulate_loop(bc.spray_boom(elements=8), None, platform, time, sample_time=h, friction=law).friction
+
+
+def test_substeps_do_not_loosen_a_cradle_on_a_shaken_platform():
+    """A displacement given at points has no corners there: what holds on a fine grid holds with any substeps."""
+    assert _shaken_boom(0.001, 200.0, 1).dissipated < 1e-4
+    fine = _shaken_boom(0.0005, 100.0, 1)
+    for substeps in (1, 4, 32):
+        held, slipping = _shaken_boom(0.004, 200.0, substeps), _shaken_boom(0.004, 100.0, substeps)
+        assert held.stuck_share > 0.999
+        assert held.dissipated < 1e-4
+        assert slipping.dissipated == pytest.approx(fine.dissipated, rel=0.06)
+        assert slipping.stuck_share == pytest.approx(fine.stuck_share, abs=0.01)
 
 
 @pytest.mark.parametrize(

@@ -349,3 +349,43 @@ def test_a_loop_that_diverges_says_so():
     plant = ct.ss([[40.0]], [[1.0]], [[1.0]], 0.0, inputs=["w"], outputs=["y"])
     with np.errstate(all="ignore"), pytest.raises(ValueError, match="diverges"):
         simulate_loop(plant, None, np.ones(1000), 0.05 * np.arange(1000), sample_time=_H)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 1.5])
+def test_delay_of_a_plant_without_states(share):
+    plant = ct.ss([], [], [], [[1.0, 1.0]], inputs=["u", "d"], outputs=["y"])
+    law = ct.ss([], [], [], [[-0.5]], 0.01, inputs=["y"], outputs=["u"])
+    time = 0.01 * np.arange(8)
+    found = simulate_loop(plant, law, {"d": np.ones(8)}, time, sample_time=0.01, delay=share * 0.01)
+    late, whole = int(np.ceil(share)), int(share)
+    given, before = [], 0.0
+    for k in range(8):
+        given.append(-0.5 * (1.0 + before))
+        before = given[k - whole] if k >= whole else 0.0
+    np.testing.assert_allclose(found.controls["u"], [0.0] * late + given[: 8 - late], atol=1e-15)
+
+
+@pytest.mark.parametrize("per_sample", [1, 2, 3])
+@pytest.mark.parametrize(
+    "limits", [{}, {"force_limit": 0.3}, {"quantization": 1e-6}, {"stroke_limit": {"x": (9.0, "u")}}]
+)
+def test_more_points_change_nothing_at_those_before(per_sample, limits):
+    """The controller is sampled at the last time as well, when a sample falls on it."""
+    A, B = [[0.0, 1.0], [-40.0, -2.0]], [[0.0, 0.0], [1.0, 1.0]]
+    plant = ct.ss(A, B, [[1.0, 0.0], [-40.0, -2.0]], [[0.0, 0.0], [1.0, 1.0]], inputs=["u", "d"], outputs=["x", "a"])
+    h = 0.01
+    law = ct.ss(0.5, 1.0, [[-9.0]], [[-20.0]], per_sample * h, inputs=["x"], outputs=["u"])
+    whole = 1 + 6 * 32
+    pushed = 2.0 * np.sin(5.0 * h * np.arange(whole)) + 1.0
+
+    def run(count):
+        time = h * np.arange(count)
+        return simulate_loop(plant, law, {"d": pushed[:count]}, time, sample_time=per_sample * h, **limits)
+
+    full = run(whole)
+    for count in (2, 3, 4, 64, 65, 66, 95, 96, 97, 98, 128, 129, 130):
+        part = run(count)
+        for name in ("x", "a"):
+            np.testing.assert_allclose(part[name], full[name][:count], atol=1e-10)
+        np.testing.assert_allclose(part.controls["u"], full.controls["u"][:count], atol=1e-8)
+        np.testing.assert_allclose(part.asked["u"], full.asked["u"][:count], atol=1e-8)

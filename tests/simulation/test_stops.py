@@ -7,6 +7,7 @@ from hypothesis import given, settings
 
 import boomctl as bc
 from boomctl.simulation import CoulombFriction, simulate_loop
+from boomctl.simulation.stops import StopMaps, stop_step
 from tests.simulation.cases import mass_on_spring
 from tests.strategies import seeds
 
@@ -167,3 +168,49 @@ def test_boom_with_stops_friction_and_limits_at_once():
 def test_bad_stops(limit, message):
     with pytest.raises(ValueError, match=message):
         simulate_loop(_FREE, None, None, np.linspace(0, 1, 11), sample_time=0.1, stroke_limit=limit)
+
+
+@pytest.mark.parametrize("heavy", [0.5, 2.0, 8.0])
+def test_what_sticks_below_break_away_still_does_when_a_stop_holds_it(heavy):
+    """A mass on a carriage at its stop: pulled by more than sliding friction and less than what holds, it stays."""
+    M, r = np.diag([1.0, heavy]), np.array([-1.0, 1.0])
+    loads = np.linalg.inv(M) @ np.column_stack([[1.0, 0.0], [0.0, 1.0], r])
+    A = np.zeros((4, 4))
+    A[:2, 2:], A[2:, 2:] = np.eye(2), -np.linalg.inv(M) @ np.diag([0.8, 0.0])
+    B, C = np.vstack([np.zeros((2, 3)), loads]), np.array([[-1.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
+    plant = ct.ss(A, B, C, 0.0, inputs=["carriage", "mass", "rubbing"], outputs=["slip", "way"])
+    time = np.linspace(0.0, 8.0, 1601)
+    pull = np.interp(time, [4.0, 5.0, 6.0, 8.0], [0.0, 1.6, 1.6, 2.4])
+    found = simulate_loop(
+        plant,
+        None,
+        {"carriage": np.full(1601, 3.0 + heavy), "mass": pull},
+        time,
+        sample_time=0.005,
+        friction=CoulombFriction(1.0, 2.0, input="rubbing", output="slip"),
+        stroke_limit={"way": (0.1, "carriage")},
+    )
+    before = (time > 4.0) & (time < 6.98)
+    assert np.ptp(found["slip"][before]) < 1e-6
+    np.testing.assert_allclose(found["way"][time > 4.0], 0.1, atol=1e-9)
+    np.testing.assert_allclose(found.friction.force[before], -pull[before], atol=0.02)
+    sliding = time - 7.0  # the pull passes 2 N at 7 s and grows by 0.4 N/s; sliding friction is 1 N
+    moved = np.where(sliding > 0.0, (0.5 * sliding**2 + 0.4 / 6.0 * sliding**3) / heavy, 0.0)
+    later = time > 7.0
+    np.testing.assert_allclose((found["slip"] - found["slip"][before][0])[later], moved[later], atol=2e-3 / heavy)
+
+
+def test_a_stop_that_moves_is_left_only_when_pulled():
+    """A mass pressed to a stop of a support that moves: one contact, however finely the points between are stepped."""
+    plant = ct.ss([[0, 1.0], [0, 0]], [[0, 0], [0, 1.0]], [[1.0, 0]], [[-1.0, 0]], inputs=["d", "f"], outputs=["x"])
+    time = np.linspace(0.0, 4.0, 401)
+    motion = {"d": 0.3 * (1.0 - np.cos(4.0 * time)), "f": np.full(401, 20.0)}
+    found = simulate_loop(plant, None, motion, time, sample_time=0.01, stroke_limit={"x": (0.05, "f")})
+    np.testing.assert_allclose(found["x"][time > 0.2], 0.05, atol=1e-9)
+    assert len([hit for hit in found.stops if hit.until > 0.2]) == 1
+
+
+def test_stops_that_contradict_each_other_are_an_error_of_arithmetic():
+    maps = StopMaps(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((2, 2)), np.ones(1))
+    with np.errstate(all="ignore"), pytest.raises(ArithmeticError, match="finer timepts"):
+        stop_step(maps, np.array([2.0]), np.array([1.0]))

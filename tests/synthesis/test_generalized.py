@@ -142,3 +142,9 @@ def test_bad_pieces_are_named(yaw, case):
     }
     with pytest.raises(kind, match=match):
         bc.generalized_plant(yaw, **(given | changes))
+
+
+def test_channels_of_another_kind_of_system():
+    for system in (None, 1.0):
+        with pytest.raises(TypeError, match="system: expected StateSpace"):
+            bc.select_channels(system)
