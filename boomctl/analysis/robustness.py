@@ -34,6 +34,10 @@ _MARGIN_CELLS = 100
 _STEPS = (0.5, 0.25, 0.125, 0.0625)
 
 
+def _listed(values: dict[str, float]) -> str:
+    return ", ".join(f"{name} = {value:.5g}" for name, value in values.items())
+
+
 @dataclass(frozen=True)
 class RobustStability:
     """Whether a loop is stable over a whole box of parameters.
@@ -57,6 +61,14 @@ class RobustStability:
     cells: int
     abscissa: float
     worst: dict[str, float]
+
+    def render(self) -> str:
+        """Return the verdict as text."""
+        if self.unstable_at is not None:
+            return f"unstable at {_listed(self.unstable_at)} (pole with real part {self.abscissa:.4g} rad/s)"
+        verdict = "stable over the whole box, proved" if self.proved else "stable where tried, but not proved,"
+        found = f"real parts of poles found up to {self.abscissa:.4g} rad/s, at {_listed(self.worst)}"
+        return f"{verdict} in {self.cells} cells; {found}"
 
 
 @dataclass(frozen=True)
@@ -87,6 +99,13 @@ class StructuredMargin:
         """Upper bound of it."""
         return 1.0 / self.stable_up_to if self.stable_up_to > 0.0 else inf
 
+    def render(self) -> str:
+        """Return both bounds as text."""
+        proved = f"proved stable over the box enlarged {self.stable_up_to:.4g} times"
+        if self.unstable_values is None:
+            return f"{proved}; no instability found"
+        return f"{proved}; unstable at {self.unstable_at:.4g} times: {_listed(self.unstable_values)}"
+
 
 @dataclass(frozen=True)
 class WorstCase:
@@ -108,6 +127,12 @@ class WorstCase:
     values: dict[str, float]
     nominal: NormCertificate
     evaluations: int
+
+    def render(self) -> str:
+        """Return the worst case found as text."""
+        where = f"at {_listed(self.values)} and {self.norm.omega:.4g} rad/s"
+        middle = f"in the middle of the box {self.nominal.lower:.5g}"
+        return f"H-infinity norm up to {self.norm.lower:.5g} {where}; {middle}; {self.evaluations} points tried"
 
 
 @dataclass(frozen=True)

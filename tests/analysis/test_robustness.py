@@ -121,6 +121,21 @@ def test_a_loop_unstable_in_the_middle_bears_nothing():
     assert found.mu_lower == found.mu_upper == np.inf
 
 
+def test_verdicts_read_as_what_they_are():
+    family = oscillators({"k": (3.0, 5.0)})
+    stable, unstable = robust_stability(family, feedback(1.0)), robust_stability(family, feedback(3.5))
+    assert stable.render().startswith("stable over the whole box, proved in")
+    assert unstable.render().startswith("unstable at k = ")
+    bounds = structured_margin(family, feedback(1.0), largest=10.0)
+    assert (
+        f"enlarged {bounds.stable_up_to:.4g} times; unstable at {bounds.unstable_at:.4g} times: k = " in bounds.render()
+    )
+    assert "no instability found" in structured_margin(family, feedback(1.0), largest=2.0).render()
+    none = control.ss([], [], [], [[0.0]], inputs=["y"], outputs=["u"])
+    worst = worst_case(family, none, "w", "y")
+    assert f"up to {worst.norm.lower:.5g} at k = " in worst.render()
+
+
 def test_imposed_motions_are_no_controls():
     K = control.ss([], [], [], [[0.1]], inputs=["stroke_anti"], outputs=["actuator_anti"])
     with pytest.raises(ValueError, match="actuator_anti"):
