@@ -13,6 +13,8 @@ __all__ = ["damped_poles", "dense", "first_order_poles", "is_symmetric", "projec
 
 _DENSE_MODES = 250
 _FEW = 0.25
+_SPREAD = 1e7
+"""Of stiffnesses, from which on the softest mode counts as nearly floating."""
 _NOISE = 1e3 * float(np.finfo(float).eps)
 
 
@@ -21,8 +23,8 @@ def undamped_modes(model: SecondOrderModel, count: int | None = None) -> tuple[A
 
     The pencil is solved upside down, ``M v = mu (K + alpha M) v``, so that the low modes are the largest eigenvalues
     and keep their digits on fine meshes; a Rayleigh quotient over the strain rows mends what rounding is left.  The
-    shift ``alpha``, just above rounding, keeps floating structures definite; where one floats, the pencil is solved once
-    more with the shift at its lowest elastic mode, or rigid-body modes would be so large as to take the others' digits.
+    shift ``alpha``, just above rounding, keeps floating structures definite; where one floats, or nearly does, the pencil
+    is solved once more with the shift at its lowest elastic mode, or the softest modes would take the others' digits.
 
     Raises
     ------
@@ -40,7 +42,8 @@ def undamped_modes(model: SecondOrderModel, count: int | None = None) -> tuple[A
     noise = _NOISE * float((np.abs(K.diagonal()) / M.diagonal()).max())
     stiffness, shapes = _sorted(model, M, solve(M, K, noise, wanted))
     elastic = stiffness[stiffness > 0.1 * noise]
-    if 0 < len(elastic) < len(stiffness) and elastic[0] > 10.0 * noise:
+    uneven = len(elastic) < len(stiffness) or (len(elastic) and stiffness[-1] > _SPREAD * elastic[0])
+    if len(elastic) and uneven and elastic[0] > 10.0 * noise:
         stiffness, shapes = _sorted(model, M, solve(M, K, float(elastic[0]), wanted))
     return np.sqrt(np.maximum(stiffness, 0.0)), shapes
 
