@@ -12,6 +12,8 @@ from boomctl.benchmark.loop_peers import continuous_loop, sampled_loop
 from boomctl.benchmark.loop_reference import continuous_reference, extended_maps, sampled_reference
 from boomctl.boom.model import ACTUATORS, TIPS
 
+pytestmark = pytest.mark.xdist_group("loop benchmark")
+
 
 def test_the_extended_maps_are_matrix_exponentials():
     rng = np.random.default_rng(1)

@@ -8,6 +8,8 @@ import pytest
 
 from boomctl.suspension import FieldScene, SuspensionDesign, design_names, evaluate, load_design, suspension_model
 
+pytestmark = pytest.mark.xdist_group("suspensions")
+
 SCENE = FieldScene(duration=30.0, run_in=20.0)
 PEAKS = {
     "passive_tuning": 9.86,
@@ -23,7 +25,7 @@ def judged(name):
     return evaluate(load_design(name), SCENE)
 
 
-@pytest.fixture(params=[pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in sorted(PEAKS)])
+@pytest.fixture(params=sorted(PEAKS))
 def result(request):
     return judged(request.param)
 

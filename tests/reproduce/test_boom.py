@@ -10,6 +10,8 @@ from boomctl.reporting import Picture, Section, Table, bound_reports, html_repor
 from boomctl.reproduce.boom import compute
 from boomctl.reproduce.published import TABLE_1
 
+pytestmark = pytest.mark.xdist_group("reproduced boom")
+
 
 @pytest.fixture(scope="module")
 def result():

@@ -9,6 +9,8 @@ from boomctl.plotting.friction import draw_friction
 from boomctl.reproduce.boom_friction import BAND_HZ, friction_study, matched_force
 from boomctl.structure import split_symmetric
 
+pytestmark = pytest.mark.xdist_group("friction")
+
 
 @pytest.fixture(scope="module")
 def study():
