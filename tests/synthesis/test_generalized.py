@@ -164,3 +164,14 @@ def test_bad_pieces_are_named(yaw, case):
     }
     with pytest.raises(kind, match=match):
         bc.generalized_plant(yaw, **(given | changes))
+
+
+def test_selected_channels_keep_the_sampling_time():
+    sampled = control.ss([[0.5]], [[1.0, 2.0]], [[1.0]], 0.0, 0.1, inputs=["a", "b"], outputs=["y"])
+    part = bc.select_channels(sampled, "b")
+    assert part.dt == 0.1
+    assert_allclose(part(np.exp(0.3j)), 2.0 / (np.exp(0.3j) - 0.5))
+    with pytest.raises(TypeError, match="system: expected a StateSpace, got NoneType"):
+        bc.select_channels(None)
+    with pytest.raises(ValueError, match="inputs: expected at least one"):
+        bc.select_channels(sampled, [])
