@@ -43,8 +43,10 @@ def _hammarling(A: Array, B: Array) -> Array:
     """Return a factor of the solution of ``A P + P A^T + B B^T = 0``, never forming ``P``."""
     import slycot
 
+    if B.shape[1] > len(B):
+        B = np.linalg.qr(B.T)[1].T  # as many columns as rows, of the same B B^T
     n, m = B.shape
-    padded = np.zeros((max(n, m), n))
+    padded = np.zeros((n, n))
     padded[:m] = B.T
     U, scale, _ = slycot.sb03od(n, m, A.T.copy(), np.zeros((n, n)), padded, "C", fact="N", trans="N")[:3]
     return U[:n, :n].T / scale

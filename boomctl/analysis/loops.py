@@ -16,7 +16,16 @@ from boomctl.structure.second_order import SecondOrderModel
 if TYPE_CHECKING:
     import control
 
-__all__ = ["Loop", "closed_loop_response", "controller_of", "feedback_loop", "joined", "named_response", "plant_of"]
+__all__ = [
+    "Loop",
+    "closed_loop_response",
+    "controller_of",
+    "feedback_loop",
+    "joined",
+    "named_response",
+    "plant_of",
+    "posed_inverse",
+]
 
 _WELL_POSED = 1e-12
 
@@ -137,7 +146,7 @@ def _closed(
     D21 = np.hstack([D21, np.eye(m + p)])
     D22 = np.zeros((m + p, m + p))
     D22[:m, m:], D22[m:, :m] = K.D, P.D[np.ix_(measured, acting)]
-    solved = _well_posed(np.eye(m + p) - D22)
+    solved = posed_inverse(np.eye(m + p) - D22)
     C1 = np.hstack([P.C, np.zeros((outputs, k))])
     D11 = np.hstack([P.D[:, others], np.zeros((outputs, m + p))])
     D12 = np.hstack([P.D[:, acting], np.zeros((outputs, p))])
@@ -149,12 +158,21 @@ def _closed(
     )
 
 
-def _well_posed(matrix: Array) -> Array:
-    """Return the inverse of ``I - D22``, judged after balancing, so that units do not matter."""
-    values = linalg.svdvals(linalg.matrix_balance(matrix, permute=False)[0]) if len(matrix) else np.ones(1)
+def posed_inverse(matrix: Array) -> Array:
+    """Return the inverse of ``I - D22``, judged and computed after balancing, so that units do not matter.
+
+    Raises
+    ------
+    ValueError
+        The loop is not well-posed.
+    """
+    if not len(matrix):
+        return matrix
+    balanced, (scale, _) = linalg.matrix_balance(matrix, permute=False, separate=True)
+    values = linalg.svdvals(balanced)
     if values[-1] <= _WELL_POSED * max(1.0, values[0]):
         raise ValueError("the loop is not well-posed: the feedthroughs of plant and controller cancel one another")
-    return linalg.inv(matrix)
+    return linalg.inv(balanced) * scale[:, None] / scale
 
 
 def feedback_loop(

@@ -35,6 +35,7 @@ _ROUNDS = 30
 _REFINED = 3
 _SCREENED = 60
 _BATCH = 2**16
+_RESOLVED = 1e-13  # poles slower than that share of the fastest are rounding, not dynamics
 
 Response = Callable[[Array], Complex]
 
@@ -120,7 +121,16 @@ def hinf_norm(system: "control.StateSpace") -> NormCertificate:
     """Return the certified H-infinity norm of a state-space system; infinite if it is not stable.
 
     Poles on the imaginary axis count only if they show in the response (undamped or integrating modes).
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system (:func:`boomctl.sigma` takes structures as well), discrete time, not finite.
     """
+    import control
+
+    if not isinstance(system, control.StateSpace):
+        raise TypeError(f"system: expected a StateSpace, got {type(system).__name__}")
     return matrices_norm(state_matrices(system))
 
 
@@ -174,8 +184,8 @@ def refined_peak(respond: Response, poles: Complex, screen: Response) -> tuple[f
     ``screen`` is asked at many frequencies, ``respond`` around the largest values found.
     """
     size = np.abs(poles)
-    low, high = max(size.min(), 1e-9 * size.max(), 1e-12), max(size.max(), 1e-12)
-    ends = [0.0] if size.min() > 1e-9 * size.max() else []
+    low, high = max(size.min(), _RESOLVED * size.max(), 1e-12), max(size.max(), 1e-12)
+    ends = [0.0] if size.min() > _RESOLVED * size.max() else []
     grid = np.unique(np.concatenate([ends, np.geomspace(low / 10, high * 10, 60), _near(poles)]))
     values = singular_values(screen(grid))[0]
     best = int(np.argmax(values))

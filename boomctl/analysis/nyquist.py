@@ -139,8 +139,8 @@ def exact_loop_stability(
     if (np.abs(own.real) <= _AXIS * np.maximum(np.abs(own), _AXIS)).any():
         raise ValueError("controller: expected no pole on the imaginary axis (an integrator, an undamped mode)")
     gain = _LoopGain(plant, K, tuple(controller.output_labels), tuple(controller.input_labels))
-    near: Complex = np.concatenate([np.atleast_1d(np.asarray(poles, dtype=complex)), own])
-    near = near[(np.abs(near) > 0.0) & np.isfinite(near)]
+    near: Complex = np.concatenate([_estimates(poles), own])
+    near = near[np.abs(near) > 0.0]
     near = np.where(near.imag < 0.0, near.conj(), near)
     reach = float(np.abs(near).max(initial=1.0))
     end = _top(gain, K, 2.0 * reach if top is None else positive("top", top), plant_bound)
@@ -169,6 +169,15 @@ def exact_loop_stability(
         plant_bound is not None,
         len(omega),
     )
+
+
+def _estimates(poles: ArrayLike) -> Complex:
+    array = np.atleast_1d(np.asarray(poles))
+    if array.dtype.kind not in "iufc" or array.ndim != 1:
+        raise TypeError(f"poles: expected numbers in one dimension, got shape {array.shape} of {array.dtype}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"poles: expected finite numbers, got {array[~np.isfinite(array)][0]}")
+    return array.astype(complex)
 
 
 def _determinants(values: Complex) -> Complex:

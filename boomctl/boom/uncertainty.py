@@ -14,7 +14,7 @@ from scipy import optimize
 from boomctl.boom.model import spray_boom
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import known, positive
-from boomctl.structure.family import AffineFamily
+from boomctl.structure.family import AffineFamily, interval
 from boomctl.structure.second_order import SecondOrderModel
 from boomctl.structure.symmetry import split_symmetric
 
@@ -35,6 +35,14 @@ def scaled_boom(parameters: BoomParameters, spring: float = 1.0, mass: float = 1
         boom_inertia=mass * parameters.boom_inertia,
         density=mass * parameters.density,
     )
+
+
+def _given(parameters: BoomParameters | None) -> BoomParameters:
+    if parameters is None:
+        return BoomParameters()
+    if not isinstance(parameters, BoomParameters):
+        raise TypeError(f"parameters: expected BoomParameters, got {type(parameters).__name__}")
+    return parameters
 
 
 def _part(model: SecondOrderModel, half: str | None) -> SecondOrderModel:
@@ -69,13 +77,16 @@ def boom_family(
     TypeError, ValueError
         As of :func:`boomctl.spray_boom`; ranges not positive or not ascending.
     """
-    p = BoomParameters() if parameters is None else parameters
+    p = _given(parameters)
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:
         scaled = scaled_boom(p, **values)
         return _part(spray_boom(scaled, discretization, elements, excitation, accelerometer_bandwidth_hz), half)
 
-    return AffineFamily.through({"spring": spring, "mass": mass}, make)
+    ranges = {"spring": interval("spring", spring), "mass": interval("mass", mass)}
+    for name, (low, _) in ranges.items():
+        positive(f"lower end of {name}", low)
+    return AffineFamily.through(ranges, make)
 
 
 def yaw_family(
@@ -92,7 +103,7 @@ def yaw_family(
     It runs from the stiffness given to the one that brings the yaw frequency to ``stiffest_hz``, by default the
     measured 0.34 Hz of Anthonis & Ramon (2003), Table 1, where their model has 0.245 Hz.
     """
-    p = BoomParameters() if parameters is None else parameters
+    p = _given(parameters)
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:
         changed = replace(p, **values)
@@ -112,7 +123,7 @@ def spring_for_yaw(
     ValueError
         No stiffness up to ten thousand times the present one does it.
     """
-    wanted = positive("frequency_hz", frequency_hz)
+    parameters, wanted = _given(parameters), positive("frequency_hz", frequency_hz)
 
     def excess(factor: float) -> float:
         changed = scaled_boom(parameters, spring=factor)

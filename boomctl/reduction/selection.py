@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
+from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, StateMatrices
+from boomctl.analysis.singular import singular_values
 from boomctl.arrays import Array
 from boomctl.reduction.balanced import balance, perturbed, truncated
 from boomctl.reduction.band import weighted
@@ -92,7 +94,7 @@ def attempt_order(ready: Cutter, order: int) -> Attempt:
 def verified(core: SystemCore, reduced: StateMatrices, bound: float, band: Band | None) -> Attempt:
     """Return how a reduced stable part compares with that of the core, refused where it breaks its bound."""
     D = core.stable.D
-    largest = core.modal.sizes.max(initial=0.0) if core.modal is not None else 0.0
+    largest = core.modal.sizes.max(initial=0.0) if core.modal is not None else _size(core.stable)
     floor = _ROUNDING * max(float(np.linalg.norm(D, 2)) if D.size else 0.0, float(largest))
     found = verified_norm(core.stable, core.modal, reduced, band, floor)
     if found.lower > bound * (1.0 + _SLACK) + floor:
@@ -105,6 +107,13 @@ def verified(core: SystemCore, reduced: StateMatrices, bound: float, band: Band 
             f"the error, at least {found.lower:.4g} at {found.omega:.4g} rad/s, could not be verified ({found.method})"
         )
     return Attempt(reduced, bound + core.tail, found.upper + core.tail, found)
+
+
+def _size(system: StateMatrices) -> float:
+    """Return the largest response at the poles of a system without modal coordinates."""
+    if not len(system.A) or not system.D.size:
+        return 0.0
+    return float(singular_values(system.response(np.unique(np.abs(linalg.eigvals(system.A)))))[0].max())
 
 
 def attempt_error(ready: Cutter, error: float) -> Attempt:

@@ -12,7 +12,7 @@ from boomctl.checks import finite_array, known, real, signal_name
 from boomctl.structure.ports import Ports, Triple
 from boomctl.structure.second_order import SecondOrderModel
 
-__all__ = ["AffineFamily", "Slope"]
+__all__ = ["AffineFamily", "Slope", "interval"]
 
 _EXACT = 1e-9
 
@@ -72,10 +72,8 @@ class AffineFamily:
         if not ranges:
             raise ValueError("ranges: expected at least one parameter")
         names = tuple(signal_name("parameter", name) for name in ranges)
-        low, high = (np.array([real(f"range of {n}", ranges[n][end]) for n in names]) for end in (0, 1))
-        for name, a, b in zip(names, low, high, strict=True):
-            if a >= b:
-                raise ValueError(f"range of {name} = ({a:g}, {b:g}): expected two ascending numbers")
+        pairs = [interval(name, ranges[name]) for name in names]
+        low, high = np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
         middle, width = 0.5 * (low + high), 0.5 * (high - low)
 
         def at(delta: Array) -> SecondOrderModel:
@@ -134,6 +132,16 @@ class AffineFamily:
             size = np.abs(b).max() if b.shape[0] and b.shape[1] else 0.0
             if np.abs(a - b).max() > _EXACT * size if size else bool(np.abs(a).max() if min(a.shape) else 0.0):
                 raise ValueError(f"{name} is not affine in {', '.join(self.names)}, or an output changes with them")
+
+
+def interval(name: str, given: object) -> tuple[float, float]:
+    """Return the ends of a parameter's range, refused unless they are two ascending numbers."""
+    if not isinstance(given, (tuple, list, np.ndarray)) or len(given) != 2:
+        raise TypeError(f"range of {name} = {given!r}: expected two ascending numbers")
+    low, high = real(f"range of {name}", given[0]), real(f"range of {name}", given[1])
+    if low >= high:
+        raise ValueError(f"range of {name} = ({low:g}, {high:g}): expected two ascending numbers")
+    return low, high
 
 
 def _slope(centre: SecondOrderModel, end: SecondOrderModel) -> Slope:

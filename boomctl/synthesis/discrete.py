@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["discretize"]
 
 _METHODS = ("tustin", "zoh")
+_CORNER = 1e-6
 
 
 def discretize(
@@ -71,6 +72,8 @@ def discretize(
         raise ValueError(f"samples_per_period = {samples_per_period:g}: expected at least 2, the limit of Nyquist")
     warped = _prewarp(prewarp_omega, method, T)
     _check_rate(controller, T, samples_per_period)
+    if method == "tustin":
+        _check_corner(controller, T if warped is None else 2.0 * np.tan(0.5 * warped * T) / warped)
     return control.sample_system(controller, T, method, prewarp_frequency=warped, name=f"{controller.name}_discrete")
 
 
@@ -82,6 +85,16 @@ def _prewarp(omega: float | None, method: str, T: float) -> float | None:
     if positive("prewarp_omega", omega) >= np.pi / T:
         raise ValueError(f"prewarp_omega = {omega:g}: expected less than pi/sample_time = {np.pi / T:g} rad/s")
     return float(omega)
+
+
+def _check_corner(controller: "control.StateSpace", T: float) -> None:
+    """Raise ``ValueError`` if a pole lies at ``2/T``, where the trapezoidal rule has no solution."""
+    poles = linalg.eigvals(controller.A) if controller.nstates else np.zeros(0, dtype=complex)
+    for pole in poles[np.abs(poles * T - 2.0) <= _CORNER]:
+        raise ValueError(
+            f"sample_time: the trapezoidal rule sends the unstable pole of the controller at {pole:.4g} rad/s, twice "
+            "the rate of the samples, to infinity; sample faster, or use method 'zoh'"
+        )
 
 
 def _check_rate(controller: "control.StateSpace", T: float, samples: float) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.norm import StateMatrices
-from boomctl.checks import names
+from boomctl.checks import finite_array, names
 from boomctl.structure.second_order import SecondOrderModel
 from boomctl.synthesis.pieces import diagonal, named_system, rows_of, series, states_of, statespace, through, weighed
 
@@ -63,9 +63,9 @@ def generalized_plant(
     ins, outs = list(system.input_labels), list(system.output_labels)
     read, set_ = names("measurement", measurements, outs), names("control", controls, ins)
     w = weighed("disturbance", "w_", disturbances, ins)
-    n = weighed("noise of measurement", "n_", noises or {}, read)
+    n = weighed("noise of measurement", "n_", {} if noises is None else noises, read)
     z = weighed("performance output", "z_", performance, outs)
-    e = weighed("effort of control", "z_", effort or {}, set_)
+    e = weighed("effort of control", "z_", {} if effort is None else effort, set_)
     for what, found in (
         ("disturbance or noise", w + n),
         ("performance output or effort", z + e),
@@ -151,19 +151,24 @@ def mixed_sensitivity(
 def select_channels(
     system: "control.StateSpace", inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
 ) -> "control.StateSpace":
-    """Return a system between some of its signals, by name; the states stay.
+    """Return a system between some of its signals, by name; the states and the sampling time stay.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system; an unknown signal, or one asked for twice.
+        Another kind of system, not finite; an unknown signal, one asked for twice, or none on a side.
     """
     import control
 
     if not isinstance(system, control.StateSpace):
-        raise TypeError(f"system: expected StateSpace, got {type(system).__name__}")
+        raise TypeError(f"system: expected a StateSpace, got {type(system).__name__}")
+    for name in "ABCD":
+        finite_array(f"{name} of the system", getattr(system, name))
     ins, outs = list(system.input_labels), list(system.output_labels)
     chosen_in, chosen_out = names("input", inputs, ins), names("output", outputs, outs)
+    for what, chosen in (("input", chosen_in), ("output", chosen_out)):
+        if not chosen:
+            raise ValueError(f"{what}s: expected at least one")
     columns, rows = [ins.index(name) for name in chosen_in], [outs.index(name) for name in chosen_out]
     part = StateMatrices(system.A, system.B[:, columns], system.C[rows], system.D[np.ix_(rows, columns)])
-    return named_system(part, list(chosen_in), list(chosen_out), list(system.state_labels))
+    return named_system(part, list(chosen_in), list(chosen_out), list(system.state_labels), system.dt)

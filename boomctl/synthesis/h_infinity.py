@@ -1,6 +1,7 @@
 """``h_infinity``: controllers whose closed loop was verified, and a bound that tells how far from the best they are."""
 
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -108,6 +109,7 @@ def _too_low(wanted: float, bounds: Bounds) -> str:
 def _result(task: Task, found: Candidate) -> HInfinityResult:
     import control
 
+    task = replace(task, bounds=task.bounds.below(found.norm.upper))
     plant, bounds, K = task.plant, task.bounds, found.K
     controller = control.ss(
         K.A, K.B, K.C, K.D, inputs=list(plant.measurements), outputs=list(plant.controls), name="controller"

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
 
+from boomctl.analysis.loops import posed_inverse
 from boomctl.analysis.norm import StateMatrices
 from boomctl.arrays import Array
 from boomctl.checks import finite_array
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
 __all__ = ["close_loop", "closed", "matched", "named_loop", "with_feedthrough"]
 
-_WELL_POSED = 1e-12
-
 
 def closed(plant: Plant, K: StateMatrices) -> StateMatrices:
     """Return the lower linear fractional transformation of a plant with ``u = K y``.
@@ -27,7 +25,7 @@ def closed(plant: Plant, K: StateMatrices) -> StateMatrices:
     ValueError
         The loop is not well-posed: ``I - D22 D_K`` is singular.
     """
-    solved = _inverse(np.eye(len(K.D)) - K.D @ plant.D22)
+    solved = posed_inverse(np.eye(len(K.D)) - K.D @ plant.D22)
     direct, state = solved @ K.D, solved @ K.C
     inner = plant.D22 @ direct
     into = K.B + K.B @ inner
@@ -52,23 +50,16 @@ def with_feedthrough(K: StateMatrices, D22: Array) -> StateMatrices:
     """
     if not D22.any():
         return K
-    solved = _inverse(np.eye(len(K.D)) + K.D @ D22)
+    solved = posed_inverse(np.eye(len(K.D)) + K.D @ D22)
     C, D = solved @ K.C, solved @ K.D
     return StateMatrices(K.A - K.B @ D22 @ C, K.B - K.B @ D22 @ D, C, D)
-
-
-def _inverse(matrix: Array) -> Array:
-    values = linalg.svdvals(matrix)
-    if values[-1] <= _WELL_POSED * max(1.0, values[0]):
-        raise ValueError("the loop is not well-posed: the feedthroughs of plant and controller cancel one another")
-    return linalg.inv(matrix)
 
 
 def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "control.StateSpace":
     """Return a generalised plant closed by a controller from its measurements to its controls.
 
-    The controller's inputs are the last outputs of ``P`` and its outputs the last inputs, in that order; where the
-    controller bears their names, its signals are found by name.
+    The controller's inputs are the last outputs of ``P`` and its outputs the last inputs: found by name where the
+    controller bears their names, in that order where all of its names are strange to ``P``.
 
     Returns
     -------
@@ -78,7 +69,8 @@ def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "co
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, discrete time, too many signals; the loop is not well-posed.
+        Other kinds of system, discrete time, too many signals; names of which some are signals of ``P`` but not those
+        last ones; the loop is not well-posed.
     """
     plant, K = matched(P, controller)
     return named_loop(plant, closed(plant, K))
@@ -100,15 +92,23 @@ def matched(P: "control.StateSpace", controller: "control.StateSpace") -> tuple[
         raise ValueError(f"controller: expected continuous time, got a sampling time of {controller.dt:g} s")
     plant = partition(P, controller.ninputs, controller.noutputs)
     A, B, C, D = (finite_array(f"{name} of the controller", getattr(controller, name), 2) for name in "ABCD")
-    columns = _places(plant.measurements, controller.input_labels)
-    rows = _places(plant.controls, controller.output_labels)
+    columns = _places("output", plant.measurements, controller.input_labels, P.output_labels)
+    rows = _places("input", plant.controls, controller.output_labels, P.input_labels)
     return plant, StateMatrices(A, B[:, columns], C[rows], D[np.ix_(rows, columns)])
 
 
-def _places(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
-    """Return where the wanted names stand; in their order where the names are others."""
+def _places(what: str, wanted: Sequence[str], names: Sequence[str], there: Sequence[str]) -> list[int]:
+    """Return where the wanted names stand; in their order where all names are strange to the plant."""
     listed = list(names)
-    return [listed.index(name) for name in wanted] if set(listed) == set(wanted) else list(range(len(listed)))
+    if set(listed) == set(wanted):
+        return [listed.index(name) for name in wanted]
+    for name in listed:
+        if name in there:
+            raise ValueError(
+                f"controller: its signal {name!r} is an {what} of P, but the last {len(wanted)} {what}(s) of P are "
+                f"{', '.join(wanted)}, and its own are {', '.join(listed)}; name all of them, or none"
+            )
+    return list(range(len(listed)))
 
 
 def named_loop(plant: Plant, loop: StateMatrices) -> "control.StateSpace":

@@ -94,7 +94,12 @@ class Worker:
             self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=nothing, env=environment)
         except OSError as error:
             raise NativeFailure(f"the process for native synthesis could not be started ({error})") from None
-        if self._guarded(self._process, b"", len(READY), _START) != READY:
+        try:
+            greeting = self._guarded(self._process, len(READY), _START)
+        except BaseException:  # an interrupt: whoever comes next must not take a late greeting for an answer
+            self._drop()
+            raise
+        if greeting != READY:
             self._drop()
             raise NativeFailure("the process for native synthesis could not be started")
         return self._process
@@ -106,7 +111,7 @@ class Worker:
             killed.set()
             process.kill()
 
-        timer = threading.Timer(limit, expire)
+        timer = threading.Timer(min(limit, threading.TIMEOUT_MAX), expire)
         timer.daemon = True
         timer.start()
         try:
@@ -119,6 +124,9 @@ class Worker:
             body = process.stdout.read(length) if length > 0 else b""
         except OSError:
             ok, states, length, spent, body = 0, 0, -1, 0.0, b""
+        except BaseException:  # an interrupt: whoever asks next must not be given the answer to this request
+            self._drop()
+            raise
         finally:
             timer.cancel()
         if killed.is_set() or length != len(body):
@@ -128,7 +136,7 @@ class Worker:
         self._spent += spent
         return bool(ok), states, body
 
-    def _guarded(self, process: "subprocess.Popen[bytes]", data: bytes, count: int, limit: float) -> bytes:
+    def _guarded(self, process: "subprocess.Popen[bytes]", count: int, limit: float) -> bytes:
         timer = threading.Timer(limit, process.kill)
         timer.daemon = True
         timer.start()

@@ -107,9 +107,9 @@ def states_of(pieces: Sequence[Piece]) -> list[str]:
 
 
 def named_system(
-    matrices: StateMatrices, inputs: list[str], outputs: list[str], states: list[str]
+    matrices: StateMatrices, inputs: list[str], outputs: list[str], states: list[str], dt: float | bool | None = 0
 ) -> "control.StateSpace":
-    """Return a system with these names.
+    """Return a system with these names, by default in continuous time.
 
     Raises
     ------
@@ -123,4 +123,4 @@ def named_system(
         if twice:
             raise ValueError(f"{what} {twice[0]!r} would exist twice")
     A, B, C, D = matrices.A, matrices.B, matrices.C, matrices.D
-    return control.ss(A, B, C, D, inputs=inputs, outputs=outputs, states=states)
+    return control.ss(A, B, C, D, dt, inputs=inputs, outputs=outputs, states=states)

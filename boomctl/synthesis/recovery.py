@@ -88,7 +88,8 @@ def loop_transfer_recovery(
     Raises
     ------
     ValueError
-        Fewer measurements than controls: no recovery; a band that does not ascend; as :func:`lqg`.
+        Fewer measurements than controls: no recovery; no strengths; a band that does not ascend; weights of which the
+        regulator does nothing; as :func:`lqg`.
     SynthesisError
         As :func:`lqg`.
     """
@@ -100,16 +101,29 @@ def loop_transfer_recovery(
             f"measurements: expected at least as many as controls ({len(driven)}) to recover a loop, got {len(measured)}"
         )
     omega = _grid(band)
-    levels = [positive("strengths", float(q)) for q in np.atleast_1d(finite_array("strengths", strengths))]
+    levels = _levels(strengths)
     noise = (process_noise, measurement_noise, measured, driven)
     options = {"disturbances": disturbances, "output_weight": output_weight}
     designs = tuple(lqg(system, Q, R, *noise, **options, ltr=level) for level in levels)  # type: ignore[arg-type]
     inner, F = plant.block(measured, driven), designs[0].regulator_gain
     target = singular_values(StateMatrices(plant.A, inner.B, F, np.zeros((len(F), len(F)))).response(omega))
+    if not target.all():
+        at = float(omega[np.flatnonzero((target == 0.0).any(axis=0))[0]])
+        raise ValueError(
+            f"Q, output_weight: expected a regulator with a loop to recover; at {at:.4g} rad/s a singular value of its "
+            "loop is zero"
+        )
     response = inner.response(omega)
     loops = [singular_values(_at_input(design, response, omega)) for design in designs]
     gaps = np.array([float((np.abs(loop - target) / target).max()) for loop in loops])
     return RecoveryResult(np.array(levels), gaps, omega, target, loops[-1], right_zeros(inner), designs)
+
+
+def _levels(strengths: ArrayLike) -> list[float]:
+    given = np.atleast_1d(finite_array("strengths", strengths))
+    if given.ndim != 1 or not given.size:
+        raise ValueError(f"strengths: expected one number or more, got shape {given.shape}")
+    return [positive("strengths", float(q)) for q in given]
 
 
 def _grid(band: tuple[float, float]) -> Array:

@@ -77,7 +77,8 @@ def reduce_controller(
     controller : control.StateSpace
         Stabilises ``P``, ``u = K y``.
     order : int, optional
-        Number of states wanted.  By default the lowest whose loop stays within ``tolerance``.
+        Number of states wanted; fewer where the controller has states that do nothing within the loop.  By default the
+        lowest whose loop stays within ``tolerance``.
     tolerance : float
         By how much the closed loop's norm may grow, relative to it.
     fastest_pole : float, optional
@@ -103,7 +104,8 @@ def reduce_controller(
     if largest_pole(K) > limit:
         K = _slower(plant, K, limit)
     balanced, values = _balanced_in_loop(plant, K)
-    orders = range(len(K.A) + 1) if order is None else [min(order, len(K.A))]
+    most = len(balanced.A)
+    orders = range(most + 1) if order is None else [min(order, most)]
     allowed, rejected = full.norm.upper * (1.0 + share), ""
     for method, smaller in (found for count in orders for found in _smaller(balanced, count)):
         if largest_pole(smaller) > limit:
@@ -149,8 +151,6 @@ def _root(gramian: Array) -> Array:
 
 def _smaller(K: StateMatrices, order: int) -> Iterator[tuple[str, StateMatrices]]:
     """Yield controllers of an order: the states left out, and these at rest."""
-    if order > len(K.A):
-        return
     A, B, C = K.A[:order, :order], K.B[:order], K.C[:, :order]
     yield "truncated", StateMatrices(A, B, C, K.D)
     rest = K.A[order:, order:]

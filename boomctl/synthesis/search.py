@@ -1,7 +1,7 @@
 """The search for the lowest level that can be reached, with a bound from below that goes with it."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
@@ -17,6 +17,7 @@ _GROWTH = (1.01, 1.1, 1.5, 3.0, 10.0, 100.0, 1e4, 1e6, 1e9)
 _STEPS = 60
 _NOTHING = 1e-8
 _ABOVE = 1e-3
+_REFUTED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,13 @@ class Bounds:
     def lower(self) -> float:
         """What no controller beats."""
         return max(self.frequency, self.riccati)
+
+    def below(self, norm: float) -> "Bounds":
+        """Return what the verified norm of a loop does not refute; a bound it beats was made by rounding, and is zero."""
+        frequency, riccati = (
+            0.0 if bound > norm * (1.0 + _REFUTED) else min(bound, norm) for bound in (self.frequency, self.riccati)
+        )
+        return replace(self, frequency=frequency, riccati=riccati, reason=self.reason if riccati > 0.0 else "")
 
 
 def lowest_level(ready: Normalised, tolerance: float, deadline: Deadline) -> Bounds:

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
+from boomctl.analysis.norm import StateMatrices, state_matrices
+from boomctl.analysis.spectral import spectral_parts
 from boomctl.arrays import Array
 from boomctl.checks import finite_array
 from boomctl.structure.second_order import SecondOrderModel
@@ -14,6 +16,8 @@ if TYPE_CHECKING:
     import control
 
 _SPLIT = 1e-7
+_BESIDE = 1e-3
+_SAME = 1e-6
 
 __all__ = ["join_symmetric", "split_controller"]
 
@@ -96,9 +100,13 @@ def split_controller(
 
     Raises
     ------
-    ValueError
-        The model has no mirror symmetry; a signal without its mirror image.
+    TypeError, ValueError
+        Another kind of model or controller, discrete time, not finite; the model has no mirror symmetry; a signal
+        without its mirror image.
     """
+    if not isinstance(model, SecondOrderModel):
+        raise TypeError(f"model: expected SecondOrderModel, got {type(model).__name__}")
+    _continuous(controller)
     mirror = model.mirror
     if mirror is None:
         raise ValueError("model: expected one with mirror symmetry, such as spray_boom with a symmetric mesh")
@@ -119,11 +127,27 @@ def split_controller(
     return halves[0], halves[1], float(max(gains[0, 1], gains[1, 0]) / kept) if kept else 0.0
 
 
+def _continuous(controller: "control.StateSpace") -> None:
+    import control
+
+    if not isinstance(controller, control.StateSpace):
+        raise TypeError(f"controller: expected control.StateSpace, got {type(controller).__name__}")
+    if not controller.isctime():
+        raise ValueError(f"controller: expected continuous time, got a sampling time of {controller.dt:g} s")
+    for name in "ABCD":
+        finite_array(f"{name} of the controller", getattr(controller, name))
+
+
 def _around(controller: "control.StateSpace") -> Array:
-    size = np.abs(controller.poles()) if controller.nstates else np.ones(1)
-    size = size[size > 0.0]
+    """Return frequencies at a controller's poles and around, beside those that are undamped."""
+    poles = linalg.eigvals(controller.A) if controller.nstates else -np.ones(1)
+    size = np.abs(poles)
+    poles, size = poles[size > 0.0], size[size > 0.0]
     low, high = (float(size.min()), float(size.max())) if len(size) else (1.0, 1.0)
-    return np.union1d(np.geomspace(0.01 * low, 10.0 * high, 200), size)
+    grid = np.union1d(np.geomspace(0.01 * low, 10.0 * high, 200), size)
+    for omega in size[np.abs(poles.real) <= _BESIDE * size]:
+        grid = np.where(np.abs(grid - omega) <= _BESIDE * omega, omega * (1.0 + _BESIDE), grid)
+    return grid
 
 
 def _reached(
@@ -134,11 +158,13 @@ def _reached(
 
     from boomctl.reduction import reduce
 
+    rest, lasting = spectral_parts(state_matrices(controller))
+    lasting = _lasting(lasting, read[0], drive[0])
     half = control.ss(
-        controller.A,
-        controller.B @ read[0],
-        drive[0].T @ controller.C,
-        drive[0].T @ controller.D @ read[0],
+        linalg.block_diag(rest.A, lasting.A).reshape(2 * (len(rest.A) + len(lasting.A),)),
+        np.vstack([rest.B @ read[0], lasting.B]),
+        np.hstack([drive[0].T @ rest.C, lasting.C]),
+        drive[0].T @ rest.D @ read[0],
         inputs=list(read[1]),
         outputs=list(drive[1]),
     )
@@ -146,6 +172,62 @@ def _reached(
     if not half.nstates or size == 0.0:
         return half
     return reduce(half, error=_SPLIT * size).system
+
+
+def _lasting(part: StateMatrices, read: Array, drive: Array) -> StateMatrices:
+    """Return, of unstable and undamped states, those that one half reaches and sees; no reduction takes the others."""
+    found = [_met(StateMatrices(rows @ part.A @ columns, rows @ part.B, part.C @ columns, part.D), read, drive)
+             for columns, rows in _clusters(part.A)]  # fmt: skip
+    count = sum(len(one.A) for one in found)
+    return StateMatrices(
+        linalg.block_diag(*(one.A for one in found)).reshape(count, count),
+        np.vstack([np.zeros((0, read.shape[1])), *(one.B for one in found)]),
+        np.hstack([np.zeros((drive.shape[1], 0)), *(one.C for one in found)]),
+        np.zeros((drive.shape[1], read.shape[1])),
+    )
+
+
+def _clusters(A: Array) -> list[tuple[Array, Array]]:
+    """Return the columns, and the rows of their inverse, that split a matrix by its eigenvalues, equal ones together."""
+    import control
+
+    if not len(A):
+        return []
+    blocks, columns, widths = control.bdschur(A)
+    rows, ends = linalg.inv(columns), np.cumsum(widths)
+    squares = [np.asarray(blocks)[e - w : e, e - w : e] for w, e in zip(widths, ends, strict=True)]
+    means = np.array([np.trace(square) / len(square) for square in squares])
+    sizes = np.array([abs(linalg.det(square)) ** (1.0 / len(square)) for square in squares])
+    left, found = list(range(len(widths))), []
+    while left:
+        seed = left[0]
+        scale = _SAME * (sizes[seed] + _SAME * sizes.max())
+        near = [k for k in left if abs(means[k] - means[seed]) <= scale and abs(sizes[k] - sizes[seed]) <= scale]
+        chosen = np.concatenate([np.arange(ends[k] - widths[k], ends[k]) for k in near])
+        found.append((np.asarray(columns)[:, chosen], np.asarray(rows)[chosen]))
+        left = [k for k in left if k not in near]
+    return found
+
+
+def _met(part: StateMatrices, read: Array, drive: Array) -> StateMatrices:
+    """Return the states that one half reaches and sees, of those with about the same eigenvalue."""
+    entry, leave = part.B @ read, drive.T @ part.C
+    sizes = np.sqrt((np.linalg.norm(part.B, axis=0) ** 2) @ read**2), np.sqrt(drive.T**2 @ (part.C**2).sum(axis=1))
+    V = _spanned(part.A, entry / np.where(sizes[0] > 0.0, sizes[0], 1.0))
+    A, entry, leave = V.T @ part.A @ V, V.T @ entry, leave @ V
+    W = _spanned(A.T, (leave / np.where(sizes[1] > 0.0, sizes[1], 1.0)[:, None]).T)
+    return StateMatrices(W.T @ A @ W, W.T @ entry, leave @ W, np.zeros((len(leave), entry.shape[1])))
+
+
+def _spanned(A: Array, start: Array) -> Array:
+    """Return orthonormal columns that span what ``A`` makes of those given, rounding left out."""
+    basis, size = np.zeros((len(A), 0)), max(float(np.linalg.norm(A)), float(np.finfo(float).tiny))
+    while start.shape[1]:
+        left, strength, _ = linalg.svd(start - basis @ (basis.T @ start), full_matrices=False)
+        new = left[:, strength > _SPLIT]
+        basis, onward = np.hstack([basis, new]), A @ new
+        start = onward / np.maximum(np.linalg.norm(onward, axis=0), 1e-6 * size)
+    return basis
 
 
 def _whole(mirror: Mirror, halves: list[tuple[list[str], int]], available: tuple[str, ...], what: str) -> list[str]:

@@ -59,3 +59,24 @@ def test_bad_ranges_and_curved_families_are_refused():
 
     with pytest.raises(ValueError, match="K is not affine in a"):
         AffineFamily.through({"a": (0.0, 2.0)}, curved)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"parameters": 1.0}, TypeError, "parameters: expected BoomParameters, got float"),
+        ({"spring": []}, TypeError, "range of spring"),
+        ({"mass": {}}, TypeError, "range of mass"),
+        ({"mass": (0.8, 1.0, 1.2)}, TypeError, "range of mass"),
+        ({"mass": (-0.8, 1.2)}, ValueError, "lower end of mass"),
+        ({"spring": (1.3, 0.7)}, ValueError, "range of spring"),
+    ],
+)
+def test_ranges_that_are_none_are_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        boom_family(**options)
+
+
+def test_parameters_of_another_kind_are_refused():
+    with pytest.raises(TypeError, match="parameters: expected BoomParameters, got str"):
+        yaw_family("boom")

@@ -1,16 +1,19 @@
 """Reductions where others lose digits: hardly any damping, repeated modes, a thousand states, other coordinates."""
 
+import control
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import boomctl as bc
 from boomctl.analysis import sigma
 from boomctl.analysis.norm import StateMatrices, state_matrices
 from boomctl.analysis.singular import singular_values
 from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
 from boomctl.reduction import reduce
 from boomctl.reduction.core import core_of
+from boomctl.reduction.result import ReductionError
 from boomctl.structure import SecondOrderModel
 from tests.strategies import seeds
 
@@ -134,3 +137,38 @@ def test_a_full_core_keeps_the_digits_of_a_fine_mesh(elements):
     stable = core.stable.response(omega) if core.modal is None else core.modal.response(omega)
     gap = np.abs(full - stable - kept.response(omega)).max(axis=2)
     assert (gap <= 1e-7 * np.abs(full).max(axis=2)).all()
+
+
+@pytest.mark.parametrize("seed", [1, 5, 53, 74, 131, 1437])
+def test_slow_poles_far_below_the_fastest_are_not_overlooked(seed):
+    """Poles over twelve decades: the error at zero frequency is measured, or the reduction is refused."""
+    rng = np.random.default_rng(seed)
+    poles = -np.sort(10.0 ** rng.uniform(-6.0, 6.0, 10))
+    B, C = rng.standard_normal((10, 2)), rng.standard_normal((2, 10))
+    for order in (3, 5):
+        try:
+            found = bc.reduce(control.ss(np.diag(poles), B, C, 0.0), order, "hankel")
+        except ReductionError:
+            continue
+        R = found.system
+        error = np.linalg.norm((C / -poles) @ B + R.C @ np.linalg.solve(R.A, R.B) - R.D, 2)
+        assert error <= found.measured_error * (1.0 + 1e-3)
+
+
+@pytest.mark.parametrize("shape", [(2, 3, 2), (2, 1, 3), (3, 5, 4)])
+def test_chains_with_more_signals_than_states(shape):
+    """Equal poles have no modal coordinates; the Gramians come from their factors, however many signals there are."""
+    n, m, p = shape
+    rng = np.random.default_rng(0)
+    chain = control.ss(
+        -np.eye(n) + np.diag(np.full(n - 1, 40.0), 1), rng.standard_normal((n, m)), rng.standard_normal((p, n)), 0.0
+    )
+    size = bc.hinf_norm(chain).upper
+    for order in range(n + 1):
+        found = bc.reduce(chain, order)
+        assert found.order == order
+        omega = 0.7
+        gap = chain(1j * omega, squeeze=False) - found.system(1j * omega, squeeze=False)
+        assert np.linalg.norm(gap, 2) <= found.measured_error * (1.0 + 1e-6)
+        assert found.measured_error <= found.error_bound * (1.0 + 1e-3) + 2e-9 * size
+    assert bc.h2_norm(chain).certified

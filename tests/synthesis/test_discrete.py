@@ -111,3 +111,10 @@ def test_options_that_do_not_fit_are_refused():
         bc.discretize(lag, 0.1, prewarp_omega=100.0)
     with pytest.raises(ValueError, match="samples_per_period = 1: expected at least 2"):
         bc.discretize(lag, 0.1, samples_per_period=1.0)
+
+
+def test_a_pole_that_the_trapezoidal_rule_sends_to_infinity_is_named():
+    unstable = control.ss([[20.0]], [[1.0]], [[1.0]], 0.0)
+    with pytest.raises(ValueError, match="sample_time: the trapezoidal rule sends the unstable pole"):
+        bc.discretize(unstable, 0.1, samples_per_period=2.0)
+    assert bc.discretize(unstable, 0.1, "zoh", samples_per_period=2.0).nstates == 1

@@ -92,6 +92,28 @@ def test_close_loop_finds_signals_by_name():
     assert_allclose(bc.close_loop(P, K)(1j), bc.close_loop(P, straight)(1j))
 
 
+@pytest.mark.parametrize(("inputs", "named"), [(["a"], "'a' is an output of P"), (["b", "q"], "'b' is an output of P")])
+def test_close_loop_refuses_names_that_point_elsewhere(inputs, named):
+    P = control.ss(-1.0, [[1.0, 1.0]], [[1.0], [1.0], [2.0]], 0.0, inputs=["w", "u"], outputs=["z", "a", "b"])
+    gain = control.ss([], [], [], [[-1.0] * len(inputs)], inputs=inputs, outputs=["u"])
+    with pytest.raises(ValueError, match=named):
+        bc.close_loop(P, gain)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_units_do_not_make_a_loop_ill_posed(unit):
+    """The controls of very different units, the measurements likewise: the loop is the same."""
+    D22, gains = np.array([[0.5, 0.7], [-0.3, 0.4]]), np.array([[0.2, 0.5], [-0.5, 0.3]])
+    controls, measurements = np.array([1.0, unit]), np.array([unit, 1.0])
+    B, C = np.concatenate([[1.0], controls]), np.concatenate([[1.0], measurements])
+    D = np.zeros((3, 3))
+    D[1:, 1:] = measurements[:, None] * D22 * controls
+    P = control.ss([[-1.0]], B[None, :], C[:, None], D)
+    loop = bc.close_loop(P, control.ss([], [], [], gains / np.outer(controls, measurements)))
+    expected = -1.0 + np.ones(2) @ np.linalg.solve(np.eye(2) - gains @ D22, gains @ np.ones(2))
+    assert_allclose(loop.A, expected, rtol=1e-9)
+
+
 def test_a_loop_that_is_not_well_posed_is_refused():
     P = control.ss([], [], [], [[0.0, 1.0], [1.0, 2.0]])
     with pytest.raises(ValueError, match="not well-posed"):
@@ -144,7 +166,12 @@ def test_bad_pieces_are_named(yaw, case):
         bc.generalized_plant(yaw, **(given | changes))
 
 
-def test_channels_of_another_kind_of_system():
-    for system in (None, 1.0):
-        with pytest.raises(TypeError, match="system: expected StateSpace"):
-            bc.select_channels(system)
+def test_selected_channels_keep_the_sampling_time():
+    sampled = control.ss([[0.5]], [[1.0, 2.0]], [[1.0]], 0.0, 0.1, inputs=["a", "b"], outputs=["y"])
+    part = bc.select_channels(sampled, "b")
+    assert part.dt == 0.1
+    assert_allclose(part(np.exp(0.3j)), 2.0 / (np.exp(0.3j) - 0.5))
+    with pytest.raises(TypeError, match="system: expected a StateSpace, got NoneType"):
+        bc.select_channels(None)
+    with pytest.raises(ValueError, match="inputs: expected at least one"):
+        bc.select_channels(sampled, [])

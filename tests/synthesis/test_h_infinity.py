@@ -1,5 +1,7 @@
 """H-infinity synthesis: optima known in closed form, laws that any result obeys, and what it may not depend on."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -9,6 +11,9 @@ from numpy.testing import assert_allclose
 from scipy import linalg
 
 import boomctl as bc
+from boomctl.synthesis.frequency_bound import frequency_bound
+from boomctl.synthesis.partition import normalised, partition
+from boomctl.synthesis.search import Bounds
 from tests.synthesis.plants import assert_verified, lower_loop_norm, random_plant, resonators, weighed, yaw_plant
 
 SIZES = st.tuples(st.integers(0, 2), st.integers(0, 2), st.integers(1, 2), st.integers(1, 2))
@@ -196,3 +201,21 @@ def test_bad_input_is_named(case):
     call, kind, match = BAD[case]
     with pytest.raises(kind, match=match):
         call(weighed(resonators(2, 0.01, 1)))
+
+
+def test_the_frequency_bound_holds_with_any_feedback():
+    """Feedback does not change what no control reaches: one that rounding leaves far from optimal must not raise it."""
+    plant = partition(random_plant(4, 5, (2, 2, 1, 1), False), 1, 1)
+    ready = normalised(replace(plant, A=plant.A - 10.0 * np.eye(5)))
+    nothing = np.zeros((1, 5)), np.zeros((5, 1))
+    F, L = 0.3 * np.ones((1, 5)), 0.3 * np.ones((5, 1))
+    assert_allclose(frequency_bound(ready, F, L)[0], frequency_bound(ready, *nothing)[0], rtol=1e-3)
+
+
+def test_a_bound_that_a_verified_loop_beats_is_given_up():
+    bounds = Bounds(10.0, 8.0, 1.0, 3.0, "because", 1.0)
+    assert bounds.below(9.0) == bounds
+    assert bounds.below(5.0).lower == 3.0
+    assert bounds.below(8.0 * (1.0 - 1e-8)).lower <= 8.0 * (1.0 - 1e-8)
+    refuted = bounds.below(1.0)
+    assert (refuted.lower, refuted.reason) == (0.0, "")

@@ -228,3 +228,18 @@ def test_more_measurements_than_controls_are_welcome():
 
 def _even(matrix):
     return 0.5 * (matrix + matrix.T)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"strengths": []}, "strengths: expected one number or more"),
+        ({"strengths": [[1.0]]}, "strengths: expected one number or more"),
+        ({"Q": 0.0}, "expected a regulator with a loop to recover"),
+    ],
+)
+def test_recovery_of_nothing_is_refused(options, message):
+    mass = control.ss([[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    given = {"Q": 1.0, "R": 1.0, "process_noise": {"force": 1.0}, "measurement_noise": 1.0, "strengths": [1.0]}
+    with pytest.raises(ValueError, match=message):
+        bc.loop_transfer_recovery(mass, **(given | options), band=(0.1, 10.0))

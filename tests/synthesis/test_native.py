@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import control
 import numpy as np
@@ -59,6 +60,29 @@ def test_a_call_that_takes_too_long_is_killed_and_the_next_one_works(worker, sma
     assert worker.pid is None
     worker.controller(small, 1, 1, 2.0, 60.0)
     assert worker.pid not in (None, first)
+
+
+def test_an_interrupted_call_leaves_no_answer_to_the_next_one(worker, small, monkeypatch):
+    """An interrupt reaches a notebook's kernel alone, not the child, whose answer would be taken for the next one."""
+    large = matrices(weighed(resonators(20, 0.01, 1)))
+    worker.warm()
+    process = worker._process
+    read = process.stdout.read
+
+    def interrupted(count):
+        read(0)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(process, "stdout", SimpleNamespace(read=interrupted, close=process.stdout.close))
+    with pytest.raises(KeyboardInterrupt):
+        worker.controller(large, 1, 1, 100.0, 60.0)
+    assert worker.pid is None
+    assert worker.controller(small, 1, 1, 2.0, 60.0).A.shape == (4, 4)
+
+
+def test_time_limits_beyond_what_clocks_hold(worker, small):
+    assert worker.controller(small, 1, 1, 2.0, 1e300).A.shape == (4, 4)
+    assert bc.h_infinity(weighed(resonators(2, 0.01, 1)), 1, 1, time_limit=1e300).gamma > 0.0
 
 
 def test_a_worker_that_dies_is_replaced(worker, small):

@@ -61,3 +61,12 @@ def test_an_order_above_the_controllers_is_refused(design):
     P, full = design
     with pytest.raises(ValueError, match="order = 99"):
         bc.reduce_controller(P, full.controller, order=99)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_states_that_do_nothing_within_the_loop_go_first(order):
+    P = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
+    K = control.ss(np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[-0.1, 1.0]], 0.0)
+    found = bc.reduce_controller(P, K, order=order)
+    assert found.order == 1
+    assert_allclose(found.gamma, found.full_gamma, rtol=1e-9)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.synthesis import join_symmetric
+from boomctl.synthesis import join_symmetric, split_controller
 
 MODEL = bc.spray_boom(elements=6, accelerometer_bandwidth_hz=20.0)
 
@@ -72,3 +72,45 @@ def test_what_is_no_machine_or_controller_is_refused():
     anti.C[0, 0] = np.nan
     with pytest.raises(ValueError, match="C of the antisymmetric controller: expected finite numbers"):
         join_symmetric(MODEL, sym, anti)
+
+
+@pytest.mark.parametrize(("A", "stable"), [([[0.0]], 1.0), ([[2.0]], 1.0), ([[0.0, 3.0], [-3.0, 0.0]], 1.0)])
+def test_lasting_states_of_one_half_stay_there(A, stable):
+    """An integrator, an unstable pole, an undamped mode: none is left, hidden, in the controller of the other half."""
+    n = len(A)
+    lasting = control.ss(A, np.ones((n, 1)), np.ones((1, n)), 0.5, inputs=["stroke_sym"], outputs=["suspension_sym"])
+    other = control.ss([[-stable]], [[1.0]], [[2.0]], 0.0, inputs=["stroke_anti"], outputs=["suspension_anti"])
+    halves = split_controller(MODEL, join_symmetric(MODEL, lasting, other))
+    assert [half.nstates for half in halves[:2]] == [n, 1]
+    assert np.isclose(halves[0](1.7j), lasting(1.7j), rtol=1e-9)
+    assert np.isclose(halves[1](1.7j), other(1.7j), rtol=1e-6)
+    assert halves[2] < 1e-12
+
+
+def test_chains_of_integrators_stay_whole_in_the_order_of_any_signals():
+    chain = control.ss(
+        [[0.0, 1e-3, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1e5]], [[0.0], [1.0], [1.0]], [[1.0, 0.0, 1.0]], 0.0,
+        inputs=["stroke_anti"], outputs=["suspension_anti"],
+    )  # fmt: skip
+    other = half_controller("sym", 3)[0, 1]
+    other = control.ss(other.A, other.B, other.C, 0.0, inputs=["stroke_sym"], outputs=["suspension_sym"])
+    joined = join_symmetric(MODEL, other, chain)
+    swapped = control.ss(
+        joined.A, joined.B[:, ::-1], joined.C, joined.D[:, ::-1],
+        inputs=joined.input_labels[::-1], outputs=joined.output_labels,
+    )  # fmt: skip
+    for whole in (joined, swapped):
+        sym, anti, _ = split_controller(MODEL, whole)
+        assert anti.nstates == 3
+        assert sym.nstates <= 3
+        assert np.isclose(anti(0.2j), chain(0.2j), rtol=1e-6)
+
+
+def test_what_cannot_be_split_is_refused():
+    joined = join_symmetric(MODEL, half_controller("sym", 1), half_controller("anti", 2))
+    with pytest.raises(TypeError, match="model: expected SecondOrderModel, got NoneType"):
+        split_controller(None, joined)
+    with pytest.raises(TypeError, match=r"controller: expected control\.StateSpace, got float"):
+        split_controller(MODEL, 1.0)
+    with pytest.raises(ValueError, match=r"controller: expected continuous time, got a sampling time of 0\.01 s"):
+        split_controller(MODEL, bc.discretize(joined, 0.01))
