@@ -17,6 +17,7 @@ from boomctl.arrays import Array
 __all__ = ["StopHit", "StopMaps", "StopStep", "merged_hits", "stop_step"]
 
 _ROUNDING = 1e-9
+_DEPENDENT = 1e10
 
 Set = tuple[int, ...]
 
@@ -84,7 +85,8 @@ class StopMaps:
             found[columns] = np.linalg.inv(matrix / scale[:, None]) / scale
         except np.linalg.LinAlgError:
             return None
-        return found
+        sizes = np.abs(matrix / scale[:, None]).sum(axis=1).max() * np.abs(found[columns] * scale).sum(axis=1).max()
+        return found if sizes < _DEPENDENT else None
 
 
 @dataclass(frozen=True)

@@ -254,3 +254,13 @@ def test_a_loop_that_diverges_but_for_its_stops_is_held_by_them():
     found = simulate_loop(plant, None, {"d": np.ones(3001)}, time, sample_time=0.01, stroke_limit={"x": (0.1, "f")})
     assert found["x"][-1] == pytest.approx(0.1)
     assert np.abs(found["x"]).max() <= 0.1 * (1.0 + 1e-8)
+
+
+def test_stops_that_depend_on_each_other_are_not_solved_for_together():
+    """Two stops on one and the same stroke: only one of them can be asked what to do."""
+    one = np.array([[0.5, 0.25], [0.5, 0.25]])
+    maps = StopMaps(np.repeat(one, 2, axis=1), np.repeat(2.0 * one, 2, axis=1), np.zeros((1, 4)), np.ones(2))
+    assert maps.answer((0, 1), ()) is None
+    found = stop_step(maps, np.array([1.1, 1.1 + 1e-14]), np.array([0.3, 0.3]))
+    assert found is not None
+    assert np.abs(found.amounts).max() < 10.0
