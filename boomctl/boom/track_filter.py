@@ -167,9 +167,14 @@ def _fitted(wide: Array, density: Array, f: Array, sections: int) -> tuple[Array
     def mismatch(x: Array) -> Array:
         return np.log(2.0 * np.abs(_magnitude(x, s)) ** 2 / target)
 
+    def slopes(x: Array) -> Array:
+        return _log_slopes(x, 2.0 * np.pi * grid)
+
     start = _start(grid, target, sections)
     low, high = _bounds(grid, sections)
-    result = least_squares(mismatch, np.clip(start, low + 1e-9, high - 1e-9), bounds=(low, high), max_nfev=400)
+    result = least_squares(
+        mismatch, np.clip(start, low + 1e-9, high - 1e-9), jac=slopes, bounds=(low, high), max_nfev=400
+    )
     if not np.isfinite(result.cost):
         raise ArithmeticError("the track filter's fit did not converge")
     x = result.x.copy()
@@ -202,6 +207,18 @@ def _magnitude(x: Array, s: Array) -> Array:
     for w, z in poles.T:
         value = value / ((s / w) ** 2 + 2.0 * z * s / w + 1.0)
     return value
+
+
+def _log_slopes(x: Array, omega: Array) -> Array:
+    """Return the derivatives of the logarithm of the squared magnitude by ``x``, (frequencies, len(x))."""
+    _, poles, zeros = _split(x)
+    columns = [np.full((len(omega), 1), 2.0)]
+    for (w, z), sign in ((poles, -1.0), (zeros, 1.0)):
+        ratio = (omega[:, None] / w) ** 2
+        size = (1.0 - ratio) ** 2 + 4.0 * z**2 * ratio
+        by_damping = 8.0 * z**2 * ratio / size
+        columns += [sign * (4.0 * ratio * (1.0 - ratio) / size - by_damping), sign * by_damping]
+    return np.hstack(columns)
 
 
 def _start(grid: Array, target: Array, sections: int) -> Array:

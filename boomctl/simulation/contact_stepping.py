@@ -70,9 +70,10 @@ def run_contact(p: LoopProblem, log: ControlLog, contacts: Contacts) -> tuple[Ar
                 _write_friction(kept, k, rows.law, p.grid.h, (slip, step), float(row[n + 1] - old[n + 1]))
                 slip = slip.after(step)
             if stops is not None:
-                for i in np.flatnonzero(stops.sides):
-                    speed = float(old[n + 2 + rows.stops + i])
-                    kept.touched.append((int(i), int(stops.sides[i]), k, float(stops.impulses[i]), speed))
+                speeds = old[n + 2 + rows.stops :].tolist()
+                for i, (side, impulse) in enumerate(zip(stops.sides.tolist(), stops.impulses.tolist(), strict=True)):
+                    if side:
+                        kept.touched.append((i, int(side), k, impulse, speeds[i]))
         old = row
         states[:] = row[:n]
         before[:] = after

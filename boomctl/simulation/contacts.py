@@ -16,6 +16,7 @@ __all__ = ["Contact", "Contacts", "StrokeLimit", "contact_at", "contacts_of", "s
 StrokeLimit = float | Mapping[str, "float | tuple[float, str]"] | None
 
 _NOTHING = 1e-7
+_COARSE = 0.5
 _MOST_STOPS = 6
 
 
@@ -91,14 +92,19 @@ class Contacts:
     stop_maps: StopMaps | None
 
 
-def contact_at(plant: ModalPlant, maps: StepMaps, output: str, force: str, driven: tuple[str, ...] = ()) -> Contact:
+def contact_at(
+    plant: ModalPlant, maps: StepMaps, output: str, force: str, driven: tuple[str, ...] = (), least: float = 0.0
+) -> Contact:
     """Return the contact of a displacement output with a force input.
+
+    ``least`` is what must be left at the end of a step of the velocity that a force would bring without stiffness, as
+    a share of it.
 
     Raises
     ------
     ValueError
         Unknown names; the force moves the displacement or its velocity at once (no inertia between them), or not at
-        all, or against itself; a control moves the displacement at once.
+        all, or against itself; a control moves the displacement at once; steps too long for the motion.
     """
     o = plant.outputs.index(known("output of a contact", output, plant.outputs))
     i = plant.inputs.index(known("input of a contact", force, plant.inputs))
@@ -107,7 +113,12 @@ def contact_at(plant: ModalPlant, maps: StepMaps, output: str, force: str, drive
     through = np.vstack([plant.D[o], row @ plant.B])
     sizes = np.vstack([np.abs(plant.D[o]), np.abs(row) @ np.abs(plant.B)])
     through[np.abs(through) <= _NOTHING * sizes] = 0.0
-    gain = float(velocity @ maps.held[:, i])
+    gain, at_once = float(velocity @ maps.held[:, i]), float(velocity @ column)
+    if not through[:, i].any() and at_once > 0.0 and gain <= least * at_once * maps.h:
+        raise ValueError(
+            f"contact at output {output!r} through input {force!r}: the motion there is too fast for steps of {maps.h:g} s"
+            " (what a force adds to the velocity is gone before their end); expected finer timepts or more steps"
+        )
     if through[:, i].any() or gain <= 0.0:
         why = "there is no inertia between them" if through[:, i].any() else f"a unit force adds {gain:.3g} m/s to it"
         raise ValueError(
@@ -159,7 +170,7 @@ def contacts_of(
     driven: tuple[str, ...],
 ) -> Contacts | None:
     """Return all contacts, ``None`` where there are none."""
-    slip = None if friction is None else contact_at(plant, maps, friction.output, friction.input, driven)
+    slip = None if friction is None else contact_at(plant, maps, friction.output, friction.input, driven, _COARSE)
     stops = tuple(contact_at(plant, maps, output, force, driven) for output, force, _ in places)
     if slip is None and not stops:
         return None

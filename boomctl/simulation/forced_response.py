@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, Flags
 from boomctl.checks import known, names, positive
 from boomctl.simulation.lifted import lifted_response
 from boomctl.simulation.plant import ModalPlant, modal_plant, of_matrices
 from boomctl.simulation.signals import disturbance_rows, uniform_times
-from boomctl.simulation.truncation import truncated
+from boomctl.simulation.truncation import realized, truncated
 from boomctl.structure.second_order import SecondOrderModel
 from boomctl.structure.symmetry import half
 
@@ -161,13 +161,12 @@ def _structure_response(
     modes = min(_FIRST_MODES, model.n)
     while True:
         small, rest = truncated(model, modes)
-        linear = small.to_statespace()
-        plant = of_matrices(linear.A, linear.B, linear.C, linear.D + rest, small.inputs, small.outputs)
+        plant = of_matrices(*realized(small, rest), small.inputs, small.outputs)
         count = len(plant.C)
         if small.n == model.n:
             y = lifted_response(plant.step(h).of_signals, plant.C, plant.D, U)
             return y, np.zeros(count), model.n
-        C, D = _witness(plant)
+        C, D = _witness(plant, np.array(small.ports.integrators) == 0)
         both = lifted_response(plant.step(h).of_signals, np.vstack([plant.C, C]), np.vstack([plant.D, D]), U)
         y, lacking = both[:count], np.abs(both[count:]).max(axis=1)
         if (lacking <= accuracy * np.abs(y).max(axis=1)).all():
@@ -175,12 +174,16 @@ def _structure_response(
         modes = min(model.n, int(np.ceil(_GROWTH * modes)))
 
 
-def _witness(plant: ModalPlant) -> tuple[Array, Array]:
-    """Return rows that read how far the highest modes are from their answer at rest: what modes left out lack."""
+def _witness(plant: ModalPlant, direct: Flags) -> tuple[Array, Array]:
+    """Return rows that read how far the highest modes are from their answer at rest: what modes left out lack.
+
+    Inputs are ``direct`` or integrated; the answer at rest to an integral belongs to the integrator's block, not to the
+    modes' own.
+    """
     speed = [float(np.abs(np.linalg.eigvals(plant.A[part, part])).min()) for part in plant.blocks]
     C, D = np.zeros_like(plant.C), np.zeros_like(plant.D)
     for k in np.argsort(speed)[-_WITNESSES:]:
         part = plant.blocks[k]
         C[:, part] = plant.C[:, part]
-        D += plant.C[:, part] @ np.linalg.solve(plant.A[part, part], plant.B[part])
+        D += plant.C[:, part] @ np.linalg.solve(plant.A[part, part], plant.B[part] * direct)
     return C, D

@@ -18,6 +18,7 @@ from boomctl.simulation.signals import disturbance_rows, per_signal, time_grid
 from boomctl.simulation.speculation import run_fast
 from boomctl.simulation.stepping import ControlLog, Limits, LoopProblem, control_log
 from boomctl.simulation.stops import merged_hits
+from boomctl.simulation.untouched import run_untouched
 from boomctl.structure.second_order import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -94,20 +95,32 @@ def simulate_loop(
     friction = None if friction is None else friction_law(friction)
     modal = modal_plant(plant, _contact_inputs(plant, friction, stroke_limit))
     places = stop_places(stroke_limit, modal)
-    grid = time_grid(timepts, sample_time, _substeps(friction, bool(places)))
+    grid = time_grid(timepts, sample_time)
     K = sampled_controller(controller, modal, float(sample_time), anti_windup, discretization)
     rows = disturbance_rows(disturbance, modal.inputs, K.outputs, len(grid.time))
-    lag, rest = _whole_steps(late, grid.h)
-    maps = modal.step(grid.h, rest)
     limits = Limits(
         per_signal("force_limit", force_limit, K.outputs),
         per_signal("rate_limit", rate_limit, K.outputs) * float(sample_time),
         per_signal("quantization", quantization, K.inputs, zero=True),
     )
-    contacts = contacts_of(modal, maps, friction, places, K.outputs)
     start = _start(initial, modal)
     _check_strokes(places, modal.C @ start + modal.D @ rows[:, 0], modal.outputs)
-    return _run(LoopProblem(modal, maps, K, grid, grid.refined(rows), lag, limits, start, contacts), rows, late)
+
+    def problem(finer: int, touching: bool) -> tuple[LoopProblem, float]:
+        """Return the loop in steps so much finer, and when the controls change within one."""
+        steps = grid if finer == 1 else time_grid(timepts, sample_time, finer)
+        lag, rest = _whole_steps(late, steps.h)
+        maps = modal.step(steps.h, rest)
+        contacts = contacts_of(modal, maps, friction, places, K.outputs) if touching else None
+        return LoopProblem(modal, maps, K, steps, steps.refined(rows), lag, limits, start, contacts), rest
+
+    p, _ = problem(_substeps(friction, bool(places)), True)
+    if places and friction is None:
+        whole, switch = problem(1, False)
+        free = run_untouched(whole, p, switch)
+        if free is not None:
+            return _result(whole, rows, free[1], free[0][:, :: whole.grid.per_point], None, late)
+    return _run(p, rows, late)
 
 
 def _check_strokes(places: list[tuple[str, str, float]], outputs: Array, names: tuple[str, ...]) -> None:

@@ -8,7 +8,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import known
-from boomctl.simulation.truncation import truncated
+from boomctl.simulation.truncation import realized, truncated
 from boomctl.structure.second_order import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -110,8 +110,7 @@ def modal_plant(system: "control.StateSpace | SecondOrderModel", keep_rigid: tup
             known("input of a contact", name, system.inputs)
         small, compliance = truncated(system, _MODES)
         compliance[:, [system.inputs.index(name) for name in keep_rigid]] = 0.0
-        linear = small.to_statespace()
-        return of_matrices(linear.A, linear.B, linear.C, linear.D + compliance, system.inputs, system.outputs)
+        return of_matrices(*realized(small, compliance), system.inputs, system.outputs)
     if not isinstance(system, control.StateSpace):
         raise TypeError(f"plant: expected control.StateSpace or SecondOrderModel, got {type(system).__name__}")
     if not system.isctime():

@@ -48,7 +48,7 @@ class LoopResult:
     outputs : dict from name to (n,) ndarray
         Outputs of the plant.
     controls : dict from name to (n,) ndarray
-        Controls that act on the plant just after each time, limits and delay included.
+        Controls that act on the plant just after each time, the last included; limits and delay too.
     asked : dict from name to (n,) ndarray
         What the controller asked for at its last sample.
     disturbances : dict from name to (n,) ndarray

@@ -17,6 +17,7 @@ from boomctl.arrays import Array
 __all__ = ["StopHit", "StopMaps", "StopStep", "merged_hits", "stop_step"]
 
 _ROUNDING = 1e-9
+_DEPENDENT = 1e10
 
 Set = tuple[int, ...]
 
@@ -84,7 +85,8 @@ class StopMaps:
             found[columns] = np.linalg.inv(matrix / scale[:, None]) / scale
         except np.linalg.LinAlgError:
             return None
-        return found
+        sizes = np.abs(matrix / scale[:, None]).sum(axis=1).max() * np.abs(found[columns] * scale).sum(axis=1).max()
+        return found if sizes < _DEPENDENT else None
 
 
 @dataclass(frozen=True)
@@ -109,40 +111,38 @@ def stop_step(maps: StopMaps, position: Array, velocity: Array) -> StopStep | No
     ArithmeticError
         No set of stops is consistent.
     """
-    count = len(maps.limits)
-    over = np.abs(position) > maps.limits
-    if not over.any():
+    strokes, rates, limits = position.tolist(), velocity.tolist(), maps.limits.tolist()
+    over = [0.0 if abs(x) <= limit else (1.0 if x > 0.0 else -1.0) for x, limit in zip(strokes, limits, strict=True)]
+    if not any(over):
         return None
-    for touched, leaving, side in _cases(
-        [float(np.sign(p)) if o else 0.0 for p, o in zip(position, over, strict=True)]
-    ):
+    count = len(limits)
+    for touched, leaving, side in _cases(over):
         answer = maps.answer(touched, leaving)
         if answer is None:
             continue
-        rest = [i for i in touched if i not in leaving]
-        wanted = [a * maps.limits[i] - position[i] for i, a in zip(touched, side, strict=True)]
-        amounts, sides = answer @ np.array(wanted + [-velocity[i] for i in rest]), np.zeros(count)
-        sides[list(touched)] = side
-        if _consistent(maps, position, amounts, sides):
+        wanted = [a * limits[i] - strokes[i] for i, a in zip(touched, side, strict=True)]
+        wanted += [-rates[i] for i in touched if i not in leaving]
+        amounts = answer @ np.array(wanted)
+        end = position + maps.position @ amounts
+        if _consistent(maps, end.tolist(), amounts.tolist(), (touched, side)):
+            sides = np.zeros(count)
+            sides[list(touched)] = side
             return StopStep(amounts[:count] + amounts[count:], amounts, sides)
     raise ArithmeticError(
         "no consistent set of end stops was found: over one step the stops contradict each other; expected finer timepts"
     )
 
 
-def _consistent(maps: StopMaps, position: Array, amounts: Array, sides: Array) -> bool:
+def _consistent(maps: StopMaps, end: list[float], amounts: list[float], met: tuple[Set, tuple[float, ...]]) -> bool:
     """Return whether no stop is passed, each pushes, and each that is touched would be passed without what it does."""
-    count = len(sides)
-    impulses = amounts[:count] + amounts[count:]
-    if (impulses * sides > 0.0).any():
-        return False
-    end = position + maps.position @ amounts
-    if (np.abs(end) > maps.limits * (1.0 + _ROUNDING)).any():
-        return False
-    touched = np.flatnonzero(sides)
-    own = maps.position[touched, touched] * amounts[touched]
-    own = own + maps.position[touched, count + touched] * amounts[count + touched]
-    return bool(((end[touched] - own) * sides[touched] >= maps.limits[touched] * (1.0 - _ROUNDING)).all())
+    count, limits = len(end), maps.limits.tolist()
+    for i, side in zip(*met, strict=True):
+        if (amounts[i] + amounts[count + i]) * side > 0.0:
+            return False
+        own = float(maps.position[i, i]) * amounts[i] + float(maps.position[i, count + i]) * amounts[count + i]
+        if (end[i] - own) * side < limits[i] * (1.0 - _ROUNDING):
+            return False
+    return all(abs(x) <= limit * (1.0 + _ROUNDING) for x, limit in zip(end, limits, strict=True))
 
 
 def _cases(over: list[float]) -> Iterator[tuple[Set, Set, tuple[float, ...]]]:

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 __all__ = ["sine_sigma", "swept_sine"]
 
 _LEAST_PERIODS = 3
+_FINE = 0.8
+_DOUBLINGS = 6
 
 
 def swept_sine(
@@ -52,7 +54,7 @@ def swept_sine(
     plant, friction, omega, excitation, amplitude, outputs
         As for :func:`describing_function`; break-away at ``static_force`` is simulated.
     steps : int
-        Steps a period, at least 16.
+        Steps a period, at least 16; more are taken at frequencies so low that a step would be long for the plant.
     periods : int
         Most periods.
     tolerance : float
@@ -79,14 +81,70 @@ def swept_sine(
     known("input of the friction", law.input, modal.inputs)
     drive = np.zeros(len(modal.inputs), dtype=complex)
     drive[[modal.inputs.index(name) for name in excited]] = size * shape
-    sweep = _prepared(modal, law, grid, drive, count)
     rows = [modal.outputs.index(name) for name in read]
-    slip_row = modal.outputs.index(law.output)
-    found, stuck, settled = _run(sweep, law, most, positive("tolerance", tolerance), modal.C[rows])
-    everything = modal.C @ found.T + (modal.D @ drive)[:, None]
-    slip = np.where(stuck, 0.0, np.abs(everything[slip_row]))
-    response = finite_response(everything[rows] / size, grid)
-    return SineResponse(grid, response, slip, stuck, size, excited, read, settled)
+    slip_row = modal.outputs.index(known("output of a contact", law.output, modal.outputs))
+    found, stuck, settled = _swept(modal, law, grid, drive, (count, most), positive("tolerance", tolerance), rows)
+    slip = np.where(stuck, 0.0, np.abs(found[slip_row]))
+    return SineResponse(grid, finite_response(found[rows] / size, grid), slip, stuck, size, excited, read, settled)
+
+
+def _swept(
+    plant: ModalPlant,
+    law: CoulombFriction,
+    grid: Array,
+    drive: Complex,
+    least_and_most: tuple[int, int],
+    tolerance: float,
+    rows: list[int],
+) -> tuple[Complex, Flags, Array]:
+    """Return the fundamentals of all outputs, who stuck, and how steady the wanted ``rows`` were.
+
+    At least so many steps a period and at most so many periods are taken.
+    """
+    found = np.zeros((len(plant.outputs), len(grid)), dtype=complex)
+    stuck, settled = np.zeros(len(grid), dtype=bool), np.zeros(len(grid))
+    counts = np.array([_steps_needed(plant, law, w, least_and_most[0]) for w in grid])
+    for count in np.unique(counts):
+        here = np.flatnonzero(counts == count)
+        sweep = _prepared(plant, law, grid[here], drive, int(count))
+        states, stuck[here], settled[here] = _run(sweep, law, least_and_most[1], tolerance, plant.C[rows])
+        found[:, here] = plant.C @ states.T + (plant.D @ drive)[:, None]
+    if stuck.any():
+        found[:, stuck] = _held(plant, law, grid[stuck], drive)
+    return found, stuck, settled
+
+
+def _steps_needed(plant: ModalPlant, law: CoulombFriction, omega: float, steps: int) -> int:
+    """Return how many steps a period takes: more than wanted where a step would be long for the motion at the contact."""
+    velocity = plant.C[plant.outputs.index(law.output)] @ plant.A
+    column = plant.B[:, plant.inputs.index(law.input)]
+    for count in steps * 2 ** np.arange(_DOUBLINGS):
+        h = 2.0 * np.pi / (omega * count)
+        if velocity @ plant.motion(h)[1] @ column >= _FINE * h * (velocity @ column):
+            return int(count)
+    return steps * 2**_DOUBLINGS
+
+
+def _held(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex) -> Complex:
+    """Return all outputs with the slip held at zero, (outputs, frequencies): no step by step about it."""
+    solved = _responses(plant, law, grid, drive)
+    row = plant.outputs.index(law.output)
+    moved, per_force = (plant.C @ solved[:, :, k].T for k in (0, 1))
+    moved = moved + (plant.D @ drive)[:, None]
+    per_force = per_force + plant.D[:, [plant.inputs.index(law.input)]]
+    return moved - per_force * (moved[row] / per_force[row])
+
+
+def _responses(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex) -> Complex:
+    """Return the states' responses to the excitation and to a unit friction force, (frequencies, n, 2)."""
+    column = plant.B[:, plant.inputs.index(law.input)].astype(complex)
+    load = np.column_stack([plant.B @ drive, column])
+    with np.errstate(all="ignore"):
+        try:
+            solved = np.linalg.solve(1j * grid[:, None, None] * np.eye(len(plant.A)) - plant.A, load[None])
+        except np.linalg.LinAlgError:
+            raise ValueError("omega: expected no frequency at an undamped resonance of the plant") from None
+        return np.moveaxis(finite_response(np.moveaxis(solved, 0, -1), grid), -1, 0)
 
 
 @dataclass(frozen=True)
@@ -123,15 +181,7 @@ def _prepared(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Compl
 
 def _balanced_start(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex) -> Array:
     """Return the states that the harmonic balance expects at the beginning of a period, (frequencies, n)."""
-    n = len(plant.A)
-    column = plant.B[:, plant.inputs.index(law.input)].astype(complex)
-    load = np.column_stack([plant.B @ drive, column])
-    with np.errstate(all="ignore"):
-        try:
-            solved = np.linalg.solve(1j * grid[:, None, None] * np.eye(n) - plant.A, load[None])
-        except np.linalg.LinAlgError:
-            raise ValueError("omega: expected no frequency at an undamped resonance of the plant") from None
-        finite_response(np.moveaxis(solved, 0, -1), grid)
+    solved = _responses(plant, law, grid, drive)
     row = plant.outputs.index(law.output)
     slips = np.einsum("n,fnk->fk", plant.C[row], solved)
     force, _ = balanced_friction(slips[:, 0] + plant.D[row] @ drive, slips[:, 1], law.force)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
 import boomctl as bc
+from boomctl.boom.track_filter import _log_slopes, _magnitude
 from boomctl.boom.tractor import GRAVITY
 
 P = bc.TractorParameters()
@@ -282,3 +283,26 @@ def test_what_is_no_track_and_what_is_beyond_numbers_is_refused():
             call([1.0], speed=1e300)
         with pytest.raises(ValueError, match=r"actuator_distance = 1e.300: the densities are not finite"):
             call([1.0], actuator_distance=1e300)
+
+
+@pytest.mark.parametrize("sections", [1, 3, 8])
+def test_the_slopes_of_the_fit_are_those_of_its_magnitude(sections):
+    rng = np.random.default_rng(sections)
+    omega = np.geomspace(0.2, 40.0, 50)
+    x = np.log(rng.uniform(0.1, 20.0, 4 * sections - 1))
+    found = _log_slopes(x, omega)
+    for k, step in enumerate(1e-6 * np.eye(len(x))):
+        high, low = (np.log(np.abs(_magnitude(x + side * step, 1j * omega)) ** 2) for side in (1.0, -1.0))
+        np.testing.assert_allclose(found[:, k], (high - low) / 2e-6, atol=1e-6 * np.abs(found).max())
+
+
+def test_a_filter_of_many_sections_follows_the_density_better():
+    f = np.geomspace(0.1, 4.0, 300)
+    exact = bc.platform_density(f, speed=2.5, band=(1e-9, 1e9)).jolt
+    errors = []
+    for sections in (3, 10):
+        system = bc.track_filter(sections=sections)
+        response = np.asarray(system(2j * np.pi * f, squeeze=False))
+        found = 2.0 * np.abs(0.5 * (response[0, 0] + response[1, 0])) ** 2
+        errors.append(np.abs(np.log(found / exact)).mean())
+    assert errors[1] < errors[0]

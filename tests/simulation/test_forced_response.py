@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.benchmark.loop_reference import extended_maps
 from boomctl.simulation import forced_response, simulate_loop
+from boomctl.structure.sampled import linear_hold_response
 from tests.simulation.cases import random_plant
 from tests.strategies import seeds
 
@@ -69,6 +70,33 @@ def test_fewer_modes_keep_the_accuracy_asked_for(accuracy):
     assert found.modes < model.n
     for name, values in whole.outputs.items():
         assert np.abs(found[name] - values).max() <= 2.0 * accuracy * np.abs(values).max()
+
+
+@pytest.mark.parametrize("excitation", ["velocity", "acceleration"])
+@pytest.mark.parametrize("accuracy", [1e-3, 1e-6])
+def test_imposed_velocities_and_accelerations_keep_the_accuracy_asked_for(excitation, accuracy):
+    model = bc.spray_boom(elements=24, excitation=excitation)
+    rng = np.random.default_rng(0)
+    time = 0.004 * np.arange(800)
+    signals = {"actuator_left": 0.01 * rng.standard_normal(800).cumsum(), "suspension_right": rng.standard_normal(800)}
+    found = forced_response(model, signals, time, accuracy=accuracy)
+    rows = np.array([signals.get(name, np.zeros(800)) for name in model.inputs])
+    exact = dict(zip(model.outputs, linear_hold_response(model.to_statespace(), rows, 0.004), strict=True))
+    for name, values in exact.items():
+        error = np.abs(found[name] - values).max() / np.abs(values).max()
+        assert error <= 4.0 * found.error_estimate + 1e-8
+        assert error <= 2.0 * accuracy
+    assert found.modes < model.n
+
+
+def test_a_loop_of_many_modes_follows_an_imposed_acceleration():
+    model = bc.spray_boom(elements=24, excitation="acceleration")
+    time = 0.004 * np.arange(500)
+    signals = {"actuator_left": np.sin(3.0 * time)}
+    loop = simulate_loop(model, None, signals, time, sample_time=0.004)
+    found = forced_response(model, signals, time, accuracy=1e-9)
+    for name, values in found.outputs.items():
+        np.testing.assert_allclose(loop[name], values, atol=1e-6 * np.abs(values).max())
 
 
 def test_one_actuator_alone_and_superposition():

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 
+import control as ct
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -131,3 +132,29 @@ def test_bad_input(method, change, message):
     } | change
     with pytest.raises((TypeError, ValueError), match=message):
         method(**arguments)
+
+
+@pytest.mark.parametrize("omega", [0.0079, 0.013, 0.1, 1.0, 1.9])
+def test_what_never_slips_is_held_and_does_not_creep(omega):
+    """However long the steps of a low frequency are for the plant, the slip of a cradle that holds is zero."""
+    plant = ct.ss(
+        [[0.0, 1.0], [-4.0, -0.4]],
+        [[0.0, 0.0], [1.0, 1.0]],
+        [[1.0, 0.0], [0.0, 1.0]],
+        [[0.0, 0.0], [0.0, 0.5]],
+        inputs=["cradle", "d"],
+        outputs=["cradle_slip", "reading"],
+    )
+    found = swept_sine(plant, CoulombFriction(2.0), [omega], "d", 1.0)
+    assert found.stuck.all()
+    np.testing.assert_allclose(found.response, [[0.0], [0.5]], atol=1e-12)
+
+
+def test_steps_too_long_for_the_contact_are_refused():
+    plant = ct.ss(
+        [[0, 1.0], [-4.0, -0.4]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs=["cradle"], outputs=["cradle_slip"]
+    )
+    for h in (4.0, 8.0):
+        time = h * np.arange(101)
+        with pytest.raises(ValueError, match="finer timepts"):
+            simulate_loop(plant, None, {"cradle": time / 100.0}, time, sample_time=h, friction=CoulombFriction(10.0))

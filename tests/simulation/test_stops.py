@@ -214,3 +214,53 @@ def test_stops_that_contradict_each_other_are_an_error_of_arithmetic():
     maps = StopMaps(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((2, 2)), np.ones(1))
     with np.errstate(all="ignore"), pytest.raises(ArithmeticError, match="finer timepts"):
         stop_step(maps, np.array([2.0]), np.array([1.0]))
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3, 0.5, 0.8, 1.4, 2.0])
+@pytest.mark.parametrize(("per_sample", "displaced"), [(1, False), (2, False), (0.5, False), (1, True)])
+def test_a_stop_is_reached_when_the_stroke_passes_it_between_the_points_too(delay, per_sample, displaced):
+    """The largest stroke is found on a grid four times finer; a stop just beyond it does nothing, one within it does."""
+    h, m = 0.05, 120
+    rng = np.random.default_rng(4)
+    moved = [[-0.2, 0.0, 0.0]] if displaced else [[0.0, 0.0, 0.0]]
+    plant = ct.ss(
+        [[0.0, 1.0], [-9.0, -0.6]],
+        [[0.0, 0.0, 0.0], [0.3, 1.0, 1.0]],
+        [[1.0, 0.0]],
+        moved,
+        inputs=["d", "u", "f"],
+        outputs=["x"],
+    )
+    law = ct.ss(0.6, 1.0, [[-1.0]], [[-2.0]], h * per_sample, inputs=["x"], outputs=["u"])
+    time = h * np.arange(m + 1)
+    d = np.sin(1.7 * time) + np.sin(0.9 * time + 1.0) - np.sin(1.0) if displaced else rng.standard_normal(m + 1)
+    options = {"sample_time": h * per_sample, "delay": delay * h}
+    fine = h / 4.0 * min(per_sample, 1.0) * np.arange(round(m * 4 / min(per_sample, 1.0)) + 1)
+    plain = simulate_loop(plant, law, {"d": d}, time, **options)
+    finely = simulate_loop(plant, law, {"d": np.interp(fine, time, d)}, fine, **options)
+    largest = np.abs(finely["x"]).max()
+    bend = 2e-3 if displaced else 1e-6  # what is displaced runs along a cubic between the points, not along lines
+    beyond = simulate_loop(plant, law, {"d": d}, time, stroke_limit={"x": (largest * (1.0 + bend), "f")}, **options)
+    assert beyond.stops == ()
+    np.testing.assert_allclose(beyond["x"], plain["x"], atol=1e-12)
+    within = simulate_loop(plant, law, {"d": d}, time, stroke_limit={"x": (largest * (1.0 - bend), "f")}, **options)
+    assert within.stops
+    assert np.abs(within["x"]).max() <= largest * (1.0 - bend) * (1.0 + 1e-8)
+
+
+def test_a_loop_that_diverges_but_for_its_stops_is_held_by_them():
+    plant = ct.ss([[0, 1.0], [900.0, 0]], [[0, 0], [1.0, 1.0]], [[1.0, 0]], 0.0, inputs=["d", "f"], outputs=["x"])
+    time = 0.01 * np.arange(3001)
+    found = simulate_loop(plant, None, {"d": np.ones(3001)}, time, sample_time=0.01, stroke_limit={"x": (0.1, "f")})
+    assert found["x"][-1] == pytest.approx(0.1)
+    assert np.abs(found["x"]).max() <= 0.1 * (1.0 + 1e-8)
+
+
+def test_stops_that_depend_on_each_other_are_not_solved_for_together():
+    """Two stops on one and the same stroke: only one of them can be asked what to do."""
+    one = np.array([[0.5, 0.25], [0.5, 0.25]])
+    maps = StopMaps(np.repeat(one, 2, axis=1), np.repeat(2.0 * one, 2, axis=1), np.zeros((1, 4)), np.ones(2))
+    assert maps.answer((0, 1), ()) is None
+    found = stop_step(maps, np.array([1.1, 1.1 + 1e-14]), np.array([0.3, 0.3]))
+    assert found is not None
+    assert np.abs(found.amounts).max() < 10.0
