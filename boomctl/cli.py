@@ -4,6 +4,7 @@ Exit code 0: done; 1: could not be done; 2: bad use or bad input.
 """
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,7 +27,12 @@ Json = Annotated[bool, typer.Option("--json", help="Print the results as JSON on
 
 
 def main() -> None:
-    """Run the command line; every failure is one line on standard error."""
+    """Run the command line; every failure is one line on standard error.
+
+    Matrices here are small and want one thread; who sets the variables of BLAS is obeyed.
+    """
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
     code: object = 0
     try:
         code = app(standalone_mode=False)

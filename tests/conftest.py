@@ -1,6 +1,12 @@
 """Settings of every test: the same examples on every run; ``--hypothesis-profile=hunt`` draws new ones, and more."""
 
+import os
+
 from hypothesis import HealthCheck, settings
+
+# the matrices are small and the tests run side by side: more threads only get into one another's way
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
 _SLOW_IS_FINE = [HealthCheck.too_slow]
 
