@@ -10,7 +10,7 @@ import numpy as np
 from boomctl.hub_beam import HubBeam
 from boomctl.output import prepared_folder, write_json, write_whole
 from boomctl.plotting import figure_bytes, slew_film
-from boomctl.reproduce.report import Picture, Section, Table, html_report
+from boomctl.reporting import Picture, Section, Table, html_report
 from boomctl.slew import SlewComparison, SlewResult, compare_slews, optimal_slew, track
 
 __all__ = ["STEPS", "run"]

@@ -35,10 +35,11 @@ def test_rigid_effort_is_the_closed_form(angle, stretch):
 def test_shooting_and_collocation_agree(beam, objective):
     slews = [
         bc.optimal_slew(beam, ANGLE, LIMIT, objective, 3.6, method=method, intervals=60, tolerance=1e-7)
-        for method in ("shooting", "collocation")
+        for method in ("shooting", "collocation", "radau")
     ]
     costs = [slew.plan.solution.cost for slew in slews]
-    assert costs[0] == pytest.approx(costs[1], rel=1e-6)
+    assert costs == pytest.approx([costs[0]] * 3, rel=1e-6)
+    assert [slew.certificate.method for slew in slews] == ["shooting", "collocation", "radau"]
     assert all(slew.end_error < 1e-7 for slew in slews)
     assert all(slew.residual_energy < 1e-9 for slew in slews)
 
@@ -78,8 +79,9 @@ def test_limits_are_kept_on_a_dense_replay(beam, name, value):
 
 
 def test_orders_of_the_schemes(beam):
-    study = mesh_study(beam, ANGLE, LIMIT, 3.6, (("collocation", 1), ("collocation", 2)), (20, 40, 80, 160))
-    first, second, held = study.lines
+    schemes = (("collocation", 1), ("collocation", 2), ("radau", 2))
+    first, second, radau, held = mesh_study(beam, ANGLE, LIMIT, 3.6, schemes, (20, 40, 80, 160)).lines
+    assert radau.order == pytest.approx(3.0, abs=0.3)
     assert first.order == pytest.approx(2.0, abs=0.3)
     assert second.order == pytest.approx(4.0, abs=0.5)
     assert held.order == pytest.approx(2.0, abs=0.4)
