@@ -44,9 +44,11 @@ class Excess:
 
 @dataclass(frozen=True, eq=False)
 class Relaxed:
-    """The least relaxation: what is exceeded, most first, the duration [s], and the unknowns of the programme."""
+    """The least relaxation: what is exceeded, most first, limits that are met and since when [s], the duration [s], and
+    the unknowns of the programme."""
 
     excesses: tuple[Excess, ...]
+    met: dict[str, float]
     duration: float
     unknowns: Array
 
@@ -98,7 +100,12 @@ def relaxed(
     time = float(unknowns[layout.duration]) * layout.time_unit if duration is None else duration
     given = [k for k in sorted(kinds, key=lambda k: -slacks[k]) if slacks[k] > _TINY]
     values = _values(t, unknowns, arguments["p"], limits)
-    return Relaxed(tuple(_excess(k, slacks[k], limits[k], values[k], time) for k in given), time, unknowns)
+    met = {
+        k: float(np.argmax(values[k] > 0.999)) * time / values[k].size
+        for k in kinds
+        if k not in given and values[k].max() > 0.999
+    }
+    return Relaxed(tuple(_excess(k, slacks[k], limits[k], values[k], time) for k in given), met, time, unknowns)
 
 
 def _options() -> dict[str, Any]:

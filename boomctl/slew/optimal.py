@@ -140,7 +140,7 @@ def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: flo
 
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """What a result remembers of its planning."""
+    """What a result remembers of its planning: the problem, the programme and its solution where there was one."""
 
     problem: SlewProblem
     programme: Programme | None

@@ -241,6 +241,9 @@ def _told(problem: SlewProblem, found: Relaxed, limits: dict[str, float]) -> str
             f"{name} = {limits[each.kind]:g} {unit} binds from t = {each.first:.4g} s, most at t = {each.worst:.4g} s; "
             f"{each.needed:.4g} {unit} would do"
         )
+    for kind, when in found.met.items():
+        name = {"torque": "torque_limit", **LIMITS}[kind]
+        parts.append(f"{name} = {limits[kind]:g} {UNITS[kind]} is met from t = {when:.4g} s")
     how_long = f"of {found.duration:.6g} s " if problem.duration is not None else ""
     return f"no slew {how_long}keeps the limits: {'; and '.join(parts)}"
 
