@@ -64,15 +64,11 @@ def optimal_slew(
     h : hub-beam or control.StateSpace
         A linear system's first input is the torque, its first output the angle; it ends at the rest with ``A x = 0`` and
         that angle. Outputs "tip_displacement" and "root_moment" are known by name.
-    angle : float or None
-        Angle to turn through, rad; None leaves it free.
-    torque_limit : float
-        Largest torque either way, N m.
-    objective : str
-        "time"; or in a given duration "effort" (integral of the torque squared), "jerk" (of the hub's jerk squared),
+    angle, torque_limit : float
+        Angle to turn through, rad (None leaves it free), and largest torque either way, N m.
+    objective, duration : str, float or None
+        "time"; or in a given duration [s] "effort" (integral of the torque squared), "jerk" (of the hub's jerk squared),
         "torque-rate" (of the torque's slope squared), "tip" (largest tip displacement).
-    duration : float or None
-        s; needed by all but "time".
     torque_rate_limit, speed_limit, tip_limit, moment_limit : float or None
         Limits of the torque's slope [N m/s], hub speed [rad/s], tip displacement [m] and bending moment at the clamp [N m].
     final_speed : float
@@ -80,8 +76,7 @@ def optimal_slew(
     initial_state, final_state : array_like or None
         In the order of the system's states; None is rest. A final state prescribes all that the torque moves.
     tip_masses : tuple of float
-        Other payloads, kg, which the same torque is to leave without vibration; the angle is that of h itself, for one
-        torque turns different inertias through different angles.
+        Other payloads, kg, left without vibration by the same torque; the angle is that of h itself.
     method : str
         "collocation" (Gauss-Legendre), "radau" (Radau IIA) or "shooting", on the same mesh.
     tolerance : float
@@ -95,10 +90,8 @@ def optimal_slew(
 
     Raises
     ------
-    TypeError, ValueError
-        Of a bad argument, one line.
-    SlewError
-        If the ask is infeasible, or no slew is found that the replay confirms.
+    TypeError, ValueError, SlewError
+        Of a bad argument; of an infeasible ask, naming the limits, since when they bind and what would do.
     """
     problem = slew_problem(
         h, angle, torque_limit, objective, duration, torque_rate_limit, speed_limit, tip_limit, moment_limit,
