@@ -204,7 +204,7 @@ def film_bytes(film: Film) -> bytes:
         ax.plot([], [], color=COLOURS.get(label, _CYCLE[k % len(_CYCLE)]), label=label, linewidth=1.8)[0]
         for k, (label, _) in enumerate(film.shapes)
     ]
-    ax.legend(fontsize=8, loc="upper left")
+    ax.legend(fontsize=8, loc="lower left")
     first = film.shapes[0][1]
 
     def frame(k: int) -> "list[Artist]":

@@ -73,13 +73,13 @@ def plot_slew_comparison(comparison: Any, names: tuple[str, ...] = ()) -> Figure
             tip.plot(line.time, line.tip_displacement, color=colour, label=line.name)
         torque.set(ylabel="torque [N m]", title="On the way, and afterwards", xlim=tip.get_xlim())
         tip.set(ylabel="tip displacement [m]", xlabel="time [s]")
-        tip.legend(loc="upper right", fontsize=7)
+        torque.legend(*tip.get_legend_handles_labels(), loc="upper right", fontsize=7)
         for line, k in zip(comparison.lines, range(len(comparison.lines)), strict=True):
             colour = COLOURS[k % len(COLOURS)]
             values = np.maximum([line.vibration_low, line.vibration, line.vibration_high], 1e-9)
             right.plot([line.duration] * 3, values, "-", color=colour, linewidth=0.8)
             right.plot([line.duration] * 3, values, linestyle="none", marker="_", color=colour)
-            right.plot(line.duration, values[1], "os^vDP*"[k % 7], color=colour, label=line.name)
+            right.plot(line.duration, values[1], "os^vDP*Xh<>"[k % 11], color=colour, label=line.name)
         right.set(yscale="log", xlabel="duration [s]", ylabel="tip vibration afterwards [m]")
         right.set_title("Marker: as planned; dashes: frequencies ±10 %")
         right.legend(loc="lower right", fontsize=7)

@@ -17,6 +17,7 @@ __all__ = ["SlewComparison", "SlewLine", "compare_slews"]
 
 CLASSICAL = (
     ("bang-bang", "none"),
+    ("smoothed", "none"),
     ("versine", "none"),
     ("bang-bang", "ZV"),
     ("bang-bang", "ZVD"),
@@ -111,7 +112,8 @@ def compare_slews(
     torques = {name: result.history for name, result in (optimal or {}).items()}
     for shape, name in CLASSICAL:
         train = shaper(name, float(plant.frequencies[1]), _damping(plant))
-        label = shape if name == "none" else f"{shape}, {name}"
+        body = "smoothed bang-bang" if shape == "smoothed" else shape
+        label = body if name == "none" else f"{body}, {name}"
         torques[label] = classical_torque(shape, train, turn, plant.inertia, limit)
     others = tuple(plant.machine.with_stiffness(factor**2) for factor in _CHANGES)
     lines = tuple(_line(name, history, plant, others, turn) for name, history in torques.items())

@@ -1,7 +1,8 @@
 """Equations of motion of a slew as CasADi functions, and one step of them by two independent schemes.
 
 Shooting: the linear part by its exact flow, the rest by the classical Runge-Kutta scheme in the frame that moves with the
-linear flow (Lawson 1967). Collocation: Gauss-Legendre, of order 2 d with d points. The torque is a straight line on a step.
+linear flow (Lawson 1967). Collocation with d points: Gauss-Legendre, of order 2 d, or Radau IIA, of order 2 d - 1
+and stiffly accurate. The torque is a straight line on a step.
 """
 
 from typing import TYPE_CHECKING
@@ -14,7 +15,7 @@ from boomctl.slew.plant import Plant
 if TYPE_CHECKING:
     import casadi
 
-__all__ = ["collocation_defects", "gauss_coefficients", "rates", "shooting_step"]
+__all__ = ["collocation_coefficients", "collocation_defects", "rates", "shooting_step"]
 
 _SERIES = 14
 
@@ -130,21 +131,21 @@ def _series(
     return total
 
 
-def gauss_coefficients(points: int) -> tuple[Array, Array, Array]:
-    """Nodes c, matrix a and weights b of the Gauss-Legendre scheme with a number of points, on [0, 1]."""
-    nodes, weights = np.polynomial.legendre.leggauss(points)
-    c = 0.5 * (1.0 + nodes)
-    powers = np.arange(1, points + 1)
-    vandermonde = c[:, None] ** (powers - 1)
-    a = (c[:, None] ** powers / powers) @ np.linalg.inv(vandermonde)
-    return c, a, 0.5 * weights
-
-
-def collocation_defects(plant: Plant, points: int) -> "casadi.Function":
-    """``(z, k, u0, u1, h, z1) -> defects`` of the Gauss-Legendre scheme; k (n x points) are the rates at its points."""
+def collocation_coefficients(method: str, points: int) -> tuple[Array, Array, Array]:
+    """Nodes c, matrix a and weights b on [0, 1] of the Gauss-Legendre ("collocation") or Radau IIA ("radau") scheme."""
     import casadi as ca
 
-    c, a, b = gauss_coefficients(points)
+    c = np.array(ca.collocation_points(points, "radau" if method == "radau" else "legendre"))
+    powers = np.arange(1, points + 1)
+    inverse = np.linalg.inv(c[:, None] ** (powers - 1))
+    return c, (c[:, None] ** powers / powers) @ inverse, (1.0 / powers) @ inverse
+
+
+def collocation_defects(plant: Plant, points: int, method: str = "collocation") -> "casadi.Function":
+    """``(z, k, u0, u1, h, z1) -> defects`` of a collocation scheme; k (n x points) are the rates at its points."""
+    import casadi as ca
+
+    c, a, b = collocation_coefficients(method, points)
     z, z1 = ca.SX.sym("z", plant.n), ca.SX.sym("z1", plant.n)
     k = ca.SX.sym("k", plant.n, points)
     u0, u1, h = ca.SX.sym("u0"), ca.SX.sym("u1"), ca.SX.sym("h")

@@ -42,7 +42,7 @@ def mesh_study(
     angle: float,
     torque_limit: float,
     duration: float,
-    schemes: tuple[tuple[str, int], ...] = (("shooting", 1), ("collocation", 2), ("collocation", 3)),
+    schemes: tuple[tuple[str, int], ...] = (("shooting", 1), ("collocation", 2), ("radau", 2), ("collocation", 3)),
     intervals: tuple[int, ...] = (50, 100, 200, 400, 800),
 ) -> MeshStudy:
     """Solve a least-effort slew on several meshes.
@@ -72,7 +72,7 @@ def mesh_study(
             parts = transcribe(problem.plants, scheme, units, torque_limit, duration, problem.ends)
             solution = prepare(parts, 1e-9).solve(problem, guess)
             errors[k], cost[k] = end_error(problem, played(problem, solution.history, 3)), solution.history.effort
-        points = "points" if method == "collocation" else "substeps"
+        points = "substeps" if method == "shooting" else "points"
         lines.append(MeshLine(f"end state, {method}, {order} {points}", errors, _order(intervals, errors)))
     best = cost[-1] - (cost[-2] - cost[-1]) / 3.0
     held = np.abs(cost / best - 1.0)[:-1]

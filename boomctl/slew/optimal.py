@@ -12,7 +12,7 @@ from boomctl.slew.problem import SlewProblem, changed, slew_problem
 from boomctl.slew.programme import Programme, Solution, prepare
 from boomctl.slew.reference import cheapest, effort_guess, guess_from, least_time, linear_time_problem, typical_sizes
 from boomctl.slew.replay import Motion, binding, end_error, other_models, played, violation
-from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
+from boomctl.slew.result import LimitsTooTight, SlewCertificate, SlewError, SlewResult
 from boomctl.slew.sharpen import Sharpened, sharpened
 from boomctl.slew.torque import TorqueHistory, held
 from boomctl.slew.transcription import Scheme, transcribe
@@ -21,7 +21,8 @@ __all__ = ["optimal_slew", "resolve"]
 
 _MESHES = (50, 100, 200, 400, 800)
 _MESH_GAP = 1e-4
-_ROUNDS = 6
+_TOO_MUCH = 0.05
+_ROUNDS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +64,11 @@ def optimal_slew(
     h : hub-beam or control.StateSpace
         A linear system's first input is the torque, its first output the angle; it ends at the rest with ``A x = 0`` and
         that angle. Outputs "tip_displacement" and "root_moment" are known by name.
-    angle : float or None
-        Angle to turn through, rad; None leaves it free.
-    torque_limit : float
-        Largest torque either way, N m.
-    objective : str
-        "time"; or in a given duration "effort" (integral of the torque squared), "jerk" (of the hub's jerk squared),
+    angle, torque_limit : float
+        Angle to turn through, rad (None leaves it free), and largest torque either way, N m.
+    objective, duration : str, float or None
+        "time"; or in a given duration [s] "effort" (integral of the torque squared), "jerk" (of the hub's jerk squared),
         "torque-rate" (of the torque's slope squared), "tip" (largest tip displacement).
-    duration : float or None
-        s; needed by all but "time".
     torque_rate_limit, speed_limit, tip_limit, moment_limit : float or None
         Limits of the torque's slope [N m/s], hub speed [rad/s], tip displacement [m] and bending moment at the clamp [N m].
     final_speed : float
@@ -79,10 +76,9 @@ def optimal_slew(
     initial_state, final_state : array_like or None
         In the order of the system's states; None is rest. A final state prescribes all that the torque moves.
     tip_masses : tuple of float
-        Other payloads, kg, which the same torque is to leave without vibration; the angle is that of h itself, for one
-        torque turns different inertias through different angles.
+        Other payloads, kg, left without vibration by the same torque; the angle is that of h itself.
     method : str
-        "collocation" or "shooting", on the same mesh.
+        "collocation" (Gauss-Legendre), "radau" (Radau IIA) or "shooting", on the same mesh.
     tolerance : float
         Of the end state in the replay, relative.
     intervals : int or None
@@ -94,10 +90,8 @@ def optimal_slew(
 
     Raises
     ------
-    TypeError, ValueError
-        Of a bad argument, one line.
-    SlewError
-        If the ask is infeasible, or no slew is found that the replay confirms.
+    TypeError, ValueError, SlewError
+        Of a bad argument; of an infeasible ask, naming the limits, since when they bind and what would do.
     """
     problem = slew_problem(
         h, angle, torque_limit, objective, duration, torque_rate_limit, speed_limit, tip_limit, moment_limit,
@@ -139,7 +133,7 @@ def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: flo
 
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """What a result remembers of its planning."""
+    """What a result remembers of its planning: the problem, the programme and its solution where there was one."""
 
     problem: SlewProblem
     programme: Programme | None
@@ -216,8 +210,11 @@ def _programmed(problem: SlewProblem, start: TorqueHistory | None = None) -> _Pl
 
 
 def _refined(problem: SlewProblem, start: TorqueHistory | None, ramp: bool) -> _Plan:
-    """Halve the intervals until that changes the cost by little; a mesh too coarse for any slew is passed over."""
-    cost, failure = np.inf, SlewError("no mesh was tried")
+    """Halve the intervals until that changes the cost by little; a mesh too coarse for any slew is passed over.
+
+    Limits that a mesh exceeds by much, or by no less than a mesh half as fine did, are too tight on any mesh.
+    """
+    cost, failure, before = np.inf, SlewError("no mesh was tried"), np.inf
     for intervals in _MESHES:
         last = intervals == _MESHES[-1]
         try:
@@ -225,6 +222,11 @@ def _refined(problem: SlewProblem, start: TorqueHistory | None, ramp: bool) -> _
             gap = abs(solution.cost - cost) / max(abs(solution.cost), 1e-300)
             if gap < _MESH_GAP and not last:
                 programme, solution = _solved(problem, intervals, ramp, solution.history)
+        except LimitsTooTight as error:
+            if error.excess > min(_TOO_MUCH, 0.5 * before):
+                raise
+            failure, before = error, error.excess
+            continue
         except SlewError as error:
             failure = error
             continue
@@ -257,7 +259,7 @@ def _solved(
     else:
         guess = guess_from(problem, _first(problem, start, intervals), intervals, ramp)
     time = problem.duration or guess.duration
-    order, backoff = 3 if problem.method == "collocation" else 1, dict.fromkeys(problem.limits, 1.0)
+    order, backoff = 1 if problem.method == "shooting" else 3, dict.fromkeys(problem.limits, 1.0)
     programme, before, missed, worst = None, None, np.inf, np.inf
     for _ in range(_ROUNDS):
         if programme is None:
@@ -277,7 +279,7 @@ def _solved(
         worst = max((excess[kind] for kind in problem.limits), default=0.0)
         missed = end_error(problem, motions)
         if missed > problem.tolerance:
-            order, programme, before = order + 1 if problem.method == "collocation" else 2 * order, None, None
+            order, programme, before = 2 * order if problem.method == "shooting" else order + 1, None, None
         elif worst > 1e-9:
             backoff = {
                 kind: factor / (1.0 + 1.1 * excess[kind] + 1e-6 * (excess[kind] > 0.0))

@@ -11,10 +11,10 @@ from boomctl.checks import finite_array, known, nonnegative, positive, real, who
 from boomctl.slew.plant import Plant, SlewMachine, plant_of
 from boomctl.slew.result import SlewError
 
-__all__ = ["LIMITS", "METHODS", "OBJECTIVES", "SlewProblem", "changed", "slew_problem"]
+__all__ = ["LIMITS", "METHODS", "OBJECTIVES", "UNITS", "SlewProblem", "changed", "slew_problem"]
 
 OBJECTIVES = ("time", "effort", "jerk", "torque-rate", "tip")
-METHODS = ("collocation", "shooting")
+METHODS = ("collocation", "radau", "shooting")
 LIMITS = {
     "rate": "torque_rate_limit",
     "speed": "speed_limit",
@@ -22,6 +22,8 @@ LIMITS = {
     "moment": "moment_limit",
 }
 """Kinds of limits, and the arguments that give them."""
+UNITS = {"torque": "N m", "rate": "N m/s", "speed": "rad/s", "tip": "m", "moment": "N m"}
+"""Of the limits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,6 +251,7 @@ def _refuse(problem: SlewProblem) -> None:
     most = problem.limits.get("speed", np.inf)
     if abs(problem.final_speed) > most:
         raise SlewError(f"final_speed = {problem.final_speed:g}: expected at most speed_limit = {most:g} rad/s")
+    _refuse_states(problem)
     if problem.duration is None:
         return
     if problem.angle is not None and turn > most * problem.duration:
@@ -261,11 +264,38 @@ def _refuse(problem: SlewProblem) -> None:
         _refuse_short(problem, plant.inertia, turn if resting and problem.angle is not None else 0.0, change)
 
 
+def _refuse_states(problem: SlewProblem) -> None:
+    """A start or a prescribed end beyond a limit."""
+    own = slice(0, problem.plants[0].n)
+    for name, state, t in (("initial_state", problem.start, "0"), ("final_state", problem.target, "t_f")):
+        for kind in ("speed", "tip", "moment"):
+            limit, row = problem.limits.get(kind, np.inf), problem.plants[0].rows.get(kind)
+            size = 0.0 if row is None else abs(float(row @ state[own]))
+            if size > limit * (1.0 + 1e-9):
+                raise SlewError(
+                    f"{LIMITS[kind]} = {limit:g} {UNITS[kind]}: the {name} has {size:.4g} {UNITS[kind]} at t = {t}; "
+                    "expected states within the limit"
+                )
+
+
 def _refuse_short(problem: SlewProblem, inertia: float, turn: float, change: float) -> None:
     """A beam that bends may have a little less inertia than the rigid one: a tenth of the time is left to it."""
     assert problem.duration is not None
     margin = 1.0 - 1e-12 if problem.linear else 0.9
-    torque = problem.torque_limit
+    torque, rate = problem.torque_limit, problem.limits.get("rate", np.inf)
+    for what, least, needed in (
+        (f"{turn:g} rad", (32.0 * turn * inertia / rate) ** (1 / 3), 32.0 * inertia * turn / problem.duration**3),
+        (
+            f"a change of {change:g} rad/s",
+            2.0 * math.sqrt(inertia * change / rate),
+            4.0 * inertia * change / problem.duration**2,
+        ),
+    ):
+        if problem.duration < margin * least:
+            raise SlewError(
+                f"duration = {problem.duration:g} s: too short for {what}; a rigid body of {inertia:.4g} kg m^2 takes "
+                f"{least:.6g} s at torque_rate_limit = {rate:g} N m/s, or needs {needed:.4g} N m/s"
+            )
     for what, least, needed in (
         (f"{turn:g} rad", 2.0 * math.sqrt(turn * inertia / torque), 4.0 * inertia * turn / problem.duration**2),
         (f"a change of {change:g} rad/s", inertia * change / torque, inertia * change / problem.duration),

@@ -9,11 +9,19 @@ from typing import Any
 from boomctl.arrays import Array
 from boomctl.slew.torque import TorqueHistory
 
-__all__ = ["Replay", "SlewCertificate", "SlewError", "SlewResult"]
+__all__ = ["LimitsTooTight", "Replay", "SlewCertificate", "SlewError", "SlewResult"]
 
 
 class SlewError(RuntimeError):
     """A slew that cannot be done, or could not be found or verified; the message says what binds, and when."""
+
+
+class LimitsTooTight(SlewError):
+    """No slew keeps the limits on a mesh; `excess` is the largest relative widening that the least relaxation needs."""
+
+    def __init__(self, message: str, excess: float) -> None:
+        super().__init__(message)
+        self.excess = excess
 
 
 @dataclass(frozen=True)
@@ -51,7 +59,7 @@ class SlewCertificate:
     Attributes
     ----------
     method : str
-        "switching times", "collocation" or "shooting".
+        "switching times", "collocation", "radau" or "shooting".
     end_error : float
         Largest deviation of the prescribed end state in the replay, each relative to its largest size on the way.
     constraint_violation : float

@@ -17,6 +17,7 @@ from boomctl.slew.torque import TorqueHistory, held
 
 __all__ = ["SHAPERS", "Shaper", "classical_torque", "shaper"]
 
+_RISE = 0.1
 _VERSINE_PIECES = 200
 
 
@@ -103,7 +104,9 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
     Parameters
     ----------
     shape : str
-        "bang-bang" or "versine": ``sin(2 pi t / T)``, of which the angle's course is a versine's integral.
+        "bang-bang"; "smoothed", a bang-bang that rises, turns and falls by cubics, the rise a tenth of the duration
+        (Junkins, Rahman and Bang 1991); or "versine": ``sin(2 pi t / T)``, of which the angle's course is a versine's
+        integral.
     train : Shaper
     angle : float
         rad.
@@ -117,12 +120,16 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
     ValueError
         If the shape is unknown or a number out of its range.
     """
-    known("shape", shape, ("bang-bang", "versine"))
+    known("shape", shape, ("bang-bang", "smoothed", "versine"))
     limit, turn = positive("torque_limit", torque_limit), abs(angle)
     sign = math.copysign(1.0, angle)
     if shape == "bang-bang":
         T = 2.0 * math.sqrt(turn * positive("inertia", inertia) / limit)
         edges, values = np.array([0.0, 0.5 * T, T]), np.array([1.0, -1.0])
+    elif shape == "smoothed":
+        edges, values = _smoothed()
+        T = math.sqrt(turn * positive("inertia", inertia) / (limit * _turned(edges, values)))
+        edges = T * edges
     else:
         T = math.sqrt(2.0 * math.pi * turn * positive("inertia", inertia) / limit)
         edges = np.linspace(0.0, T, _VERSINE_PIECES + 1)
@@ -130,6 +137,19 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
         values = np.diff(course) / np.diff(edges)  # means: the impulse is kept
         values *= turn * inertia / (limit * _turned(edges, values))
     return _convolved(edges, sign * limit * values, train)
+
+
+def _smoothed() -> tuple[Array, Array]:
+    """A smoothed bang-bang of unit duration and limit, held on equal pieces."""
+    edges = np.linspace(0.0, 1.0, _VERSINE_PIECES + 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+
+    def risen(x: Array) -> Array:
+        within = np.clip(x, 0.0, 1.0)
+        return within**2 * (3.0 - 2.0 * within)
+
+    turning = 2.0 * risen((middle - 0.5 + _RISE) / (2.0 * _RISE))
+    return edges, risen(middle / _RISE) - turning + risen((middle - 1.0 + _RISE) / _RISE)
 
 
 def _turned(edges: Array, values: Array) -> float:

@@ -28,7 +28,7 @@ class Scheme:
     Attributes
     ----------
     method : str
-        "collocation" or "shooting".
+        "collocation" (Gauss-Legendre), "radau" or "shooting".
     objective : str
     intervals : int
     order : int
@@ -172,7 +172,7 @@ def _tip_unit(plants: tuple[Plant, ...], units: Array) -> float:
 
 
 def _layout(scheme: Scheme, n: int, units: Array, torque: float, time: float, tip: float) -> Layout:
-    N, extra = scheme.intervals, n * scheme.order if scheme.method == "collocation" else 0
+    N, extra = scheme.intervals, 0 if scheme.method == "shooting" else n * scheme.order
     width = n + 1 + extra
     first = np.arange(N) * width
     states = np.vstack([first[:, None] + np.arange(n), N * width + np.arange(n)])
@@ -273,7 +273,7 @@ def _defects(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout, parts: t
         else:
             whole = ca.repmat(unit / layout.time_unit, scheme.order, 1)
             rate = k[inner : inner + plant.n * scheme.order] * whole
-            lack = collocation_defects(plant, scheme.order)(place, rate, torque, torque1, h, place1)
+            lack = collocation_defects(plant, scheme.order, scheme.method)(place, rate, torque, torque1, h, place1)
             defects.append(lack / ca.vertcat(whole, unit))
             inner += plant.n * scheme.order
         first += plant.n

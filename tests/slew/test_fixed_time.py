@@ -35,10 +35,11 @@ def test_rigid_effort_is_the_closed_form(angle, stretch):
 def test_shooting_and_collocation_agree(beam, objective):
     slews = [
         bc.optimal_slew(beam, ANGLE, LIMIT, objective, 3.6, method=method, intervals=60, tolerance=1e-7)
-        for method in ("shooting", "collocation")
+        for method in ("shooting", "collocation", "radau")
     ]
     costs = [slew.plan.solution.cost for slew in slews]
-    assert costs[0] == pytest.approx(costs[1], rel=1e-6)
+    assert costs == pytest.approx([costs[0]] * 3, rel=1e-6)
+    assert [slew.certificate.method for slew in slews] == ["shooting", "collocation", "radau"]
     assert all(slew.end_error < 1e-7 for slew in slews)
     assert all(slew.residual_energy < 1e-9 for slew in slews)
 
@@ -77,9 +78,43 @@ def test_limits_are_kept_on_a_dense_replay(beam, name, value):
     assert slew.duration > bc.optimal_slew(beam, ANGLE, LIMIT).duration
 
 
+@settings(max_examples=6)
+@given(
+    st.sampled_from([("speed_limit", 0.75), ("tip_limit", 0.75), ("moment_limit", 0.75)]),
+    st.floats(0.4, 1.6),
+    st.floats(1.1, 1.6),
+)
+def test_any_limit_is_kept_or_the_failure_names_it(limit, angle, stretch):
+    h = bc.hub_beam(modes=1)
+    duration = stretch * bc.optimal_slew(h.linearize(), angle, LIMIT).duration
+    free = bc.optimal_slew(h, angle, LIMIT, "effort", duration, method="shooting", intervals=60)
+    values = {"speed_limit": free.hub_speed, "tip_limit": free.tip_displacement, "moment_limit": free.root_moment}
+    most = limit[1] * float(np.abs(values[limit[0]]).max())
+    ask = {"objective": "effort", "duration": duration, "method": "shooting", "intervals": 60, limit[0]: most}
+    slew, failure = None, ""
+    try:
+        slew = bc.optimal_slew(h, angle, LIMIT, **ask)
+    except bc.SlewError as error:
+        failure = str(error)
+    if slew is None:
+        assert f"{limit[0]} = {most:g}" in failure
+        return
+    t = np.linspace(0.0, slew.duration, 3001)
+    r = h.simulate_torque(slew.history, t, slew.history.breakpoints, rtol=1e-9, atol=1e-12)
+    sizes = {
+        "speed_limit": r.hub_speed,
+        "tip_limit": r.tip_displacement,
+        "moment_limit": r.states @ h.root_moment_row,
+    }
+    assert np.abs(sizes[limit[0]]).max() <= most * (1.0 + 1e-5)
+    assert slew.history.peak <= LIMIT * (1.0 + 1e-9)
+    assert slew.cost >= free.cost * (1.0 - 1e-9)
+
+
 def test_orders_of_the_schemes(beam):
-    study = mesh_study(beam, ANGLE, LIMIT, 3.6, (("collocation", 1), ("collocation", 2)), (20, 40, 80, 160))
-    first, second, held = study.lines
+    schemes = (("collocation", 1), ("collocation", 2), ("radau", 2))
+    first, second, radau, held = mesh_study(beam, ANGLE, LIMIT, 3.6, schemes, (20, 40, 80, 160)).lines
+    assert radau.order == pytest.approx(3.0, abs=0.3)
     assert first.order == pytest.approx(2.0, abs=0.3)
     assert second.order == pytest.approx(4.0, abs=0.5)
     assert held.order == pytest.approx(2.0, abs=0.4)

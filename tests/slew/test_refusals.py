@@ -1,5 +1,7 @@
 """What cannot be done is said, in words, before or after trying; bad input names parameter and expectation."""
 
+import re
+
 import control
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from tests.slew.systems import rigid, two_masses
         ({"duration": 1.0}, "duration = 1 s: too short for 1 rad"),
         ({"duration": 3.0, "speed_limit": 0.1}, "speed_limit = 0.1 rad/s"),
         ({"duration": 3.0, "final_speed": 2.0, "angle": None, "speed_limit": 1.0}, "final_speed"),
+        ({"duration": 4.0, "torque_rate_limit": 50.0}, "torque_rate_limit = 50 N m/s"),
         ({"duration": 3.0, "final_speed": 20.0, "angle": None}, "too short for a change of 20 rad/s"),
     ],
 )
@@ -30,11 +33,38 @@ def test_rigid_bound_is_sharp():
     assert bc.optimal_slew(rigid(241.0), 1.0, 100.0, "effort", 1.01 * least, intervals=100).end_error < 1e-6
 
 
-def test_failure_names_the_limit_and_the_time():
-    with pytest.raises(bc.SlewError, match=r"tip_limit|end state.*t = ") as caught:
-        bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 200.0, "effort", 2.4, tip_limit=0.05, intervals=40)
-    assert "Ipopt" not in str(caught.value)
-    assert "\n" not in str(caught.value)
+@pytest.mark.parametrize("method", ["collocation", "radau", "shooting"])
+@pytest.mark.parametrize(
+    ("name", "value", "duration"),
+    [
+        ("torque_limit", 200.0, 2.4),
+        ("torque_rate_limit", 400.0, 2.9),
+        ("speed_limit", 0.4, 2.8),
+        ("tip_limit", 0.05, 2.8),
+        ("moment_limit", 5.0, 2.8),
+    ],
+)
+def test_failure_names_the_limit_the_time_and_what_would_do(name, value, duration, method):
+    h = bc.hub_beam(modes=1)
+    ask = {"torque_limit": 300.0, "intervals": 40, "method": method, "duration": duration} | {name: value}
+    with pytest.raises(bc.SlewError) as caught:
+        bc.optimal_slew(h, 1.0, objective="effort", **ask)
+    message = str(caught.value)
+    said = re.search(rf"{name} = {value:g} \S.* binds from t = (\S+) s, most at t = (\S+) s; (\S+) ", message)
+    assert said, message
+    assert "Ipopt" not in message
+    assert "\n" not in message
+    assert 0.0 <= float(said[1]) <= float(said[2]) <= duration
+    wider = dict(re.findall(r"(\w+_limit) = .*?; (\S+) \S+(?: m)?(?:/s)? would do", message))
+    assert float(wider[name]) > value
+    enough = {limit: 1.02 * float(needed) for limit, needed in wider.items()}
+    assert bc.optimal_slew(h, 1.0, objective="effort", **(ask | enough)).end_error < 1e-6
+
+
+def test_states_beyond_a_limit_are_refused():
+    system = control.ss([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0)
+    with pytest.raises(bc.SlewError, match="speed_limit = 1 rad/s: the initial_state has 2 rad/s at t = 0"):
+        bc.optimal_slew(system, 1.0, 1.0, initial_state=[0.0, 2.0], speed_limit=1.0)
 
 
 @pytest.mark.parametrize(

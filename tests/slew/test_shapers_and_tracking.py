@@ -29,7 +29,11 @@ def test_zvd_is_flat_and_ei_is_level(frequency):
 
 
 @settings(max_examples=30)
-@given(st.sampled_from(["bang-bang", "versine"]), st.sampled_from(["none", "ZV", "ZVD", "EI"]), st.floats(0.1, 3.0))
+@given(
+    st.sampled_from(["bang-bang", "smoothed", "versine"]),
+    st.sampled_from(["none", "ZV", "ZVD", "EI"]),
+    st.floats(0.1, 3.0),
+)
 def test_shaped_torque_turns_a_rigid_body(shape, name, angle):
     inertia, limit = 241.0, 200.0
     torque = classical_torque(shape, shaper(name, 3.2), angle, inertia, limit)
@@ -49,6 +53,9 @@ def test_comparison_ranks_as_the_theory_says():
     assert table["bang-bang, ZV"].vibration < 0.1 * table["bang-bang"].vibration
     zv, zvd = table["bang-bang, ZV"], table["bang-bang, ZVD"]
     assert max(zvd.vibration_low, zvd.vibration_high) < 0.4 * max(zv.vibration_low, zv.vibration_high)
+    smooth = table["smoothed bang-bang"]
+    assert table["bang-bang"].duration < smooth.duration < table["versine"].duration
+    assert smooth.vibration < table["bang-bang"].vibration
     for line in table.values():
         assert abs(line.angle_error) < 0.02
     assert compare_slews(h, 0.5, 100.0).plot().axes
