@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis import SigmaResult, sigma
+from boomctl.analysis import SigmaResult, feedback_loop, sigma
 from boomctl.analysis.norm import NormCertificate, hinf_norm
 from boomctl.arrays import Array
 from boomctl.boom import BoomParameters, PlatformMotion, SprayResult, nozzle_positions, spray_by_motion
@@ -14,7 +14,7 @@ from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.simulation import CoulombFriction, LoopResult, simulate_loop
 from boomctl.structure import SecondOrderModel
 from boomctl.suspension.scene import CONTROLS, STROKES, FieldScene, suspension_model
-from boomctl.synthesis import close_loop, generalized_plant
+from boomctl.synthesis import select_channels
 
 if TYPE_CHECKING:
     import control
@@ -116,28 +116,11 @@ def loop_between(
     inputs: Sequence[str] = ACTUATORS,
 ) -> "control.StateSpace":
     """Return the closed loop from inputs to outputs, or the plant alone without a controller; forces count as outputs."""
-    import control
-
-    if controller is None:
-        part = model.select(list(inputs), list(outputs)) if isinstance(model, SecondOrderModel) else model
-        whole = part.to_statespace() if isinstance(part, SecondOrderModel) else part
-        rows = [whole.output_labels.index(name) for name in outputs]
-        columns = [whole.input_labels.index(name) for name in inputs]
-        found = (whole.A, whole.B[:, columns], whole.C[rows], whole.D[np.ix_(rows, columns)])
+    if controller is not None:
+        whole = feedback_loop(model, controller)
     else:
-        forces = {name: 1.0 for name in outputs if name in controller.output_labels}
-        P = generalized_plant(
-            model,
-            disturbances=dict.fromkeys(inputs, 1.0),
-            performance={name: 1.0 for name in outputs if name not in forces},
-            effort=forces,
-            measurements=list(controller.input_labels),
-            controls=list(controller.output_labels),
-        )
-        closed = close_loop(P, controller)
-        found = (closed.A, closed.B, closed.C, closed.D)
-        outputs = [name.removeprefix("z_") for name in closed.output_labels]
-    return control.ss(*found, inputs=list(inputs), outputs=list(outputs), name="loop")
+        whole = model.to_statespace() if isinstance(model, SecondOrderModel) else model
+    return select_channels(whole, list(inputs), list(outputs))
 
 
 def _grid(loop: "control.StateSpace") -> Array:
