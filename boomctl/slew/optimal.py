@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.arrays import Array
 from boomctl.slew.bounds import effort_gap, time_gap
 from boomctl.slew.problem import SlewProblem, changed, slew_problem
 from boomctl.slew.programme import Programme, Solution, prepare
@@ -14,7 +13,8 @@ from boomctl.slew.reference import cheapest, effort_guess, guess_from, least_tim
 from boomctl.slew.replay import Motion, binding, end_error, other_models, played, violation
 from boomctl.slew.result import LimitsTooTight, SlewCertificate, SlewError, SlewResult
 from boomctl.slew.sharpen import Sharpened, sharpened
-from boomctl.slew.torque import TorqueHistory, held
+from boomctl.slew.steer import stretched
+from boomctl.slew.torque import TorqueHistory
 from boomctl.slew.transcription import Scheme, transcribe
 
 __all__ = ["optimal_slew", "resolve"]
@@ -23,6 +23,7 @@ _MESHES = (50, 100, 200, 400, 800)
 _MESH_GAP = 1e-4
 _TOO_MUCH = 0.05
 _ROUNDS = 10
+_WRONG = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,38 +149,19 @@ def _planned(problem: SlewProblem) -> _Plan:
         linear = linear_time_problem(problem)
         gap = time_gap(linear, extremal)
         return _Plan(history, "switching times", gap, "proved" if problem.waits else "extremal")
-    sizes = typical_sizes(guess_from(problem, history, 200, False))
-    whole = all(plant.reach.all() for plant in problem.plants)
-    found = _sharp(problem, history, sizes) if whole else None
+    found = _sharp(problem, history)
     if found is None:
         plan = _programmed(problem, history)
-        found = _sharp(problem, _structure(plan.history), sizes) if whole else None
+        bold = stretched(plan.history.left / problem.torque_limit, plan.history.duration, problem.torque_limit)
+        found = _sharp(problem, bold)
         if found is None:
             return plan
     return _Plan(found.history, "switching times", found.gain, "extremal")
 
 
-def _sharp(problem: SlewProblem, history: TorqueHistory, sizes: Array) -> Sharpened | None:
-    found = sharpened(problem, history, sizes, problem.tolerance)
-    return found if found is not None and found.gain < 1e-3 else None
-
-
-def _structure(history: TorqueHistory) -> TorqueHistory:
-    """The bang-bang torque behind one that is held on a mesh: switches where it crosses zero, placed by its mean."""
-    limit, h = history.peak, history.edges[1]
-    values = history.left / limit
-    side = np.where(np.abs(values) > 0.9, np.sign(values), 0.0)
-    edges, signs, k = [0.0], [float(side[side != 0][0])], 0
-    while k < side.size:
-        if side[k] == -signs[-1]:
-            first = k
-            while first > 0 and side[first - 1] == 0.0:
-                first -= 1
-            mean = float(np.sum(values[first:k])) * signs[-1]
-            edges.append(float(h * (first + 0.5 * (k - first + mean))))
-            signs.append(-signs[-1])
-        k += 1
-    return held(np.append(edges, history.duration), limit * np.array(signs))
+def _sharp(problem: SlewProblem, history: TorqueHistory) -> Sharpened | None:
+    found = sharpened(problem, history)
+    return found if found is not None and found.gain < _WRONG else None
 
 
 def _first(problem: SlewProblem, start: TorqueHistory | None, intervals: int) -> TorqueHistory:

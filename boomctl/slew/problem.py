@@ -11,7 +11,7 @@ from boomctl.checks import finite_array, known, nonnegative, positive, real, who
 from boomctl.slew.plant import Plant, SlewMachine, plant_of
 from boomctl.slew.result import SlewError
 
-__all__ = ["LIMITS", "METHODS", "OBJECTIVES", "UNITS", "SlewProblem", "changed", "slew_problem"]
+__all__ = ["LIMITS", "METHODS", "OBJECTIVES", "UNITS", "SlewProblem", "changed", "end_conditions", "slew_problem"]
 
 OBJECTIVES = ("time", "effort", "jerk", "torque-rate", "tip")
 METHODS = ("collocation", "radau", "shooting")
@@ -146,7 +146,7 @@ def slew_problem(
         limits,
         turn,
         real("final_speed", final_speed),
-        *_ends(plants, turn, real("final_speed", final_speed), initial_state, final_state),
+        *end_conditions(plants, turn, real("final_speed", final_speed), initial_state, final_state),
         method,
         positive("tolerance", tolerance),
         None if intervals is None else whole("intervals", intervals, 4),
@@ -195,12 +195,12 @@ def _state(name: str, plant: Plant, value: ArrayLike) -> Array:
     return plant.from_state @ x
 
 
-def _ends(
+def end_conditions(
     plants: tuple[Plant, ...],
     angle: float | None,
     final_speed: float,
-    initial: ArrayLike | None,
-    final: ArrayLike | None,
+    initial: ArrayLike | None = None,
+    final: ArrayLike | None = None,
 ) -> tuple[Array, Array, Array, bool]:
     """Start, target, prescribed rows of the end, and whether the plant can wait at either."""
     first = plants[0]

@@ -74,8 +74,7 @@ def cheapest(problem: SlewProblem, duration: float, intervals: int) -> LinearSle
 def guess_from(problem: SlewProblem, history: TorqueHistory, intervals: int, ramp: bool) -> Guess:
     """Sample a torque and the linear motion under it on a mesh."""
     edges = np.linspace(0.0, history.duration, intervals + 1)
-    integral = _integral(history, edges)
-    means = np.diff(integral) / np.diff(edges)
+    means = history.means(edges)
     states = LinearFlow(problem.A, problem.B).sampled(problem.start, edges, means)[1]
     if ramp:
         means = np.concatenate([[0.0], 0.5 * (means[1:] + means[:-1]), [0.0]])
@@ -99,12 +98,3 @@ def typical_sizes(guess: Guess) -> Array:
     """Largest size of each state along a guess; where that is nothing, what the others suggest."""
     sizes = np.abs(guess.states).max(axis=0)
     return np.where(sizes > 1e-9 * sizes.max(), sizes, 1e-6 * sizes.max())
-
-
-def _integral(history: TorqueHistory, t: Array) -> Array:
-    widths = np.diff(history.edges)
-    whole = np.concatenate([[0.0], np.cumsum(0.5 * widths * (history.left + history.right))])
-    k = np.clip(np.searchsorted(history.edges, t, side="right") - 1, 0, widths.size - 1)
-    gone = t - history.edges[k]
-    slope = (history.right[k] - history.left[k]) / widths[k]
-    return whole[k] + gone * (history.left[k] + 0.5 * slope * gone)

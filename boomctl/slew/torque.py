@@ -73,6 +73,15 @@ class TorqueHistory:
         """Integral of the torque, N m s."""
         return float(np.sum(np.diff(self.edges) * 0.5 * (self.left + self.right)))
 
+    def means(self, t: Array) -> Array:
+        """Mean torque between instants t [s] within the duration, N m."""
+        widths = np.diff(self.edges)
+        whole = np.concatenate([[0.0], np.cumsum(0.5 * widths * (self.left + self.right))])
+        k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, widths.size - 1)
+        gone = t - self.edges[k]
+        slope = (self.right[k] - self.left[k]) / widths[k]
+        return np.diff(whole[k] + gone * (self.left[k] + 0.5 * slope * gone)) / np.diff(t)
+
 
 def held(edges: Array, values: Array) -> TorqueHistory:
     """Return a torque that is constant between edges [s]."""

@@ -12,9 +12,9 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import nonnegative, positive
-from boomctl.slew.dynamics import shooting_step
 from boomctl.slew.plant import Plant, plant_of
 from boomctl.slew.result import SlewError, SlewResult
+from boomctl.slew.stepping import shooting_step
 
 __all__ = ["TrackingResult", "track"]
 

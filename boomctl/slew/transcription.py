@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.arrays import Array, Indices
-from boomctl.slew.dynamics import collocation_defects, rates, shooting_step
+from boomctl.slew.dynamics import collocation_defects, rates
 from boomctl.slew.plant import Plant
+from boomctl.slew.stepping import shooting_step
 
 if TYPE_CHECKING:
     import casadi

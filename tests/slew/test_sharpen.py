@@ -1,0 +1,205 @@
+"""Bang-bang slews of nonlinear plants: against other methods, against Pontryagin's conditions integrated anew, and halves."""
+
+from functools import partial
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+import boomctl as bc
+from boomctl.slew.course import course
+from boomctl.slew.dynamics import rates
+from boomctl.slew.plant import plant_of
+from boomctl.slew.problem import slew_problem
+from boomctl.slew.reference import guess_from, least_time, typical_sizes
+from boomctl.slew.sharpen import sharpened
+from boomctl.slew.simpler import doubled, first_half, halved, without_axial_modes
+from boomctl.slew.steer import steered, stretched
+from boomctl.slew.torque import bang_bang
+from tests.slew.systems import two_masses
+
+LOADED = bc.HubBeamParameters(tip_mass=0.1)
+
+
+def _rigid(problem):
+    return bang_bang(np.array([0.5 * problem.rigid_time]), problem.rigid_time, problem.torque_limit, 1.0)
+
+
+@pytest.mark.parametrize("modes", [1, 2, 3])
+def test_linear_plants_take_the_time_that_is_proved(modes):
+    """From the rigid body's torque, by steps, to the switching times that matrix exponentials give."""
+    problem = slew_problem(bc.hub_beam(LOADED, modes=modes).linearize(), 1.0, 150.0)
+    exact, history = least_time(problem)
+    found = sharpened(problem, _rigid(problem))
+    assert found is not None
+    assert found.history.duration == pytest.approx(exact.duration, rel=1e-8)
+    assert found.history.switches == pytest.approx(history.switches, abs=1e-4)  # the time is flat there
+
+
+def test_two_masses_and_a_spring_from_the_rigid_torque():
+    problem = slew_problem(two_masses(), 1.0, 1.0)
+    found = sharpened(problem, _rigid(problem))
+    assert found is not None
+    assert found.history.duration == pytest.approx(least_time(problem)[0].duration, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("model", "modes", "payloads"),
+    [("sfoam", 2, ()), ("sfoam", 3, ()), ("sfoam-consistent", 1, (0.3,))],
+)
+def test_pontryagin_integrated_anew(model, modes, payloads):
+    """The costate by an independent integrator: its switching function vanishes at the switches and has the torque's sign."""
+    problem = slew_problem(bc.hub_beam(LOADED, model=model, modes=modes), 1.2, 180.0, tip_masses=payloads)
+    found = sharpened(problem, least_time(problem)[1])
+    assert found is not None
+    history = found.history
+    t = np.linspace(0.0, history.duration, 1501)
+    near = np.abs(t[:, None] - history.switches).min(axis=1)
+    adjoint = _adjoint(problem, history, np.concatenate([history.switches, t]))
+    switches, rest = np.split(adjoint.T, [history.switches.size])
+    # the costate is a combination of adjoints that the prescribed end allows; the last column is the Hamiltonian's
+    weights = np.linalg.svd(switches / np.abs(rest).max(axis=0))[2][-1] / np.abs(rest).max(axis=0)
+    p = rest @ weights
+    p *= np.sign(p[0]) * np.sign(history.left[0])
+    assert np.abs(switches @ weights).max() < 2e-5 * np.abs(p).max()
+    assert np.all((p * history(t) > 0.0)[(near > 2e-3) & (np.abs(p) > 1e-4 * np.abs(p).max())])
+
+
+def _adjoint(problem, history, t):
+    """For every row of the prescribed end, what a torque at instants t does to it."""
+    first, out = 0, np.zeros((problem.ends.shape[0], t.size))
+    for plant in problem.plants:
+        own = slice(first, first + plant.n)
+        out += _adjoint_of(plant, problem.start[own], problem.ends[:, own], history, t)
+        first += plant.n
+    return out
+
+
+def _adjoint_of(plant, start, rows, history, t):
+    z, u = ca.SX.sym("z", plant.n), ca.SX.sym("u")
+    f = rates(plant)
+    A = ca.Function("A", [z, u], [ca.densify(ca.jacobian(f(z, u), z))])
+    b = ca.Function("b", [z, u], [ca.densify(ca.jacobian(f(z, u), u))])
+    spans = [*zip(history.edges[:-1], history.edges[1:], history.left, strict=True)]
+    pieces, answer = [], np.empty((rows.shape[0], t.size))
+    for t0, t1, torque in spans:
+        right = partial(lambda s, x, torque: np.array(f(x, torque)).ravel(), torque=torque)
+        motion = solve_ivp(right, (t0, t1), start, "DOP853", rtol=1e-10, atol=1e-12, dense_output=True)
+        pieces.append(motion.sol)
+        start = motion.y[:, -1]
+    for (t0, t1, torque), along in zip(spans[::-1], pieces[::-1], strict=True):
+
+        def back(s, L, along=along, torque=torque):
+            return -(L.reshape(-1, plant.n) @ np.array(A(along(s), torque))).ravel()
+
+        carried = solve_ivp(back, (t1, t0), rows.ravel(), "DOP853", rtol=1e-9, atol=1e-11, dense_output=True)
+        for i in np.flatnonzero((t >= t0) & (t <= t1)):
+            answer[:, i] = (carried.sol(t[i]).reshape(rows.shape) @ np.array(b(along(t[i]), torque))).ravel()
+        rows = carried.y[:, -1].reshape(rows.shape)
+    return answer
+
+
+@settings(max_examples=4)
+@given(st.floats(0.3, 2.5), st.floats(60.0, 400.0), st.integers(1, 3))
+def test_half_the_way_is_enough(angle, torque, modes):
+    problem = slew_problem(bc.hub_beam(LOADED, modes=modes), angle, torque)
+    half = halved(problem)
+    assert half is not None
+    assert half.ends.shape[0] == problem.ends.shape[0] // 2
+    found = sharpened(problem, least_time(problem)[1])
+    assert found is not None
+    way = course(problem, typical_sizes(guess_from(problem, found.history, 200, False)))
+    fine = [np.maximum(40, np.ceil(600 * d)).astype(int) for d in np.diff(found.history.edges)]
+    h = np.concatenate([np.full(n, d / n) for n, d in zip(fine, np.diff(found.history.edges), strict=True)])
+    assert np.abs(way.lack(np.repeat(found.history.left, fine), h)).max() < 1e-6
+    switches = found.history.switches
+    assert switches + switches[::-1] == pytest.approx(found.history.duration, rel=1e-12)
+
+
+def test_halves_are_refused_where_the_mirror_image_is_no_slew():
+    h, system = bc.hub_beam(LOADED, modes=1), bc.hub_beam(LOADED, modes=1).linearize()
+    spin = slew_problem(h, None, 100.0, final_speed=1.0)
+    axial = slew_problem(bc.hub_beam(LOADED, model="foam", modes=1), 1.0, 100.0)
+    still = slew_problem(system, 1.0, 100.0)
+    A = system.A.copy()
+    A[3, 3] = -0.1
+    damped = slew_problem(type(system)(A, system.B, system.C, system.D), 1.0, 100.0)
+    assert halved(still) is not None
+    assert [halved(problem) for problem in (spin, axial, damped)] == [None] * 3
+
+
+def test_a_half_doubled_is_the_whole():
+    whole = bang_bang(np.array([0.4, 0.5, 0.6]), 1.0, 30.0, 1.0)
+    twice = doubled(first_half(whole))
+    assert twice.edges == pytest.approx(whole.edges)
+    assert twice.left == pytest.approx(whole.left)
+
+
+def test_axial_modes_hardly_matter_to_the_time():
+    foam = slew_problem(bc.hub_beam(LOADED, model="foam", modes=1), np.pi / 2, 200.0)
+    quick = without_axial_modes(foam)
+    assert quick is not None
+    assert without_axial_modes(quick) is None
+    slews = [sharpened(problem, least_time(problem)[1]) for problem in (foam, quick)]
+    assert slews[0].history.duration == pytest.approx(slews[1].history.duration, rel=1e-5)
+
+
+@settings(max_examples=30)
+@given(st.lists(st.floats(0.05, 1.0), min_size=1, max_size=6), st.sampled_from([-1.0, 1.0]), st.integers(40, 300))
+def test_a_bang_bang_torque_is_read_off_its_means(widths, sign, intervals):
+    edges = np.cumsum(widths)
+    first = bang_bang(edges[:-1], float(edges[-1]), 20.0, sign)
+    means = first.means(np.linspace(0.0, first.duration, intervals + 1)) / 20.0
+    found = stretched(means, first.duration, 20.0)
+    coarse = first.duration / intervals
+    assert found.duration == pytest.approx(first.duration)
+    assert found.angular_momentum == pytest.approx(first.angular_momentum, abs=1e-9 * first.duration * 20.0)
+    if min(widths) > 2.0 * coarse:
+        assert found.switches == pytest.approx(first.switches, abs=1e-3 * coarse)
+
+
+def test_programmes_along_the_motion_find_how_many_stretches_there_are():
+    """Three modes and a payload: the linear part switches 7 times, the beam 11 times."""
+    problem = slew_problem(bc.hub_beam(LOADED, modes=3), np.pi / 2, 200.0)
+    first = least_time(problem)[1]
+    half = halved(problem)
+    assert half is not None
+    way = course(half, typical_sizes(guess_from(problem, first, 200, False)))
+    assert first.switches.size == 7
+    assert 2 * steered(way, first_half(first), 200).switches.size + 1 == 11
+
+
+@pytest.mark.parametrize(("model", "modes"), [("sfoam", 4), ("sfoam", 5), ("foam", 1)])
+def test_many_modes(model, modes):
+    slew = bc.optimal_slew(bc.hub_beam(LOADED, model=model, modes=modes), np.pi / 2, 200.0)
+    assert slew.certificate.method == "switching times"
+    assert slew.certificate.optimality == "extremal"
+    assert slew.certificate.optimality_gap < 1e-6
+    assert slew.end_error < 1e-6
+    assert slew.certificate.constraint_violation < 1e-12
+
+
+def test_given_states_are_reached():
+    h = bc.hub_beam(LOADED, modes=2)
+    start = np.array([0.1, 0.03, -0.002, 0.2, -0.1, 0.02])
+    slew = bc.optimal_slew(h, 1.0, 150.0, initial_state=start)
+    assert slew.certificate.method == "switching times"
+    assert slew.states[0] == pytest.approx(start)
+    assert slew.hub_angle[-1] - start[0] == pytest.approx(1.0, abs=1e-6)
+    assert slew.certificate.optimality_gap < 1e-6
+
+
+def test_bodies_with_a_payload_more_are_slower():
+    durations = [
+        bc.optimal_slew(bc.hub_beam(LOADED, modes=1), 1.0, 100.0, tip_masses=masses).duration for masses in ((), (0.4,))
+    ]
+    assert durations[1] > durations[0]
+
+
+def test_plants_tell_what_they_follow():
+    axial = plant_of(bc.hub_beam(LOADED, model="foam", modes=1))
+    assert axial.reach.sum() == 4
+    assert axial.n == 6

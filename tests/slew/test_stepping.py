@@ -1,0 +1,88 @@
+"""Explicit steps of a slew and their derivatives: orders, exact cases, differences."""
+
+import math
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.slew.course import course
+from boomctl.slew.plant import plant_of
+from boomctl.slew.problem import slew_problem
+from boomctl.slew.stepping import shooting_step, stumpff
+
+LOADED = bc.HubBeamParameters(tip_mass=0.1)
+
+
+@settings(max_examples=60)
+@given(st.floats(1e-8, 1e4))
+def test_stumpff_functions(y):
+    symbol = ca.SX.sym("y")
+    values = np.array(ca.Function("c", [symbol], [ca.vertcat(*stumpff(symbol))])(y)).ravel()
+    with mpmath.workdps(40):
+        for k, value in enumerate(values, start=1):
+            exact = mpmath.hyper([1], [mpmath.mpf(k + 1) / 2, mpmath.mpf(k + 2) / 2], -mpmath.mpf(y) / 4)
+            # away from 0 the functions oscillate about 1/y: that is the size to compare with
+            assert value == pytest.approx(float(exact / math.factorial(k)), rel=1e-12, abs=1e-14 / max(1.0, y))
+
+
+def _end(plant, steps, torque=150.0, duration=0.8):
+    z, u, h = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h")
+    one = ca.Function("one", [z, u, h], [shooting_step(plant, 1)(z, u, u, h)])
+    widths = np.full((1, steps), duration / steps)
+    return np.array(one.mapaccum("all", steps)(np.zeros(plant.n), np.full((1, steps), torque), widths))[:, -1]
+
+
+def _exact(h, plant, torque=150.0, duration=0.8):
+    motion = h.simulate_torque(lambda t: torque + 0.0 * np.asarray(t), [0.0, duration], rtol=1e-11, atol=1e-14)
+    return plant.from_state @ motion.states[-1]
+
+
+SOFT = bc.HubBeamParameters(tip_mass=0.1, youngs_modulus=2e9)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "model", "modes", "torque", "steps"),
+    [(LOADED, "sfoam", 3, 150.0, 80), (SOFT, "foam", 1, 100.0, 100)],
+)
+def test_steps_are_of_fourth_order(parameters, model, modes, torque, steps):
+    h = bc.hub_beam(parameters, model=model, modes=modes)
+    plant = plant_of(h)
+    exact = _exact(h, plant, torque)
+    errors = [np.abs(_end(plant, count, torque) - exact)[plant.reach].max() for count in (steps, 2 * steps)]
+    assert 12.0 < errors[0] / errors[1] < 22.0
+
+
+def test_axial_modes_need_not_be_followed():
+    """Steps that turn the slowest axial mode by four radians keep what the torque moves to a millionth."""
+    h = bc.hub_beam(LOADED, model="foam", modes=2)
+    plant = plant_of(h)
+    axial = plant.frequencies[~plant.reach[: plant.n // 2]].min()
+    steps = int(0.8 * axial / 4.0)
+    error = np.abs(_end(plant, steps) - _exact(h, plant))[plant.reach]
+    assert error.max() < 1e-6
+
+
+@pytest.mark.parametrize(("model", "payloads"), [("sfoam", ()), ("foam", ()), ("sfoam", (0.3,))])
+def test_derivatives_are_differences(model, payloads):
+    problem = slew_problem(bc.hub_beam(LOADED, model=model, modes=1), 1.0, 100.0, tip_masses=payloads)
+    way = course(problem, np.ones(problem.start.size))
+    random = np.random.default_rng(3)
+    u, h = random.uniform(-100.0, 100.0, 12), random.uniform(0.5e-3, 1.5e-3, 12)
+    reach = way.reach(u, h)
+    weights = random.standard_normal(reach.end.size)
+    bent = way.curvature(u, h, reach, weights, np.eye(12))
+    assert reach.end == pytest.approx(way.lack(u, h) + way.rows @ problem.target, abs=1e-12)
+    for k in (0, 5, 11):
+        step = np.eye(12)[k]
+        for by, aside in ((reach.by_torque, (1e-2 * step, 0.0 * step)), (reach.by_width, (0.0 * step, 1e-7 * step))):
+            size = aside[0][k] + aside[1][k]
+            ends = [way.lack(u + sign * aside[0], h + sign * aside[1]) for sign in (1.0, -1.0)]
+            assert by[:, k] == pytest.approx((ends[0] - ends[1]) / (2.0 * size), rel=1e-5, abs=1e-6 * np.abs(by).max())
+        slopes = [weights @ way.reach(u, h + sign * 1e-7 * step).by_width for sign in (1.0, -1.0)]
+        assert bent[:, k] == pytest.approx((slopes[0] - slopes[1]) / 2e-7, rel=1e-4, abs=1e-6 * np.abs(bent).max())
+    assert bent == pytest.approx(bent.T)
