@@ -179,7 +179,7 @@ def plot_mesh_study(study: Any) -> Figure:
         ax = figure.add_subplot()
         for k, line in enumerate(study.lines):
             kept = line.errors > 0.0
-            order = f"order {line.order:.2g}" if np.isfinite(line.order) else "order not seen"
+            order = f"order {line.order:.1f}" if np.isfinite(line.order) else "order not seen"
             ax.loglog(
                 study.intervals[kept], line.errors[kept], markersize=5, label=f"{line.name}: {order}", **_look(k),
             )  # fmt: skip

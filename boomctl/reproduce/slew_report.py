@@ -69,7 +69,7 @@ def _slew_text(h: HubBeam, slew: SlewResult) -> tuple[str, ...]:
     if c.constraint_violation > 0.0:
         kept = f"no limit is exceeded by more than {_power(c.constraint_violation, 1)} of it"
     text = (
-        f"The slew through {problem.angle:.5g} rad ({np.degrees(problem.angle):.4g}°) with at most "
+        f"The slew through {_number(problem.angle, 5)} rad ({_number(np.degrees(problem.angle), 4)}°) with at most "
         f"{problem.torque_limit:g} N m takes {slew.duration:.7g} s. Model: {_name(h.model)} with {modes} and {payload}.",
         f"Method: {c.method}. Optimality: {verdict}. In the replay the end state is missed by "
         f"{_number(c.end_error, 2)} (each part relative to its largest size on the way), "
@@ -89,8 +89,8 @@ def _slew_caption(slew: SlewResult) -> str:
 def _comparison(lines: Sequence[dict[str, Any]], picture: bytes) -> Section:
     caption = (
         "Left: torques on one scale, and the tip on the way and afterwards. Right: large markers as planned, small ones "
-        "with the beam's frequencies changed. What is below 0.1 mm stands on the lower edge; markers of equal duration "
-        "are set side by side."
+        "with the beam's frequencies changed. What is below 0.1 mm stands on the lower edge; markers of nearly equal "
+        "duration are set side by side."
     )
     return Section(
         "Beside other slews",
@@ -181,7 +181,7 @@ def _mesh_cells(line: dict[str, Any]) -> tuple[str, ...]:
 def _number(value: float, digits: int = 3) -> str:
     """A number with few digits, small and large ones with a power of ten; what is rounding is said to be so."""
     if abs(value) < _ROUNDING:
-        return f"below {_power(_ROUNDING, 1)}"
+        return f"less than {_power(_ROUNDING, 1)}"
     if 1e-3 <= abs(value) < 1e4:
         return f"{value:#.{digits}g}".rstrip(".").replace("-", "−")
     return _power(value, digits)

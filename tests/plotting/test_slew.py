@@ -24,7 +24,7 @@ def test_mesh_picture_draws_the_errors_and_says_their_orders(study):
         kept = line.errors > 0.0
         assert np.array_equal(curve.get_xdata(), study.intervals[kept])
         assert np.array_equal(curve.get_ydata(), line.errors[kept])
-        assert curve.get_label() == f"{line.name}: order {line.order:.2g}"
+        assert curve.get_label() == f"{line.name}: order {line.order:.1f}"
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [curve.get_label() for curve in drawn]
 
 
