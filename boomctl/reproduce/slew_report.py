@@ -62,6 +62,7 @@ def slew_report(h: HubBeam, slew: SlewResult, results: dict[str, Any], pictures:
 def _slew_text(h: HubBeam, slew: SlewResult) -> tuple[str, ...]:
     c, problem = slew.certificate, slew.plan.problem
     payload = f"a tip mass of {h.parameters.tip_mass:g} kg" if h.parameters.tip_mass else "no tip mass"
+    turn = f"{problem.angle:.5g} rad ({np.degrees(problem.angle):.4g}°)".replace("-", "−")
     modes = "1 mode" if h.modes == 1 else f"{h.modes} modes"
     binding = ", ".join(f"{_LIMITS[name]} (from {when:.3g} s)" for name, when in c.binding.items()) or "none"
     verdict = re.sub(r"\d+e[-+]\d+", lambda found: _power(float(found[0]), 1), c.verdict)
@@ -69,7 +70,7 @@ def _slew_text(h: HubBeam, slew: SlewResult) -> tuple[str, ...]:
     if c.constraint_violation > 0.0:
         kept = f"no limit is exceeded by more than {_power(c.constraint_violation, 1)} of it"
     text = (
-        f"The slew through {_number(problem.angle, 5)} rad ({_number(np.degrees(problem.angle), 4)}°) with at most "
+        f"The slew through {turn} with at most "
         f"{problem.torque_limit:g} N m takes {slew.duration:.7g} s. Model: {_name(h.model)} with {modes} and {payload}.",
         f"Method: {c.method}. Optimality: {verdict}. In the replay the end state is missed by "
         f"{_number(c.end_error, 2)} (each part relative to its largest size on the way), "
