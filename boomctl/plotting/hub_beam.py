@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -186,39 +188,52 @@ def film_bytes(film: Film) -> bytes:
     ----------
     film : Film
     """
-    import tempfile
-    from pathlib import Path
-
-    from matplotlib.animation import FuncAnimation, PillowWriter
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from PIL import Image
+
+    figure = Figure(figsize=(4.4, 4.6), dpi=80)
+    canvas = FigureCanvasAgg(figure)
+    moving, frame = _stage(figure, film)
+    canvas.draw()
+    # axes and texts that stay are drawn once, for they take most of the time
+    still = canvas.copy_from_bbox(figure.bbox)
+    images = []
+    for k in range(film.time.size):
+        canvas.restore_region(still)
+        frame(k)
+        for artist in moving:
+            figure.draw_artist(artist)
+        images.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB"))
+    target = io.BytesIO()
+    interval = round(1000.0 * float(film.time[1] - film.time[0]))
+    images[0].save(target, "GIF", save_all=True, append_images=images[1:], duration=interval, loop=0)
+    return target.getvalue()
+
+
+def _stage(figure: "Figure", film: Film) -> "tuple[list[Artist], Callable[[int], None]]":
+    """Draw what stays; return what moves, in the order of drawing, and what moves it."""
     from matplotlib.patches import Circle
 
-    figure = Figure(figsize=(4.4, 4.6))
     ax = figure.subplots()
     figure.subplots_adjust(left=0.17, right=0.97, bottom=0.11, top=0.93)
     reach = 1.06 * max(float(np.max(np.abs(shape))) for _, shape in film.shapes)
     ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x [m]", ylabel="y [m]")
     ax.add_patch(Circle((0.0, 0.0), film.hub_radius, color="0.75"))
-    (spoke,) = ax.plot([], [], ":", color="0.6", linewidth=1.0, label="hub's axis")
+    (spoke,) = ax.plot([], [], ":", color="0.6", linewidth=1.0, label="hub's axis", animated=True)
     lines = [
-        ax.plot([], [], color=COLOURS.get(label, _CYCLE[k % len(_CYCLE)]), label=label, linewidth=1.8)[0]
+        ax.plot([], [], color=COLOURS.get(label, _CYCLE[k % len(_CYCLE)]), label=label, linewidth=1.8, animated=True)[0]
         for k, (label, _) in enumerate(film.shapes)
     ]
-    ax.legend(fontsize=8, loc="lower left")
+    legend, title = ax.legend(fontsize=8, loc="lower left"), ax.set_title("", fontsize=9, animated=True)
+    legend.set_animated(True)
     first = film.shapes[0][1]
 
-    def frame(k: int) -> "list[Artist]":
+    def frame(k: int) -> None:
         for line, (_, shape) in zip(lines, film.shapes, strict=True):
             line.set_data(shape[k].real, shape[k].imag)
         radial = first[k, 0] / abs(first[k, 0]) * np.array([0.0, abs(first[k, 0]) + abs(first[0, -1] - first[0, 0])])
         spoke.set_data(radial.real, radial.imag)
-        ax.set_title(f"{film.caption}, t = {film.time[k]:4.1f} s", fontsize=9)
-        return [*lines, spoke]
+        title.set_text(f"{film.caption}, t = {film.time[k]:.1f} s")
 
-    interval = 1000.0 * float(film.time[1] - film.time[0])
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "film.gif"
-        FuncAnimation(figure, frame, frames=film.time.size, interval=interval).save(
-            target, writer=PillowWriter(fps=max(1, round(1000.0 / interval))), dpi=80
-        )
-        return target.read_bytes()
+    return [spoke, *lines, legend, title], frame

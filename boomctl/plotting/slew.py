@@ -1,5 +1,6 @@
 """Pictures of slews: one slew, several side by side, the following of one, errors over meshes, and the film."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,47 +11,56 @@ from boomctl.plotting.canvas import COLOURS, new_figure, style
 __all__ = ["plot_mesh_study", "plot_slew", "plot_slew_comparison", "plot_tracking", "slew_film"]
 
 
+_SHAPES = "osDPXph*d<>"
+_NOTHING = 1e-4
+
+
 def plot_slew(result: Any) -> Figure:
-    """Draw torque, hub angle and speed, tip displacement and root moment of a slew over time.
+    """Draw torque, hub angle and speed, tip displacement and root moment of a slew over time, with the limits near them.
 
     Parameters
     ----------
     result : SlewResult
     """
+    limits = {"torque": result.plan.problem.torque_limit, **result.plan.problem.limits}
     curves = [
-        ("torque [N m]", result.torque),
-        ("hub angle [rad]", result.hub_angle),
-        ("hub speed [rad/s]", result.hub_speed),
-        ("tip displacement [m]", result.tip_displacement),
-        ("root moment [N m]", result.root_moment),
+        ("torque [N m]", result.torque, limits["torque"]),
+        ("hub angle [rad]", result.hub_angle, None),
+        ("hub speed [rad/s]", result.hub_speed, limits.get("speed")),
+        ("tip displacement [m]", result.tip_displacement, limits.get("tip")),
+        ("root moment [N m]", result.root_moment, limits.get("moment")),
     ]
-    curves = [(label, values) for label, values in curves if values is not None]
+    curves = [curve for curve in curves if curve[1] is not None]
     with style():
         figure = new_figure(7.0, 1.45 * len(curves) + 0.4)
         axes = np.atleast_1d(figure.subplots(len(curves), 1, sharex=True))
-        for ax, (label, values) in zip(axes, curves, strict=True):
+        for ax, (label, values, limit) in zip(axes, curves, strict=True):
+            _draw_limit(ax, limit, values)
             if label.startswith("torque"):
-                _draw_torque(ax, result.history, None, COLOURS[0])
+                _draw_torque(ax, result.history, COLOURS[0])
             else:
                 ax.plot(result.time, values)
             ax.set_ylabel(label)
-        axes[0].set_title(f"{result.objective}, {result.duration:.4g} s; {_said(result)}")
+        axes[0].set_title(f"{result.title.capitalize()}: {result.duration:.4g} s")
         axes[-1].set_xlabel("time [s]")
-        axes[-1].set_xlim(0.0, result.duration)
+        axes[-1].set_xlim(-0.01 * result.duration, 1.01 * result.duration)
         figure.align_ylabels(axes)
     return figure
 
 
-def _said(result: Any) -> str:
-    c = result.certificate
-    what = "proved optimal" if c.optimality == "proved" else c.optimality
-    return f"{what} within {abs(c.optimality_gap):.0e}; end missed by {c.end_error:.0e}"
+def _draw_limit(ax: Any, limit: float | None, values: Any) -> None:
+    """Both signs of a limit, where the curve comes near them."""
+    if limit is None:
+        return
+    for level in (limit, -limit):
+        if max(np.max(values / level), 0.0) > 0.7:
+            ax.axhline(level, color="0.45", linewidth=2.4, alpha=0.5, linestyle="--")
 
 
-def _draw_torque(ax: Any, history: Any, label: str | None, colour: str) -> None:
+def _draw_torque(ax: Any, history: Any, colour: str) -> None:
     t = np.repeat(history.edges, 2)
     values = np.concatenate([[0.0], np.column_stack([history.left, history.right]).ravel(), [0.0]])
-    ax.plot(t, values, color=colour, label=label)
+    ax.plot(t, values, color=colour)
 
 
 def plot_slew_comparison(comparison: Any, names: tuple[str, ...] = ()) -> Figure:
@@ -62,28 +72,71 @@ def plot_slew_comparison(comparison: Any, names: tuple[str, ...] = ()) -> Figure
     names : tuple of str
         Which slews to draw over time; all stand in the right-hand panel. () draws the first four.
     """
-    shown = [line for line in comparison.lines if not names or line.name in names]
-    shown = shown if names else shown[:4]
+    shown = [line for line in comparison.lines if line.name in names] if names else list(comparison.lines[:4])
+    # those drawn over time come first, for colours repeat
+    ranked = [*shown, *(line for line in comparison.lines if line not in shown)]
+    looks = {line.name: _look(k) for k, line in enumerate(ranked)}
     with style():
-        figure = new_figure(10.5, 5.4)
-        grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1.0))
-        torque, tip, right = (figure.add_subplot(each) for each in (grid[0, 0], grid[1, 0], grid[:, 1]))
-        for line, colour in zip(shown, COLOURS, strict=False):
-            _draw_torque(torque, line.history, line.name, colour)
-            tip.plot(line.time, line.tip_displacement, color=colour, label=line.name)
-        torque.set(ylabel="torque [N m]", title="On the way, and afterwards", xlim=tip.get_xlim())
-        tip.set(ylabel="tip displacement [m]", xlabel="time [s]")
-        torque.legend(*tip.get_legend_handles_labels(), loc="upper right", fontsize=7)
-        for line, k in zip(comparison.lines, range(len(comparison.lines)), strict=True):
-            colour = COLOURS[k % len(COLOURS)]
-            values = np.maximum([line.vibration_low, line.vibration, line.vibration_high], 1e-9)
-            right.plot([line.duration] * 3, values, "-", color=colour, linewidth=0.8)
-            right.plot([line.duration] * 3, values, linestyle="none", marker="_", color=colour)
-            right.plot(line.duration, values[1], "os^vDP*Xh<>"[k % 11], color=colour, label=line.name)
-        right.set(yscale="log", xlabel="duration [s]", ylabel="tip vibration afterwards [m]")
-        right.set_title("Marker: as planned; dashes: frequencies ±10 %")
-        right.legend(loc="lower right", fontsize=7)
+        figure = new_figure(10.5, 0.75 * len(shown) + 3.6)
+        figure.set_layout_engine("constrained", h_pad=0.03)
+        grid = figure.add_gridspec(len(shown) + 1, 2, width_ratios=(1.2, 1.0), height_ratios=[1.0] * len(shown) + [2.6])
+        _draw_over_time(figure, grid, comparison, shown, looks)
+        right = figure.add_subplot(grid[:, 1])
+        _draw_vibration(right, comparison.lines, looks)
+        figure.legend(*right.get_legend_handles_labels(), loc="outside lower center", ncols=4, columnspacing=1.2)
     return figure
+
+
+def _look(k: int) -> dict[str, Any]:
+    """Colour and marker of the k-th slew: the second round of colours is hollow."""
+    colour = COLOURS[k % len(COLOURS)]
+    filled = k < len(COLOURS)
+    return {"color": colour, "marker": _SHAPES[k % len(_SHAPES)], "markerfacecolor": colour if filled else "white"}
+
+
+def _draw_over_time(figure: Figure, grid: Any, comparison: Any, shown: list[Any], looks: dict[str, Any]) -> None:
+    """One strip of torque a slew, for bang-bang torques hide each other, and all tips below."""
+    tip = figure.add_subplot(grid[len(shown), 0])
+    limit = comparison.torque_limit
+    for k, line in enumerate(shown):
+        strip = figure.add_subplot(grid[k, 0], sharex=tip)
+        _draw_torque(strip, line.history, looks[line.name]["color"])
+        strip.set(ylim=(-1.25 * limit, 1.25 * limit), yticks=(-limit, 0.0, limit))
+        strip.tick_params(labelbottom=False)
+        strip.text(0.99, 0.92, line.name, transform=strip.transAxes, ha="right", va="top", fontsize=8)
+        if k == 0:
+            strip.set_title("Torque [N m]")
+        tip.plot(line.time, line.tip_displacement, color=looks[line.name]["color"])
+    tip.set(xlabel="time [s]", xlim=(0.0, 1.02 * max(line.time[-1] for line in shown)))
+    tip.set_title("Tip displacement [m]")
+
+
+def _draw_vibration(ax: Any, lines: tuple[Any, ...], looks: dict[str, Any]) -> None:
+    """Vibration over duration; less than 0.1 mm counts as nothing and stands on the lower edge."""
+    for line, x in zip(lines, _apart([line.duration for line in lines]), strict=True):
+        look = looks[line.name]
+        low, planned, high = np.maximum([line.vibration_low, line.vibration, line.vibration_high], _NOTHING)
+        ax.plot([x] * 3, sorted((low, planned, high)), color=look["color"], linewidth=0.8, zorder=1)
+        for value, marker in ((low, "v"), (high, "^")):
+            ax.plot(x, value, linestyle="none", marker=marker, color=look["color"], markersize=3.5)
+        ax.plot(x, planned, linestyle="none", markersize=7, clip_on=False, label=line.name, zorder=3, **look)
+    ax.set(yscale="log", xlabel="duration [s]")
+    ax.set_ylim(bottom=_NOTHING)
+    ticks = [tick for tick in (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0) if tick <= ax.get_ylim()[1]]
+    ax.set_yticks(ticks, [r"$\leq 10^{-4}$", *(f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks[1:])])
+    for marker, change in (("v", "−10 %"), ("^", "+10 %")):
+        ax.plot([], [], linestyle="none", marker=marker, color="0.3", markersize=3.5, label=f"frequencies {change}")
+    ax.set_title("Tip vibration afterwards [m]")
+
+
+def _apart(values: list[float]) -> np.ndarray:
+    """Abscissae of markers: equal ones are moved a little aside."""
+    places = np.array(values)
+    step = 0.025 * max(float(np.ptp(places)), 1e-9)
+    order = np.argsort(places, kind="stable")
+    for before, k in pairwise(order):
+        places[k] = max(places[k], places[before] + step)
+    return places
 
 
 def plot_tracking(result: Any) -> Figure:
@@ -108,7 +161,7 @@ def plot_tracking(result: Any) -> Figure:
             ax.plot(result.time, closed, color=COLOURS[0], label="with feedback")
             ax.set_ylabel(label)
         axes[0].legend(loc="lower right")
-        axes[0].set_title(f"Tip mass {result.tip_mass:g} kg instead of the planned one")
+        axes[0].set_title(f"The plan followed with a tip mass of {result.tip_mass:g} kg")
         axes[-1].set_xlabel("time [s]")
         axes[-1].set_xlim(0.0, result.time[-1])
     return figure
@@ -124,15 +177,19 @@ def plot_mesh_study(study: Any) -> Figure:
     with style():
         figure = new_figure(7.0, 4.4)
         ax = figure.add_subplot()
-        for line, colour, marker in zip(study.lines, COLOURS * 2, "os^vDP*o", strict=False):
+        for k, line in enumerate(study.lines):
             kept = line.errors > 0.0
-            label = f"{line.name}: order {line.order:.2g}"
-            ax.loglog(study.intervals[kept], line.errors[kept], marker=marker, color=colour, label=label, markersize=4)
+            order = f"order {line.order:.1f}" if np.isfinite(line.order) else "order not seen"
+            ax.loglog(
+                study.intervals[kept], line.errors[kept], markersize=5, label=f"{line.name}: {order}", **_look(k),
+            )  # fmt: skip
         ticks = [int(n) for n in study.intervals]
+        ax.set_xlim(0.92 * ticks[0], 1.09 * ticks[-1])
         ax.set_xticks(ticks, [str(n) for n in ticks])
         ax.set_xticks([], minor=True)
-        ax.set(xlabel="intervals", ylabel="relative error", title="Error against mesh size")
-        ax.legend()
+        ax.set(xlabel="number of intervals", ylabel="relative error")
+        ax.set_title(f"Minimum effort, {study.duration:.3g} s: error against mesh size")
+        figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 
@@ -156,4 +213,4 @@ def slew_film(result: Any, others: dict[str, tuple[Any, Any]], seconds_after: fl
         k = np.clip(np.searchsorted(t, time), 0, t.size - 1)
         shapes.append((name, positions[k]))
     radius = float(np.abs(shapes[0][1][0, 0]))
-    return film_bytes(Film(time, tuple(shapes), radius, f"{result.objective} slew"))
+    return film_bytes(Film(time, tuple(shapes), radius, result.title.capitalize()))

@@ -11,6 +11,14 @@ from boomctl.slew.torque import TorqueHistory
 
 __all__ = ["LimitsTooTight", "Replay", "SlewCertificate", "SlewError", "SlewResult"]
 
+_TITLES = {
+    "time": "minimum time",
+    "effort": "minimum effort",
+    "jerk": "minimum jerk",
+    "torque-rate": "minimum torque rate",
+    "tip": "minimum tip displacement",
+}
+
 
 class SlewError(RuntimeError):
     """A slew that cannot be done, or could not be found or verified; the message says what binds, and when."""
@@ -87,6 +95,17 @@ class SlewCertificate:
     switches: int | None
     intervals: int | None
 
+    @property
+    def verdict(self) -> str:
+        """What is known about the optimum, in words."""
+        gap = abs(self.optimality_gap)
+        if self.optimality == "proved":
+            return f"proved optimal within {max(gap, 1e-15):.0e} of the cost"
+        if self.optimality == "extremal":
+            within = f" within {gap:.0e}" if gap > 0.0 else ""
+            return f"Pontryagin's conditions hold{within}, on a problem that is not convex"
+        return f"stationary on its mesh of {self.intervals} intervals; half as many change the cost by {gap:.0e}"
+
 
 @dataclass(frozen=True, eq=False)
 class SlewResult:
@@ -139,6 +158,11 @@ class SlewResult:
     history: TorqueHistory = field(repr=False)
     replay: Callable[[], tuple[Replay, ...]] = field(repr=False, default=tuple)
     plan: Any = field(repr=False, default=None)
+
+    @property
+    def title(self) -> str:
+        """The objective in words, as "minimum time"."""
+        return _TITLES[self.objective]
 
     @cached_property
     def replays(self) -> tuple[Replay, ...]:

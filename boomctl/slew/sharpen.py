@@ -22,6 +22,8 @@ __all__ = ["Sharpened", "sharpened"]
 _GRIDS = (200, 600, 1800)
 _MOST_STEPS = 20000
 _NEWTON = 40
+_PATIENCE = 5
+_FAR = 1e-3
 _EMPTY = 1e-7
 _STEP_SHARE = 0.5
 _CHORDS = 6
@@ -169,11 +171,14 @@ def _durations(way: Course, found: _Stretches, steps: Indices) -> _Stretches | N
     """
     smooth = all(plant.reach.all() for plant in way.problem.plants)
     size, before, total, count = np.inf, np.inf, float(found.durations.sum()), found.durations.size
+    least, patience = np.inf, _PATIENCE
     for _ in range(_NEWTON):
         u, h, moved = _course_of(way, found, steps)
         reach = way.reach(u, h)
         lack, slope = reach.end - way.rows @ way.problem.target, reach.by_width @ moved
-        if not np.isfinite(slope).all():
+        patience = _PATIENCE if np.abs(lack).max() < 0.7 * least else patience - 1
+        least = min(least, float(np.abs(lack).max()))
+        if not np.isfinite(slope).all() or (patience == 0 and least > _FAR):
             return None
         weights = np.linalg.lstsq(slope.T, -np.ones(count), rcond=None)[0]
         found = replace(found, slope=slope, weights=weights)
