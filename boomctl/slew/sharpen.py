@@ -24,7 +24,7 @@ _MOST_STEPS = 20000
 _NEWTON = 40
 _PATIENCE = 5
 _FAR = 1e-3
-_EMPTY = 1e-7
+_EMPTY = 3e-6
 _STEP_SHARE = 0.5
 _CHORDS = 6
 _SERVES = 0.2
@@ -95,7 +95,11 @@ def _finished(way: Course, found: _Stretches, half: bool) -> Sharpened | None:
     finer, error = 1, np.inf
     while error > _STEP_SHARE * way.problem.tolerance and finer * _steps(way, found.durations).sum() < _MOST_STEPS:
         finer *= 2
-        found, error = _corrected(way, found, finer)
+        near, error = _corrected(way, found, finer)
+        near = near or _settled(way, found, finer)
+        if near is None:
+            return None
+        found = near
     settled = _settled(way, found, finer)
     if settled is None:
         return None
@@ -105,19 +109,19 @@ def _finished(way: Course, found: _Stretches, half: bool) -> Sharpened | None:
     return Sharpened(doubled(history) if half else history, gain, error)
 
 
-def _corrected(way: Course, found: _Stretches, finer: int) -> tuple[_Stretches, float]:
-    """Lead to the end with finer steps, by the derivatives of the coarser; and what the end lacked at first."""
+def _corrected(way: Course, found: _Stretches, finer: int) -> tuple[_Stretches | None, float]:
+    """Lead to the end with finer steps by the derivatives of the coarser; None if they do not; what the end lacked."""
     steps, d, errors = finer * _steps(way, found.durations), found.durations, []
     for _ in range(_CHORDS):
         u, h, _moved = _course_of(way, replace(found, durations=d), steps)
         lack = way.lack(u, h)
         errors.append(float(np.abs(lack).max()))
-        if not errors[-1] <= errors[0]:
-            return found, errors[0]
         d = d - np.linalg.lstsq(found.slope, lack, rcond=None)[0]
-        if errors[-1] < _SETTLED or d.min() <= 0.0:
+        if not errors[-1] <= errors[0] or d.min() <= _EMPTY * d.sum():
+            return None, errors[0]
+        if errors[-1] < _SETTLED:
             break
-    return (replace(found, durations=d) if d.min() > 0.0 else found), errors[0]
+    return replace(found, durations=d), errors[0]
 
 
 def _stretches(history: TorqueHistory) -> _Stretches:

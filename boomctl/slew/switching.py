@@ -21,6 +21,7 @@ _GRIDS = (200, 600, 2000, 6000)
 _NEWTON = 60
 _STRETCH = 0.1
 _HOPELESS = 1e9
+_BLIND, _SEEN = 3.0, 0.3  # rad that the fastest vibration turns in an interval of the grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +79,17 @@ def fastest(problem: LinearTimeProblem, guess: float) -> Extremal:
     SlewError
         If no torque within the limit leads there, or the switching times are not found.
     """
-    best = None
+    best, quickest = None, float(np.abs(np.linalg.eigvals(problem.flow.A).imag).max())
     for intervals in _GRIDS:
-        duration, values, costate = _grid_solution(problem, guess, intervals)
+        turn = quickest * guess / intervals
+        if turn > _BLIND and intervals != _GRIDS[-1]:
+            continue
+        try:
+            duration, values, costate = _grid_solution(problem, guess, intervals)
+        except SlewError:
+            if turn < _SEEN or intervals == _GRIDS[-1]:
+                raise
+            continue
         guess = duration
         for count_from in (_from_costate, _from_values):
             first = count_from(problem, duration, values, costate)
