@@ -178,7 +178,7 @@ def _first(problem: SlewProblem, start: TorqueHistory | None, intervals: int) ->
 
 def _programmed(problem: SlewProblem, start: TorqueHistory | None = None) -> _Plan:
     """Refine mesh and order until replay and halved mesh agree."""
-    ramp = problem.objective in ("jerk", "torque-rate") or "rate" in problem.limits
+    ramp = problem.objective in ("jerk", "torque-rate", "tip") or "rate" in problem.limits
     if problem.intervals is None:
         plan = _refined(problem, start, ramp)
     else:

@@ -151,7 +151,7 @@ class Programme:
         lower, upper = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
         lower[layout.torques], upper[layout.torques] = (s * problem.torque_limit / layout.torque_unit for s in (-1, 1))
         lower[layout.states[0]] = upper[layout.states[0]] = problem.start / layout.unit
-        if self.transcription.scheme.ramp:
+        if self.transcription.scheme.ramp and (problem.objective != "tip" or "rate" in problem.limits):
             ends = layout.torques[[0, -1]]
             lower[ends] = upper[ends] = 0.0
         if layout.duration is not None:

@@ -312,7 +312,8 @@ def _cost(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout, parts: tupl
     if scheme.objective == "effort":
         return effort
     if scheme.objective == "tip":
-        return bound / N + 1e-6 * effort
+        # where the tip stays at its bound the torque is free to chatter; a small price on its changes keeps it from that
+        return bound / N + 1e-6 * (effort + (u1 - u) ** 2)
     if scheme.objective == "torque-rate":
         return (u1 - u) ** 2 / share
     first, total = 0, ca.SX(0)
