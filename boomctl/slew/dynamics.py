@@ -14,7 +14,7 @@ from boomctl.slew.plant import Plant
 if TYPE_CHECKING:
     import casadi
 
-__all__ = ["collocation_coefficients", "collocation_defects", "rates", "times"]
+__all__ = ["collocation_coefficients", "collocation_defects", "hub_jerk", "rates", "times"]
 
 
 def rates(plant: Plant) -> "casadi.Function":
@@ -27,6 +27,17 @@ def rates(plant: Plant) -> "casadi.Function":
     state = times(plant.to_state, z)
     turned = plant.machine.casadi_function()(state, u)[0]
     return ca.Function("rates", [z, u], [times(plant.from_state, turned)])
+
+
+def hub_jerk(plant: Plant) -> "casadi.Function":
+    """``(z, u, slope) -> rad/s^3``: how fast the hub's acceleration changes while the torque u changes by its slope."""
+    import casadi as ca
+
+    z, u, slope = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("slope")
+    turned = rates(plant)(z, u)
+    acceleration = ca.dot(ca.DM(plant.rows["speed"]), turned)
+    jerk = ca.jtimes(acceleration, z, turned) + ca.jacobian(acceleration, u) * slope
+    return ca.Function("jerk", [z, u, slope], [jerk])
 
 
 def collocation_coefficients(method: str, points: int) -> tuple[Array, Array, Array]:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.slew.bounds import effort_gap, time_gap
+from boomctl.slew.dynamics import hub_jerk
 from boomctl.slew.problem import SlewProblem, changed, slew_problem
 from boomctl.slew.programme import Programme, Solution, prepare
 from boomctl.slew.reference import cheapest, effort_guess, guess_from, least_time, linear_time_problem, typical_sizes
@@ -329,6 +330,16 @@ def _cost(problem: SlewProblem, history: TorqueHistory, motions: tuple[Motion, .
     if problem.objective == "tip":
         pairs = zip(motions, problem.plants, strict=True)
         return max(float(np.abs(motion.places @ plant.rows["tip"]).max()) for motion, plant in pairs)
-    speed = motions[0].places @ problem.plants[0].rows["speed"]
-    acceleration = np.gradient(speed, motions[0].time)
-    return float(np.sum(np.diff(acceleration) ** 2 / np.diff(motions[0].time)))
+    return _jerk_squared(problem, history, motions[0])
+
+
+def _jerk_squared(problem: SlewProblem, history: TorqueHistory, motion: Motion) -> float:
+    """Integral of the hub's jerk squared along the replay, whose instants include all corners of the torque."""
+    middle = 0.5 * (motion.time[1:] + motion.time[:-1])
+    k = np.clip(np.searchsorted(history.edges, middle) - 1, 0, history.left.size - 1)
+    slope = ((history.right - history.left) / np.diff(history.edges))[k]
+    jerk, squares = hub_jerk(problem.plants[0]).map(middle.size), []
+    for t, places in ((motion.time[:-1], motion.places[:-1]), (motion.time[1:], motion.places[1:])):
+        torque = history.left[k] + slope * (t - history.edges[k])
+        squares.append(np.array(jerk(places.T, torque[None, :], slope[None, :])).ravel() ** 2)
+    return float(0.5 * np.sum((squares[0] + squares[1]) * np.diff(motion.time)))

@@ -31,6 +31,15 @@ def test_rigid_effort_is_the_closed_form(angle, stretch):
     assert slew.certificate.optimality == "proved"
 
 
+@settings(max_examples=5)
+@given(st.floats(0.2, 2.0), st.floats(0.5, 3.0))
+def test_rigid_jerk_is_the_fifth_order_polynomial(angle, duration):
+    slew = bc.optimal_slew(rigid(2.0), angle, 1e3, "jerk", duration, intervals=100)
+    share = slew.time / duration
+    assert slew.cost == pytest.approx(720.0 * angle**2 / duration**5, rel=1e-3)
+    assert slew.hub_angle == pytest.approx(angle * share**3 * (10.0 - 15.0 * share + 6.0 * share**2), abs=1e-3 * angle)
+
+
 @pytest.mark.parametrize("objective", ["effort", "torque-rate", "jerk", "tip"])
 def test_shooting_and_collocation_agree(beam, objective):
     slews = [
