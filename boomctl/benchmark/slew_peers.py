@@ -1,4 +1,4 @@
-"""The same least-effort slew as others would write it: RK4 multiple shooting in casadi.Opti, and rockit."""
+"""The same slews as others would write them: RK4 multiple shooting in casadi.Opti, and rockit."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.hub_beam import HubBeam
 
-__all__ = ["Effort", "Failed", "has_rockit", "opti_slew", "rockit_slew"]
+__all__ = ["Effort", "Failed", "has_rockit", "opti_fastest", "opti_slew", "rockit_slew"]
 
 _QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
 
@@ -94,6 +94,37 @@ def opti_slew(effort: Effort, substeps: int = 1, mapped: bool = False) -> Array:
     return np.array(solution.value(U)).ravel() * effort.torque_limit
 
 
+def opti_fastest(effort: Effort, substeps: int = 1) -> tuple[float, Array]:
+    """Least duration [s], from that of `effort` as a first guess, and torques [N m]; otherwise as `opti_slew`, mapped.
+
+    Raises
+    ------
+    Failed
+        If IPOPT ends without a solution.
+    """
+    import casadi as ca
+
+    f, n, N = effort.beam.casadi_function(), effort.target.size, effort.intervals
+    x, u, t = ca.SX.sym("x", n), ca.SX.sym("u"), ca.SX.sym("t")
+    step = ca.Function("step", [x, u, t], [_rk4(lambda a: f(a, u)[0], x, t / N / substeps, substeps)])
+    opti = ca.Opti()
+    X, U, T = opti.variable(n, N + 1), opti.variable(1, N), opti.variable()
+    opti.subject_to(X[:, 1:] == step.map(N)(X[:, :-1], U * effort.torque_limit, ca.repmat(T, 1, N)))
+    opti.subject_to(X[:, 0] == 0.0)
+    opti.subject_to(X[:, N] == effort.target)
+    opti.subject_to(opti.bounded(-1.0, U, 1.0))
+    opti.subject_to(0.1 * effort.duration <= T)
+    opti.minimize(T)
+    opti.set_initial(X, effort.guess().T)
+    opti.set_initial(T, effort.duration)
+    opti.solver("ipopt", _QUIET)
+    try:
+        solution = opti.solve()
+    except RuntimeError as error:
+        raise Failed(str(opti.return_status())) from error
+    return float(solution.value(T)), np.array(solution.value(U)).ravel() * effort.torque_limit
+
+
 def rockit_slew(effort: Effort, substeps: int = 1) -> Array:
     """Torques [N m] by rockit's multiple shooting (RK4).
 
@@ -123,7 +154,7 @@ def rockit_slew(effort: Effort, substeps: int = 1) -> Array:
     return np.array(solution.sample(u, grid="control")[1])[:N] * effort.torque_limit
 
 
-def _rk4(f: Callable[[Any], Any], x: Any, h: float, steps: int) -> Any:
+def _rk4(f: Callable[[Any], Any], x: Any, h: Any, steps: int) -> Any:
     for _ in range(steps):
         k1 = f(x)
         k2 = f(x + 0.5 * h * k1)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from boomctl.benchmark.slew import ours
-from boomctl.benchmark.slew_peers import Effort, has_rockit, opti_slew, rockit_slew
+from boomctl.benchmark.slew_peers import Effort, has_rockit, opti_fastest, opti_slew, rockit_slew
 from boomctl.hub_beam import HubBeam, HubBeamParameters
+from boomctl.slew import optimal_slew
 
 EFFORT = Effort(HubBeam(HubBeamParameters(), "sfoam", 1), 0.8, 140.0, 2.8, 40)
 
@@ -24,3 +25,10 @@ def test_same_optimum(peer):
     assert np.sum(torques**2) == pytest.approx(np.sum(theirs**2), rel=1e-6)
     assert torques == pytest.approx(theirs, abs=1e-3 * EFFORT.torque_limit)
     assert np.abs(torques).max() == pytest.approx(EFFORT.torque_limit, rel=1e-6)  # the limit binds
+
+
+def test_torques_held_on_a_mesh_take_a_little_longer():
+    least = optimal_slew(EFFORT.beam, EFFORT.angle, EFFORT.torque_limit).duration
+    duration, torques = opti_fastest(EFFORT, 8)
+    assert least < duration < 1.001 * least
+    assert np.abs(torques).max() <= EFFORT.torque_limit * (1.0 + 1e-6)
