@@ -8,9 +8,10 @@ from numpy.typing import ArrayLike
 
 from boomctl.slew.bounds import effort_gap, time_gap
 from boomctl.slew.dynamics import hub_jerk
+from boomctl.slew.least_time import least_time, linear_time_problem
 from boomctl.slew.problem import SlewProblem, changed, slew_problem
 from boomctl.slew.programme import Programme, Solution, prepare
-from boomctl.slew.reference import cheapest, effort_guess, guess_from, least_time, linear_time_problem, typical_sizes
+from boomctl.slew.reference import cheapest, effort_guess, guess_from, typical_sizes
 from boomctl.slew.replay import Motion, binding, end_error, other_models, played, violation
 from boomctl.slew.result import LimitsTooTight, SlewCertificate, SlewError, SlewResult
 from boomctl.slew.sharpen import Sharpened, sharpened

@@ -8,10 +8,9 @@ from boomctl.arrays import Array
 from boomctl.slew.flow import LinearFlow
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.programme import Guess
-from boomctl.slew.switching import Extremal, LinearTimeProblem, fastest
-from boomctl.slew.torque import TorqueHistory, bang_bang, held
+from boomctl.slew.torque import TorqueHistory, held
 
-__all__ = ["LinearSlew", "cheapest", "effort_guess", "guess_from", "least_time", "linear_time_problem", "typical_sizes"]
+__all__ = ["LinearSlew", "cheapest", "effort_guess", "guess_from", "typical_sizes"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,18 +19,6 @@ class LinearSlew:
 
     history: TorqueHistory
     costate: Array
-
-
-def linear_time_problem(problem: SlewProblem) -> LinearTimeProblem:
-    """Minimum time of the linear part without limits other than the torque's."""
-    flow = LinearFlow(problem.A, problem.B)
-    return LinearTimeProblem(flow, problem.start, problem.ends, problem.ends @ problem.target, problem.torque_limit)
-
-
-def least_time(problem: SlewProblem) -> tuple[Extremal, TorqueHistory]:
-    """Minimum-time slew of the linear part."""
-    found = fastest(linear_time_problem(problem), problem.rigid_time)
-    return found, bang_bang(found.switches, found.duration, problem.torque_limit, found.sign)
 
 
 def cheapest(problem: SlewProblem, duration: float, intervals: int) -> LinearSlew:

@@ -25,6 +25,7 @@ _NEWTON = 40
 _PATIENCE = 5
 _FAR = 1e-3
 _EMPTY = 3e-6
+_NOTHING = 1e-11
 _STEP_SHARE = 0.5
 _CHORDS = 6
 _SERVES = 0.2
@@ -117,7 +118,7 @@ def _corrected(way: Course, found: _Stretches, finer: int) -> tuple[_Stretches |
         lack = way.lack(u, h)
         errors.append(float(np.abs(lack).max()))
         d = d - np.linalg.lstsq(found.slope, lack, rcond=None)[0]
-        if not errors[-1] <= errors[0] or d.min() <= _EMPTY * d.sum():
+        if not errors[-1] <= errors[0] or d.min() <= _least(way, d):
             return None, errors[0]
         if errors[-1] < _SETTLED:
             break
@@ -144,10 +145,15 @@ def _settled(way: Course, found: _Stretches, finer: int) -> _Stretches | None:
         answer = _durations(way, found, steps)
         if answer is None:
             return None
-        if answer.durations.min() > _EMPTY * answer.durations.sum():
+        if answer.durations.min() > _least(way, answer.durations):
             return answer
         found = _without_empty(answer)
     return None
+
+
+def _least(way: Course, d: Array) -> float:
+    """Duration below which a stretch is left out; where the end needs every one, only next to nothing is too short."""
+    return float(d.sum()) * (_EMPTY if d.size >= way.rows.shape[0] + 2 else _NOTHING)
 
 
 def _without_empty(found: _Stretches) -> _Stretches:
@@ -193,13 +199,18 @@ def _durations(way: Course, found: _Stretches, steps: Indices) -> _Stretches | N
         flat = promised < (_FLAT if smooth else _ROUGH) * total
         if flat and np.abs(onto).max() < _SETTLED * total:
             return replace(found, promised=promised)
-        move = onto if flat else onto + beside
-        shrink = float(np.max(np.maximum(-move, 0.0) / found.durations))
-        share = min(1.0, 0.8 / shrink if shrink > 0.0 else 1.0, 0.1 / size)
-        found = replace(found, durations=found.durations + share * move)
-        if found.durations.min() < _EMPTY * total:
+        d = _moved(found.durations, onto)
+        found = replace(found, durations=d if flat else _moved(d, beside))
+        if found.durations.min() < _least(way, found.durations):
             return found
     return None
+
+
+def _moved(d: Array, move: Array) -> Array:
+    """Durations changed by as much of a move as keeps them positive, and changes none by more than a tenth of all."""
+    shrink = float(np.max(np.maximum(-move, 0.0) / d))
+    far = float(np.abs(move).max() / d.sum())
+    return d + move * min(1.0, 0.8 / max(shrink, 0.8), 0.1 / max(far, 0.1))
 
 
 def _newton_step(lack: Array, slope: Array, curvature: Array) -> tuple[Array, Array, float]:

@@ -41,7 +41,7 @@ def halved(problem: SlewProblem) -> SlewProblem | None:
 def without_axial_modes(problem: SlewProblem) -> SlewProblem | None:
     """The same slew from rest of beams whose axial motion follows at once; None where there are none, or given states."""
     machines = [plant.machine for plant in problem.plants]
-    if np.any(problem.start) or all(plant.reach.all() for plant in problem.plants):
+    if None in machines or np.any(problem.start) or all(plant.reach.all() for plant in problem.plants):
         return None
     asked = problem.plants[0].rest(problem.angle or 0.0, problem.final_speed)
     if np.any(asked != problem.target[: asked.size]):

@@ -27,6 +27,8 @@ def steered(way: Course, first: TorqueHistory, intervals: int) -> TorqueHistory 
     for _ in range(_TURNS):
         count = intervals * parts
         reach = way.reach(np.repeat(values * limit, parts), np.full(count, duration / count))
+        if not (np.isfinite(reach.by_torque).all() and np.isfinite(reach.by_width).all()):
+            return None
         lack = reach.end - way.rows @ way.problem.target
         push = reach.by_torque.reshape(lack.size, intervals, parts).sum(axis=2) * limit
         change = _programme(lack, push, reach.by_width.sum(axis=1) * duration / count, values)

@@ -15,13 +15,26 @@ from boomctl.arrays import Array
 from boomctl.slew.flow import LinearFlow
 from boomctl.slew.result import SlewError
 
-__all__ = ["Extremal", "LinearTimeProblem", "fastest", "lower_bound", "misfit", "switching_function"]
+__all__ = [
+    "Extremal",
+    "LinearTimeProblem",
+    "SwitchesNotFound",
+    "fastest",
+    "lower_bound",
+    "misfit",
+    "polished",
+    "switching_function",
+]
 
 _GRIDS = (200, 600, 2000, 6000)
 _NEWTON = 60
 _STRETCH = 0.1
 _HOPELESS = 1e9
 _BLIND, _SEEN = 3.0, 0.3  # rad that the fastest vibration turns in an interval of the grid
+
+
+class SwitchesNotFound(SlewError):
+    """A torque leads to the end, but the switching times of the fastest were not found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +92,7 @@ def fastest(problem: LinearTimeProblem, guess: float) -> Extremal:
     SlewError
         If no torque within the limit leads there, or the switching times are not found.
     """
-    best, quickest = None, float(np.abs(np.linalg.eigvals(problem.flow.A).imag).max())
+    best, quickest = None, _quickest(problem.flow)
     for intervals in _GRIDS:
         turn = quickest * guess / intervals
         if turn > _BLIND and intervals != _GRIDS[-1]:
@@ -98,7 +111,20 @@ def fastest(problem: LinearTimeProblem, guess: float) -> Extremal:
                 return found
             best = found or best
     missing = "none converged" if best is None else f"conditions are missed by {best.residual:.1e}"
-    raise SlewError(f"minimum time: the switching times could not be found; {missing}")
+    raise SwitchesNotFound(f"minimum time: the switching times could not be found; {missing}")
+
+
+def polished(problem: LinearTimeProblem, near: Extremal) -> Extremal | None:
+    """The least time from that of a problem nearby; None if its switches do not lead there."""
+    found = _merged(problem, _sharpened(problem, _fitted(problem, near)))
+    return found if found is not None and _agrees(problem, found) else None
+
+
+def _quickest(flow: LinearFlow) -> float:
+    """Frequency of the fastest vibration that the torque moves, rad/s."""
+    values, left = np.linalg.eig(flow.A.T)
+    felt = np.abs(left.T @ flow.B) > 1e-12 * np.linalg.norm(left, axis=0) * np.linalg.norm(flow.B)
+    return float(np.abs(np.imag(values[felt])).max(initial=0.0))
 
 
 def switching_function(problem: LinearTimeProblem, found: Extremal, t: Array) -> Array:

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.slew.bounds import time_gap
+from boomctl.slew.least_time import least_time, linear_time_problem
 from boomctl.slew.problem import slew_problem
-from boomctl.slew.reference import least_time, linear_time_problem
 from boomctl.slew.switching import misfit
 from tests.slew.systems import rigid, two_masses, two_masses_exact
 
@@ -86,6 +86,25 @@ def test_lower_bound_catches_a_slew_that_is_not_the_fastest():
     assert time_gap(linear, found) < 1e-9
     assert time_gap(linear, spoilt) > 1e-3
     assert misfit(linear, spoilt) > 1e-2
+
+
+@pytest.mark.parametrize("limit", [22.98, 22.9890625, 22.98955, 23.0])
+def test_where_a_stretch_is_about_to_appear(limit):
+    """About 22.99 N m a pair of stretches shrinks to nothing and another grows from it."""
+    h = bc.hub_beam(modes=2).linearize()
+    slew = bc.optimal_slew(h, 1.8763648523917893, limit)
+    assert slew.certificate.optimality == "proved"
+    assert slew.certificate.optimality_gap < 1e-6
+    assert slew.duration == pytest.approx(8.9285456 - 0.21 * (limit - 22.9890625), abs=1e-4)
+
+
+def test_grids_see_the_fastest_vibration():
+    """A grid on which the fifth mode turns whole times an interval cannot steer it."""
+    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.3), modes=5).linearize()
+    start = [0.0, 0.02, 0.0006, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+    slew = bc.optimal_slew(h, 1.2, 36.5, initial_state=start)
+    assert slew.certificate.optimality == "proved"
+    assert slew.certificate.optimality_gap < 1e-6
 
 
 @pytest.mark.parametrize(("model", "modes"), [("sfoam", 1), ("sfoam-consistent", 2)])

@@ -12,9 +12,10 @@ from scipy.integrate import solve_ivp
 import boomctl as bc
 from boomctl.slew.course import course
 from boomctl.slew.dynamics import rates
+from boomctl.slew.least_time import least_time
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import slew_problem
-from boomctl.slew.reference import guess_from, least_time, typical_sizes
+from boomctl.slew.reference import guess_from, typical_sizes
 from boomctl.slew.sharpen import sharpened
 from boomctl.slew.simpler import doubled, first_half, halved, without_axial_modes
 from boomctl.slew.steer import steered, stretched
