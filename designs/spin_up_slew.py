@@ -23,6 +23,7 @@ def slew(modes: int = 2) -> SlewDesign:
         {"minimum time": optimal_slew(beam, angle=None, torque_limit=LIMIT, final_speed=SPEED)},
         rival="smooth torque",
         profile=spin_up(SPEED, 2.0 * q.rigid_inertia * SPEED / LIMIT),  # its largest acceleration is 2 w / T
+        notes=(f"The profile set beside it has the duration in which a rigid body would need {LIMIT:g} N m for it.",),
     )
 
 

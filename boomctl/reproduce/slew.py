@@ -32,6 +32,11 @@ STEPS = 7
 _SCHEMES = (("shooting", 1), ("collocation", 3), ("radau", 3))
 _ROOM = 1.1
 _MORE = 0.1
+_COMPARED = (
+    "name", "duration", "vibration", "angle_error", "speed_error", "peak_moment", "effort", "vibration_low", "vibration_high",
+)  # fmt: skip
+_TRACKED = ("tip_mass", "final_angle_error", "open_final_angle_error", "tip_swing", "open_tip_swing")
+_SPUN = ("name", "duration", "peak_torque", "vibration", "speed_error")
 
 
 def run(
@@ -120,9 +125,9 @@ def write_report(
     pictures = _pictures(evaluation, following, errors, switching)
     for name, content in pictures.items():
         write_whole(target / f"{name}.png", content)
-    film = _film(evaluation)
+    film, filmed = _film(evaluation)
     write_whole(target / "slew.gif", film)
-    results = _results(evaluation, replays, following, errors, switching)
+    results = _results(evaluation, replays, following, errors, switching) | {"film_tip_mass": filmed}
     write_json(target / "results.json", results)
     tell("report")
     write_whole(target / "report.html", slew_report(design, results, pictures, film))
@@ -203,17 +208,18 @@ def _meshes(h: HubBeam, duration: float) -> tuple[int, ...]:
     return (first, 2 * first, 4 * first)
 
 
-def _film(evaluation: SlewEvaluation) -> bytes:
-    """The slew and its rival on the same beam, with the heaviest payload of all."""
-    design = evaluation.design
-    mass = max(design.beam.parameters.tip_mass, *design.payloads, 0.0)
+def _film(evaluation: SlewEvaluation) -> tuple[bytes, float]:
+    """The slew and its rival on the same beam, with the payload that the rival suits least; that payload, kg."""
+    design, mass = evaluation.design, evaluation.design.beam.parameters.tip_mass
+    if evaluation.payloads is not None and design.rival in design.planned:
+        mass = evaluation.payloads.worst(design.rival).tip_mass
     beam, curves = design.beam.with_tip_mass(mass), {}
     for name in (design.label, design.rival or design.rigid):
         history = evaluation.comparison.line(name).history
         t = np.linspace(0.0, design.slew.duration + 2.5, 601)
         label = "rigid body's bang-bang" if name == "bang-bang" else name
         curves[label] = (t, beam.shape(beam.simulate_torque(history, t, history.breakpoints).states))
-    return slew_film(design.slew, curves)
+    return slew_film(design.slew, curves), mass
 
 
 def _results(
@@ -224,12 +230,6 @@ def _results(
     switching: SwitchingCurve | None,
 ) -> dict[str, Any]:
     design, slew = evaluation.design, evaluation.design.slew
-    compared = (
-        "name", "duration", "vibration", "angle_error", "speed_error", "peak_moment", "effort", "vibration_low",
-        "vibration_high",
-    )  # fmt: skip
-    tracked = ("tip_mass", "final_angle_error", "open_final_angle_error", "tip_swing", "open_tip_swing")
-    spun = ("name", "duration", "peak_torque", "vibration", "speed_error")
     return {
         "name": design.name,
         "title": design.title,
@@ -248,10 +248,10 @@ def _results(
         "worth": evaluation.verdict,
         "replays": replays,
         "mesh_study": None if errors is None else _mesh_results(errors),
-        "comparison": [_picked(line, compared) for line in evaluation.comparison.lines],
+        "comparison": [_picked(line, _COMPARED) for line in evaluation.comparison.lines],
         "payloads": None if evaluation.payloads is None else _payload_results(evaluation.payloads),
-        "spin_ups": [_picked(each, spun) for each in evaluation.spin_ups],
-        "tracking": _picked(following, tracked),
+        "spin_ups": [_picked(each, _SPUN) for each in evaluation.spin_ups],
+        "tracking": _picked(following, _TRACKED),
         "time": slew.time,
         "torque": slew.torque,
         "hub_angle": slew.hub_angle,

@@ -115,18 +115,19 @@ class SlewEvaluation:
         own, rigid = (self.comparison.line(name) for name in (self.design.label, self.design.rigid))
         said = (
             f"{own.duration:.5g} s, {own.duration / rigid.duration:.3f} times a rigid body's least time; the tip vibrates by "
-            f"{said_length(own.vibration)} afterwards, {said_length(rigid.vibration)} after a rigid body's fastest torque"
+            f"{_length(own.vibration)} afterwards, {_length(rigid.vibration)} after a rigid body's fastest torque"
         )
         if self.payloads is None:
             return said + "."
-        parts = [f"{said_length(self.payloads.worst(name).vibration)} ({name})" for name in self.design.planned]
-        return f"{said}; with the worst of all payloads by {', '.join(parts)}."
+        masses, left = self.payloads.masses, self.payloads.vibrations
+        parts = [f"{_length(float(left[name].max()))} ({name})" for name in self.design.planned]
+        return f"{said}; with payloads from {masses[0]:g} to {masses[-1]:g} kg by at most {', '.join(parts)}."
 
     def __str__(self) -> str:
         return f"{self.design.title}: {self.verdict}\n{self.design.slew.certificate.verdict}"
 
 
-def said_length(value: float) -> str:
+def _length(value: float) -> str:
     """A length [m] in words, with two digits."""
     if value < 1e-6:
         return "less than 1 µm"

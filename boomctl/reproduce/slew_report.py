@@ -47,7 +47,7 @@ def slew_report(design: SlewDesign, results: dict[str, Any], pictures: dict[str,
             (),
             (Picture(pictures["slew"], "png", _slew_caption(slew)),),
         ),
-        Section("In motion", (), (), (Picture(film, "gif", _film_caption(design)),)),
+        Section("In motion", (), (), (Picture(film, "gif", _film_caption(results.get("film_tip_mass", 0.0), design)),)),
     ]
     if "switching" in pictures:
         sections.append(switching_section(results, pictures["switching"]))
@@ -73,9 +73,9 @@ def slew_report(design: SlewDesign, results: dict[str, Any], pictures: dict[str,
     return html_report(design.title, lead, sections)
 
 
-def _film_caption(design: SlewDesign) -> str:
+def _film_caption(tip_mass: float, design: SlewDesign) -> str:
     caption = "Top view, drawn to scale, in real time."
-    return f"{caption} The payload is {max(design.payloads):g} kg." if design.payloads else caption
+    return f"{caption} The tip mass is {tip_mass:g} kg." if design.payloads else caption
 
 
 def _slew_text(h: HubBeam, slew: SlewResult) -> tuple[str, ...]:
@@ -147,7 +147,7 @@ def _comparison_table(lines: Sequence[dict[str, Any]], free: bool) -> Table:
     keys = ("vibration", "vibration_low", "vibration_high", "speed_error" if free else "angle_error", "peak_moment")
     body = tuple(
         (
-            line["name"].replace(" ", "\u00a0"),
+            line["name"].replace(" ", "\u00a0").replace("-", "\u2011"),
             f"{line['duration']:.3f}",
             *(number(line[key]) for key in keys),
             f"{line['effort'] / 1e3:.1f}",

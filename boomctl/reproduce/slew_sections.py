@@ -21,13 +21,13 @@ def switching_section(results: dict[str, Any], picture: bytes) -> Section:
         PNG.
     """
     text = (
-        "The switching function says how much time a little more torque would save at each instant; in minimum time the "
-        "torque has its sign everywhere (Pontryagin's principle). It is carried back along the nonlinear motion from the "
-        "multipliers of the end conditions, and has the torque's sign on "
-        f"{_share(results['switching_agreement'])} of the duration."
+        "The switching function says how much time a little more torque would save at each instant. In minimum time the "
+        "torque has its sign everywhere (Pontryagin's principle), which is necessary, and not sufficient where the problem "
+        "is not convex. It is carried back along the nonlinear motion from the multipliers of the end conditions, and has "
+        f"the torque's sign on {_share(results['switching_agreement'])} of the duration."
     )
     caption = "Switching function over its largest size, on a scale of cube roots, and torque."
-    return Section("Why no time is left to be gained", (text,), (), (Picture(picture, "png", caption),))
+    return Section("The switching function", (text,), (), (Picture(picture, "png", caption),))
 
 
 def _share(value: float) -> str:
@@ -49,32 +49,24 @@ def payload_section(nominal: float, lines: Sequence[dict[str, Any]], picture: by
     names = tuple(dict.fromkeys(line["slew"] for line in lines))
     masses = sorted({line["tip_mass"] for line in lines})
     by = {(line["slew"], line["tip_mass"]): line for line in lines}
-    columns = (("largest tip [m]", "peak_tip"), ("vibration [m]", "vibration"), ("angle error [rad]", "angle_error"))
-    tables = tuple(
-        Table(
-            ("payload", *(head for head, _ in columns)),
-            tuple(
-                (
-                    f"{mass:g} kg{', planned' if by[name, mass]['planned'] else ''}",
-                    *(number(by[name, mass][key]) for _, key in columns),
-                )
-                for mass in masses
-            ),
-            f"The slew {name}.",
-        )
-        for name in names
+    columns = (("vibration [m]", "vibration"), ("largest tip [m]", "peak_tip"), ("angle error [rad]", "angle_error"))
+    heads = ("payload", *(f"{head}, {name}" for head, _ in columns for name in names))
+    body = tuple(
+        (f"{mass:g}\u00a0kg", *(number(by[name, mass][key]) for _, key in columns for name in names)) for mass in masses
     )
     text = (
-        "The same torque with each payload, none of them known to it. Largest tip: its displacement on the way; vibration: "
-        "the same in one and a half periods after the end; angle error: of the hub, its mean afterwards. The angle is "
-        f"prescribed for {nominal:g} kg, the other planned payloads are only to come to rest."
+        "The torque does not know which payload there is. Largest tip: its displacement on the way; vibration: the same in "
+        "one and a half periods after the end; angle error: of the hub, its mean afterwards. The angle is prescribed for "
+        f"{nominal:g} kg; other payloads that were planned for are only to come to rest."
     )
     caption = (
         "Left: tip displacement with each payload, grey while the torque acts; broken lines: payloads not planned for. "
         "Right: vibration left over the payload, filled markers where it was planned for; what is below 0.1 mm stands on the "
         "lower edge."
     )
-    return Section("The same torque with every payload", (text,), tables, (Picture(picture, "png", caption),))
+    return Section(
+        "The same torque with every payload", (text,), (Table(heads, body),), (Picture(picture, "png", caption),)
+    )
 
 
 def spin_up_section(spin_ups: Sequence[dict[str, Any]], slew: SlewResult, picture: bytes) -> Section:
@@ -99,9 +91,8 @@ def spin_up_section(spin_ups: Sequence[dict[str, Any]], slew: SlewResult, pictur
     body = tuple((each["name"], *(number(each[key]) for _, key in columns)) for each in spin_ups)
     text = (
         f"The beam ends in steady rotation at {problem.final_speed:g} rad/s, its hub free. The classical profile of Bai et "
-        "al. (2009), Eq. (43), prescribes the hub's course exactly, then and afterwards, as an ideal speed loop would; its "
-        f"duration is that in which a rigid body takes {problem.torque_limit:g} N m for it. Vibration and speed error are "
-        "the largest after the end."
+        "al. (2009), Eq. (43), prescribes the hub's course exactly, then and afterwards, as an ideal speed loop would, "
+        "whatever torque that takes. Vibration and speed error are the largest after the end."
     )
     caption = (
         "Torque, hub speed and tip displacement. Broken lines: torque limit and speed asked for; dotted: the ends."
