@@ -191,7 +191,7 @@ def design(
     road: Annotated[
         str | None, typer.Option(help="Suspensions: class of the track, ISO 8608, A to H.", show_default="E")
     ] = None,
-    speed: Annotated[float | None, typer.Option(help="Suspensions: driving speed [m/s].", show_default="3.0")] = None,
+    speed: Annotated[float | None, typer.Option(help="Suspensions: driving speed, m/s.", show_default="3.0")] = None,
     seed: Annotated[int | None, typer.Option(help="Suspensions: of the random track.", show_default="1")] = None,
     as_json: Json = False,
 ) -> None:
