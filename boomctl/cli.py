@@ -14,6 +14,8 @@ from typing import Annotated, Any
 
 import typer
 
+from boomctl.catalogue import DesignFile, design_file, design_names
+
 __all__ = ["app", "main"]
 
 app = typer.Typer(
@@ -179,33 +181,63 @@ def _print_table_1(table: dict[str, Any]) -> None:
     )
 
 
+_DESIGNS = f"A design of boomctl ({', '.join(design_names())}), or a Python file with a function design() or slew()."
+
+
 @app.command()
 def design(
-    name: Annotated[str, typer.Argument(help="A design of boomctl, or a Python file with a function design().")],
+    name: Annotated[str, typer.Argument(help=_DESIGNS)],
     out: Annotated[Path, typer.Option(help="Folder for pictures, report and results.")] = Path("results"),
-    road: Annotated[str, typer.Option(help="Class of the track, ISO 8608: A to H.")] = "E",
-    speed: Annotated[float, typer.Option(help="Driving speed [m/s].")] = 3.0,
-    seed: Annotated[int, typer.Option(help="Of the random track.")] = 1,
+    road: Annotated[
+        str | None, typer.Option(help="Suspensions: class of the track, ISO 8608, A to H.", show_default="E")
+    ] = None,
+    speed: Annotated[float | None, typer.Option(help="Suspensions: driving speed, m/s.", show_default="3.0")] = None,
+    seed: Annotated[int | None, typer.Option(help="Suspensions: of the random track.", show_default="1")] = None,
     as_json: Json = False,
 ) -> None:
-    """Run the design of a suspension and report what it is worth, beside the boom as it is."""
-    from boomctl.output import prepared_folder
-    from boomctl.suspension import FieldScene, evaluate, load_design
-    from boomctl.suspension.report import write_report
-
-    scene = FieldScene(road_class=road, speed=speed, seed=seed)
-    folder = prepared_folder(out)
-    with _progress(4) as progress:
-        progress("synthesis")
-        found = load_design(name)
-        progress("judging")
-        result = evaluate(found, scene)
-        written = write_report(result, folder, progress)
+    """Run a design and report what it is worth: a suspension beside the boom as it is, a slew beside classical ones."""
+    found = design_file(name)
+    given = {"road_class": road, "speed": speed, "seed": seed}
+    scene = {key: value for key, value in given.items() if value is not None}
+    if found.kind == "slew" and scene:
+        options = ", ".join(f"--{key.removesuffix('_class')}" for key in scene)
+        raise ValueError(f"{options}: of suspensions only; expected none for the slew {name!r}")
+    result, written = _run_slew(found, out) if found.kind == "slew" else _run_suspension(found, out, scene)
     if as_json:
         _print_json(written)
         return
     print(result)
-    print(f"Report: {folder / 'report.html'}")
+    print(f"Report: {out / 'report.html'}")
+
+
+def _run_suspension(found: DesignFile, out: Path, scene: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+    """Synthesise and judge a suspension, and write its report."""
+    from boomctl.output import prepared_folder
+    from boomctl.suspension import FieldScene, SuspensionDesign, evaluate
+    from boomctl.suspension.report import write_report
+
+    field, folder = FieldScene(**scene), prepared_folder(out)
+    with _progress(4) as progress:
+        progress("synthesis")
+        made = found.made(SuspensionDesign)
+        progress("judging")
+        result = evaluate(made, field)
+        return result, write_report(result, folder, progress)
+
+
+def _run_slew(found: DesignFile, out: Path) -> tuple[Any, dict[str, Any]]:
+    """Plan and judge a slew, and write its report."""
+    from boomctl.output import prepared_folder
+    from boomctl.reproduce.slew import write_report
+    from boomctl.reproduce.slew_design import SlewDesign, evaluate
+
+    folder = prepared_folder(out)
+    with _progress(7) as progress:
+        progress("planning")
+        made = found.made(SlewDesign)
+        progress("judging")
+        result = evaluate(made)
+        return result, write_report(result, folder, progress)
 
 
 @app.command()

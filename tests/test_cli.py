@@ -66,6 +66,10 @@ def test_the_parameter_file_printed_is_read_again(tmp_path):
         (("sigma", "--parameters", "none.toml"), 1, "none.toml"),
         (("sigma", "--out", "sigma.doc"), 2, ".png or .svg"),
         (("nothing",), 2, "nothing"),
+        (("design", "min_time_slews"), 2, "did you mean 'min_time_slew'"),
+        (("design", "min_time_slew", "--seed", "2", "--road", "C"), 2, "--road, --seed: of suspensions only"),
+        (("design", "passive_tuning", "--speed", "0"), 2, "speed = 0"),
+        (("design", "nowhere.py"), 2, "no such file"),
     ],
 )
 def test_bad_use_ends_in_one_clear_line(words, code, message, tmp_path):
@@ -98,3 +102,43 @@ def test_importing_the_package_is_light():
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_help_lists_all_designs():
+    from boomctl.catalogue import design_names
+
+    shown = "".join(run("design", "--help").stdout.split())
+    for name in design_names():
+        assert name in shown.replace("│", "")
+
+
+SLEW = """
+from boomctl.hub_beam import HubBeam, HubBeamParameters
+from boomctl.reproduce.slew_design import SlewDesign
+from boomctl.slew import optimal_slew
+
+
+def slew():
+    beam = HubBeam(HubBeamParameters(), "sfoam", 1)
+    return SlewDesign("mine", "A slew of mine", beam, {"fastest": optimal_slew(beam, 0.6, 120.0, WHAT)})
+"""
+
+
+def test_a_slew_of_the_users_own_is_reported_with_all_its_files(tmp_path):
+    (tmp_path / "mine.py").write_text(SLEW.replace(", WHAT", ""))
+    done = run("design", "mine.py", "--out", "out", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    printed = json.loads(done.stdout)
+    assert printed == json.loads((tmp_path / "out" / "results.json").read_text())
+    assert printed["comparison"][0]["name"] == "fastest"
+    assert "A slew of mine" in (tmp_path / "out" / "report.html").read_text()
+    for name in ("slew.png", "comparison.png", "tracking.png", "switching.png", "slew.gif"):
+        assert (tmp_path / "out" / name).stat().st_size > 5000
+
+
+def test_a_slew_that_cannot_be_done_ends_with_one(tmp_path):
+    (tmp_path / "mine.py").write_text(SLEW.replace("WHAT", '"effort", 0.5'))
+    done = run("design", "mine.py", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "too short" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -3,6 +3,7 @@
 from boomctl.plotting.canvas import figure_bytes, new_figure, style
 from boomctl.plotting.sigma import plot_measured, plot_sigma
 from boomctl.plotting.slew import plot_mesh_study, plot_slew, plot_slew_comparison, plot_tracking, slew_film
+from boomctl.plotting.slew_design import plot_payloads, plot_spin_ups, plot_switching
 from boomctl.plotting.spray import draw_deposit, draw_motion, draw_track_density
 
 __all__ = [
@@ -13,9 +14,12 @@ __all__ = [
     "new_figure",
     "plot_measured",
     "plot_mesh_study",
+    "plot_payloads",
     "plot_sigma",
     "plot_slew",
     "plot_slew_comparison",
+    "plot_spin_ups",
+    "plot_switching",
     "plot_tracking",
     "slew_film",
     "style",

@@ -1,4 +1,4 @@
-"""The slew report: plans for one hub-beam and one angle, classical commands beside them, following, pictures and a film."""
+"""The slew report: plans for one hub-beam, classical commands beside them, following, pictures and a film."""
 
 from collections.abc import Callable
 from dataclasses import asdict
@@ -9,16 +9,34 @@ import numpy as np
 
 from boomctl.hub_beam import HubBeam
 from boomctl.output import prepared_folder, write_json, write_whole
-from boomctl.plotting import figure_bytes, plot_slew_comparison, slew_film
+from boomctl.plotting import figure_bytes, plot_slew_comparison, plot_spin_ups, slew_film
+from boomctl.reproduce.slew_design import SlewDesign, SlewEvaluation, evaluate
 from boomctl.reproduce.slew_report import slew_report
-from boomctl.slew import MeshStudy, SlewComparison, SlewResult, compare_slews, mesh_study, optimal_slew, track
+from boomctl.slew import (
+    MeshStudy,
+    PayloadComparison,
+    SlewResult,
+    SwitchingCurve,
+    TrackingResult,
+    mesh_study,
+    optimal_slew,
+    switching_curve,
+    track,
+)
 
-__all__ = ["STEPS", "run"]
+__all__ = ["STEPS", "run", "write_report"]
 
 STEPS = 7
+"""Steps of `run` that it tells of."""
 
 _SCHEMES = (("shooting", 1), ("collocation", 3), ("radau", 3))
 _ROOM = 1.1
+_MORE = 0.1
+_COMPARED = (
+    "name", "duration", "vibration", "angle_error", "speed_error", "peak_moment", "effort", "vibration_low", "vibration_high",
+)  # fmt: skip
+_TRACKED = ("tip_mass", "final_angle_error", "open_final_angle_error", "tip_swing", "open_tip_swing")
+_SPUN = ("name", "duration", "peak_torque", "vibration", "speed_error")
 
 
 def run(
@@ -59,31 +77,99 @@ def run(
     slew = optimal_slew(h, angle, torque_limit, objective, duration, **limits)  # pyright: ignore[reportArgumentType]
     tell("slews to compare")
     planned = _planned(h, slew, angle, torque_limit)
-    comparison = compare_slews(h, angle, torque_limit, planned)
+    evaluation = evaluate(SlewDesign("slew", "A slew of a flexible beam", h, planned))
+    least = _ROOM * planned["minimum time"].duration
+
+    def study() -> MeshStudy | None:
+        return _mesh_study(h, angle, torque_limit, least, meshes)
+
+    return write_report(evaluation, target, tell, study)
+
+
+def write_report(
+    evaluation: SlewEvaluation,
+    folder: str | Path,
+    tell: Callable[[str], None] = lambda text: None,
+    study: Callable[[], MeshStudy | None] = lambda: None,
+) -> dict[str, Any]:
+    """Replay and follow a slew, and write report.html, results.json, pictures and a film into a folder.
+
+    Parameters
+    ----------
+    evaluation : SlewEvaluation
+    folder : str or Path
+    tell : callable
+        Told in words what comes next.
+    study : callable
+        Computes the error over meshes; by default none is shown.
+
+    Returns
+    -------
+    dict
+        What results.json holds.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be written to.
+    """
+    design, target = evaluation.design, prepared_folder(folder)
     tell("other models")
-    replays = [asdict(each) for each in slew.replays]
+    replays = _replays(evaluation)
     tell("following with another payload")
-    following = track(slew, h.parameters.tip_mass + 0.1)
+    following = track(design.slew, max(design.beam.parameters.tip_mass, *design.payloads, 0.0) + _MORE)
     tell("errors over meshes")
-    study = _mesh_study(h, angle, torque_limit, _ROOM * planned["minimum time"].duration, meshes)
+    errors = study()
     tell("pictures")
-    shown = (*planned, "bang-bang", "bang-bang, ZV")
-    figures = {"slew": slew.plot(), "comparison": plot_slew_comparison(comparison, shown), "tracking": following.plot()}
-    figures |= {"mesh": study.plot()} if study is not None else {}
-    pictures = {name: figure_bytes(figure, "png") for name, figure in figures.items()}
+    switching = switching_curve(design.slew) if design.slew.certificate.switches is not None else None
+    pictures = _pictures(evaluation, following, errors, switching)
     for name, content in pictures.items():
         write_whole(target / f"{name}.png", content)
-    film = _film(h, slew, comparison)
+    film, filmed = _film(evaluation)
     write_whole(target / "slew.gif", film)
-    results = _results(h, slew, comparison, replays, study)
-    results["tracking"] = {
-        key: getattr(following, key)
-        for key in ("tip_mass", "final_angle_error", "open_final_angle_error", "tip_swing", "open_tip_swing")
-    }
+    results = _results(evaluation, replays, following, errors, switching) | {"film_tip_mass": filmed}
     write_json(target / "results.json", results)
     tell("report")
-    write_whole(target / "report.html", slew_report(h, slew, results, pictures, film))
+    write_whole(target / "report.html", slew_report(design, results, pictures, film))
     return results
+
+
+def _pictures(
+    evaluation: SlewEvaluation, following: TrackingResult, errors: MeshStudy | None, switching: SwitchingCurve | None
+) -> dict[str, bytes]:
+    """All pictures by name, as PNG files."""
+    design, problem = evaluation.design, evaluation.design.slew.plan.problem
+    zv = f"{design.rigid}, ZV"
+    shown = tuple(dict.fromkeys((*design.planned, design.rigid, design.rival or zv, zv)))
+    figures = {
+        "slew": design.slew.plot(),
+        "comparison": plot_slew_comparison(evaluation.comparison, shown),
+        "tracking": following.plot(),
+    }
+    if switching is not None:
+        figures["switching"] = switching.plot()
+    if evaluation.payloads is not None:
+        figures["payloads"] = evaluation.payloads.plot()
+    if evaluation.spin_ups:
+        figures["spin_up"] = plot_spin_ups(evaluation.spin_ups, problem.torque_limit, problem.final_speed)
+    if errors is not None:
+        figures["mesh"] = errors.plot()
+    return {name: figure_bytes(figure, "png") for name, figure in figures.items()}
+
+
+def _replays(evaluation: SlewEvaluation) -> list[dict[str, Any]]:
+    """The slew on the planning model, with the other payloads, and on other models."""
+    design, slew = evaluation.design, evaluation.design.slew
+    problem, own = slew.plan.problem, evaluation.comparison.line(design.label)
+    planned = {
+        "model": design.beam.model,
+        "tip_mass": None,
+        "angle_error": 0.0 if problem.angle is None else float(slew.hub_angle[-1]) - problem.angle,
+        "speed_error": float(slew.hub_speed[-1]) - problem.final_speed,
+        "tip_swing": own.vibration,
+        "residual_energy": slew.residual_energy,
+    }
+    return [planned, *(asdict(each) for each in slew.replays)]
 
 
 def _title(slew: SlewResult) -> str:
@@ -122,41 +208,68 @@ def _meshes(h: HubBeam, duration: float) -> tuple[int, ...]:
     return (first, 2 * first, 4 * first)
 
 
-def _film(h: HubBeam, slew: SlewResult, comparison: SlewComparison) -> bytes:
-    """The slew, and a rigid body's bang-bang on the same beam."""
-    rigid = next(line for line in comparison.lines if line.name == "bang-bang")
-    curves = {}
-    for name, history in ((slew.title, slew.history), ("rigid body's bang-bang", rigid.history)):
-        t = np.linspace(0.0, slew.duration + 2.5, 601)
-        curves[name] = (t, h.shape(h.simulate_torque(history, t, history.breakpoints).states))
-    return slew_film(slew, curves)
+def _film(evaluation: SlewEvaluation) -> tuple[bytes, float]:
+    """The slew and its rival on the same beam, with the payload that the rival suits least; that payload, kg."""
+    design, mass = evaluation.design, evaluation.design.beam.parameters.tip_mass
+    if evaluation.payloads is not None and design.rival in design.planned:
+        mass = evaluation.payloads.worst(design.rival).tip_mass
+    beam, curves = design.beam.with_tip_mass(mass), {}
+    for name in (design.label, design.rival or design.rigid):
+        history = evaluation.comparison.line(name).history
+        t = np.linspace(0.0, design.slew.duration + 2.5, 601)
+        label = "rigid body's bang-bang" if name == "bang-bang" else name
+        curves[label] = (t, beam.shape(beam.simulate_torque(history, t, history.breakpoints).states))
+    return slew_film(design.slew, curves), mass
 
 
 def _results(
-    h: HubBeam, slew: SlewResult, comparison: SlewComparison, replays: list[dict[str, Any]], study: MeshStudy | None
+    evaluation: SlewEvaluation,
+    replays: list[dict[str, Any]],
+    following: TrackingResult,
+    errors: MeshStudy | None,
+    switching: SwitchingCurve | None,
 ) -> dict[str, Any]:
-    keys = (
-        "name", "duration", "vibration", "angle_error", "peak_moment", "effort", "vibration_low", "vibration_high",
-    )  # fmt: skip
+    design, slew = evaluation.design, evaluation.design.slew
     return {
-        "model": h.model,
-        "modes": h.modes,
-        "parameters": asdict(h.parameters),
+        "name": design.name,
+        "title": design.title,
+        "model": design.beam.model,
+        "modes": design.beam.modes,
+        "parameters": asdict(design.beam.parameters),
         "objective": slew.objective,
         "duration": slew.duration,
         "cost": slew.cost,
         "end_error": slew.end_error,
         "residual_energy": slew.residual_energy,
         "switches": slew.history.switches if slew.certificate.switches is not None else None,
+        "switching_agreement": None if switching is None else switching.agreement,
         "certificate": asdict(slew.certificate),
         "verdict": slew.certificate.verdict,
+        "worth": evaluation.verdict,
         "replays": replays,
-        "mesh_study": None if study is None else _mesh_results(study),
-        "comparison": [{key: getattr(line, key) for key in keys} for line in comparison.lines],
+        "mesh_study": None if errors is None else _mesh_results(errors),
+        "comparison": [_picked(line, _COMPARED) for line in evaluation.comparison.lines],
+        "payloads": None if evaluation.payloads is None else _payload_results(evaluation.payloads),
+        "spin_ups": [_picked(each, _SPUN) for each in evaluation.spin_ups],
+        "tracking": _picked(following, _TRACKED),
         "time": slew.time,
         "torque": slew.torque,
         "hub_angle": slew.hub_angle,
+        "hub_speed": slew.hub_speed,
         "tip_displacement": slew.tip_displacement,
+    }
+
+
+def _picked(value: object, keys: tuple[str, ...]) -> dict[str, Any]:
+    return {key: getattr(value, key) for key in keys}
+
+
+def _payload_results(payloads: PayloadComparison) -> dict[str, Any]:
+    keys = ("slew", "tip_mass", "planned", "peak_tip", "vibration", "angle_error")
+    return {
+        "lines": [_picked(line, keys) for line in payloads.lines],
+        "tip_masses": payloads.masses,
+        "vibrations": payloads.vibrations,
     }
 
 

@@ -8,11 +8,13 @@ import numpy as np
 
 from boomctl.hub_beam import HubBeam
 from boomctl.reporting import Picture, Section, Table, html_report
+from boomctl.reproduce.numbers import number, power
+from boomctl.reproduce.slew_design import SlewDesign
+from boomctl.reproduce.slew_sections import payload_section, spin_up_section, switching_section
 from boomctl.slew import SlewResult
 
 __all__ = ["slew_report"]
 
-_ROUNDING = 1e-9
 _LIMITS = {
     "torque_limit": "torque",
     "torque_rate_limit": "torque rate",
@@ -23,58 +25,76 @@ _LIMITS = {
 _MODELS = {"geometrically-exact": "geometrically exact beam", "sfoam-consistent": "SFOAM, consistent"}
 
 
-def slew_report(h: HubBeam, slew: SlewResult, results: dict[str, Any], pictures: dict[str, bytes], film: bytes) -> str:
+def slew_report(design: SlewDesign, results: dict[str, Any], pictures: dict[str, bytes], film: bytes) -> str:
     """Return the report of a slew.
 
     Parameters
     ----------
-    h : HubBeam
-    slew : SlewResult
+    design : SlewDesign
     results : dict
         What results.json holds.
     pictures : dict of str to bytes
-        PNG files: "slew", "comparison", "tracking", and "mesh" where meshes were studied.
+        PNG files: "slew", "comparison", "tracking", and where there is such a section "switching", "payloads", "spin_up",
+        "mesh".
     film : bytes
         GIF.
     """
+    h, slew = design.beam, design.slew
     sections = [
         Section(
             "The slew",
-            _slew_text(h, slew),
+            (*_slew_text(h, slew), *design.notes),
             (),
             (Picture(pictures["slew"], "png", _slew_caption(slew)),),
         ),
-        Section("In motion", (), (), (Picture(film, "gif", "Top view, drawn to scale, in real time."),)),
-        _comparison(results["comparison"], pictures["comparison"]),
+        Section("In motion", (), (), (Picture(film, "gif", _film_caption(results.get("film_tip_mass", 0.0), design)),)),
+    ]
+    if "switching" in pictures:
+        sections.append(switching_section(results, pictures["switching"]))
+    if results["payloads"] is not None:
+        sections.append(payload_section(h.parameters.tip_mass, results["payloads"]["lines"], pictures["payloads"]))
+    if results["spin_ups"]:
+        sections.append(spin_up_section(results["spin_ups"], slew, pictures["spin_up"]))
+    free = slew.plan.problem.angle is None
+    sections += [
+        _comparison(results["comparison"], pictures["comparison"], free),
         Section(
             "The same torque on other models",
             ("The models differ in what they neglect. The torque is open loop; errors are those at its end.",),
-            (_replay_table(results["replays"]),),
+            (_replay_table(results["replays"], free),),
         ),
         _tracking(h, results["tracking"], pictures["tracking"]),
     ]
     if results["mesh_study"] is not None:
         sections.append(_mesh(results["mesh_study"], pictures["mesh"]))
     lead = f"{slew.title.capitalize()}: planned, replayed by another integrator, and set beside classical commands."
-    return html_report("A slew of a flexible beam", lead, sections)
+    if results.get("worth") and design.name != "slew":
+        lead += f" {results['worth'][:1].upper()}{results['worth'][1:]}"
+    return html_report(design.title, lead, sections)
+
+
+def _film_caption(tip_mass: float, design: SlewDesign) -> str:
+    caption = "Top view, drawn to scale, in real time."
+    return f"{caption} The tip mass is {tip_mass:g} kg." if design.payloads else caption
 
 
 def _slew_text(h: HubBeam, slew: SlewResult) -> tuple[str, ...]:
     c, problem = slew.certificate, slew.plan.problem
     payload = f"a tip mass of {h.parameters.tip_mass:g} kg" if h.parameters.tip_mass else "no tip mass"
-    turn = f"{problem.angle:.5g} rad ({np.degrees(problem.angle):.4g}°)".replace("-", "−")
+    if problem.tip_masses:
+        payload += f", and at once {' and '.join(f'{mass:g}' for mass in problem.tip_masses)} kg"
     modes = "1 mode" if h.modes == 1 else f"{h.modes} modes"
     binding = ", ".join(f"{_LIMITS[name]} (from {when:.3g} s)" for name, when in c.binding.items()) or "none"
-    verdict = re.sub(r"\d+e[-+]\d+", lambda found: _power(float(found[0]), 1), c.verdict)
+    verdict = re.sub(r"\d+e[-+]\d+", lambda found: power(float(found[0]), 1), c.verdict)
     kept = "no limit is exceeded"
     if c.constraint_violation > 0.0:
-        kept = f"no limit is exceeded by more than {_power(c.constraint_violation, 1)} of it"
+        kept = f"no limit is exceeded by more than {power(c.constraint_violation, 1)} of it"
     text = (
-        f"The slew through {turn} with at most "
-        f"{problem.torque_limit:g} N m takes {slew.duration:.7g} s. Model: {_name(h.model)} with {modes} and {payload}.",
+        f"{_asked(slew)} with at most {problem.torque_limit:g} N m takes {slew.duration:.7g} s. Model: {_name(h.model)} with "
+        f"{modes} and {payload}.",
         f"Method: {c.method}. Optimality: {verdict}. In the replay the end state is missed by "
-        f"{_number(c.end_error, 2)} (each part relative to its largest size on the way), "
-        f"{_number(slew.residual_energy or 0.0, 2)} J remain, and {kept}. Limits reached: {binding}.",
+        f"{number(c.end_error, 2)} (each part relative to its largest size on the way), "
+        f"{number(slew.residual_energy or 0.0, 2)} J remain, and {kept}. Limits reached: {binding}.",
     )
     if c.switches is not None:
         switches = ", ".join(f"{t:.5f}" for t in slew.history.switches)
@@ -82,39 +102,54 @@ def _slew_text(h: HubBeam, slew: SlewResult) -> tuple[str, ...]:
     return text
 
 
+def _asked(slew: SlewResult) -> str:
+    """What is asked of the hub."""
+    problem = slew.plan.problem
+    if problem.angle is None:
+        return f"The spin-up to {problem.final_speed:g} rad/s, at whatever angle ({slew.hub_angle[-1]:.3g} rad here),"
+    turn = f"{problem.angle:.5g} rad ({np.degrees(problem.angle):.4g}°)".replace("-", "−")
+    return f"The slew through {turn}"
+
+
 def _slew_caption(slew: SlewResult) -> str:
     caption = "Torque, hub angle and speed, tip displacement and bending moment at the clamp."
     return f"{caption} Broken lines: limits, where they are near."
 
 
-def _comparison(lines: Sequence[dict[str, Any]], picture: bytes) -> Section:
+def _comparison(lines: Sequence[dict[str, Any]], picture: bytes, free: bool) -> Section:
     caption = (
         "Left: torques on one scale, and the tip on the way and afterwards. Right: large markers as planned, small ones "
         "with the beam's frequencies changed. What is below 0.1 mm stands on the lower edge; markers of nearly equal "
         "duration are set side by side."
     )
+    text = (
+        "Vibration is the largest tip displacement in one and a half periods after the end. ZV, ZVD and EI are input "
+        "shapers, tuned to the first frequency with the hub free."
+    )
+    if free:
+        text += (
+            " The smooth torque is what the course of Eq. (43) asks of a rigid body; here it acts on the beam, whose hub is "
+            "free."
+        )
     return Section(
-        "Beside other slews",
-        (
-            "Vibration is the largest tip displacement in one and a half periods after the end. ZV, ZVD and EI are input "
-            "shapers, tuned to the first frequency with the hub free.",
-        ),
-        (_comparison_table(lines),),
+        "Beside other spin-ups" if free else "Beside other slews",
+        (text,),
+        (_comparison_table(lines, free),),
         (Picture(picture, "png", caption),),
     )
 
 
-def _comparison_table(lines: Sequence[dict[str, Any]]) -> Table:
+def _comparison_table(lines: Sequence[dict[str, Any]], free: bool) -> Table:
     heads = (
         "slew", "duration [s]", "vibration [m]", "vibration, −10\u00a0% [m]", "vibration, +10\u00a0% [m]",
-        "angle error [rad]", "peak root moment [N\u00a0m]", "effort [10³\u00a0N²m²s]",
+        "speed error [rad/s]" if free else "angle error [rad]", "peak root moment [N\u00a0m]", "effort [10³\u00a0N²m²s]",
     )  # fmt: skip
-    keys = ("vibration", "vibration_low", "vibration_high", "angle_error", "peak_moment")
+    keys = ("vibration", "vibration_low", "vibration_high", "speed_error" if free else "angle_error", "peak_moment")
     body = tuple(
         (
-            line["name"].replace(" ", "\u00a0"),
+            line["name"].replace(" ", "\u00a0").replace("-", "\u2011"),
             f"{line['duration']:.3f}",
-            *(_number(line[key]) for key in keys),
+            *(number(line[key]) for key in keys),
             f"{line['effort'] / 1e3:.1f}",
         )
         for line in lines
@@ -122,13 +157,28 @@ def _comparison_table(lines: Sequence[dict[str, Any]]) -> Table:
     return Table(heads, body, "−10 % and +10 %: with the beam's frequencies changed through its bending stiffness.")
 
 
-def _replay_table(replays: Sequence[dict[str, Any]]) -> Table:
-    heads = ("model", "angle error [rad]", "speed error [rad/s]", "tip swing [m]", "energy left [J]")
-    keys = ("angle_error", "speed_error", "tip_swing", "residual_energy")
+def _replay_table(replays: Sequence[dict[str, Any]], free: bool) -> Table:
+    columns = {
+        "angle_error": "angle error [rad]",
+        "speed_error": "speed error [rad/s]",
+        "tip_swing": "tip swing [m]",
+        "residual_energy": "energy left [J]",
+    }
+    if free:
+        del columns["angle_error"]
     body = tuple(
-        (_name(each["model"]), *("–" if each[key] is None else _number(each[key]) for key in keys)) for each in replays
+        (_replayed(each, k), *("–" if each[key] is None else number(each[key]) for key in columns))
+        for k, each in enumerate(replays)
     )
-    return Table(heads, body)
+    return Table(("model", *columns.values()), body)
+
+
+def _replayed(replay: dict[str, Any], k: int) -> str:
+    """The model of a replay; the planned one is the first."""
+    name = _name(replay["model"])
+    if replay["tip_mass"] is not None:
+        return f"{name}, tip mass {replay['tip_mass']:g} kg"
+    return f"{name}, as planned" if k == 0 else name
 
 
 def _name(model: str) -> str:
@@ -144,8 +194,8 @@ def _tracking(h: HubBeam, t: dict[str, float], picture: bytes) -> Section:
     table = Table(
         ("", "feedforward alone", "with feedback"),
         (
-            ("angle error at the end [rad]", _number(t["open_final_angle_error"]), _number(t["final_angle_error"])),
-            ("tip swing at the end [m]", _number(t["open_tip_swing"]), _number(t["tip_swing"])),
+            ("angle error at the end [rad]", number(t["open_final_angle_error"]), number(t["final_angle_error"])),
+            ("tip swing at the end [m]", number(t["open_tip_swing"]), number(t["tip_swing"])),
         ),
     )
     caption = "Hub angle, tip displacement and torque: as planned, with the feedforward alone, and with feedback."
@@ -174,21 +224,6 @@ def _mesh(study: dict[str, Any], picture: bytes) -> Section:
 
 
 def _mesh_cells(line: dict[str, Any]) -> tuple[str, ...]:
-    errors = ("–" if not error else _power(error, 2) for error in line["errors"])
+    errors = ("–" if not error else power(error, 2) for error in line["errors"])
     order = "not seen" if line["order"] is None else f"{line['order']:.1f}"
     return (*errors, order, f"{line['theory']:.0f}")
-
-
-def _number(value: float, digits: int = 3) -> str:
-    """A number with few digits, small and large ones with a power of ten; what is rounding is said to be so."""
-    if abs(value) < _ROUNDING:
-        return f"less than {_power(_ROUNDING, 1)}"
-    if 1e-3 <= abs(value) < 1e4:
-        return f"{value:#.{digits}g}".rstrip(".").replace("-", "−")
-    return _power(value, digits)
-
-
-def _power(value: float, digits: int) -> str:
-    mantissa, exponent = f"{value:.{digits - 1}e}".replace("-", "−").split("e")
-    raised = str(int(exponent.replace("−", "-"))).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"10{raised}" if mantissa == "1" else f"{mantissa}·10{raised}"

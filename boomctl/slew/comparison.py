@@ -1,5 +1,6 @@
 """Optimal and classical slews under the same limit, side by side."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -7,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import positive, real
+from boomctl.checks import known, positive, real
 from boomctl.slew.plant import Plant, SlewMachine, plant_of
 from boomctl.slew.result import SlewResult
-from boomctl.slew.shapers import classical_torque, shaper
+from boomctl.slew.shapers import Shaper, classical_spin_up, classical_torque, shaper
 from boomctl.slew.torque import TorqueHistory
 
 __all__ = ["SlewComparison", "SlewLine", "compare_slews"]
@@ -23,6 +24,14 @@ CLASSICAL = (
     ("bang-bang", "ZVD"),
     ("bang-bang", "EI"),
     ("versine", "ZV"),
+)
+SPIN_UPS = (
+    ("constant", "none"),
+    ("smooth", "none"),
+    ("constant", "ZV"),
+    ("constant", "ZVD"),
+    ("constant", "EI"),
+    ("smooth", "ZV"),
 )
 _CHANGES = (0.9, 1.1)
 
@@ -39,7 +48,9 @@ class SlewLine:
     vibration : float
         Largest tip displacement after the end, m.
     angle_error : float
-        Of the hub, its mean after the end, rad.
+        Of the hub, its mean after the end, rad; 0 of a spin-up, whose angle is free.
+    speed_error : float
+        Of the hub, its mean after the end, rad/s.
     peak_moment : float
         Largest bending moment at the clamp on the way, N m.
     effort : float
@@ -55,6 +66,7 @@ class SlewLine:
     duration: float
     vibration: float
     angle_error: float
+    speed_error: float
     peak_moment: float
     effort: float
     vibration_low: float
@@ -66,11 +78,17 @@ class SlewLine:
 
 @dataclass(frozen=True, eq=False)
 class SlewComparison:
-    """Slews of one beam through one angle, under one torque limit."""
+    """Slews of one beam through one angle, or spin-ups to one speed (angle None), under one torque limit."""
 
-    angle: float
+    angle: float | None
     torque_limit: float
     lines: tuple[SlewLine, ...]
+    final_speed: float = 0.0
+
+    def line(self, name: str) -> SlewLine:
+        """Return the slew of a name."""
+        known("slew", name, [line.name for line in self.lines])
+        return next(line for line in self.lines if line.name == name)
 
     def plot(self) -> Any:
         """Draw torques and tip displacements; returns a matplotlib figure."""
@@ -78,7 +96,11 @@ class SlewComparison:
 
 
 def compare_slews(
-    h: SlewMachine, angle: float, torque_limit: float, optimal: dict[str, SlewResult] | None = None
+    h: SlewMachine,
+    angle: float | None,
+    torque_limit: float,
+    optimal: Mapping[str, SlewResult] | None = None,
+    final_speed: float = 0.0,
 ) -> SlewComparison:
     """Play classical slews, and optimal ones planned before, on a hub-beam, and measure what matters.
 
@@ -89,12 +111,14 @@ def compare_slews(
     ----------
     h : SlewMachine
         The hub-beam.
-    angle : float
-        rad.
+    angle : float or None
+        rad; None of a spin-up.
     torque_limit : float
         N m.
-    optimal : dict of str to SlewResult, optional
+    optimal : mapping of str to SlewResult, optional
         By the name they are to have.
+    final_speed : float
+        Of a spin-up, rad/s.
 
     Returns
     -------
@@ -108,16 +132,36 @@ def compare_slews(
     plant = plant_of(h)
     if plant.frequencies is None or plant.inertia is None or plant.machine is None:
         raise TypeError(f"h = {type(h).__name__}: expected a hub-beam")
-    limit, turn = positive("torque_limit", torque_limit), real("angle", angle)
+    limit = positive("torque_limit", torque_limit)
     torques = {name: result.history for name, result in (optimal or {}).items()}
-    for shape, name in CLASSICAL:
-        train = shaper(name, float(plant.frequencies[1]), _damping(plant))
-        body = "smoothed bang-bang" if shape == "smoothed" else shape
-        label = body if name == "none" else f"{body}, {name}"
-        torques[label] = classical_torque(shape, train, turn, plant.inertia, limit)
+    torques |= _classical(plant, angle, real("final_speed", final_speed), limit)
     others = tuple(plant.machine.with_stiffness(factor**2) for factor in _CHANGES)
-    lines = tuple(_line(name, history, plant, others, turn) for name, history in torques.items())
-    return SlewComparison(turn, limit, lines)
+    lines = tuple(_line(name, history, plant, others, angle, final_speed) for name, history in torques.items())
+    return SlewComparison(angle, limit, lines, final_speed)
+
+
+def _classical(plant: Plant, angle: float | None, final_speed: float, limit: float) -> dict[str, TorqueHistory]:
+    """Classical torques by name: slews through an angle, or spin-ups where it is None."""
+    if (angle is None) == (final_speed == 0.0):
+        raise ValueError(f"final_speed = {final_speed:g}: expected an angle, or a speed not zero with angle None")
+    assert plant.frequencies is not None
+    assert plant.inertia is not None
+    torques = {}
+    for shape, name in SPIN_UPS if angle is None else CLASSICAL:
+        train = shaper(name, float(plant.frequencies[1]), _damping(plant))
+        if angle is None:
+            history = classical_spin_up(shape, train, final_speed, plant.inertia, limit)
+        else:
+            history = classical_torque(shape, train, real("angle", angle), plant.inertia, limit)
+        torques[_label(shape, train)] = history
+    return torques
+
+
+def _label(shape: str, train: Shaper) -> str:
+    body = {"smoothed": "smoothed bang-bang", "constant": "constant torque", "smooth": "smooth torque"}.get(
+        shape, shape
+    )
+    return body if train.name == "none" else f"{body}, {train.name}"
 
 
 def _damping(plant: Plant) -> float:
@@ -127,7 +171,14 @@ def _damping(plant: Plant) -> float:
     return float(-0.5 * plant.A[half + 1, half + 1] / plant.frequencies[1])
 
 
-def _line(name: str, history: TorqueHistory, plant: Plant, others: tuple[Any, ...], angle: float) -> SlewLine:
+def _line(
+    name: str,
+    history: TorqueHistory,
+    plant: Plant,
+    others: tuple[Any, ...],
+    angle: float | None,
+    final_speed: float,
+) -> SlewLine:
     assert plant.machine is not None
     assert plant.frequencies is not None
     during = np.linspace(0.0, history.duration, 401)
@@ -140,12 +191,12 @@ def _line(name: str, history: TorqueHistory, plant: Plant, others: tuple[Any, ..
         for each in others
     ]
     moment = np.abs(r.states @ plant.machine.root_moment_row)
-    angles = r.hub_angle[late]
     return SlewLine(
         name=name,
         duration=history.duration,
         vibration=float(np.abs(r.tip_displacement[late]).max()),
-        angle_error=float(0.5 * (angles.max() + angles.min()) - angle),
+        angle_error=0.0 if angle is None else _middle(r.hub_angle[late]) - angle,
+        speed_error=_middle(r.hub_speed[late]) - final_speed,
         peak_moment=float(moment.max()),
         effort=history.effort,
         vibration_low=left[0],
@@ -154,3 +205,7 @@ def _line(name: str, history: TorqueHistory, plant: Plant, others: tuple[Any, ..
         time=t,
         tip_displacement=r.tip_displacement,
     )
+
+
+def _middle(values: Array) -> float:
+    return float(0.5 * (values.max() + values.min()))

@@ -15,7 +15,7 @@ from boomctl.arrays import Array
 from boomctl.checks import known, nonnegative, positive
 from boomctl.slew.torque import TorqueHistory, held
 
-__all__ = ["SHAPERS", "Shaper", "classical_torque", "shaper"]
+__all__ = ["SHAPERS", "Shaper", "classical_spin_up", "classical_torque", "shaper"]
 
 _RISE = 0.1
 _VERSINE_PIECES = 200
@@ -137,6 +137,35 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
         values = np.diff(course) / np.diff(edges)  # means: the impulse is kept
         values *= turn * inertia / (limit * _turned(edges, values))
     return _convolved(edges, sign * limit * values, train)
+
+
+def classical_spin_up(shape: str, train: Shaper, speed: float, inertia: float, torque_limit: float) -> TorqueHistory:
+    """Torque that spins a rigid body up from rest, shaped.
+
+    Parameters
+    ----------
+    shape : str
+        "constant"; or "smooth", ``1 - cos(2 pi t / T)``: what the hub's course of Bai et al. (2009), Eq. (43), asks of a
+        rigid body.
+    train : Shaper
+    speed, inertia, torque_limit : float
+        rad/s, kg m^2, N m.
+
+    Raises
+    ------
+    ValueError
+        If the shape is unknown or a number out of its range.
+    """
+    known("shape", shape, ("constant", "smooth"))
+    limit = positive("torque_limit", torque_limit)
+    least = abs(speed) * positive("inertia", inertia) / limit
+    if shape == "constant":
+        edges, values = np.array([0.0, least]), np.array([1.0])
+    else:
+        edges = np.linspace(0.0, 2.0 * least, _VERSINE_PIECES + 1)
+        phase = np.pi * edges / least
+        values = 0.5 * np.diff(phase - np.sin(phase)) / np.diff(phase)  # means: the impulse is kept
+    return _convolved(edges, math.copysign(limit, speed) * values, train)
 
 
 def _smoothed() -> tuple[Array, Array]:

@@ -1,25 +1,129 @@
-"""One number of each slew design."""
+"""Each slew of designs/ keeps its promise: certificate, payloads, steady rotation."""
 
+from functools import cache
+
+import numpy as np
 import pytest
 
+from boomctl import catalogue
+from boomctl.reproduce.slew_design import SlewDesign, load_slew
+from boomctl.slew import switching_curve
 from designs import min_time_slew, robust_payload_slew, spin_up_slew
 
+pytestmark = pytest.mark.xdist_group("slew designs")
 
-def test_min_time_slew():
-    found = min_time_slew.main(modes=1)
-    assert found.switches == 3
-    assert found.rigid_duration < found.duration < 0.8 * found.shaped_duration
-    assert found.duration == pytest.approx(2.909, abs=5e-3)
-    assert found.vibration < 1e-6 < found.rigid_vibration
-
-
-def test_robust_payload_slew():
-    found = robust_payload_slew.main(modes=1, intervals=60)
-    assert found.robust_swing < 1e-4
-    assert found.robust_swing_between < 0.1 * found.nominal_swing
+RUNS = {
+    "min_time_slew": lambda: min_time_slew.main(modes=1),
+    "robust_payload_slew": lambda: robust_payload_slew.main(modes=1, intervals=60),
+    "spin_up_slew": lambda: spin_up_slew.main(modes=1),
+}
 
 
-def test_spin_up_slew():
-    found = spin_up_slew.main(modes=1)
-    assert found.rigid_duration < found.duration < found.smooth_duration
-    assert found.vibration < 1e-6 < found.smooth_vibration
+@cache
+def judged(name):
+    return RUNS[name]()
+
+
+def test_the_catalogue_lists_suspensions_and_slews():
+    assert catalogue.design_names("slew") == tuple(sorted(RUNS))
+    assert set(catalogue.design_names()) == {*RUNS, *catalogue.design_names("suspension")}
+    assert "four_bar" not in catalogue.design_names()
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_the_certificate_holds(name):
+    evaluation = judged(name)
+    design, certificate = evaluation.design, evaluation.design.slew.certificate
+    assert design.name == name
+    assert certificate.end_error < 1e-6
+    assert certificate.constraint_violation == 0.0
+    assert evaluation.comparison.line(design.label).vibration < 1e-5
+    assert evaluation.comparison.line(design.label).duration == design.slew.duration
+    assert design.title in str(evaluation)
+
+
+@pytest.mark.parametrize(("name", "switches"), [("min_time_slew", 3), ("spin_up_slew", 2)])
+def test_the_torque_has_the_sign_of_the_switching_function(name, switches):
+    slew = judged(name).design.slew
+    curve = switching_curve(slew)
+    assert slew.certificate.switches == curve.switches.size == switches
+    assert curve.agreement == 1.0
+    assert np.abs(curve.values).max() == 1.0
+    at_switches = np.interp(curve.switches, curve.time, curve.values)
+    assert np.abs(at_switches).max() < 1e-2
+
+
+def test_an_effort_has_no_switching_function():
+    with pytest.raises(ValueError, match="bang-bang"):
+        switching_curve(judged("robust_payload_slew").design.slew)
+
+
+def test_minimum_time_lies_between_rigid_and_shaped():
+    lines = judged("min_time_slew").comparison
+    own, rigid, shaped = (lines.line(name) for name in ("minimum time", "bang-bang", "bang-bang, ZV"))
+    assert own.duration == pytest.approx(2.909, abs=5e-3)
+    assert rigid.duration < own.duration < 0.8 * shaped.duration
+    assert own.vibration < 1e-6 < shaped.vibration < rigid.vibration
+    assert own.vibration_low > shaped.vibration_low
+
+
+def test_one_torque_leaves_every_payload_at_rest():
+    payloads = judged("robust_payload_slew").payloads
+    robust, plain = robust_payload_slew.ROBUST, robust_payload_slew.PLAIN
+    assert payloads.worst(robust, planned=True).vibration < 1e-4
+    for line in payloads.lines:
+        if line.slew == robust and line.tip_mass != robust_payload_slew.NOMINAL:
+            other = next(each for each in payloads.lines if (each.slew, each.tip_mass) == (plain, line.tip_mass))
+            assert line.vibration < 0.15 * other.vibration
+    assert payloads.worst(robust).vibration < 0.1 * payloads.worst(plain).vibration
+    assert not payloads.worst(plain).planned
+    sweep = dict(zip(payloads.masses.round(6), payloads.vibrations[plain], strict=True))
+    assert sweep[0.1] < 1e-4
+    assert sweep[0.2] == pytest.approx(payloads.lines[-1].vibration, rel=1e-2)
+
+
+def test_the_spin_up_ends_in_steady_rotation():
+    evaluation = judged("spin_up_slew")
+    planned, profile = evaluation.spin_ups
+    assert planned.speed_error < 1e-6
+    assert planned.vibration < 1e-6 < profile.vibration
+    assert planned.peak_torque == spin_up_slew.LIMIT < profile.peak_torque
+    assert profile.speed_error < 1e-12
+    lines = evaluation.comparison
+    assert lines.line("constant torque").duration < planned.duration < profile.duration
+    assert lines.line("smooth torque").duration == pytest.approx(profile.duration, rel=1e-3)
+    assert abs(lines.line("minimum time").speed_error) < 1e-6
+
+
+def test_a_slew_may_come_from_a_file(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(
+        "from designs.min_time_slew import slew as other\ndef slew(): return other(modes=1)\n"
+        "def helper(): return None\n"
+    )
+    found = load_slew(str(path))
+    assert isinstance(found, SlewDesign)
+    assert found.slew.duration == pytest.approx(2.909, abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        ("x = 1\n", ValueError, r"expected a file with a function design\(\) or slew\(\)"),
+        ("def slew(): return 3\n", TypeError, r"slew\(\) returned int, expected SlewDesign"),
+    ],
+)
+def test_a_file_without_a_design_is_refused(tmp_path, text, error, message):
+    path = tmp_path / "mine.py"
+    path.write_text(text)
+    with pytest.raises(error, match=message):
+        catalogue.design_file(str(path)).made(SlewDesign)
+
+
+def test_an_unknown_design_is_refused_with_all_names():
+    with pytest.raises(ValueError, match="did you mean 'min_time_slew'") as refused:
+        catalogue.design_file("min_time_slews")
+    for name in catalogue.design_names():
+        assert name in str(refused.value)
+    with pytest.raises(ValueError, match="unknown design 'lqg_suspension'"):
+        load_slew("lqg_suspension")

@@ -7,6 +7,7 @@ import pytest
 
 from boomctl.hub_beam import HubBeam, HubBeamParameters
 from boomctl.reproduce.slew import _meshes, run
+from boomctl.reproduce.slew_design import SlewDesign
 from boomctl.reproduce.slew_report import slew_report
 from boomctl.slew import optimal_slew
 
@@ -17,12 +18,14 @@ def test_report(tmp_path):
     stored = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
     assert stored["duration"] == pytest.approx(found["duration"])
     assert stored["certificate"]["constraint_violation"] == 0.0
-    assert [each["model"] for each in stored["replays"]] == ["foam", "geometrically-exact"]
+    assert [each["model"] for each in stored["replays"]] == ["sfoam", "foam", "geometrically-exact"]
+    assert stored["replays"][0]["tip_swing"] < 1e-6 < stored["replays"][1]["tip_swing"]
+    assert stored["switching_agreement"] == 1.0
     assert stored["hub_angle"][-1] == pytest.approx(0.6, abs=1e-6)
     html = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert html.count("<img") == 5
+    assert html.count("<img") == 6
     assert "http" not in html
-    for name in ("slew.png", "comparison.png", "tracking.png", "mesh.png", "slew.gif"):
+    for name in ("slew.png", "comparison.png", "tracking.png", "switching.png", "mesh.png", "slew.gif"):
         assert (tmp_path / name).stat().st_size > 5000
     assert stored["comparison"][0]["name"] == "minimum time"
     study = stored["mesh_study"]
@@ -41,14 +44,16 @@ def test_report_without_meshes_and_with_gaps():
     slew = optimal_slew(beam, 0.6, 120.0, "effort", 2.6, method="shooting", intervals=40)
     tracking = {"tip_mass": 0.1, "final_angle_error": 0.0, "open_final_angle_error": 0.1}
     tracking |= {"tip_swing": 1e-12, "open_tip_swing": 1.0}
+    design = SlewDesign("slew", "A slew", beam, {"minimum effort": slew})
     results = {"comparison": [], "replays": [], "tracking": tracking, "mesh_study": None}
+    results |= {"payloads": None, "spin_ups": []}
     pictures = dict.fromkeys(("slew", "comparison", "tracking", "mesh"), b"")
-    html = slew_report(beam, slew, results, pictures, b"")
+    html = slew_report(design, results, pictures, b"")
     assert "Minimum effort" in html
     assert "Error against mesh size" not in html
     line = {"name": "end state", "errors": [None, 1e-3], "order": None, "theory": 4.0}
     study = {"duration": 2.6, "intervals": [20, 40], "lines": [line]}
-    html = slew_report(beam, slew, results | {"mesh_study": study}, pictures, b"")
+    html = slew_report(design, results | {"mesh_study": study}, pictures, b"")
     assert "end state (20)" in html
     assert "<td>–</td><td>1.0·10⁻³</td><td>not seen</td><td>4</td>" in html
 

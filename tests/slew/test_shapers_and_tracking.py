@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.slew import classical_torque, compare_slews, shaper, track
+from boomctl.slew import classical_spin_up, classical_torque, compare_slews, shaper, track
 
 frequencies = st.floats(0.5, 50.0)
 dampings = st.floats(0.0, 0.3)
@@ -73,3 +73,21 @@ def test_tracking_holds_another_payload():
     assert np.abs(other.torque).max() <= 1.5 * 200.0
     assert other.plot().axes
     assert slew.plot().axes
+
+
+@pytest.mark.parametrize("shape", ["constant", "smooth"])
+@pytest.mark.parametrize("name", ["none", "ZV", "EI"])
+def test_a_classical_spin_up_brings_a_rigid_body_to_its_speed(shape, name):
+    train = shaper(name, 3.0)
+    torque = classical_spin_up(shape, train, -1.5, 240.0, 200.0)
+    assert torque.angular_momentum == pytest.approx(-1.5 * 240.0, rel=1e-12)
+    assert torque.peak <= 200.0 * (1.0 + 1e-12)
+    least = 1.5 * 240.0 / 200.0 * (2.0 if shape == "smooth" else 1.0)
+    assert torque.duration == pytest.approx(least + train.times[-1])
+
+
+def test_a_comparison_is_of_an_angle_or_of_a_speed():
+    h = bc.hub_beam(modes=1)
+    for angle, speed in ((None, 0.0), (1.0, 1.0)):
+        with pytest.raises(ValueError, match="final_speed"):
+            compare_slews(h, angle, 200.0, final_speed=speed)

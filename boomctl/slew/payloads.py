@@ -1,0 +1,151 @@
+"""What one torque does to several payloads."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.checks import nonnegative
+from boomctl.slew.plant import SlewMachine, plant_of
+from boomctl.slew.result import SlewResult
+
+__all__ = ["PayloadComparison", "PayloadLine", "compare_payloads"]
+
+_SWEEP = 21
+_COARSE = (1e-5, 1e-6)  # a tenth of what a picture shows
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadLine:
+    """One slew with one payload.
+
+    Attributes
+    ----------
+    slew : str
+        Its name.
+    tip_mass : float
+        The payload, kg.
+    planned : bool
+        Whether the slew was planned for it.
+    peak_tip : float
+        Largest tip displacement on the way, m.
+    vibration : float
+        Largest tip displacement after the end, m.
+    angle_error : float
+        Of the hub, its mean after the end, rad.
+    time, tip_displacement : ndarray, k
+        On the way and afterwards, s and m.
+    """
+
+    slew: str
+    tip_mass: float
+    planned: bool
+    peak_tip: float
+    vibration: float
+    angle_error: float
+    time: Array
+    tip_displacement: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadComparison:
+    """Slews with several payloads.
+
+    Attributes
+    ----------
+    lines : tuple of PayloadLine
+    durations : dict of str to float
+        Of each slew, s.
+    masses : ndarray, k
+        A fine range of payloads, kg.
+    vibrations : dict of str to ndarray
+        Of each slew over that range, m.
+    """
+
+    lines: tuple[PayloadLine, ...]
+    durations: dict[str, float]
+    masses: Array
+    vibrations: dict[str, Array]
+
+    def worst(self, slew: str, planned: bool | None = None) -> PayloadLine:
+        """Return the payload that a slew leaves with most vibration; of those planned for or not, if that is said."""
+        lines = [line for line in self.lines if line.slew == slew and planned in (None, line.planned)]
+        return max(lines, key=lambda line: line.vibration)
+
+    def plot(self) -> Any:
+        """Draw tip displacements over time and vibration over payload; returns a matplotlib figure."""
+        return import_module("boomctl.plotting").plot_payloads(self)
+
+
+def compare_payloads(
+    slews: Mapping[str, SlewResult], tip_masses: Sequence[float], nominal: float = 0.0
+) -> PayloadComparison:
+    """Play slews of a hub-beam from rest to rest with several payloads.
+
+    Parameters
+    ----------
+    slews : mapping of str to SlewResult
+        By name; all of the same beam.
+    tip_masses : sequence of float
+        The payloads, kg.
+    nominal : float
+        The tip mass of the beam that all slews were planned for; some for others too, kg.
+
+    Returns
+    -------
+    PayloadComparison
+
+    Raises
+    ------
+    TypeError, ValueError
+        Slews of a linear system; a bad mass; no mass.
+    """
+    masses = [nonnegative("tip_masses", mass) for mass in tip_masses]
+    if not masses or not slews:
+        raise ValueError("tip_masses: expected one payload at least, and one slew")
+    machine = next(iter(slews.values())).plan.problem.plants[0].machine
+    if machine is None:
+        raise TypeError("slews: expected those of a hub-beam")
+    frequencies = plant_of(machine.with_tip_mass(max(masses))).frequencies
+    assert frequencies is not None
+    rest = 3.0 * np.pi / float(frequencies[1])
+    lines = tuple(
+        _line(name, slew, machine, mass, mass in (nominal, *slew.plan.problem.tip_masses), rest)
+        for name, slew in slews.items()
+        for mass in masses
+    )
+    sweep = np.linspace(min(masses), max(masses), _SWEEP)
+    vibrations = {name: _vibrations(slew, machine, sweep, rest) for name, slew in slews.items()}
+    return PayloadComparison(lines, {name: slew.duration for name, slew in slews.items()}, sweep, vibrations)
+
+
+def _line(name: str, slew: SlewResult, machine: SlewMachine, mass: float, planned: bool, rest: float) -> PayloadLine:
+    """Play one slew with one payload, and watch it for a time after its end [s]."""
+    history, angle = slew.history, slew.plan.problem.angle
+    t = np.concatenate([np.linspace(0.0, slew.duration, 301)[:-1], slew.duration + np.linspace(0.0, rest, 121)])
+    r = machine.with_tip_mass(mass).simulate_torque(history, t, history.breakpoints)
+    late, tip = t >= slew.duration, np.abs(r.tip_displacement)
+    angles = r.hub_angle[late]
+    error = 0.0 if angle is None else float(0.5 * (angles.max() + angles.min()) - angle)
+    return PayloadLine(
+        name, mass, planned, float(tip[~late].max()), float(tip[late].max()), error, t, r.tip_displacement
+    )
+
+
+def _vibrations(slew: SlewResult, machine: SlewMachine, masses: Array, rest: float) -> Array:
+    """Largest tip displacement after the end over payloads, m."""
+    after, history = slew.duration + np.linspace(0.0, rest, 61), slew.history
+    rtol, atol = _COARSE
+    return np.array(
+        [
+            np.abs(
+                machine.with_tip_mass(float(mass))
+                .simulate_torque(history, after, history.breakpoints, rtol=rtol, atol=atol)
+                .tip_displacement
+            ).max()
+            for mass in masses
+        ]
+    )
