@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from boomctl.arrays import Array, Indices
-from boomctl.slew.course import Course, course
+from boomctl.slew.course import Course, Reach, course
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.reference import guess_from, typical_sizes
 from boomctl.slew.simpler import doubled, first_half, halved, without_axial_modes
@@ -28,6 +28,7 @@ _EMPTY = 3e-6
 _NOTHING = 1e-11
 _STEP_SHARE = 0.5
 _CHORDS = 6
+_FOLLOWED = 2
 _SERVES = 0.2
 _SETTLED = 1e-11
 _FLAT = 1e-12
@@ -60,7 +61,7 @@ class _Stretches:
     """Durations of a bang-bang torque [s] and the sign of the first; what is known of its optimality.
 
     Derivatives of the end by the durations, weights of the end conditions in the costate, second derivatives of the
-    weighted end, and what time these still promise [s].
+    weighted end, what time these still promise, and what a switching function of the wrong sign does [s].
     """
 
     durations: Array
@@ -69,6 +70,7 @@ class _Stretches:
     weights: Array = field(default_factory=lambda: np.zeros(0))
     curvature: Array = field(default_factory=lambda: np.zeros((0, 0)))
     promised: float = np.inf
+    wrong: float = np.inf
 
 
 def sharpened(problem: SlewProblem, first: TorqueHistory) -> Sharpened | None:
@@ -77,13 +79,17 @@ def sharpened(problem: SlewProblem, first: TorqueHistory) -> Sharpened | None:
     near = None if quick is None else sharpened(quick, first)
     first, half = first if near is None else near.history, halved(problem)
     way = course(half or problem, typical_sizes(guess_from(problem, first, _SAMPLES, False)))
+    if near is not None:
+        found = _finished(way, _weighed(way, _stretches(first), _FOLLOWED), half=False, finer=_FOLLOWED, exact=False)
+        if found is not None and found.gain < problem.tolerance:
+            return found
     start = first_half(first) if half else first
     best, gain = None, np.inf
     for intervals in (0, *_GRIDS):
         torque = start if intervals == 0 else steered(way, start, intervals)
         found = None if torque is None else _settled(way, _stretches(torque), 1)
         if found is not None:
-            now = _gain(way, found, _steps(way, found.durations))
+            now = found.wrong / float(found.durations.sum())
             if now < gain:
                 best, gain, start = found, now, _history(problem, found)
         if gain < _ENOUGH * problem.tolerance:
@@ -91,23 +97,39 @@ def sharpened(problem: SlewProblem, first: TorqueHistory) -> Sharpened | None:
     return None if best is None else _finished(way, best, half is not None)
 
 
-def _finished(way: Course, found: _Stretches, half: bool) -> Sharpened | None:
-    """Halve the steps until the end stays where it is."""
-    finer, error = 1, np.inf
+def _finished(way: Course, found: _Stretches, half: bool, finer: int = 1, exact: bool = True) -> Sharpened | None:
+    """Halve the steps until the end stays where it is; if not exact, durations are led to the end, not to the least sum."""
+    error = np.inf
     while error > _STEP_SHARE * way.problem.tolerance and finer * _steps(way, found.durations).sum() < _MOST_STEPS:
         finer *= 2
         near, error = _corrected(way, found, finer)
-        near = near or _settled(way, found, finer)
+        if near is None and exact:
+            near = _settled(way, found, finer)
         if near is None:
             return None
         found = near
-    settled = _settled(way, found, finer)
+    settled = _settled(way, found, finer) if exact else _weighed(way, found, finer)
     if settled is None:
         return None
     history = _history(way.problem, settled)
-    worth = settled.promised + float(np.abs(settled.weights).sum()) * error / 15.0  # the scheme is of fourth order
-    gain = _gain(way, settled, finer * _steps(way, settled.durations)) + worth / history.duration
+    worth = float(np.abs(settled.weights).sum()) * error / 15.0  # the scheme is of fourth order
+    gain = (settled.wrong + settled.promised + worth) / history.duration
     return Sharpened(doubled(history) if half else history, gain, error)
+
+
+def _weighed(way: Course, found: _Stretches, finer: int) -> _Stretches:
+    """Derivatives and weights of durations that are all but the best; the switching function tells what others promise.
+
+    Where it is p at a switch, and p' its slope, the switch moved to its zero would gain the time ``limit p^2 / |p'|``.
+    """
+    u, h, moved = _course_of(way, found, finer * _steps(way, found.durations))
+    reach = way.reach(u, h)
+    slope = reach.by_width @ moved
+    weights = np.linalg.lstsq(slope.T, -np.ones(slope.shape[1]), rcond=None)[0]
+    p, k = -(weights @ reach.by_torque) / h, np.flatnonzero(np.diff(u))
+    middle, change = 0.5 * (p[k] + p[k + 1]), 2.0 * (p[k + 1] - p[k]) / (h[k] + h[k + 1])
+    promised = way.problem.torque_limit * float(np.sum(middle**2 / np.maximum(np.abs(change), 1e-300)))
+    return replace(found, slope=slope, weights=weights, promised=promised, wrong=_wrong(weights, reach, u))
 
 
 def _corrected(way: Course, found: _Stretches, finer: int) -> tuple[_Stretches | None, float]:
@@ -198,7 +220,7 @@ def _durations(way: Course, found: _Stretches, steps: Indices) -> _Stretches | N
         before, size = size, float(np.abs(onto + beside).max() / total)
         flat = promised < (_FLAT if smooth else _ROUGH) * total
         if flat and np.abs(onto).max() < _SETTLED * total:
-            return replace(found, promised=promised)
+            return replace(found, promised=promised, wrong=_wrong(weights, reach, u))
         d = _moved(found.durations, onto)
         found = replace(found, durations=d if flat else _moved(d, beside))
         if found.durations.min() < _least(way, found.durations):
@@ -227,8 +249,6 @@ def _newton_step(lack: Array, slope: Array, curvature: Array) -> tuple[Array, Ar
     return onto, -free @ (vectors @ (downhill / values)), 0.5 * float(np.sum(downhill**2 / values))
 
 
-def _gain(way: Course, found: _Stretches, steps: Indices) -> float:
-    """Share of the time that the wrong sign of the switching function promises."""
-    u, h, _ = _course_of(way, found, steps)
-    pushed = found.weights @ way.reach(u, h).by_torque
-    return 2.0 * float(np.sum(np.maximum(pushed * u, 0.0))) / float(h.sum())
+def _wrong(weights: Array, reach: Reach, u: Array) -> float:
+    """Time that the torque turned round where the switching function has the other sign promises, s."""
+    return 2.0 * float(np.sum(np.maximum((weights @ reach.by_torque) * u, 0.0)))
