@@ -4,6 +4,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.slew.course import Course
+from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueHistory, held
 
 __all__ = ["steered", "stretched"]
@@ -28,6 +29,10 @@ def steered(way: Course, first: TorqueHistory, intervals: int) -> TorqueHistory 
         count = intervals * parts
         reach = way.reach(np.repeat(values * limit, parts), np.full(count, duration / count))
         lack = reach.end - way.rows @ way.problem.target
+        if not (np.isfinite(reach.by_torque).all() and np.isfinite(reach.by_width).all()):
+            raise SlewError(
+                f"torque_limit = {limit:g} N m: bends the plant until its motion overflows; expected a smaller one"
+            )
         push = reach.by_torque.reshape(lack.size, intervals, parts).sum(axis=2) * limit
         change = _programme(lack, push, reach.by_width.sum(axis=1) * duration / count, values)
         if change is None:
