@@ -24,6 +24,7 @@ _MESH_GAP = 1e-4
 _TOO_MUCH = 0.05
 _ROUNDS = 10
 _WRONG = 1e-4
+_HIGHEST = 9  # order for which collocation points are tabulated
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +149,7 @@ def _planned(problem: SlewProblem) -> _Plan:
     if problem.linear:
         linear = linear_time_problem(problem)
         gap = time_gap(linear, extremal)
-        return _Plan(history, "switching times", gap, "proved" if problem.waits else "extremal")
+        return _Plan(history, "switching times", gap, "proved" if problem.waits and gap < 1.0 else "extremal")
     found = _sharp(problem, history)
     if found is None:
         plan = _programmed(problem, history)
@@ -261,6 +262,8 @@ def _solved(
         worst = max((excess[kind] for kind in problem.limits), default=0.0)
         missed = end_error(problem, motions)
         if missed > problem.tolerance:
+            if order >= _HIGHEST and problem.method != "shooting":
+                break
             order, programme, before = 2 * order if problem.method == "shooting" else order + 1, None, None
         elif worst > 1e-9:
             backoff = {

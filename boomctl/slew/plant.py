@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Plant", "SlewMachine", "plant_of"]
 
+_NOTHING = 1e-12
+
 
 @runtime_checkable
 class SlewMachine(Protocol):
@@ -120,13 +122,25 @@ class Plant:
 
     @property
     def inertia(self) -> float | None:
-        """Rigid inertia: torque over the angular acceleration that it causes in the mean, kg m^2; None without one."""
+        """Rigid inertia: torque over the size of the angular acceleration in the mean, kg m^2; None without one."""
         left = np.linalg.svd(self.A.T)[2][-1]
         try:
             turning = float(left @ self.rest(0.0, 1.0))
         except ValueError:
             return None
-        return turning / float(left @ self.B)
+        if abs(turning) <= _NOTHING:  # the torque drives the acceleration itself
+            return None
+        return abs(turning / float(left @ self.B))  # whichever way the angle is counted
+
+    @property
+    def slowest(self) -> float:
+        """Least size of an eigenvalue that is not zero, 1/s; infinite if there is none."""
+        sizes = np.abs(np.linalg.eigvals(self.A))
+        return float(np.min(sizes, where=sizes > _NOTHING * np.abs(self.A).max(), initial=np.inf))
+
+    def still(self, z: Array) -> bool:
+        """Whether nothing moves at z without torque."""
+        return bool(np.abs(self.A @ z).max() <= 1e-9 * max(1.0, np.abs(self.A).max() * np.abs(z).max()))
 
     def rest(self, angle: float, speed: float) -> Array:
         """Coordinates z at an angle [rad] in steady rotation at a speed [rad/s].
