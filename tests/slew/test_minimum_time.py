@@ -198,3 +198,16 @@ def test_a_payload_twice_is_a_payload_once():
     once, twice = (bc.optimal_slew(h, 1.0, 100.0, tip_masses=masses) for masses in ((0.2,), (0.2, 0.1, 0.2)))
     assert twice.duration == pytest.approx(once.duration, rel=1e-9)
     assert twice.certificate.method == "switching times"
+
+
+@settings(max_examples=6)
+@given(st.lists(st.floats(-8.0, 8.0), min_size=4, max_size=4))
+def test_units_of_the_states_do_not_matter(decades):
+    """Each state in a unit of its own, sixteen decades apart."""
+    system, unit = two_masses(), 10.0 ** np.array(decades)
+    scaled = control.ss(system.A * unit[:, None] / unit, system.B * unit[:, None], system.C / unit, 0)
+    slew = bc.optimal_slew(scaled, 1.0, 1.0)
+    assert slew.duration == pytest.approx(two_masses_exact()[0], rel=1e-9)
+    assert slew.states[-1] / unit == pytest.approx([1.0, 1.0, 0.0, 0.0], abs=1e-9)
+    bent = bc.optimal_slew(scaled, None, 1.0, initial_state=unit * [0.1, -0.1, 0.0, 0.0])
+    assert bent.states[-1][2:] / unit[2:] == pytest.approx([0.0, 0.0], abs=1e-9)
