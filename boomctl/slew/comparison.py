@@ -109,6 +109,8 @@ def compare_slews(
     if plant.frequencies is None or plant.inertia is None or plant.machine is None:
         raise TypeError(f"h = {type(h).__name__}: expected a hub-beam")
     limit, turn = positive("torque_limit", torque_limit), real("angle", angle)
+    if not all(isinstance(each, SlewResult) for each in _listed(optimal)):
+        raise TypeError("optimal: expected a dict of what optimal_slew returns")
     torques = {name: result.history for name, result in (optimal or {}).items()}
     for shape, name in CLASSICAL:
         train = shaper(name, float(plant.frequencies[1]), _damping(plant))
@@ -118,6 +120,12 @@ def compare_slews(
     others = tuple(plant.machine.with_stiffness(factor**2) for factor in _CHANGES)
     lines = tuple(_line(name, history, plant, others, turn) for name, history in torques.items())
     return SlewComparison(turn, limit, lines)
+
+
+def _listed(optimal: object) -> list[object]:
+    if optimal is not None and not isinstance(optimal, dict):
+        raise TypeError(f"optimal = {optimal!r}: expected a dict of what optimal_slew returns")
+    return list((optimal or {}).values())
 
 
 def _damping(plant: Plant) -> float:
