@@ -30,6 +30,7 @@ __all__ = ["DiskMargin", "LoopMargin", "Margins", "margins"]
 
 _ONE = 1e-9
 _REST = 1e-9
+_ROUNDING = 1e-12  # of L = 1 - 1/S; a factor above 1e12 is none
 _POLE = 1e-12
 _ACTIVE = 24
 _ROUNDS = 12
@@ -312,8 +313,8 @@ def _gain_limits(
 
 
 def _positive(value: complex) -> bool:
-    """Return whether a value is a positive real number, not the other side of a pole."""
-    return bool(np.isfinite(value)) and value.real > 0.0 and abs(value.imag) < 1e-6 * abs(value)
+    """Return whether a value is a positive real number, not the other side of a pole, and not rounding."""
+    return bool(np.isfinite(value)) and value.real > _ROUNDING and abs(value.imag) < 1e-6 * abs(value)
 
 
 def _phase_limits(

@@ -15,8 +15,8 @@ _POINTS = 4
 
 
 def time_gap(problem: LinearTimeProblem, found: Extremal) -> float:
-    """Time that might still be gained, relative: by weak duality, and where the torque has the wrong sign."""
-    return max(1.0 - lower_bound(problem, found) / found.duration, misfit(problem, found))
+    """Time that might still be gained, relative: by weak duality, and where the torque has the wrong sign; at most all."""
+    return min(1.0, max(1.0 - lower_bound(problem, found) / found.duration, misfit(problem, found)))
 
 
 def effort_bound(problem: SlewProblem, duration: float, intervals: int) -> float:

@@ -133,6 +133,8 @@ def compare_slews(
     if plant.frequencies is None or plant.inertia is None or plant.machine is None:
         raise TypeError(f"h = {type(h).__name__}: expected a hub-beam")
     limit = positive("torque_limit", torque_limit)
+    if not all(isinstance(each, SlewResult) for each in _listed(optimal)):
+        raise TypeError("optimal: expected a dict of what optimal_slew returns")
     torques = {name: result.history for name, result in (optimal or {}).items()}
     torques |= _classical(plant, angle, real("final_speed", final_speed), limit)
     others = tuple(plant.machine.with_stiffness(factor**2) for factor in _CHANGES)
@@ -162,6 +164,12 @@ def _label(shape: str, train: Shaper) -> str:
         shape, shape
     )
     return body if train.name == "none" else f"{body}, {train.name}"
+
+
+def _listed(optimal: object) -> list[object]:
+    if optimal is not None and not isinstance(optimal, dict):
+        raise TypeError(f"optimal = {optimal!r}: expected a dict of what optimal_slew returns")
+    return list((optimal or {}).values())
 
 
 def _damping(plant: Plant) -> float:

@@ -26,6 +26,8 @@ _MESH_GAP = 1e-4
 _TOO_MUCH = 0.05
 _ROUNDS = 10
 _WRONG = 1e-4
+_EXCESS = 1e-9
+_HIGHEST = 9  # order for which collocation points are tabulated
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,19 +121,43 @@ def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: flo
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         If the slew was not planned by a programme, or its angle was free or part of given states.
     SlewError
         As `optimal_slew`.
     """
-    planned = result.plan
+    planned = _known(result).plan
     if planned is None or planned.programme is None or planned.solution is None:
         raise ValueError("result: expected a slew planned by collocation or shooting; plan this one anew")
     problem = changed(planned.problem, angle, torque_limit)
-    solution = planned.programme.solve(problem, None, planned.solution)
+    solution = _kept(problem, planned.programme, planned.solution)
     intervals = planned.programme.transcription.scheme.intervals
     plan = _Plan(solution.history, problem.method, np.nan, "stationary", intervals, planned.programme, solution)
     return _judged(problem, replace(plan, gap=result.certificate.optimality_gap))
+
+
+def _known(result: SlewResult) -> SlewResult:
+    if not isinstance(result, SlewResult):
+        raise TypeError(f"result = {type(result).__name__}: expected what optimal_slew returns")
+    return result
+
+
+def _kept(problem: SlewProblem, programme: Programme, before: Solution) -> Solution:
+    """Solve again, the limits tightened until the replay keeps them."""
+    backoff, worst = dict.fromkeys(problem.limits, 1.0), np.inf
+    for _ in range(_ROUNDS):
+        before = programme.solve(problem, None, before, backoff)
+        excess = violation(problem, before.history, played(problem, before.history))
+        worst = max((excess[kind] for kind in problem.limits), default=0.0)
+        if worst <= _EXCESS:
+            return before
+        backoff = _tightened(backoff, excess)
+    raise SlewError(f"result: solved again on its mesh a limit is exceeded by {worst:.1e}; plan this one anew")
+
+
+def _tightened(backoff: dict[str, float], excess: dict[str, float]) -> dict[str, float]:
+    """Factors of the limits, smaller where one is exceeded."""
+    return {kind: factor / (1.0 + 1.1 * excess[kind] + 1e-6 * (excess[kind] > 0.0)) for kind, factor in backoff.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +176,7 @@ def _planned(problem: SlewProblem) -> _Plan:
     if problem.linear:
         linear = linear_time_problem(problem)
         gap = time_gap(linear, extremal)
-        return _Plan(history, "switching times", gap, "proved" if problem.waits else "extremal")
+        return _Plan(history, "switching times", gap, "proved" if problem.waits and gap < 1.0 else "extremal")
     found = _sharp(problem, history)
     if found is None:
         plan = _programmed(problem, history)
@@ -263,13 +289,11 @@ def _solved(
         worst = max((excess[kind] for kind in problem.limits), default=0.0)
         missed = end_error(problem, motions)
         if missed > problem.tolerance:
+            if order >= _HIGHEST and problem.method != "shooting":
+                break
             order, programme, before = 2 * order if problem.method == "shooting" else order + 1, None, None
-        elif worst > 1e-9:
-            backoff = {
-                kind: factor / (1.0 + 1.1 * excess[kind] + 1e-6 * (excess[kind] > 0.0))
-                for kind, factor in backoff.items()
-            }
-            before = solution
+        elif worst > _EXCESS:
+            backoff, before = _tightened(backoff, excess), solution
         else:
             return programme, solution
     raise SlewError(

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Plant", "SlewMachine", "plant_of"]
 
+_NOTHING = 1e-12
+_SPLIT = 1e-6
+
 
 @runtime_checkable
 class SlewMachine(Protocol):
@@ -120,13 +123,25 @@ class Plant:
 
     @property
     def inertia(self) -> float | None:
-        """Rigid inertia: torque over the angular acceleration that it causes in the mean, kg m^2; None without one."""
+        """Rigid inertia: torque over the size of the angular acceleration in the mean, kg m^2; None without one."""
         left = np.linalg.svd(self.A.T)[2][-1]
         try:
             turning = float(left @ self.rest(0.0, 1.0))
         except ValueError:
             return None
-        return turning / float(left @ self.B)
+        if abs(turning) <= _NOTHING:  # the torque drives the acceleration itself
+            return None
+        return abs(turning / float(left @ self.B))  # whichever way the angle is counted
+
+    @property
+    def slowest(self) -> float:
+        """Least size of an eigenvalue that is not zero, 1/s; infinite if there is none. A double zero splits by rounding."""
+        sizes = np.abs(np.linalg.eigvals(self.A))
+        return float(np.min(sizes, where=sizes > _SPLIT * np.abs(self.A).max(), initial=np.inf))
+
+    def still(self, z: Array) -> bool:
+        """Whether nothing moves at z without torque."""
+        return bool(np.abs(self.A @ z).max() <= 1e-9 * max(1.0, np.abs(self.A).max() * np.abs(z).max()))
 
     def rest(self, angle: float, speed: float) -> Array:
         """Coordinates z at an angle [rad] in steady rotation at a speed [rad/s].
@@ -207,13 +222,23 @@ def _linear_plant(h: Any) -> Plant:
         raise ValueError("h: expected finite matrices A, B, C, D")
     if A.shape[0] == 0 or D[0, 0] != 0.0 or abs(C[0] @ B[:, 0]) > 0.0:
         raise ValueError("h: expected an angle that follows the torque with two integrations (C B = 0 and D = 0)")
+    unit = _units(A, B[:, 0], C[0])
+    A, b, C = A * unit / unit[:, None], B[:, 0] / unit, C * unit
     rows = {"angle": C[0], "speed": C[0] @ A}
     for name, output in (("tip", "tip_displacement"), ("moment", "root_moment")):
         if output in h.output_labels:
             rows[name] = C[h.output_labels.index(output)]
-    _check_controllable(A, B[:, 0])
-    eye = np.eye(A.shape[0])
-    return Plant(A, B[:, 0], eye, eye, rows, None, np.ones(A.shape[0], dtype=bool), None)
+    _check_controllable(A, b)
+    return Plant(A, b, np.diag(unit), np.diag(1.0 / unit), rows, None, np.ones(A.shape[0], dtype=bool), None)
+
+
+def _units(A: Array, b: Array, c: Array) -> Array:
+    """Powers of two in which states are measured, such that it does not matter which units they came in."""
+    from scipy.linalg import matrix_balance
+
+    whole = np.block([[A, b[:, None]], [c[None, :], np.zeros((1, 1))]])
+    scale = matrix_balance(whole, permute=False, separate=True)[1][0]
+    return scale[:-1] / scale[-1]
 
 
 def _check_controllable(A: Array, b: Array) -> None:

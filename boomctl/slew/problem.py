@@ -1,6 +1,7 @@
 """What is asked of a slew, checked at the boundary, and refused where no torque can do it."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, nonnegative, positive, real, whole
+from boomctl.slew.flow import LinearFlow
 from boomctl.slew.plant import Plant, SlewMachine, plant_of
 from boomctl.slew.result import SlewError
 
@@ -24,6 +26,8 @@ LIMITS = {
 """Kinds of limits, and the arguments that give them."""
 UNITS = {"torque": "N m", "rate": "N m/s", "speed": "rad/s", "tip": "m", "moment": "N m"}
 """Of the limits."""
+_STILL = 1e-9
+_SHARE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +97,25 @@ class SlewProblem:
 
     @property
     def rigid_time(self) -> float:
-        """A time scale, s: the least time of the rigid body with this inertia for this turn, or for this speed."""
-        inertia = self.plants[0].inertia
-        if inertia is None:
-            return float(2.0 * np.pi / max(np.abs(np.linalg.eigvals(self.plants[0].A)).max(), 1e-12))
-        gap = (self.target - self.start)[: self.plants[0].n]
-        turn, change = (abs(float(self.plants[0].rows[name] @ gap)) for name in ("angle", "speed"))
-        torque = self.torque_limit / inertia
-        return max(2.0 * math.sqrt(turn / torque) if self.angle is not None else 0.0, change / torque, 1e-9)
+        """A time scale, s: the least time of the rigid body with this inertia for this turn, or for this speed.
+
+        A plant without inertia has its own pace; a vibration at the start takes at least a part of its period. Where the
+        plant can wait neither at start nor target, more time may be of no use: a time that is hardly enough.
+        """
+        first, own = self.plants[0], slice(0, self.plants[0].n)
+        if first.inertia is None:
+            return 1.0 / float(np.linalg.norm(first.A, 2))
+        start, end = self.start[own], self.target[own]
+        turn, change = (abs(float(first.rows[name] @ (end - start))) for name in ("angle", "speed"))
+        if not np.any(np.abs(self.ends[:, own] @ first.rest(1.0, 0.0)) > _STILL):
+            turn = 0.0
+        torque = self.torque_limit / first.inertia
+        if self.waits:
+            rigid = max(2.0 * math.sqrt(turn / torque), change / torque)
+            return rigid if first.still(start) else max(rigid, _SHARE / first.slowest, 1e-9)
+        fast = max(abs(float(first.rows["speed"] @ z)) for z in (start, end))
+        dash = 2.0 * turn / (fast + math.sqrt(fast**2 + 2.0 * torque * turn)) if turn > 0.0 else 0.0
+        return max(0.5 * dash, change / torque, _SHARE / first.slowest, 1e-9)
 
 
 def slew_problem(
@@ -132,7 +147,8 @@ def slew_problem(
             if objective == "time"
             else f"duration = None: expected a number of seconds with objective {objective!r}"
         )
-    plants = _plants(h, tip_masses)
+    masses = _payloads(tip_masses)
+    plants = _plants(h, masses)
     for kind in ("tip", "moment"):
         if (kind in limits or objective == kind) and kind not in plants[0].rows:
             name = {"tip": "tip_displacement", "moment": "root_moment"}[kind]
@@ -150,7 +166,7 @@ def slew_problem(
         method,
         positive("tolerance", tolerance),
         None if intervals is None else whole("intervals", intervals, 4),
-        tuple(float(mass) for mass in tip_masses),
+        masses,
     )
     _refuse(problem)
     return problem
@@ -179,13 +195,24 @@ def changed(problem: SlewProblem, angle: float | None, torque_limit: float | Non
     return new
 
 
-def _plants(h: object, tip_masses: tuple[float, ...]) -> tuple[Plant, ...]:
+def _payloads(masses: Iterable[float]) -> tuple[float, ...]:
+    if isinstance(masses, str) or not isinstance(masses, Iterable):
+        raise TypeError(f"tip_masses = {masses!r}: expected numbers of kilograms in a tuple")
+    return tuple(nonnegative("tip_masses", mass) for mass in masses)
+
+
+def _plants(h: object, masses: tuple[float, ...]) -> tuple[Plant, ...]:
+    """The plant and its like with other payloads; one that is there already would come to rest by itself."""
     first = plant_of(h)
-    if not tip_masses:
+    if not masses:
         return (first,)
     if not isinstance(h, SlewMachine):
         raise ValueError("tip_masses: expected none for a linear system; they are of a hub-beam")
-    return (first, *(plant_of(h.with_tip_mass(nonnegative("tip_masses", mass))) for mass in tip_masses))
+    plants = [first]
+    for each in (plant_of(h.with_tip_mass(mass)) for mass in dict.fromkeys(masses)):
+        if not np.array_equal(each.A, first.A):
+            plants.append(each)
+    return tuple(plants)
 
 
 def _state(name: str, plant: Plant, value: ArrayLike) -> Array:
@@ -210,6 +237,11 @@ def end_conditions(
     begin = float(first.rows["angle"] @ start)
     rested = first.rest(begin + (angle or 0.0), final_speed)
     target = rested if final is None else _state("final_state", first, final)
+    led = float(first.rows["angle"] @ target) - begin
+    if final is not None and angle is not None and abs(led - angle) > 1e-9 * max(abs(led), abs(angle)):
+        raise ValueError(
+            f"angle = {angle!r}: expected None or the {led:.9g} rad to the final_state; it is given by both"
+        )
     rest = first.rest(1.0, 0.0)
     free = angle is None and final is None
     ends = [_rows(first.n, first.reach, rest if free else None)]
@@ -224,10 +256,8 @@ def end_conditions(
         targets.append(plant.rest(angle or 0.0, final_speed))
     from scipy.linalg import block_diag
 
-    still = [
-        np.abs(first.A @ z).max() <= 1e-9 * max(1.0, np.abs(first.A).max() * np.abs(z).max()) for z in (start, target)
-    ]
-    return np.concatenate(starts), np.concatenate(targets), block_diag(*ends), any(still)
+    still = first.still(start) or first.still(target)
+    return np.concatenate(starts), np.concatenate(targets), block_diag(*ends), still
 
 
 def _rows(n: int, reach: Array, free: Array | None) -> Array:
@@ -243,8 +273,11 @@ def _rows(n: int, reach: Array, free: Array | None) -> Array:
 def _refuse(problem: SlewProblem) -> None:
     """Say what cannot be done, where a rigid body's motion shows it: its angular momentum is the torque's integral."""
     plant = problem.plants[0]
-    if not np.any(problem.ends @ (problem.target - problem.start)) and problem.objective == "time":
+    here = not np.any(problem.ends @ (problem.target - problem.start))
+    if here and (problem.objective == "time" or problem.waits):
         raise ValueError("angle: the plant is at its end state already; expected a slew that leads somewhere")
+    if problem.duration is not None and _coasts(problem, problem.duration):
+        raise ValueError("duration: the plant comes to its end state by itself; expected a slew that needs a torque")
     own = slice(0, plant.n)
     gap = (problem.target - problem.start)[own]
     turn, change = (abs(float(plant.rows[name] @ gap)) for name in ("angle", "speed"))
@@ -262,6 +295,21 @@ def _refuse(problem: SlewProblem) -> None:
     if problem.waits and plant.inertia is not None:
         resting = change == 0.0 and not np.any(np.abs(plant.rows["speed"] @ problem.start[own]) > 0.0)
         _refuse_short(problem, plant.inertia, turn if resting and problem.angle is not None else 0.0, change)
+
+
+def _coasts(problem: SlewProblem, duration: float) -> bool:
+    """Whether no torque at all leads to the end: a linear plant's own motion, or steady rotation."""
+    start, plant = problem.start, problem.plants[0]
+    if problem.linear:
+        end = LinearFlow(problem.A, problem.B).step(duration)[0] @ start
+    else:
+        first = start[: plant.n]
+        angle, speed = (float(plant.rows[name] @ first) for name in ("angle", "speed"))
+        if len(problem.plants) > 1 or np.abs(plant.rest(angle, speed) - first).max() > _STILL * np.abs(first).max():
+            return False
+        end = first + plant.rest(speed * duration, 0.0)
+    scale = np.abs(problem.ends) @ np.maximum(np.abs(end), np.abs(problem.target))
+    return bool(np.all(np.abs(problem.ends @ (end - problem.target)) <= _STILL * scale))
 
 
 def _refuse_states(problem: SlewProblem) -> None:

@@ -208,7 +208,10 @@ class Programme:
         edges = np.linspace(0.0, duration, scheme.intervals + 1)
         torques = x[layout.torques] * layout.torque_unit
         history = ramped(edges, torques) if scheme.ramp else held(edges, torques)
-        return Solution(history, x[layout.states] * layout.unit, duration, float(raw["f"]), iterations, raw)
+        # time and tip are in units of the programme's own start: without them meshes could not be compared
+        unit = {"time": layout.time_unit, "tip": layout.tip_unit}.get(scheme.objective, 1.0)
+        cost = unit * float(raw["f"])
+        return Solution(history, x[layout.states] * layout.unit, duration, cost, iterations, raw)
 
     def _failure(self, problem: SlewProblem, raw: dict[str, Any], low: Array, high: Array) -> str:
         """In words: which condition is missed most, and when."""

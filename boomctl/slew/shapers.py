@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import known, nonnegative, positive
+from boomctl.checks import known, nonnegative, positive, real
 from boomctl.slew.torque import TorqueHistory, held
 
 __all__ = ["SHAPERS", "Shaper", "classical_spin_up", "classical_torque", "shaper"]
@@ -94,7 +94,9 @@ def shaper(name: str, frequency: float, damping_ratio: float = 0.0, level: float
         raise ValueError(f"damping_ratio = {damping_ratio!r}: expected a number below 1")
     half = math.pi / (positive("frequency", frequency) * math.sqrt(1.0 - zeta**2))
     K = math.exp(-zeta * math.pi / math.sqrt(1.0 - zeta**2))
-    times, amplitudes = SHAPERS[name](half, K, positive("level", level))
+    if positive("level", level) >= 1.0:
+        raise ValueError(f"level = {level!r}: expected a number below 1")
+    times, amplitudes = SHAPERS[name](half, K, level)
     return Shaper(name, np.array(times), np.array(amplitudes) / np.sum(amplitudes))
 
 
@@ -121,7 +123,11 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
         If the shape is unknown or a number out of its range.
     """
     known("shape", shape, ("bang-bang", "smoothed", "versine"))
-    limit, turn = positive("torque_limit", torque_limit), abs(angle)
+    if not isinstance(train, Shaper):
+        raise TypeError(f"train = {train!r}: expected a Shaper")
+    limit, turn = positive("torque_limit", torque_limit), abs(real("angle", angle))
+    if turn == 0.0:
+        raise ValueError("angle = 0: expected a turn that leads somewhere")
     sign = math.copysign(1.0, angle)
     if shape == "bang-bang":
         T = 2.0 * math.sqrt(turn * positive("inertia", inertia) / limit)

@@ -14,7 +14,7 @@ from boomctl.slew.course import Course, Reach, course
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.reference import guess_from, typical_sizes
 from boomctl.slew.simpler import doubled, first_half, halved, without_axial_modes
-from boomctl.slew.steer import steered
+from boomctl.slew.steer import Overflows, steered
 from boomctl.slew.torque import TorqueHistory, bang_bang
 
 __all__ = ["Sharpened", "sharpened"]
@@ -74,7 +74,7 @@ class _Stretches:
 
 
 def sharpened(problem: SlewProblem, first: TorqueHistory) -> Sharpened | None:
-    """Sharpen a bang-bang torque; None if none is found that leads to the end."""
+    """Sharpen a bang-bang torque; None if none is found that leads to the end; `Overflows` if the motion has no bounds."""
     quick = without_axial_modes(problem)
     near = None if quick is None else sharpened(quick, first)
     first, half = first if near is None else near.history, halved(problem)
@@ -84,9 +84,13 @@ def sharpened(problem: SlewProblem, first: TorqueHistory) -> Sharpened | None:
         if found is not None and found.gain < problem.tolerance:
             return found
     start = first_half(first) if half else first
-    best, gain = None, np.inf
+    best, gain, overflow = None, np.inf, None
     for intervals in (0, *_GRIDS):
-        torque = start if intervals == 0 else steered(way, start, intervals)
+        try:
+            torque = start if intervals == 0 else steered(way, start, intervals)
+        except Overflows as error:
+            overflow = error
+            continue
         found = None if torque is None else _settled(way, _stretches(torque), 1)
         if found is not None:
             now = found.wrong / float(found.durations.sum())
@@ -94,6 +98,8 @@ def sharpened(problem: SlewProblem, first: TorqueHistory) -> Sharpened | None:
                 best, gain, start = found, now, _history(problem, found)
         if gain < _ENOUGH * problem.tolerance:
             break
+    if best is None and overflow is not None:
+        raise overflow
     return None if best is None else _finished(way, best, half is not None)
 
 

@@ -4,14 +4,19 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.slew.course import Course
+from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueHistory, held
 
-__all__ = ["steered", "stretched"]
+__all__ = ["Overflows", "steered", "stretched"]
 
 _TURNS = 25
 _FARTHEST = 0.05
 _PENALTY = 100.0
 _FULL = 0.999
+
+
+class Overflows(SlewError):
+    """The motion on the way grows beyond all numbers."""
 
 
 def steered(way: Course, first: TorqueHistory, intervals: int) -> TorqueHistory | None:
@@ -28,7 +33,10 @@ def steered(way: Course, first: TorqueHistory, intervals: int) -> TorqueHistory 
         count = intervals * parts
         reach = way.reach(np.repeat(values * limit, parts), np.full(count, duration / count))
         if not (np.isfinite(reach.by_torque).all() and np.isfinite(reach.by_width).all()):
-            return None
+            raise Overflows(
+                f"torque_limit = {limit:g} N m: bends the plant until its motion overflows; expected a smaller one, or "
+                "a start nearer to rest"
+            )
         lack = reach.end - way.rows @ way.problem.target
         push = reach.by_torque.reshape(lack.size, intervals, parts).sum(axis=2) * limit
         change = _programme(lack, push, reach.by_width.sum(axis=1) * duration / count, values)

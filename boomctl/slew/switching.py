@@ -198,16 +198,21 @@ def _least_peak(problem: LinearTimeProblem, duration: float, intervals: int) -> 
     if not np.any(d):
         raise SlewError("angle: the plant is at its end state already; expected a slew that leads somewhere")
     G, d = G / scale[:, None], d / scale
-    answer = linprog(
-        np.append(np.zeros(intervals), -1.0),
-        A_eq=np.column_stack([G, -d]),
-        b_eq=np.zeros(d.size),
-        bounds=[(-1.0, 1.0)] * intervals + [(0.0, None)],
-        method="highs-ds",
-    )
-    if answer.status != 0:
-        raise SlewError("angle: the end state cannot be reached by this torque")
-    if answer.x[-1] <= 1.0 / _HOPELESS:
+    if not np.isfinite(d).all() or scale.min() == 0.0:
+        raise SlewError("torque_limit: no torque within it leads to the end state before the motion overflows")
+    answer = None
+    for method in ("highs-ds", "highs-ipm"):
+        answer = linprog(
+            np.append(np.zeros(intervals), -1.0),
+            A_eq=np.column_stack([G, -d]),
+            b_eq=np.zeros(d.size),
+            bounds=[(-1.0, 1.0)] * intervals + [(0.0, None)],
+            method=method,
+        )
+        if answer.status == 0:
+            break
+    # no torque at all, and none of the way, is always a solution: what fails is arithmetic, in times far too short
+    if answer is None or answer.status != 0 or answer.x[-1] <= 1.0 / _HOPELESS:
         return _HOPELESS, np.zeros(intervals), np.zeros(problem.start.size)
     costate = (-answer.eqlin.marginals / scale) @ problem.wanted
     return 1.0 / float(answer.x[-1]), answer.x[:-1], costate

@@ -102,6 +102,8 @@ def track(
     SlewError
         If the motion with feedback overflows.
     """
+    if not isinstance(result, SlewResult):
+        raise TypeError(f"result = {type(result).__name__}: expected what optimal_slew returns")
     problem = result.plan.problem
     plant = problem.plants[0]
     if plant.machine is None:

@@ -1,12 +1,14 @@
 """Fixed time and limits: two transcriptions, one optimum; a bound that does not know the mesh; limits kept."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.slew import mesh_study, resolve
+from boomctl.slew import mesh_study, resolve, track
 from tests.slew.systems import rigid
 
 ANGLE, LIMIT = np.pi / 2, 200.0
@@ -163,3 +165,27 @@ def test_payloads_come_to_rest_together():
         other = h.with_tip_mass(mass)
         r = other.simulate(bc.torque(slew.history, slew.history.breakpoints), slew.duration + np.linspace(0, 3, 31))
         assert np.abs(r.tip_displacement).max() < 1e-4
+
+
+@pytest.mark.parametrize("ask", [{"speed_limit": 0.7}, {"objective": "tip", "duration": 3.6}])
+def test_the_gap_is_the_change_of_the_cost_when_the_mesh_is_halved(beam, ask):
+    fine, half = (bc.optimal_slew(beam, ANGLE, LIMIT, method="shooting", intervals=N, **ask) for N in (80, 40))
+    costs = [slew.plan.solution.cost for slew in (fine, half)]
+    change = abs(costs[0] - costs[1]) / costs[0]
+    assert fine.certificate.optimality_gap == pytest.approx(change, rel=0.1)
+
+
+@pytest.mark.parametrize("limit", [{"moment_limit": 35.0}, {"tip_limit": 1.0}])
+def test_solving_again_keeps_the_limits_between_the_nodes(beam, limit):
+    slew = bc.optimal_slew(beam, ANGLE, LIMIT, method="shooting", intervals=60, **limit)
+    again = resolve(slew, angle=1.4)
+    assert again.certificate.constraint_violation <= 1e-9
+    assert again.duration == pytest.approx(
+        bc.optimal_slew(beam, 1.4, LIMIT, method="shooting", intervals=60, **limit).duration, rel=1e-5
+    )
+
+
+@pytest.mark.parametrize("again", [resolve, partial(track, tip_mass=0.1)])
+def test_something_that_is_no_slew_is_refused(again):
+    with pytest.raises(TypeError, match="result = int: expected what optimal_slew returns"):
+        again(5)

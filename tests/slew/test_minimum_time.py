@@ -1,5 +1,6 @@
 """Minimum time: exact solutions, laws, and the certificate's own honesty."""
 
+import control
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -147,3 +148,85 @@ def test_arbitrary_end_states():
     slew = bc.optimal_slew(system, None, 1.0, initial_state=start, final_state=end)
     assert slew.states[0] == pytest.approx(start)
     assert slew.states[-1] == pytest.approx(end, abs=1e-8)
+
+
+@pytest.mark.parametrize(("angle", "amplitude"), [(None, 0.001), (None, 0.1), (0.0, 0.1), (1e-4, 1.0)])
+def test_vibration_alone_is_brought_to_rest(angle, amplitude):
+    slew = bc.optimal_slew(two_masses(), angle, 1.0, initial_state=[amplitude, -amplitude, 0.0, 0.0])
+    assert slew.certificate.optimality == "proved"
+    assert slew.certificate.optimality_gap < 1e-9
+    assert slew.states[-1] @ [-1.0, 1.0, 0.0, 0.0] == pytest.approx(0.0, abs=1e-9)
+    assert slew.states[-1][2:] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_bent_beam_is_brought_to_rest(sign):
+    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2)
+    slew = bc.optimal_slew(h, 0.0, 20.0, initial_state=sign * np.array([0.0, 0.05, 0.002, 0.0, 0.0, 0.0]))
+    assert slew.duration == pytest.approx(1.49987, rel=1e-5)  # that of the linear part: 1.499864
+    assert slew.residual_energy < 1e-9
+
+
+@settings(max_examples=6)
+@given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(0.3, 3.0), st.sampled_from([-1.0, 1.0]))
+def test_a_rigid_body_between_speeds(first, last, distance, side):
+    """It neither starts nor ends at rest: more time is not always of use, the least is sought from below."""
+    exact = _rigid_time(first, last, side * distance)
+    slew = bc.optimal_slew(rigid(1.0), None, 1.0, initial_state=[0.0, first], final_state=[side * distance, last])
+    assert slew.duration == pytest.approx(exact, rel=1e-6)
+
+
+def _rigid_time(first, last, way):
+    times = []
+    for sign in (1.0, -1.0):
+        square = sign * way + 0.5 * (first**2 + last**2)
+        for peak in (np.sqrt(max(square, 0.0)), -np.sqrt(max(square, 0.0))):
+            parts = sign * (peak - first), sign * (peak - last)
+            if square >= 0.0 and min(parts) >= 0.0:
+                times.append(sum(parts))
+    return min(times)
+
+
+def test_a_proof_of_nothing_is_not_called_one():
+    """The first torque stops the vibration after exactly half a period: the costate has no scale."""
+    slew = bc.optimal_slew(two_masses(), None, 1.0, initial_state=[1.0, -1.0, 0.0, 0.0])
+    assert slew.duration == pytest.approx(np.pi * np.sqrt(2.0), rel=1e-6)
+    c = slew.certificate
+    assert 0.0 <= c.optimality_gap <= 1.0
+    assert c.optimality_gap < 1.0 or c.optimality != "proved"
+
+
+def test_the_torque_may_be_integrated_three_times():
+    triple = control.ss([[0, 1, 0], [0, 0, 1], [0, 0, 0]], [[0], [0], [1]], [[1, 0, 0]], 0)
+    for angle in (1.0, 1e6):
+        slew = bc.optimal_slew(triple, angle, 1.0)
+        assert slew.duration == pytest.approx(np.cbrt(32.0 * angle), rel=1e-10)
+        assert slew.history.switches == pytest.approx(slew.duration * np.array([0.25, 0.75]), rel=1e-8)
+
+
+def test_an_angle_may_be_counted_against_the_torque():
+    system = two_masses()
+    turned = control.ss(system.A, system.B, -system.C, 0)
+    slews = [bc.optimal_slew(each, 1.0, 1.0) for each in (system, turned)]
+    assert slews[0].duration == pytest.approx(slews[1].duration, rel=1e-12)
+    assert slews[0].history.left == pytest.approx(-slews[1].history.left)
+
+
+def test_a_payload_twice_is_a_payload_once():
+    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=1)
+    once, twice = (bc.optimal_slew(h, 1.0, 100.0, tip_masses=masses) for masses in ((0.2,), (0.2, 0.1, 0.2)))
+    assert twice.duration == pytest.approx(once.duration, rel=1e-9)
+    assert twice.certificate.method == "switching times"
+
+
+@settings(max_examples=6)
+@given(st.lists(st.floats(-8.0, 8.0), min_size=4, max_size=4))
+def test_units_of_the_states_do_not_matter(decades):
+    """Each state in a unit of its own, sixteen decades apart."""
+    system, unit = two_masses(), 10.0 ** np.array(decades)
+    scaled = control.ss(system.A * unit[:, None] / unit, system.B * unit[:, None], system.C / unit, 0)
+    slew = bc.optimal_slew(scaled, 1.0, 1.0)
+    assert slew.duration == pytest.approx(two_masses_exact()[0], rel=1e-9)
+    assert slew.states[-1] / unit == pytest.approx([1.0, 1.0, 0.0, 0.0], abs=1e-9)
+    bent = bc.optimal_slew(scaled, None, 1.0, initial_state=unit * [0.1, -0.1, 0.0, 0.0])
+    assert bent.states[-1][2:] / unit[2:] == pytest.approx([0.0, 0.0], abs=1e-9)

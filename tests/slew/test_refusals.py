@@ -107,3 +107,35 @@ def test_unsuitable_systems(system, words):
 def test_something_else_altogether():
     with pytest.raises(TypeError, match="expected a hub-beam"):
         bc.optimal_slew(42, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("objective", ["effort", "jerk", "torque-rate"])
+@pytest.mark.parametrize("angle", [0.0, None])
+def test_a_slew_to_nowhere_is_refused_whatever_is_best(objective, angle):
+    with pytest.raises(ValueError, match="end state already"):
+        bc.optimal_slew(two_masses(), angle, 1.0, objective, 2.0)
+
+
+def test_a_slew_that_needs_no_torque_is_refused():
+    with pytest.raises(ValueError, match="by itself"):
+        bc.optimal_slew(rigid(1.0), None, 1.0, "effort", 2.0, initial_state=[0.0, 1.0], final_state=[2.0, 1.0])
+    h = bc.hub_beam(modes=1)
+    with pytest.raises(ValueError, match="by itself"):
+        bc.optimal_slew(h, 2.0, 100.0, "effort", 2.0, initial_state=h.steady_state(1.0), final_speed=1.0)
+
+
+def test_an_angle_beside_another_final_state_is_refused():
+    with pytest.raises(ValueError, match=r"angle = 1\.0: expected None or the 2 rad"):
+        bc.optimal_slew(two_masses(), 1.0, 1.0, final_state=[2.0, 2.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("masses", [None, 0.1, "0.1"])
+def test_payloads_are_given_as_numbers(masses):
+    with pytest.raises(TypeError, match=r"tip_masses = .*: expected numbers of kilograms"):
+        bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 100.0, tip_masses=masses)
+
+
+def test_a_torque_that_breaks_the_beam_is_refused_in_words():
+    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2)
+    with pytest.raises(bc.SlewError, match="torque_limit = 1e+06 N m: bends"):
+        bc.optimal_slew(h, 1.0, 1e6)

@@ -91,3 +91,20 @@ def test_a_comparison_is_of_an_angle_or_of_a_speed():
     for angle, speed in ((None, 0.0), (1.0, 1.0)):
         with pytest.raises(ValueError, match="final_speed"):
             compare_slews(h, angle, 200.0, final_speed=speed)
+
+
+@pytest.mark.parametrize("angle", [0.0, np.nan])
+def test_classical_torques_need_a_turn(angle):
+    with pytest.raises(ValueError, match="angle"):
+        classical_torque("bang-bang", shaper("ZV", 1.0), angle, 1.0, 1.0)
+
+
+def test_bad_shapers_and_comparisons_are_named():
+    h = bc.hub_beam(modes=1)
+    with pytest.raises(TypeError, match="train = None"):
+        classical_torque("bang-bang", None, 1.0, 1.0, 1.0)
+    with pytest.raises(ValueError, match=r"level = 2\.0"):
+        shaper("EI", 1.0, level=2.0)
+    for optimal in (5, {"fastest": 5}):
+        with pytest.raises(TypeError, match="optimal"):
+            compare_slews(h, 1.0, 100.0, optimal)
