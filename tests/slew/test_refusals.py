@@ -137,5 +137,5 @@ def test_payloads_are_given_as_numbers(masses):
 
 def test_a_torque_that_breaks_the_beam_is_refused_in_words():
     h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2)
-    with pytest.raises(bc.SlewError, match="torque_limit = 1e+06 N m: bends"):
+    with pytest.raises(bc.SlewError, match=r"torque_limit = 1e\+06 N m: bends"):
         bc.optimal_slew(h, 1.0, 1e6)
