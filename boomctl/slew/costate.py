@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.course import course
+from boomctl.slew.course import course, stretches
 from boomctl.slew.reference import guess_from, typical_sizes
 from boomctl.slew.result import SlewResult
 
@@ -71,14 +71,11 @@ def switching_curve(result: SlewResult) -> SwitchingCurve:
         raise ValueError(
             "result: expected a slew with a bang-bang torque; plan one of minimum time without other limits"
         )
-    stretches = np.diff(history.edges)
+    durations = np.diff(history.edges)
     way = course(problem, typical_sizes(guess_from(problem, history, _SAMPLES, False)))
     pace = max(way.pace, _STEPS / history.duration)
-    counts = np.maximum(2, np.ceil(stretches * pace)).astype(int)
-    u, h = np.repeat(history.left, counts), np.repeat(stretches / counts, counts)
+    u, h, moved = stretches(history.left, durations, np.maximum(2, np.ceil(durations * pace)).astype(int))
     reach = way.reach(u, h)
-    slope = reach.by_width @ np.repeat(np.eye(stretches.size) / counts, counts, axis=0)
-    weights = np.linalg.lstsq(slope.T, -np.ones(stretches.size), rcond=None)[0]
-    values = -(weights @ reach.by_torque) / h
+    values = -(reach.weights(moved) @ reach.by_torque) / h
     middle = np.cumsum(h) - 0.5 * h
     return SwitchingCurve(middle, values / np.abs(values).max(), u, history.switches, problem.torque_limit)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, Indices
 from boomctl.slew.plant import Plant
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.stepping import shooting_step
@@ -13,7 +13,7 @@ from boomctl.slew.stepping import shooting_step
 if TYPE_CHECKING:
     import casadi
 
-__all__ = ["Course", "Reach", "course"]
+__all__ = ["Course", "Reach", "course", "stretches"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +33,10 @@ class Reach:
     by_torque: Array
     by_width: Array
     passed: tuple[tuple[Array, Array], ...]
+
+    def weights(self, moved: Array) -> Array:
+        """Multipliers of the end conditions with which all parameters, that move the widths by K x q, cost no time."""
+        return np.linalg.lstsq((self.by_width @ moved).T, -moved.sum(axis=0), rcond=None)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +128,12 @@ def _pace(plant: Plant) -> float:
     if plant.frequencies is None or reach.all():
         return size
     return max(size, 0.5 * float(plant.frequencies[~reach[: plant.n // 2]].min()))
+
+
+def stretches(torques: Array, durations: Array, steps: Indices) -> tuple[Array, Array, Array]:
+    """Torques and widths of all steps of stretches, and how the widths follow the durations, K x q."""
+    moved = np.repeat(np.eye(durations.size) / steps, steps, axis=0)
+    return np.repeat(torques, steps), moved @ durations, moved
 
 
 def _costates(steep: Array, rows: Array) -> Array:

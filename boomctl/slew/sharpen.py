@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from boomctl.arrays import Array, Indices
-from boomctl.slew.course import Course, Reach, course
+from boomctl.slew.course import Course, Reach, course, stretches
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.reference import guess_from, typical_sizes
 from boomctl.slew.simpler import doubled, first_half, halved, without_axial_modes
@@ -19,21 +19,21 @@ from boomctl.slew.torque import TorqueHistory, bang_bang
 
 __all__ = ["Sharpened", "sharpened"]
 
-_GRIDS = (200, 600, 1800)
+_GRIDS = (200, 600, 1800)  # intervals on which stretches are looked for
 _MOST_STEPS = 20000
 _NEWTON = 40
-_PATIENCE = 5
+_PATIENCE = 5  # turns without nearing the end, as long as it is _FAR
 _FAR = 1e-3
-_EMPTY = 3e-6
+_EMPTY = 3e-6  # share of the duration below which a stretch is left out; _NOTHING where the end needs it
 _NOTHING = 1e-11
-_STEP_SHARE = 0.5
+_STEP_SHARE = 0.5  # of the tolerance, for what half as long steps change; what remains is a sixteenth of it
 _CHORDS = 6
 _FOLLOWED = 2
-_SERVES = 0.2
+_SERVES = 0.2  # shrinking of the moves by which second derivatives that are kept still serve
 _SETTLED = 1e-11
-_FLAT = 1e-12
+_FLAT = 1e-12  # share of the duration that other durations may promise; _ROUGH with axial vibration
 _ROUGH = 1e-8
-_ENOUGH = 0.1
+_ENOUGH = 0.1  # of the tolerance, for what a switching function of the wrong sign promises
 _SAMPLES = 200
 
 
@@ -130,8 +130,7 @@ def _weighed(way: Course, found: _Stretches, finer: int) -> _Stretches:
     """
     u, h, moved = _course_of(way, found, finer * _steps(way, found.durations))
     reach = way.reach(u, h)
-    slope = reach.by_width @ moved
-    weights = np.linalg.lstsq(slope.T, -np.ones(slope.shape[1]), rcond=None)[0]
+    slope, weights = reach.by_width @ moved, reach.weights(moved)
     p, k = -(weights @ reach.by_torque) / h, np.flatnonzero(np.diff(u))
     middle, change = 0.5 * (p[k] + p[k + 1]), 2.0 * (p[k + 1] - p[k]) / (h[k] + h[k + 1])
     promised = way.problem.torque_limit * float(np.sum(middle**2 / np.maximum(np.abs(change), 1e-300)))
@@ -196,10 +195,8 @@ def _without_empty(found: _Stretches) -> _Stretches:
 
 def _course_of(way: Course, found: _Stretches, steps: Indices) -> tuple[Array, Array, Array]:
     """Torques and widths of all steps, and how the widths follow the durations, K x q."""
-    count = found.durations.size
-    torques = found.sign * way.problem.torque_limit * (-1.0) ** np.arange(count)
-    moved = np.repeat(np.eye(count) / steps, steps, axis=0)
-    return np.repeat(torques, steps), moved @ found.durations, moved
+    torques = found.sign * way.problem.torque_limit * (-1.0) ** np.arange(found.durations.size)
+    return stretches(torques, found.durations, steps)
 
 
 def _durations(way: Course, found: _Stretches, steps: Indices) -> _Stretches | None:
@@ -218,7 +215,7 @@ def _durations(way: Course, found: _Stretches, steps: Indices) -> _Stretches | N
         least = min(least, float(np.abs(lack).max()))
         if not np.isfinite(slope).all() or (patience == 0 and least > _FAR):
             return None
-        weights = np.linalg.lstsq(slope.T, -np.ones(count), rcond=None)[0]
+        weights = reach.weights(moved)
         found = replace(found, slope=slope, weights=weights)
         if count > lack.size and (found.curvature.shape[0] != count or size > _SERVES * before):
             found = replace(found, curvature=way.curvature(u, h, reach, weights, moved))
