@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.recursion import Lifted, recursion_without_lead
+from boomctl.lti.hold import Lifted, recursion_without_lead
 from boomctl.simulation.stepping import ControlLog, LoopProblem, limited, run_smooth
 
 _BLOCK = 32

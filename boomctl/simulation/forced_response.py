@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import known, names, positive
-from boomctl.lti.recursion import lifted_response
+from boomctl.lti.hold import lifted_response
 from boomctl.simulation.plant import ModalPlant, modal_plant, of_matrices
 from boomctl.simulation.signals import disturbance_rows, uniform_times
 from boomctl.simulation.truncation import realized, truncated
