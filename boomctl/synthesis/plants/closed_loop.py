@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.loops import posed_inverse
 from boomctl.arrays import Array
 from boomctl.checks import finite_array
 from boomctl.lti.system import Lti
+from boomctl.lti.system import well_posed_inverse as posed_inverse
 from boomctl.synthesis.plants.partition import Plant, partition
 
 if TYPE_CHECKING:
