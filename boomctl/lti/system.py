@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
 _WELL_POSED = (
-    1e-12  # least singular value of I - D_K D22, balanced, relative to its largest: below it, its digits are gone
+    1e-12  # least singular value of I - D_K D22 relative to its largest: below it, four digits are left or fewer
 )
 
 

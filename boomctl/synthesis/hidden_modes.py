@@ -11,7 +11,6 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.synthesis.errors import SynthesisError
 
 _WEAK = 1e-9
 _AXIS = 1e-9
@@ -46,32 +45,6 @@ class HiddenMode:
         damping = -self.pole.real / size if abs(self.pole.real) > _AXIS * size else 0.0
         kind = "unstable, " if damping < -_AXIS else ""
         return f"the mode at {size:.4g} rad/s ({kind}damping {100.0 * damping:.3g} %, mostly in state {self.state!r})"
-
-
-def check_stabilizable(A: Array, B: Array, controls: Sequence[str], states: Sequence[str]) -> None:
-    """Raise :class:`SynthesisError` naming an unstable or undamped mode that the controls cannot move."""
-    for mode in unmoved(A, B, states):
-        raise SynthesisError(f"{mode} cannot be moved by {_listed(controls)}, and it does not decay by itself")
-
-
-def check_detectable(A: Array, C: Array, measurements: Sequence[str], states: Sequence[str]) -> None:
-    """Raise :class:`SynthesisError` naming an unstable or undamped mode that no measurement sees."""
-    for mode in unmoved(A.T, C.T, states):
-        raise SynthesisError(f"{mode} is not seen by {_listed(measurements)}, and it does not decay by itself")
-
-
-def check_weighted(A: Array, root: Array, what: str, states: Sequence[str]) -> None:
-    """Raise :class:`SynthesisError` naming a mode on the imaginary axis that the weight ``root root^T`` does not see."""
-    for mode in unmoved(A.T, root, states, axis_only=True):
-        raise SynthesisError(f"{mode} is undamped and not seen by {what}: weigh a state or output in which it shows")
-
-
-def check_excited(A: Array, root: Array, what: str, states: Sequence[str]) -> None:
-    """Raise :class:`SynthesisError` naming a mode on the imaginary axis that the noise ``root root^T`` does not reach."""
-    for mode in unmoved(A, root, states, axis_only=True):
-        raise SynthesisError(
-            f"{mode} is undamped and not reached by {what}: the estimator would trust its model of it for ever"
-        )
 
 
 def unmoved(
@@ -136,7 +109,3 @@ def _clusters(poles: Array, doubt: Array, chosen: Array) -> list[list[int]]:
         groups.append([seed, *(i for i in group if i != seed)])
         left = [i for i in left if i not in group and i != seed]
     return groups
-
-
-def _listed(signals: Sequence[str]) -> str:
-    return ", ".join(signals) if signals else "any control"

@@ -11,7 +11,7 @@ from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
 from boomctl.checks import nonnegative, positive, whole
 from boomctl.lti.system import Lti, lower_lft
-from boomctl.synthesis.errors import SynthesisError
+from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.fast_poles import without_fast_poles
 from boomctl.synthesis.hinf.candidates import Candidate, judged, largest_pole
 from boomctl.synthesis.plants.partition import GeneralizedPlant, matched

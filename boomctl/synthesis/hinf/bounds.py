@@ -17,7 +17,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
-from boomctl.synthesis.errors import SynthesisError
+from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import COUPLING, Level, gains, level_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant

@@ -9,7 +9,7 @@ from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.lti.system import Lti, lower_lft
-from boomctl.synthesis.errors import SynthesisError
+from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.fast_poles import without_fast_poles
 from boomctl.synthesis.hinf.bounds import Bounds, Deadline
 from boomctl.synthesis.hinf.native import NativeFailure, shared_worker

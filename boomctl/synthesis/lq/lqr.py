@@ -12,8 +12,8 @@ from boomctl.analysis.norm import Response, refined_peak
 from boomctl.arrays import Array
 from boomctl.checks import finite_array
 from boomctl.lti.system import Lti
-from boomctl.synthesis.errors import SynthesisError
-from boomctl.synthesis.hidden_modes import HiddenMode, check_stabilizable, check_weighted, unmoved
+from boomctl.synthesis.assumptions import SynthesisError, check_stabilizable, check_weighted
+from boomctl.synthesis.hidden_modes import HiddenMode, unmoved
 from boomctl.synthesis.lq.problem import Weight, chosen, definite, plant_of, semidefinite, square_root
 from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
 

@@ -12,7 +12,7 @@ from scipy import linalg, optimize
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
-from boomctl.synthesis.errors import SynthesisError
+from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiSolution
 
 _AGREEMENT = 1e-4  # relative difference of the three H2 norms above which none is vouched for (a choice)

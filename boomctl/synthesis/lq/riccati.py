@@ -12,7 +12,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.synthesis.errors import SynthesisError
+from boomctl.synthesis.assumptions import SynthesisError
 
 _CONDITION = 1e10
 _STEPS = 12
