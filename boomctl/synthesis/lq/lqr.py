@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from boomctl.analysis.norm import Response, refined_peak
 from boomctl.arrays import Array
 from boomctl.checks import finite_array
+from boomctl.lti.frequency import largest_gain
+from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.lti.system import Lti
 from boomctl.synthesis.errors import SynthesisError
-from boomctl.synthesis.hidden_modes import HiddenMode, check_stabilizable, check_weighted, unmoved
+from boomctl.synthesis.hidden_modes import check_stabilizable, check_weighted
 from boomctl.synthesis.lq.quadratic import Weight, definite, semidefinite, square_root
 from boomctl.synthesis.plants.named import NamedMatrices, named_matrices, named_statespace, static_gain
 from boomctl.synthesis.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
     from boomctl.structure.model import SecondOrderModel
 
-_SCREENED = 60
 _RETURN_DIFFERENCE = 1e-2
 
 
@@ -203,24 +203,8 @@ def return_difference(problem: RiccatiProblem, solution: RiccatiSolution) -> flo
     B = linalg.solve_triangular(L, problem.B.T, lower=True).T
     F = L.T @ solution.gain
     inverse = Lti(problem.A - B @ F, B, -F, np.eye(len(F)))
-    A, (scale, _) = linalg.matrix_balance(inverse.A, permute=False, separate=True)
-    balanced = Lti(A, inverse.B / scale[:, None], inverse.C * scale, inverse.D)
-    screen = balanced.response if len(A) <= _SCREENED else _by_poles(balanced)
-    peak, _ = refined_peak(balanced.response, solution.poles, screen)
+    peak, _ = largest_gain(inverse.balanced())
     return 1.0 / peak if peak > 1.0 else 1.0
-
-
-def _by_poles(system: Lti) -> Response:
-    """Return a fast response from partial fractions, exact enough to see where the peaks are."""
-    poles, V = linalg.eig(system.A)
-    left, right = system.C @ V, np.linalg.solve(V, system.B.astype(complex))
-    residues = (left.T[:, :, None] * right[:, None, :]).reshape(len(poles), -1)
-
-    def respond(omega: Array) -> Array:
-        shares = 1.0 / (1j * omega[None, :] - poles[:, None])
-        return (residues.T @ shares).reshape(*system.D.shape, len(omega)) + system.D[:, :, None]
-
-    return respond
 
 
 def _with_integrals(

@@ -8,7 +8,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.checks import finite_array
 from boomctl.lti.modal import spectral_parts
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
 
@@ -156,7 +156,7 @@ def _reached(
 
     from boomctl.reduction import reduce
 
-    rest, lasting = spectral_parts(state_matrices(controller))
+    rest, lasting = spectral_parts(of(controller).balanced())
     lasting = _lasting(lasting, read[0], drive[0])
     half = control.ss(
         linalg.block_diag(rest.A, lasting.A).reshape(2 * (len(rest.A) + len(lasting.A),)),
