@@ -5,43 +5,37 @@ frequency it was built for; above it, dissipation bounds the response: with ``D 
 positive definite, ``|L D^-1 B(omega)| <= |C^-1/2 L^T| |C^-1/2 B(omega)|/omega``.
 """
 
-from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg, sparse
 
 from boomctl.analysis.norm import NormCertificate, grows_towards, matrices_norm
 from boomctl.arrays import Array
-from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import state_matrices
+from boomctl.lti.frequency import Resonances, singular_values
+from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.core import Core, build_core
 from boomctl.structure.response.direct import direct_response, respond
 from boomctl.structure.response.pencil import factorized
 from boomctl.structure.response.poles import damped_poles, dense, first_order_poles, project, undamped_modes
-from boomctl.structure.response.realisation import realize
 from boomctl.structure.symmetry import half
 
-if TYPE_CHECKING:
-    import control
-
-_CORE_FROM = 40
-_CORE_ERROR = 1e-7
-_BAND = 8
-_REACH = 4.0
-_RIGID = 1e-8
-_LARGEST_DENSE = 400
-
-
-@dataclass(frozen=True)
-class Resonances:
-    """Poles of a model in its band, and the band [rad/s]."""
-
-    poles: Array
-    low: float
-    high: float
+_CORE_FROM = 40  # coordinates from which on a core is worth its building (a choice)
+_CORE_ERROR = (
+    1e-7  # verified error of a core, relative, that a norm may be certified with: a hundredth of what that allows
+)
+_CORE_POINTS = 16  # frequencies at which a core is built (a choice)
+_BAND = 8  # elastic modes that a picture shows and a core speaks for (a choice)
+_SPARE = 3  # modes asked for beyond these, so that as many are left without the rigid ones of a plane body
+_REACH = 4.0  # how far above those modes a core reaches, so that above it dissipation bounds the response (a choice)
+_RIGID = 1e-8  # share of the highest frequency asked for below which a mode is a rigid-body one: root of rounding
+_LARGEST_DENSE = 400  # coordinates up to which a structure without a core is taken whole (a choice of run time)
+_SCANNED = 200  # frequencies of a scan without proof (a choice)
+_SHOWN = 1.5  # how far above its modes a band reaches, so that the last peak is seen from both sides (a choice)
+_BELOW = 0.25  # where it begins, relative to the lowest mode (a choice)
+_ALMOST_ZERO = 1e-9  # [rad/s], in place of zero for integrated inputs, whose response there is infinite
+_INDEFINITE = 1e-9  # share of the largest eigenvalue up to which a negative one is rounding
 
 
 def orthonormal_parts(model: SecondOrderModel) -> tuple[SecondOrderModel, ...]:
@@ -54,24 +48,17 @@ def orthonormal_parts(model: SecondOrderModel) -> tuple[SecondOrderModel, ...]:
 
 def resonances(model: SecondOrderModel) -> Resonances:
     """Return the poles of a model up to a few times its eighth mode, and a band that shows them."""
-    parts, top = orthonormal_parts(model), 0.0
     band = _modal_band(model)
     if band is None:
-        poles = first_order_poles(dense(model.M), dense(model.C), dense(model.K))
-        size = np.sort(np.abs(poles[np.abs(poles) > 1e-9 * np.abs(poles).max(initial=1e-300)]))
-        if not len(size):
-            return Resonances(poles, 0.1, 100.0)
-        low, top = float(size[0]), 1.5 * float(size[min(len(size), 2 * _BAND) - 1])
-        return Resonances(poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)], 0.25 * low, top)
-    low, top = band[0], 1.5 * band[1]
-    found = [_poles(part, low, top) for part in parts]
-    return Resonances(np.concatenate(found), 0.25 * low, top)
+        return Resonances.of(first_order_poles(dense(model.M), dense(model.C), dense(model.K)))
+    low, top = band[0], _SHOWN * band[1]
+    return Resonances(np.concatenate([_poles(part, low, top) for part in orthonormal_parts(model)]), _BELOW * low, top)
 
 
 def _modal_band(model: SecondOrderModel) -> tuple[float, float] | None:
     """Return the lowest and the eighth elastic frequency [rad/s]; None for matrices that have no real modes."""
     try:
-        frequencies, _ = undamped_modes(model, min(_BAND + 3, model.n))
+        frequencies, _ = undamped_modes(model, min(_BAND + _SPARE, model.n))
     except ValueError:
         return None
     elastic = frequencies[frequencies > _RIGID * frequencies[-1]][:_BAND]
@@ -90,7 +77,7 @@ def _poles(part: SecondOrderModel, low: float, top: float) -> Array:
 def _built(part: SecondOrderModel, low: float, top: float) -> Core | None:
     """Return a core for the band, or None where there is none."""
     try:
-        return build_core(part, np.geomspace(0.1 * low, top, 16))
+        return build_core(part, np.geomspace(0.1 * low, top, _CORE_POINTS))
     except (np.linalg.LinAlgError, RuntimeError):
         return None
 
@@ -129,7 +116,7 @@ def _part_norm(model: SecondOrderModel) -> NormCertificate:
 
 def _scanned(model: SecondOrderModel, low: float, top: float) -> NormCertificate:
     """Return the largest value found on a grid, for a large structure that no small one stands for."""
-    omega = np.geomspace(0.1 * low, top, 200)
+    omega = np.geomspace(0.1 * low, top, _SCANNED)
     values = singular_values(respond(model, omega))[0]
     best = int(np.argmax(values))
     return NormCertificate(float(values[best]), inf, float(omega[best]), "a scan, without proof")
@@ -140,21 +127,22 @@ def _small_norm(small: SecondOrderModel) -> NormCertificate:
     try:
         frequencies, V = undamped_modes(small)
     except ValueError:
-        return matrices_norm(state_matrices(realize(small)), lambda omega: _response(small, omega))
+        return matrices_norm(of(small).balanced(), lambda omega: _response(small, omega))
     if any(small.ports.integrators) or frequencies[0] <= _RIGID * frequencies[-1]:
         low = float(frequencies[frequencies > _RIGID * frequencies[-1]].min(initial=np.inf))
         if grows_towards(lambda omega: _response(small, omega), 0.0, low if np.isfinite(low) else 1.0):
             return NormCertificate(inf, inf, 0.0, "an integrating or rigid-body mode")
-    return matrices_norm(state_matrices(realize(_in_modes(small, V))), lambda omega: _response(small, omega))
+    return matrices_norm(of(in_modes(small, V)).balanced(), lambda omega: _response(small, omega))
 
 
-def _in_modes(model: SecondOrderModel, V: Array) -> SecondOrderModel:
-    """Return a model over the coordinates of its undamped modes, which keep the names of the old ones."""
+def in_modes(model: SecondOrderModel, V: Array) -> SecondOrderModel:
+    """Return a model over the coordinates of undamped modes, projected through its strain rows where it has them."""
     M, K, C = project(model, V)
-    return SecondOrderModel.build(M, C, K, model.ports.congruent(V), model.coordinates)
+    names = tuple(f"mode{i + 1}" for i in range(V.shape[1]))
+    return SecondOrderModel.build(M, C, K, model.ports.congruent(V), names, primary=model.primary)
 
 
-def modal_realization(model: SecondOrderModel) -> "control.StateSpace":
+def modal_realization(model: SecondOrderModel) -> Lti:
     """Return a state-space system of a model in the coordinates of its undamped modes, or, without them, its own.
 
     Raises
@@ -165,14 +153,12 @@ def modal_realization(model: SecondOrderModel) -> "control.StateSpace":
     try:
         _, V = undamped_modes(model)
     except ValueError:
-        return realize(model)
-    return realize(_in_modes(model, V))
+        return of(model)
+    return of(in_modes(model, V))
 
 
 def _response(small: SecondOrderModel, omega: Array) -> Array:
-    if any(small.ports.integrators):
-        omega = np.maximum(omega, 1e-9)
-    return direct_response(small, omega)
+    return direct_response(small, np.maximum(omega, _ALMOST_ZERO) if any(small.ports.integrators) else omega)
 
 
 def _dissipation_bound(model: SecondOrderModel, omega: float) -> float:
@@ -193,6 +179,6 @@ def _gram(solve: object, columns: Array) -> float:
     """Return the largest singular value of ``C^-1/2 columns``."""
     gram = columns.T @ solve(columns)  # type: ignore[operator]
     values = linalg.eigvalsh(0.5 * (gram + gram.T))
-    if values[0] < -1e-9 * abs(values[-1]):
+    if values[0] < -_INDEFINITE * abs(values[-1]):
         raise ValueError("damping is not definite")
     return float(np.sqrt(max(values[-1], 0.0)))

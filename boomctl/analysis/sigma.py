@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -13,16 +13,16 @@ from boomctl.analysis.model_norm import model_norm, orthonormal_parts, resonance
 from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, names
-from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import state_matrices
+from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_values
+from boomctl.lti.system import Lti, is_frequency_response, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import respond, respond_part
 
 if TYPE_CHECKING:
     import control
 
-_BASE_POINTS = 240
-_CLUSTER = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(1.0)
+_POINTS = 240  # of a curve, beside those at the resonances: about 100 a decade on a boom's band (a choice)
+NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
 
 
 @dataclass(frozen=True)
@@ -97,37 +97,27 @@ def sigma(
     TypeError, ValueError
         Another kind of system; unknown signals; frequencies negative or not finite; ``omega`` given for measured data.
     """
-    import control
-
-    if isinstance(system, SecondOrderModel):
-        return _of_model(system, omega, inputs, outputs)
-    if isinstance(system, control.StateSpace):
-        return _of_statespace(system, omega, inputs, outputs)
-    if isinstance(system, control.FrequencyResponseData):
+    if is_frequency_response(system):
         return _of_data(system, omega, inputs, outputs)
-    kind = type(system).__name__
-    raise TypeError(f"system: expected SecondOrderModel, StateSpace or FrequencyResponseData, got {kind}")
-
-
-def _of_model(
-    model: SecondOrderModel,
-    omega: ArrayLike | None,
-    inputs: str | Sequence[str] | None,
-    outputs: str | Sequence[str] | None,
-) -> SigmaResult:
-    first = model.primary or (None, None)
-    chosen = model.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
-
-    def norm() -> NormCertificate:
-        return model_norm(chosen)
-
+    if isinstance(system, SecondOrderModel):
+        first = system.primary or (None, None)
+        model = system.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
+        signals = model.inputs, model.outputs
+        norm, poles, values = partial(model_norm, model), partial(resonances, model), partial(_model_values, model)
+    else:
+        matrices = of(system, expected="SecondOrderModel, StateSpace or FrequencyResponseData").select(inputs, outputs)
+        signals, matrices = (matrices.inputs, matrices.outputs), matrices.balanced()
+        norm, poles = partial(matrices_norm, matrices), lambda: Resonances.of(matrices.poles)
+        values = partial(_matrix_values, matrices)
     if omega is not None:
-        return SigmaResult(
-            grid := frequencies("omega", omega), _model_values(chosen, grid), chosen.inputs, chosen.outputs, norm
-        )
-    found, certificate = resonances(chosen), norm()
-    grid = resolved_grid(found.poles, found.low, found.high, certificate.omega)
-    return SigmaResult(grid, _model_values(chosen, grid), chosen.inputs, chosen.outputs, lambda: certificate)
+        grid = frequencies("omega", omega)
+        return SigmaResult(grid, values(grid), *signals, norm)
+    found, certificate = poles(), norm()
+    peak = [certificate.omega] if found.low <= certificate.omega < np.inf else []
+    grid = resonance_grid(
+        found.poles, found.low, found.high, points=_POINTS, places=DRAWN, narrowest=NARROWEST, also=peak
+    )
+    return SigmaResult(grid, values(grid), *signals, lambda: certificate)
 
 
 def _model_values(model: SecondOrderModel, omega: Array) -> Array:
@@ -138,28 +128,8 @@ def _model_values(model: SecondOrderModel, omega: Array) -> Array:
     return -np.sort(-values, axis=0)[: min(len(model.inputs), len(model.outputs))]
 
 
-def _of_statespace(
-    system: "control.StateSpace",
-    omega: ArrayLike | None,
-    inputs: str | Sequence[str] | None,
-    outputs: str | Sequence[str] | None,
-) -> SigmaResult:
-    ins, outs = names("input", inputs, system.input_labels), names("output", outputs, system.output_labels)
-    matrices = state_matrices(system[list(outs), list(ins)])
-
-    def norm() -> NormCertificate:
-        return matrices_norm(matrices)
-
-    if omega is not None:
-        grid = frequencies("omega", omega)
-        return SigmaResult(grid, singular_values(matrices.response(grid)), ins, outs, norm)
-    certificate = norm()
-    poles = np.linalg.eigvals(matrices.A) if len(matrices.A) else np.zeros(0)
-    size = np.sort(np.abs(poles[np.abs(poles) > 1e-9 * np.abs(poles).max(initial=1e-300)]))
-    low, high = (size[0] * 0.25, size[min(len(size), 16) - 1] * 1.5) if len(size) else (0.1, 100.0)
-    shown = poles[(poles.imag >= 0) & (np.abs(poles) <= high)]
-    grid = resolved_grid(shown, float(low), float(high), certificate.omega)
-    return SigmaResult(grid, singular_values(matrices.response(grid)), ins, outs, lambda: certificate)
+def _matrix_values(system: Lti, omega: Array) -> Array:
+    return singular_values(system.response(omega))
 
 
 def _of_data(
@@ -181,13 +151,3 @@ def _of_data(
         float(values[0, best]), np.inf, float(grid[best]), "largest value on the grid of the data"
     )
     return SigmaResult(grid, values, ins, outs, lambda: certificate)
-
-
-def resolved_grid(poles: Array, low: float, high: float, peak: float) -> Array:
-    """Return frequencies from ``low`` to ``high`` that resolve the peak of every pole, and the certified one."""
-    upper = poles[np.abs(poles) > 0]
-    width = np.maximum(np.abs(upper.real), 1e-6 * np.abs(upper))
-    cluster = (np.abs(upper.imag)[:, None] + width[:, None] * _CLUSTER).ravel()
-    extra = [peak] if np.isfinite(peak) and peak > 0 else []
-    grid = np.unique(np.concatenate([np.geomspace(low, high, _BASE_POINTS), cluster, extra]))
-    return grid[(grid >= low) & (grid <= max(high, *extra, high))] if extra else grid[(grid >= low) & (grid <= high)]

@@ -8,11 +8,10 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.lti.system import Lti, of
 from boomctl.reduction.structural_tail import Loads, separated_damping, tail_bound
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import project, undamped_modes
-from boomctl.structure.response.realisation import realize
 from boomctl.structure.symmetry import half
 
 if TYPE_CHECKING:
@@ -60,8 +59,8 @@ def core_of(system: "control.StateSpace | SecondOrderModel", modes: int) -> Syst
                 f"a model of {system.n} coordinates without closed-form bound of its high modes (it needs symmetric "
                 f"matrices, damping proportional to stiffness but for a few dampers, displacements imposed and read)"
             )
-        return statespace_core(state_matrices(realize(_in_modes(system))), 2 * modes)
-    return statespace_core(state_matrices(system), 2 * modes)
+        return statespace_core(of(_in_modes(system)).balanced(), 2 * modes)
+    return statespace_core(of(system).balanced(), 2 * modes)
 
 
 def _in_modes(model: SecondOrderModel) -> SecondOrderModel:

@@ -11,7 +11,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import spectral_parts
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.lti.system import Lti, of
 from boomctl.reduction.core import LARGEST_DENSE, SystemCore, core_of, loads_of
 from boomctl.reduction.left_out import left_out_bound
 from boomctl.reduction.result import ReductionError
@@ -20,7 +20,6 @@ from boomctl.reduction.structural_tail import Loads
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
 from boomctl.structure.response.poles import project, undamped_modes
-from boomctl.structure.response.realisation import realize
 
 _RIGID = 1e-8
 _SAME = 1e-6
@@ -128,7 +127,7 @@ def _bound(
 
 
 def _compared(core: SystemCore, smaller: SecondOrderModel, band: Band | None, bound: float) -> Attempt:
-    stable, kept = spectral_parts(state_matrices(realize(smaller)))
+    stable, kept = spectral_parts(of(smaller).balanced())
     if not _same(core.kept, kept):
         raise ReductionError(
             f"{len(core.kept.A)} unstable, undamped or rigid-body states do not come out as they went in "

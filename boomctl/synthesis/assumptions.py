@@ -6,7 +6,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.synthesis.hidden_modes import HiddenMode, unmoved
+from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 

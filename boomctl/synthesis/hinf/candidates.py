@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, matrices_norm
+from boomctl.lti.modal import split
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.synthesis.assumptions import SynthesisError
-from boomctl.synthesis.fast_poles import without_fast_poles
 from boomctl.synthesis.hinf.bounds import Bounds, Deadline
 from boomctl.synthesis.hinf.native import NativeFailure, shared_worker
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
@@ -180,7 +179,21 @@ def _controllers(task: Task, level: float, tried: list[_Tried]) -> Iterator[tupl
 
 def largest_pole(K: Lti) -> float:
     """Return the largest magnitude of a controller's poles [rad/s]."""
-    return float(np.abs(linalg.eigvals(K.A)).max()) if len(K.A) else 0.0
+    return float(np.abs(K.poles).max(initial=0.0))
+
+
+def without_fast_poles(K: Lti, fastest: float) -> Lti | None:
+    """Return a system without its poles above a magnitude [rad/s], their gain at zero frequency kept in ``D``.
+
+    None comes back where they cannot be split off.  Nothing is said of the loop: verify it.
+    """
+    try:
+        fast, slow = split(K, np.abs(K.poles) > fastest)
+        D = slow.D - fast.C @ np.linalg.solve(fast.A, fast.B)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    slower = replace(K, A=slow.A, B=slow.B, C=slow.C, D=D, states=())
+    return slower if all(np.isfinite(part).all() for part in (slower.B, slower.C, slower.D)) else None
 
 
 def judged(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
@@ -189,7 +202,7 @@ def judged(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
         loop = lower_lft(plant.system, K).balanced()
     except ValueError as error:
         return str(error)
-    slowest = float(linalg.eigvals(loop.A).real.max()) if len(loop.A) else -np.inf
+    slowest = float(loop.poles.real.max(initial=-np.inf))
     if slowest >= 0.0:
         return f"its loop has a pole with real part {slowest:.3g} rad/s"
     norm = matrices_norm(loop)

@@ -97,7 +97,7 @@ def split_controller(
         entries.append(read[0])
         leaves.append(drive[0])
         halves.append(_half(K, grid, read, drive))
-    response = np.moveaxis(K.response(grid), 2, 0)
+    response = np.moveaxis(K.response(grid, quiet=True), 2, 0)
     unit = np.abs(response).max(axis=(0, 1))
     response = response / np.where(unit > 0.0, unit, 1.0)
     gains = {(i, j): np.abs(leaves[i].T @ response @ entries[j]).max(initial=0.0) for i in (0, 1) for j in (0, 1)}
@@ -115,7 +115,7 @@ def _mirror(model: SecondOrderModel) -> Mirror:
 
 def _around(K: Lti) -> Array:
     """Return frequencies at a controller's poles and around, beside those that are undamped."""
-    poles = linalg.eigvals(K.A) if len(K.A) else -np.ones(1)
+    poles = K.poles if len(K.A) else -np.ones(1)
     size = np.abs(poles)
     poles, size = poles[size > 0.0], size[size > 0.0]
     low, high = (float(size.min()), float(size.max())) if len(size) else (1.0, 1.0)
@@ -141,7 +141,7 @@ def _half(
         inputs,
         outputs,
     )
-    size = float(np.abs(half.response(grid)).max(initial=0.0))
+    size = float(np.abs(half.response(grid, quiet=True)).max(initial=0.0))
     named = half.statespace("controller")
     return named if not states or size == 0.0 else reduce(named, error=_SPLIT * size).system
 

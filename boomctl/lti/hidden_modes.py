@@ -1,7 +1,7 @@
-"""Which modes no control can move and no measurement or weight can see, told by frequency and damping.
+"""Which modes no input moves, and by duality which no output sees.
 
-The eigenvector test of Popov, Belevitch and Hautus, on left eigenvectors of each cluster of poles in balanced
-coordinates.  Stable modes may stay as they are; unstable and undamped ones may not.
+The eigenvector test of Popov, Belevitch and Hautus (PBH), on left eigenvectors of each cluster of poles in balanced
+coordinates.
 """
 
 from collections.abc import Sequence
@@ -11,11 +11,18 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.modal import side_of_axis
 
-_WEAK = 1e-9
-_AXIS = 1e-9
-_ROUNDING = 4.0 * float(np.finfo(float).eps)
-_CLUSTER = 1e-6
+_WEAK = 1e-9  # cosine between a mode and the columns of B up to which they do not reach it (a choice above rounding)
+_ROUNDING = 4.0 * float(
+    np.finfo(float).eps
+)  # of the norm of the matrix: how far eigenvalues move, for orthogonal eigenvectors
+_FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than that, however ill-conditioned (a choice)
+_PARALLEL = (
+    1e-6  # share of the largest singular value below which eigenvectors of a cluster add no direction (a choice)
+)
+_EQUAL = 1e-12  # relative distance of poles that count as equal in any case (a choice above rounding)
+_ZERO = 1e-12  # natural frequency [rad/s] below which a mode is called integrating in a message
 
 
 @dataclass(frozen=True)
@@ -40,10 +47,11 @@ class HiddenMode:
 
     def __str__(self) -> str:
         size = self.omega
-        if size <= 1e-12:
+        if size <= _ZERO:
             return f"the mode at 0 rad/s (integrating or rigid-body, mostly in state {self.state!r})"
-        damping = -self.pole.real / size if abs(self.pole.real) > _AXIS * size else 0.0
-        kind = "unstable, " if damping < -_AXIS else ""
+        side = int(side_of_axis(np.array([self.pole]))[0])
+        damping = -self.pole.real / size if side else 0.0
+        kind = "unstable, " if side > 0 else ""
         return f"the mode at {size:.4g} rad/s ({kind}damping {100.0 * damping:.3g} %, mostly in state {self.state!r})"
 
 
@@ -59,7 +67,7 @@ def unmoved(
     states : sequence of str
         Names of the states.
     axis_only : bool
-        Only modes on the imaginary axis, to rounding, instead of all that do not decay.
+        Only undamped modes, instead of all that do not decay.
     stable : bool
         The modes that do decay as well.
     """
@@ -70,11 +78,12 @@ def unmoved(
     acting = acting / np.where(lengths > 0.0, lengths, 1.0)
     poles, left, right = linalg.eig(balanced, left=True, right=True)  # type: ignore[misc]
     doubt = _doubt(balanced, left, right)
-    chosen = _chosen(poles, doubt, axis_only, stable) & (poles.imag >= 0.0)
+    side = side_of_axis(poles, doubt)
+    chosen = (poles.imag >= 0.0) & (stable | ((side == 0) if axis_only else (side >= 0)))
     found = []
     for cluster in _clusters(poles, doubt, chosen):
         U, values, _ = linalg.svd(left[:, cluster], full_matrices=False)
-        basis = U[:, values > _CLUSTER * values[0]]
+        basis = U[:, values > _PARALLEL * values[0]]
         directions, reach, _ = linalg.svd(basis.conj().T @ acting)
         reach = np.concatenate([reach, np.zeros(basis.shape[1] - len(reach))])
         for k in np.flatnonzero(reach <= _WEAK):
@@ -85,17 +94,10 @@ def unmoved(
 
 
 def _doubt(A: Array, left: Array, right: Array) -> Array:
-    """Return how far rounding may have moved each pole, at most a millionth of the size of the matrix."""
+    """Return how far rounding may have moved each pole: by the more, the smaller the angle of its two eigenvectors."""
     size = float(np.linalg.norm(A, 2))
     cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
-    return np.minimum(_ROUNDING * size / np.maximum(cosine, 1e-300), 1e-6 * size)
-
-
-def _chosen(poles: Array, doubt: Array, axis_only: bool, stable: bool) -> Array:
-    if stable:
-        return np.ones(len(poles), dtype=bool)
-    margin = np.maximum(_AXIS * np.abs(poles), doubt)
-    return np.abs(poles.real) <= margin if axis_only else poles.real >= -margin
+    return np.minimum(_ROUNDING * size / np.maximum(cosine, np.finfo(float).tiny), _FARTHEST * size)
 
 
 def _clusters(poles: Array, doubt: Array, chosen: Array) -> list[list[int]]:
@@ -104,7 +106,7 @@ def _clusters(poles: Array, doubt: Array, chosen: Array) -> list[list[int]]:
     groups = []
     while left:
         seed = left[0]
-        near = np.abs(poles - poles[seed]) <= doubt + doubt[seed] + 1e-12 * np.abs(poles)
+        near = np.abs(poles - poles[seed]) <= doubt + doubt[seed] + _EQUAL * np.abs(poles)
         group = [int(i) for i in np.flatnonzero(near)]
         groups.append([seed, *(i for i in group if i != seed)])
         left = [i for i in left if i not in group and i != seed]
