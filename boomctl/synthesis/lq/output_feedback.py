@@ -6,6 +6,7 @@ import numpy as np
 from scipy import linalg, optimize
 
 from boomctl.arrays import Array
+from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.lq.quadratic_norm import QuadraticNorm, quadratic_norm
@@ -72,7 +73,7 @@ def certify(loop: Lti, least: float, regulator: RiccatiSolution, estimator: Ricc
     """
     poles = linalg.eigvals(loop.A)
     abscissa = float(poles.real.max())
-    if abscissa >= 0.0:
+    if (side_of_axis(poles) >= 0).any():
         raise SynthesisError(f"the closed loop is not stable: a pole with real part {abscissa:.3g} rad/s")
     found = FeedbackCertificate(
         regulator=regulator.certificate,

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
+from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti
 
 
@@ -37,7 +38,7 @@ def quadratic_norm(system: Lti) -> QuadraticNorm:
     if not len(system.A):
         value = np.inf if system.D.any() else 0.0
         return QuadraticNorm(value, value)
-    if system.D.any() or linalg.eigvals(system.A).real.max() >= 0.0:
+    if system.D.any() or (side_of_axis(system.poles) >= 0).any():
         return QuadraticNorm(np.inf, np.inf)
     A, (scale, _) = linalg.matrix_balance(system.A, permute=False, separate=True)
     B, C = system.B / scale[:, None], system.C * scale

@@ -9,6 +9,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, real
+from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti
 from boomctl.structure.model import SecondOrderModel
 
@@ -53,7 +54,7 @@ def _weight(what: str, weight: Any) -> Lti:
     if len(A):
         poles = linalg.eigvals(A)
         worst = poles[np.argmax(poles.real)]
-        if worst.real >= -1e-12 * np.abs(poles).max():
+        if (side_of_axis(poles) >= 0).any():
             raise ValueError(f"{what}: expected a stable system, this one has a pole at {worst:.6g} rad/s")
     return Lti(A, B, C, D)
 
