@@ -19,7 +19,10 @@ from boomctl.lti.system import Lti
 # poles of undamped structures (measured: booms of up to 40 elements 2e-13, random coordinates 5e-12), materials have
 # 1e-4 and more.
 UNDAMPED = 1e-10
-_RESOLVED = 1e-13  # share of the fastest pole below which a pole cannot be told from zero: 500 units of rounding
+_ZERO = 4.0 * float(np.finfo(float).eps)  # share of the fastest pole up to which a pole is rounding of one at zero
+_RESOLVED = (
+    1e-13  # share of the fastest pole by which rounding may have moved a pole to the right: 500 units (a choice)
+)
 # Share of the fastest pole below which kept poles may be a Jordan block at zero: rounding moves those by its root.
 _RIGID = 1e-7
 _CLUSTER = 10.0  # poles of such a block differ in size by less than this factor (a choice)
@@ -41,17 +44,16 @@ def side_of_axis(poles: Array, doubt: Array | float = 0.0) -> Array:
         How far rounding may have moved a pole [rad/s], where that is known; within it a pole counts as undamped.
     """
     size = np.abs(poles)
-    noise = _RESOLVED * size.max(initial=0.0)
+    fastest = size.max(initial=0.0)
     margin = np.maximum(UNDAMPED * size, doubt)
-    slow = size <= noise
     side = np.zeros(len(poles), dtype=int)
-    side[(poles.real < -margin) & ~slow] = -1
-    side[(poles.real > np.maximum(margin, noise)) & ~slow] = 1
+    side[(poles.real < -margin) & (size > _ZERO * fastest)] = -1
+    side[poles.real > np.maximum(margin, _RESOLVED * fastest)] = 1
     return side
 
 
 def resolved(poles: Array) -> Array:
-    """Return which poles can be told from zero beside the fastest."""
+    """Return which poles are so fast beside the fastest that their frequency is worth a look."""
     size = np.abs(poles)
     return size > _RESOLVED * size.max(initial=0.0)
 

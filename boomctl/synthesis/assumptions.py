@@ -10,9 +10,8 @@ from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
-_RANK = (
-    1e-10  # least singular value of D12 or D21 with unit columns: the inverse of a smaller one has six digits or fewer
-)
+# Least singular value of D12 or D21 with unit columns: the inverse of a smaller one has six digits or fewer
+_RANK = 1e-10
 _ZERO = 1e-14  # share of the largest column below which a column is nothing but rounding
 _SHARE = 1e-3  # least part in a dependent combination that a signal is named for (a choice)
 _NOISE = 1e-13  # share of all performance rows below which one of them is what rounding leaves of a rotation

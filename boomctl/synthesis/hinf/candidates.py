@@ -16,9 +16,8 @@ from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import controller_of, level_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, with_feedthrough
 
-_ACCEPT = (
-    0.01  # share by which a loop's norm may exceed the level its controller was computed for: rounding of the solver
-)
+# Share by which a loop's norm may exceed the level its controller was computed for: rounding of the solver
+_ACCEPT = 0.01
 
 # Levels in the order tried, as shares above the lower bound.  All are choices: a controller nearer the optimum has faster
 # poles, so that the first level takes up nearly all of the tolerance and leaves the rest to rounding.
@@ -26,9 +25,8 @@ _FIRST = (0.95, 0.5, 1.0)  # of the tolerance
 _CLOSE = (0.02, 0.0485)  # up to 5 % with rounding: then twice the tolerance and these, where they are more than it
 _FAR = (0.1, 0.2, 0.4, 0.7, 1.0)  # then up to twice the bound, where poles may stay slow only at that cost
 _ANY = (*_FAR, 3.0, 10.0, 100.0)  # where slow poles were asked for, at whatever cost
-_HALVINGS = (
-    3  # of the ratio between the last level that failed and the first that passed: to an eighth of its logarithm
-)
+# Of the ratio between the last level that failed and the first that passed: to an eighth of its logarithm
+_HALVINGS = 3
 
 
 @dataclass(frozen=True)
@@ -208,6 +206,6 @@ def judged(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
     norm = matrices_norm(loop)
     if not norm.certified:
         return f"the norm of its loop could not be certified ({norm.method})"
-    if norm.upper > limit:
+    if norm.upper > limit or norm.lower == np.inf:
         return f"its loop has norm {norm.lower:.6g}, more than {limit:.6g}"
     return Candidate(K, loop, norm, slowest, level=norm.upper)

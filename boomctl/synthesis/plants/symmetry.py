@@ -11,13 +11,11 @@ from boomctl.reduction import reduce
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
 
-_SPLIT = (
-    1e-7  # share of a half's gain that its reduction may drop, of a state's size that is rounding: half of all digits
-)
+# Share of a half's gain that its reduction may drop, of a state's size that is rounding: half of all digits
+_SPLIT = 1e-7
 _BESIDE = 1e-3  # relative distance kept from undamped poles, where a response has no end (a choice)
-_SAME = (
-    1e-6  # relative distance of eigenvalues that belong together: a double one is split by rounding to its root, 1e-8
-)
+# Relative distance of eigenvalues that belong together: a double one is split by rounding to its root, 1e-8
+_SAME = 1e-6
 
 
 def join_symmetric(
