@@ -177,7 +177,7 @@ def _reached(ready: NormalizedPlant, base: float, deadline: Deadline) -> list[Le
 
 
 def _middle(span: _Span) -> float:
-    return float(np.sqrt(max(span.low, 1e-3 * span.high) * span.high))
+    return float(np.sqrt(max(span.low, 1e-3 * span.high) * span.high))  # of an open span, three decades
 
 
 def _next(span: _Span, levels: list[Level], tolerance: float) -> float:
@@ -230,7 +230,7 @@ def _out_of_reach(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
 
 def _peak(rest: Callable[[Array], Array], poles: Array) -> tuple[float, float]:
     size = np.abs(poles)
-    size = size[size > 1e-9 * size.max()]
+    size = size[size > 1e-9 * size.max()]  # slower ones would only stretch the grid
     low, high = (size.min(), size.max()) if len(size) else (1.0, 1.0)
     grid = np.unique(np.concatenate([[0.0], np.geomspace(low / 10.0, high * 10.0, _POINTS), np.abs(poles)]))
     values = rest(grid)

@@ -196,7 +196,8 @@ def _spanned(A: Array, start: Array) -> Array:
         left, strength, _ = linalg.svd(start - basis @ (basis.T @ start), full_matrices=False)
         new = left[:, strength > _SPLIT]
         basis, onward = np.hstack([basis, new]), A @ new
-        start = onward / np.maximum(np.linalg.norm(onward, axis=0), 1e-6 * size)
+        # a column that A nearly annihilates is rounding, and stays small
+        start = onward / np.maximum(np.linalg.norm(onward, axis=0), _SAME * size)
     return basis
 
 
