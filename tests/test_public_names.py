@@ -81,7 +81,7 @@ def _lines():
 
 def test_public_names_parameters_and_members_are_those_written_down():
     stored = STORED.read_text().splitlines()
-    changes = [line for line in difflib.unified_diff(stored, _lines(), "written down", "now", lineterm="", n=0)]
+    changes = list(difflib.unified_diff(stored, _lines(), "written down", "now", lineterm="", n=0))
     assert not changes, "\n".join([*changes, "deliberate? python -m tests.test_public_names"])
 
 

@@ -29,10 +29,8 @@ FIRST = next(iter(BLOCKS))
 @functools.cache
 def _names_after(section, number):
     """Return the names that a reader has who ran a block and what comes before it."""
-    if number > 1:
-        before = (section, number - 1)
-    else:
-        before = (CONTINUES[section], 1) if section in CONTINUES else FIRST
+    start = (CONTINUES[section], 1) if section in CONTINUES else FIRST
+    before = (section, number - 1) if number > 1 else start
     names = {} if (section, number) == FIRST else dict(_names_after(*before))
     exec(compile(BLOCKS[section, number], f"README.md, {section}", "exec"), names)
     return names
