@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
-from boomctl.catalogue import DesignFile, design_file, design_names
+from boomctl.studies.catalogue import DesignFile, design_file, design_names
 
 __all__ = ["app", "main"]
 
@@ -61,7 +61,7 @@ def _fail(message: str, code: int) -> None:
 
 
 def _print_json(value: Any) -> None:
-    from boomctl.output import plain
+    from boomctl.files import plain
 
     print(json.dumps(plain(value), allow_nan=False))
 
@@ -105,7 +105,7 @@ def reproduce(
     "all" puts either paper into a folder of its own below --out.
     """
     from boomctl.checks import known
-    from boomctl.output import prepared_folder
+    from boomctl.files import prepared_folder
 
     known("what to reproduce", what, ("boom", "hub-beam", "all"))
     if what == "hub-beam" and (parameters or measured):
@@ -126,8 +126,8 @@ def reproduce(
 
 def _bind(folder: Path, results: dict[str, Any]) -> None:
     """Write report and results of both papers into one file each."""
-    from boomctl.output import write_json, write_whole
-    from boomctl.reporting import bound_reports
+    from boomctl.files import write_json, write_whole
+    from boomctl.report import bound_reports
 
     heads = {"boom": "Anthonis & Ramon (2003): the spray boom", "hub-beam": "Bai et al. (2009): the rotating hub-beam"}
     reports = [(head, (folder / name / "report.html").read_text(encoding="utf-8")) for name, head in heads.items()]
@@ -138,7 +138,7 @@ def _bind(folder: Path, results: dict[str, Any]) -> None:
 def _reproduce_boom(folder: Path, parameters: Path | None, measured: Path | None, quiet: bool) -> dict[str, Any]:
     from boomctl.analysis import read_measured_curve
     from boomctl.boom import BoomParameters
-    from boomctl.reproduce.boom_report import run
+    from boomctl.papers.anthonis_ramon.report import run
 
     p = BoomParameters.from_toml(parameters) if parameters else None
     curve = read_measured_curve(measured) if measured else None
@@ -151,7 +151,7 @@ def _reproduce_boom(folder: Path, parameters: Path | None, measured: Path | None
 
 
 def _reproduce_hub_beam(folder: Path, quiet: bool) -> dict[str, Any]:
-    from boomctl.reproduce.hub_beam import PARTS, run
+    from boomctl.papers.bai.run import PARTS, run
 
     with _progress(len(PARTS) + 2) as progress:
         done = run(folder, progress=progress)
@@ -212,9 +212,9 @@ def design(
 
 def _run_suspension(found: DesignFile, out: Path, scene: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
     """Synthesise and judge a suspension, and write its report."""
-    from boomctl.output import prepared_folder
-    from boomctl.suspension import FieldScene, SuspensionDesign, evaluate
-    from boomctl.suspension.report import write_report
+    from boomctl.files import prepared_folder
+    from boomctl.studies.suspension import FieldScene, SuspensionDesign, evaluate
+    from boomctl.studies.suspension.report import write_report
 
     field, folder = FieldScene(**scene), prepared_folder(out)
     with _progress(4) as progress:
@@ -227,9 +227,9 @@ def _run_suspension(found: DesignFile, out: Path, scene: dict[str, Any]) -> tupl
 
 def _run_slew(found: DesignFile, out: Path) -> tuple[Any, dict[str, Any]]:
     """Plan and judge a slew, and write its report."""
-    from boomctl.output import prepared_folder
-    from boomctl.reproduce.slew import write_report
-    from boomctl.reproduce.slew_design import SlewDesign, evaluate
+    from boomctl.files import prepared_folder
+    from boomctl.studies.slew.design import SlewDesign, evaluate
+    from boomctl.studies.slew.study import write_report
 
     folder = prepared_folder(out)
     with _progress(7) as progress:
@@ -281,7 +281,7 @@ def _boom_sigma(discretization: str, elements: int, parameters: Path | None) -> 
 
 
 def _save_sigma(result: Any, label: str, curve: Any, out: Path) -> None:
-    from boomctl.output import prepared_folder, write_whole
+    from boomctl.files import prepared_folder, write_whole
     from boomctl.plotting import figure_bytes, new_figure, plot_measured, plot_sigma
 
     prepared_folder(out.parent)
@@ -327,8 +327,8 @@ def slew(
     as_json: Json = False,
 ) -> None:
     """Plan an optimal slew of the hub-beam, certify it and set it beside classical ones."""
-    from boomctl.hub_beam import HubBeam, HubBeamParameters
-    from boomctl.reproduce.slew import STEPS, run
+    from boomctl.rotating_beam import HubBeam, HubBeamParameters
+    from boomctl.studies.slew.study import STEPS, run
 
     meshes = None if mesh_study else ()
     given = {"torque_rate_limit": torque_rate_limit, "speed_limit": speed_limit, "tip_limit": tip_limit}
@@ -356,13 +356,13 @@ def benchmark(
 
     known("benchmark", what, ("boom", "hub-beam", "suspension", "slew"))
     if what == "hub-beam":
-        from boomctl.benchmark.hub_beam import run
+        from boomctl.benchmark.rotating_beam.run import run
     elif what == "suspension":
-        from boomctl.benchmark.suspension import run
+        from boomctl.benchmark.suspension.run import run
     elif what == "slew":
-        from boomctl.benchmark.slew import run
+        from boomctl.benchmark.slew.run import run
     else:
-        from boomctl.benchmark.boom import run
+        from boomctl.benchmark.boom.run import run
 
     with _progress(12) as progress:
         report = run(full, progress)

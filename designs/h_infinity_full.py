@@ -7,7 +7,7 @@ share of the controller that leads from yaw to jolt and back. That is removed, a
 from math import sqrt
 
 import boomctl as bc
-from boomctl.suspension import (
+from boomctl.studies.suspension import (
     ACCELERATIONS,
     CONTROLS,
     STROKES,

@@ -7,9 +7,9 @@ the beam's frequencies a tenth off it leaves some three times the vibration of a
 
 import numpy as np
 
-from boomctl.hub_beam import HubBeam, HubBeamParameters
-from boomctl.reproduce.slew_design import SlewDesign, SlewEvaluation, evaluate
+from boomctl.rotating_beam import HubBeam, HubBeamParameters
 from boomctl.slew import optimal_slew
+from boomctl.studies.slew.design import SlewDesign, SlewEvaluation, evaluate
 
 ANGLE, LIMIT = np.pi / 2, 200.0
 

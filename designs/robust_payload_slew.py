@@ -7,9 +7,9 @@ too. The hub's angle is prescribed for the middle payload only: the others come 
 
 import numpy as np
 
-from boomctl.hub_beam import HubBeam, HubBeamParameters
-from boomctl.reproduce.slew_design import SlewDesign, SlewEvaluation, evaluate
+from boomctl.rotating_beam import HubBeam, HubBeamParameters
 from boomctl.slew import optimal_slew
+from boomctl.studies.slew.design import SlewDesign, SlewEvaluation, evaluate
 
 ANGLE, LIMIT, DURATION = np.pi / 2, 200.0, 4.5
 NOMINAL, OTHERS, BETWEEN = 0.1, (0.0, 0.2), (0.05, 0.15)

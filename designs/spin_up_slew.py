@@ -5,9 +5,9 @@ would need the same peak torque for it; it then takes longer, leaves a vibration
 that of the rigid body.
 """
 
-from boomctl.hub_beam import HubBeam, HubBeamParameters, spin_up
-from boomctl.reproduce.slew_design import SlewDesign, SlewEvaluation, evaluate
+from boomctl.rotating_beam import HubBeam, HubBeamParameters, spin_up
 from boomctl.slew import optimal_slew
+from boomctl.studies.slew.design import SlewDesign, SlewEvaluation, evaluate
 
 SPEED, LIMIT = 1.0, 200.0
 

@@ -105,7 +105,7 @@ def test_importing_the_package_is_light():
 
 
 def test_help_lists_all_designs():
-    from boomctl.catalogue import design_names
+    from boomctl.studies.catalogue import design_names
 
     shown = "".join(run("design", "--help").stdout.split())
     for name in design_names():
@@ -113,8 +113,8 @@ def test_help_lists_all_designs():
 
 
 SLEW = """
-from boomctl.hub_beam import HubBeam, HubBeamParameters
-from boomctl.reproduce.slew_design import SlewDesign
+from boomctl.rotating_beam import HubBeam, HubBeamParameters
+from boomctl.studies.slew.design import SlewDesign
 from boomctl.slew import optimal_slew
 
 

@@ -1,13 +1,6 @@
 """Frequency-domain analysis of any linear system: singular values, certified norms, modes, margins, robustness."""
 
-from boomctl.analysis.h2 import H2Certificate, h2_norm
-from boomctl.analysis.loops import closed_loop_response, feedback_loop
-from boomctl.analysis.margins import DiskMargin, LoopMargin, Margins, margins
-from boomctl.analysis.measured import MeasuredCurve, read_measured_curve
-from boomctl.analysis.modes import ModeRow, ModeTable, mode_table
-from boomctl.analysis.norm import NormCertificate, hinf_norm
-from boomctl.analysis.nyquist import ExactLoopStability, exact_loop_stability
-from boomctl.analysis.robustness import (
+from boomctl.analysis.box.robustness import (
     RobustStability,
     StructuredMargin,
     WorstCase,
@@ -15,6 +8,13 @@ from boomctl.analysis.robustness import (
     structured_margin,
     worst_case,
 )
+from boomctl.analysis.h2 import H2Certificate, h2_norm
+from boomctl.analysis.loops import closed_loop_response, feedback_loop
+from boomctl.analysis.margins import DiskMargin, LoopMargin, Margins, margins
+from boomctl.analysis.measured import MeasuredCurve, read_measured_curve
+from boomctl.analysis.modes import ModeRow, ModeTable, mode_table
+from boomctl.analysis.norm import NormCertificate, hinf_norm
+from boomctl.analysis.nyquist import ExactLoopStability, exact_loop_stability
 from boomctl.analysis.sigma import SigmaResult, sigma
 
 __all__ = [

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.gramians import factors
 from boomctl.analysis.model_norm import modal_realization
-from boomctl.analysis.norm import StateMatrices, grows_towards, state_matrices
-from boomctl.analysis.spectral import ModalSystem, diagonalized, spectral_parts
+from boomctl.analysis.norm import grows_towards
 from boomctl.arrays import Array, Complex
-from boomctl.structure.second_order import SecondOrderModel
+from boomctl.lti.gramians import factors
+from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
+from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control

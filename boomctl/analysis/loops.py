@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from boomctl.analysis.norm import StateMatrices, state_matrices
 from boomctl.arrays import Array, Complex
 from boomctl.checks import frequencies, known, names
-from boomctl.structure.second_order import SecondOrderModel
+from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control

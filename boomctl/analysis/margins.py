@@ -15,16 +15,17 @@ import numpy as np
 from scipy import optimize
 
 from boomctl.analysis.loops import joined
-from boomctl.analysis.norm import Response, StateMatrices, axis_eigenvalues, matrices_norm
+from boomctl.analysis.norm import Response, axis_eigenvalues, matrices_norm
 from boomctl.analysis.sigma import resolved_grid
-from boomctl.analysis.singular import singular_values
-from boomctl.analysis.triangular import Triangular, triangular
 from boomctl.arrays import Array, Complex
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.schur import Triangular, triangular
+from boomctl.lti.system import StateMatrices
 
 if TYPE_CHECKING:
     import control
 
-    from boomctl.structure.second_order import SecondOrderModel
+    from boomctl.structure.model import SecondOrderModel
 
 __all__ = ["DiskMargin", "LoopMargin", "Margins", "margins"]
 

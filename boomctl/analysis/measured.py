@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from boomctl.analysis.singular import singular_values
 from boomctl.arrays import Array
 from boomctl.csv_table import read_numbers
+from boomctl.lti.frequency import singular_values
 
 __all__ = ["MeasuredCurve", "read_measured_curve"]
 

@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg, sparse
 
-from boomctl.analysis.norm import NormCertificate, grows_towards, matrices_norm, state_matrices
-from boomctl.analysis.singular import singular_values
+from boomctl.analysis.norm import NormCertificate, grows_towards, matrices_norm
 from boomctl.arrays import Array, Complex
-from boomctl.structure.galerkin import Core, build_core
-from boomctl.structure.modal import damped_poles, dense, first_order_poles, project, undamped_modes
-from boomctl.structure.pencil import factorized
-from boomctl.structure.response import direct_response, respond
-from boomctl.structure.second_order import SecondOrderModel
-from boomctl.structure.statespace import realize
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.system import state_matrices
+from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.core import Core, build_core
+from boomctl.structure.response.direct import direct_response, respond
+from boomctl.structure.response.pencil import factorized
+from boomctl.structure.response.poles import damped_poles, dense, first_order_poles, project, undamped_modes
+from boomctl.structure.response.realisation import realize
 from boomctl.structure.symmetry import half
 
 if TYPE_CHECKING:

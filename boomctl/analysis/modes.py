@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.model_norm import modal_realization
-from boomctl.analysis.norm import StateMatrices, state_matrices
-from boomctl.analysis.spectral import diagonalized
 from boomctl.arrays import Array, Complex
-from boomctl.structure.second_order import SecondOrderModel
+from boomctl.lti.modal import diagonalized
+from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control

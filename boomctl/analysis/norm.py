@@ -13,20 +13,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg, optimize
 
-from boomctl.analysis.singular import singular_values
 from boomctl.arrays import Array, Complex
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.system import StateMatrices, state_matrices
 
 if TYPE_CHECKING:
     import control
 
 __all__ = [
     "NormCertificate",
-    "StateMatrices",
     "axis_eigenvalues",
     "grows_towards",
     "hinf_norm",
     "refined_peak",
-    "state_matrices",
 ]
 
 _LEVEL = 1e-6
@@ -34,7 +33,6 @@ _AXIS = 1e-10
 _ROUNDS = 30
 _REFINED = 3
 _SCREENED = 60
-_BATCH = 2**16
 _RESOLVED = 1e-13  # poles slower than that share of the fastest are rounding, not dynamics
 
 Response = Callable[[Array], Complex]
@@ -65,56 +63,6 @@ class NormCertificate:
     def certified(self) -> bool:
         """Whether the bounds agree to one part in 1e5, or the norm is known to be infinite."""
         return self.lower == inf or self.upper <= self.lower * (1.0 + 1e-5) + np.finfo(float).tiny
-
-
-@dataclass(frozen=True)
-class StateMatrices:
-    """``A, B, C, D`` of a continuous-time system."""
-
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-
-    def response(self, omega: Array) -> Complex:
-        """Return the frequency response, shape (outputs, inputs, frequencies)."""
-        try:
-            resolvent = self._resolvent(omega)
-        except np.linalg.LinAlgError:
-            # exactly on a pole of a mode that may not show: look beside it
-            resolvent = self._resolvent(omega * (1.0 + 1e-9) + 1e-12)
-        return np.moveaxis(self.C @ resolvent + self.D, 0, 2)
-
-    def _resolvent(self, omega: Array) -> Complex:
-        n, B = len(self.A), self.B.astype(complex)
-        found = np.empty((len(omega), *B.shape), complex)
-        step, places = max(1, _BATCH // max(n, 1) ** 2), np.arange(n)
-        for i in range(0, len(omega), step):
-            s = 1j * omega[i : i + step]
-            pencil = np.tile(-self.A.astype(complex), (len(s), 1, 1))
-            pencil[:, places, places] += s[:, None]
-            found[i : i + step] = np.linalg.solve(pencil, B)
-        return found
-
-
-def state_matrices(system: "control.StateSpace") -> StateMatrices:
-    """Return the matrices of a continuous-time system, states balanced.
-
-    Raises
-    ------
-    ValueError
-        Discrete time, or not finite.
-    """
-    if not system.isctime():
-        raise ValueError("sigma and H-infinity norms are of continuous-time systems; this one has a sampling time")
-    for name in ("A", "B", "C", "D"):
-        if not np.isfinite(getattr(system, name)).all():
-            raise ValueError(f"{name} of the state-space system: expected finite numbers")
-    if system.nstates == 0:
-        return StateMatrices(np.zeros((0, 0)), np.zeros((0, system.ninputs)), np.zeros((system.noutputs, 0)), system.D)
-    A, (scale, order) = linalg.matrix_balance(system.A, permute=False, separate=True)
-    del order
-    return StateMatrices(A, system.B / scale[:, None], system.C * scale[None, :], np.asarray(system.D))
 
 
 def hinf_norm(system: "control.StateSpace") -> NormCertificate:

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.loops import controller_of, named_response
-from boomctl.analysis.norm import StateMatrices, state_matrices
 from boomctl.analysis.sigma import resolved_grid
-from boomctl.analysis.singular import singular_values
 from boomctl.arrays import Array, Complex
 from boomctl.checks import known, positive, whole
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.system import StateMatrices, state_matrices
 
 if TYPE_CHECKING:
     import control

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.model_norm import model_norm, orthonormal_parts, resonances
-from boomctl.analysis.norm import NormCertificate, matrices_norm, state_matrices
-from boomctl.analysis.singular import singular_values
+from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.arrays import Array, Complex
 from boomctl.checks import frequencies, names
-from boomctl.structure.response import respond, respond_part
-from boomctl.structure.second_order import SecondOrderModel
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.system import state_matrices
+from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.direct import respond, respond_part
 
 if TYPE_CHECKING:
     import control

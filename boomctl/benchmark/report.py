@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from boomctl.output import plain
+from boomctl.files import plain
 
 if TYPE_CHECKING:
     from rich.console import Group

@@ -1,6 +1,7 @@
 """The spray boom of Anthonis & Ramon (2003): parameters, models, excitation by a tractor on a track, spray on the field."""
 
 from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
+from boomctl.boom.families import boom_family, yaw_family
 from boomctl.boom.model import spray_boom
 from boomctl.boom.motion import PlatformMotion, platform_motion, read_motion, sine_sweep, write_motion
 from boomctl.boom.parameters import BoomParameters
@@ -8,7 +9,6 @@ from boomctl.boom.spray import Footprint, SprayResult, nozzle_positions, split_m
 from boomctl.boom.track_filter import PlatformDensity, platform_density, track_filter
 from boomctl.boom.tracks import Track, bump_track, iso_track, road_density, track_coherence
 from boomctl.boom.tractor import TractorParameters, tractor_system
-from boomctl.boom.uncertainty import boom_family, yaw_family
 
 __all__ = [
     "BoomParameters",

@@ -25,7 +25,7 @@ from boomctl.structure import (
     prismatic,
     revolute,
 )
-from boomctl.structure.discretization import Discretization
+from boomctl.structure.beams.discretization import Discretization
 from boomctl.structure.displacement_input import MOTIONS
 from boomctl.structure.symmetry import Mirror, SignalPair, beam_reflection, mirror_of, with_mirror
 

@@ -175,7 +175,7 @@ def platform_motion(
     ground = _ground(track, V * h * np.arange(-before, count + 1), p.wheelbase)
     if rest is None:
         rest = -np.linalg.lstsq(system.A, system.B @ ground[:, 0], rcond=None)[0]
-    from boomctl.structure.sampled import linear_hold_response
+    from boomctl.lti.hold import linear_hold_response
 
     moved = linear_hold_response(system, ground, h, rest)[:, before:]
     return PlatformMotion(h * np.arange(count + 1), moved[0], moved[1], float(actuator_distance))
@@ -200,7 +200,7 @@ def _driven_before(
     settling, steps = -np.log(_SETTLED) / (slowest * h), int(np.ceil(track.length / (speed * h)))
     if settling <= steps:
         return int(np.ceil(settling)), None
-    from boomctl.structure.sampled import linear_hold, recursion
+    from boomctl.lti.hold import linear_hold, recursion
 
     step = track.length / (speed * steps)
     ground = _ground(track, -steps * speed * h + speed * step * np.arange(steps + 1), wheelbase)
@@ -312,7 +312,7 @@ def write_motion(path: str | Path, motion: PlatformMotion) -> None:
     """
     if not isinstance(motion, PlatformMotion):
         raise TypeError(f"motion: expected PlatformMotion, got {type(motion).__name__}")
-    from boomctl.output import write_whole
+    from boomctl.files import write_whole
 
     rows = np.column_stack([motion.time, motion.left, motion.right]).tolist()
     lines = [",".join(_SIDES), *(",".join(map(repr, row)) for row in rows)]

@@ -12,7 +12,7 @@ from boomctl.plotting.sigma import plot_measured, plot_sigma
 if TYPE_CHECKING:
     from boomctl.analysis import MeasuredCurve, SigmaResult
     from boomctl.boom import BoomParameters
-    from boomctl.reproduce.boom import Convergence, Deviation, MachineMotion
+    from boomctl.papers.anthonis_ramon.figures import Convergence, Deviation, MachineMotion
 
 __all__ = ["animation_gif", "draw_convergence", "draw_figure_3", "draw_modes"]
 

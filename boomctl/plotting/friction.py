@@ -7,7 +7,7 @@ import numpy as np
 from boomctl.plotting.canvas import COLOURS, new_figure, style
 
 if TYPE_CHECKING:
-    from boomctl.reproduce.boom_friction import BoomFriction, FrictionReading
+    from boomctl.papers.anthonis_ramon.friction import BoomFriction, FrictionReading
 
 __all__ = ["draw_friction"]
 

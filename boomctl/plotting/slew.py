@@ -205,7 +205,7 @@ def slew_film(result: Any, others: dict[str, tuple[Any, Any]], seconds_after: fl
     seconds_after : float
         How long it goes on after the end, s.
     """
-    from boomctl.plotting.hub_beam import Film, film_bytes
+    from boomctl.plotting.rotating_beam import Film, film_bytes
 
     time = np.arange(0.0, result.duration + seconds_after, 0.05)
     shapes = []

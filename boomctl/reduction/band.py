@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.gramians import band_integral
-from boomctl.analysis.norm import StateMatrices
-from boomctl.analysis.spectral import ModalSystem
 from boomctl.arrays import Array
+from boomctl.lti.gramians import band_integral
+from boomctl.lti.modal import ModalSystem
+from boomctl.lti.system import StateMatrices
 
 __all__ = ["Weighted", "weighted"]
 

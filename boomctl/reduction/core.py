@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import StateMatrices, state_matrices
-from boomctl.analysis.spectral import ModalSystem, diagonalized, spectral_parts
 from boomctl.arrays import Array
+from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
+from boomctl.lti.system import StateMatrices, state_matrices
 from boomctl.reduction.structural_tail import Loads, separated_damping, tail_bound
-from boomctl.structure.modal import project, undamped_modes
-from boomctl.structure.second_order import SecondOrderModel
-from boomctl.structure.statespace import realize
+from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.poles import project, undamped_modes
+from boomctl.structure.response.realisation import realize
 from boomctl.structure.symmetry import half
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ value that goes, the smallest that any system of that order has.
 
 import numpy as np
 
-from boomctl.analysis.norm import StateMatrices
-from boomctl.analysis.spectral import spectral_parts
 from boomctl.arrays import Array
+from boomctl.lti.modal import spectral_parts
+from boomctl.lti.system import StateMatrices
 from boomctl.reduction.balanced import Balanced
 
 __all__ = ["hankel_optimal"]

@@ -11,9 +11,9 @@ from math import inf
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import StateMatrices
-from boomctl.analysis.spectral import ModalSystem, diagonalized
 from boomctl.arrays import Array, Flags
+from boomctl.lti.modal import ModalSystem, diagonalized
+from boomctl.lti.system import StateMatrices
 from boomctl.reduction.core import core_states
 from boomctl.reduction.structural_tail import Loads, damper_forces, damping_between, intervals
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from boomctl.analysis.norm import StateMatrices
-from boomctl.analysis.spectral import ModalSystem
 from boomctl.arrays import Array, Flags
+from boomctl.lti.modal import ModalSystem
+from boomctl.lti.system import StateMatrices
 
 __all__ = ["modal_reduced"]
 

@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import StateMatrices
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, positive, whole
+from boomctl.lti.system import StateMatrices
 from boomctl.reduction.balanced import balance
 from boomctl.reduction.core import SystemCore, core_of
 from boomctl.reduction.result import ReductionError, ReductionResult
 from boomctl.reduction.second_order import reduced_structure
 from boomctl.reduction.selection import METHODS, Attempt, Band, Cutter, attempt_error, attempt_order, cutter
-from boomctl.structure.second_order import SecondOrderModel
+from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
-from boomctl.structure.second_order import SecondOrderModel
+from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control

@@ -9,18 +9,18 @@ from math import inf
 
 import numpy as np
 
-from boomctl.analysis.norm import StateMatrices, state_matrices
-from boomctl.analysis.spectral import spectral_parts
 from boomctl.arrays import Array, Indices
+from boomctl.lti.modal import spectral_parts
+from boomctl.lti.system import StateMatrices, state_matrices
 from boomctl.reduction.core import LARGEST_DENSE, SystemCore, core_of, loads_of
 from boomctl.reduction.left_out import left_out_bound
 from boomctl.reduction.result import ReductionError
 from boomctl.reduction.selection import Attempt, Band, verified
 from boomctl.reduction.structural_tail import Loads
-from boomctl.structure.modal import project, undamped_modes
+from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
-from boomctl.structure.second_order import SecondOrderModel
-from boomctl.structure.statespace import realize
+from boomctl.structure.response.poles import project, undamped_modes
+from boomctl.structure.response.realisation import realize
 
 __all__ = ["reduced_structure"]
 

@@ -7,9 +7,10 @@ from math import inf
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import NormCertificate, StateMatrices
-from boomctl.analysis.singular import singular_values
+from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.system import StateMatrices
 from boomctl.reduction.balanced import balance, perturbed, truncated
 from boomctl.reduction.band import weighted
 from boomctl.reduction.core import SystemCore

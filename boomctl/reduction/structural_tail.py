@@ -18,9 +18,9 @@ from math import inf
 import numpy as np
 from scipy import linalg, sparse
 
-from boomctl.analysis.spectral import ModalSystem
 from boomctl.arrays import Array
-from boomctl.structure.second_order import SecondOrderModel
+from boomctl.lti.modal import ModalSystem
+from boomctl.structure.model import SecondOrderModel
 
 __all__ = ["Damping", "Loads", "damper_forces", "damping_between", "intervals", "separated_damping", "tail_bound"]
 

@@ -5,10 +5,11 @@ from math import inf
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import NormCertificate, StateMatrices, axis_eigenvalues, level_crossings, matrices_norm
-from boomctl.analysis.singular import singular_values
-from boomctl.analysis.spectral import ModalSystem, diagonalized
+from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, level_crossings, matrices_norm
 from boomctl.arrays import Array, Complex
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.modal import ModalSystem, diagonalized
+from boomctl.lti.system import StateMatrices
 
 __all__ = ["band_norm", "difference", "verified_norm"]
 

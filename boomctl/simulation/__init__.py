@@ -1,12 +1,12 @@
 """Linear plants in time: sampled controllers, limits, end stops, Coulomb friction."""
 
-from boomctl.simulation.describing_function import SineResponse, describing_function
+from boomctl.simulation.contact.friction import CoulombFriction
+from boomctl.simulation.contact.stops import StopHit
 from boomctl.simulation.forced_response import ForcedResponse, forced_response
-from boomctl.simulation.friction import CoulombFriction
 from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.result import FrictionReport, LoopResult
-from boomctl.simulation.stops import StopHit
-from boomctl.simulation.swept_sine import sine_sigma, swept_sine
+from boomctl.simulation.sines.describing_function import SineResponse, describing_function
+from boomctl.simulation.sines.swept_sine import sine_sigma, swept_sine
 
 __all__ = [
     "CoulombFriction",

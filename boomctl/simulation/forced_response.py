@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array, Flags
 from boomctl.checks import known, names, positive
-from boomctl.simulation.lifted import lifted_response
+from boomctl.lti.recursion import lifted_response
 from boomctl.simulation.plant import ModalPlant, modal_plant, of_matrices
 from boomctl.simulation.signals import disturbance_rows, uniform_times
 from boomctl.simulation.truncation import realized, truncated
-from boomctl.structure.second_order import SecondOrderModel
+from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import half
 
 if TYPE_CHECKING:

@@ -8,18 +8,18 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, nonnegative
-from boomctl.simulation.contact_stepping import ContactLog, run_contact
-from boomctl.simulation.contacts import StrokeLimit, contacts_of, stop_places
+from boomctl.simulation.blocks import run_fast
+from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, stop_places
+from boomctl.simulation.contact.friction import CoulombFriction, friction_law
+from boomctl.simulation.contact.stepping import ContactLog, run_contact
+from boomctl.simulation.contact.stops import merged_hits
 from boomctl.simulation.controller import sampled_controller
-from boomctl.simulation.friction import CoulombFriction, friction_law
 from boomctl.simulation.plant import ModalPlant, modal_plant
 from boomctl.simulation.result import FrictionReport, LoopResult
 from boomctl.simulation.signals import disturbance_rows, per_signal, time_grid
-from boomctl.simulation.speculation import run_fast
 from boomctl.simulation.stepping import ControlLog, Limits, LoopProblem, control_log
-from boomctl.simulation.stops import merged_hits
-from boomctl.simulation.untouched import run_untouched
-from boomctl.structure.second_order import SecondOrderModel
+from boomctl.simulation.unlimited import run_untouched
+from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control

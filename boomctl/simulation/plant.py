@@ -9,7 +9,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.checks import known
 from boomctl.simulation.truncation import realized, truncated
-from boomctl.structure.second_order import SecondOrderModel
+from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from boomctl.arrays import Array
 from boomctl.checks import known
-from boomctl.simulation.stops import StopHit
+from boomctl.simulation.contact.stops import StopHit
 
 if TYPE_CHECKING:
     import control

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array, Flags
-from boomctl.simulation.contacts import Contacts
+from boomctl.simulation.contact.contacts import Contacts
 from boomctl.simulation.controller import SampledController
 from boomctl.simulation.plant import ModalPlant, StepMaps
 from boomctl.simulation.signals import TimeGrid

@@ -4,9 +4,9 @@ import numpy as np
 from scipy import sparse
 
 from boomctl.arrays import Array
-from boomctl.structure.modal import project, undamped_modes
-from boomctl.structure.pencil import factorized
-from boomctl.structure.second_order import SecondOrderModel
+from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.pencil import factorized
+from boomctl.structure.response.poles import project, undamped_modes
 
 __all__ = ["realized", "truncated"]
 

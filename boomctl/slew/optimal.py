@@ -6,18 +6,18 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.slew.bounds import effort_gap, time_gap
-from boomctl.slew.dynamics import hub_jerk
-from boomctl.slew.least_time import least_time, linear_time_problem
+from boomctl.slew.least_time.arc_count import stretched
+from boomctl.slew.least_time.linear_start import least_time, linear_time_problem
+from boomctl.slew.least_time.newton import Sharpened, sharpened
+from boomctl.slew.nlp.bounds import effort_gap, time_gap
+from boomctl.slew.nlp.dynamics import hub_jerk
+from boomctl.slew.nlp.programme import Programme, Solution, prepare
+from boomctl.slew.nlp.transcription import Scheme, transcribe
 from boomctl.slew.problem import SlewProblem, changed, slew_problem
-from boomctl.slew.programme import Programme, Solution, prepare
 from boomctl.slew.reference import cheapest, effort_guess, guess_from, typical_sizes
 from boomctl.slew.replay import Motion, binding, end_error, other_models, played, violation
 from boomctl.slew.result import LimitsTooTight, SlewCertificate, SlewError, SlewResult
-from boomctl.slew.sharpen import Sharpened, sharpened
-from boomctl.slew.steer import stretched
 from boomctl.slew.torque import TorqueHistory
-from boomctl.slew.transcription import Scheme, transcribe
 
 __all__ = ["optimal_slew", "resolve"]
 

@@ -21,7 +21,7 @@ _SPLIT = 1e-6
 
 @runtime_checkable
 class SlewMachine(Protocol):
-    """A flexible beam on a hub that a torque turns, as `boomctl.hub_beam` offers it.
+    """A flexible beam on a hub that a torque turns, as `boomctl.rotating_beam` offers it.
 
     States are coordinates, hub angle first, then their rates.
     """

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, nonnegative, positive, real, whole
-from boomctl.slew.flow import LinearFlow
+from boomctl.slew.least_time.flow import LinearFlow
 from boomctl.slew.plant import Plant, SlewMachine, plant_of
 from boomctl.slew.result import SlewError
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.flow import LinearFlow
+from boomctl.slew.least_time.flow import LinearFlow
+from boomctl.slew.nlp.programme import Guess
 from boomctl.slew.problem import SlewProblem
-from boomctl.slew.programme import Guess
 from boomctl.slew.torque import TorqueHistory, held
 
 __all__ = ["LinearSlew", "cheapest", "effort_guess", "guess_from", "typical_sizes"]

@@ -11,8 +11,8 @@ from scipy import sparse
 from boomctl.arrays import Array, Matrix
 from boomctl.checks import known
 from boomctl.structure.elimination import Elimination, eliminate
+from boomctl.structure.model import ElasticRows, SecondOrderModel
 from boomctl.structure.ports import Ports, Triple
-from boomctl.structure.second_order import ElasticRows, SecondOrderModel
 
 __all__ = ["prescribe_displacement"]
 

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array, Matrix
 from boomctl.checks import finite_array, known, real, signal_name
+from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports, Triple
-from boomctl.structure.second_order import SecondOrderModel
 
 __all__ = ["AffineFamily", "Slope", "interval"]
 

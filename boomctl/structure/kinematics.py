@@ -7,7 +7,7 @@ from math import cos, pi, sin
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.structure.discretization import BeamMesh
+from boomctl.structure.beams.discretization import BeamMesh
 from boomctl.structure.parts import Beam, CutJoint, Ground, Point, RigidBody, direction_angle
 from boomctl.structure.rows import Frame, Row
 

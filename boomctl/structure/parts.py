@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 from boomctl.checks import known, nonnegative, positive, real
 
 if TYPE_CHECKING:
-    from boomctl.structure.discretization import Discretization
+    from boomctl.structure.beams.discretization import Discretization
 
 __all__ = [
     "GROUND",

@@ -8,10 +8,10 @@ import numpy as np
 from scipy import sparse
 
 from boomctl.arrays import Matrix
-from boomctl.structure.pencil import Pencil, stored
+from boomctl.structure.response.pencil import Pencil, stored
 
 if TYPE_CHECKING:
-    from boomctl.structure.second_order import ElasticRows
+    from boomctl.structure.model import ElasticRows
     from boomctl.structure.symmetry import HalfStructure, Mirror
 
 __all__ = ["Prepared"]

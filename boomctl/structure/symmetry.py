@@ -8,9 +8,9 @@ from scipy import sparse
 
 from boomctl.arrays import Array, Indices, Matrix
 from boomctl.structure.elimination import Elimination
+from boomctl.structure.model import ElasticRows, SecondOrderModel
 from boomctl.structure.ports import Ports
 from boomctl.structure.prepared import Prepared
-from boomctl.structure.second_order import ElasticRows, SecondOrderModel
 
 __all__ = [
     "Half",

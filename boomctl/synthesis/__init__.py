@@ -1,20 +1,20 @@
 """Controllers, each with a certificate that was computed apart from the solver."""
 
-from boomctl.synthesis.discrete import discretize
+from boomctl.synthesis.discretise import discretize
 from boomctl.synthesis.errors import SynthesisError
-from boomctl.synthesis.generalized import generalized_plant, mixed_sensitivity, select_channels
-from boomctl.synthesis.h2 import H2Result, h2
-from boomctl.synthesis.h_infinity import h_infinity
-from boomctl.synthesis.kalman import KalmanResult, kalman
-from boomctl.synthesis.loop import close_loop
-from boomctl.synthesis.lqg import LqgResult, lqg
-from boomctl.synthesis.lqr import LqrResult, lqr
-from boomctl.synthesis.recovery import RecoveryResult, loop_transfer_recovery
+from boomctl.synthesis.hinf.h_infinity import h_infinity
+from boomctl.synthesis.hinf.result import HInfinityCertificate, HInfinityResult
+from boomctl.synthesis.lq.h2 import H2Result, h2
+from boomctl.synthesis.lq.kalman import KalmanResult, kalman
+from boomctl.synthesis.lq.lqg import LqgResult, lqg
+from boomctl.synthesis.lq.lqr import LqrResult, lqr
+from boomctl.synthesis.lq.recovery import RecoveryResult, loop_transfer_recovery
+from boomctl.synthesis.plants.closed_loop import close_loop
+from boomctl.synthesis.plants.generalized import generalized_plant, mixed_sensitivity, select_channels
+from boomctl.synthesis.plants.symmetry import join_symmetric, split_controller
+from boomctl.synthesis.plants.units import from_units, in_units
+from boomctl.synthesis.plants.weights import band_pass, high_pass, low_pass, shelf
 from boomctl.synthesis.reduce_controller import ReducedController, reduce_controller
-from boomctl.synthesis.result import HInfinityCertificate, HInfinityResult
-from boomctl.synthesis.symmetric import join_symmetric, split_controller
-from boomctl.synthesis.units import from_units, in_units
-from boomctl.synthesis.weights import band_pass, high_pass, low_pass, shelf
 
 __all__ = [
     "H2Result",

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import NormCertificate, StateMatrices
+from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
 from boomctl.checks import nonnegative, positive, whole
-from boomctl.synthesis.candidates import Candidate, judged, largest_pole
+from boomctl.lti.system import StateMatrices
 from boomctl.synthesis.errors import SynthesisError
-from boomctl.synthesis.loop import closed, matched, named_loop
-from boomctl.synthesis.partition import Plant
-from boomctl.synthesis.slow_poles import without_fast_poles
+from boomctl.synthesis.fast_poles import without_fast_poles
+from boomctl.synthesis.hinf.candidates import Candidate, judged, largest_pole
+from boomctl.synthesis.plants.closed_loop import closed, matched, named_loop
+from boomctl.synthesis.plants.partition import Plant
 
 if TYPE_CHECKING:
     import control

@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 
 from boomctl.analysis import hinf_norm
 from boomctl.analysis.model_norm import model_norm, orthonormal_parts
-from boomctl.analysis.norm import level_crossings, state_matrices
-from boomctl.analysis.singular import singular_values
+from boomctl.analysis.norm import level_crossings
 from boomctl.boom import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.system import state_matrices
 from boomctl.structure import SecondOrderModel
 from tests.analysis.loop_cases import chain
 

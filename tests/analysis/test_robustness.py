@@ -7,10 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from boomctl.analysis import robust_stability, structured_margin, worst_case
-from boomctl.analysis.closed_pencil import closed_pencil
+from boomctl.analysis.box.loop_pencil import closed_pencil
 from boomctl.analysis.loops import feedback_loop
-from boomctl.analysis.norm import hinf_norm, state_matrices
+from boomctl.analysis.norm import hinf_norm
 from boomctl.boom import boom_family, yaw_family
+from boomctl.lti.system import state_matrices
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.family import AffineFamily
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.analysis.singular import singular_values
 from boomctl.boom.model import ACTUATORS, TIPS
-from boomctl.structure.modal import damped_poles
+from boomctl.lti.frequency import singular_values
+from boomctl.structure.response.poles import damped_poles
 
 
 @given(st.integers(0, 10_000), st.sampled_from([(1, 1), (1, 3), (2, 2), (3, 2), (3, 3)]))

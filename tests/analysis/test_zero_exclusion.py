@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from boomctl.analysis import zero_exclusion
-from boomctl.analysis.closed_pencil import Pencil
-from boomctl.analysis.zero_exclusion import Cell, prove_cell
+from boomctl.analysis.box import zero_exclusion
+from boomctl.analysis.box.loop_pencil import Pencil
+from boomctl.analysis.box.zero_exclusion import Cell, prove_cell
 
 
 def pencils(seed, n=6, size=0.3):

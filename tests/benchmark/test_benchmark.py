@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from boomctl.benchmark import BenchmarkReport, Row, Settings, run_settings
-from boomctl.benchmark.scene import resonance_grid, scene
+from boomctl.benchmark.boom.scene import resonance_grid, scene
 from boomctl.benchmark.timing import Job, interleaved, one_thread, peak_memory
 
 pytestmark = pytest.mark.xdist_group("benchmark")

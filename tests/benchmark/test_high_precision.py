@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.benchmark.high_precision import damped_eigenvalues, exact_response, mesh_response, sigma_of
+from boomctl.benchmark.boom.high_precision import damped_eigenvalues, exact_response, mesh_response, sigma_of
 from boomctl.boom.model import ACTUATORS, TIPS
 
 OMEGA = 2.0 * np.pi * np.geomspace(0.1, 10.0, 12)

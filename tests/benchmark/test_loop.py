@@ -7,9 +7,9 @@ import pytest
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.benchmark.loop import loop_scene
-from boomctl.benchmark.loop_peers import continuous_loop, sampled_loop
-from boomctl.benchmark.loop_reference import continuous_reference, extended_maps, sampled_reference
+from boomctl.benchmark.suspension.loop import loop_scene
+from boomctl.benchmark.suspension.loop_peers import continuous_loop, sampled_loop
+from boomctl.benchmark.suspension.loop_reference import continuous_reference, extended_maps, sampled_reference
 from boomctl.boom.model import ACTUATORS, TIPS
 
 pytestmark = pytest.mark.xdist_group("loop benchmark")

@@ -1,6 +1,6 @@
 """The reduction's benchmark: both sides are judged by one referee."""
 
-from boomctl.benchmark.reduction import reduction_lines
+from boomctl.benchmark.suspension.reduction import reduction_lines
 
 
 def test_ours_is_no_less_exact_on_a_small_mesh():

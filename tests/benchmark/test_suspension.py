@@ -2,8 +2,8 @@
 
 import json
 
-from boomctl.benchmark import suspension
 from boomctl.benchmark.report import Row
+from boomctl.benchmark.suspension.run import run as suspension
 
 
 def test_subjects_follow_one_another(monkeypatch):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from boomctl.boom import BoomParameters, boom_family, spray_boom, yaw_family
-from boomctl.boom.uncertainty import scaled_boom
+from boomctl.boom.families import scaled_boom
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.family import AffineFamily
 

@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from boomctl import catalogue
-from boomctl.reproduce.slew_design import SlewDesign, load_slew
 from boomctl.slew import switching_curve
+from boomctl.studies import catalogue
+from boomctl.studies.slew.design import SlewDesign, load_slew
 from designs import min_time_slew, robust_payload_slew, spin_up_slew
 
 pytestmark = pytest.mark.xdist_group("slew designs")

@@ -6,7 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from boomctl.suspension import FieldScene, SuspensionDesign, design_names, evaluate, load_design, suspension_model
+from boomctl.studies.suspension import (
+    FieldScene,
+    SuspensionDesign,
+    design_names,
+    evaluate,
+    load_design,
+    suspension_model,
+)
 
 pytestmark = pytest.mark.xdist_group("suspensions")
 
@@ -71,7 +78,7 @@ def test_the_halves_make_the_whole(result):
 def test_a_design_may_come_from_a_file(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(
-        "from boomctl.suspension import SuspensionDesign\ndef design(): return SuspensionDesign('mine', 'as it is')\n"
+        "from boomctl.studies.suspension import SuspensionDesign\ndef design(): return SuspensionDesign('mine', 'as it is')\n"
     )
     assert load_design(str(path)) == SuspensionDesign("mine", "as it is")
 

@@ -37,7 +37,7 @@ def test_orders_are_slopes_of_what_is_drawn(study):
 
 
 def test_a_mesh_without_solution_leaves_a_gap(monkeypatch):
-    from boomctl.slew.programme import Programme
+    from boomctl.slew.nlp.programme import Programme
 
     solve = Programme.solve
 

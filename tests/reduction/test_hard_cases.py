@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.analysis import sigma
-from boomctl.analysis.norm import StateMatrices, state_matrices
-from boomctl.analysis.singular import singular_values
 from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.system import StateMatrices, state_matrices
 from boomctl.reduction import reduce
 from boomctl.reduction.core import core_of
 from boomctl.reduction.result import ReductionError

@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.analysis.gramians import band_integral, factors, gramian_residual
-from boomctl.analysis.norm import StateMatrices, state_matrices
-from boomctl.analysis.singular import singular_values
-from boomctl.analysis.spectral import diagonalized
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.gramians import band_integral, factors, gramian_residual
+from boomctl.lti.modal import diagonalized
+from boomctl.lti.system import StateMatrices, state_matrices
 from boomctl.reduction.balanced import balance
 from boomctl.reduction.core import structure_core
 from boomctl.reduction.hankel import hankel_optimal

@@ -7,9 +7,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.analysis.norm import state_matrices
-from boomctl.analysis.singular import singular_values
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.system import state_matrices
 from boomctl.reduction import ReductionError
 from tests.strategies import seeds
 

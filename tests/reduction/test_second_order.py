@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 
 import boomctl as bc
-from boomctl.analysis.norm import state_matrices
-from boomctl.analysis.singular import singular_values
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.system import state_matrices
 from boomctl.structure import SecondOrderModel
 from tests.strategies import structures
 

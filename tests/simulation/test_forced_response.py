@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.benchmark.loop_reference import extended_maps
+from boomctl.benchmark.suspension.loop_reference import extended_maps
+from boomctl.lti.hold import linear_hold_response
 from boomctl.simulation import forced_response, simulate_loop
-from boomctl.structure.sampled import linear_hold_response
 from tests.simulation.cases import random_plant
 from tests.strategies import seeds
 

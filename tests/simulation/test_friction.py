@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.simulation import CoulombFriction, simulate_loop
-from boomctl.simulation.friction import friction_step
+from boomctl.simulation.contact.friction import friction_step
 from tests.simulation.cases import mass_on_spring
 
 

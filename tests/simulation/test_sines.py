@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.analysis.singular import singular_values
+from boomctl.lti.frequency import singular_values
 from boomctl.simulation import CoulombFriction, describing_function, simulate_loop, sine_sigma, swept_sine
 from tests.simulation.cases import mass_on_spring
 

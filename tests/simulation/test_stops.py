@@ -7,7 +7,7 @@ from hypothesis import given, settings
 
 import boomctl as bc
 from boomctl.simulation import CoulombFriction, simulate_loop
-from boomctl.simulation.stops import StopMaps, stop_step
+from boomctl.simulation.contact.stops import StopMaps, stop_step
 from tests.simulation.cases import mass_on_spring
 from tests.strategies import seeds
 

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.slew.bounds import time_gap
-from boomctl.slew.least_time import least_time, linear_time_problem
+from boomctl.slew.least_time.linear_start import least_time, linear_time_problem
+from boomctl.slew.least_time.switching import misfit
+from boomctl.slew.nlp.bounds import time_gap
 from boomctl.slew.problem import slew_problem
-from boomctl.slew.switching import misfit
 from tests.slew.systems import rigid, two_masses, two_masses_exact
 
 angles = st.floats(0.05, 3.0)

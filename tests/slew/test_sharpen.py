@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import boomctl as bc
-from boomctl.slew.course import course
-from boomctl.slew.dynamics import rates
-from boomctl.slew.least_time import least_time
+from boomctl.slew.least_time.arc_count import steered, stretched
+from boomctl.slew.least_time.arcs import course
+from boomctl.slew.least_time.linear_start import least_time
+from boomctl.slew.least_time.newton import sharpened
+from boomctl.slew.least_time.reductions import doubled, first_half, halved, without_axial_modes
+from boomctl.slew.nlp.dynamics import rates
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import slew_problem
 from boomctl.slew.reference import guess_from, typical_sizes
-from boomctl.slew.sharpen import sharpened
-from boomctl.slew.simpler import doubled, first_half, halved, without_axial_modes
-from boomctl.slew.steer import steered, stretched
 from boomctl.slew.torque import bang_bang
 from tests.slew.systems import two_masses
 

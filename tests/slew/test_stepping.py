@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.slew.course import course
+from boomctl.slew.least_time.arcs import course
+from boomctl.slew.least_time.stepping import shooting_step, stumpff
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import slew_problem
-from boomctl.slew.stepping import shooting_step, stumpff
 
 LOADED = bc.HubBeamParameters(tip_mass=0.1)
 

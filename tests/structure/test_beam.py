@@ -18,7 +18,7 @@ from boomctl.structure import (
     fixed,
     free,
 )
-from boomctl.structure.eigenvalues import undamped_frequencies
+from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from tests.references import ROOTS, dense, natural_frequencies
 from tests.strategies import random_stepped_beam, seeds
 

@@ -21,8 +21,8 @@ from boomctl.structure import (
     free,
     revolute,
 )
-from boomctl.structure.dynamic_stiffness import clamped_count, end_functions
-from boomctl.structure.eigenvalues import undamped_frequencies
+from boomctl.structure.beams.dynamic_stiffness import clamped_count, end_functions
+from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from tests.references import ROOTS, exact_boom_response, natural_frequencies
 from tests.strategies import random_stepped_beam, seeds
 

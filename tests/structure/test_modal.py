@@ -16,7 +16,7 @@ from boomctl.structure import (
     free,
     prescribe_displacement,
 )
-from boomctl.structure.modal import damped_poles, undamped_modes
+from boomctl.structure.response.poles import damped_poles, undamped_modes
 from tests.references import ROOTS, dense, natural_frequencies
 from tests.strategies import random_machine, random_stepped_beam, seeds, structures
 

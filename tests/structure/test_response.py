@@ -10,7 +10,7 @@ from scipy import sparse
 
 import boomctl as bc
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.response import AccuracyWarning
+from boomctl.structure.response.direct import AccuracyWarning
 from tests.references import dense, direct
 from tests.strategies import seeds, structures
 

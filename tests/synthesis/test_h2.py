@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.analysis.norm import StateMatrices
+from boomctl.lti.system import StateMatrices
 from boomctl.synthesis import SynthesisError
-from boomctl.synthesis.loop import closed
-from boomctl.synthesis.partition import partition
-from boomctl.synthesis.quadratic_norm import quadratic_norm
+from boomctl.synthesis.lq.quadratic_norm import quadratic_norm
+from boomctl.synthesis.plants.closed_loop import closed
+from boomctl.synthesis.plants.partition import partition
 from tests.strategies import seeds
 from tests.synthesis.test_lqg import generalised, matrices, problem
 

@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.synthesis.frequency_bound import frequency_bound
-from boomctl.synthesis.partition import normalised, partition
-from boomctl.synthesis.search import Bounds
+from boomctl.synthesis.hinf.frequency_bound import frequency_bound
+from boomctl.synthesis.hinf.search import Bounds
+from boomctl.synthesis.plants.partition import normalised, partition
 from tests.synthesis.plants import assert_verified, lower_loop_norm, random_plant, resonators, weighed, yaw_plant
 
 SIZES = st.tuples(st.integers(0, 2), st.integers(0, 2), st.integers(1, 2), st.integers(1, 2))

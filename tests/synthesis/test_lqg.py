@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.analysis.norm import StateMatrices, state_matrices
-from boomctl.synthesis.loop import closed
-from boomctl.synthesis.output_feedback import observer
-from boomctl.synthesis.partition import partition
-from boomctl.synthesis.quadratic_norm import quadratic_norm
+from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.synthesis.lq.output_feedback import observer
+from boomctl.synthesis.lq.quadratic_norm import quadratic_norm
+from boomctl.synthesis.plants.closed_loop import closed
+from boomctl.synthesis.plants.partition import partition
 from tests.strategies import seeds
 from tests.synthesis.test_lqr import random_system, random_weight
 

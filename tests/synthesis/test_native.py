@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.analysis.norm import StateMatrices
-from boomctl.synthesis.native import NativeFailure, Worker, shared_worker
+from boomctl.lti.system import StateMatrices
+from boomctl.synthesis.hinf.native import NativeFailure, Worker, shared_worker
 from tests.synthesis.plants import resonators, weighed
 
 
@@ -145,7 +145,7 @@ def test_scripts_need_no_guard_and_leave_no_process(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(
         "import boomctl as bc, control\n"
-        "from boomctl.synthesis.native import shared_worker\n"
+        "from boomctl.synthesis.hinf.native import shared_worker\n"
         "P = control.ss(1.0, [[1, 0, 1]], [[1], [0], [1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]])\n"
         "print('gamma', bc.h_infinity(P, 1, 1).gamma, shared_worker().pid)\n"
     )

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.analysis.norm import StateMatrices
-from boomctl.synthesis.quadratic import square_root
-from boomctl.synthesis.quadratic_norm import quadratic_norm
+from boomctl.lti.system import StateMatrices
+from boomctl.synthesis.lq.quadratic import square_root
+from boomctl.synthesis.lq.quadratic_norm import quadratic_norm
 from boomctl.synthesis.riccati import RiccatiProblem, solve_riccati
 from tests.strategies import seeds
 from tests.synthesis.test_lqr import random_system, random_weight

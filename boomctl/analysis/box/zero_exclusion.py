@@ -1,0 +1,320 @@
+"""Proof that no eigenvalue of ``E(delta) x' = A(delta) x`` crosses the imaginary axis within a cell of parameters.
+
+In the eigenvectors of the cell's centre the pencil ``s E - A`` is diagonal but for what the parameters change.  What
+they change on the diagonal moves each pole by itself, exactly accounted for: in a lightly damped structure mostly along
+the axis, which a small-gain test would take for a loss of damping.  What they change off the diagonal couples the
+modes.  At a frequency the pencil is regular over the whole cell if the matrix of the couplings, each row divided by the
+least modulus of its diagonal entry, has a spectral radius below one (a diagonal scaling then makes it diagonally
+dominant).  Moduli and couplings are bounded over intervals of frequency that cover the axis, infinity included: the
+entries are multilinear in frequency and the products of parameters, so their values lie in the convex hull of those at
+the corners, and couplings, convex in frequency, are largest at an interval's ends.  Any positive vector ``x`` bounds the
+radius of a nonnegative matrix by the largest ``(H x)_k/x_k`` (Collatz & Wielandt).  An interval that fails is cut; a
+cell is given up at once where a single frequency fails, for then no cut helps.  The eigenvectors follow the parameters
+to first order, so that the couplings are of second order.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from boomctl.analysis.box.loop_pencil import Pencil
+from boomctl.arrays import Array, Complex
+
+__all__ = ["Cell", "CellProof", "prove_cell"]
+
+_DIRECTIONS = np.exp(-0.25j * np.pi * np.arange(8))
+_TURN = 0.5
+_WIDTHS = np.array([-27.0, -3.0, 3.0, 27.0])
+_DEPTH = 5
+_PARTS = 4
+_SWEEPS = (4, 20)
+_BATCH = 2**17
+_ROUNDING = 32.0 * np.finfo(float).eps
+_BELOW = 1.0 - 1e-10
+_ASKED = 4
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A box of parameters: its middle and half its widths."""
+
+    middle: Array
+    reach: Array
+
+    def halves(self, axis: int) -> tuple["Cell", "Cell"]:
+        """Return the two halves across an axis."""
+        step = np.zeros(len(self.middle))
+        step[axis] = 0.5 * self.reach[axis]
+        reach = np.where(np.arange(len(step)) == axis, 0.5 * self.reach, self.reach)
+        return Cell(self.middle - step, reach), Cell(self.middle + step, reach)
+
+
+@dataclass(frozen=True)
+class CellProof:
+    """What is known of a cell.
+
+    Attributes
+    ----------
+    abscissa : float
+        Largest real part of the poles at its middle.
+    proved : bool
+        Whether no pole touches the imaginary axis anywhere in the cell.
+    axis : int
+        The parameter that couples modes most, to be halved next.
+    """
+
+    abscissa: float
+    proved: bool
+    axis: int
+
+
+@dataclass(frozen=True)
+class _Modes:
+    """The pencil over a cell, ``sum_t w_t (s E_t - A_t)`` and ``s - poles`` on the diagonal, ``low <= w <= high``.
+
+    Of the first ``exact`` terms the diagonal is accounted for exactly; of the others, small ones, in magnitude.
+    ``powers[t, i]`` tells how often the weight of a term has parameter ``i`` as a factor.
+    """
+
+    poles: Complex
+    E: Complex
+    A: Complex
+    low: Array
+    high: Array
+    exact: int
+    powers: NDArray[np.int_]
+
+    def halved(self, axis: int) -> "_Modes":
+        """Return the same over the middle half of a parameter's range."""
+        share = 0.5 ** self.powers[:, axis]
+        return replace(self, low=share * self.low, high=share * self.high)
+
+    @property
+    def size(self) -> Array:
+        """Largest magnitude of each weight."""
+        return np.maximum(np.abs(self.low), np.abs(self.high))
+
+    @property
+    def own(self) -> tuple[Complex, Complex]:
+        """Diagonals of the terms that are accounted for exactly."""
+        E, A = (np.diagonal(X[: self.exact], axis1=1, axis2=2) for X in (self.E, self.A))
+        return E, A
+
+
+def prove_cell(centre: Pencil, slopes: tuple[Pencil, ...], cell: Cell) -> CellProof:
+    """Try to prove that the poles stay on their side of the imaginary axis throughout a cell."""
+    E = centre.E + sum(d * s.E for d, s in zip(cell.middle, slopes, strict=True))
+    A = centre.A + sum(d * s.A for d, s in zip(cell.middle, slopes, strict=True))
+    here = Pencil(np.asarray(E), np.asarray(A))
+    abscissa = here.abscissa
+    modes = None if abscissa >= 0.0 else _modes(here, slopes, cell)
+    if modes is None:
+        return CellProof(abscissa, False, int(np.argmax(cell.reach)))
+    worst = _hardest(modes)
+    return CellProof(abscissa, worst is None, 0 if worst is None else _decisive(modes, worst))
+
+
+def _decisive(modes: _Modes, point: Array) -> int:
+    """Return the parameter whose range, halved, would leave the least couplings at a frequency."""
+    found = []
+    for axis in range(modes.powers.shape[1]):
+        half = modes.halved(axis)
+        n = len(half.poles)
+        coupling = _couplings(_squares(half), point[None]).reshape(n, n)
+        distance = _along(half, point[None])[:, 0].max(axis=0)
+        clear = float(distance.min())
+        if clear > 0.0:
+            found.append((0, float(np.abs(np.linalg.eigvals(coupling / distance[:, None])).max()), axis))
+        else:
+            found.append((1, -clear, axis))
+    return min(found)[2]
+
+
+def _modes(here: Pencil, slopes: tuple[Pencil, ...], cell: Cell) -> _Modes | None:
+    state = np.linalg.solve(here.E, here.A)
+    balanced, (scale, _) = linalg.matrix_balance(state, permute=False, separate=True)
+    poles, V = linalg.eig(balanced)  # type: ignore[misc]
+    V = V * np.asarray(scale)[:, None]
+    try:
+        W = np.linalg.inv(here.E @ V)
+    except np.linalg.LinAlgError:
+        return None
+    E, A = (
+        np.array([W @ here_X @ V, *(W @ X @ V for X in changes)])
+        for here_X, changes in ((here.E, [s.E for s in slopes]), (here.A, [s.A for s in slopes]))
+    )
+    E[0] -= np.eye(len(poles))
+    A[0] -= np.diag(poles)
+    return _straightened(poles, E, A, cell.reach) if np.isfinite(E).all() and np.isfinite(A).all() else None
+
+
+def _straightened(poles: Complex, E: Complex, A: Complex, reach: Array) -> _Modes:
+    """Return the pencil in eigenvectors that follow the parameters to first order, so that couplings are of second.
+
+    ``(1 + sum d_i Y_i)(s E - A)(1 + sum d_i X_i)`` is regular only if ``s E - A`` is; ``E[0], A[0]`` are rounding.
+    """
+    k, n = len(reach), len(poles)
+    gaps = poles[:, None] - poles[None, :]
+    gaps[gaps == 0.0] = np.inf
+    X = (E[1:] * poles - A[1:]) / gaps
+    X *= 1.0 - np.eye(n)
+    X[np.abs(X) * reach[:, None, None] > _TURN] = 0.0
+    Y = -E[1:] - X
+    eye, diagonal = np.eye(n, dtype=complex), np.diag(poles)
+    terms: dict[tuple[int, ...], list[Complex]] = {}
+    for (left, L), (middle, e, a), (right, R) in product(
+        [((), eye), *(((i,), Y[i]) for i in range(k))],
+        [((), eye, diagonal), *(((i,), E[1 + i], A[1 + i]) for i in range(k)), ((-1,), E[0], A[0])],
+        [((), eye), *(((i,), X[i]) for i in range(k))],
+    ):
+        power = tuple(sorted((*left, *middle, *right)))
+        if power:
+            sums = terms.setdefault(power, [np.zeros((n, n), complex), np.zeros((n, n), complex)])
+            sums[0] += L @ e @ R
+            sums[1] += L @ a @ R
+    order = sorted(terms, key=lambda power: (-1 in power or len(power) > 2, len(power), power))
+    bounds = np.array([_range(power, reach) for power in order])
+    return _Modes(
+        poles,
+        np.array([terms[power][0] for power in order]),
+        np.array([terms[power][1] for power in order]),
+        bounds[:, 0],
+        bounds[:, 1],
+        sum(-1 not in power and len(power) <= 2 for power in order),
+        np.array([[power.count(i) for i in range(k)] for power in order]),
+    )
+
+
+def _range(power: tuple[int, ...], reach: Array) -> tuple[float, float]:
+    """Return between which values a product of parameters (and of one, for rounding) lies."""
+    size = float(np.prod([reach[i] for i in power if i >= 0]))
+    return (0.0 if len(power) == 2 and power[0] == power[1] >= 0 else -size), size
+
+
+def _hardest(modes: _Modes) -> Array | None:
+    """Return a frequency that could not be excluded, None if the whole imaginary axis is; one of conjugates suffices.
+
+    Frequencies are points ``(a, b)`` that stand for the pencil ``j a E - b A``, infinity for ``(1, 0)``.
+    """
+    squares, batch = _squares(modes), max(2 * _PARTS, _BATCH // len(modes.poles) ** 2)
+    ends = _breaks(modes)
+    chain, tail = np.column_stack([ends, np.ones(len(ends))]), np.array([[1.0, 1.0 / ends[-1]], [1.0, 0.0]])
+    lines = [chain[None, i : i + batch + 1] for i in range(0, len(chain) - 1, batch)] + [tail[None]]
+    rest = np.zeros((0, 2, 2))
+    for _ in range(_DEPTH + 1):
+        open_ = []
+        for line in lines:
+            failed, point = _failed(modes, squares, line)
+            if point is not None:
+                return point
+            open_.append(np.stack([line[:, :-1][failed], line[:, 1:][failed]], axis=1))
+        rest = np.concatenate(open_)
+        if not len(rest):
+            return None
+        share = np.linspace(0.0, 1.0, _PARTS + 1)[:, None]
+        cut = (1.0 - share) * rest[:, :1] + share * rest[:, 1:]
+        step = max(1, batch // _PARTS)
+        lines = [cut[i : i + step] for i in range(0, len(cut), step)]
+    return rest[0, 0]
+
+
+def _breaks(modes: _Modes) -> Array:
+    """Return frequencies, from zero, between which no resonance changes much."""
+    own_E, own_A = modes.own
+    drift = np.einsum("i,ik->k", modes.size[: modes.exact], np.abs(1j * modes.poles.imag * own_E - own_A))
+    width = np.abs(modes.poles.real)
+    offsets = np.sign(_WIDTHS) * drift[:, None] + width[:, None] * _WIDTHS
+    ends = (modes.poles.imag[:, None] + offsets).ravel()
+    top = 4.0 * float(np.abs(modes.poles).max())
+    ends = np.sort(ends[(ends > 0.0) & (ends < top)])
+    gap = 1e-4 * float(width.min())
+    kept = ends[np.concatenate([[True], np.diff(ends) > gap])] if len(ends) else ends
+    return np.concatenate([[0.0], kept, [top]])
+
+
+def _squares(modes: _Modes) -> Array:
+    """Return, for each term, what ``a^2, b^2, a b`` are multiplied by in the squared moduli of ``w (j a E - b A)``.
+
+    Rounding, which cancellation could make felt, is added; diagonals that are accounted for exactly are left out.
+    """
+    E, A = (modes.size[:, None, None] * X for X in (modes.E, modes.A))
+    found = np.stack([np.abs(E) ** 2, np.abs(A) ** 2, -2.0 * (1j * E * A.conj()).real], axis=1)
+    found[:, :2] *= 1.0 + _ROUNDING
+    np.einsum("tqkk->tqk", found)[: modes.exact] = 0.0
+    return found.reshape(len(found), 3, -1)
+
+
+def _failed(modes: _Modes, squares: Array, points: Array) -> tuple[NDArray[np.bool_], Array | None]:
+    """Return which intervals between neighbours of ``points[line, place]`` are not excluded, and a hopeless point."""
+    lines, places, n = *points.shape[:2], len(modes.poles)
+    flat = points.reshape(-1, 2)
+    coupling = _couplings(squares, flat).reshape(lines, places, n, n)
+    along = _along(modes, flat).reshape(-1, lines, places, n)
+    distance = np.minimum(along[:, :, :-1], along[:, :, 1:]).max(axis=0)
+    failed = (distance <= 0.0).any(axis=2)
+    H = np.maximum(coupling[:, :-1], coupling[:, 1:])[~failed] / distance[~failed][:, :, None]
+    failed[~failed] = ~_below_one(H)
+    if not failed.any():
+        return failed, None
+    touched = np.zeros((lines, places), dtype=bool)
+    touched[:, :-1] |= failed
+    touched[:, 1:] |= failed
+    at = _fail(coupling[touched], along.max(axis=0)[touched])
+    return failed, None if at is None else points[touched][at]
+
+
+def _couplings(squares: Array, points: Array) -> Array:
+    """Return upper bounds of the magnitudes of the couplings at each point, shape (points, n squared)."""
+    weights = np.column_stack([points**2, points[:, 0] * points[:, 1]])
+    total, term = np.zeros((len(points), squares.shape[2])), np.empty((len(points), squares.shape[2]))
+    for square in squares:
+        np.matmul(weights, square, out=term)
+        np.maximum(term, 0.0, out=term)
+        total += np.sqrt(term, out=term)
+    return total
+
+
+def _along(modes: _Modes, points: Array) -> Array:
+    """Return how far the diagonal stays from zero along each direction, at each point and over the whole cell."""
+    own_E, own_A = modes.own
+    low, high = (bound[: modes.exact, None, None] for bound in (modes.low, modes.high))
+    base = 1j * points[:, :1] - points[:, 1:] * modes.poles
+    rounding = _ROUNDING * (points[:, :1] + points[:, 1:] * np.abs(modes.poles))
+    found = np.empty((len(_DIRECTIONS), *base.shape))
+    for i, direction in enumerate(_DIRECTIONS):
+        seen = points @ np.stack([(1j * direction * own_E).real, -(direction * own_A).real], axis=1)
+        found[i] = (base * direction).real - rounding + np.minimum(low * seen, high * seen).sum(axis=0)
+    return found
+
+
+def _fail(coupling: Array, distance: Array) -> int | None:
+    """Return a place among a few frequencies whose couplings do not allow of a proof; None if none was found."""
+    if (distance <= 0.0).any():
+        return int(np.argmin(distance.min(axis=1)))
+    H = coupling / distance[:, :, None]
+    open_ = np.flatnonzero(~_below_one(H))
+    if not len(open_):
+        return None
+    worst = open_[np.argsort(-np.linalg.norm(H[open_], axis=(1, 2)))[:_ASKED]]
+    radius = np.abs(np.linalg.eigvals(H[worst])).max(axis=1)
+    return int(worst[np.argmax(radius)]) if radius.max() >= 1.0 else None
+
+
+def _below_one(H: Array) -> NDArray[np.bool_]:
+    """Return which of the nonnegative matrices ``H[f]`` have been shown to have a spectral radius below one."""
+    shown, rest = np.zeros(len(H), dtype=bool), np.arange(len(H))
+    x = np.ones((*H.shape[:2], 1))
+    for sweep in range(_SWEEPS[1]):
+        if not len(rest):
+            break
+        y = H @ x
+        good = (y < _BELOW * x).all(axis=(1, 2))
+        x = np.sqrt(x * np.maximum(y, np.finfo(float).tiny))
+        x = np.maximum(x / x.max(axis=1, keepdims=True), 1e-12)
+        shown[rest[good]] = True
+        if good.all() or (sweep % _SWEEPS[0] == 0 and good.any()):
+            rest, H, x = rest[~good], H[~good], x[~good]
+    return shown

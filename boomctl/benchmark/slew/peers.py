@@ -1,0 +1,164 @@
+"""The same slews as others would write them: RK4 multiple shooting in casadi.Opti, and rockit."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.rotating_beam import HubBeam
+
+__all__ = ["Effort", "Failed", "has_rockit", "opti_fastest", "opti_slew", "rockit_slew"]
+
+_QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
+
+
+class Failed(RuntimeError):
+    """The peer found no solution."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Least effort, rest to rest: the torque held on equal intervals."""
+
+    beam: HubBeam
+    angle: float
+    torque_limit: float
+    duration: float
+    intervals: int
+
+    @property
+    def target(self) -> Array:
+        """State at the end."""
+        state = np.zeros(2 * self.beam.equations.size)
+        state[0] = self.angle
+        return state
+
+    def guess(self) -> Array:
+        """Angle of the cubic from rest to rest and its speed, (N + 1) x n."""
+        s = np.linspace(0.0, 1.0, self.intervals + 1)
+        states = np.zeros((s.size, self.target.size))
+        states[:, 0] = self.angle * (3.0 * s**2 - 2.0 * s**3)
+        states[:, self.beam.equations.size] = self.angle * 6.0 * s * (1.0 - s) / self.duration
+        return states
+
+
+def has_rockit() -> bool:
+    """Whether rockit is installed."""
+    return find_spec("rockit") is not None
+
+
+def opti_slew(effort: Effort, substeps: int = 1, mapped: bool = False) -> Array:
+    """Torques [N m] by RK4 multiple shooting in `casadi.Opti`, the torque in units of its limit.
+
+    Parameters
+    ----------
+    effort : Effort
+    substeps : int
+        RK4 steps an interval.
+    mapped : bool
+        False: one constraint an interval, in a loop, as in CasADi's example of direct multiple shooting. True: an SX step
+        function mapped over all intervals at once.
+
+    Raises
+    ------
+    Failed
+        If IPOPT ends without a solution.
+    """
+    import casadi as ca
+
+    f, n, N = effort.beam.casadi_function(), effort.target.size, effort.intervals
+    x, u = ca.SX.sym("x", n), ca.SX.sym("u")
+    step = ca.Function("step", [x, u], [_rk4(lambda a: f(a, u)[0], x, effort.duration / N / substeps, substeps)])
+    opti = ca.Opti()
+    X, U = opti.variable(n, N + 1), opti.variable(1, N)
+    if mapped:
+        opti.subject_to(X[:, 1:] == step.map(N)(X[:, :-1], U * effort.torque_limit))
+    else:
+        h = effort.duration / N / substeps
+        for k in range(N):
+            now, torque = X[:, k], U[k] * effort.torque_limit
+            opti.subject_to(X[:, k + 1] == _rk4(lambda a, torque=torque: f(a, torque)[0], now, h, substeps))
+    opti.subject_to(X[:, 0] == 0.0)
+    opti.subject_to(X[:, N] == effort.target)
+    opti.subject_to(opti.bounded(-1.0, U, 1.0))
+    opti.minimize(ca.sumsqr(U) / N)
+    opti.set_initial(X, effort.guess().T)
+    opti.solver("ipopt", _QUIET)
+    try:
+        solution = opti.solve()
+    except RuntimeError as error:
+        raise Failed(str(opti.return_status())) from error
+    return np.array(solution.value(U)).ravel() * effort.torque_limit
+
+
+def opti_fastest(effort: Effort, substeps: int = 1) -> tuple[float, Array]:
+    """Least duration [s], from that of `effort` as a first guess, and torques [N m]; otherwise as `opti_slew`, mapped.
+
+    Raises
+    ------
+    Failed
+        If IPOPT ends without a solution.
+    """
+    import casadi as ca
+
+    f, n, N = effort.beam.casadi_function(), effort.target.size, effort.intervals
+    x, u, t = ca.SX.sym("x", n), ca.SX.sym("u"), ca.SX.sym("t")
+    step = ca.Function("step", [x, u, t], [_rk4(lambda a: f(a, u)[0], x, t / N / substeps, substeps)])
+    opti = ca.Opti()
+    X, U, T = opti.variable(n, N + 1), opti.variable(1, N), opti.variable()
+    opti.subject_to(X[:, 1:] == step.map(N)(X[:, :-1], U * effort.torque_limit, ca.repmat(T, 1, N)))
+    opti.subject_to(X[:, 0] == 0.0)
+    opti.subject_to(X[:, N] == effort.target)
+    opti.subject_to(opti.bounded(-1.0, U, 1.0))
+    opti.subject_to(0.1 * effort.duration <= T)
+    opti.minimize(T)
+    opti.set_initial(X, effort.guess().T)
+    opti.set_initial(T, effort.duration)
+    opti.solver("ipopt", _QUIET)
+    try:
+        solution = opti.solve()
+    except RuntimeError as error:
+        raise Failed(str(opti.return_status())) from error
+    return float(solution.value(T)), np.array(solution.value(U)).ravel() * effort.torque_limit
+
+
+def rockit_slew(effort: Effort, substeps: int = 1) -> Array:
+    """Torques [N m] by rockit's multiple shooting (RK4).
+
+    Raises
+    ------
+    Failed
+        If IPOPT ends without a solution.
+    """
+    import rockit  # pyright: ignore[reportMissingImports]
+
+    f, n, N = effort.beam.casadi_function(), effort.target.size, effort.intervals
+    ocp: Any = rockit.Ocp(T=effort.duration)
+    x, u = ocp.state(n), ocp.control()
+    ocp.set_der(x, f(x, u * effort.torque_limit)[0])
+    ocp.subject_to(ocp.at_t0(x) == 0.0)
+    ocp.subject_to(ocp.at_tf(x) == effort.target)
+    ocp.subject_to(u <= 1.0)
+    ocp.subject_to(u >= -1.0)
+    ocp.add_objective(ocp.sum(u**2) / N)
+    ocp.solver("ipopt", _QUIET)
+    ocp.method(rockit.MultipleShooting(N=N, M=substeps, intg="rk"))
+    ocp.set_initial(x, effort.guess().T)
+    try:
+        solution = ocp.solve()
+    except Exception as error:
+        raise Failed("rockit found no solution") from error
+    return np.array(solution.sample(u, grid="control")[1])[:N] * effort.torque_limit
+
+
+def _rk4(f: Callable[[Any], Any], x: Any, h: Any, steps: int) -> Any:
+    for _ in range(steps):
+        k1 = f(x)
+        k2 = f(x + 0.5 * h * k1)
+        k3 = f(x + 0.5 * h * k2)
+        k4 = f(x + h * k3)
+        x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return x

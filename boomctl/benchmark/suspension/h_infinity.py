@@ -1,0 +1,186 @@
+"""Lines of the benchmark that race H-infinity synthesis, verification included, against ``control.hinfsyn``."""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.analysis.norm import hinf_norm
+from boomctl.benchmark.report import Row
+from boomctl.boom import BoomParameters, spray_boom
+from boomctl.reduction import reduce
+from boomctl.structure import split_symmetric
+from boomctl.synthesis import close_loop, generalized_plant, h_infinity
+from boomctl.synthesis.hinf.native import shared_worker
+from boomctl.synthesis.plants.units import in_units
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["cheap_control_plant", "h_infinity_lines", "yaw_and_jolt_plant"]
+
+_SECTION = "H-infinity synthesis, verification included, the worker warm; the peer does not verify"
+_TARGET, _ERROR = 10.0, 0.0101
+_PATIENCE = 120.0
+_SIDES, _INPUTS, _OUTPUTS = ("sym", "anti"), ("actuator", "suspension"), ("tip", "stroke")
+_UNITS = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05}
+
+
+def yaw_and_jolt_plant(units: bool, order: int = 20) -> "control.StateSpace":
+    """Return the generalised plant of both halves of the boom, each reduced to half the order.
+
+    Signals count in SI units and control is cheap, or they count in ``_UNITS`` and a force disturbance and an effort of
+    like size are weighed.
+    """
+    import control
+
+    halves = []
+    for side, half in zip(_SIDES, split_symmetric(spray_boom(BoomParameters(), elements=20)), strict=True):
+        sizes = {f"{signal}_{side}": size for signal, size in _UNITS.items()}
+        chosen = half.select([f"{name}_{side}" for name in _INPUTS], [f"{name}_{side}" for name in _OUTPUTS])
+        halves.append(reduce(in_units(chosen, sizes) if units else chosen, order=order // 2).system)
+    A, B, C, D = (linalg.block_diag(*(getattr(half, name) for half in halves)) for name in "ABCD")
+    ins, outs = ([name for half in halves for name in getattr(half, f"{kind}_labels")] for kind in ("input", "output"))
+    platform, controls, tips, strokes = ([f"{n}_{s}" for s in _SIDES] for n in (*_INPUTS, *_OUTPUTS))
+    return generalized_plant(
+        control.ss(A, B, C, D, inputs=ins, outputs=outs),
+        disturbances=dict.fromkeys(platform, 1.0) | (dict.fromkeys(controls, 0.05) if units else {}),
+        noises=dict.fromkeys(strokes, 0.02 if units else 0.01),
+        performance=dict.fromkeys(tips, 1.0),
+        effort=dict.fromkeys(controls, 1.0 if units else 0.05),
+        measurements=strokes,
+        controls=controls,
+    )
+
+
+def cheap_control_plant() -> "control.StateSpace":
+    """Return the generalised plant of the antisymmetric half with an effort weight of 0.01; tip and stroke are measured."""
+    _, yaw = split_symmetric(spray_boom(BoomParameters()))
+    return generalized_plant(
+        yaw,
+        disturbances={"actuator_anti": 1.0},
+        noises={"tip_anti": 0.01, "stroke_anti": 0.01},
+        performance={"tip_anti": 1.0},
+        effort={"suspension_anti": 0.01},
+        measurements=["tip_anti", "stroke_anti"],
+        controls="suspension_anti",
+    )
+
+
+def h_infinity_lines(rounds: int = 5, tell: Callable[[str], None] = lambda text: None) -> list[Row]:
+    """Race ``h_infinity`` against ``control.hinfsyn``, taking turns; time is the processor time of all processes.
+
+    The error of each is the true norm of its loop above the bound that no controller beats, relative to that bound:
+    ``inf`` if the loop is not stable or there is none.
+    """
+    jobs = {
+        "yaw + jolt, order 20, signals in units of their own": (yaw_and_jolt_plant(units=True), 2, 2),
+        "yaw + jolt, order 20, SI units, effort weight 0.05": (yaw_and_jolt_plant(units=False), 2, 2),
+        "antisymmetric half, effort weight 0.01": (cheap_control_plant(), 2, 1),
+    }
+    rows = []
+    for name, (P, nmeas, ncon) in jobs.items():
+        tell(f"H-infinity synthesis: {name}")
+        rows.append(_row(name, P, nmeas, ncon, rounds))
+    return rows
+
+
+@dataclass(frozen=True)
+class _Peer:
+    """What the peer said: processor time [s], the norm it claims, its controller's matrices; None where it said none."""
+
+    seconds: float | None
+    gamma: float | None
+    K: list[Any] | None
+    error: str = ""
+
+
+def _row(name: str, P: "control.StateSpace", nmeas: int, ncon: int, rounds: int) -> Row:
+    design = h_infinity(P, nmeas, ncon)
+    lower = design.certificate.lower
+    ours: list[float] = []
+    peers: list[_Peer] = []
+    with _peer(P, nmeas, ncon) as ask:
+        ask()
+        for _ in range(rounds):
+            start = time.process_time() + shared_worker().processor_time
+            design = h_infinity(P, nmeas, ncon)
+            ours.append(time.process_time() + shared_worker().processor_time - start)
+            peers.append(ask())
+    last = peers[-1]
+    true = _true_norm(P, last)
+    spent = [peer.seconds for peer in peers if peer.seconds is not None]
+    error, peer_error = hinf_norm(close_loop(P, design.controller)).upper / lower - 1.0, true / lower - 1.0
+    faster = float(np.median(spent)) / float(np.median(ours)) if spent else np.inf
+    told = f"{name} (ours {design.gamma:.4g}, at least {lower:.4g}; {_told(last, true)})"
+    return Row(
+        _SECTION, told, float(np.median(ours)), float(np.median(spent)) if spent else None,
+        f">= {_TARGET:g}x, error 1 %", error, peer_error, faster >= _TARGET and error <= _ERROR,
+    )  # fmt: skip
+
+
+def _told(peer: _Peer, true: float) -> str:
+    if peer.gamma is None:
+        return f"control.hinfsyn: {peer.error}"
+    return f"control.hinfsyn says {peer.gamma:.4g}, its loop has {true:.4g}"
+
+
+def _true_norm(P: "control.StateSpace", peer: _Peer) -> float:
+    import control
+
+    if peer.K is None:
+        return np.inf
+    return hinf_norm(close_loop(P, control.ss(*(np.array(part, dtype=float) for part in peer.K)))).lower
+
+
+@contextmanager
+def _peer(P: "control.StateSpace", nmeas: int, ncon: int) -> Iterator[Callable[[], _Peer]]:
+    """Give a function that runs the peer once; it is killed if it hangs, and says so from then on."""
+    home = str(Path(__file__).resolve().parents[3])
+    paths = os.pathsep.join([home, *filter(None, [os.environ.get("PYTHONPATH")])])
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", "boomctl.benchmark.suspension._hinfsyn"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=os.environ | threads | {"PYTHONPATH": paths},
+        text=True,
+    )
+    source, sink = process.stdout, process.stdin
+    assert source is not None
+    assert sink is not None
+    plant = {name: np.asarray(getattr(P, name)).tolist() for name in "ABCD"} | {"nmeas": nmeas, "ncon": ncon}
+    sink.write(json.dumps(plant) + "\n")
+
+    def ask() -> _Peer:
+        timer = threading.Timer(_PATIENCE, process.kill)
+        timer.start()
+        try:
+            sink.write("again\n")
+            sink.flush()
+            line = source.readline()
+        except OSError:
+            line = ""
+        finally:
+            timer.cancel()
+        if not line:
+            return _Peer(None, None, None, f"killed after {_PATIENCE:g} s")
+        answer = json.loads(line)
+        return _Peer(answer["seconds"], answer.get("gamma"), answer.get("K"), answer.get("error", ""))
+
+    try:
+        yield ask
+    finally:
+        process.kill()
+        process.communicate()

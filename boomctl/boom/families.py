@@ -1,0 +1,136 @@
+"""What is not known of a spray boom: the stiffness of its springs and the mass of its beam.
+
+Both enter mass, damping and stiffness matrix linearly, so that the boom is an exactly affine family over a box of them.
+The beam's mass is uncertain as a whole: ``boom_mass``, ``boom_inertia`` and ``density`` are scaled by one factor, so that
+the tube's share of mass and inertia stays what it is and never exceeds the boom's.  Tanks, hoses and nozzles spread along
+the boom, and spray liquid in its pipes, are such a change.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from scipy import optimize
+
+from boomctl.boom.model import spray_boom
+from boomctl.boom.parameters import BoomParameters
+from boomctl.checks import known, positive
+from boomctl.structure.family import AffineFamily, interval
+from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.symmetry import split_symmetric
+
+__all__ = ["boom_family", "scaled_boom", "spring_for_yaw", "yaw_family"]
+
+_HALVES = ("jolt", "yaw")
+_STIFFEST = 1e4
+
+
+def scaled_boom(parameters: BoomParameters, spring: float = 1.0, mass: float = 1.0) -> BoomParameters:
+    """Return a boom whose springs are ``spring`` times as stiff and whose beam weighs ``mass`` times as much."""
+    positive("spring", spring)
+    positive("mass", mass)
+    return replace(
+        parameters,
+        spring_stiffness=spring * parameters.spring_stiffness,
+        boom_mass=mass * parameters.boom_mass,
+        boom_inertia=mass * parameters.boom_inertia,
+        density=mass * parameters.density,
+    )
+
+
+def _given(parameters: BoomParameters | None) -> BoomParameters:
+    if parameters is None:
+        return BoomParameters()
+    if not isinstance(parameters, BoomParameters):
+        raise TypeError(f"parameters: expected BoomParameters, got {type(parameters).__name__}")
+    return parameters
+
+
+def _part(model: SecondOrderModel, half: str | None) -> SecondOrderModel:
+    return model if half is None else split_symmetric(model)[_HALVES.index(known("half", half, _HALVES))]
+
+
+def boom_family(
+    parameters: BoomParameters | None = None,
+    spring: tuple[float, float] = (0.7, 1.3),
+    mass: tuple[float, float] = (0.8, 1.2),
+    half: str | None = None,
+    elements: int = 6,
+    discretization: str = "finite",
+    excitation: str = "displacement",
+    accelerometer_bandwidth_hz: float | None = None,
+) -> AffineFamily:
+    """Return the boom over a box of spring stiffness and beam mass.
+
+    Parameters
+    ----------
+    parameters : BoomParameters, optional
+        By default Table 2.
+    spring, mass : (float, float)
+        Ranges of the factors on spring stiffness and on the beam's mass; parameters ``"spring"`` and ``"mass"``.
+    half : "jolt" or "yaw", optional
+        One half of the symmetric boom.
+    elements, discretization, excitation, accelerometer_bandwidth_hz
+        As of :func:`boomctl.spray_boom`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As of :func:`boomctl.spray_boom`; ranges not positive or not ascending.
+    """
+    p = _given(parameters)
+
+    def make(values: Mapping[str, float]) -> SecondOrderModel:
+        scaled = scaled_boom(p, **values)
+        return _part(spray_boom(scaled, discretization, elements, excitation, accelerometer_bandwidth_hz), half)
+
+    ranges = {"spring": interval("spring", spring), "mass": interval("mass", mass)}
+    for name, (low, _) in ranges.items():
+        positive(f"lower end of {name}", low)
+    return AffineFamily.through(ranges, make)
+
+
+def yaw_family(
+    parameters: BoomParameters | None = None,
+    stiffest_hz: float = 0.34,
+    half: str | None = None,
+    elements: int = 6,
+    discretization: str = "finite",
+    excitation: str = "displacement",
+    accelerometer_bandwidth_hz: float | None = None,
+) -> AffineFamily:
+    """Return the boom over a range of spring stiffness [N/m], parameter ``"spring_stiffness"``.
+
+    It runs from the stiffness given to the one that brings the yaw frequency to ``stiffest_hz``, by default the
+    measured 0.34 Hz of Anthonis & Ramon (2003), Table 1, where their model has 0.245 Hz.
+    """
+    p = _given(parameters)
+
+    def make(values: Mapping[str, float]) -> SecondOrderModel:
+        changed = replace(p, **values)
+        return _part(spray_boom(changed, discretization, elements, excitation, accelerometer_bandwidth_hz), half)
+
+    stiffest = spring_for_yaw(p, stiffest_hz, elements, discretization)
+    return AffineFamily.through({"spring_stiffness": (p.spring_stiffness, stiffest)}, make)
+
+
+def spring_for_yaw(
+    parameters: BoomParameters, frequency_hz: float, elements: int = 6, discretization: str = "finite"
+) -> float:
+    """Return the spring stiffness [N/m] at which the first (damped) yaw frequency is ``frequency_hz``.
+
+    Raises
+    ------
+    ValueError
+        No stiffness up to ten thousand times the present one does it.
+    """
+    parameters, wanted = _given(parameters), positive("frequency_hz", frequency_hz)
+
+    def excess(factor: float) -> float:
+        changed = scaled_boom(parameters, spring=factor)
+        yaw = split_symmetric(spray_boom(changed, discretization, elements))[1]
+        return float(yaw.eigenfrequencies_hz(1)[0]) - wanted
+
+    if excess(1.0 / _STIFFEST) > 0.0 or excess(_STIFFEST) < 0.0:
+        raise ValueError(f"frequency_hz = {wanted:g}: no spring stiffness brings the first yaw frequency there")
+    factor = float(optimize.brentq(excess, 1.0 / _STIFFEST, _STIFFEST, xtol=1e-12))  # type: ignore[arg-type]
+    return factor * parameters.spring_stiffness

@@ -1,0 +1,81 @@
+"""Gramians as factors, ``P = F F^T``: in closed form in modal coordinates, by Hammarling's method elsewhere."""
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array, Complex
+from boomctl.lti.modal import ModalSystem
+from boomctl.lti.system import StateMatrices
+
+__all__ = ["band_integral", "factors", "gramian_residual"]
+
+_NOISE = 4.0 * float(np.finfo(float).eps)
+
+
+def factors(system: StateMatrices, modal: ModalSystem | None) -> tuple[Array, Array]:
+    """Return factors of the Gramians of controllability and observability, ``P = F F^T`` and ``Q = H H^T``.
+
+    In modal coordinates ``P_ij = -b_i b_j^*/(p_i + p_j^*)``.  ``modal`` is the same system in modal coordinates, the
+    real form of which is ``system``; None where it has none.
+    """
+    if modal is None:
+        return _hammarling(system.A, system.B), _hammarling(system.A.T, system.C.T)
+    J = modal.mixing
+    P, Q = _closed_form(modal.poles, modal.B), _closed_form(modal.poles.conj(), modal.C.conj().T)
+    return _factor(np.real(J @ P @ J.conj().T)), _factor(np.real(J @ Q @ J.conj().T))
+
+
+def _closed_form(poles: Complex, B: Complex) -> Complex:
+    return -(B @ B.conj().T) / (poles[:, None] + poles.conj()[None, :])
+
+
+def _factor(P: Array) -> Array:
+    """Return a factor of a Gramian, scaled to a unit diagonal first, so that weak modes keep their digits."""
+    size = np.sqrt(np.maximum(np.diag(P), 0.0))
+    safe = np.where(size > 0.0, size, 1.0)
+    scaled = P / np.outer(safe, safe)
+    values, U = linalg.eigh(0.5 * (scaled + scaled.T))
+    good = values > _NOISE * len(P) * max(values[-1], 0.0)
+    return size[:, None] * (U[:, good] * np.sqrt(values[good]))
+
+
+def _hammarling(A: Array, B: Array) -> Array:
+    """Return a factor of the solution of ``A P + P A^T + B B^T = 0``, never forming ``P``."""
+    import slycot
+
+    if B.shape[1] > len(B):
+        B = np.linalg.qr(B.T)[1].T  # as many columns as rows, of the same B B^T
+    n, m = B.shape
+    padded = np.zeros((n, n))
+    padded[:m] = B.T
+    U, scale, _ = slycot.sb03od(n, m, A.T.copy(), np.zeros((n, n)), padded, "C", fact="N", trans="N")[:3]
+    return U[:n, :n].T / scale
+
+
+def gramian_residual(A: Array, B: Array, F: Array) -> float:
+    """Return the residual of ``A P + P A^T + B B^T = 0`` with ``P = F F^T``, relative to its largest term."""
+    AP, BB = A @ F @ F.T, B @ B.T
+    size = max(float(np.abs(AP).max(initial=0.0)), float(np.abs(BB).max(initial=0.0)), np.finfo(float).tiny)
+    return float(np.abs(AP + AP.T + BB).max(initial=0.0)) / size
+
+
+def band_integral(system: StateMatrices, modal: ModalSystem | None, band: tuple[float, float]) -> Array:
+    """Return ``1/(2 pi)`` times the integral of ``(i w - A)^-1`` over ``w1 <= |w| <= w2``, real.
+
+    Source: Gawronski & Juang (1990), Int. J. Systems Science 21.
+    """
+    low, high = band
+    if modal is not None:
+        share = _share(modal.poles, high) - _share(modal.poles, low)
+        J = modal.mixing
+        return np.real((J * share) @ J.conj().T)
+    eye = np.eye(len(system.A))
+
+    def until(w: float) -> Complex:
+        return -0.5j / np.pi * (linalg.logm(1j * w * eye - system.A) - linalg.logm(-1j * w * eye - system.A))
+
+    return np.real(until(high) - until(low))
+
+
+def _share(poles: Complex, w: float) -> Complex:
+    return -0.5j / np.pi * (np.log(1j * w - poles) - np.log(-1j * w - poles))

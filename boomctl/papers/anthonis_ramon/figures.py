@@ -1,0 +1,248 @@
+"""Anthonis & Ramon (2003) computed again: Table 1, Fig. 3, convergence, mode shapes, and the boom in motion."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from boomctl.analysis import SigmaResult, sigma
+from boomctl.arrays import Array
+from boomctl.boom import BoomParameters, exact_eigenfrequencies_hz, exact_frequency_response, spray_boom
+from boomctl.boom.model import ACTUATORS, TIPS, boom_assembly
+from boomctl.papers.anthonis_ramon.published import MEASURED_HZ, TABLE_1
+from boomctl.structure import DiscreteElements, prescribe_displacement
+from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.direct import direct_response
+from boomctl.structure.response.poles import damped_poles, undamped_modes
+
+__all__ = ["BoomReproduction", "Convergence", "Deviation", "MachineMotion", "Method", "Reading", "compute"]
+
+Progress = Callable[[str], None]
+
+_MODES = 5
+_FINITE = (4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 64, 80, 100, 128, 160, 200, 256, 320, 400)
+_ATTACHED = (4, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64, 80, 100, 128, 160, 200, 256, 320, 400)
+_ORDERS = tuple(range(3, 15))
+_SHAPE_ELEMENTS = 48
+
+
+@dataclass(frozen=True)
+class Method:
+    """A column of Table 1: what was published, what is computed here [Hz], and the difference in per cent."""
+
+    name: str
+    published_hz: Array
+    computed_hz: Array
+
+    @property
+    def difference_percent(self) -> Array:
+        """Computed less published, in per cent of published."""
+        return 100.0 * (self.computed_hz / self.published_hz - 1.0)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One way to read "geometrical mass allocation, 20 elements", and the frequencies that it gives [Hz]."""
+
+    mass: str
+    inner: int
+    computed_hz: Array
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Relative errors of the first five damped eigenfrequencies, (sizes, 5), over the size of the mesh."""
+
+    name: str
+    sizes: Array
+    unknowns: Array
+    error: Array
+    of: str
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Largest relative deviation of both singular values from the exact ones, over frequency [rad/s]."""
+
+    omega: Array
+    largest: Array
+
+
+@dataclass(frozen=True)
+class MachineMotion:
+    """How the machine moves at one frequency, in complex amplitudes: the boom over ``x``, cradle and platform.
+
+    ``platform`` and ``platform_turn`` are the platform's displacement [m] and rotation [rad], ``cradle`` the cradle's
+    displacement, all absolute.
+    """
+
+    title: str
+    freq_hz: float
+    damping_ratio: float
+    x: Array
+    boom: Array
+    cradle: complex
+    platform: complex
+    platform_turn: complex
+
+
+@dataclass(frozen=True)
+class BoomReproduction:
+    """Everything of the paper that is computed again."""
+
+    measured_hz: Array
+    exact_hz: Array
+    exact_undamped_hz: Array
+    methods: tuple[Method, ...]
+    readings: tuple[Reading, ...]
+    sigma: dict[str, SigmaResult]
+    deviation: dict[str, Deviation]
+    convergence: tuple[Convergence, ...]
+    modes: tuple[MachineMotion, ...]
+    driven: tuple[MachineMotion, ...]
+
+
+def compute(parameters: BoomParameters | None = None, progress: Progress | None = None) -> BoomReproduction:
+    """Compute the paper's results from Table 2, or from other parameters.
+
+    Parameters
+    ----------
+    parameters : BoomParameters, optional
+    progress : callable, optional
+        Told in a few words what is being computed.
+    """
+    p = BoomParameters() if parameters is None else parameters
+    tell = progress or (lambda _: None)
+    tell("Table 1")
+    exact = exact_eigenfrequencies_hz(p, _MODES)
+    undamped = exact_eigenfrequencies_hz(p, _MODES, damped=False)
+    methods = tuple(_method(p, name, values) for name, values in TABLE_1.items())
+    readings = tuple(_reading(p, mass, inner) for mass in ("lumped", "linear") for inner in (2, 4, 6, 8))
+    tell("Fig. 3")
+    curves = _curves(p)
+    deviation = _deviations(p, curves["exact beam"])
+    tell("convergence")
+    convergence = _convergence(p, exact)
+    tell("mode shapes and motions")
+    return BoomReproduction(
+        np.array(MEASURED_HZ),
+        exact,
+        undamped,
+        methods,
+        readings,
+        curves,
+        deviation,
+        convergence,
+        _mode_shapes(p),
+        _driven(p, exact),
+    )
+
+
+def _method(p: BoomParameters, name: str, published: tuple[float, ...]) -> Method:
+    kind = {"finite": "finite", "Hermitian": "discrete-hermite", "geometrical": "discrete-geometric"}
+    discretization = next(value for key, value in kind.items() if key in name)
+    model = spray_boom(p, discretization, int(name.rsplit(" ", 1)[1]))
+    return Method(name, np.array(published), model.eigenfrequencies_hz(_MODES))
+
+
+def _reading(p: BoomParameters, mass: str, inner: int) -> Reading:
+    """Return the frequencies of 20 discrete elements, ``inner`` of them between the springs."""
+    half, spring = p.length / 2, p.spring_distance / 2
+    outer = np.linspace(-half, -spring, (20 - inner) // 2 + 1)
+    x = np.concatenate([outer[:-1], np.linspace(-spring, spring, inner + 1), -outer[-2::-1]])
+    force_driven = boom_assembly(p, DiscreteElements(tuple(x + half), mass)).assemble()
+    return Reading(mass, inner, prescribe_displacement(force_driven, ACTUATORS).eigenfrequencies_hz(_MODES))
+
+
+def _curves(p: BoomParameters) -> dict[str, SigmaResult]:
+    """Return the curves of Fig. 3 on grids that resolve the peaks of each."""
+    finite = sigma(spray_boom(p, "finite", 6))
+    geometric = sigma(spray_boom(p, "discrete-geometric", 20))
+    fine = sigma(spray_boom(p, "high-order", 4))
+    exact = sigma(exact_frequency_response(p, fine.omega, ACTUATORS, TIPS))
+    return {"finite elements, 6": finite, "discrete elements, geometrical mass, 20": geometric, "exact beam": exact}
+
+
+def _deviations(p: BoomParameters, exact: SigmaResult) -> dict[str, Deviation]:
+    """Return how far the two approximations of Fig. 3 lie from the exact beam, on the exact curve's grid."""
+    models = {
+        "finite elements, 6": spray_boom(p, "finite", 6),
+        "discrete elements, geometrical mass, 20": spray_boom(p, "discrete-geometric", 20),
+    }
+    ratios = {name: sigma(model, exact.omega).sigma / exact.sigma - 1.0 for name, model in models.items()}
+    return {name: Deviation(exact.omega, np.abs(ratio).max(axis=0)) for name, ratio in ratios.items()}
+
+
+def _convergence(p: BoomParameters, exact: Array) -> tuple[Convergence, ...]:
+    def errors(name: str, discretization: str, counts: tuple[int, ...], of: str = "elements") -> Convergence:
+        models = [spray_boom(p, discretization, n) for n in counts]
+        return _errors(name, models, counts, exact, of)
+
+    attached = [spray_boom(p, "finite", _attached(p, n)) for n in _ATTACHED]
+    orders = [spray_boom(p, "high-order", 4, order=k) for k in _ORDERS]
+    return (
+        errors("finite elements, equal", "finite", _FINITE),
+        _errors("finite elements, nodes at hinge and springs", attached, _ATTACHED, exact, "elements"),
+        errors("discrete elements, Hermitian mass", "discrete-hermite", _ATTACHED),
+        errors("discrete elements, geometrical mass", "discrete-geometric", _ATTACHED),
+        _errors("high-order elements, 4", orders, _ORDERS, exact, "order"),
+    )
+
+
+def _attached(p: BoomParameters, elements: int) -> Array:
+    """Return node positions at tips, springs and hinge with elements as equal as can be, refined alike everywhere."""
+    half, spring = p.length / 2, p.spring_distance / 2
+    inner = max(1, round(elements / 2 * spring / half))
+    outer = np.linspace(-half, -spring, elements // 2 - inner + 1)
+    left = np.concatenate([outer, np.linspace(-spring, 0.0, inner + 1)[1:]])
+    return np.concatenate([left, -left[-2::-1]])
+
+
+def _errors(name: str, models: list[SecondOrderModel], counts: tuple[int, ...], exact: Array, of: str) -> Convergence:
+    found = np.array([np.abs(model.eigenfrequencies_hz(_MODES) / exact - 1.0) for model in models])
+    unknowns = np.array([model.n for model in models])
+    return Convergence(name, np.array(counts), unknowns, found, of)
+
+
+def _shape_model(p: BoomParameters) -> tuple[SecondOrderModel, Array]:
+    """Return a model that reads the boom's deflection at its nodes, and the nodes' places."""
+    model = spray_boom(p, "finite", _attached(p, _SHAPE_ELEMENTS), reactions=False)
+    places = [i for i, name in enumerate(model.coordinates) if name.startswith("boom.w")]
+    L = np.eye(model.n)[places]
+    ports = replace(
+        model.ports.select(ACTUATORS, TIPS), outputs=tuple(model.coordinates[i] for i in places), L=(L, 0 * L, 0 * L)
+    )
+    E = np.zeros((len(places), len(ACTUATORS)))
+    ports = replace(ports, E=(E, E, E), bandwidths=(None,) * len(places))
+    return model.with_ports(ports), _attached(p, _SHAPE_ELEMENTS)
+
+
+def _mode_shapes(p: BoomParameters) -> tuple[MachineMotion, ...]:
+    """Return the first five modes, platform held; shapes undamped, frequencies and damping of the damped system."""
+    model, x = _shape_model(p)
+    _, shapes = undamped_modes(model, _MODES)
+    poles = damped_poles(model, _MODES)
+    motions = []
+    for k, pole in enumerate(poles):
+        w = model.ports.L[0] @ shapes[:, k]
+        w = w / w[np.argmax(np.abs(w))]
+        middle = complex(w[len(w) // 2])
+        motions.append(
+            MachineMotion(f"mode {k + 1}", pole.imag / (2 * np.pi), -pole.real / abs(pole), x, w, middle, 0j, 0j)
+        )
+    return tuple(motions)
+
+
+def _driven(p: BoomParameters, exact: Array) -> tuple[MachineMotion, ...]:
+    """Return the machine driven in yaw at the first and in jolt at the second eigenfrequency."""
+    model, x = _shape_model(p)
+    motions = []
+    for title, freq, sides in (("yaw", exact[0], (-1.0, 1.0)), ("jolt", exact[1], (1.0, 1.0))):
+        response = direct_response(model, np.array([2 * np.pi * freq]))[:, :, 0]
+        d = np.array(sides)
+        w = response @ d
+        turn = (d[1] - d[0]) / p.actuator_distance
+        motions.append(
+            MachineMotion(title, float(freq), np.nan, x, w, complex(w[len(w) // 2]), complex(d.mean()), turn)
+        )
+    return tuple(motions)

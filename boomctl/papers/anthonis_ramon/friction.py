@@ -1,0 +1,202 @@
+"""What Coulomb friction in the cradle does to the boom's singular values between 2.5 and 3.5 Hz.
+
+Anthonis & Ramon (2003) measured a lower singular value below the computed one there, saw the cradle stick and slip, and
+put the one down to the other.  Friction acts on symmetric motion (jolt) alone, and there it is simulated in time, by a
+stepped sine with true stick-slip, beside the describing function and the limit of a cradle that never slips.
+
+Readings of the friction are compared that act in opposite directions.  *Added* to the viscous damping of
+Table 2, friction ties the cradle to the platform and raises the response.  Taken *in place of* that damping, which a
+linear fit would have made of it at the cradle's mode, it lowers the response above: the equivalent viscous damping
+``4 F/(pi omega A)`` of Coulomb friction falls with the slip velocity, while that of the linear model stays.  Either way
+the lower singular value feels the cradle only where it belongs to jolt, from 1.7 to 3.5 Hz; above, it belongs to yaw.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from boomctl.analysis import sigma
+from boomctl.arrays import Array, Complex
+from boomctl.boom import BoomParameters, spray_boom
+from boomctl.checks import positive, whole
+from boomctl.simulation import CoulombFriction, SineResponse, describing_function, swept_sine
+from boomctl.simulation.sines.describing_function import receptances
+from boomctl.structure import SecondOrderModel, split_symmetric
+from boomctl.structure.response.poles import damped_poles
+
+__all__ = ["AMPLITUDE", "BAND_HZ", "BoomFriction", "FrictionReading", "friction_study", "matched_force"]
+
+BAND_HZ = (2.5, 3.5)
+AMPLITUDE = 5e-3
+_ELEMENTS = 20
+_SPAN_HZ = (0.4, 6.0)
+_NO_DAMPING = 1e-9
+
+# name, viscous damping left and friction, as shares of what Table 2 has and of the force that matches it
+_READINGS = (
+    ("in place of viscous damping", 0.0, 1.0),
+    ("in place of half the viscous damping", 0.5, 0.5),
+    ("added to viscous damping", 1.0, 1.0),
+)
+
+
+@dataclass(frozen=True)
+class FrictionReading:
+    """One reading of the cradle's friction, over the study's frequencies.
+
+    Attributes
+    ----------
+    name : str
+    damping : float
+        Viscous damping left in the cradle [N s/m].
+    force : float
+        Friction force [N].
+    balance, swept : SineResponse
+        Jolt from platform to tips by describing function and by stepped sine, time-simulated.
+    """
+
+    name: str
+    damping: float
+    force: float
+    balance: SineResponse
+    swept: SineResponse
+
+
+@dataclass(frozen=True)
+class BoomFriction:
+    """The study: singular values from platform actuators to tips.
+
+    Attributes
+    ----------
+    omega : (n,) ndarray
+        Angular frequencies of the linear curves and the describing functions [rad/s].
+    jolt, yaw, stuck : (n,) ndarray
+        Linear singular value of jolt and of yaw (Table 2), and of jolt with a cradle that never slips.
+    readings : tuple of FrictionReading
+    amplitude : float
+        Platform displacement of each actuator [m].
+    force : float
+        Friction force [N]: the one whose equivalent damping is that of Table 2 at the cradle's mode.
+    matched_hz : float
+        Frequency of that mode.
+    """
+
+    omega: Array
+    jolt: Array
+    yaw: Array
+    stuck: Array
+    readings: tuple[FrictionReading, ...]
+    amplitude: float
+    force: float
+    matched_hz: float
+
+    def lower(self, omega: Array, jolt: Array) -> Array:
+        """Return the lower singular value: the smaller of a jolt response and the yaw response."""
+        return np.minimum(jolt, np.exp(np.interp(omega, self.omega, np.log(self.yaw))))
+
+    def ratio(self, omega: Array, jolt: Array) -> Array:
+        """Return a lower singular value over the linear one."""
+        linear = np.exp(np.interp(omega, self.omega, np.log(self.jolt)))
+        return self.lower(omega, jolt) / self.lower(omega, linear)
+
+    def numbers(self) -> dict[str, float]:
+        """Return the lower singular value over the linear one, mean over 2.5 to 3.5 Hz, of each reading and method."""
+        found = {"stuck": self.change(self.omega, self.stuck)}
+        for reading in self.readings:
+            for method, response in (("describing function", reading.balance), ("stepped sine", reading.swept)):
+                found[f"friction {reading.name}, {method}"] = self.change(response.omega, response.gain)
+        return found
+
+    def change(self, omega: Array, jolt: Array, band_hz: tuple[float, float] = BAND_HZ) -> float:
+        """Return the mean (geometric) ratio of a lower singular value to the linear one within a band."""
+        freq_hz = omega / (2.0 * np.pi)
+        chosen = (freq_hz >= band_hz[0]) & (freq_hz <= band_hz[1])
+        return float(np.exp(np.log(self.ratio(omega, jolt)[chosen]).mean()))
+
+
+def _jolt(p: BoomParameters, elements: int) -> SecondOrderModel:
+    symmetric, _ = split_symmetric(spray_boom(p, elements=elements))
+    return symmetric.select(("actuator_sym", "cradle"), ("tip_sym", "cradle_slip"))
+
+
+def matched_force(jolt: SecondOrderModel, damping: float, amplitude: float) -> tuple[float, float]:
+    """Return the friction force whose describing function is the viscous damping at the cradle's mode, and where [Hz].
+
+    That mode is the more damped of the first two, which is where the damping shows.  At the slip amplitude ``A`` of the
+    linear model there, ``4 F/(pi omega A) = damping``.
+
+    Parameters
+    ----------
+    jolt : SecondOrderModel
+        Symmetric half, with its viscous damping.
+    damping : float
+        [N s/m].
+    amplitude : float
+        Of the input of the half model [m].
+    """
+    poles = damped_poles(jolt, 2)
+    omega = float(poles[np.argmax(-poles.real / np.abs(poles))].imag)
+    slip = amplitude * abs(complex(receptances(jolt, np.array([omega]), ["actuator_sym"], ["cradle_slip"])[0, 0, 0]))
+    return 0.25 * np.pi * omega * damping * slip, omega / (2.0 * np.pi)
+
+
+def friction_study(
+    parameters: BoomParameters | None = None,
+    amplitude: float = AMPLITUDE,
+    points: int = 42,
+    tell: Callable[[str], None] = lambda text: None,
+) -> BoomFriction:
+    """Return singular values of the boom with a cradle that sticks and slips.
+
+    Only the ratio of friction force to excitation amplitude matters; the paper states neither, so the force is matched
+    to the damping of Table 2 at the cradle's mode, and the amplitude is an assumption.
+
+    Parameters
+    ----------
+    parameters : BoomParameters, optional
+    amplitude : float
+        Displacement of each platform actuator [m].
+    points : int
+        Frequencies of the simulated sines, from 0.4 to 6 Hz.
+    tell : callable, optional
+        Told in a few words what is being computed.
+    """
+    p = BoomParameters() if parameters is None else parameters
+    size, count = positive("amplitude", amplitude) * np.sqrt(2.0), whole("points", points, 8)
+    damped = _jolt(p, _ELEMENTS)
+    force, matched_hz = matched_force(damped, p.cradle_damping, size)
+    _, antisymmetric = split_symmetric(spray_boom(p, elements=_ELEMENTS))
+    omega, sines = _frequencies(damped, antisymmetric), _sines(count)
+    yaw = sigma(antisymmetric, omega, ("actuator_anti",), ("tip_anti",)).sigma[0]
+    H = np.asarray(damped.frequency_response(omega).frdata)
+    readings = []
+    for name, viscous, share in _READINGS:
+        tell(f"friction {name}")
+        left, law = max(viscous, _NO_DAMPING) * p.cradle_damping, CoulombFriction(share * force)
+        model = _jolt(replace(p, cradle_damping=left), _ELEMENTS)
+        balance = describing_function(model, law, omega, "actuator_sym", size, "tip_sym")
+        swept = swept_sine(model, law, sines, "actuator_sym", size, "tip_sym")
+        readings.append(FrictionReading(name, viscous * p.cradle_damping, share * force, balance, swept))
+    stuck = np.abs(_held(H))
+    return BoomFriction(omega, np.abs(H[0, 0]), yaw, stuck, tuple(readings), float(amplitude), force, matched_hz)
+
+
+def _frequencies(*models: SecondOrderModel) -> Array:
+    """Return frequencies that resolve the resonances of some models."""
+    wide = 2.0 * np.pi * np.geomspace(*_SPAN_HZ, 400)
+    poles: Complex = np.concatenate([damped_poles(model, 3) for model in models])
+    near = (poles.imag[:, None] - poles.real[:, None] * np.linspace(-6.0, 6.0, 25)).ravel()
+    both = np.unique(np.concatenate([wide, near]))
+    return both[(both >= wide[0]) & (both <= wide[-1])]
+
+
+def _sines(count: int) -> Array:
+    """Return the frequencies simulated, a third of them in the band of the mismatch."""
+    wide, band = np.geomspace(*_SPAN_HZ, count - count // 3), np.linspace(*BAND_HZ, count // 3)
+    return 2.0 * np.pi * np.unique(np.concatenate([wide, band]))
+
+
+def _held(H: Complex) -> Complex:
+    """Return the response with the slip held at zero."""
+    return H[0, 0] - H[0, 1] * H[1, 0] / H[1, 1]

@@ -1,0 +1,124 @@
+"""A number of the paper beside ours, and the rule by which it counts as met."""
+
+from dataclasses import dataclass
+
+from boomctl.plotting.rotating_beam import Picture
+
+MET = "met"
+CORRECTED = "met with corrected reading"
+NOT_REPRODUCIBLE = "not reproducible"
+ADDED = "not in the paper"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A published number beside the computed one.
+
+    Attributes
+    ----------
+    where : str
+        Table, figure or section of Bai et al. (2009).
+    what : str
+        Meaning of the number.
+    unit : str
+    published : float
+        As printed.
+    computed : float
+        From correct equations, converged.
+    reading : float or None
+        What the paper should show if a slip named in `why` is mended: either the published number without its slip, or
+        ours with the slip made on purpose; None if no slip is known.
+    tolerance : float
+        Largest difference that counts as met, in the unit.
+    verdict : str
+        "met", "met with corrected reading" or "not reproducible".
+    why : str
+        One line.
+    """
+
+    where: str
+    what: str
+    unit: str
+    published: float
+    computed: float
+    reading: float | None
+    tolerance: float
+    verdict: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A published curve or statement without a number, and whether our curves show it."""
+
+    where: str
+    published: str
+    computed: str
+    verdict: str
+    why: str
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A part of the paper: its pictures, its numbers, its statements."""
+
+    title: str
+    pictures: tuple[Picture, ...] = ()
+    comparisons: tuple[Comparison, ...] = ()
+    claims: tuple[Claim, ...] = ()
+
+
+def compare(
+    where: str,
+    what: str,
+    unit: str,
+    published: float,
+    computed: float,
+    tolerance: float,
+    why: str = "",
+    *,
+    mended: float | None = None,
+    slipped: float | None = None,
+) -> Comparison:
+    """Judge a number.
+
+    Parameters
+    ----------
+    where, what, unit : str
+        As in `Comparison`.
+    published, computed : float
+        As printed, and ours.
+    tolerance : float
+        Largest difference that counts as met.
+    why : str
+        One line; the deviation if empty.
+    mended : float, optional
+        The published number without a slip of the print.
+    slipped : float, optional
+        Our number with the paper's slip made on purpose.
+
+    Returns
+    -------
+    Comparison
+        Met if ours agrees with the print; met with corrected reading if `mended` agrees with ours or `slipped` with the
+        print; not reproducible otherwise.
+    """
+    if abs(computed - published) <= tolerance:
+        verdict = MET
+    elif (mended is not None and abs(computed - mended) <= tolerance) or (
+        slipped is not None and abs(slipped - published) <= tolerance
+    ):
+        verdict = CORRECTED
+    else:
+        verdict = NOT_REPRODUCIBLE
+    against = published if mended is None else mended
+    deviation = f"differs by {100.0 * abs(computed / against - 1.0):.2g} %" if against else ""
+    reading = mended if slipped is None else slipped
+    return Comparison(
+        where, what, unit, published, computed, reading, tolerance, verdict, "; ".join(w for w in (why, deviation) if w)
+    )
+
+
+def judge(where: str, published: str, computed: str, holds: bool, why: str, *, corrected: bool = False) -> Claim:
+    """Judge a statement: met (with a corrected reading) if it `holds`, else not reproducible."""
+    return Claim(where, published, computed, (CORRECTED if corrected else MET) if holds else NOT_REPRODUCIBLE, why)

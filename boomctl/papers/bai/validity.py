@@ -1,0 +1,157 @@
+"""How far each model may be trusted: all five against the geometrically exact beam, over the torque."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from boomctl.papers.bai.comparison import ADDED, Claim, Section
+from boomctl.plotting.rotating_beam import COLOURS, Line, Panel, Picture
+from boomctl.rotating_beam import HubBeamParameters, SimulationError, hub_beam, sine_torque
+
+MODELS = {
+    "TLAM": "tlam",
+    "SFOAM": "sfoam",
+    "SFOAM, consistent": "sfoam-consistent",
+    "FOAM": "foam",
+    "CFOAM": "cfoam",
+}
+TORQUES = (5.0, 7.5, 11.0, 16.0, 24.0, 36.0, 50.0, 75.0, 100.0, 140.0, 200.0, 280.0, 400.0, 560.0, 800.0)
+THRESHOLDS = (0.01, 0.05, 0.2)
+TIME = np.linspace(0.0, 30.0, 1501)
+MODES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Validity:
+    """Errors of the tip displacement against the geometrically exact beam.
+
+    Attributes
+    ----------
+    torques : ndarray, k
+        Amplitude of the sine torque of 10 s, N m.
+    whole, residual : dict of str to ndarray, k
+        By model: largest error over the largest displacement, until 30 s, and after the torque has ended (10 s); inf
+        where the model could not be followed.
+    residual_amplitude : dict of str to ndarray, k
+        By model, "exact" included: largest displacement after the torque has ended, m.
+    """
+
+    torques: np.ndarray
+    whole: dict[str, np.ndarray]
+    residual: dict[str, np.ndarray]
+    residual_amplitude: dict[str, np.ndarray]
+
+
+def validity(torques: tuple[float, ...] = TORQUES, modes: int = MODES) -> Validity:
+    """Simulate all models over the torques.
+
+    Parameters
+    ----------
+    torques : tuple of float
+        Amplitudes, ascending, N m.
+    modes : int
+        Number of modes, and of polynomials of the exact beam.
+    """
+    late = TIME > 10.0
+    exact = [_tip("geometrically-exact", modes, torque) for torque in torques]
+    whole, residual, amplitude = {}, {}, {"exact": np.array([np.max(np.abs(tip[late])) for tip in exact])}
+    for label, model in MODELS.items():
+        tips = [_tip(model, modes, torque) for torque in torques]
+        pairs = list(zip(tips, exact, strict=True))
+        whole[label] = np.array([_error(tip, true) for tip, true in pairs])
+        residual[label] = np.array([_error(tip[late], true[late]) for tip, true in pairs])
+        amplitude[label] = np.array([np.max(np.abs(tip[late])) for tip in tips])
+    return Validity(np.array(torques), whole, residual, amplitude)
+
+
+def _tip(model: str, modes: int, torque: float) -> np.ndarray:
+    beam = hub_beam(HubBeamParameters(), model, modes)
+    try:
+        return beam.simulate(sine_torque(torque, 10.0, 10.0), TIME, rtol=1e-6).tip_displacement
+    except SimulationError:
+        return np.full(TIME.size, np.inf)
+
+
+def _error(tip: np.ndarray, true: np.ndarray) -> float:
+    if not np.all(np.isfinite(tip)):
+        return float("inf")
+    return float(np.max(np.abs(tip - true)) / np.max(np.abs(true)))
+
+
+def leaves(torques: np.ndarray, errors: np.ndarray, threshold: float) -> float:
+    """Torque at which an error first exceeds a threshold, on a straight line in logarithms; inf if it never does.
+
+    Parameters
+    ----------
+    torques, errors : ndarray, k
+        Torques ascending; errors may be inf.
+    threshold : float
+
+    Returns
+    -------
+    float
+        The first torque if the error exceeds the threshold there already.
+    """
+    above = np.flatnonzero(errors > threshold)
+    if above.size == 0:
+        return float("inf")
+    k = int(above[0])
+    if k == 0 or not np.isfinite(errors[k]):
+        return float(torques[k])
+    low, high = np.log(errors[k - 1]), np.log(errors[k])
+    share = (np.log(threshold) - low) / (high - low)
+    return float(np.exp(np.log(torques[k - 1]) + share * np.log(torques[k] / torques[k - 1])))
+
+
+def section(data: Validity) -> Section:
+    """The picture and what it says."""
+    levels = tuple((threshold, f"{100 * threshold:g} %") for threshold in THRESHOLDS)
+    styles = {"SFOAM, consistent": "s--", "FOAM": "^:", "TLAM": "o-", "SFOAM": "v-", "CFOAM": "D-"}
+
+    def panel(title: str, errors: dict[str, np.ndarray]) -> Panel:
+        lines = tuple(
+            Line(label, data.torques, np.where(np.isfinite(e), e, np.nan), styles[label], COLOURS[label])
+            for label, e in errors.items()
+        )
+        return Panel(
+            title,
+            "largest torque [N m]",
+            "error of v(L) over its peak",
+            lines,
+            logarithmic="xy",
+            levels=levels,
+            ylim=(1e-5, 3.0),
+            legend="lower right",
+            xticks=(5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 400.0, 800.0),
+        )
+
+    picture = Picture(
+        "validity",
+        "Not in the paper: where each model leaves the geometrically exact beam; sine torque of 10 s, 8 modes",
+        (panel("(a) whole motion, 30 s", data.whole), panel("(b) residual vibration, 10 to 30 s", data.residual)),
+        columns=2,
+    )
+    claims = tuple(
+        Claim(
+            "validity",
+            f"{label} against the geometrically exact beam",
+            "; ".join(f"{name}: leaves " + _limits(data.torques, errors[label]) for name, errors in _kinds(data)),
+            ADDED,
+            "error of the tip displacement over its peak",
+        )
+        for label in data.whole
+    )
+    return Section("Where each model stops being true", (picture,), claims=claims)
+
+
+def _kinds(data: Validity) -> tuple[tuple[str, dict[str, np.ndarray]], ...]:
+    return ("whole motion", data.whole), ("residual vibration", data.residual)
+
+
+def _limits(torques: np.ndarray, errors: np.ndarray) -> str:
+    texts = []
+    for threshold in THRESHOLDS:
+        torque = leaves(torques, errors, threshold)
+        place = f"above {torques[-1]:g}" if np.isinf(torque) else f"at {torque:.3g}"
+        texts.append(f"{100 * threshold:g} % {place if torque > torques[0] else f'below {torques[0]:g}'} N m")
+    return ", ".join(texts)

@@ -1,0 +1,21 @@
+"""The rotating hub-beam with a point mass of Bai et al. (2009): models from linear to geometrically exact."""
+
+from boomctl.rotating_beam.beam import HubBeam, hub_beam
+from boomctl.rotating_beam.manoeuvres import free, hold, hub_profile, sine_torque, spin_up, torque
+from boomctl.rotating_beam.motion.run import SimulationError
+from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.result import SimulationResult
+
+__all__ = [
+    "HubBeam",
+    "HubBeamParameters",
+    "SimulationError",
+    "SimulationResult",
+    "free",
+    "hold",
+    "hub_beam",
+    "hub_profile",
+    "sine_torque",
+    "spin_up",
+    "torque",
+]

@@ -1,0 +1,171 @@
+"""Curvature and stretch of a planar beam as Legendre series, and the rows that turn them into positions.
+
+The beam is described by its strains: the stretch ``eps(s)`` and the curvature ``kappa(s) = d phi/d s``
+per *undeformed* arc length ``s``. Rotation and position follow by integration from the root,
+
+    phi(x) = theta + int_0^x kappa ds,      z(x) = r_A e^{i theta} + int_0^x (1 + eps) e^{i phi} ds,
+
+with the plane written as complex numbers. The root conditions hold by construction, the conditions at the
+free end are natural ones, and any polynomial is admissible, so the Ritz series converges spectrally. A tip mass
+inside the beam makes stretch and shear force jump there; the beam is then cut into two spans.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss, legvander
+
+from boomctl.rotating_beam.parameters import HubBeamParameters
+
+EXTRA_NODES = 10
+"""Quadrature nodes beyond the number of polynomials on a span: the kinetic energy is not a polynomial."""
+
+
+@dataclass(frozen=True, eq=False)
+class StrainBasis:
+    """Rows of a discretised beam over the coordinates ``q = (theta, curvatures, stretches)``.
+
+    Node 0 is the hub: its "tangent" ``e^{i theta}`` carries the hub radius, so that hub and beam need no
+    separate formulas. The others are Gauss-Legendre nodes of the spans.
+
+    Attributes
+    ----------
+    rotation, stretch
+        Angle and stretch of every node over the coordinates, shape ``(nodes, coordinates)``.
+    integration
+        Positions of the mass points from the tangents at the nodes, shape ``(points, nodes)`` [m].
+    point_masses
+        Quadrature masses, then the tip mass, shape ``(points,)`` [kg].
+    tip_row
+        Position of the free end ``x = L`` from the tangents, shape ``(nodes,)`` [m].
+    stiffness
+        Diagonal of the (diagonal) stiffness matrix, shape ``(coordinates,)``; 0 for the hub angle.
+    hub_inertia
+        Inertia of the hub [kg m^2].
+    modes
+        Number of curvature, and of stretch, polynomials on each span.
+    """
+
+    rotation: np.ndarray
+    stretch: np.ndarray
+    integration: np.ndarray
+    point_masses: np.ndarray
+    tip_row: np.ndarray
+    stiffness: np.ndarray
+    hub_inertia: float
+    modes: int
+
+    @property
+    def coordinates(self) -> int:
+        """Number of coordinates, the hub angle among them."""
+        return self.stiffness.size
+
+    @property
+    def bending(self) -> slice:
+        """Where the curvature coordinates stand."""
+        return slice(1, 1 + (self.coordinates - 1) // 2)
+
+    @property
+    def stretching(self) -> slice:
+        """Where the stretch coordinates stand."""
+        return slice(1 + (self.coordinates - 1) // 2, self.coordinates)
+
+
+def cumulative_integration(nodes: np.ndarray, weights: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Integrals from -1 to ``at`` of the polynomial through Gauss-Legendre ``nodes``.
+
+    Parameters
+    ----------
+    nodes, weights
+        Of a Gauss-Legendre rule on [-1, 1], shape ``(n,)``.
+    at
+        Upper limits, shape ``(m,)``.
+
+    Returns
+    -------
+    ndarray
+        Shape ``(m, n)``; exact for polynomials of degree below n.
+    """
+    n = nodes.size
+    degree = 2 * np.arange(n) + 1
+    coefficients = (degree / 2)[:, None] * (legvander(nodes, n - 1).T * weights)
+    return legendre_integrals(at, n) @ coefficients
+
+
+def legendre_integrals(at: np.ndarray, count: int) -> np.ndarray:
+    """``int_{-1}^{at} P_j`` for ``j < count``, shape ``(len(at), count)``: ``(P_{j+1} - P_{j-1})/(2j + 1)``."""
+    values = legvander(at, count)
+    integrals = np.empty((np.size(at), count))
+    integrals[:, 0] = at + 1.0
+    if count > 1:
+        integrals[:, 1:] = (values[:, 2:] - values[:, :-2]) / (2 * np.arange(1, count) + 1)
+    return integrals
+
+
+def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
+    """Discretise the beam with ``modes`` Legendre polynomials of curvature and of stretch on each span.
+
+    Parameters
+    ----------
+    parameters
+        The hub-beam.
+    modes
+        Number of polynomials, at least 1.
+
+    Returns
+    -------
+    StrainBasis
+        One span, or two if a tip mass sits inside the beam.
+    """
+    ends = _span_ends(parameters)
+    nodes, weights = leggauss(modes + EXTRA_NODES)
+    halves = 0.5 * np.diff(ends)
+    rotation, stretch = _strain_rows(halves, nodes, modes)
+    integration = np.array([_row_to(parameters, halves, weights, k) for k in range(halves.size) for _ in nodes])
+    within = cumulative_integration(nodes, weights, nodes)
+    for k, half in enumerate(halves):
+        start, end = k * nodes.size, (k + 1) * nodes.size
+        integration[start:end, start + 1 : end + 1] = half * within
+    masses = parameters.mass_per_length * np.kron(halves, weights)
+    if parameters.tip_mass > 0.0:
+        row = _row_to(parameters, halves, weights, int(np.searchsorted(ends, parameters.mass_position)))
+        integration, masses = np.vstack([integration, row]), np.append(masses, parameters.tip_mass)
+    rigidities = (parameters.bending_stiffness, parameters.axial_stiffness)
+    return StrainBasis(
+        rotation=rotation,
+        stretch=stretch,
+        integration=integration,
+        point_masses=masses,
+        tip_row=_row_to(parameters, halves, weights, halves.size),
+        stiffness=np.concatenate([[0.0], np.repeat(rigidities, halves.size * modes)]),
+        hub_inertia=float(parameters.hub_inertia),
+        modes=int(modes),
+    )
+
+
+def _span_ends(parameters: HubBeamParameters) -> np.ndarray:
+    """Ends of the spans [m]; the tip mass, if any, stands at one of them."""
+    inside = parameters.tip_mass > 0.0 and 0.0 < parameters.mass_position < parameters.length
+    return np.array([0.0, *([parameters.mass_position] if inside else []), parameters.length])
+
+
+def _strain_rows(halves: np.ndarray, nodes: np.ndarray, modes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation and stretch of hub and nodes over the coordinates; the polynomials are orthonormal on their span."""
+    bending, per_span = halves.size * modes, nodes.size
+    rotation = np.zeros((1 + halves.size * per_span, 1 + 2 * bending))
+    stretch = np.zeros_like(rotation)
+    rotation[:, 0] = 1.0
+    for k, half in enumerate(halves):
+        scale = np.sqrt((2 * np.arange(modes) + 1) / (2.0 * half))
+        own = 1 + k * modes + np.arange(modes)
+        start, end = 1 + k * per_span, 1 + (k + 1) * per_span
+        rotation[start:end, own] = half * legendre_integrals(nodes, modes) * scale
+        rotation[end:, own] = half * legendre_integrals(np.ones(1), modes) * scale
+        stretch[start:end, bending + own] = legvander(nodes, modes - 1) * scale
+    return rotation, stretch
+
+
+def _row_to(parameters: HubBeamParameters, halves: np.ndarray, weights: np.ndarray, spans: int) -> np.ndarray:
+    """Row of the position where ``spans`` spans end: the hub radius, then the Gauss weights of those spans."""
+    reached = np.where(np.arange(halves.size) < spans, halves, 0.0)
+    return np.concatenate([[parameters.hub_radius], np.kron(reached, weights)])

@@ -1,0 +1,245 @@
+"""Gauss collocation in coordinates and momenta: symplectic, of order 2 s, stable however stiff the axial part.
+
+The unknowns of a step are the velocities ``V_i`` at the stages; with ``Q_i = q_0 + h sum_j a_ij V_j``,
+
+    p(Q_i, V_i) - p_0 - h sum_j a_ij g(Q_j, V_j, t_j) = 0,
+
+where ``p`` is the momentum and ``g`` the force. Because positions and *momenta* are collocated, angular momentum is
+kept to rounding and energy without drift (Hairer, Lubich & Wanner 2006, IV.2.1 and IX.8); accelerations never appear.
+The steps are of equal length between the instants at which the drive is not smooth.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+
+from boomctl.rotating_beam.exact.basis import cumulative_integration
+from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
+
+STAGES = 4
+_MAX_ITERATIONS = 15
+_SETTLED = 1e-15  # last correction times contraction, relative to the motion, at which a step is solved
+_NOISE = 1e-10  # relative corrections below this that no longer shrink are rounding
+_SLOW = 0.05  # contraction above which the frozen Jacobian is renewed
+
+
+class StepFailedError(RuntimeError):
+    """The equations of one step did not converge: the step is too long."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What moves the hub: ``torque`` with the hub free, or its ``angle`` and ``speed``; functions of an array of times.
+
+    Attributes
+    ----------
+    torque
+        Torque [N m], or None if the motion is prescribed.
+    angle, speed
+        Prescribed hub angle [rad] and speed [rad/s], or None if the hub is free.
+    """
+
+    torque: Callable[[np.ndarray], np.ndarray] | None = None
+    angle: Callable[[np.ndarray], np.ndarray] | None = None
+    speed: Callable[[np.ndarray], np.ndarray] | None = None
+
+    @property
+    def first_free(self) -> int:
+        """Index of the first free coordinate: 0 if the hub is free, else 1."""
+        return 0 if self.angle is None else 1
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """States at the ends of equal steps: ``time`` (k,), ``q`` and ``v`` (k, coordinates)."""
+
+    time: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class GaussRule:
+    """Nodes ``c`` in [0, 1], matrix ``a``, weights ``b``, and the matrix that continues stage values one step on."""
+
+    c: np.ndarray
+    a: np.ndarray
+    b: np.ndarray
+    onward: np.ndarray
+
+
+@cache
+def gauss_rule(stages: int = STAGES) -> GaussRule:
+    """The Gauss-Legendre collocation rule of order ``2 stages``."""
+    nodes, weights = leggauss(stages)
+    vandermonde = np.vander(nodes, increasing=True)
+    onward = np.linalg.solve(vandermonde.T, np.vander(nodes + 2.0, increasing=True).T).T
+    a = 0.5 * cumulative_integration(nodes, weights, nodes)
+    return GaussRule(0.5 * (nodes + 1.0), a, 0.5 * weights, onward)
+
+
+def march(
+    dynamics: ExactBeamDynamics, drive: Drive, start: float, end: float, steps: int, q: np.ndarray, v: np.ndarray
+) -> Trajectory:
+    """Integrate from ``start`` to ``end`` in ``steps`` equal steps.
+
+    Parameters
+    ----------
+    dynamics
+        The beam.
+    drive
+        What moves the hub; smooth between ``start`` and ``end``.
+    start, end
+        Times [s].
+    steps
+        Number of steps.
+    q, v
+        Coordinates and velocities at ``start``, shape ``(coordinates,)``.
+
+    Returns
+    -------
+    Trajectory
+        ``steps + 1`` states.
+
+    Raises
+    ------
+    StepFailedError
+        A step's equations did not converge.
+    """
+    rule, h = gauss_rule(), (end - start) / steps
+    times = start + h * np.arange(steps + 1)
+    instants = times[:-1, None] + h * rule.c
+    driven = [np.asarray(f(instants)) if f is not None else None for f in (drive.torque, drive.angle, drive.speed)]
+    p = dynamics.momentum_and_force(q, v)[0]
+    guess = np.tile(v, (rule.c.size, 1))
+    states, momenta = np.tile(q, (steps + 1, 1)), np.tile(p, (steps + 1, 1))
+    frozen: _Frozen | None = None
+    for k in range(steps):
+        step = _Step(dynamics, rule, h, drive.first_free, q, p, *(None if d is None else d[k] for d in driven))
+        frozen = frozen or step.freeze(guess)
+        solved = step.solve(guess, frozen) or step.solve(guess, None) or step.solve(step.calm_guess(), None)
+        if solved is None:
+            raise StepFailedError(f"a step of {h:.3g} s at t = {times[k]:.6g} s did not converge")
+        frozen = frozen if solved.contraction < _SLOW else None
+        q, p = q + h * (rule.b @ solved.velocities), p + h * (rule.b @ solved.force)
+        states[k + 1], momenta[k + 1] = q, p
+        guess = rule.onward @ solved.velocities
+    if drive.angle is not None:
+        states[:, 0] = drive.angle(times)
+    speed = None if drive.speed is None else drive.speed(times)
+    return Trajectory(times, states, _velocities(dynamics, speed, states, momenta))
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """Velocities and forces at the stages, and how fast the iteration contracted."""
+
+    velocities: np.ndarray
+    force: np.ndarray
+    contraction: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Frozen:
+    """Inverse of the Jacobian of a step at one instant."""
+
+    inverse: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """The nonlinear equations of one step; ``q`` and ``p`` at its start, the drive at its stages."""
+
+    dynamics: ExactBeamDynamics
+    rule: GaussRule
+    h: float
+    first: int
+    q: np.ndarray
+    p: np.ndarray
+    torque: np.ndarray | None
+    angle: np.ndarray | None
+    speed: np.ndarray | None
+
+    def stages(self, velocities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates and velocities at the stages, the prescribed ones as prescribed."""
+        if self.angle is None:
+            return self.q + self.h * (self.rule.a @ velocities), velocities
+        velocities[:, 0] = self.speed
+        q = self.q + self.h * (self.rule.a @ velocities)
+        q[:, 0] = self.angle
+        return q, velocities
+
+    def residual(self, velocities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual at the free coordinates, and the forces at the stages."""
+        momentum, force = self.dynamics.momentum_and_force(*self.stages(velocities))
+        if self.torque is not None:
+            force[:, 0] += self.torque
+        return (momentum - self.p - self.h * (self.rule.a @ force))[:, self.first :], force
+
+    def solve(self, guess: np.ndarray, frozen: _Frozen | None) -> _Solved | None:
+        """Newton's method from ``guess``, with a frozen Jacobian or a fresh one each time; None if it fails."""
+        velocities, last, contraction = guess.copy(), np.inf, 0.0
+        for iteration in range(_MAX_ITERATIONS):
+            residual, _ = self.residual(velocities)
+            inverse = self.jacobian_inverse(velocities) if frozen is None else frozen.inverse
+            change = (inverse @ residual.ravel()).reshape(residual.shape)
+            size, motion = _size(self.dynamics, change, self.first), _size(self.dynamics, velocities, 0)
+            if not np.isfinite(size):
+                return None
+            contraction = size / last if iteration and last > 0.0 else 0.0
+            noise = size <= _NOISE * motion and contraction > 0.5
+            if size == 0.0 or noise or (iteration and contraction * size <= _SETTLED * motion):
+                velocities[:, self.first :] -= 0.0 if noise else change
+                return _Solved(velocities, self.residual(velocities)[1], 0.0 if noise else contraction)
+            if frozen is not None and iteration > 2 and contraction > 0.7:
+                return None
+            velocities[:, self.first :] -= change
+            last = size
+        return None
+
+    def freeze(self, guess: np.ndarray) -> _Frozen:
+        """The Jacobian with the same matrices at all stages: those in the middle of the step."""
+        middle = guess.mean(axis=0)
+        one = self.dynamics.linearisation(self.q + 0.5 * self.h * middle, middle)
+        return _Frozen(self._inverse(*(np.broadcast_to(m, (self.rule.c.size, *m.shape)) for m in one)))
+
+    def jacobian_inverse(self, velocities: np.ndarray) -> np.ndarray:
+        """Inverse of the exact Jacobian over all stages."""
+        return self._inverse(*self.dynamics.linearisation(*self.stages(velocities)))
+
+    def _inverse(self, mass: np.ndarray, coupling: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+        a, h, own = self.rule.a, self.h, slice(self.first, None)
+        back = np.swapaxes(coupling, -1, -2)
+        if self.dynamics.damping is not None:
+            back = back - self.dynamics.damping
+        blocks = h * (a[:, :, None, None] * (coupling[:, None] - back[None, :]))
+        blocks += h**2 * np.einsum("il,lj,lxy->ijxy", a, a, stiffness)
+        for i in range(a.shape[0]):
+            blocks[i, i] += mass[i]
+        size = a.shape[0] * (mass.shape[-1] - self.first)
+        return np.linalg.inv(blocks[:, :, own, own].transpose(0, 2, 1, 3).reshape(size, size))
+
+    def calm_guess(self) -> np.ndarray:
+        """The velocity at the start of the step, at every stage."""
+        speed = None if self.speed is None else self.speed[:1]
+        return np.tile(_velocities(self.dynamics, speed, self.q[None], self.p[None]), (self.rule.c.size, 1))
+
+
+def _size(dynamics: ExactBeamDynamics, velocities: np.ndarray, first: int) -> float:
+    """Length of stage velocities (from coordinate ``first`` on) in the mass matrix of the undeformed beam."""
+    return float(np.sqrt(np.sum((velocities @ dynamics.rest_mass[first:, first:]) * velocities)))
+
+
+def _velocities(dynamics: ExactBeamDynamics, speed: np.ndarray | None, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Velocities from momenta, ``M(q) v = p``, the hub's speed as given if it is."""
+    v, first = np.empty_like(q), 0 if speed is None else 1
+    for chunk in np.array_split(np.arange(len(q)), max(1, len(q) // 500)):
+        mass, right = dynamics.mass_matrix(q[chunk]), p[chunk]
+        if speed is not None:
+            v[chunk, 0] = speed[chunk]
+            right = right[:, 1:] - mass[:, 1:, 0] * v[chunk, :1]
+        v[chunk, first:] = np.linalg.solve(mass[:, first:, first:], right[..., None])[..., 0]
+    return v

@@ -1,0 +1,189 @@
+"""CFOAM, the complete first-order approximate model: all of the kinetic energy, summed over points of mass."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from boomctl.rotating_beam.modal.equations import Inertia, Tangents, Tip, block_diagonal, frequency_range
+from boomctl.rotating_beam.modal.foam import foam
+from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals
+
+
+class _Motion(NamedTuple):
+    """Kinematics of the p points at k instants; Sq, Su are ``S q_2``, ``S q_2'``; J is k x 2 x p x N."""
+
+    J: np.ndarray
+    Sq: np.ndarray
+    Su: np.ndarray
+    bias: np.ndarray
+
+
+@dataclass(frozen=True)
+class CompleteEquations:
+    """Equations of motion of CFOAM, Eqs. (24)-(39) of Bai et al. (2009), by the principle of virtual power.
+
+    A point of the beam has the velocity ``J(q) y'`` in the hub's frame, with
+    ``J = [[-v, f_1, -(S q_2)^T], [X, 0, f_2]]``, ``X = r_A + x + w_1 + w_c`` and ``v = f_2 q_2``, and the acceleration
+    ``J y'' + b``; the equations are ``J_h a + sum m J^T (J y'' + b) + C q' + K q = tau``, and nothing is left out.
+
+    Attributes
+    ----------
+    hub_inertia : float
+        J_h, kg m^2.
+    points : MassPoints
+        The masses summed over.
+    beam_mass, beam_stiffness, beam_damping : ndarray, 2 n x 2 n
+        Mass matrix of the straight beam, stiffness, damping.
+    tip : Tip
+    """
+
+    hub_inertia: float
+    points: MassPoints
+    beam_mass: np.ndarray
+    beam_stiffness: np.ndarray
+    beam_damping: np.ndarray
+    tip: Tip
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates, the hub's included."""
+        return self.beam_mass.shape[0] + 1
+
+    @property
+    def frequency_range(self) -> tuple[float, float]:
+        """Lowest and highest natural frequency of the beam at rest, rad/s."""
+        return self._frequency_range
+
+    @cached_property
+    def _frequency_range(self) -> tuple[float, float]:
+        return frequency_range(self.beam_mass, self.beam_stiffness)
+
+    @property
+    def beam_speed_terms(self) -> None:
+        """None: the beam's equations are not linear."""
+        return
+
+    @property
+    def normal_form(self) -> None:
+        """None: the beam's equations are not linear."""
+        return
+
+    def inertia(self, y: np.ndarray) -> Inertia:
+        """Mass matrix in its blocks."""
+        mass = self._mass(self._motion(y, np.zeros_like(y)).J)
+        return Inertia(mass[:, 0, 0], mass[:, 0, 1:], mass[:, 1:, 1:])
+
+    def residual(self, y: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        """Left-hand sides of the equations of motion, k x N."""
+        motion = self._motion(y, rate)
+        total = motion.bias + np.einsum("kdpi,ki->kdp", motion.J, acceleration)
+        result = np.einsum("kdpi,kdp->ki", motion.J, self.points.mass * total)
+        result[:, 0] += self.hub_inertia * acceleration[:, 0]
+        result[:, 1:] += rate[:, 1:] @ self.beam_damping + y[:, 1:] @ self.beam_stiffness
+        return result
+
+    def tangents(self, y: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> Tangents:
+        """Derivatives of the residual with respect to accelerations, rates and coordinates."""
+        motion = self._motion(y, rate)
+        total = motion.bias + np.einsum("kdpi,ki->kdp", motion.J, acceleration)
+        weighted = self.points.mass[:, None] * motion.J
+        damping = _pair(weighted, self._bias_by_rate(motion, y, rate))
+        stiffness = _pair(weighted, self._acceleration_by_coordinates(motion, rate, acceleration))
+        stiffness += self._jacobian_by_coordinates(motion, self.points.mass * total)
+        damping[:, 1:, 1:] += self.beam_damping
+        stiffness[:, 1:, 1:] += self.beam_stiffness
+        return Tangents(self._mass(motion.J), damping, stiffness)
+
+    def inertia_torque(self, y: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """Q_theta, Eqs. (32) and (37), k."""
+        motion = self._motion(y, rate)
+        return -np.einsum("kdp,kdp->k", motion.J[..., 0], self.points.mass * motion.bias)
+
+    def dissipation(self, rate: np.ndarray) -> np.ndarray:
+        """Power lost in damping, k."""
+        u = rate[:, 1:]
+        return np.sum((u @ self.beam_damping) * u, axis=1)
+
+    def _motion(self, y: np.ndarray, rate: np.ndarray) -> _Motion:
+        points, n = self.points, self.points.f1.shape[1]
+        q1, q2, u1, u2 = y[:, 1 : n + 1], y[:, n + 1 :], rate[:, 1 : n + 1], rate[:, n + 1 :]
+        speed = rate[:, :1]
+        Sq, Su = _times(points.S, q2), _times(points.S, u2)
+        place = points.radius + q1 @ points.f1.T - 0.5 * np.einsum("kpi,ki->kp", Sq, q2)
+        deflection, rising = q2 @ points.f2.T, u2 @ points.f2.T
+        sliding = u1 @ points.f1.T - np.einsum("kpi,ki->kp", Sq, u2)
+        J = np.zeros((y.shape[0], 2, points.mass.size, self.size))
+        J[:, 0, :, 0], J[:, 1, :, 0] = -deflection, place
+        J[:, 0, :, 1 : n + 1], J[:, 1, :, n + 1 :] = points.f1, points.f2
+        J[:, 0, :, n + 1 :] = -Sq
+        along = -np.einsum("kpi,ki->kp", Su, u2) - 2.0 * speed * rising - speed**2 * place
+        across = 2.0 * speed * sliding - speed**2 * deflection
+        return _Motion(J, Sq, Su, np.stack([along, across], axis=1))
+
+    def _mass(self, J: np.ndarray) -> np.ndarray:
+        result = _pair(self.points.mass[:, None] * J, J)
+        result[:, 0, 0] += self.hub_inertia
+        return result
+
+    def _bias_by_rate(self, motion: _Motion, y: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """``db / dy'``, k x 2 x p x N."""
+        n, speed = self.points.f1.shape[1], rate[:, :1, None]
+        velocity = np.einsum("kdpi,ki->kdp", motion.J[..., 1:], rate[:, 1:])
+        result = np.empty_like(motion.J)
+        result[:, 0, :, 0] = -2.0 * (velocity[:, 1] + rate[:, :1] * motion.J[:, 1, :, 0])
+        result[:, 1, :, 0] = 2.0 * (velocity[:, 0] + rate[:, :1] * motion.J[:, 0, :, 0])
+        result[:, 0, :, 1:] = -2.0 * speed * motion.J[:, 1, :, 1:]
+        result[:, 1, :, 1:] = 2.0 * speed * motion.J[:, 0, :, 1:]
+        result[:, 0, :, n + 1 :] -= 2.0 * motion.Su
+        return result
+
+    def _acceleration_by_coordinates(self, motion: _Motion, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        """``d(J y'' + b) / dy`` at given rates and accelerations, k x 2 x p x N."""
+        n, speed, turning = self.points.f1.shape[1], rate[:, :1, None], acceleration[:, :1, None]
+        along, across = motion.J[:, 0, :, 1:], motion.J[:, 1, :, 1:]  # also d(X, v) / dq
+        result = np.zeros_like(motion.J)
+        result[:, 0, :, 1:] = -turning * across - speed**2 * along
+        result[:, 1, :, 1:] = turning * along - speed**2 * across
+        result[:, 0, :, n + 1 :] -= _times(self.points.S, acceleration[:, n + 1 :])
+        result[:, 1, :, n + 1 :] -= 2.0 * speed * motion.Su
+        return result
+
+    def _jacobian_by_coordinates(self, motion: _Motion, force: np.ndarray) -> np.ndarray:
+        """``d(J^T force) / dy`` at a given force on the points, k x N x N."""
+        n = self.points.f1.shape[1]
+        result = np.zeros((force.shape[0], self.size, self.size))
+        result[:, 0, 1:] = np.einsum("kpi,kp->ki", motion.J[:, 0, :, 1:], force[:, 1])
+        result[:, 0, 1:] -= np.einsum("kpi,kp->ki", motion.J[:, 1, :, 1:], force[:, 0])
+        flat = self.points.S.reshape(force.shape[2], n * n)
+        result[:, n + 1 :, n + 1 :] = -(force[:, 0] @ flat).reshape(-1, n, n)
+        return result
+
+
+def cfoam(integrals: ModalIntegrals, points: MassPoints, hub_inertia: float) -> CompleteEquations:
+    """CFOAM, Eqs. (24)-(39) of Bai et al. (2009).
+
+    Parameters
+    ----------
+    integrals : ModalIntegrals
+    points : MassPoints
+        Of the same parameters and number of modes.
+    hub_inertia : float
+        J_h, kg m^2.
+    """
+    linear = foam(integrals)
+    damping = block_diagonal(integrals.C1, integrals.C2)
+    return CompleteEquations(hub_inertia, points, linear.M, linear.K, damping, linear.tip)
+
+
+def _times(S: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """``S q`` at all points and instants, k x p x n."""
+    p, n, _ = S.shape
+    return (q @ S.reshape(p * n, n).T).reshape(-1, p, n)
+
+
+def _pair(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Sum of ``left^T right`` over directions and points, k x N x N."""
+    k, _, _, size = left.shape
+    return left.reshape(k, -1, size).swapaxes(1, 2) @ right.reshape(k, -1, size)

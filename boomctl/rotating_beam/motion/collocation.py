@@ -1,0 +1,223 @@
+"""Newton's method for the collocation equations of many steps at once.
+
+The unknowns are the rates V at the nodes of a step; with the step h, coordinates and accelerations at the nodes are
+``Q = q_0 + h A V`` and ``A^-1 (V - v_0) / h``, so stiff systems stay well scaled. One iteration linearises all nodes of
+a window of steps in one vectorised call, solves each step for its transition matrix and runs through the steps.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from boomctl.gauss import GaussMethod
+from boomctl.rotating_beam.modal.equations import Tangents
+from boomctl.rotating_beam.motion.trajectory import Trajectory
+
+_ITERATIONS = 12
+
+
+class Problem(Protocol):
+    """Second-order equations ``residual(t, q, v, a) = 0`` in n unknown coordinates."""
+
+    @property
+    def linear(self) -> bool:
+        """Whether the residual is affine in q, v and a."""
+        ...
+
+    def residual(self, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Residual at k instants, k x n."""
+        ...
+
+    def tangents(self, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> Tangents:
+        """Derivatives of the residual with respect to a, v and q, each k x n x n or n x n."""
+        ...
+
+    def first_guess(self, t: np.ndarray, start: float, v: np.ndarray) -> np.ndarray:
+        """Rates at m x s nodes to start Newton's method from, m x s x n."""
+        ...
+
+    def is_admissible(self, q: np.ndarray) -> bool:
+        """Whether the equations can be solved for the accelerations at all of k coordinates."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Window:
+    """A few steps; q and v are at their ends."""
+
+    q: np.ndarray
+    v: np.ndarray
+    stages: np.ndarray
+
+
+class StepTooSmall(Exception):
+    """The equations could not be solved from an instant on, however small the step."""
+
+    def __init__(self, time: float) -> None:
+        super().__init__(f"no solution from t = {time:g} s on")
+        self.time = time
+
+
+def march(
+    problem: Problem,
+    method: GaussMethod,
+    edges: np.ndarray,
+    start: tuple[np.ndarray, np.ndarray],
+    guess: Trajectory | None,
+    tolerance: float,
+    window: int,
+) -> Trajectory:
+    """Solve the collocation equations over all steps, a window of steps at a time.
+
+    Where Newton's method fails the window shrinks to one step, and then the step is halved.
+
+    Parameters
+    ----------
+    problem : Problem
+    method : GaussMethod
+    edges : ndarray, m + 1
+        Ends of the steps, s.
+    start : pair of ndarray, n
+        Coordinates and rates at ``edges[0]``.
+    guess : Trajectory or None
+        A coarser solution over the same time.
+    tolerance : float
+        Largest change of a coordinate at which Newton's method stops.
+    window : int
+        Largest number of steps at once.
+
+    Raises
+    ------
+    StepTooSmall
+        If halving the step does not help.
+    """
+    smallest = 1e-7 * (edges[-1] - edges[0])
+    pieces, ends, first, wanted = [], [edges[:1]], 0, window
+    q, v = start
+    while first < edges.size - 1:
+        last = min(first + wanted, edges.size - 1)
+        here = edges[first : last + 1]
+        piece = _solve_window(problem, method, here, (q, v), guess, tolerance)
+        if piece is not None:
+            pieces.append(piece)
+            ends.append(here[1:])
+            q, v, first, wanted = piece.q[-1], piece.v[-1], last, min(2 * wanted, window)
+        elif last - first > 1:
+            wanted = max(1, (last - first) // 4)
+        elif here[1] - here[0] < smallest:
+            raise StepTooSmall(float(here[0]))
+        else:
+            edges = np.insert(edges, first + 1, 0.5 * (here[0] + here[1]))
+    return _join(method, ends, pieces)
+
+
+def _join(method: GaussMethod, ends: list[np.ndarray], pieces: list[_Window]) -> Trajectory:
+    q = np.concatenate([pieces[0].q[:1], *(piece.q[1:] for piece in pieces)])
+    v = np.concatenate([pieces[0].v[:1], *(piece.v[1:] for piece in pieces)])
+    return Trajectory(method, np.concatenate(ends), q, v, np.concatenate([piece.stages for piece in pieces]))
+
+
+def _solve_window(
+    problem: Problem,
+    method: GaussMethod,
+    edges: np.ndarray,
+    start: tuple[np.ndarray, np.ndarray],
+    guess: Trajectory | None,
+    tolerance: float,
+) -> _Window | None:
+    """Newton's method over the steps of a window; None if it does not converge to an admissible motion."""
+    h = np.diff(edges)
+    nodes = edges[:-1, None] + h[:, None] * method.nodes
+    known = None if problem.linear else guess
+    stages = problem.first_guess(nodes, edges[0], start[1]) if known is None else known.stage_rates(edges)
+    for change, current in _newton(problem, method, nodes, h, _continued(method, h, start, stages)):
+        if not np.isfinite(change):
+            return None
+        if problem.linear or change <= tolerance:
+            at_nodes = current.q[:-1, None] + h[:, None, None] * (method.A @ current.stages)
+            return current if problem.is_admissible(at_nodes.reshape(-1, at_nodes.shape[-1])) else None
+    return None
+
+
+def _continued(method: GaussMethod, h: np.ndarray, start: tuple[np.ndarray, np.ndarray], stages: np.ndarray) -> _Window:
+    """Ends of the steps that follow from the rates at the nodes."""
+    q = start[0] + np.concatenate(
+        [np.zeros((1, stages.shape[2])), np.cumsum(h[:, None] * (method.weights @ stages), 0)]
+    )
+    v = np.empty_like(q)
+    v[0], keep, gains = start[1], 1.0 - method.carry.sum(), method.carry @ stages
+    for k, gain in enumerate(gains):
+        v[k + 1] = keep * v[k] + gain
+    return _Window(q, v, stages)
+
+
+def _newton(
+    problem: Problem, method: GaussMethod, nodes: np.ndarray, h: np.ndarray, current: _Window
+) -> Iterator[tuple[float, _Window]]:
+    """Iterates of Newton's method, each with the largest change that the next one is expected to make."""
+    previous = np.inf
+    for _ in range(_ITERATIONS):
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                step = _newton_step(problem, method, nodes, h, current)
+        except np.linalg.LinAlgError:
+            return
+        change = max(np.abs(step.q).max(), (h[:, None, None] * np.abs(step.stages)).max())
+        current = _Window(current.q + step.q, current.v + step.v, current.stages + step.stages)
+        size = max(np.abs(current.q).max(), (h[:, None, None] * np.abs(current.stages)).max(), 1e-300)
+        expected = change * min(1.0, change / size if previous == np.inf else change / previous)
+        if change <= 1e-13 * size:
+            expected = 0.0
+        yield float(expected), current
+        previous = change
+
+
+def _newton_step(problem: Problem, method: GaussMethod, nodes: np.ndarray, h: np.ndarray, current: _Window) -> _Window:
+    """Changes of ends and nodes that satisfy the linearised equations of all steps."""
+    m, s, n = current.stages.shape
+    each = h[:, None, None]
+    q = current.q[:-1, None] + each * (method.A @ current.stages)
+    a = method.A_inverse @ (current.stages - current.v[:-1, None]) / each
+    flat = nodes.ravel(), q.reshape(-1, n), current.stages.reshape(-1, n), a.reshape(-1, n)
+    residual = problem.residual(*flat)
+    responses = _stage_responses(problem.tangents(*flat), residual.reshape(m, s * n), method, h, (m, s, n))
+    dq, dv = _run_through(responses, method, h)
+    state = np.concatenate([dq[:-1], dv[:-1], np.ones((m, 1))], axis=1)
+    return _Window(dq, dv, (responses @ state[..., None]).reshape(m, s, n))
+
+
+def _stage_responses(
+    tangents: Tangents, residual: np.ndarray, method: GaussMethod, h: np.ndarray, shape: tuple[int, int, int]
+) -> np.ndarray:
+    """Changes of a step's nodes by its start's coordinates, its start's rates and the residual, m x s n x (2 n + 1)."""
+    m, s, n = shape
+    mass, damping, stiffness = (np.broadcast_to(each, (m * s, n, n)).reshape(m, s, n, n) for each in tangents)
+    each = h[:, None, None, None]
+    system = np.empty((m, s, n, s, n))
+    right = np.empty((m, s, n, 2 * n + 1))
+    for j in range(s):
+        system[:, :, :, j] = (method.A_inverse[:, j, None, None] / each) * mass
+        system[:, :, :, j] += (method.A[:, j, None, None] * each) * stiffness
+        system[:, j, :, j] += damping[:, j]
+    right[..., :n] = -stiffness
+    right[..., n : 2 * n] = (method.A_inverse.sum(axis=1)[:, None, None] / each) * mass
+    right[..., 2 * n] = -residual.reshape(m, s, n)
+    return np.linalg.solve(system.reshape(m, s * n, s * n), right.reshape(m, s * n, 2 * n + 1))
+
+
+def _run_through(responses: np.ndarray, method: GaussMethod, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Changes at the ends of the steps, from none at the start."""
+    m, n = responses.shape[0], (responses.shape[2] - 1) // 2
+    stages = responses.reshape(m, method.stages, n, 2 * n + 1)
+    transition = np.empty((m, 2 * n, 2 * n + 1))
+    transition[:, :n] = h[:, None, None] * np.tensordot(method.weights, stages, (0, 1))
+    transition[:, n:] = np.tensordot(method.carry, stages, (0, 1))
+    index = np.arange(n)
+    transition[:, index, index] += 1.0
+    transition[:, n + index, n + index] += 1.0 - method.carry.sum()
+    state = np.zeros((m + 1, 2 * n))
+    for k in range(m):
+        state[k + 1] = transition[k, :, :-1] @ state[k] + transition[k, :, -1]
+    return state[:, :n], state[:, n:]

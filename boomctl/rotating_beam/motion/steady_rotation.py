@@ -1,0 +1,128 @@
+"""The beam's motion at constant hub speed in closed form, for the models that are then linear."""
+
+import numpy as np
+
+from boomctl.rotating_beam.modal.equations import BeamSpeedTerms
+
+_WORST_CONDITION = 1e8
+
+
+def steady_motion(
+    terms: BeamSpeedTerms, speed: float, start: tuple[np.ndarray, np.ndarray], elapsed: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates and rates of the beam after given times at a constant hub speed, exact but for rounding.
+
+    Without damping and gyroscopic terms every mode turns on its own, also beyond the loss of stiffness; with them the
+    eigenvectors of the first-order form are used, or, where these are ill-conditioned, matrix exponentials.
+
+    Parameters
+    ----------
+    terms : BeamSpeedTerms
+    speed : float
+        Hub speed, rad/s.
+    start : pair of ndarray, n
+        Coordinates and rates at the beginning.
+    elapsed : ndarray, k
+        Times since then, s.
+
+    Returns
+    -------
+    q, v : ndarray, k x n
+    """
+    stiffness = terms.K + speed**2 * terms.K_w
+    damping = terms.C + speed * terms.G
+    force = speed**2 * terms.f_w
+    if np.any(damping) or np.any(force):
+        return _general(terms, stiffness, damping, force, start, elapsed)
+    return _modal(terms.M, stiffness, start, elapsed)
+
+
+def vibration_amplitudes(terms: BeamSpeedTerms, speed: float, tip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows from coordinates and from rates to the amplitudes of the modes at the free end, n x n each.
+
+    Modes are those of ``K + w^2 K_w`` without damping and gyroscopic terms; one without stiffness counts with 1 rad/s.
+
+    Parameters
+    ----------
+    terms : BeamSpeedTerms
+    speed : float
+        Hub speed w, rad/s.
+    tip : ndarray, n
+        Row of the free end's displacement.
+    """
+    from scipy.linalg import eigh
+
+    squares, shapes = eigh(terms.K + speed**2 * terms.K_w, terms.M)
+    rate = np.sqrt(np.where(squares > 0.0, squares, 1.0))
+    rows = (tip @ shapes)[:, None] * (shapes.T @ terms.M)
+    return rows, rows / rate[:, None]
+
+
+def _modal(
+    mass: np.ndarray, stiffness: np.ndarray, start: tuple[np.ndarray, np.ndarray], elapsed: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    from scipy.linalg import eigh
+
+    squares, shapes = eigh(stiffness, mass)
+    q, v = (shapes.T @ mass @ each for each in start)
+    rate = np.sqrt(np.abs(squares))
+    phase = np.multiply.outer(elapsed, rate)
+    stiff = squares > 0.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        cosine = np.where(stiff, np.cos(phase), np.cosh(np.where(stiff, 0.0, phase)))
+        growing = np.sinh(np.where(stiff, 0.0, phase))
+        sine = np.where(stiff, np.sin(phase), growing) / np.where(rate > 0.0, rate, 1.0)
+        sine = np.where(rate > 0.0, sine, elapsed[:, None])
+        return (q * cosine + v * sine) @ shapes.T, (v * cosine - squares * q * sine) @ shapes.T
+
+
+def _general(
+    terms: BeamSpeedTerms,
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    force: np.ndarray,
+    start: tuple[np.ndarray, np.ndarray],
+    elapsed: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """In coordinates in which mass and stiffness at rest are unity: there undamped motion is a rotation."""
+    n = force.size
+    mass_root: np.ndarray = np.linalg.cholesky(terms.M)
+    stiffness_root: np.ndarray = np.linalg.cholesky(terms.K)
+    to_q, to_v = np.linalg.inv(stiffness_root).T, np.linalg.inv(mass_root).T
+    system = np.zeros((2 * n, 2 * n))
+    system[:n, n:] = np.matmul(stiffness_root.T, to_v)
+    system[n:, :n] = -np.matmul(to_v.T, stiffness @ to_q)
+    system[n:, n:] = -np.matmul(to_v.T, damping @ to_v)
+    push = np.concatenate([np.zeros(n), to_v.T @ force])
+    state = np.concatenate([stiffness_root.T @ start[0], mass_root.T @ start[1]])
+    states = _linear_flow(system, push, state, elapsed)
+    return states[:, :n] @ to_q.T, states[:, n:] @ to_v.T
+
+
+def _linear_flow(system: np.ndarray, push: np.ndarray, state: np.ndarray, elapsed: np.ndarray) -> np.ndarray:
+    """Solution of ``z' = system z + push`` after given times, k x n."""
+    values, vectors = np.linalg.eig(system)
+    if np.linalg.cond(vectors) < _WORST_CONDITION and np.abs(values).min() > 0.0:
+        rest = -np.linalg.solve(system, push)
+        with np.errstate(over="ignore", invalid="ignore"):
+            modes = np.exp(np.multiply.outer(elapsed, values)) * np.linalg.solve(vectors, state - rest)
+            return rest + (modes @ vectors.T).real
+    return _by_exponentials(system, push, state, elapsed)
+
+
+def _by_exponentials(system: np.ndarray, push: np.ndarray, state: np.ndarray, elapsed: np.ndarray) -> np.ndarray:
+    from scipy.linalg import expm
+
+    n = state.size
+    augmented = np.zeros((n + 1, n + 1))
+    augmented[:n, :n], augmented[:n, n] = system, push
+    current, before = np.append(state, 1.0), 0.0
+    result = np.empty((elapsed.size, n))
+    known: dict[float, np.ndarray] = {0.0: np.eye(n + 1)}
+    for k, now in enumerate(elapsed):
+        interval = round(float(now - before), 12)
+        if interval not in known:
+            known[interval] = np.asarray(expm(augmented * interval))
+        current, before = np.matmul(known[interval], current), float(now)
+        result[k] = current[:n]
+    return result

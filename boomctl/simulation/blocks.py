@@ -1,0 +1,190 @@
+"""The loop in blocks: while no limit is met it is linear, and many samples are one product.
+
+Each block is first taken as if no limit were met.  Only what could meet one is looked at; a block in which it does is
+stepped sample by sample from its beginning instead.  What happened within the other blocks is filled in at the end, for
+all of them together.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from boomctl.arrays import Array, Flags
+from boomctl.lti.recursion import Lifted, recursion_without_lead
+from boomctl.simulation.stepping import ControlLog, LoopProblem, limited, run_smooth
+
+__all__ = ["run_fast"]
+
+_BLOCK = 32
+_LONGEST_QUEUE = 16
+_MOST_STATES = 400
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """The loop without limits: states ``[plant, controls given last .. first, controller]``.
+
+    ``z+ = Phi z + first d + last d+``; outputs are ``C x`` of the plant, the controls asked for, and their changes.
+    ``mend`` is what each control given beyond the one asked for adds to ``z+``.
+    """
+
+    Phi: Array
+    first: Array
+    last: Array
+    C: Array
+    D: Array
+    mend: Array
+
+
+def run_fast(p: LoopProblem, log: ControlLog) -> Array:
+    """Do what ``run_smooth`` does, in blocks where the loop allows it."""
+    states = len(p.plant.A) + (p.lag + 1) * len(p.controller.driven) + len(p.controller.A)
+    plain = p.grid.per_sample == 1 and not np.isfinite(p.limits.quantum).any() and p.lag < _LONGEST_QUEUE
+    if not plain or states > _MOST_STATES or p.grid.steps < 2 * _BLOCK:
+        return run_smooth(p, log)
+    return _run_blocks(p, log)
+
+
+def _linear_loop(p: LoopProblem) -> _Linear:
+    plant, c, n, nu, nc = p.plant, p.controller, len(p.plant.A), len(p.controller.driven), len(p.controller.A)
+    queue = (p.lag + 1) * nu
+    size, m = n + queue + nc, p.W.shape[0]
+    x, oldest, state = slice(0, n), slice(n + p.lag * nu, n + queue), slice(n + queue, size)
+    Y, Yd = np.zeros((len(c.measured), size)), plant.D[c.measured]
+    Y[:, x], Y[:, oldest] = plant.C[c.measured], plant.D[np.ix_(c.measured, c.driven)]
+    U, Ud = c.D @ Y, c.D @ Yd
+    U[:, state] += c.C
+    Phi, first, last = np.zeros((size, size)), np.zeros((size, m)), np.zeros((size, m))
+    Phi[x, x], Phi[x, oldest] = p.maps.Phi, p.maps.before[:, c.driven]
+    first[x], last[x] = p.maps.first, p.maps.last
+    arriving = p.maps.after[:, c.driven]
+    if p.lag:
+        Phi[x, n + (p.lag - 1) * nu : n + p.lag * nu] += arriving
+    else:
+        Phi[x] += arriving @ U
+        first[x] += arriving @ Ud
+    Phi[n : n + nu], first[n : n + nu] = U, Ud
+    Phi[n + nu : n + queue, n : n + queue - nu] = np.eye(queue - nu)
+    Phi[state], first[state] = c.B @ Y, c.B @ Yd
+    Phi[state, state] += c.A
+    change = U.copy()
+    change[:, n : n + nu] -= np.eye(nu)
+    moving = np.zeros((len(plant.C), size))
+    moving[:, x] = plant.C
+    C = np.vstack([moving, U, change])
+    mend = np.zeros((size, nu))
+    mend[n : n + nu], mend[state] = np.eye(nu), c.L
+    if not p.lag:
+        mend[x] = arriving
+    return _Linear(Phi, first, last, C, np.vstack([np.zeros((len(plant.C), m)), Ud, Ud]), mend)
+
+
+def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
+    """Return ``C`` times the states at each step; fill the log."""
+    loop, outputs, nu = _linear_loop(p), len(p.plant.C), len(p.controller.driven)
+    used = np.flatnonzero(p.W.any(axis=1))
+    first, last, W = loop.first[:, used], loop.last[:, used], _one_more(p.W[used])
+    G, D = recursion_without_lead(loop.Phi, first, last, loop.C, loop.D[:, used])
+    lifted = Lifted.of(loop.Phi, G, loop.C, D, _BLOCK)
+    columns = lifted.columns(W)
+    starts, clean, stepped = _blocks(p, log, loop, lifted, columns, last)
+    shown = slice(0, outputs + nu)
+    y = lifted.forced(columns, shown) + lifted.free(starts, shown)
+    found = y.transpose(0, 2, 1).reshape(outputs + nu, -1)[:, : p.grid.steps + 1]
+    for k, rows in stepped:
+        found[:outputs, k : k + len(rows)] = p.plant.C @ rows.T
+    samples = np.flatnonzero(np.repeat(clean, _BLOCK)[: p.samples])
+    log.asked[samples] = log.given[samples] = found[outputs:, samples].T
+    return found[:outputs]
+
+
+def _one_more(W: Array) -> Array:
+    """Return signals with their last column twice: one step more, for the sample at the last time."""
+    return np.hstack([W, W[:, -1:]])
+
+
+def _blocks(
+    p: LoopProblem, log: ControlLog, loop: _Linear, lifted: Lifted, columns: Array, last: Array
+) -> tuple[Array, Flags, list[tuple[int, Array]]]:
+    """Return the states (without lead) at the beginning of each block, which were clean, and the others' plant states."""
+    n, outputs, samples = len(p.plant.A), len(p.plant.C), p.samples
+    bound = np.concatenate([p.limits.force, p.limits.rate])
+    watched = outputs + np.flatnonzero(np.isfinite(bound))
+    seen = np.ascontiguousarray(lifted.seen[:, watched].transpose(1, 0, 2)).reshape(-1, lifted.seen.shape[2])
+    limit = np.repeat(bound[watched - outputs], lifted.size)
+    chosen = Lifted(lifted.size, lifted.seen, lifted.power, lifted.reached, lifted.pulse[watched])
+    alone = np.ascontiguousarray(chosen.forced(columns).transpose(2, 0, 1).reshape(columns.shape[2], -1))
+    pushed, lead = lifted.pushed(columns), (last @ columns[:, 0, :]).T
+    count = columns.shape[2]
+    starts, clean = np.zeros((count, len(loop.Phi))), np.ones(count, dtype=bool)
+    state = -lead[0]
+    state[:n] += p.start
+    walk, stepped = _Walk.of(p, loop), []
+    for b in range(count):
+        starts[b] = state
+        k = b * lifted.size
+        if len(watched) and k < samples and (np.abs(seen @ state + alone[b]) > limit).any():
+            clean[b], end = False, min(k + lifted.size, samples)
+            rows = walk.through(log, (k, end), state + lead[b])
+            stepped.append((k, rows[: end - k, :n]))
+            if b + 1 < count:
+                state = rows[-1] - lead[b + 1]
+        else:
+            state = lifted.power @ state + pushed[b]
+    return starts, clean, stepped
+
+
+@dataclass(frozen=True)
+class _Walk:
+    """The loop sample by sample: one product a step, mended where a limit is met.
+
+    ``first`` and ``last`` are what the signals ``W`` add to ``[asked, z+]`` at the beginning and end of a step.
+    """
+
+    both: Array
+    first: Array
+    last: Array
+    mend: Array
+    W: Array
+    queue: int
+    force: list[float]
+    rate: list[float]
+
+    @classmethod
+    def of(cls, p: LoopProblem, loop: _Linear) -> "_Walk":
+        """Return the loop of a problem."""
+        outputs, nu = len(p.plant.C), len(p.controller.driven)
+        used = np.flatnonzero(p.W.any(axis=1))
+        asked = slice(outputs, outputs + nu)
+        first = np.vstack([loop.D[asked], loop.first])[:, used]
+        last = np.vstack([np.zeros_like(loop.D[asked]), loop.last])[:, used]
+        both = np.ascontiguousarray(np.vstack([loop.C[asked], loop.Phi]))
+        return cls(
+            both,
+            first,
+            last,
+            loop.mend,
+            _one_more(p.W[used]),
+            len(p.plant.A),
+            p.limits.force.tolist(),
+            p.limits.rate.tolist(),
+        )
+
+    def through(self, log: ControlLog, span: tuple[int, int], z: Array) -> Array:
+        """Step from state ``z`` and return the loop's state at each step of the span, (steps + 1, states)."""
+        nu, n = self.mend.shape[1], len(z)
+        here = self.W[:, span[0] : span[1] + 1].T
+        forcing = here[:-1] @ self.first.T + here[1:] @ self.last.T
+        rows = np.empty((len(here), nu + n))
+        rows[0, nu:] = z
+        last = rows[0, nu + self.queue : nu + self.queue + nu].tolist()
+        for k, forced in enumerate(forcing):
+            row = rows[k + 1]
+            np.dot(self.both, rows[k, nu:], out=row)
+            row += forced
+            asked = row[:nu].tolist()
+            log.asked[span[0] + k] = asked
+            if limited(asked, span[0] + k, self.force, self.rate, last, log):
+                row[nu:] += self.mend @ np.subtract(last, asked)
+            log.given[span[0] + k] = last
+        return rows[:, nu:]

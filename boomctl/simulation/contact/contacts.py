@@ -1,0 +1,183 @@
+"""Places of contact in a plant, and what contact forces do there over a step."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.checks import known, positive
+from boomctl.simulation.contact.friction import CoulombFriction
+from boomctl.simulation.contact.stops import StopMaps
+from boomctl.simulation.plant import ModalPlant, StepMaps
+
+__all__ = ["Contact", "Contacts", "StrokeLimit", "contact_at", "contacts_of", "stop_places"]
+
+StrokeLimit = float | Mapping[str, "float | tuple[float, str]"] | None
+
+_NOTHING = 1e-7
+_COARSE = 0.5
+_MOST_STOPS = 6
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A relative displacement and the force input that does work on it.
+
+    Attributes
+    ----------
+    output, input : str
+    position, velocity : (n,) ndarray
+        Rows that read displacement and velocity from the states.
+    through : (2, inputs) ndarray
+        What each input adds to displacement and velocity at once.
+    rate : (inputs,) ndarray
+        What the rate of each input adds to the velocity.
+    column : (n,) ndarray
+        How the force enters the state equation.
+    held : (n,) ndarray
+        What a unit force over a whole step adds to the states.
+    gain : float
+        What a unit force over a whole step adds to the velocity at its end.
+    """
+
+    output: str
+    input: str
+    position: Array
+    velocity: Array
+    through: Array
+    rate: Array
+    column: Array
+    held: Array
+    gain: float
+
+    def offsets(self, W: Array, h: float, per_point: int = 1) -> tuple[Array, Array]:
+        """Return what disturbances ``W`` (inputs, steps + 1) add to displacement and velocity at each step.
+
+        A prescribed displacement has no corners, at which no friction could hold: between the given times (each
+        ``per_point`` steps) it is read along a cubic, whose rates there are the mean of the slopes on both sides.
+        """
+        used = np.flatnonzero(self.rate)
+        if not len(used):
+            return self.through[0] @ W, self.through[1] @ W
+        values, rates = _smooth(W[used], h, per_point)
+        return (
+            self.through[0] @ W + self.through[0][used] @ (values - W[used]),
+            self.through[1] @ W + self.rate[used] @ rates,
+        )
+
+
+def _smooth(W: Array, h: float, per_point: int) -> tuple[Array, Array]:
+    """Return signals (k, steps + 1) and their rates along cubics between every ``per_point``-th step."""
+    H, given = h * per_point, W[:, ::per_point]
+    slopes = np.diff(given, axis=1) / H
+    rates = np.hstack([slopes[:, :1], 0.5 * (slopes[:, 1:] + slopes[:, :-1]), slopes[:, -1:]])
+    s, start, end, slope = np.arange(per_point) / per_point, rates[:, :-1, None], rates[:, 1:, None], slopes[:, :, None]
+    bent = H * (slope * (3.0 * s**2 - 2.0 * s**3) + start * (s - 2.0 * s**2 + s**3) + end * (s**3 - s**2))
+    value = given[:, :-1, None] + bent
+    rate = slope * 6.0 * (s - s**2) + start * (1.0 - 4.0 * s + 3.0 * s**2) + end * (3.0 * s**2 - 2.0 * s)
+    return (
+        np.hstack([value.reshape(len(W), -1), given[:, -1:]]),
+        np.hstack([rate.reshape(len(W), -1), rates[:, -1:]]),
+    )
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Friction (a law and its place) and stops (places and what they do)."""
+
+    law: CoulombFriction | None
+    slip: Contact | None
+    stops: tuple[Contact, ...]
+    stop_maps: StopMaps | None
+
+
+def contact_at(
+    plant: ModalPlant, maps: StepMaps, output: str, force: str, driven: tuple[str, ...] = (), least: float = 0.0
+) -> Contact:
+    """Return the contact of a displacement output with a force input.
+
+    ``least`` is what must be left at the end of a step of the velocity that a force would bring without stiffness, as
+    a share of it.
+
+    Raises
+    ------
+    ValueError
+        Unknown names; the force moves the displacement or its velocity at once (no inertia between them), or not at
+        all, or against itself; a control moves the displacement at once; steps too long for the motion.
+    """
+    o = plant.outputs.index(known("output of a contact", output, plant.outputs))
+    i = plant.inputs.index(known("input of a contact", force, plant.inputs))
+    row, column = plant.C[o], plant.B[:, i]
+    velocity = row @ plant.A
+    through = np.vstack([plant.D[o], row @ plant.B])
+    sizes = np.vstack([np.abs(plant.D[o]), np.abs(row) @ np.abs(plant.B)])
+    through[np.abs(through) <= _NOTHING * sizes] = 0.0
+    gain, at_once = float(velocity @ maps.held[:, i]), float(velocity @ column)
+    if not through[:, i].any() and at_once > 0.0 and gain <= least * at_once * maps.h:
+        raise ValueError(
+            f"contact at output {output!r} through input {force!r}: the motion there is too fast for steps of {maps.h:g} s"
+            " (what a force adds to the velocity is gone before their end); expected finer timepts or more steps"
+        )
+    if through[:, i].any() or gain <= 0.0:
+        why = "there is no inertia between them" if through[:, i].any() else f"a unit force adds {gain:.3g} m/s to it"
+        raise ValueError(
+            f"contact at output {output!r} through input {force!r}: expected a displacement on which that force does "
+            f"work; {why}"
+        )
+    for name in driven:
+        if through[0, plant.inputs.index(name)]:
+            raise ValueError(f"contact at output {output!r}: the control {name!r} moves it at once, in jumps")
+    return Contact(output, force, row, velocity, through, through[0], column, maps.held[:, i], gain)
+
+
+def stop_places(limit: StrokeLimit, plant: ModalPlant) -> list[tuple[str, str, float]]:
+    """Return output, force input and stroke allowed [m] of each end stop.
+
+    A number holds for all outputs ``stroke_*`` that have an input ``suspension_*`` of the same suffix.
+    """
+    if limit is None:
+        return []
+    found: list[tuple[str, str, float]] = []
+    if isinstance(limit, Mapping):
+        for name, value in limit.items():
+            output = known("output of stroke_limit", name, plant.outputs)
+            pair = value if isinstance(value, tuple) else (value, output.replace("stroke_", "suspension_", 1))
+            if len(pair) != 2:
+                raise ValueError(f"stroke_limit[{output!r}] = {value!r}: expected a number or (number, input)")
+            size, force = pair
+            known(f"input at the stop of {output!r}", force, plant.inputs)
+            found.append((output, force, positive(f"stroke_limit[{output!r}]", size)))
+    else:
+        size = positive("stroke_limit", limit)
+        pairs = [(o, o.replace("stroke_", "suspension_", 1)) for o in plant.outputs if o.startswith("stroke_")]
+        found = [(o, i, size) for o, i in pairs if i in plant.inputs]
+    if not found:
+        raise ValueError(
+            f"stroke_limit: the plant has no outputs stroke_* with inputs suspension_* of the same suffix (outputs: "
+            f"{', '.join(plant.outputs)}; inputs: {', '.join(plant.inputs)})"
+        )
+    if len(found) > _MOST_STOPS:
+        raise ValueError(f"stroke_limit: {len(found)} end stops; expected at most {_MOST_STOPS}")
+    return found
+
+
+def contacts_of(
+    plant: ModalPlant,
+    maps: StepMaps,
+    friction: CoulombFriction | None,
+    places: list[tuple[str, str, float]],
+    driven: tuple[str, ...],
+) -> Contacts | None:
+    """Return all contacts, ``None`` where there are none."""
+    slip = None if friction is None else contact_at(plant, maps, friction.output, friction.input, driven, _COARSE)
+    stops = tuple(contact_at(plant, maps, output, force, driven) for output, force, _ in places)
+    if slip is None and not stops:
+        return None
+    stop_maps = None
+    if stops:
+        states = np.column_stack([*(maps.Phi @ stop.column for stop in stops), *(stop.held / maps.h for stop in stops)])
+        position, velocity = (np.vstack([getattr(stop, kind) for stop in stops]) for kind in ("position", "velocity"))
+        limits = np.array([size for _, _, size in places])
+        stop_maps = StopMaps(position @ states, velocity @ states, states, limits)
+    return Contacts(friction, slip, stops, stop_maps)

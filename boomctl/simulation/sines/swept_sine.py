@@ -1,0 +1,293 @@
+"""The response of a plant with Coulomb friction to sines, in time: stepped frequencies, each until it is steady.
+
+All frequencies are stepped together, each with a step of its own, from the state that the describing function expects;
+what is kept is the fundamental of the last period.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.arrays import Array, Complex, Flags
+from boomctl.checks import frequencies, known, names, positive, whole
+from boomctl.lti.frequency import singular_values
+from boomctl.simulation.contact.contacts import Contact, contact_at
+from boomctl.simulation.contact.friction import CoulombFriction, friction_law, friction_step
+from boomctl.simulation.plant import ModalPlant, modal_plant
+from boomctl.simulation.sines.describing_function import (
+    SineResponse,
+    balanced_friction,
+    describing_function,
+    finite_response,
+    sine_pattern,
+)
+from boomctl.structure.model import SecondOrderModel
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["sine_sigma", "swept_sine"]
+
+_LEAST_PERIODS = 3
+_FINE = 0.8
+_DOUBLINGS = 6
+
+
+def swept_sine(
+    plant: "SecondOrderModel | control.StateSpace",
+    friction: CoulombFriction,
+    omega: ArrayLike,
+    excitation: str | dict[str, complex],
+    amplitude: float,
+    outputs: str | Sequence[str] | None = None,
+    steps: int = 200,
+    periods: int = 256,
+    tolerance: float = 1e-4,
+) -> SineResponse:
+    """Return the fundamental of the steady response to a stepped sine, simulated with true stick-slip.
+
+    Parameters
+    ----------
+    plant, friction, omega, excitation, amplitude, outputs
+        As for :func:`describing_function`; break-away at ``static_force`` is simulated.
+    steps : int
+        Steps a period, at least 16; more are taken at frequencies so low that a step would be long for the plant.
+    periods : int
+        Most periods.
+    tolerance : float
+        Change of the response from one window of periods to the next, relative to its size, at which it counts as
+        steady.
+
+    Returns
+    -------
+    SineResponse
+        ``settled`` says how steady each frequency was at the end.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Unknown signals; amplitude, frequencies or tolerance not above zero; too few steps or periods.
+    """
+    grid, size, law = frequencies("omega", omega), positive("amplitude", amplitude), friction_law(friction)
+    if (grid == 0.0).any():
+        raise ValueError("omega: expected frequencies above zero")
+    count, most = whole("steps", steps, 16), whole("periods", periods, _LEAST_PERIODS)
+    modal = modal_plant(plant, (law.input,) if isinstance(plant, SecondOrderModel) else ())
+    excited, shape = sine_pattern(modal.inputs, excitation)
+    read = names("output", outputs, modal.outputs)
+    known("input of the friction", law.input, modal.inputs)
+    drive = np.zeros(len(modal.inputs), dtype=complex)
+    drive[[modal.inputs.index(name) for name in excited]] = size * shape
+    rows = [modal.outputs.index(name) for name in read]
+    slip_row = modal.outputs.index(known("output of a contact", law.output, modal.outputs))
+    found, stuck, settled = _swept(modal, law, grid, drive, (count, most), positive("tolerance", tolerance), rows)
+    slip = np.where(stuck, 0.0, np.abs(found[slip_row]))
+    return SineResponse(grid, finite_response(found[rows] / size, grid), slip, stuck, size, excited, read, settled)
+
+
+def _swept(
+    plant: ModalPlant,
+    law: CoulombFriction,
+    grid: Array,
+    drive: Complex,
+    least_and_most: tuple[int, int],
+    tolerance: float,
+    rows: list[int],
+) -> tuple[Complex, Flags, Array]:
+    """Return the fundamentals of all outputs, who stuck, and how steady the wanted ``rows`` were.
+
+    At least so many steps a period and at most so many periods are taken.
+    """
+    found = np.zeros((len(plant.outputs), len(grid)), dtype=complex)
+    stuck, settled = np.zeros(len(grid), dtype=bool), np.zeros(len(grid))
+    counts = np.array([_steps_needed(plant, law, w, least_and_most[0]) for w in grid])
+    for count in np.unique(counts):
+        here = np.flatnonzero(counts == count)
+        sweep = _prepared(plant, law, grid[here], drive, int(count))
+        states, stuck[here], settled[here] = _run(sweep, law, least_and_most[1], tolerance, plant.C[rows])
+        found[:, here] = plant.C @ states.T + (plant.D @ drive)[:, None]
+    if stuck.any():
+        found[:, stuck] = _held(plant, law, grid[stuck], drive)
+    return found, stuck, settled
+
+
+def _steps_needed(plant: ModalPlant, law: CoulombFriction, omega: float, steps: int) -> int:
+    """Return how many steps a period takes: more than wanted where a step would be long for the motion at the contact."""
+    velocity = plant.C[plant.outputs.index(law.output)] @ plant.A
+    column = plant.B[:, plant.inputs.index(law.input)]
+    for count in steps * 2 ** np.arange(_DOUBLINGS):
+        h = 2.0 * np.pi / (omega * count)
+        if velocity @ plant.motion(h)[1] @ column >= _FINE * h * (velocity @ column):
+            return int(count)
+    return steps * 2**_DOUBLINGS
+
+
+def _held(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex) -> Complex:
+    """Return all outputs with the slip held at zero, (outputs, frequencies): no step by step about it."""
+    solved = _responses(plant, law, grid, drive)
+    row = plant.outputs.index(law.output)
+    moved, per_force = (plant.C @ solved[:, :, k].T for k in (0, 1))
+    moved = moved + (plant.D @ drive)[:, None]
+    per_force = per_force + plant.D[:, [plant.inputs.index(law.input)]]
+    return moved - per_force * (moved[row] / per_force[row])
+
+
+def _responses(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex) -> Complex:
+    """Return the states' responses to the excitation and to a unit friction force, (frequencies, n, 2)."""
+    column = plant.B[:, plant.inputs.index(law.input)].astype(complex)
+    load = np.column_stack([plant.B @ drive, column])
+    with np.errstate(all="ignore"):
+        try:
+            solved = np.linalg.solve(1j * grid[:, None, None] * np.eye(len(plant.A)) - plant.A, load[None])
+        except np.linalg.LinAlgError:
+            raise ValueError("omega: expected no frequency at an undamped resonance of the plant") from None
+        return np.moveaxis(finite_response(np.moveaxis(solved, 0, -1), grid), -1, 0)
+
+
+@dataclass(frozen=True)
+class _Sweep:
+    """Maps of all frequencies (first axis) over a step, forcing at each step of a period, and contact rows."""
+
+    Phi: Array
+    forcing: Array
+    velocity: Array
+    held: Array
+    gain: Array
+    offset: Array
+    start: Array
+
+
+def _prepared(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex, count: int) -> _Sweep:
+    turns = np.exp(2j * np.pi * np.arange(count + 1) / count)
+    waves = np.real(drive[:, None] * turns)
+    maps = [plant.step(2.0 * np.pi / (w * count)) for w in grid]
+    places: list[Contact] = [contact_at(plant, step, law.output, law.input) for step in maps]
+    forcing = np.array([step.first @ waves[:, :-1] + step.last @ waves[:, 1:] for step in maps])
+    rates = np.real(1j * grid[:, None, None] * drive[:, None] * turns)
+    offset = np.array([place.through[1] @ waves + place.rate @ rate for place, rate in zip(places, rates, strict=True)])
+    return _Sweep(
+        np.array([step.Phi for step in maps]),
+        np.ascontiguousarray(np.moveaxis(forcing, 2, 0)),
+        places[0].velocity,
+        np.array([place.held for place in places]),
+        np.array([place.gain for place in places]),
+        offset,
+        _balanced_start(plant, law, grid, drive),
+    )
+
+
+def _balanced_start(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex) -> Array:
+    """Return the states that the harmonic balance expects at the beginning of a period, (frequencies, n)."""
+    solved = _responses(plant, law, grid, drive)
+    row = plant.outputs.index(law.output)
+    slips = np.einsum("n,fnk->fk", plant.C[row], solved)
+    force, _ = balanced_friction(slips[:, 0] + plant.D[row] @ drive, slips[:, 1], law.force)
+    return np.real(solved[:, :, 0] + solved[:, :, 1] * force[:, None])
+
+
+def _run(
+    sweep: _Sweep, law: CoulombFriction, periods: int, tolerance: float, rows: Array
+) -> tuple[Complex, Flags, Array]:
+    """Step all frequencies until they are steady; return fundamentals of the states, who stuck, and how steady.
+
+    Fundamentals are averaged over windows, each twice as long as the one before: what is not in step with the
+    excitation (a lightly damped mode that still rings) averages out.
+    """
+    X = sweep.start.copy()
+    speed = X @ sweep.velocity + sweep.offset[:, 0]
+    slipping = tuple(_Slip(float(value), False, None) for value in speed)
+    old, window, done = np.zeros(X.shape, dtype=complex), 1, 0
+    while True:
+        found, at_rest = np.zeros(X.shape, dtype=complex), np.ones(len(X), dtype=bool)
+        for _ in range(window):
+            X, slipping, fundamental, rested = _period(sweep, law, X, slipping)
+            found += fundamental / window
+            at_rest &= rested
+        done += window
+        size = np.maximum(np.linalg.norm(found @ rows.T, axis=1), np.finfo(float).tiny)
+        settled = np.linalg.norm((found - old) @ rows.T, axis=1) / size
+        if (done >= _LEAST_PERIODS and settled.max() <= tolerance) or done + 2 * window > periods:
+            return found, at_rest, settled
+        old, window = found, 2 * window
+
+
+def _period(
+    sweep: _Sweep, law: CoulombFriction, X: Array, slipping: "tuple[_Slip, ...]"
+) -> "tuple[Array, tuple[_Slip, ...], Complex, Flags]":
+    """Step one period; return states and slips at its end, the fundamental of the states, and who stuck throughout."""
+    count = len(sweep.forcing)
+    turns, gains = np.exp(-2j * np.pi * np.arange(count) / count) * (2.0 / count), sweep.gain.tolist()
+    found, at_rest = np.zeros(X.shape, dtype=complex), np.ones(len(X), dtype=bool)
+    for k in range(count):
+        found += turns[k] * X
+        X = (sweep.Phi @ X[:, :, None])[:, :, 0] + sweep.forcing[k]
+        free = (X @ sweep.velocity + sweep.offset[:, k + 1]).tolist()
+        steps = [
+            friction_step(now.velocity, now.stuck, end, gain, law, now.held)
+            for now, end, gain in zip(slipping, free, gains, strict=True)
+        ]
+        X = X + sweep.held * np.array([step.force for step in steps])[:, None]
+        slipping = tuple(
+            _Slip(step.velocity, step.stuck, step.force if step.stuck and step.sliding == 0.0 else None)
+            for step in steps
+        )
+        at_rest &= [now.stuck for now in slipping]
+    return X, slipping, found, at_rest
+
+
+class _Slip(NamedTuple):
+    velocity: float
+    stuck: bool
+    held: float | None
+
+
+def sine_sigma(
+    plant: "SecondOrderModel | control.StateSpace",
+    friction: CoulombFriction,
+    omega: ArrayLike,
+    patterns: Sequence[dict[str, complex]],
+    amplitude: float,
+    outputs: str | Sequence[str] | None = None,
+    method: str = "swept",
+) -> Array:
+    """Return the singular values of a plant with friction, as they are measured: from independent patterns of sines.
+
+    Each pattern is applied on its own; the response matrix is what takes the patterns to the responses.
+
+    Parameters
+    ----------
+    patterns : sequence of mapping from input to complex
+        As many independent patterns as there are inputs excited.
+    method : "swept" or "balance"
+        :func:`swept_sine` or :func:`describing_function`.
+
+    Returns
+    -------
+    (k, n) ndarray
+        Descending.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Patterns that depend on each other or are not as many as inputs; what the methods raise.
+    """
+    known("method", method, ("swept", "balance"))
+    if not isinstance(patterns, Sequence) or not all(isinstance(pattern, Mapping) for pattern in patterns):
+        raise TypeError(f"patterns = {patterns!r}: expected a sequence of mappings from inputs to amplitudes")
+    inputs = tuple(dict.fromkeys(name for pattern in patterns for name in pattern))
+    if len(patterns) != len(inputs):
+        raise ValueError(f"patterns: {len(patterns)} for the inputs {', '.join(inputs)}; expected one an input")
+    shapes = np.zeros((len(inputs), len(patterns)), dtype=complex)
+    for k, pattern in enumerate(patterns):
+        used, share = sine_pattern(inputs, pattern)
+        shapes[[inputs.index(name) for name in used], k] = share
+    if not len(inputs) or np.linalg.cond(shapes) > 1e6:
+        raise ValueError("patterns: expected independent ones")
+    respond = swept_sine if method == "swept" else describing_function
+    found = [respond(plant, friction, omega, dict(pattern), amplitude, outputs).response for pattern in patterns]
+    measured = np.moveaxis(np.array(found), 0, 1)
+    matrix = np.einsum("opn,pi->oin", measured, np.linalg.inv(shapes))
+    return singular_values(matrix)

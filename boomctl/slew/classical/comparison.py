@@ -1,0 +1,219 @@
+"""Optimal and classical slews under the same limit, side by side."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.checks import known, positive, real
+from boomctl.slew.classical.shapers import Shaper, classical_spin_up, classical_torque, shaper
+from boomctl.slew.plant import Plant, SlewMachine, plant_of
+from boomctl.slew.result import SlewResult
+from boomctl.slew.torque import TorqueHistory
+
+__all__ = ["SlewComparison", "SlewLine", "compare_slews"]
+
+CLASSICAL = (
+    ("bang-bang", "none"),
+    ("smoothed", "none"),
+    ("versine", "none"),
+    ("bang-bang", "ZV"),
+    ("bang-bang", "ZVD"),
+    ("bang-bang", "EI"),
+    ("versine", "ZV"),
+)
+SPIN_UPS = (
+    ("constant", "none"),
+    ("smooth", "none"),
+    ("constant", "ZV"),
+    ("constant", "ZVD"),
+    ("constant", "EI"),
+    ("smooth", "ZV"),
+)
+_CHANGES = (0.9, 1.1)
+
+
+@dataclass(frozen=True, eq=False)
+class SlewLine:
+    """One way to slew.
+
+    Attributes
+    ----------
+    name : str
+    duration : float
+        s.
+    vibration : float
+        Largest tip displacement after the end, m.
+    angle_error : float
+        Of the hub, its mean after the end, rad; 0 of a spin-up, whose angle is free.
+    speed_error : float
+        Of the hub, its mean after the end, rad/s.
+    peak_moment : float
+        Largest bending moment at the clamp on the way, N m.
+    effort : float
+        N^2 m^2 s.
+    vibration_low, vibration_high : float
+        The vibration with the beam's frequencies 10 % below and above, m.
+    history : TorqueHistory
+    time, tip_displacement : ndarray, k
+        On the way and afterwards, s and m.
+    """
+
+    name: str
+    duration: float
+    vibration: float
+    angle_error: float
+    speed_error: float
+    peak_moment: float
+    effort: float
+    vibration_low: float
+    vibration_high: float
+    history: TorqueHistory
+    time: Array
+    tip_displacement: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SlewComparison:
+    """Slews of one beam through one angle, or spin-ups to one speed (angle None), under one torque limit."""
+
+    angle: float | None
+    torque_limit: float
+    lines: tuple[SlewLine, ...]
+    final_speed: float = 0.0
+
+    def line(self, name: str) -> SlewLine:
+        """Return the slew of a name."""
+        known("slew", name, [line.name for line in self.lines])
+        return next(line for line in self.lines if line.name == name)
+
+    def plot(self) -> Any:
+        """Draw torques and tip displacements; returns a matplotlib figure."""
+        return import_module("boomctl.plotting").plot_slew_comparison(self)
+
+
+def compare_slews(
+    h: SlewMachine,
+    angle: float | None,
+    torque_limit: float,
+    optimal: Mapping[str, SlewResult] | None = None,
+    final_speed: float = 0.0,
+) -> SlewComparison:
+    """Play classical slews, and optimal ones planned before, on a hub-beam, and measure what matters.
+
+    The shapers are tuned to the first mode with the hub free. The frequencies are changed by 10 % through the beam's
+    bending stiffness.
+
+    Parameters
+    ----------
+    h : SlewMachine
+        The hub-beam.
+    angle : float or None
+        rad; None of a spin-up.
+    torque_limit : float
+        N m.
+    optimal : mapping of str to SlewResult, optional
+        By the name they are to have.
+    final_speed : float
+        Of a spin-up, rad/s.
+
+    Returns
+    -------
+    SlewComparison
+
+    Raises
+    ------
+    TypeError, ValueError
+        Of a bad argument.
+    """
+    plant = plant_of(h)
+    if plant.frequencies is None or plant.inertia is None or plant.machine is None:
+        raise TypeError(f"h = {type(h).__name__}: expected a hub-beam")
+    limit = positive("torque_limit", torque_limit)
+    if not all(isinstance(each, SlewResult) for each in _listed(optimal)):
+        raise TypeError("optimal: expected a dict of what optimal_slew returns")
+    torques = {name: result.history for name, result in (optimal or {}).items()}
+    torques |= _classical(plant, angle, real("final_speed", final_speed), limit)
+    others = tuple(plant.machine.with_stiffness(factor**2) for factor in _CHANGES)
+    lines = tuple(_line(name, history, plant, others, angle, final_speed) for name, history in torques.items())
+    return SlewComparison(angle, limit, lines, final_speed)
+
+
+def _classical(plant: Plant, angle: float | None, final_speed: float, limit: float) -> dict[str, TorqueHistory]:
+    """Classical torques by name: slews through an angle, or spin-ups where it is None."""
+    if (angle is None) == (final_speed == 0.0):
+        raise ValueError(f"final_speed = {final_speed:g}: expected an angle, or a speed not zero with angle None")
+    assert plant.frequencies is not None
+    assert plant.inertia is not None
+    torques = {}
+    for shape, name in SPIN_UPS if angle is None else CLASSICAL:
+        train = shaper(name, float(plant.frequencies[1]), _damping(plant))
+        if angle is None:
+            history = classical_spin_up(shape, train, final_speed, plant.inertia, limit)
+        else:
+            history = classical_torque(shape, train, real("angle", angle), plant.inertia, limit)
+        torques[_label(shape, train)] = history
+    return torques
+
+
+def _label(shape: str, train: Shaper) -> str:
+    body = {"smoothed": "smoothed bang-bang", "constant": "constant torque", "smooth": "smooth torque"}.get(
+        shape, shape
+    )
+    return body if train.name == "none" else f"{body}, {train.name}"
+
+
+def _listed(optimal: object) -> list[object]:
+    if optimal is not None and not isinstance(optimal, dict):
+        raise TypeError(f"optimal = {optimal!r}: expected a dict of what optimal_slew returns")
+    return list((optimal or {}).values())
+
+
+def _damping(plant: Plant) -> float:
+    """Damping ratio of the first flexible mode."""
+    assert plant.frequencies is not None
+    half = plant.n // 2
+    return float(-0.5 * plant.A[half + 1, half + 1] / plant.frequencies[1])
+
+
+def _line(
+    name: str,
+    history: TorqueHistory,
+    plant: Plant,
+    others: tuple[Any, ...],
+    angle: float | None,
+    final_speed: float,
+) -> SlewLine:
+    assert plant.machine is not None
+    assert plant.frequencies is not None
+    during = np.linspace(0.0, history.duration, 401)
+    after = history.duration + np.linspace(0.0, 3.0 * np.pi / plant.frequencies[1], 121)
+    t = np.concatenate([during[:-1], after])
+    r = plant.machine.simulate_torque(history, t, history.breakpoints)
+    late = t >= after[0]
+    left = [
+        float(np.abs(each.simulate_torque(history, after, history.breakpoints).tip_displacement).max())
+        for each in others
+    ]
+    moment = np.abs(r.states @ plant.machine.root_moment_row)
+    return SlewLine(
+        name=name,
+        duration=history.duration,
+        vibration=float(np.abs(r.tip_displacement[late]).max()),
+        angle_error=0.0 if angle is None else _middle(r.hub_angle[late]) - angle,
+        speed_error=_middle(r.hub_speed[late]) - final_speed,
+        peak_moment=float(moment.max()),
+        effort=history.effort,
+        vibration_low=left[0],
+        vibration_high=left[1],
+        history=history,
+        time=t,
+        tip_displacement=r.tip_displacement,
+    )
+
+
+def _middle(values: Array) -> float:
+    return float(0.5 * (values.max() + values.min()))

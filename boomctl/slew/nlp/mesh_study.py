@@ -1,0 +1,128 @@
+"""How the error of a planned slew falls with the number of intervals."""
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.slew.nlp.programme import prepare
+from boomctl.slew.nlp.transcription import Scheme, transcribe
+from boomctl.slew.problem import SlewProblem, slew_problem
+from boomctl.slew.reference import cheapest, guess_from, typical_sizes
+from boomctl.slew.replay import end_error, played
+from boomctl.slew.result import SlewError
+from boomctl.slew.torque import TorqueHistory
+
+__all__ = ["MeshLine", "MeshStudy", "mesh_study"]
+
+
+_FLOOR = 3e-9
+
+
+@dataclass(frozen=True, eq=False)
+class MeshLine:
+    """One curve of errors over meshes.
+
+    Attributes
+    ----------
+    name : str
+        What is in error, and of which scheme.
+    errors : ndarray, k
+        Relative: of the end state in the replay, or of the cost against the finest mesh. NaN where the mesh has no
+        solution, 0 where the error is measured from.
+    order : float
+        Slope of the errors above the floor of the replay's accuracy; NaN if fewer than two are.
+    theory : float
+        The order in the limit of fine meshes.
+    """
+
+    name: str
+    errors: Array
+    order: float
+    theory: float
+
+
+@dataclass(frozen=True, eq=False)
+class MeshStudy:
+    """Errors over numbers of intervals, of a slew of least effort that takes `duration` [s]."""
+
+    duration: float
+    intervals: Array
+    lines: tuple[MeshLine, ...]
+
+    def plot(self) -> Any:
+        """Draw the errors; returns a matplotlib figure."""
+        return import_module("boomctl.plotting").plot_mesh_study(self)
+
+
+def mesh_study(
+    h: object,
+    angle: float,
+    torque_limit: float,
+    duration: float,
+    schemes: tuple[tuple[str, int], ...] = (("shooting", 1), ("collocation", 2), ("radau", 2), ("collocation", 3)),
+    intervals: tuple[int, ...] = (50, 100, 200, 400, 800),
+) -> MeshStudy:
+    """Solve a least-effort slew on several meshes.
+
+    Parameters
+    ----------
+    h, angle, torque_limit, duration
+        As in `optimal_slew`.
+    schemes : tuple of (method, order)
+        Order is the number of collocation points, or of substeps.
+    intervals : tuple of int
+        Ascending.
+
+    Returns
+    -------
+    MeshStudy
+        One line a scheme for the end state, and one for the cost of the last scheme: what holding the torque costs. A
+        mesh without a solution leaves a gap.
+    """
+    lines, cost = [], np.zeros(len(intervals))
+    for method, order in schemes:
+        problem = slew_problem(h, angle, torque_limit, "effort", duration, method=method)
+        errors = np.full(len(intervals), np.nan)
+        cost = np.full(len(intervals), np.nan)
+        for k, count in enumerate(intervals):
+            history = _solved(problem, duration, count, order)
+            if history is not None:
+                errors[k], cost[k] = end_error(problem, played(problem, history, 3)), history.effort
+        lines.append(MeshLine(_label(method, order), errors, _slope(intervals, errors), _theory(method, order)))
+    best = cost[-1] - (cost[-2] - cost[-1]) / 3.0
+    held = np.append(np.abs(cost / best - 1.0)[:-1], 0.0)
+    lines.append(MeshLine("least effort, torque held on each interval", held, _slope(intervals, held), 2.0))
+    return MeshStudy(duration, np.array(intervals), tuple(lines))
+
+
+def _solved(problem: SlewProblem, duration: float, count: int, order: int) -> TorqueHistory | None:
+    """The torque on one mesh; None where a coarse one has no solution."""
+    guess = guess_from(problem, cheapest(problem, duration, count).history, count, False)
+    scheme = Scheme(problem.method, "effort", count, order, False, False, ())
+    parts = transcribe(problem.plants, scheme, typical_sizes(guess), problem.torque_limit, duration, problem.ends)
+    try:
+        return prepare(parts, 1e-9).solve(problem, guess).history
+    except SlewError:
+        return None
+
+
+def _label(method: str, order: int) -> str:
+    rule = {"shooting": "shooting", "collocation": "Gauss collocation", "radau": "Radau collocation"}[method]
+    part = "substep" if method == "shooting" else "point"
+    return f"end state, {rule}, {order} {part}{'s' if order > 1 else ''}"
+
+
+def _theory(method: str, order: int) -> float:
+    return {"shooting": 4.0, "collocation": 2.0 * order, "radau": 2.0 * order - 1.0}[method]
+
+
+def _slope(intervals: tuple[int, ...], errors: Array) -> float:
+    """Slope of the errors above the floor; the coarsest mesh counts only where it is needed."""
+    above = np.flatnonzero(errors > _FLOOR)
+    kept = above[above > 0] if above.size > 2 else above
+    if kept.size < 2:
+        return float("nan")
+    return float(-np.polyfit(np.log(np.array(intervals)[kept]), np.log(errors[kept]), 1)[0])

@@ -1,0 +1,169 @@
+"""Galerkin cores: a large structure seen through a few well-chosen motions.
+
+The motions are the structure's responses to its own inputs and outputs at a few real frequency shifts (rational
+Krylov), one factorisation a shift.  Inputs and outputs share the basis, so that the error of the core's response is
+of second order in the error of the basis.  The core is accepted when its residual, put through the structure, moves no
+output at any probe frequency and it has as many modes in the band as the structure (Sylvester's inertia); otherwise the
+basis is enriched by what was missing.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, sparse
+from scipy.linalg import lapack
+from scipy.sparse.linalg import splu
+
+from boomctl.arrays import Array, Complex, Matrix
+from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.ports import evaluate
+from boomctl.structure.response.pencil import Pencil, Solve
+from boomctl.structure.response.poles import project
+
+__all__ = ["Core", "build_core", "count_below", "orthonormal"]
+
+
+_SPACING = 16.0
+_WIDEST = 1e4
+_LEVELS = 2
+_ROUNDS = 6
+_TOLERANCE = 1e-10
+_DROP = 1e-12
+
+
+@dataclass(frozen=True)
+class Core:
+    """A small model whose response is that of a large one up to the estimate ``error``, relative."""
+
+    model: SecondOrderModel
+    basis: Array
+    error: float
+
+
+def orthonormal(M: Matrix, block: Array, against: Array | None = None, drop: float = 1e-10) -> Array:
+    """Return an M-orthonormal basis of the columns of ``block``, M-orthogonal to ``against``."""
+    size = np.sqrt(np.einsum("ij,ij->j", block, M @ block))
+    kept = block[:, size > 0] / size[size > 0]
+    for _ in range(2):
+        if against is not None:
+            kept = kept - against @ (against.T @ (M @ kept))
+        if not kept.shape[1]:
+            return kept
+        values, mix = linalg.eigh(kept.T @ (M @ kept), check_finite=False)
+        good = values > drop**2 * max(values[-1], 1e-6)
+        kept = kept @ (mix[:, good] / np.sqrt(values[good]))
+    return kept
+
+
+def _sources(model: SecondOrderModel) -> Array:
+    """Return the columns through which inputs act and outputs read, each scaled to one."""
+    columns = np.hstack([*model.ports.B, *(line.T for line in model.ports.L)])
+    size = np.abs(columns).max(axis=0, initial=0.0)
+    return columns[:, size > 0] / size[size > 0]
+
+
+def _krylov(M: Matrix, solves: list[Solve], sources: Array) -> Array:
+    blocks = []
+    latest = [sources] * len(solves)
+    for level in range(_LEVELS):
+        for i, solve in enumerate(solves):
+            solved = solve(sources if level == 0 else M @ latest[i])
+            latest[i] = solved / np.maximum(np.abs(solved).max(axis=0, initial=0.0), np.finfo(float).tiny)
+            blocks.append(latest[i])
+    return _span(M, np.hstack(blocks))
+
+
+def _span(M: Matrix, block: Array) -> Array:
+    """Return an M-orthonormal basis of the columns of ``block``, what depends on others dropped."""
+    size = np.sqrt(np.einsum("ij,ij->j", block, block))
+    packed, _, tau, _, _ = lapack.dgeqp3(np.asfortranarray(block[:, size > 0] / size[size > 0]), overwrite_a=1)
+    diagonal = np.abs(np.diag(packed))
+    rank = int((diagonal > _DROP * diagonal.max(initial=0.0)).sum())
+    if not rank:
+        return block[:, :0]
+    Q = lapack.dorgqr(packed[:, :rank], tau[:rank])[0]
+    factor, failed = lapack.dpotrf(Q.T @ (M @ Q), lower=0)
+    return Q if failed else lapack.dtrtrs(factor, Q.T, lower=0, trans=1)[0].T
+
+
+def build_core(model: SecondOrderModel, omega: Array) -> Core | None:
+    """Return a core that is accurate over the frequencies ``omega`` [rad/s]; None where there is no small one.
+
+    The model's matrices must be symmetric, its mass matrix positive definite.  There is no small core for a structure
+    with modes in the band that inputs and outputs do not show, or with very many.
+    """
+    top = max(float(omega.max()), 1e-2)
+    pencil = model.prepared.pencil
+    M, K = pencil.M, pencil.K
+    bottom = max(float(omega[omega > 0].min(initial=top)), top / _WIDEST)
+    count = 2 + int(np.ceil(np.log(top / bottom) / np.log(_SPACING)))
+    shifts = np.geomspace(bottom, top * 1.2, count)
+    V = _krylov(M, [pencil.factorized(s) for s in shifts], _sources(model))
+    for _ in range(_ROUNDS):
+        core = _project(model, V)
+        ritz = np.sqrt(np.maximum(linalg.eigh(core.K, core.M, eigvals_only=True, check_finite=False), 0.0))
+        error, missing = _defect(model, core, V, _probes(ritz, omega), pencil)
+        if error <= _TOLERANCE:
+            break
+        V = np.hstack([V, orthonormal(M, missing, V)])
+    else:
+        core = _project(model, V)
+        ritz = np.sqrt(np.maximum(linalg.eigh(core.K, core.M, eigvals_only=True, check_finite=False), 0.0))
+        error, _ = _defect(model, core, V, _probes(ritz, omega), pencil)
+    return Core(core, V, error) if int((ritz < top).sum()) == count_below(K - top**2 * M) else None
+
+
+def count_below(shifted: Matrix) -> int:
+    """Return the number of negative eigenvalues of ``K - omega^2 M``: of modes below ``omega`` (Sylvester's inertia)."""
+    if not sparse.issparse(shifted):
+        factor, pivots, _ = lapack.dsytrf(shifted, lower=1)
+        single = pivots > 0  # the other pivots are pairs, of one positive and one negative eigenvalue
+        return int((np.diag(factor)[single] < 0).sum() + (~single).sum() // 2)
+    options = {"SymmetricMode": True}
+    lu = splu(sparse.csc_array(shifted), options=options, diag_pivot_thresh=0.0, permc_spec="MMD_AT_PLUS_A")
+    if (lu.perm_r != lu.perm_c).any():
+        return -1
+    return int((lu.U.diagonal() < 0).sum())
+
+
+def _probes(ritz: Array, omega: Array) -> Array:
+    """Return frequencies to judge a core at: the middle, the top, and the lowest resonance in between."""
+    ends = np.partition(omega, len(omega) // 2)[len(omega) // 2], omega.max()
+    inside = ritz[(ritz > omega.min()) & (ritz < omega.max())]
+    return np.unique([*ends, *inside[:1]])
+
+
+def _project(model: SecondOrderModel, V: Array) -> SecondOrderModel:
+    M, K, C = project(model, V)
+    return SecondOrderModel.build(M, C, K, model.ports.congruent(V), tuple(f"v{i}" for i in range(V.shape[1])))
+
+
+def _defect(
+    model: SecondOrderModel, core: SecondOrderModel, V: Array, probes: Array, pencil: Pencil
+) -> tuple[float, Array]:
+    """Return how far the core's outputs are off at the probes, relative, and the motions that it lacks.
+
+    The residual is put through the structure itself: a solution at real shifts would not do, for it is orthogonal to
+    the residual by construction of the basis.
+    """
+    s = 1j * probes
+    D = (s**2)[:, None, None] * core.M + s[:, None, None] * core.C + core.K
+    X = np.linalg.solve(D, evaluate(core.ports.B, s))
+    L, E, B = evaluate(model.ports.L, s), evaluate(model.ports.E, s), evaluate(model.ports.B, s)
+    count, r, m = X.shape
+    full: Complex = V @ np.moveaxis(X, 1, 0).reshape(r, -1)  # a column for each probe and input
+    residual: Complex = np.moveaxis(B, 1, 0).reshape(model.n, -1) - _force(model, full, np.repeat(s, m))
+    steps = [pencil.solved(value, residual[:, f * m : (f + 1) * m]) for f, value in enumerate(s)]
+    outputs = L @ np.moveaxis(full.reshape(-1, count, m), 1, 0) + E
+    scale, moved = (np.abs(value).max(axis=1, initial=0.0) for value in (outputs, L @ np.array(steps)))
+    worst = float((moved[scale > 0] / scale[scale > 0]).max(initial=0.0))
+    return worst, np.hstack([part for step in steps for part in (step.real, step.imag)])
+
+
+def _force(model: SecondOrderModel, motion: Complex, s: Complex) -> Complex:
+    """Return ``(s^2 M + s C + K) q`` of motions in columns, each with its ``s``; elastic forces through strains."""
+    inertia = s**2 * (model.M @ motion)
+    if model.elastic is None:
+        return inertia + model.K @ motion + s * (model.C @ motion)
+    rows = model.elastic
+    return inertia + rows.R.T @ ((rows.k[:, None] + rows.c[:, None] * s) * (rows.R @ motion))

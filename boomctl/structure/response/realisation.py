@@ -1,0 +1,207 @@
+"""State-space realisation of a second-order model.
+
+For a displacement input (``u = d``) the states are those of Anthonis & Ramon (2003), Eqs. (9) and (10):
+``x1 = q - G d`` with ``G = M^-1 B2`` and ``x2 = x1' - H d`` with ``H = M^-1 (B1 - C G)``.  Where the velocity
+(``u = d'``) or the acceleration (``u = d''``) is imposed, ``d`` and ``d'`` become states as well.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.ports import FILTER_DAMPING
+from boomctl.structure.response.poles import dense, is_symmetric
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["realize"]
+
+
+@dataclass(frozen=True)
+class _Signal:
+    """A vector signal as a combination of states and inputs, ``X x + U u``."""
+
+    X: Array
+    U: Array
+
+    def __add__(self, other: "_Signal") -> "_Signal":
+        return _Signal(self.X + other.X, self.U + other.U)
+
+    def through(self, matrix: Array) -> "_Signal":
+        return _Signal(matrix @ self.X, matrix @ self.U)
+
+
+@dataclass(frozen=True)
+class _Dynamics:
+    """State equation, coordinates and inputs with derivatives, and the coefficients of the derivatives not there.
+
+    ``missing`` is ``(G, H, G2)``: q' lacks ``G d'``; q'' lacks ``H d' + G2 d''``.
+    """
+
+    A: Array
+    B: Array
+    q: tuple[_Signal, _Signal, _Signal]
+    d: tuple[_Signal, _Signal, _Signal]
+    missing: tuple[Array, Array, Array]
+
+
+def realize(model: SecondOrderModel) -> "control.StateSpace":
+    """Return the named state-space system of a model; see :meth:`SecondOrderModel.to_statespace`."""
+    import control
+
+    dynamics = _dynamics(model, _inverse_ready(model))
+    _check_proper(model, dynamics.missing)
+    A, B, y, filter_names = _filtered(model, dynamics.A, dynamics.B, _outputs(model, dynamics.q, dynamics.d))
+    return control.ss(
+        A,
+        B,
+        y.X,
+        y.U,
+        inputs=list(model.inputs),
+        outputs=list(model.outputs),
+        states=_state_names(model) + filter_names,
+        name="structure",
+    )
+
+
+def _inverse_ready(model: SecondOrderModel) -> tuple[Array, bool]:
+    mass = dense(model.M)
+    try:
+        if not is_symmetric(mass):
+            raise linalg.LinAlgError
+        factor = linalg.cho_factor(mass)
+    except linalg.LinAlgError:
+        scale = np.sqrt(np.abs(np.diag(mass)))
+        if (scale == 0).any() or np.linalg.cond(mass / np.outer(scale, scale)) > 1e14:
+            raise ValueError(
+                "the mass matrix is singular: a coordinate has no inertia, so there is no state-space form"
+            ) from None
+        factor = linalg.lu_factor(mass)
+    return factor  # type: ignore[return-value]
+
+
+def _solve(factor: tuple[Array, object], rhs: Array) -> Array:
+    if isinstance(factor[1], (bool, np.bool_)):
+        return linalg.cho_solve(factor, rhs)  # type: ignore[arg-type]
+    return linalg.lu_solve(factor, rhs)  # type: ignore[arg-type]
+
+
+def _dynamics(model: SecondOrderModel, factor: tuple[Array, bool]) -> _Dynamics:
+    """Return A, B, the signals q, q', q'' and d, d', d'', and what of them is not there."""
+    n, m, ports = model.n, len(model.inputs), model.ports
+    order = np.array(ports.integrators, dtype=int)
+    size = 2 * n + int(order.sum())
+    d = _input_signals(order, n, size)
+    x1, x2 = np.zeros((n, size)), np.zeros((n, size))
+    x1[:, :n], x2[:, n : 2 * n] = np.eye(n), np.eye(n)
+    B0, B1, B2 = ports.B
+    K, C = dense(model.K), dense(model.C)
+    G = _solve(factor, B2 * (order == 0))
+    H = _solve(factor, (B1 - C @ G) * (order == 0))
+    G_velocity = _solve(factor, B2 * (order == 1))
+    q = _Signal(x1, np.zeros((n, m))) + d[0].through(G)
+    rate = _Signal(x2, np.zeros((n, m))) + d[0].through(H) + d[1].through(G_velocity)
+    force = q.through(-K) + rate.through(-C) + d[0].through(B0)
+    force = force + d[1].through(B1 * (order > 0)) + d[2].through(B2 * (order > 1))
+    acceleration = _Signal(_solve(factor, force.X), _solve(factor, force.U))
+    A, B = np.zeros((size, size)), np.zeros((size, m))
+    A[:n], B[:n] = rate.X, rate.U
+    A[n : 2 * n], B[n : 2 * n] = acceleration.X, acceleration.U
+    _integrators(A, B, order, 2 * n)
+    return _Dynamics(A, B, (q, rate, acceleration), d, (G, H, G + G_velocity))
+
+
+def _input_signals(order: Array, n: int, size: int) -> tuple[_Signal, _Signal, _Signal]:
+    """Return d, d', d'' as signals, zero where a derivative is not there."""
+    m = len(order)
+    parts = [_Signal(np.zeros((m, size)), np.zeros((m, m))) for _ in range(3)]
+    state = 2 * n
+    for i, count in enumerate(order):
+        for derivative in range(int(count)):
+            parts[derivative].X[i, state] = 1.0
+            state += 1
+        parts[int(count)].U[i, i] = 1.0
+    return parts[0], parts[1], parts[2]
+
+
+def _integrators(A: Array, B: Array, order: Array, first: int) -> None:
+    state = first
+    for i, count in enumerate(order):
+        for derivative in range(int(count)):
+            if derivative + 1 < count:
+                A[state, state + 1] = 1.0
+            else:
+                B[state, i] = 1.0
+            state += 1
+
+
+def _outputs(
+    model: SecondOrderModel, q: tuple[_Signal, _Signal, _Signal], d: tuple[_Signal, _Signal, _Signal]
+) -> tuple[_Signal, _Signal, _Signal]:
+    """Return the parts of the outputs with no, one and two derivatives still to be taken (by a filter)."""
+    plain = np.array([b is None for b in model.ports.bandwidths], dtype=bool)[:, None]
+    L, E = model.ports.L, model.ports.E
+    now = q[0].through(L[0] * plain) + d[0].through(E[0] * plain)
+    for k in (1, 2):
+        now = now + q[k].through(L[k] * plain) + d[k].through(E[k] * plain)
+    later = [q[0].through(L[k] * ~plain) + d[0].through(E[k] * ~plain) for k in range(3)]
+    return now + later[0], later[1], later[2]
+
+
+def _check_proper(model: SecondOrderModel, missing: tuple[Array, Array, Array]) -> None:
+    """Raise where an unfiltered output needs a derivative of an input that the realisation does not have."""
+    ports, (G, H, G2) = model.ports, missing
+    order = np.array(ports.integrators, dtype=int)
+    L1, L2, E1, E2 = ports.L[1], ports.L[2], ports.E[1] * (order < 1), ports.E[2] * (order < 2)
+    moved = np.array(ports.moved, dtype=bool)
+    once, twice = L1 @ G + L2 @ H + E1, L2 @ G2 + E2
+    size_once = np.abs(L1) @ np.abs(G) + np.abs(L2) @ np.abs(H) + np.abs(E1)
+    size_twice = np.abs(L2) @ np.abs(G2) + np.abs(E2)
+    for o, output in enumerate(model.outputs):
+        if ports.bandwidths[o] is not None:
+            continue
+        for value, size, wanted in ((twice, size_twice, "acceleration"), (once, size_once, "velocity or acceleration")):
+            felt = np.flatnonzero((np.abs(value[o]) > 1e-12 * size[o]) & moved)
+            if len(felt):
+                raise ValueError(
+                    f"output {output!r} needs a derivative of input {model.inputs[felt[0]]!r}: impose its {wanted},"
+                    " give the output a bandwidth, or leave one of them out"
+                )
+
+
+def _filtered(
+    model: SecondOrderModel, A: Array, B: Array, parts: tuple[_Signal, _Signal, _Signal]
+) -> tuple[Array, Array, _Signal, list[str]]:
+    """Append the low-pass filters of the outputs, in observer form, and return the outputs."""
+    y, once, twice = parts
+    bandwidths = [(o, b) for o, b in enumerate(model.ports.bandwidths) if b is not None]
+    size, names = A.shape[0], []
+    A = np.block(
+        [[A, np.zeros((size, 2 * len(bandwidths)))], [np.zeros((2 * len(bandwidths), size + 2 * len(bandwidths)))]]
+    )
+    B = np.vstack([B, np.zeros((2 * len(bandwidths), B.shape[1]))])
+    X, U = np.hstack([y.X, np.zeros((y.X.shape[0], 2 * len(bandwidths)))]), y.U.copy()
+    for j, (o, b) in enumerate(bandwidths):
+        z1, z2 = size + 2 * j, size + 2 * j + 1
+        position_X, position_U = y.X[o], y.U[o]
+        X[o], U[o] = 0.0, b**2 * twice.U[o]
+        X[o, :size], X[o, z2] = b**2 * twice.X[o], 1.0
+        A[z1], B[z1] = -(b**2) * X[o], b**2 * position_U - b**2 * U[o]
+        A[z1, :size] += b**2 * position_X
+        A[z2], B[z2] = -2 * FILTER_DAMPING * b * X[o], b**2 * once.U[o] - 2 * FILTER_DAMPING * b * U[o]
+        A[z2, :size] += b**2 * once.X[o]
+        A[z2, z1] += 1.0
+        names += [f"{model.outputs[o]}.filter1", f"{model.outputs[o]}.filter2"]
+    return A, B, _Signal(X, U), names
+
+
+def _state_names(model: SecondOrderModel) -> list[str]:
+    names = [f"{name}.x1" for name in model.coordinates] + [f"{name}.x2" for name in model.coordinates]
+    for name, count in zip(model.inputs, model.ports.integrators, strict=True):
+        names += [f"{name}.displacement", f"{name}.velocity"][:count]
+    return names

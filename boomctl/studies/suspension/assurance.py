@@ -1,0 +1,198 @@
+"""What vouches for a suspension beyond its own synthesis: margins, a proof over the uncertainty, the exact boom."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import product
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from boomctl.analysis import (
+    ExactLoopStability,
+    Margins,
+    RobustStability,
+    SigmaResult,
+    WorstCase,
+    closed_loop_response,
+    exact_loop_stability,
+    margins,
+    robust_stability,
+    sigma,
+    worst_case,
+)
+from boomctl.boom import BoomParameters, boom_family, yaw_family
+from boomctl.boom.families import scaled_boom
+from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.structure import split_symmetric
+from boomctl.studies.suspension.design import SuspensionDesign
+from boomctl.studies.suspension.exact import exact_plant
+from boomctl.studies.suspension.performance import loop_between
+from boomctl.studies.suspension.scene import FieldScene, suspension_model
+from boomctl.synthesis import split_controller
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["Assurance", "HalfAssurance", "assure"]
+
+SPRING, MASS, MEASURED_YAW_HZ = (0.7, 1.3), (0.8, 1.2), 0.34
+_FAMILY_ELEMENTS = 6
+_FREQUENCIES = np.geomspace(0.15, 130.0, 260)
+_MIXED = 1e-6
+
+
+@dataclass(frozen=True)
+class HalfAssurance:
+    """Of one half, jolt or yaw.
+
+    Attributes
+    ----------
+    margins : Margins
+        At control and measurements.
+    box : RobustStability
+        Over springs of 70 to 130 % and a beam mass of 80 to 120 %, together.
+    worst : WorstCase
+        The largest peak from platform to tips found over that box.
+    """
+
+    margins: Margins
+    box: RobustStability
+    worst: WorstCase
+
+
+@dataclass(frozen=True)
+class Assurance:
+    """What was found about a closed loop, apart from its synthesis.
+
+    Attributes
+    ----------
+    jolt, yaw : HalfAssurance
+    measured_yaw : RobustStability
+        Of the yaw over springs that bring its frequency from that of Table 2 to the measured 0.34 Hz.
+    exact : ExactLoopStability
+        With the exact beam, by winding number.
+    exact_sigma : SigmaResult
+        Singular values of the loop with the exact beam.
+    family_sigma : tuple of SigmaResult
+        At corners and middles of the edges of the uncertainty.
+    mixed : float
+        Share of the controller that leads from one half to the other.
+    """
+
+    jolt: HalfAssurance
+    yaw: HalfAssurance
+    measured_yaw: RobustStability
+    exact: ExactLoopStability
+    exact_sigma: SigmaResult = field(repr=False)
+    family_sigma: tuple[SigmaResult, ...] = field(repr=False)
+    mixed: float
+
+    @property
+    def robust(self) -> bool:
+        """Whether the loop is proved stable over the whole uncertainty and on the exact boom."""
+        return self.jolt.box.proved and self.yaw.box.proved and self.measured_yaw.proved and self.exact.stable
+
+    @property
+    def worst_peak(self) -> float:
+        """The largest peak from platform to tips found over the uncertainty."""
+        return max(self.jolt.worst.norm.lower, self.yaw.worst.norm.lower)
+
+    @property
+    def statements(self) -> Mapping[str, str]:
+        """All of it in words."""
+        said: dict[str, str] = {}
+        for name, half in (("jolt", self.jolt), ("yaw", self.yaw)):
+            said[f"{name}: margins at the actuator"] = _margin_text(half.margins)
+            said[f"{name}: springs ±30 %, boom mass ±20 %"] = _proof_text(half.box)
+            said[f"{name}: worst peak found there"] = (
+                f"{half.worst.norm.lower:.4g} (middle: {half.worst.nominal.lower:.4g}) at {_values(half.worst.values)}"
+            )
+        said["yaw frequency from Table 2 to the measured 0.34 Hz"] = _proof_text(self.measured_yaw)
+        verdict = "stable" if self.exact.stable else f"NOT stable, {self.exact.unstable_poles} unstable poles"
+        said["exact boom"] = (
+            f"{verdict}: winding number {self.exact.encirclements} of det(I - G K), followed over"
+            f" {self.exact.evaluations} frequencies; largest singular value of the loop there {self.exact_sigma.peak:.4g}"
+        )
+        return said
+
+
+def assure(design: SuspensionDesign, scene: FieldScene) -> Assurance | None:
+    """Examine the closed loop of a design; None of a passive one or one on a plant of its own.
+
+    Raises
+    ------
+    ValueError
+        The controller mixes the halves of the machine: it cannot be examined half by half.
+    """
+    K, p = design.controller, design.parameters
+    if K is None or design.plant is not None:
+        return None
+    model = suspension_model(p, scene.elements, scene.accelerometer_hz)
+    symmetric, antisymmetric, mixed = split_controller(model, K)
+    if mixed > _MIXED:
+        raise ValueError(f"controller: {100 * mixed:.2g} % of it leads from one half to the other; symmetrise it first")
+    jolt, yaw = split_symmetric(model)
+    band = scene.accelerometer_hz
+    stiffer = yaw_family(p, MEASURED_YAW_HZ, half="yaw", elements=_FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
+    return Assurance(
+        _half("jolt", jolt, symmetric, p, band),
+        _half("yaw", yaw, antisymmetric, p, band),
+        robust_stability(stiffer, antisymmetric),
+        _exact(p, K, band),
+        _exact_sigma(p, K, band),
+        _family_sigma(p, K, scene),
+        mixed,
+    )
+
+
+def _half(name: str, model: object, controller: "control.StateSpace", p: BoomParameters, band: float) -> HalfAssurance:
+    family = boom_family(p, SPRING, MASS, half=name, elements=_FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
+    side = {"jolt": "sym", "yaw": "anti"}[name]
+    worst = worst_case(family, controller, [f"actuator_{side}"], [f"tip_{side}"])
+    return HalfAssurance(margins(model, controller), robust_stability(family, controller), worst)  # type: ignore[arg-type]
+
+
+def _exact(p: BoomParameters, K: "control.StateSpace", band: float) -> ExactLoopStability:
+    poles = suspension_model(p, 40, band).to_statespace().poles()
+    lowest = poles[np.argsort(np.abs(poles))][:60]
+    return exact_loop_stability(exact_plant(p, band), K, lowest)
+
+
+def _exact_sigma(p: BoomParameters, K: "control.StateSpace", band: float) -> SigmaResult:
+    response = closed_loop_response(exact_plant(p, band), K, _FREQUENCIES)
+    return sigma(response, inputs=list(ACTUATORS), outputs=list(TIPS))
+
+
+def _family_sigma(p: BoomParameters, K: "control.StateSpace", scene: FieldScene) -> tuple[SigmaResult, ...]:
+    """Return singular values at corners and middles of the edges; the nominal boom itself is left out."""
+    found = []
+    for spring, mass in product((*SPRING, 1.0), (*MASS, 1.0)):
+        if (spring, mass) != (1.0, 1.0):
+            changed = suspension_model(scaled_boom(p, spring, mass), _FAMILY_ELEMENTS, scene.accelerometer_hz)
+            found.append(sigma(loop_between(changed, K, TIPS), _FREQUENCIES))
+    return tuple(found)
+
+
+def _margin_text(found: Margins) -> str:
+    loop = found.loops[0]
+    gains = (
+        f"gain from {loop.gain_low:.2g} to {loop.gain_high:.3g} times"
+        if loop.gain_high < inf
+        else (f"gain from {loop.gain_low:.2g} times upwards")
+    )
+    phase = f"phase {loop.phase_deg:.0f} degrees" if loop.phase_deg < inf else "any phase"
+    delay = f"delay {1e3 * loop.delay:.0f} ms" if loop.delay < inf else "any delay"
+    return f"{gains}, {phase}, {delay}; disk margin {loop.disk.alpha:.2f} (certified)"
+
+
+def _proof_text(found: RobustStability) -> str:
+    if found.proved:
+        return f"stable throughout, proved in {found.cells} cells"
+    if found.unstable_at is not None:
+        return f"NOT stable at {_values(found.unstable_at)}"
+    return f"no instability found, not proved within {found.cells} cells"
+
+
+def _values(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.3g}" for name, value in values.items())

@@ -1,0 +1,166 @@
+"""What one suspension does: singular values with a certified peak, a run over the field, the spray it leaves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from boomctl.analysis import SigmaResult, feedback_loop, sigma
+from boomctl.analysis.norm import NormCertificate, hinf_norm
+from boomctl.arrays import Array
+from boomctl.boom import BoomParameters, PlatformMotion, SprayResult, nozzle_positions, spray_by_motion
+from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.simulation import CoulombFriction, LoopResult, simulate_loop
+from boomctl.structure import SecondOrderModel
+from boomctl.studies.suspension.scene import CONTROLS, STROKES, FieldScene, suspension_model
+from boomctl.synthesis import select_channels
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["Performance", "loop_between", "performance"]
+
+_HALF = np.sqrt(0.5)
+_FREQUENCIES = np.geomspace(0.15, 130.0, 400)
+
+
+@dataclass(frozen=True)
+class Performance:
+    """What a suspension does.
+
+    Attributes
+    ----------
+    title : str
+    sigma : SigmaResult
+        From platform actuators to tips; its peak is certified.
+    jolt, yaw : NormCertificate
+        Certified peaks of the symmetric and the antisymmetric part.
+    run : LoopResult
+        Over the field, run-in, limits, sampling, delay and quantisation included.
+    spray, spray_by_jolt, spray_by_yaw : SprayResult
+        Of the whole motion, of its symmetric and of its antisymmetric part.
+    """
+
+    title: str
+    sigma: SigmaResult = field(repr=False)
+    jolt: NormCertificate
+    yaw: NormCertificate
+    run: LoopResult = field(repr=False)
+    spray: SprayResult = field(repr=False)
+    spray_by_jolt: SprayResult = field(repr=False)
+    spray_by_yaw: SprayResult = field(repr=False)
+
+    @property
+    def stroke(self) -> float:
+        """Largest stroke of the run [m]."""
+        return max(float(np.abs(values).max()) for values in self.run.strokes.values())
+
+    @property
+    def force(self) -> float:
+        """Largest force of an actuator in the run [N]; 0 of a passive suspension."""
+        return max((float(np.abs(values).max()) for values in self.run.controls.values()), default=0.0)
+
+    @property
+    def force_rate(self) -> float:
+        """Largest change of an actuator's force from sample to sample [N/s]."""
+        step = self.run.sample_time
+        return max((float(np.abs(np.diff(f)).max()) / step for f in self.run.controls.values()), default=0.0)
+
+
+def performance(
+    title: str,
+    scene: FieldScene,
+    parameters: BoomParameters,
+    controller: "control.StateSpace | None" = None,
+    plant: "control.StateSpace | None" = None,
+    friction: CoulombFriction | None = None,
+) -> Performance:
+    """Return what a suspension does in a scene.
+
+    Parameters
+    ----------
+    title : str
+    scene : FieldScene
+    parameters : BoomParameters
+    controller : control.StateSpace, optional
+        ``u = K y``; passive without.
+    plant : control.StateSpace, optional
+        By default :func:`suspension_model` with nozzles.
+    friction : CoulombFriction, optional
+        In the cradle, during the run.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As of :func:`boomctl.simulate_loop`.
+    """
+    model: SecondOrderModel | control.StateSpace
+    model = (
+        suspension_model(parameters, scene.elements, scene.accelerometer_hz, nozzles=True) if plant is None else plant
+    )
+    loop = loop_between(model, controller, TIPS)
+    motion = scene.motion()
+    run = _run(model, controller, scene, motion, friction)
+    points, moved = _boom_motion(run, parameters)
+    record = run.time >= run.time[0] + scene.run_in
+    nozzles = nozzle_positions(parameters.length)
+    sprays = spray_by_motion(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
+    return Performance(title, sigma(loop, _grid(loop)), _part(loop, 1.0), _part(loop, -1.0), run, *sprays)
+
+
+def loop_between(
+    model: "SecondOrderModel | control.StateSpace",
+    controller: "control.StateSpace | None",
+    outputs: Sequence[str],
+    inputs: Sequence[str] = ACTUATORS,
+) -> "control.StateSpace":
+    """Return the closed loop from inputs to outputs, or the plant alone without a controller; forces count as outputs."""
+    if controller is not None:
+        whole = feedback_loop(model, controller)
+    else:
+        whole = model.to_statespace() if isinstance(model, SecondOrderModel) else model
+    return select_channels(whole, list(inputs), list(outputs))
+
+
+def _grid(loop: "control.StateSpace") -> Array:
+    """Return frequencies that resolve the loop's peaks and reach from slow yaw to where the boom no longer follows."""
+    return np.union1d(sigma(loop).omega, _FREQUENCIES)
+
+
+def _part(loop: "control.StateSpace", parity: float) -> NormCertificate:
+    """Return the certified peak of one half; inputs and outputs are left and right."""
+    import control
+
+    half = np.array([parity, 1.0]) * _HALF
+    return hinf_norm(control.ss(loop.A, loop.B @ half[:, None], half @ loop.C, half @ loop.D @ half[:, None]))
+
+
+def _run(
+    model: "SecondOrderModel | control.StateSpace",
+    controller: "control.StateSpace | None",
+    scene: FieldScene,
+    motion: PlatformMotion,
+    friction: CoulombFriction | None,
+) -> LoopResult:
+    active = controller is not None
+    return simulate_loop(
+        model,
+        controller,
+        {"actuator_left": motion.left, "actuator_right": motion.right},
+        motion.time,
+        sample_time=scene.sample_time,
+        delay=scene.delay if active else 0.0,
+        force_limit=dict.fromkeys(CONTROLS, scene.force_limit) if active else None,
+        stroke_limit=dict(zip(STROKES, [(scene.stroke_limit, name) for name in CONTROLS], strict=True)),
+        quantization=scene.quantization(tuple(controller.input_labels)) if controller is not None else None,
+        friction=friction,
+    )
+
+
+def _boom_motion(run: LoopResult, p: BoomParameters) -> tuple[Array, Array]:
+    """Return places along the boom and how they moved: tips, and nozzles where the plant reads them."""
+    names = sorted(name for name in run.outputs if name.startswith("nozzle_"))
+    places = nozzle_positions(p.length) if names else np.zeros(0)
+    points = np.concatenate([[-p.length / 2], places, [p.length / 2]])
+    return points, np.array([run[name] for name in (TIPS[0], *names, TIPS[1])])

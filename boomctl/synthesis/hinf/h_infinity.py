@@ -1,0 +1,137 @@
+"""``h_infinity``: controllers whose closed loop was verified, and a bound that tells how far from the best they are."""
+
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from boomctl.checks import positive
+from boomctl.synthesis.errors import SynthesisError
+from boomctl.synthesis.hinf.assumptions import check_modes, check_ranks, check_zeros
+from boomctl.synthesis.hinf.candidates import Candidate, Task, first_accepted, largest_pole
+from boomctl.synthesis.hinf.native import NativeFailure, shared_worker
+from boomctl.synthesis.hinf.result import HInfinityCertificate, HInfinityResult
+from boomctl.synthesis.hinf.search import Bounds, Deadline, lowest_level
+from boomctl.synthesis.plants.closed_loop import named_loop
+from boomctl.synthesis.plants.partition import normalised, partition
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["h_infinity"]
+
+_BAND = 1000.0
+_SEARCH = 0.25
+
+
+def h_infinity(
+    P: "control.StateSpace",
+    nmeas: int,
+    ncon: int,
+    *,
+    gamma: float | None = None,
+    tolerance: float = 0.01,
+    fastest_pole: float | None = None,
+    time_limit: float = 60.0,
+) -> HInfinityResult:
+    """Return a controller ``u = K y`` that holds the H-infinity norm of the closed loop near the lowest possible.
+
+    The assumptions are checked first.  Each controller tried is verified: closed loop stable, norm certified and not
+    above 1.01 times the level it was computed for.  Controllers whose poles can be implemented come first, even where
+    that costs more than ``tolerance``; the certificate says so.
+
+    Parameters
+    ----------
+    P : control.StateSpace
+        Generalised plant in continuous time: the last ``nmeas`` outputs are measured, the last ``ncon`` inputs are
+        controls (`generalized_plant` makes one).
+    nmeas, ncon : int
+    gamma : float, optional
+        A level that is enough: the closed loop's norm will not exceed it, and nothing lower is sought.
+    tolerance : float
+        How far above the lower bound the norm may lie, relative to it.
+    fastest_pole : float, optional
+        No pole of the controller has a larger magnitude [rad/s].  By default that is 1,000 times the band, the fastest
+        pole of the plant and of its H2-optimal state feedback and filter, and only given up, and said so, where it
+        would cost more than twice the lowest norm.
+    time_limit : float
+        Seconds after which it gives up; starting the process for native synthesis, once, does not count.
+
+    Returns
+    -------
+    HInfinityResult
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system, discrete time, not finite, counts or numbers out of range.
+    SynthesisError
+        An assumption fails, at the signal or mode named; ``gamma`` lies below what any controller reaches; no
+        controller could be verified; out of time.
+
+    Examples
+    --------
+    >>> import control
+    >>> P = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
+    >>> design = h_infinity(P, 1, 1)
+    >>> bool(design.gamma <= 1.01 * design.certificate.lower)
+    True
+    """
+    plant = partition(P, nmeas, ncon)
+    wanted = None if gamma is None else positive("gamma", gamma)
+    share, limit = positive("tolerance", tolerance), positive("time_limit", time_limit)
+    allowed = None if fastest_pole is None else positive("fastest_pole", fastest_pole)
+    check_ranks(plant)
+    ready = normalised(plant)
+    check_modes(plant, ready)
+    check_zeros(plant, ready)
+    with suppress(NativeFailure):  # without it the Riccati equations here must do
+        shared_worker().warm()
+    deadline = Deadline.after(limit)
+    bounds = lowest_level(ready, _SEARCH * share, deadline)
+    if wanted is not None and wanted < bounds.lower:
+        raise SynthesisError(_too_low(wanted, bounds))
+    fastest = allowed if allowed is not None else (_BAND * bounds.band or np.inf)
+    task = Task(plant, ready, bounds, fastest, share, deadline, wanted)
+    return _result(task, first_accepted(task, strict=allowed is not None))
+
+
+def _too_low(wanted: float, bounds: Bounds) -> str:
+    why = (
+        f"at {bounds.omega:.4g} rad/s no controller goes below {bounds.frequency:.6g}"
+        if bounds.frequency >= bounds.riccati
+        else f"below {bounds.riccati:.6g} {bounds.reason}"
+    )
+    return f"gamma = {wanted:.6g} cannot be reached: {why}"
+
+
+def _result(task: Task, found: Candidate) -> HInfinityResult:
+    import control
+
+    task = replace(task, bounds=task.bounds.below(found.norm.upper))
+    plant, bounds, K = task.plant, task.bounds, found.K
+    controller = control.ss(
+        K.A, K.B, K.C, K.D, inputs=list(plant.measurements), outputs=list(plant.controls), name="controller"
+    )
+    certificate = HInfinityCertificate(
+        found.norm, found.slowest, bounds.lower, bounds.frequency, bounds.omega, bounds.riccati, bounds.reason,
+        found.level, largest_pole(K), task.fastest, found.solver, _statement(task, found),
+    )  # fmt: skip
+    return HInfinityResult(controller, named_loop(plant, found.loop), found.norm.lower, certificate)
+
+
+def _statement(task: Task, found: Candidate) -> str:
+    """Say how far the norm lies above the bound and, where that is farther than wanted or poles are fast, why."""
+    bounds, gamma, fast = task.bounds, found.norm.upper, largest_pole(found.K)
+    told = f"verified norm {gamma:.6g}"
+    if bounds.lower > 0.0:
+        above = gamma / bounds.lower - 1.0
+        told += f", at most {100.0 * above:.2g} % above {bounds.lower:.6g}, which no controller beats"
+        if task.wanted is None and above > task.tolerance:
+            told += f"; the {100.0 * task.tolerance:.3g} % wanted could not be had "
+            open_ = bounds.reached > bounds.lower * (1.0 + 0.5 * task.tolerance)
+            told += "for rounding" if open_ else f"with poles below {task.fastest:.3g} rad/s"
+    if fast > task.fastest:
+        told += f"; the controller has a pole at {fast:.3g} rad/s, no slower one passed below {task.fastest:.3g} rad/s"
+    return told

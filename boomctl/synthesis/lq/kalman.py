@@ -1,0 +1,123 @@
+"""Stationary Kalman filters: the estimate of least variance, the dual of the regulator."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from boomctl.arrays import Array, Complex
+from boomctl.synthesis.hidden_modes import check_detectable, check_excited
+from boomctl.synthesis.lq.noise import Noise, noise_of
+from boomctl.synthesis.lq.quadratic import Weight, square_root
+from boomctl.synthesis.plants.named import NamedMatrices, named_matrices, named_statespace
+from boomctl.synthesis.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
+
+if TYPE_CHECKING:
+    import control
+
+    from boomctl.structure.model import SecondOrderModel
+
+__all__ = ["KalmanResult", "kalman", "solved_filter"]
+
+
+@dataclass(frozen=True)
+class KalmanResult:
+    """A stationary Kalman filter, ``z' = A z + B u + L (y - C z - D u)``.
+
+    Attributes
+    ----------
+    gain : (n, p) ndarray
+        ``L``.
+    covariance : (n, n) ndarray
+        Of the error of the estimate.
+    estimator : control.StateSpace
+        From the measurements and the known inputs, by their names, to the estimated states (dots in their names
+        replaced by ``_``).
+    poles : (n,) complex ndarray
+        Of the estimator [rad/s].
+    certificate : RiccatiCertificate
+    """
+
+    gain: Array
+    covariance: Array = field(repr=False)
+    estimator: "control.StateSpace" = field(repr=False)
+    poles: Complex = field(repr=False)
+    certificate: RiccatiCertificate
+
+
+def kalman(
+    system: "control.StateSpace | SecondOrderModel",
+    process_noise: Weight,
+    measurement_noise: Weight,
+    *,
+    measurements: str | Sequence[str] | None = None,
+    disturbances: str | Sequence[str] | None = None,
+) -> KalmanResult:
+    """Return the stationary Kalman filter of a system driven by white noise.
+
+    Parameters
+    ----------
+    system : control.StateSpace or SecondOrderModel
+        In continuous time.
+    process_noise : number, vector, matrix or mapping from input name to number
+        Intensity of the noise, positive semidefinite: over the inputs named in ``disturbances``; without these, a
+        mapping is over the inputs it names, a number, vector or matrix over the states (noise on ``x'``).  What an input
+        feeds through to a measurement is noise on both, and counted as such.
+    measurement_noise : number, vector, matrix or mapping from output name to number
+        Intensity of the noise on the measurements, positive definite.
+    measurements : sequence of str, optional
+        Outputs that are measured; by default all.
+    disturbances : sequence of str, optional
+        Inputs that are noise; all others are known to the estimator.
+
+    Returns
+    -------
+    KalmanResult
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system; unknown names; wrong shapes; an indefinite intensity, whose eigenvalue is named.
+    SynthesisError
+        An unstable or undamped mode that no measurement sees, or an undamped one that no noise reaches (named by
+        frequency and damping); a solution that fails its certificate.
+
+    Examples
+    --------
+    >>> import control
+    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    >>> kalman(mass, {"force": 4.0}, 1.0).gain.round(4).T
+    array([[2., 2.]])
+    """
+    plant = named_matrices(system)
+    measured = plant.chosen_outputs("measurements", measurements)
+    noise = noise_of(plant, process_noise, measurement_noise, measured, disturbances)
+    solution = solved_filter(plant, noise, measured)
+    gain = solution.gain.T
+    return KalmanResult(
+        gain=gain,
+        covariance=solution.X,
+        estimator=_estimator(plant, gain, measured, tuple(name for name in plant.inputs if name not in noise.inputs)),
+        poles=solution.poles,
+        certificate=solution.certificate,
+    )
+
+
+def solved_filter(plant: NamedMatrices, noise: Noise, measurements: Sequence[str]) -> RiccatiSolution:
+    """Return the solution of a filter's problem, its gain transposed; refuse modes in the way of one by name."""
+    C, _ = plant.rows(measurements)
+    problem = RiccatiProblem(plant.A.T, C.T, noise.W, noise.V, noise.S)
+    check_detectable(plant.A, C, measurements, plant.states)
+    shifted, _, W = problem.shifted
+    check_excited(shifted.T, square_root(W), "any process noise", plant.states)
+    return solve_riccati(problem, "the Riccati equation of the filter")
+
+
+def _estimator(
+    plant: NamedMatrices, gain: Array, measurements: Sequence[str], known: Sequence[str]
+) -> "control.StateSpace":
+    way, n = plant.block(measurements, known), len(plant.A)
+    A, into = plant.A - gain @ way.C, np.hstack([gain, way.B - gain @ way.D])
+    matrices = (A, into, np.eye(n), np.zeros((n, into.shape[1])))
+    return named_statespace(matrices, (*measurements, *known), plant.states, "estimator", plant.states)

@@ -1,0 +1,264 @@
+"""Linear-quadratic regulators: the state feedback of least cost, with integral action and output weighting."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import linalg
+
+from boomctl.analysis.norm import Response, refined_peak
+from boomctl.arrays import Array, Complex
+from boomctl.checks import finite_array
+from boomctl.lti.system import StateMatrices
+from boomctl.synthesis.errors import SynthesisError
+from boomctl.synthesis.hidden_modes import HiddenMode, check_stabilizable, check_weighted, unmoved
+from boomctl.synthesis.lq.quadratic import Weight, definite, semidefinite, square_root
+from boomctl.synthesis.plants.named import NamedMatrices, named_matrices, named_statespace, static_gain
+from boomctl.synthesis.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
+
+if TYPE_CHECKING:
+    import control
+
+    from boomctl.structure.model import SecondOrderModel
+
+__all__ = ["LqrCertificate", "LqrResult", "lqr", "regulator_problem", "solved_regulator"]
+
+_SCREENED = 60
+_RETURN_DIFFERENCE = 1e-2
+
+
+@dataclass(frozen=True)
+class LqrCertificate:
+    """What was found about a regulator, apart from the solver.
+
+    Attributes
+    ----------
+    riccati : RiccatiCertificate
+        Residual, backward error and doubt of the Riccati solution; largest real part of the closed-loop poles.
+    return_difference : float
+        Smallest singular value of ``R^1/2 (I + F (s I - A)^-1 B) R^-1/2`` found at any frequency.  Of an optimal
+        regulator it is 1 (Kalman's inequality), whence margins of 60 degrees and from one half to infinity in each
+        control; on very fine meshes rounding of the gain takes some of its digits, and below 0.99 no regulator is
+        returned.  With a cross weight ``N``, where the inequality does not hold, it is what was found.
+    """
+
+    riccati: RiccatiCertificate
+    return_difference: float
+
+
+@dataclass(frozen=True)
+class LqrResult:
+    """A linear-quadratic regulator.
+
+    Attributes
+    ----------
+    gain : (m, n) ndarray
+        ``F`` of ``u = -F x``, the sign of ``control.lqr``; with integral action the integrals are the last states.
+    cost : (n, n) ndarray
+        ``X``: from the state ``x`` the cost is ``x^T X x``.
+    controller : control.StateSpace
+        ``u = K x`` with the sign of the house, ``K = -F``: inputs named as the states, dots replaced by ``_``, and
+        behind them the integrated outputs; outputs named as the controls.  Static unless it integrates.
+    closed_loop : control.StateSpace
+        From the inputs that are no controls (if there are none: from signals added to the controls, of their names) to
+        the outputs of the system.
+    effort : control.StateSpace
+        From the same inputs to the controls.
+    poles : (n,) complex ndarray
+        Of the closed loop [rad/s].
+    unmoved : tuple of HiddenMode
+        Stable modes that the controls cannot move; they stay as they are.
+    certificate : LqrCertificate
+    """
+
+    gain: Array
+    cost: Array = field(repr=False)
+    controller: "control.StateSpace" = field(repr=False)
+    closed_loop: "control.StateSpace" = field(repr=False)
+    effort: "control.StateSpace" = field(repr=False)
+    poles: Complex = field(repr=False)
+    unmoved: tuple[HiddenMode, ...]
+    certificate: LqrCertificate
+
+
+def lqr(
+    system: "control.StateSpace | SecondOrderModel",
+    Q: Weight | None,
+    R: Weight,
+    *,
+    output_weight: Weight | None = None,
+    controls: str | Sequence[str] | None = None,
+    integral: Sequence[str] | Mapping[str, float] = (),
+    N: ArrayLike | None = None,
+) -> LqrResult:
+    """Return the state feedback ``u = -F x`` that minimises the integral of ``x^T Q x + y^T W y + u^T R u + 2 x^T N u``.
+
+    Parameters
+    ----------
+    system : control.StateSpace or SecondOrderModel
+        In continuous time, ``x' = A x + B u``.
+    Q : number, vector, matrix, mapping from state name to number, or None
+        Weight of the states, positive semidefinite; None weighs none of them.
+    R : number, vector, matrix or mapping from control name to number
+        Weight of the controls, positive definite.
+    output_weight : number, vector, matrix or mapping from output name to number, optional
+        ``W``, positive semidefinite; what the controls feed through to an output counts too.
+    controls : sequence of str, optional
+        The inputs that the regulator may use; by default all.
+    integral : sequence of str, or mapping from output name to number, optional
+        Outputs whose integrals become states ``integral.NAME`` behind the others, so that a constant disturbance leaves
+        no error in them, and the weights of these integrals (1 where only names are given).
+    N : (n, m) array_like, optional
+        Cross weight of the states (the integrals not included) and the controls.
+
+    Returns
+    -------
+    LqrResult
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system; unknown names; wrong shapes; an indefinite weight, whose eigenvalue is named.
+    SynthesisError
+        An unstable or undamped mode that the controls cannot move, or an undamped one that no weight sees (named by
+        frequency and damping); a solution that fails its certificate.
+
+    Examples
+    --------
+    >>> import control
+    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    >>> lqr(mass, None, 1.0, output_weight={"place": 1.0}).gain.round(4)
+    array([[1.    , 1.4142]])
+    """
+    bare = named_matrices(system)
+    chosen = bare.chosen_inputs("controls", controls)
+    integrals = dict(integral) if isinstance(integral, Mapping) else dict.fromkeys(_listed(integral), 1.0)
+    integrated = bare.chosen_outputs("integral", tuple(integrals)) if integrals else ()
+    problem = regulator_problem(bare, chosen, Q, R, output_weight, N)
+    plant = bare.with_integrators(integrated)
+    if integrated:
+        problem = _with_integrals(problem, plant, chosen, semidefinite("integral", integrals, integrated))
+    solution = solved_regulator(problem, chosen, plant.states)
+    certificate = LqrCertificate(solution.certificate, return_difference(problem, solution))
+    if not problem.N.any() and certificate.return_difference < 1.0 - _RETURN_DIFFERENCE:
+        raise SynthesisError(
+            f"the return difference of the regulator falls to {certificate.return_difference:.6g}, below 1: not optimal"
+        )
+    closed_loop, effort = _loops(plant, chosen, solution.gain)
+    return LqrResult(
+        gain=solution.gain,
+        cost=solution.X,
+        controller=_controller(bare, chosen, integrated, solution.gain),
+        closed_loop=closed_loop,
+        effort=effort,
+        poles=solution.poles,
+        unmoved=unmoved(plant.A, problem.B, plant.states, stable=True),
+        certificate=certificate,
+    )
+
+
+def regulator_problem(
+    plant: NamedMatrices,
+    controls: Sequence[str],
+    Q: Weight | None,
+    R: Weight,
+    output_weight: Weight | None,
+    N: ArrayLike | None = None,
+) -> RiccatiProblem:
+    """Return the Riccati problem of a regulator, its weights checked."""
+    B, D = plant.columns(controls)
+    n, m = B.shape
+    if Q is None and output_weight is None:
+        raise ValueError("Q, output_weight: expected at least one of them")
+    states = np.zeros((n, n)) if Q is None else semidefinite("Q", Q, plant.states)
+    efforts = definite("R", R, controls)
+    cross = np.zeros((n, m)) if N is None else finite_array("N", N)
+    if cross.shape != (n, m):
+        raise ValueError(f"N: expected shape {(n, m)}, states by controls, got {cross.shape}")
+    if cross.any():
+        joint = states - cross @ linalg.solve(efforts, cross.T, assume_a="pos")
+        semidefinite("Q - N R^-1 N^T", 0.5 * (joint + joint.T), plant.states)
+    if output_weight is not None:
+        W = semidefinite("output_weight", output_weight, plant.outputs)
+        states = states + plant.C.T @ W @ plant.C
+        efforts = efforts + D.T @ W @ D
+        cross = cross + plant.C.T @ W @ D
+    return RiccatiProblem(plant.A, B, 0.5 * (states + states.T), 0.5 * (efforts + efforts.T), cross)
+
+
+def solved_regulator(problem: RiccatiProblem, controls: Sequence[str], states: Sequence[str]) -> RiccatiSolution:
+    """Return the solution of a regulator's problem; refuse modes that stand in the way of one by name."""
+    check_stabilizable(problem.A, problem.B, controls, states)
+    shifted, _, Q = problem.shifted
+    check_weighted(shifted, square_root(Q), "any weight", states)
+    return solve_riccati(problem, "the Riccati equation of the regulator")
+
+
+def return_difference(problem: RiccatiProblem, solution: RiccatiSolution) -> float:
+    """Return the smallest singular value of the return difference, one over the peak of its inverse.
+
+    The inverse ``I - F (s I - A + B F)^-1 B`` is stable, also where the loop itself has integrators.
+    """
+    L = linalg.cholesky(problem.R, lower=True)
+    B = linalg.solve_triangular(L, problem.B.T, lower=True).T
+    F = L.T @ solution.gain
+    inverse = StateMatrices(problem.A - B @ F, B, -F, np.eye(len(F)))
+    A, (scale, _) = linalg.matrix_balance(inverse.A, permute=False, separate=True)
+    balanced = StateMatrices(A, inverse.B / scale[:, None], inverse.C * scale, inverse.D)
+    screen = balanced.response if len(A) <= _SCREENED else _by_poles(balanced)
+    peak, _ = refined_peak(balanced.response, solution.poles, screen)
+    return 1.0 / peak if peak > 1.0 else 1.0
+
+
+def _by_poles(system: StateMatrices) -> Response:
+    """Return a fast response from partial fractions, exact enough to see where the peaks are."""
+    poles, V = linalg.eig(system.A)
+    left, right = system.C @ V, np.linalg.solve(V, system.B.astype(complex))
+    residues = (left.T[:, :, None] * right[:, None, :]).reshape(len(poles), -1)
+
+    def respond(omega: Array) -> Complex:
+        shares = 1.0 / (1j * omega[None, :] - poles[:, None])
+        return (residues.T @ shares).reshape(*system.D.shape, len(omega)) + system.D[:, :, None]
+
+    return respond
+
+
+def _with_integrals(
+    problem: RiccatiProblem, plant: NamedMatrices, controls: Sequence[str], weight: Array
+) -> RiccatiProblem:
+    B, _ = plant.columns(controls)
+    Q = linalg.block_diag(problem.Q, weight)
+    N = np.vstack([problem.N, np.zeros((len(weight), problem.N.shape[1]))])
+    return RiccatiProblem(plant.A, B, Q, problem.R, N)
+
+
+def _controller(
+    plant: NamedMatrices, controls: Sequence[str], integrated: Sequence[str], gain: Array
+) -> "control.StateSpace":
+    n, k = len(plant.A), len(integrated)
+    if not k:
+        return static_gain(-gain, plant.states, controls, "regulator")
+    reads = np.hstack([np.zeros((k, n)), np.eye(k)])
+    direct = np.hstack([-gain[:, :n], np.zeros((len(gain), k))])
+    matrices = (np.zeros((k, k)), reads, -gain[:, n:], direct)
+    states = [f"integral.{name}" for name in integrated]
+    return named_statespace(matrices, (*plant.states, *integrated), controls, "regulator", states)
+
+
+def _loops(
+    plant: NamedMatrices, controls: Sequence[str], gain: Array
+) -> tuple["control.StateSpace", "control.StateSpace"]:
+    """Return the loop closed by ``u = -F x``: to the outputs, and to the controls."""
+    B, D = plant.columns(controls)
+    entering = plant.other_inputs(controls) or tuple(controls)
+    E, through = plant.columns(entering)
+    A = plant.A - B @ gain
+    loop = named_statespace((A, E, plant.C - D @ gain, through), entering, plant.outputs, "closed_loop", plant.states)
+    still = np.zeros((len(gain), len(entering)))
+    return loop, named_statespace((A, E, -gain, still), entering, controls, "effort", plant.states)
+
+
+def _listed(integral: str | Sequence[str]) -> tuple[str, ...]:
+    return (integral,) if isinstance(integral, str) else tuple(integral)

@@ -1,0 +1,101 @@
+"""From a regulator and a filter to a controller: the structure that LQG and H2 share, and what is checked of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, optimize
+
+from boomctl.arrays import Array, Complex
+from boomctl.lti.system import StateMatrices
+from boomctl.synthesis.errors import SynthesisError
+from boomctl.synthesis.lq.quadratic_norm import QuadraticNorm, quadratic_norm
+from boomctl.synthesis.riccati import RiccatiCertificate, RiccatiSolution
+
+__all__ = ["FeedbackCertificate", "certify", "least_cost", "observer"]
+
+_AGREEMENT = 1e-4
+
+
+@dataclass(frozen=True)
+class FeedbackCertificate:
+    """What was found about a regulator and a filter in one loop, apart from the solvers.
+
+    Attributes
+    ----------
+    regulator, filter : RiccatiCertificate
+        Of the two Riccati equations.
+    separation_error : float
+        Largest distance between a pole of the closed loop and its partner among those of regulator and filter,
+        relative to its size.
+    abscissa : float
+        Largest real part of the poles of the closed loop, from its own matrix [rad/s].
+    norm : QuadraticNorm
+        H2 norm of the closed loop, its square the cost, by either Gramian.
+    least_norm : float
+        The least H2 norm that any controller reaches, from the two Riccati solutions alone.
+    """
+
+    regulator: RiccatiCertificate
+    filter: RiccatiCertificate
+    separation_error: float
+    abscissa: float
+    norm: QuadraticNorm
+    least_norm: float
+
+    @property
+    def disagreement(self) -> float:
+        """Largest relative difference of the three norms."""
+        found = (self.norm.controllability, self.norm.observability, self.least_norm)
+        return (max(found) - min(found)) / max(*found, float(np.finfo(float).tiny))
+
+
+def observer(plant: StateMatrices, F: Array, L: Array) -> StateMatrices:
+    """Return ``u = -F z`` with ``z' = A z + B u + L (y - C z - D u)``, from measurements to controls."""
+    A = plant.A - plant.B @ F - L @ (plant.C - plant.D @ F)
+    return StateMatrices(A, L, -F, np.zeros((len(F), L.shape[1])))
+
+
+def least_cost(W: Array, R: Array, regulator: RiccatiSolution, estimator: RiccatiSolution) -> float:
+    """Return the least cost: of knowing the state, and of having to estimate it.
+
+    ``tr(X W) + tr(R F Y F^T)``; Kwakernaak & Sivan (1972), Theorem 5.4.
+    """
+    F = regulator.gain
+    return float(np.trace(regulator.X @ W) + np.trace(R @ F @ estimator.X @ F.T))
+
+
+def certify(
+    loop: StateMatrices, least: float, regulator: RiccatiSolution, estimator: RiccatiSolution
+) -> FeedbackCertificate:
+    """Return what is found about a closed loop.
+
+    Raises
+    ------
+    SynthesisError
+        It is not stable, or its norms disagree.
+    """
+    poles = linalg.eigvals(loop.A)
+    abscissa = float(poles.real.max())
+    if abscissa >= 0.0:
+        raise SynthesisError(f"the closed loop is not stable: a pole with real part {abscissa:.3g} rad/s")
+    found = FeedbackCertificate(
+        regulator=regulator.certificate,
+        filter=estimator.certificate,
+        separation_error=_distance(poles, np.concatenate([regulator.poles, estimator.poles])),
+        abscissa=abscissa,
+        norm=quadratic_norm(loop),
+        least_norm=float(np.sqrt(max(least, 0.0))),
+    )
+    if not found.disagreement <= _AGREEMENT:
+        raise SynthesisError(
+            f"the H2 norm of the closed loop is not certain: {found.norm.controllability:.8g} and "
+            f"{found.norm.observability:.8g} by its Gramians, {found.least_norm:.8g} by the Riccati equations"
+        )
+    return found
+
+
+def _distance(found: Complex, expected: Complex) -> float:
+    """Return the largest relative distance between poles, paired so that the sum of distances is least."""
+    gaps = np.abs(found[:, None] - expected[None, :]) / np.maximum(np.abs(expected)[None, :], 1e-300)
+    rows, columns = optimize.linear_sum_assignment(gaps)
+    return float(gaps[rows, columns].max())

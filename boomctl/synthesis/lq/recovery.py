@@ -1,0 +1,168 @@
+"""Loop transfer recovery: how near the loop of an LQG controller comes to that of its regulator."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import linalg
+
+from boomctl.arrays import Array, Complex
+from boomctl.checks import finite_array, frequencies, positive
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.synthesis.lq.lqg import LqgResult, lqg
+from boomctl.synthesis.lq.quadratic import Weight
+from boomctl.synthesis.plants.named import named_matrices
+
+if TYPE_CHECKING:
+    import control
+
+    from boomctl.structure.model import SecondOrderModel
+
+__all__ = ["RecoveryResult", "loop_transfer_recovery"]
+
+_POINTS = 400
+
+
+@dataclass(frozen=True)
+class RecoveryResult:
+    """LQG controllers whose loops come nearer and nearer that of the regulator.
+
+    Attributes
+    ----------
+    strengths : (k,) ndarray
+        Intensities of the fictitious noise at the controls.
+    gaps : (k,) ndarray
+        Largest distance between a singular value of the loop at the plant's input and its counterpart of the
+        regulator's loop ``F (s I - A)^-1 B`` in the band, relative to the latter.
+    omega : (n,) ndarray
+        Frequencies at which they were compared [rad/s].
+    target, recovered : (m, n) ndarray
+        Singular values of the regulator's loop and of the last controller's, descending.
+    zeros : complex ndarray
+        Transmission zeros in the right half-plane from controls to measurements; with any, recovery is incomplete.
+    designs : tuple of LqgResult
+        One a strength.
+    """
+
+    strengths: Array
+    gaps: Array
+    omega: Array = field(repr=False)
+    target: Array = field(repr=False)
+    recovered: Array = field(repr=False)
+    zeros: Complex
+    designs: tuple[LqgResult, ...] = field(repr=False)
+
+
+def loop_transfer_recovery(
+    system: "control.StateSpace | SecondOrderModel",
+    Q: Weight | None,
+    R: Weight,
+    process_noise: Weight,
+    measurement_noise: Weight,
+    measurements: str | Sequence[str] | None = None,
+    controls: str | Sequence[str] | None = None,
+    *,
+    strengths: ArrayLike,
+    band: tuple[float, float],
+    disturbances: str | Sequence[str] | None = None,
+    output_weight: Weight | None = None,
+) -> RecoveryResult:
+    """Return LQG controllers for growing fictitious noise at the controls, and what is left to the regulator's loop.
+
+    Parameters
+    ----------
+    system, Q, R, process_noise, measurement_noise, measurements, controls, disturbances, output_weight
+        As of :func:`lqg`.
+    strengths : array_like
+        Intensities ``q`` of the fictitious noise, each above zero.
+    band : (float, float)
+        Frequencies within which loops are compared [rad/s].
+
+    Returns
+    -------
+    RecoveryResult
+
+    Raises
+    ------
+    ValueError
+        Fewer measurements than controls: no recovery; no strengths; a band that does not ascend; weights of which the
+        regulator does nothing; as :func:`lqg`.
+    SynthesisError
+        As :func:`lqg`.
+    """
+    plant = named_matrices(system)
+    driven = plant.chosen_inputs("controls", controls)
+    measured = plant.chosen_outputs("measurements", measurements)
+    if len(measured) < len(driven):
+        raise ValueError(
+            f"measurements: expected at least as many as controls ({len(driven)}) to recover a loop, got {len(measured)}"
+        )
+    omega = _grid(band)
+    levels = _levels(strengths)
+    noise = (process_noise, measurement_noise, measured, driven)
+    options = {"disturbances": disturbances, "output_weight": output_weight}
+    designs = tuple(lqg(system, Q, R, *noise, **options, ltr=level) for level in levels)  # type: ignore[arg-type]
+    inner, F = plant.block(measured, driven), designs[0].regulator_gain
+    target = singular_values(StateMatrices(plant.A, inner.B, F, np.zeros((len(F), len(F)))).response(omega))
+    if not target.all():
+        at = float(omega[np.flatnonzero((target == 0.0).any(axis=0))[0]])
+        raise ValueError(
+            f"Q, output_weight: expected a regulator with a loop to recover; at {at:.4g} rad/s a singular value of its "
+            "loop is zero"
+        )
+    response = inner.response(omega)
+    loops = [singular_values(_at_input(design, response, omega)) for design in designs]
+    gaps = np.array([float((np.abs(loop - target) / target).max()) for loop in loops])
+    return RecoveryResult(np.array(levels), gaps, omega, target, loops[-1], right_zeros(inner), designs)
+
+
+def _levels(strengths: ArrayLike) -> list[float]:
+    given = np.atleast_1d(finite_array("strengths", strengths))
+    if given.ndim != 1 or not given.size:
+        raise ValueError(f"strengths: expected one number or more, got shape {given.shape}")
+    return [positive("strengths", float(q)) for q in given]
+
+
+def _grid(band: tuple[float, float]) -> Array:
+    ends = frequencies("band", band)
+    if ends.shape != (2,) or not 0.0 < ends[0] < ends[1]:
+        raise ValueError(f"band = {band!r}: expected two frequencies above zero, ascending [rad/s]")
+    return np.geomspace(ends[0], ends[1], _POINTS)
+
+
+def _at_input(design: LqgResult, plant: Complex, omega: Array) -> Complex:
+    """Return the loop broken at the plant's input, with the sign of the regulator's."""
+    K = state_matrices(design.controller).response(omega)
+    return np.moveaxis(-np.moveaxis(K, 2, 0) @ np.moveaxis(plant, 2, 0), 0, 2)
+
+
+def right_zeros(system: StateMatrices) -> Complex:
+    """Return the transmission zeros in the right half-plane of a system with at least as many outputs as inputs.
+
+    With more outputs than inputs the pencil is compressed by two random projections; a zero is one that both share.
+    """
+    p, m = system.D.shape
+    random = np.random.default_rng(0)
+    found = [_square_zeros(system, np.eye(p) if p == m else random.standard_normal((m, p))) for _ in range(2)]
+    first, second = found
+    if p == m or not len(first):
+        return first
+    near = np.array([np.abs(second - z).min(initial=np.inf) <= 1e-6 * max(abs(z), 1e-12) for z in first], dtype=bool)
+    return first[near]
+
+
+def _square_zeros(system: StateMatrices, mix: Array) -> Complex:
+    n, m = system.B.shape
+    A, (scale, _) = linalg.matrix_balance(system.A, permute=False, separate=True)
+    B, C, D = system.B / scale[:, None], mix @ (system.C * scale), mix @ system.D
+    size = max(float(np.linalg.norm(A)), 1e-300)
+    B, C = B * (size / max(float(np.linalg.norm(B)), 1e-300)), C / max(float(np.linalg.norm(C)), 1e-300)
+    pencil = np.block([[A, B], [C, D]])
+    mass = linalg.block_diag(np.eye(n), np.zeros((m, m)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = linalg.eigvals(pencil, mass)
+    values = values[np.isfinite(values)]
+    return values[(values.real > 1e-9 * np.abs(values)) & (np.abs(values) < 1e6 * size)]

@@ -1,0 +1,96 @@
+"""Signals in units of their own: what counts as one of each, so that a design weighs like with like."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.checks import finite_array, known, positive
+from boomctl.structure.model import SecondOrderModel
+from boomctl.synthesis.plants.blocks import statespace
+
+if TYPE_CHECKING:
+    import control
+
+__all__ = ["from_units", "in_units"]
+
+
+def in_units(system: "control.StateSpace | SecondOrderModel", units: Mapping[str, float]) -> "control.StateSpace":
+    """Return a system whose signals count in units of their own; names stay.
+
+    Parameters
+    ----------
+    system : control.StateSpace or SecondOrderModel
+    units : mapping from signal to float
+        What counts as one, in the system's own units: 0.05 for a stroke of 50 mm.  Signals left out keep theirs.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system; a unit that is not a number above zero or of an unknown signal.
+    """
+    plain = statespace(system)
+    _check(units)
+    for name in units:
+        known("signal in units", name, (*plain.input_labels, *plain.output_labels))
+    return _scaled(plain, _sizes(units, plain.input_labels), _inverse(units, plain.output_labels))
+
+
+def from_units(controller: "control.StateSpace", units: Mapping[str, float]) -> "control.StateSpace":
+    """Return the controller in SI units that was designed for a plant made by :func:`in_units`.
+
+    Parameters
+    ----------
+    controller : control.StateSpace
+        Its inputs are outputs of that plant, its outputs inputs.
+    units : mapping from signal to float
+        As given to :func:`in_units`; signals that the controller does not know are left alone.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system, entries that are not finite; a unit that is not a number above zero.
+    """
+    import control
+
+    if not isinstance(controller, control.StateSpace):
+        raise TypeError(f"controller: expected control.StateSpace, got {type(controller).__name__}")
+    _check(units)
+    return _scaled(controller, _inverse(units, controller.input_labels), _sizes(units, controller.output_labels))
+
+
+def _check(units: Mapping[str, float]) -> None:
+    if not isinstance(units, Mapping):
+        raise TypeError(f"units: expected a mapping from signal to what counts as one, got {type(units).__name__}")
+    for name, value in units.items():
+        positive(f"units[{name!r}]", value)
+
+
+def _sizes(units: Mapping[str, float], labels: Sequence[str]) -> Array:
+    return np.array([float(units.get(label, 1.0)) for label in labels])
+
+
+def _inverse(units: Mapping[str, float], labels: Sequence[str]) -> Array:
+    with np.errstate(over="ignore"):
+        return 1.0 / _sizes(units, labels)
+
+
+def _scaled(system: "control.StateSpace", entry: Array, leave: Array) -> "control.StateSpace":
+    import control
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        B, C, D = system.B * entry, leave[:, None] * system.C, leave[:, None] * system.D * entry
+    for name, matrix in (("A", system.A), ("B", B), ("C", C), ("D", D)):
+        finite_array(f"{name} in these units", matrix)
+    return control.ss(
+        system.A,
+        B,
+        C,
+        D,
+        system.dt,
+        inputs=list(system.input_labels),
+        outputs=list(system.output_labels),
+        states=list(system.state_labels),
+        name=system.name,
+    )

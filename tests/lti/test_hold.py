@@ -1,0 +1,94 @@
+"""Responses to inputs that run straight between samples: exact solutions, halved steps, shapes."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from boomctl.lti.hold import linear_hold_response, recursion
+from tests.strategies import seeds
+
+
+def random_system(rng, n=4, m=2, p=3):
+    A = rng.standard_normal((n, n))
+    A -= (np.linalg.eigvals(A).real.max() + 0.1) * np.eye(n)
+    return control.ss(A, rng.standard_normal((n, m)), rng.standard_normal((p, n)), rng.standard_normal((p, m)))
+
+
+@given(seeds, st.integers(1, 60))
+@settings(max_examples=20)
+def test_runs_side_by_side_are_the_recursion(seed, count):
+    rng = np.random.default_rng(seed)
+    Phi, f, x = 0.5 * rng.standard_normal((3, 3)), rng.standard_normal((3, count)), rng.standard_normal(3)
+    found = recursion(Phi, f, x.copy())
+    for k in range(count + 1):
+        assert found[:, k] == pytest.approx(x, rel=1e-9, abs=1e-9 * np.abs(found).max())
+        if k < count:
+            x = Phi @ x + f[:, k]
+
+
+@given(seeds)
+@settings(max_examples=5)
+def test_the_response_solves_the_differential_equation(seed):
+    rng = np.random.default_rng(seed)
+    system, h = random_system(rng), 0.2
+    u, x0, t = rng.standard_normal((2, 9)), rng.standard_normal(4), 0.2 * np.arange(9)
+    found = linear_hold_response(system, u, h, x0)
+
+    def rate(time, x):
+        return system.A @ x + system.B @ [np.interp(time, t, line) for line in u]
+
+    x = solve_ivp(rate, (0, t[-1]), x0, t_eval=t, rtol=1e-10, atol=1e-12, max_step=0.02).y
+    assert found == pytest.approx(system.C @ x + system.D @ u, abs=1e-6)
+
+
+@given(seeds)
+@settings(max_examples=20)
+def test_samples_put_on_the_straight_lines_change_nothing(seed):
+    rng = np.random.default_rng(seed)
+    system, u = random_system(rng), rng.standard_normal((2, 40))
+    fine = np.array([np.interp(np.arange(0, 39.2, 0.2), np.arange(40), line) for line in u])
+    found, finer = linear_hold_response(system, u, 0.1), linear_hold_response(system, fine, 0.02)
+    assert finer[:, ::5] == pytest.approx(found, abs=1e-10 * np.abs(found).max())
+
+
+def test_integrators_in_a_row_give_powers_of_time():
+    """Defective: a triple pole at zero; a ramp integrated three times is t^4/24."""
+    system = control.ss(np.eye(3, k=1), [[0.0], [0.0], [1.0]], [[1.0, 0.0, 0.0]], 0)
+    t = 0.01 * np.arange(1001)
+    assert linear_hold_response(system, t[None], 0.01)[0] == pytest.approx(t**4 / 24, rel=1e-9, abs=1e-12)
+
+
+def test_what_does_not_fit_is_refused():
+    system = random_system(np.random.default_rng(0))
+    with pytest.raises(ValueError, match="inputs: expected 2 rows"):
+        linear_hold_response(system, np.zeros((3, 5)), 0.1)
+    with pytest.raises(ValueError, match="initial: expected 4 values, got 3"):
+        linear_hold_response(system, np.zeros((2, 5)), 0.1, np.zeros(3))
+    with pytest.raises(ValueError, match="step = 0"):
+        linear_hold_response(system, np.zeros((2, 5)), 0.0)
+    with pytest.raises(ValueError, match="expected a continuous system"):
+        linear_hold_response(control.sample_system(system, 0.1), np.zeros((2, 5)), 0.1)
+    with pytest.raises(ValueError, match="inputs: expected finite"):
+        linear_hold_response(system, np.full((2, 5), np.nan), 0.1)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7])
+def test_a_system_without_states_passes_its_inputs_on(count):
+    u = np.arange(2.0 * count).reshape(2, count)
+    system = control.ss([], [], [], [[2.0, -1.0]])
+    assert linear_hold_response(system, u, 0.1) == pytest.approx(2.0 * u[:1] - u[1:])
+
+
+def test_what_grows_beyond_all_numbers_and_what_is_no_system_is_refused():
+    unstable = control.ss([[5.0]], [[1.0]], [[1.0]], 0.0)
+    assert np.isfinite(linear_hold_response(unstable, np.ones((1, 200)), 0.1)).all()
+    with pytest.raises(ValueError, match="outputs grow beyond all numbers within 50000 samples"):
+        linear_hold_response(unstable, np.ones((1, 50000)), 0.1)
+    with pytest.raises(ValueError, match="A of the system: expected finite numbers"):
+        linear_hold_response(control.ss([[np.nan]], [[1.0]], [[1.0]], 0.0), np.ones((1, 5)), 0.1)
+    for wrong in (None, control.tf([1.0], [1.0, 1.0])):
+        with pytest.raises(TypeError, match=r"system: expected control.StateSpace"):
+            linear_hold_response(wrong, np.ones((1, 5)), 0.1)

@@ -1,0 +1,28 @@
+"""The benchmark of the hub-beam: errors as promised, and the run times that do not depend on others' code."""
+
+from io import StringIO
+
+import pytest
+from rich.console import Console
+
+from boomctl.benchmark.rotating_beam.run import run
+
+
+@pytest.mark.slow
+def test_benchmark_keeps_its_errors_and_ratios():
+    told = []
+    report = run(progress=told.append)
+    assert len(told) == 3
+    own = [row for row in report.rows if not row.section.startswith("Against")]
+    for row in own:
+        assert row.error <= (1e-5 if row.job.startswith("residual") else 1e-6), row.job
+    assert len([row for row in own if "ours" in row.job or row.job.startswith("residual")]) == 2
+    against = [row for row in report.rows if row.section.startswith("Against") and row.job.startswith("SFOAM")]
+    assert len(against) == 2
+    assert [row.target.endswith("exudyn") for row in against] == [True, False]
+    assert all(row.note == "absent" if row.peer is None else row.peer_error for row in against)
+    console = Console(width=100, record=True, file=StringIO())
+    console.print(report.render())
+    text = console.export_text()
+    assert "boomctl benchmark hub-beam" in text
+    assert max(map(len, text.splitlines())) <= 100

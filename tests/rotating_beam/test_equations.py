@@ -1,0 +1,97 @@
+"""Equations of motion: equal to Lagrange's equations derived from the energies, and true to their own derivatives."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from boomctl.rotating_beam import hub_beam
+from boomctl.rotating_beam.modal.linearization import state_derivative
+from boomctl.rotating_beam.modal.symbolic import energy_function, residual_function
+from tests.rotating_beam.strategies import ALL_MODELS, parameters
+
+
+def random_motion(beam, seed, deflection=0.05):
+    """Coordinates, rates and accelerations of which the beam's are `deflection` times its length."""
+    size = beam.equations.size
+    y, rate, acceleration = np.random.default_rng(seed).normal(size=(3, 1, size))
+    y[:, 1:] *= deflection * beam.parameters.length
+    return y, rate, acceleration
+
+
+@pytest.mark.parametrize("model", ALL_MODELS)
+@settings(max_examples=8, deadline=None)
+@given(p=parameters(damped=True), seed=st.integers(0, 2**20), modes=st.integers(1, 3))
+def test_closed_form_equals_the_one_derived_from_the_energies(model, p, seed, modes):
+    beam = hub_beam(p, model, modes)
+    y, rate, acceleration = random_motion(beam, seed)
+    derived = np.array(residual_function(beam)(y[0], rate[0], acceleration[0])).ravel()
+    closed = beam.equations.residual(y, rate, acceleration)[0]
+    np.testing.assert_allclose(closed, derived, rtol=0, atol=1e-12 * np.abs(derived).max())
+    torque = 3.0
+    x = np.concatenate([1e-3 * y[0], rate[0]])
+    xdot, _ = beam.casadi_function()(x, torque)
+    closed = state_derivative(beam.equations, x, torque)
+    np.testing.assert_allclose(closed, np.array(xdot).ravel(), rtol=0, atol=1e-10 * np.abs(closed).max())
+
+
+@pytest.mark.parametrize("model", ALL_MODELS)
+@settings(max_examples=8, deadline=None)
+@given(p=parameters(damped=True), seed=st.integers(0, 2**20))
+def test_tangents_are_the_derivatives_of_the_derived_residual(model, p, seed):
+    import casadi as ca
+
+    beam = hub_beam(p, model, 2)
+    motion = random_motion(beam, seed)
+    symbols = [ca.SX.sym(name, beam.equations.size) for name in ("y", "rate", "acceleration")]
+    residual = residual_function(beam)(*symbols)
+    tangents = beam.equations.tangents(*motion)
+    for name, symbol in zip(("stiffness", "damping", "mass"), symbols, strict=True):
+        derived = np.array(ca.Function(name, symbols, [ca.jacobian(residual, symbol)])(*(each[0] for each in motion)))
+        closed = getattr(tangents, name)[0]
+        np.testing.assert_allclose(closed, derived, rtol=0, atol=1e-11 * np.abs(derived).max(), err_msg=name)
+
+
+@pytest.mark.parametrize("model", ALL_MODELS)
+@settings(max_examples=8, deadline=None)
+@given(p=parameters(damped=True), seed=st.integers(0, 2**20))
+def test_power_balance(model, p, seed):
+    """Torque times speed is what energy gains and damping takes; SFOAM as printed misses it by Q_theta times speed."""
+    import casadi as ca
+
+    beam = hub_beam(p, model, 2)
+    y, rate, acceleration = random_motion(beam, seed)
+    energy = energy_function(beam)
+    size = beam.equations.size
+    a, b = ca.SX.sym("a", size), ca.SX.sym("b", size)
+    gradient = ca.Function("gradient", [a, b], [ca.gradient(sum(energy(a, b)), ca.vertcat(a, b))])
+    gain = float(ca.dot(gradient(y[0], rate[0]), np.concatenate([rate[0], acceleration[0]])))
+    supplied = np.sum(rate * beam.equations.residual(y, rate, acceleration)) - beam.equations.dissipation(rate)[0]
+    missing = beam.equations.inertia_torque(y, rate)[0] * rate[0, 0] if model == "sfoam" else 0.0
+    assert supplied - missing == pytest.approx(gain, rel=1e-9, abs=1e-9 * np.abs(rate[0]).max() ** 3)
+
+
+@settings(max_examples=10, deadline=None)
+@given(p=parameters(), seed=st.integers(0, 2**20))
+def test_cfoam_is_foam_to_second_order(p, seed):
+    """They differ by the cube of the deflection in the energy: relative to the equations by its first power."""
+    beams = [hub_beam(p, model, 3) for model in ("foam", "cfoam")]
+    differences = []
+    for size in (1e-3, 1e-4):
+        y, rate, acceleration = random_motion(beams[0], seed)
+        for part in (y, rate, acceleration):
+            part[:, 1:] *= size
+        one, other = (beam.equations.residual(y, rate, acceleration)[0, 1:] for beam in beams)
+        differences.append(np.abs(one - other).max() / np.abs(one).max())
+    assert differences[1] < 0.2 * differences[0] + 1e-14
+
+
+@settings(max_examples=10, deadline=None)
+@given(p=parameters(), seed=st.integers(0, 2**20))
+def test_margin_says_whether_the_mass_matrix_is_positive_definite(p, seed):
+    beam = hub_beam(p, "foam", 3)
+    y, _, _ = random_motion(beam, seed, deflection=1.0)
+    inertia = beam.equations.inertia(y)
+    mass = np.block([[inertia.hub[:, None], inertia.coupling], [inertia.coupling.T, inertia.beam]])
+    definite = np.linalg.eigvalsh(mass / np.sqrt(np.outer(np.abs(np.diag(mass)), np.abs(np.diag(mass))))).min() > 0.0
+    assert (inertia.margin()[0] > 0.0) == definite

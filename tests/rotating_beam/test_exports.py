@@ -1,0 +1,90 @@
+"""python-control systems and the CasADi function: the same model as the simulator."""
+
+import control
+import numpy as np
+import pytest
+
+from boomctl.rotating_beam import HubBeamParameters, hub_beam, sine_torque
+from tests.rotating_beam.strategies import ALL_MODELS
+
+SHORT = HubBeamParameters(length=2.0, hub_inertia=5.0, tip_mass=0.05, damping_ratio=0.01)
+
+
+@pytest.mark.parametrize("model", ALL_MODELS)
+def test_nlsys_equals_the_simulator(model):
+    beam = hub_beam(SHORT, model, 1)
+    t = np.linspace(0.0, 0.4, 8001)  # the system holds its input as straight lines between them
+    manoeuvre = sine_torque(40.0, 0.4, 0.4)
+    result = beam.simulate(manoeuvre, t)
+    system = beam.to_nlsys()
+    response = control.input_output_response(
+        system, t, manoeuvre.torque(t), np.zeros(system.nstates), solve_ivp_kwargs={"rtol": 1e-8, "atol": 1e-10}
+    )
+    peak = np.abs(result.tip_displacement).max()
+    np.testing.assert_allclose(response.outputs[2], result.tip_displacement, rtol=0, atol=5e-7 * peak)
+    np.testing.assert_allclose(response.outputs[0], result.hub_angle, rtol=0, atol=5e-7)
+    assert system.input_labels == ["torque"]
+    assert system.output_labels == ["hub_angle", "hub_speed", "tip_displacement"]
+    assert tuple(system.state_labels) == beam.state_names
+
+
+@pytest.mark.parametrize("model", ALL_MODELS)
+@pytest.mark.parametrize("speed", [0.0, 1.7])
+def test_linear_model_is_the_jacobian_of_the_nonlinear_one(model, speed):
+    """By automatic differentiation of the derived equations at the steady rotation that the linear model is about."""
+    import casadi as ca
+
+    from boomctl.rotating_beam.modal.frequencies import steady_rotation
+
+    beam = hub_beam(HubBeamParameters(tip_mass=0.2, damping_ratio=0.01), model, 2)
+    linear = beam.linearize(speed)
+    size = beam.equations.size
+    point = np.zeros(2 * size)
+    point[1:size], point[size] = steady_rotation(beam.equations, speed)[0], speed
+    function = beam.casadi_function()
+    x, u = ca.SX.sym("x", 2 * size), ca.SX.sym("u")
+    xdot, y = function(x, u)
+    jacobians = ca.Function("j", [x, u], [ca.jacobian(each, of) for each in (xdot, y) for of in (x, u)])(point, 0.0)
+    np.testing.assert_allclose(np.array(function(point, 0.0)[0]).ravel()[size:], 0.0, atol=1e-9)
+    for name, exact in zip("ABCD", jacobians, strict=True):
+        given, exact = getattr(linear, name), np.array(exact)
+        np.testing.assert_allclose(given, exact, rtol=0, atol=1e-11 * max(1.0, np.abs(exact).max()), err_msg=name)
+    assert linear.input_labels == ["torque"]
+    assert linear.output_labels == ["hub_angle", "hub_speed", "tip_displacement"]
+
+
+@pytest.mark.parametrize("model", ["sfoam", "tlam", "foam"])
+def test_linear_model_equals_the_numerical_jacobian_of_nlsys(model):
+    beam = hub_beam(SHORT, model, 2)
+    numerical = beam.to_nlsys().linearize(np.zeros(2 * beam.equations.size), [0.0], eps=1e-7)
+    exact = np.asarray(beam.linearize().A)
+    scale = np.abs(exact).max(axis=1, keepdims=True) + 1.0
+    np.testing.assert_allclose(np.asarray(numerical.A) / scale, exact / scale, atol=1e-5)
+
+
+def test_family_is_affine_in_the_speed_squared():
+    beam = hub_beam(HubBeamParameters(tip_mass=0.2), "sfoam", 4)
+    rest, slope = beam.lpv().affine()
+    for speed in (0.5, 3.0, 20.0):
+        there = beam.lpv().at(speed)
+        np.testing.assert_allclose(there.A, rest.A + speed**2 * slope, rtol=1e-12, atol=1e-12 * np.abs(there.A).max())
+        np.testing.assert_array_equal(there.B, rest.B)
+    assert len(beam.lpv().grid(np.array([0.0, 1.0, 2.0]))) == 3
+    with pytest.raises(ValueError, match="affine"):
+        hub_beam(HubBeamParameters(), "foam", 2).lpv().affine()
+
+
+def test_linear_models_have_the_frequencies_of_a_free_hub():
+    """With a very heavy hub they are those of the clamped beam."""
+    beam = hub_beam(HubBeamParameters(hub_inertia=1e9), "foam", 3)
+    poles = np.linalg.eigvals(beam.linearize(1.0).A)
+    found = np.sort(poles.imag[poles.imag > 1.0]) / (2.0 * np.pi)
+    np.testing.assert_allclose(found, beam.frequencies_hz(1.0, coupled=True), rtol=1e-5)
+
+
+def test_nlsys_outside_the_region_of_the_mass_matrix_is_an_error():
+    beam = hub_beam(HubBeamParameters(), "sfoam", 2)
+    state = np.zeros(6)
+    state[1] = 30.0
+    with pytest.raises(ValueError, match="mass matrix margin"):
+        beam.to_nlsys().dynamics(0.0, state, [0.0])

@@ -1,0 +1,90 @@
+"""Frequencies and critical speeds: the laws of stiffening, then the reference numbers to all their digits."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from boomctl.rotating_beam import HubBeamParameters, hub_beam
+from tests.rotating_beam import references
+from tests.rotating_beam.strategies import parameters
+
+BAI = HubBeamParameters()
+
+
+@settings(max_examples=25, deadline=None)
+@given(p=parameters(), slow=st.floats(0.0, 50.0), faster=st.floats(1.01, 3.0))
+def test_sfoam_never_softens(p, slow, faster):
+    beam = hub_beam(p, "sfoam", 4)
+    low, high = beam.frequencies_hz(slow), beam.frequencies_hz(slow * faster)
+    assert np.all(high >= low * (1.0 - 1e-12))
+    assert beam.critical_speed() == math.inf
+
+
+@settings(max_examples=15, deadline=None)
+@given(p=parameters())
+def test_all_models_agree_at_rest(p):
+    at_rest = hub_beam(p, "sfoam", 3).frequencies_hz(0.0)
+    for model in ("tlam", "sfoam-consistent", "foam", "cfoam"):
+        np.testing.assert_allclose(hub_beam(p, model, 3).frequencies_hz(0.0), at_rest, rtol=1e-12)
+    both = hub_beam(p, "foam", 3).frequencies_hz(0.0, coupled=True)
+    assert all(np.min(np.abs(both / each - 1.0)) < 1e-9 for each in at_rest)
+
+
+@settings(max_examples=15, deadline=None)
+@given(p=parameters())
+def test_tlam_softens_to_nothing_at_its_critical_speed(p):
+    beam = hub_beam(p, "tlam", 4)
+    critical = beam.critical_speed()
+    assert beam.frequencies_hz(0.9999999 * critical)[0] < 1e-3 * beam.frequencies_hz(0.0)[0]
+    with pytest.raises(ValueError, match="loses its stiffness"):
+        beam.frequencies_hz(critical * 1.0000001)
+
+
+@pytest.mark.parametrize("model", ["foam", "cfoam"])
+def test_axial_stiffness_is_lost(model):
+    beam = hub_beam(BAI, model, 5)
+    assert beam.critical_speed() == pytest.approx(references.FOAM_AXIAL_CRITICAL_SPEED, abs=0.5)
+    for call in (beam.frequencies_hz, beam.linearize):
+        with pytest.raises(ValueError, match=r"hub_speed = 990: expected less than 980\.2171 rad/s"):
+            call(990.0)
+
+
+def test_table_2_is_exact_theory_and_its_print_is_off_by_one_factor():
+    beam = hub_beam(BAI, "foam", 40)
+    np.testing.assert_allclose(beam.frequencies_hz(0.0)[:5], references.CLAMPED_HZ, rtol=0, atol=5e-9)
+    np.testing.assert_allclose(beam.frequencies_hz(1.0)[:5], references.FOAM_HZ_AT_1, rtol=0, atol=5e-9)
+    assert beam.frequencies_hz(1.0, coupled=True)[0] == pytest.approx(references.FOAM_HZ_AT_1_COUPLED, abs=5e-9)
+    rows = {
+        "natural": beam.frequencies_hz(0.0)[:5],
+        "tlam": hub_beam(BAI, "tlam", 40).frequencies_hz(1.0)[:5],
+        "foam": beam.frequencies_hz(1.0)[:5],
+    }
+    for name, computed in rows.items():
+        printed = np.array(references.PUBLISHED_TABLE_2_HZ[name])
+        np.testing.assert_allclose(computed * references.PUBLISHED_OVER_EXACT, printed, rtol=0, atol=6e-5, err_msg=name)
+
+
+@pytest.mark.parametrize("tip_mass", [0.0, 0.1, 0.5])
+def test_tip_mass(tip_mass):
+    p = HubBeamParameters(tip_mass=tip_mass)
+    critical = hub_beam(p, "tlam", 100).critical_speed()
+    assert critical == pytest.approx(references.TLAM_CRITICAL_SPEED[tip_mass], abs=5e-7)
+    lowest = 2.0 * np.pi * hub_beam(p, "foam", 100).frequencies_hz(10.0)[0]
+    assert lowest == pytest.approx(references.FOAM_LOWEST_AT_10[tip_mass], abs=5e-4)
+
+
+@pytest.mark.parametrize("speed", references.WRIGHT_FLAPWISE)
+def test_wright_flapwise(speed):
+    p = HubBeamParameters(
+        length=1.0, density=1.0, area=1.0, youngs_modulus=1.0, second_moment=1.0, hub_inertia=1.0, hub_radius=0.0
+    )
+    chordwise = 2.0 * np.pi * hub_beam(p, "sfoam", 40).frequencies_hz(speed)[:3]
+    np.testing.assert_allclose(np.hypot(chordwise, speed), references.WRIGHT_FLAPWISE[speed], rtol=0, atol=5.1e-5)
+
+
+def test_coupling_needs_axial_modes():
+    with pytest.raises(ValueError, match="no axial modes"):
+        hub_beam(BAI, "sfoam").frequencies_hz(1.0, coupled=True)

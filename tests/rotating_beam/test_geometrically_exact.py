@@ -1,0 +1,225 @@
+"""The geometrically exact beam: laws first, then reference numbers."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from boomctl.rotating_beam import free, hold, sine_torque, spin_up
+from boomctl.rotating_beam.exact.basis import cumulative_integration, strain_basis
+from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
+from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
+from boomctl.rotating_beam.exact.integrator import Drive, Trajectory, march
+from boomctl.rotating_beam.exact.run import interpolate
+from tests.rotating_beam.exact_cases import BAI, LOADED, bent, states
+
+# -- discretisation ---------------------------------------------------------------------------------------------------
+
+
+def test_cumulative_integration_is_exact_for_polynomials():
+    nodes, weights = np.polynomial.legendre.leggauss(7)
+    at = np.linspace(-1, 1, 5)
+    rows = cumulative_integration(nodes, weights, at)
+    for degree in range(7):
+        np.testing.assert_allclose(
+            rows @ nodes**degree, (at ** (degree + 1) - (-1) ** (degree + 1)) / (degree + 1), atol=1e-14
+        )
+
+
+@pytest.mark.parametrize("parameters", [BAI, LOADED, replace(BAI, tip_mass=0.3), replace(LOADED, tip_position=0.0)])
+def test_rigid_inertia(parameters):
+    dynamics = ExactBeamDynamics(strain_basis(parameters, 3))
+    assert dynamics.rest_mass[0, 0] == pytest.approx(parameters.rigid_inertia, rel=1e-14)
+
+
+def test_uniform_curvature_is_a_circle():
+    model = GeometricallyExactBeam(LOADED, 8)
+    q, curvature = np.zeros(model.basis.coordinates), 0.3
+    q[[1, 9]] = curvature * np.sqrt([5.0, 3.0])  # the mean of an orthonormal series over spans of 5 m and 3 m
+    z = model.dynamics.tip(q)
+    circle = 0.5 + (np.exp(1j * curvature * 8.0) - 1.0) / (1j * curvature)
+    assert abs(z - circle) < 1e-12
+    energy = 0.5 * BAI.bending_stiffness * curvature**2 * 8.0
+    assert model.dynamics.energy(q, np.zeros_like(q)) == pytest.approx(energy, rel=1e-13)
+
+
+# -- energies, momenta and forces belong together ---------------------------------------------------------------------
+
+
+@settings(max_examples=15, deadline=None)
+@given(states(17))
+def test_momentum_and_force_are_derivatives_of_the_energies(state):
+    """By the complex step, which has no cancellation, on an independent transcription of the Lagrangian."""
+    basis = strain_basis(LOADED, 4)
+    q, v = state
+    p, g = ExactBeamDynamics(basis).momentum_and_force(q, v)
+    e = 1e-30j
+    for k in range(q.size):
+        nudge = np.zeros(q.size, dtype=complex)
+        nudge[k] = e
+        assert p[k] == pytest.approx(lagrangian(basis, q, v + nudge).imag / 1e-30, rel=1e-9, abs=1e-9)
+        assert g[k] == pytest.approx(lagrangian(basis, q + nudge, v).imag / 1e-30, rel=1e-9, abs=1e-9)
+
+
+def lagrangian(basis, q, v):
+    """``T - U`` in real arithmetic, so that the complex step may pass through."""
+    angle, stretch = basis.rotation @ q, 1.0 + basis.stretch @ q
+    turn, rate = basis.rotation @ v, basis.stretch @ v
+    x = basis.integration @ (rate * np.cos(angle) - stretch * turn * np.sin(angle))
+    y = basis.integration @ (rate * np.sin(angle) + stretch * turn * np.cos(angle))
+    kinetic = 0.5 * np.sum(basis.point_masses * (x**2 + y**2)) + 0.5 * basis.hub_inertia * v[0] ** 2
+    return kinetic - 0.5 * np.sum(basis.stiffness * q**2)
+
+
+@settings(max_examples=10, deadline=None)
+@given(states(17))
+def test_matrices_are_derivatives_of_momentum_and_force(state):
+    dynamics = ExactBeamDynamics(strain_basis(LOADED, 4))
+    q, v = state
+    mass, coupling, stiffness = dynamics.linearisation(q, v)
+    np.testing.assert_allclose(mass @ v, dynamics.momentum_and_force(q, v)[0], rtol=1e-12, atol=1e-12)
+    h = 1e-6
+    for k in range(q.size):
+        nudge = np.zeros(q.size)
+        nudge[k] = h
+        ahead, behind = dynamics.momentum_and_force(q + nudge, v), dynamics.momentum_and_force(q - nudge, v)
+        np.testing.assert_allclose(coupling[:, k], (ahead[0] - behind[0]) / (2 * h), rtol=1e-7, atol=1e-6)
+        np.testing.assert_allclose(
+            stiffness[:, k], (behind[1] - ahead[1]) / (2 * h), rtol=1e-7, atol=1e-12 * BAI.axial_stiffness
+        )
+    convective = coupling @ v - dynamics.momentum_and_force(q, v)[1] - dynamics.basis.stiffness * q
+    np.testing.assert_allclose(dynamics.convective_force(q, v), convective, rtol=1e-9, atol=1e-9)
+
+
+@settings(max_examples=15, deadline=None)
+@given(states(17), st.floats(-100, 100))
+def test_nothing_depends_on_the_hub_angle(state, turn):
+    dynamics = ExactBeamDynamics(strain_basis(LOADED, 4))
+    q, v = state
+    turned = q.copy()
+    turned[0] += turn
+    for one, other in zip(dynamics.momentum_and_force(q, v), dynamics.momentum_and_force(turned, v), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+    assert dynamics.tip(q) == pytest.approx(dynamics.tip(turned), rel=1e-12)
+    assert dynamics.energy(q, v) == pytest.approx(dynamics.energy(turned, v), rel=1e-12)
+
+
+# -- conservation -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("parameters", [BAI, LOADED])
+def test_energy_and_angular_momentum_are_kept_for_a_minute(parameters):
+    """A tip swing of over a metre on a free, turning hub, released with a shock that sets off axial waves."""
+    model = GeometricallyExactBeam(parameters, 3)
+    r = model.simulate(free(), np.linspace(0, 60, 601), initial=bent(model, 1.2, hub_speed=1.5), rtol=1e-4)
+    assert np.max(np.abs(r.tip_displacement)) > 1.0
+    assert np.ptp(r.energy) < 1e-8 * r.energy[0]
+    assert np.ptp(r.angular_momentum) < 1e-12 * r.angular_momentum[0]
+
+
+def test_energy_and_angular_momentum_are_kept_after_a_torque():
+    model, times = GeometricallyExactBeam(BAI, 5), np.linspace(0, 65, 651)
+    r = model.simulate(sine_torque(300.0, 5.0, 5.0), times, rtol=1e-5)
+    after = times >= 5.0
+    assert np.max(np.abs(r.tip_displacement[after])) > 1.0
+    assert np.ptp(r.energy[after]) < 1e-9 * r.energy[-1]
+    assert np.ptp(r.angular_momentum[after]) < 1e-12 * np.max(np.abs(r.angular_momentum))
+
+
+@settings(max_examples=5, deadline=None)
+@given(states(9, strain=0.05))
+def test_angular_momentum_is_kept_by_every_step(state):
+    """However long the step and violent the motion: momentum is a linear invariant of the collocation."""
+    dynamics = ExactBeamDynamics(strain_basis(BAI, 4))
+    run = march(dynamics, Drive(torque=np.zeros_like), 0.0, 0.02, 20, *state)
+    momentum = dynamics.momentum_and_force(run.q, run.v)[0][:, 0]
+    assert np.ptp(momentum) < 1e-11 * np.max(np.abs(dynamics.rest_mass[0, 0] * run.v[:, 0]))
+
+
+def test_work_of_the_torque_is_the_energy_gained():
+    r = GeometricallyExactBeam(LOADED, 5).simulate(sine_torque(150.0, 8.0, 5.0), np.linspace(0, 5, 2001))
+    power = r.torque * r.hub_speed
+    work = np.sum((power[:-2:2] + 4 * power[1:-1:2] + power[2::2]) * (r.time[2] - r.time[0]) / 6)
+    assert r.energy[-1] - r.energy[0] == pytest.approx(work, rel=1e-7)
+    impulse = np.sum((r.torque[:-2:2] + 4 * r.torque[1:-1:2] + r.torque[2::2]) * (r.time[2] - r.time[0]) / 6)
+    assert r.angular_momentum[-1] == pytest.approx(impulse, rel=1e-10)
+
+
+def test_torque_of_a_prescribed_motion_drives_the_free_hub_the_same_way():
+    """The torque reported for a prescribed slew is the rate of the angular momentum."""
+    times = np.linspace(0, 4, 801)
+    r = GeometricallyExactBeam(BAI, 5).simulate(spin_up(3.0, 4.0), times)
+    middle = (r.angular_momentum[2:] - r.angular_momentum[:-2]) / (times[2] - times[0])
+    np.testing.assert_allclose(r.torque[1:-1], middle, atol=2e-3 * np.max(np.abs(r.torque)))
+
+
+def test_damping_takes_energy_and_leaves_momentum():
+    model = GeometricallyExactBeam(replace(BAI, damping_ratio=0.05), 5)
+    r = model.simulate(free(), np.linspace(0, 4, 201), initial=bent(model, 0.5, hub_speed=1.0))
+    assert np.all(np.diff(r.energy) < 1e-12 * r.energy[0])
+    assert np.ptp(r.angular_momentum) < 1e-11 * r.angular_momentum[0]
+
+
+def test_damping_ratio_of_the_held_beam():
+    """The first mode of the clamped beam decays as ``exp(-zeta w t)``."""
+    model = GeometricallyExactBeam(replace(BAI, damping_ratio=0.02), 6)
+    times = np.linspace(0, 20, 4001)
+    tip = model.simulate(hold(), times, initial=bent(model, 1e-3)).tip_displacement
+    peaks = [k for k in range(1, tip.size - 1) if tip[k] >= tip[k - 1] and tip[k] > tip[k + 1] and times[k] > 8]
+    decay = math.log(tip[peaks[0]] / tip[peaks[-1]]) / (len(peaks) - 1)
+    assert decay == pytest.approx(2 * math.pi * 0.02 / math.sqrt(1 - 0.02**2), rel=1e-3)
+
+
+# -- convergence ------------------------------------------------------------------------------------------------------
+
+
+def test_collocation_has_order_eight():
+    """Bending alone, whose frequencies the steps resolve: no order is lost to the stiff stretches."""
+    dynamics = ExactBeamDynamics(strain_basis(BAI, 2))
+    q, v = np.zeros(5), np.zeros(5)
+    q[1:3], v[0] = (0.02, -0.02), 0.5
+    q[3:] = GeometricallyExactBeam(BAI, 2).steady_state(0.5)[3:5]
+    ends = [march(dynamics, Drive(torque=np.zeros_like), 0.0, 1.2, n, q, v).q[-1, :3] for n in (12, 24, 768)]
+    coarse, fine = (np.max(np.abs(end - ends[-1])) for end in ends[:2])
+    assert coarse / fine > 2**7
+
+
+def test_modes_converge_spectrally():
+    times = np.linspace(0, 12, 241)
+    tips = [
+        GeometricallyExactBeam(LOADED, n).simulate(sine_torque(200.0, 10.0, 10.0), times, rtol=1e-7).tip_displacement
+        for n in (2, 3, 4, 8)
+    ]
+    errors = [np.max(np.abs(tip - tips[-1])) / np.max(np.abs(tips[-1])) for tip in tips[:-1]]
+    assert errors[0] > 5 * errors[1] > 25 * errors[2]
+    assert errors[2] < 2e-5
+
+
+def test_the_error_estimate_bounds_the_error():
+    model, times = GeometricallyExactBeam(BAI, 5), np.linspace(0, 12, 601)
+    loose = model.simulate(sine_torque(300.0, 6.0, 6.0), times, rtol=1e-4)
+    tight = model.simulate(sine_torque(300.0, 6.0, 6.0), times, rtol=1e-8)
+    error = np.max(np.abs(loose.tip_displacement - tight.tip_displacement))
+    assert 0.0 < error <= loose.error_estimate <= 1e-4 * np.max(np.abs(tight.tip_displacement)) + 1e-10
+    assert loose.steps < tight.steps
+
+
+def test_interpolation_is_exact_for_degree_eleven():
+    time = np.linspace(1.0, 3.0, 15)
+    line = np.polynomial.Polynomial(np.arange(12) / 2.0**12)
+    piece = Trajectory(time, line(time)[:, None], line.deriv()(time)[:, None])
+    wanted = np.array([1.0, 1.01, 1.9, 2.97, 3.0])
+    q, v = interpolate(piece, wanted)
+    np.testing.assert_allclose(q[:, 0], line(wanted), rtol=1e-11)
+    np.testing.assert_allclose(v[:, 0], line.deriv()(wanted), rtol=1e-10)
+
+
+def test_output_instants_do_not_change_the_motion():
+    model = GeometricallyExactBeam(BAI, 4)
+    many = model.simulate(spin_up(2.0, 4.0), np.linspace(0, 5, 501))
+    few = model.simulate(spin_up(2.0, 4.0), [0.7, 2.0, 5.0])
+    np.testing.assert_allclose(few.tip_displacement, many.tip_displacement[[70, 200, 500]], atol=2e-8)
+    assert model.simulate(free(), [0.0]).tip_displacement == pytest.approx([0.0])

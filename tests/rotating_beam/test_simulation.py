@@ -1,0 +1,270 @@
+"""Simulation: conservation, limits, independent integration, then the reference numbers."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from boomctl.gauss import gauss_method
+from boomctl.rotating_beam import (
+    HubBeamParameters,
+    SimulationError,
+    free,
+    hold,
+    hub_beam,
+    hub_profile,
+    sine_torque,
+    spin_up,
+    torque,
+)
+from boomctl.rotating_beam.modal.frequencies import steady_rotation
+from boomctl.rotating_beam.modal.linearization import state_derivative
+from boomctl.rotating_beam.motion.collocation import march
+from boomctl.rotating_beam.motion.modal_collocation import modal_march
+from boomctl.rotating_beam.motion.prescribed import PrescribedProblem
+from boomctl.rotating_beam.motion.refinement import halved
+from tests.rotating_beam import references
+from tests.rotating_beam.strategies import ALL_MODELS, parameters
+
+BAI = HubBeamParameters()
+SLENDER = HubBeamParameters(
+    1.0, 1000.0, 8.999324226054214e-05, 1e10, 1e-8, hub_inertia=0.0, hub_radius=0.0
+)  # fmt: skip
+LOADED = HubBeamParameters(tip_mass=0.4, tip_position=6.0)
+
+
+def bent_and_spinning(beam, bend, spin):
+    """A state with the first two transverse modes bent and the hub turning."""
+    state = np.zeros(2 * beam.equations.size)
+    first = 1 + (beam.modes if beam.has_axial_modes else 0)
+    state[first], state[first + 1] = bend, -0.2 * bend
+    state[beam.equations.size] = spin
+    return state
+
+
+@pytest.mark.parametrize("model", ["tlam", "sfoam-consistent", "foam", "cfoam"])
+@settings(max_examples=4, deadline=None)
+@given(bend=st.floats(0.05, 0.4), spin=st.floats(-2.0, 2.0), tip_mass=st.sampled_from([0.0, 0.3]))
+def test_energy_and_angular_momentum_are_conserved_without_torque(model, bend, spin, tip_mass):
+    beam = hub_beam(HubBeamParameters(tip_mass=tip_mass), model, 2)
+    result = beam.simulate(free(), np.linspace(0.0, 3.0, 31), initial=bent_and_spinning(beam, bend, spin))
+    scale = result.energy[0] + 1e-12
+    assert np.ptp(result.energy) <= 1e-7 * scale
+    assert np.ptp(result.angular_momentum) <= 1e-7 * max(abs(result.angular_momentum[0]), math.sqrt(scale))
+
+
+def test_sfoam_as_printed_does_not_conserve_energy():
+    drift = {}
+    for model in ("sfoam", "sfoam-consistent"):
+        beam = hub_beam(BAI, model, 2)
+        result = beam.simulate(free(), np.linspace(0.0, 3.0, 31), initial=bent_and_spinning(beam, 0.5, 2.0))
+        drift[model] = np.ptp(result.angular_momentum) / result.angular_momentum[0]
+    assert drift["sfoam"] > 1e-4 > 1e-8 > drift["sfoam-consistent"]
+
+
+@pytest.mark.parametrize("model", ALL_MODELS)
+def test_torque_feeds_the_energy_and_the_angular_momentum(model):
+    beam = hub_beam(LOADED, model, 2)
+    t = np.linspace(0.0, 6.0, 4001)
+    result = beam.simulate(sine_torque(60.0, 5.0, 5.0), t)
+    supplied = np.trapezoid(result.torque * result.hub_speed, t)
+    neglected = np.trapezoid(result.inertia_torque * result.hub_speed, t) if model == "sfoam" else 0.0
+    assert result.energy[-1] == pytest.approx(supplied - neglected, rel=2e-5, abs=2e-5 * result.energy.max())
+    impulse = np.trapezoid(result.torque - (result.inertia_torque if model == "sfoam" else 0.0), t)
+    assert result.angular_momentum[-1] == pytest.approx(impulse, abs=1e-5 * np.abs(result.angular_momentum).max())
+
+
+@pytest.mark.parametrize("model", ALL_MODELS)
+def test_simulator_equals_an_explicit_integrator(model):
+    """The state equations, by an independent Runge-Kutta method at a tight tolerance."""
+    p = HubBeamParameters(length=2.0, damping_ratio=0.01, hub_inertia=5.0)
+    beam = hub_beam(p, model, 1)
+    t = np.linspace(0.0, 0.5, 6)
+    manoeuvre = sine_torque(40.0, 0.4, 0.4)
+    result = beam.simulate(manoeuvre, t, rtol=1e-9, atol=1e-12)
+    other = solve_ivp(
+        lambda t, x: state_derivative(beam.equations, x, float(manoeuvre.torque(t))),
+        (0.0, 0.5), np.zeros(2 * beam.equations.size), "DOP853", t, rtol=1e-10, atol=1e-13, max_step=0.1,
+    )  # fmt: skip
+    tip = beam.equations.tip.transverse @ other.y[1 : beam.equations.size]
+    assert np.abs(tip).max() > 1e-3
+    np.testing.assert_allclose(result.tip_displacement, tip, rtol=0, atol=1e-8 * np.abs(tip).max())
+    np.testing.assert_allclose(result.hub_angle, other.y[0], rtol=0, atol=1e-8 * np.abs(other.y[0]).max())
+
+
+@pytest.mark.parametrize("model", ["tlam", "sfoam", "foam", "cfoam"])
+def test_prescribed_motion_needs_the_torque_that_reproduces_it(model):
+    """The torque that a prescribed motion needs, applied to the free hub, gives that motion."""
+    beam = hub_beam(LOADED, model, 2)
+    t = np.linspace(0.0, 8.0, 4001)
+    prescribed = beam.simulate(spin_up(1.5, 6.0), t)
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(t, prescribed.torque)
+    driven = beam.simulate(torque(spline, breakpoints=(6.0,)), t[::100], rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(driven.hub_angle, prescribed.hub_angle[::100], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(driven.tip_displacement, prescribed.tip_displacement[::100], rtol=0, atol=1e-5)
+
+
+def test_models_agree_as_the_speed_goes_to_zero():
+    """TLAM, SFOAM, FOAM and CFOAM differ by the square of the speed."""
+    t = np.linspace(0.0, 12.0, 25)
+    spread = []
+    for speed in (0.2, 0.02):
+        tips = [hub_beam(LOADED, m, 2).simulate(spin_up(speed, 6.0), t).tip_displacement for m in ALL_MODELS]
+        spread.append(np.ptp(tips, axis=0).max() / np.abs(tips[0]).max())
+    assert spread[1] < 0.02 * spread[0]
+
+
+@pytest.mark.parametrize("model", ["sfoam", "foam"])
+@pytest.mark.parametrize("damping_ratio", [0.0, 0.02])
+def test_closed_form_continues_the_collocation(model, damping_ratio):
+    """The same hub motion as a profile is integrated to the end; as a spin-up it has a closed form from 5 s on."""
+    p = HubBeamParameters(tip_mass=0.2, damping_ratio=damping_ratio)
+    beam = hub_beam(p, model, 2)
+    spin = spin_up(2.0, 5.0)
+    profile = hub_profile(spin.angle, spin.speed, spin.acceleration, breakpoints=(5.0,))
+    t = np.linspace(0.0, 12.0, 121)
+    one, other = (beam.simulate(each, t) for each in (spin, profile))
+    np.testing.assert_allclose(one.tip_displacement, other.tip_displacement, rtol=0, atol=3e-8 * 0.3)
+    np.testing.assert_allclose(one.energy, other.energy, rtol=1e-7, atol=1e-9)
+
+
+def converged(beam, motion, edges, start, rtol):
+    """Exact vibrations on steps halved until they claim that error of coordinates and rates, as parts of the largest."""
+    for _ in range(9):
+        found = modal_march(beam.equations.normal_form, motion, edges, start)
+        errors = zip(np.split(found.error, 2, axis=1), (found.x, found.v), strict=True)
+        if all(np.abs(e @ found.form.to_q.T).max() <= rtol * np.abs(x @ found.form.to_q.T).max() for e, x in errors):
+            return found
+        edges = halved(edges)
+    raise AssertionError("no convergence")
+
+
+@settings(max_examples=10, deadline=None)
+@example(p=SLENDER, speed=1.0, phases=6.0, modes=4)
+@given(p=parameters(), speed=st.floats(-3.0, 3.0), phases=st.floats(1.0, 8.0), modes=st.integers(1, 4))
+def test_exact_vibrations_equal_plain_collocation(p, speed, phases, modes):
+    """Two methods that share no more than the equations."""
+    beam = hub_beam(p, "sfoam", modes)
+    lowest = 2.0 * np.pi * beam.frequencies_hz(0.0)
+    duration = 6.0 * phases / lowest[0]
+    motion = spin_up(speed * lowest[0], duration)
+    rest = np.full(modes, 1e-3 * p.length), np.zeros(modes)
+    modal = converged(beam, motion, np.linspace(0.0, duration, 6), rest, 3e-8)
+    steps = np.linspace(0.0, duration, 40 * modes**2 * math.ceil(phases))
+    plain = march(PrescribedProblem(beam.equations, motion), gauss_method(8), steps, rest, None, 1e-9, 64)
+    t = np.linspace(0.0, duration, 77)
+    for one, other in zip(modal(t), plain(t), strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
+
+
+@pytest.mark.parametrize("modes", [2, 5])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+def test_error_stays_within_what_was_asked_and_estimated(modes, rtol):
+    beam = hub_beam(BAI, "sfoam", modes)
+    t = np.linspace(0.0, 40.0, 401)
+    exact = beam.simulate(spin_up(2.8, 30.0), t, rtol=1e-11, atol=1e-14)
+    result = beam.simulate(spin_up(2.8, 30.0), t, rtol=rtol, atol=1e-14)
+    error = np.abs(result.tip_displacement - exact.tip_displacement).max()
+    assert error <= 1.5 * result.error_estimate + 1e-14
+    assert error <= rtol * np.abs(exact.tip_displacement).max()
+
+
+def test_held_hub_vibrates_at_the_clamped_frequency():
+    beam = hub_beam(BAI, "foam", 3)
+    state = bent_and_spinning(beam, 0.1, 0.0)
+    state[5] = 0.0
+    t = np.linspace(0.0, 20.0, 201)
+    result = beam.simulate(hold(), t, initial=state)
+    expected = 0.2 * np.cos(2.0 * np.pi * beam.frequencies_hz()[0] * t)
+    np.testing.assert_allclose(result.tip_displacement, expected, atol=1e-10)
+    assert np.all(result.hub_angle == 0.0)
+
+
+def test_axial_stretch_of_steady_rotation():
+    """Simo & Vu-Quoc (1987): rhoA w^2 L^3 / 3 EA = 5.143e-4 at 6 rad/s."""
+    p = HubBeamParameters(10.0, 1.2, 1.0, 2.8e7, 5e-4, hub_inertia=1.0, hub_radius=0.0)
+    beam = hub_beam(p, "foam", 40)
+    stretched, _ = steady_rotation(beam.equations, 6.0)
+    assert beam.equations.tip.axial @ stretched == pytest.approx(5.143e-4, abs=5e-8)
+    few = hub_beam(p, "foam", 4)
+    result = few.simulate(spin_up(6.0, 15.0), np.linspace(15.0, 60.0, 2001), rtol=1e-6)
+    stretched, _ = steady_rotation(few.equations, 6.0)
+    assert result.axial_tip_displacement.mean() == pytest.approx(few.equations.tip.axial @ stretched, rel=1e-4)
+
+
+@pytest.mark.parametrize("model", ["tlam", "foam"])
+def test_spin_up_peaks(model):
+    t = np.linspace(0.0, 40.0, 4001)
+    result = hub_beam(BAI, model, 5).simulate(spin_up(2.8, 30.0), t)
+    assert np.abs(result.tip_displacement).max() == pytest.approx(references.SPIN_UP_PEAK[model], abs=5e-5)
+
+
+def test_foam_and_cfoam_agree_and_tlam_diverges_at_3_rad_per_s():
+    t = np.linspace(0.0, 60.0, 3001)
+    foam, cfoam, tlam = (
+        hub_beam(BAI, m, 5).simulate(spin_up(3.0, 30.0), t, rtol=1e-6) for m in ("foam", "cfoam", "tlam")
+    )
+    peak = np.abs(foam.tip_displacement).max()
+    assert np.abs(np.abs(cfoam.tip_displacement).max() / peak - 1.0) < 4.5e-4
+    assert np.isfinite(tlam.tip_displacement).all()
+    assert np.abs(tlam.tip_displacement[-1]) > 1e6
+    first = t[np.argmax(np.abs(tlam.tip_displacement) > 0.8)]
+    assert first - 0.021 < tlam.small_deformation_until <= first
+    last_only = hub_beam(BAI, "tlam", 5).simulate(spin_up(3.0, 30.0), [60.0], rtol=1e-6)
+    assert last_only.small_deformation_until == pytest.approx(tlam.small_deformation_until, abs=1e-3)
+    assert foam.small_deformation_until == math.inf
+
+
+@pytest.mark.parametrize("amplitude", [50.0, 100.0, 200.0, 400.0])
+def test_inertia_torque_of_table_3(amplitude):
+    t = np.linspace(0.0, 30.0, 6001)
+    result = hub_beam(BAI, "foam", 5).simulate(sine_torque(amplitude, 10.0, 10.0), t, rtol=1e-6)
+    expected = references.INERTIA_TORQUE_PEAK[amplitude]
+    digit = 10.0 ** math.floor(math.log10(expected)) / (1000 if expected > 1.0 else 100)
+    assert np.abs(result.inertia_torque).max() == pytest.approx(expected, abs=0.5 * digit)
+
+
+@pytest.mark.parametrize("model", ["foam", "cfoam"])
+def test_residual_after_400_newton_metres(model):
+    t = np.linspace(0.0, 30.0, 6001)
+    result = hub_beam(BAI, model, 5).simulate(sine_torque(400.0, 10.0, 10.0), t, rtol=1e-6)
+    residual = np.abs(result.tip_displacement[t > 10.0]).max()
+    assert residual == pytest.approx(references.RESIDUAL_AT_400[model], abs=5e-4)
+
+
+def test_leaving_the_region_of_the_mass_matrix_is_an_error():
+    beam = hub_beam(BAI, "sfoam", 3)
+    with pytest.raises(SimulationError, match=r"mass matrix ceases to be positive definite at t = \d"):
+        beam.simulate(sine_torque(2e5, 10.0, 10.0), np.linspace(0.0, 10.0, 11))
+
+
+def test_overflow_of_tlam_is_an_error():
+    with pytest.raises(SimulationError, match=r"t = \d"):
+        hub_beam(BAI, "tlam", 2).simulate(spin_up(40.0, 1.0), np.linspace(0.0, 100.0, 101))
+
+
+@pytest.mark.parametrize("model", ["sfoam", "foam"])
+def test_a_jump_of_the_torque_is_found(model):
+    """Whether or not it is announced; rtol is well above what an overlooked jump would leave."""
+    beam = hub_beam(BAI, model, 3)
+    t = np.linspace(0.0, 8.0, 81)
+    found = beam.simulate(torque(lambda t: 50.0 if t < math.pi else 0.0), t, rtol=1e-7)
+    announced = beam.simulate(torque(lambda t: np.where(t < math.pi, 50.0, 0.0), breakpoints=(math.pi,)), t, rtol=1e-7)
+    peak = np.abs(announced.tip_displacement).max()
+    np.testing.assert_allclose(found.tip_displacement, announced.tip_displacement, rtol=0, atol=2e-7 * peak)
+    np.testing.assert_allclose(found.hub_angle, announced.hub_angle, rtol=0, atol=1e-8)
+    assert found.steps < 2000
+
+
+def test_result_does_not_depend_on_the_instants_asked_for():
+    beam = hub_beam(BAI, "foam", 2)
+    many = beam.simulate(sine_torque(100.0, 4.0, 4.0), np.linspace(0.0, 6.0, 601))
+    few = beam.simulate(sine_torque(100.0, 4.0, 4.0), [2.5, 6.0])
+    np.testing.assert_allclose(few.tip_displacement, many.tip_displacement[[250, 600]], rtol=0, atol=1e-12)
+    one = beam.simulate(sine_torque(100.0, 4.0, 4.0), [0.0])
+    assert one.tip_displacement[0] == 0.0
