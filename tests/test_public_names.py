@@ -9,7 +9,6 @@ import difflib
 import inspect
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
@@ -19,7 +18,7 @@ import boomctl.structure
 STORED = Path(__file__).with_name("public_names.txt")
 
 # where the models and results that users are handed are exported; their members are listed under the bare class name
-PACKAGES = ("structure", "boom", "hub_beam", "analysis", "reduction", "synthesis", "simulation", "slew")
+PACKAGES = ("structure", "boom", "rotating_beam", "analysis", "reduction", "synthesis", "simulation", "slew")
 
 
 def _default(value):
@@ -65,8 +64,6 @@ def _lines():
             value = getattr(module, name)
             if isinstance(value, type):
                 classes[name] = value
-            if isinstance(value, ModuleType):  # a package that is called like its function
-                value = getattr(value, name)
             refused = isinstance(value, type) and issubclass(value, Exception)
             parameters = _parameters(value, bound=0) if callable(value) and not refused else ""
             lines.append(f"{module.__name__}.{name}{parameters}")
