@@ -4,19 +4,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-__all__ = ["Array", "Complex", "Flags", "Indices", "Matrix"]
-
 Array: TypeAlias = np.ndarray[Any, Any]
-"""Real numbers."""
-
-Complex: TypeAlias = np.ndarray[Any, Any]
-"""Complex numbers."""
-
-Indices: TypeAlias = np.ndarray[Any, Any]
-"""Places in another array."""
-
-Flags: TypeAlias = np.ndarray[Any, Any]
-"""True or False."""
+"""An array of numbers; the docstring says whether real or complex, and of which shape."""
 
 Matrix: TypeAlias = Any
 """A real matrix, ``numpy.ndarray`` or ``scipy.sparse.csr_array``."""

@@ -8,19 +8,6 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 
-__all__ = [
-    "finite_array",
-    "frequencies",
-    "known",
-    "names",
-    "nonnegative",
-    "plain_array",
-    "positive",
-    "real",
-    "signal_name",
-    "whole",
-]
-
 
 def real(name: str, value: object) -> float:
     """Return ``value`` as a finite float.

@@ -16,8 +16,6 @@ import typer
 
 from boomctl.studies.catalogue import DesignFile, design_file, design_names
 
-__all__ = ["app", "main"]
-
 app = typer.Typer(
     help="Control design for flexible structures on a moving base.",
     no_args_is_help=True,

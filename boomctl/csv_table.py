@@ -8,8 +8,6 @@ import numpy as np
 
 from boomctl.arrays import Array
 
-__all__ = ["NumberTable", "read_numbers"]
-
 
 @dataclass(frozen=True)
 class NumberTable:

@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["plain", "prepared_folder", "write_json", "write_whole"]
-
 
 def prepared_folder(path: str | Path) -> Path:
     """Return a folder that exists and can be written to; it is made if need be.

@@ -7,8 +7,6 @@ from typing import Any, TypeVar
 
 from boomctl.checks import known
 
-__all__ = ["read_parameters"]
-
 T = TypeVar("T")
 
 

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
-__all__ = ["Picture", "Section", "Table", "bound_reports", "html_report"]
-
 _ROUNDING = 1e-9  # what reports call "less than": nothing in them is measured or computed finer
 
 _STYLE = """

@@ -15,16 +15,14 @@ from scipy import linalg
 
 from boomctl.analysis.model_norm import modal_realization
 from boomctl.analysis.norm import grows_towards
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.lti.gramians import factors
 from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["H2Certificate", "h2_norm", "matrices_h2"]
 
 _AXIS = 1e-10
 _AGREEMENT = 1e-6
@@ -81,7 +79,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     return matrices_h2(state_matrices(realized), tuple(realized.input_labels), tuple(realized.output_labels))
 
 
-def matrices_h2(system: StateMatrices, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> H2Certificate:
+def matrices_h2(system: Lti, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> H2Certificate:
     """Return the certified H2 norm of ``A, B, C, D``; the names serve the message of an infinite one."""
     if system.D.any():
         o, i = np.unravel_index(int(np.argmax(np.abs(system.D))), system.D.shape)
@@ -111,7 +109,7 @@ def _written(pole: complex) -> str:
     return f"{pole.real:.4g}{pole.imag:+.4g}j"
 
 
-def _finite(system: StateMatrices) -> H2Certificate:
+def _finite(system: Lti) -> H2Certificate:
     """Return the norm of a stable system without feedthrough."""
     if not len(system.A):
         return H2Certificate(0.0, 0.0, 0.0, 0.0, "no mode that shows")
@@ -136,13 +134,13 @@ def _finite(system: StateMatrices) -> H2Certificate:
 def _by_modes(modal: ModalSystem) -> float:
     """Return the norm as a sum over pairs of modes."""
     p = modal.poles
-    acting: Complex = modal.B @ modal.B.conj().T
-    reading: Complex = modal.C.conj().T @ modal.C
+    acting: Array = modal.B @ modal.B.conj().T
+    reading: Array = modal.C.conj().T @ modal.C
     square = -np.sum(reading.T * acting / (p[:, None] + p.conj()[None, :]))
     return float(np.sqrt(max(float(square.real), 0.0)))
 
 
-def _leftover(system: StateMatrices, F: Array, H: Array) -> float:
+def _leftover(system: Lti, F: Array, H: Array) -> float:
     """Return a bound of ``|tr(R Q)|``, the rounding of ``R`` itself included."""
     A, B = system.A, system.B
     P = F @ F.T

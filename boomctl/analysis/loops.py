@@ -8,24 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
-
-__all__ = [
-    "Loop",
-    "closed_loop_response",
-    "controller_of",
-    "feedback_loop",
-    "joined",
-    "named_response",
-    "plant_of",
-    "posed_inverse",
-]
 
 _WELL_POSED = 1e-12
 
@@ -42,7 +31,7 @@ class Loop:
     ----------
     disturbances, controls, measurements, outputs : tuple of str
         Names; ``outputs`` are all of the plant's.
-    system : StateMatrices
+    system : Lti
         Plant states first, then the controller's.
     states : tuple of str
         Their names.
@@ -52,25 +41,25 @@ class Loop:
     controls: tuple[str, ...]
     measurements: tuple[str, ...]
     outputs: tuple[str, ...]
-    system: StateMatrices
+    system: Lti
     states: tuple[str, ...]
 
     @property
-    def poles(self) -> Complex:
+    def poles(self) -> Array:
         """Poles of the closed loop [rad/s]."""
         return linalg.eigvals(self.system.A) if len(self.system.A) else np.zeros(0, complex)
 
-    def balanced(self, rows: Sequence[int], columns: Sequence[int]) -> StateMatrices:
+    def balanced(self, rows: Sequence[int], columns: Sequence[int]) -> Lti:
         """Return the system between some of its signals, states balanced."""
         s = self.system
         B, C, D = s.B[:, list(columns)], s.C[list(rows)], s.D[np.ix_(list(rows), list(columns))]
         if not len(s.A):
-            return StateMatrices(s.A, B, C, D)
+            return Lti(s.A, B, C, D)
         A, (scale, _) = linalg.matrix_balance(s.A, permute=False, separate=True)
-        return StateMatrices(A, B / scale[:, None], C * scale, D)
+        return Lti(A, B / scale[:, None], C * scale, D)
 
     @property
-    def sensitivity(self) -> StateMatrices:
+    def sensitivity(self) -> Lti:
         """From what is added to controls and measurements to controls and measurements: ``(I - [0 K; G 0])^-1``."""
         first, size = len(self.disturbances), len(self.controls) + len(self.measurements)
         last = len(self.outputs)
@@ -126,13 +115,11 @@ def joined(plant: "SecondOrderModel | control.StateSpace", controller: "control.
     )
 
 
-def _matrices(system: "control.StateSpace") -> StateMatrices:
-    return StateMatrices(*(np.asarray(getattr(system, name), dtype=float) for name in ("A", "B", "C", "D")))
+def _matrices(system: "control.StateSpace") -> Lti:
+    return Lti(*(np.asarray(getattr(system, name), dtype=float) for name in ("A", "B", "C", "D")))
 
 
-def _closed(
-    P: StateMatrices, K: StateMatrices, inputs: tuple[Sequence[int], Sequence[int]], measured: Sequence[int]
-) -> StateMatrices:
+def _closed(P: Lti, K: Lti, inputs: tuple[Sequence[int], Sequence[int]], measured: Sequence[int]) -> Lti:
     """Return the loop: with the signals ``l = (u, y)`` around it, ``l = C2 x + D21 w + D22 l``."""
     others, acting = list(inputs[0]), list(inputs[1])
     n, k, m, p = len(P.A), len(K.A), len(acting), len(measured)
@@ -150,7 +137,7 @@ def _closed(
     C1 = np.hstack([P.C, np.zeros((outputs, k))])
     D11 = np.hstack([P.D[:, others], np.zeros((outputs, m + p))])
     D12 = np.hstack([P.D[:, acting], np.zeros((outputs, p))])
-    return StateMatrices(
+    return Lti(
         A + B2 @ solved @ C2,
         B1 + B2 @ solved @ D21,
         np.vstack([C1 + D12 @ solved @ C2, solved @ C2]),

@@ -17,17 +17,15 @@ from scipy import optimize
 from boomctl.analysis.loops import joined
 from boomctl.analysis.norm import Response, axis_eigenvalues, matrices_norm
 from boomctl.analysis.sigma import resolved_grid
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.schur import Triangular, triangular
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 
 if TYPE_CHECKING:
     import control
 
     from boomctl.structure.model import SecondOrderModel
-
-__all__ = ["DiskMargin", "LoopMargin", "Margins", "margins"]
 
 _ONE = 1e-9
 _REST = 1e-9
@@ -166,22 +164,22 @@ def margins(plant: "SecondOrderModel | control.StateSpace", controller: "control
     return Margins(loops, first, second, every)
 
 
-def _only(S: StateMatrices, chosen: list[int]) -> StateMatrices:
-    return StateMatrices(S.A, S.B[:, chosen], S.C[chosen], S.D[np.ix_(chosen, chosen)])
+def _only(S: Lti, chosen: list[int]) -> Lti:
+    return Lti(S.A, S.B[:, chosen], S.C[chosen], S.D[np.ix_(chosen, chosen)])
 
 
-def _disk(S: StateMatrices, G: Complex) -> DiskMargin:
+def _disk(S: Lti, G: Array) -> DiskMargin:
     """Return the disk margin of a sensitivity of response ``G`` on a grid; ``S - T = 2 S - 1``."""
     eye = np.eye(len(S.D))
-    balanced = StateMatrices(S.A, S.B, 2.0 * S.C, 2.0 * S.D - eye)
+    balanced = Lti(S.A, S.B, 2.0 * S.C, 2.0 * S.D - eye)
     scale = _scaling(2.0 * G - eye[:, :, None])
-    scaled = StateMatrices(S.A, balanced.B / scale, scale[:, None] * balanced.C, scale[:, None] * balanced.D / scale)
+    scaled = Lti(S.A, balanced.B / scale, scale[:, None] * balanced.C, scale[:, None] * balanced.D / scale)
     norm = matrices_norm(scaled)
     bound = norm.upper if norm.upper < inf else inf
     return DiskMargin(min(2.0 / bound, 2.0), norm.omega, norm.certified)
 
 
-def _scaling(G: Complex) -> Array:
+def _scaling(G: Array) -> Array:
     """Return a constant diagonal scaling that makes the largest singular value of a response small.
 
     It is convex in the scaling's logarithm.  It is minimized over the frequencies at which it was found largest, and
@@ -205,7 +203,7 @@ def _scaling(G: Complex) -> Array:
     return np.exp(np.append(best, 0.0))
 
 
-def _levelled(G: Complex) -> Array:
+def _levelled(G: Array) -> Array:
     """Return the logarithm of a scaling that makes rows and columns alike, all but the last, whose is zero."""
     size, log = np.abs(G).max(axis=2), np.zeros(len(G))
     for _ in range(50):
@@ -217,12 +215,12 @@ def _levelled(G: Complex) -> Array:
     return log[:-1] - log[-1]
 
 
-def _scaled_values(log: Array, G: Complex) -> Array:
+def _scaled_values(log: Array, G: Array) -> Array:
     d = np.exp(np.append(log, 0.0))
     return singular_values(d[:, None, None] * G / d[None, :, None])[0]
 
 
-def _least(G: Complex, start: Array) -> tuple[Array, float]:
+def _least(G: Array, start: Array) -> tuple[Array, float]:
     found = optimize.minimize(
         lambda log: float(_scaled_values(log, G).max()),
         start,
@@ -232,8 +230,8 @@ def _least(G: Complex, start: Array) -> tuple[Array, float]:
     return found.x, float(found.fun)
 
 
-def _grid(system: StateMatrices) -> Array:
-    poles: Complex = np.linalg.eigvals(system.A) if len(system.A) else np.zeros(0, complex)
+def _grid(system: Lti) -> Array:
+    poles: Array = np.linalg.eigvals(system.A) if len(system.A) else np.zeros(0, complex)
     if not len(poles):
         return np.array([0.0])
     upper = poles[(poles.imag >= 0.0) & (np.abs(poles) > _REST * np.abs(poles).max())]
@@ -243,9 +241,7 @@ def _grid(system: StateMatrices) -> Array:
     return np.concatenate([[0.0], resolved_grid(upper, 0.01 * float(size.min()), 100.0 * float(size.max()), np.nan)])
 
 
-def _loop_margin(
-    signal: str, place: str, S: StateMatrices, quick: Triangular, known: tuple[Array, Complex]
-) -> LoopMargin:
+def _loop_margin(signal: str, place: str, S: Lti, quick: Triangular, known: tuple[Array, Array]) -> LoopMargin:
     """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``, known at some frequencies."""
     disk = _disk(S, known[1][None, None])
     open_loop = _opened(S)
@@ -256,7 +252,7 @@ def _loop_margin(
     there = np.abs(values) > _POLE
     grid, values = grid[there], 1.0 - 1.0 / values[there]
 
-    def response(omega: Array) -> Complex:
+    def response(omega: Array) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
             return 1.0 - 1.0 / S.response(np.atleast_1d(omega))[0, 0]
 
@@ -265,7 +261,7 @@ def _loop_margin(
     return LoopMargin(signal, place, *low, *high, *phase, *delay, disk)
 
 
-def _crossings(response: Response, grid: Array, values: Complex, height: Callable[[Complex], Array]) -> list[float]:
+def _crossings(response: Response, grid: Array, values: Array, height: Callable[[Array], Array]) -> list[float]:
     """Return the frequencies at which ``height`` of the response is zero: on a grid, or where its sign changes between.
 
     ``values`` are the response on the grid but for rounding; beside the changes, and at rest, where it is real, it is
@@ -290,14 +286,14 @@ def _crossings(response: Response, grid: Array, values: Complex, height: Callabl
     return found
 
 
-def _opened(S: StateMatrices) -> StateMatrices:
+def _opened(S: Lti) -> Lti:
     """Return ``L = 1 - 1/S``; where ``S`` is zero at infinite frequency there is none."""
     d = float(S.D[0, 0])
-    return StateMatrices(S.A - S.B @ S.C / d, S.B / d, S.C / d, np.array([[1.0 - 1.0 / d]]))
+    return Lti(S.A - S.B @ S.C / d, S.B / d, S.C / d, np.array([[1.0 - 1.0 / d]]))
 
 
 def _gain_limits(
-    response: Response, grid: Array, values: Complex, L: StateMatrices
+    response: Response, grid: Array, values: Array, L: Lti
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the limits of the factor, each with its frequency: where ``L`` is real and positive, it is ``1/L``."""
     crossings = _crossings(response, grid, values, lambda x: x.imag)
@@ -319,7 +315,7 @@ def _positive(value: complex) -> bool:
 
 
 def _phase_limits(
-    response: Response, grid: Array, values: Complex, L: StateMatrices
+    response: Response, grid: Array, values: Array, L: Lti
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the least angle [degrees] and the least delay [s] from ``L`` to one, where ``|L| = 1``."""
     crossings = _crossings(response, grid, values, lambda x: np.abs(x) - 1.0)

@@ -9,8 +9,6 @@ from boomctl.arrays import Array
 from boomctl.csv_table import read_numbers
 from boomctl.lti.frequency import singular_values
 
-__all__ = ["MeasuredCurve", "read_measured_curve"]
-
 
 @dataclass(frozen=True)
 class MeasuredCurve:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import linalg, sparse
 
 from boomctl.analysis.norm import NormCertificate, grows_towards, matrices_norm
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import state_matrices
 from boomctl.structure.model import SecondOrderModel
@@ -27,8 +27,6 @@ from boomctl.structure.symmetry import half
 if TYPE_CHECKING:
     import control
 
-__all__ = ["Resonances", "modal_realization", "model_norm", "orthonormal_parts", "resonances"]
-
 _CORE_FROM = 40
 _CORE_ERROR = 1e-7
 _BAND = 8
@@ -41,7 +39,7 @@ _LARGEST_DENSE = 400
 class Resonances:
     """Poles of a model in its band, and the band [rad/s]."""
 
-    poles: Complex
+    poles: Array
     low: float
     high: float
 
@@ -80,7 +78,7 @@ def _modal_band(model: SecondOrderModel) -> tuple[float, float] | None:
     return (float(elastic[0]), float(elastic[-1])) if len(elastic) else None
 
 
-def _poles(part: SecondOrderModel, low: float, top: float) -> Complex:
+def _poles(part: SecondOrderModel, low: float, top: float) -> Array:
     core = _built(part, low, top) if part.n >= _CORE_FROM else None
     small = part if core is None else core.model
     if small.n > _LARGEST_DENSE:
@@ -171,7 +169,7 @@ def modal_realization(model: SecondOrderModel) -> "control.StateSpace":
     return realize(_in_modes(model, V))
 
 
-def _response(small: SecondOrderModel, omega: Array) -> Complex:
+def _response(small: SecondOrderModel, omega: Array) -> Array:
     if any(small.ports.integrators):
         omega = np.maximum(omega, 1e-9)
     return direct_response(small, omega)

@@ -12,15 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.model_norm import modal_realization
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.lti.modal import diagonalized
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["ModeRow", "ModeTable", "mode_table"]
 
 _UNDAMPED = 1e-12
 _HIDDEN = 1e-10
@@ -107,7 +105,7 @@ def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
     return ModeTable(tuple(realized.input_labels), tuple(realized.output_labels), _rows(poles, peaks))
 
 
-def modal_peaks(system: StateMatrices) -> tuple[Complex, Array]:
+def modal_peaks(system: Lti) -> tuple[Array, Array]:
     """Return the poles of non-negative imaginary part, ascending in size, and ``|c_o| |b_i|/|Re p|``, (modes, p, m)."""
     modal = diagonalized(system)
     if modal is None:
@@ -125,7 +123,7 @@ def modal_peaks(system: StateMatrices) -> tuple[Complex, Array]:
     return poles, np.where(undamped[:, None, None], np.where(shown, np.inf, 0.0), peaks)
 
 
-def _rows(poles: Complex, peaks: Array) -> tuple[ModeRow, ...]:
+def _rows(poles: Array, peaks: Array) -> tuple[ModeRow, ...]:
     largest = peaks.max(axis=0, initial=0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = np.where(np.isinf(peaks), 1.0, np.where(largest > 0.0, peaks / largest, 0.0))

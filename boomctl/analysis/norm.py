@@ -13,20 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg, optimize
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 
 if TYPE_CHECKING:
     import control
-
-__all__ = [
-    "NormCertificate",
-    "axis_eigenvalues",
-    "grows_towards",
-    "hinf_norm",
-    "refined_peak",
-]
 
 _LEVEL = 1e-6
 _AXIS = 1e-10
@@ -35,7 +27,7 @@ _REFINED = 3
 _SCREENED = 60
 _RESOLVED = 1e-13  # poles slower than that share of the fastest are rounding, not dynamics
 
-Response = Callable[[Array], Complex]
+Response = Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
@@ -82,7 +74,7 @@ def hinf_norm(system: "control.StateSpace") -> NormCertificate:
     return matrices_norm(state_matrices(system))
 
 
-def matrices_norm(system: StateMatrices, response: Response | None = None) -> NormCertificate:
+def matrices_norm(system: Lti, response: Response | None = None) -> NormCertificate:
     """Return the certified norm of ``A, B, C, D``; ``response`` may offer a more accurate frequency response."""
     respond = system.response if response is None else response
     if min(system.D.shape) == 0 or not len(system.A):
@@ -102,7 +94,7 @@ def matrices_norm(system: StateMatrices, response: Response | None = None) -> No
     return _raised(system, respond, max(peak, static), at if peak >= static else inf)
 
 
-def _blows_up(respond: Response, omega: float, poles: Complex) -> bool:
+def _blows_up(respond: Response, omega: float, poles: Array) -> bool:
     others = np.abs(poles[np.abs(np.abs(poles.imag) - omega) > 1e-6 * np.abs(poles).max()])
     return grows_towards(respond, omega, omega if omega > 0.0 else float(others.min(initial=1.0)))
 
@@ -113,20 +105,20 @@ def grows_towards(respond: Response, omega: float, scale: float) -> bool:
     return near > 5.0 * far
 
 
-def _by_eigenvectors(system: StateMatrices) -> Response:
+def _by_eigenvectors(system: Lti) -> Response:
     """Return a fast, less accurate response of a large system, good enough to see where its peaks are."""
     poles, V = linalg.eig(system.A)
     left, right = system.C @ V, np.linalg.solve(V, system.B.astype(complex))
     terms = left.T[:, :, None] * right[:, None, :]
 
-    def respond(omega: Array) -> Complex:
+    def respond(omega: Array) -> Array:
         shares = 1.0 / (1j * omega[None, :] - poles[:, None])
         return np.tensordot(terms, shares, axes=(0, 0)) + system.D[:, :, None]
 
     return respond
 
 
-def refined_peak(respond: Response, poles: Complex, screen: Response) -> tuple[float, float]:
+def refined_peak(respond: Response, poles: Array, screen: Response) -> tuple[float, float]:
     """Return the largest singular value near the poles and at the ends of the axis, and where it is.
 
     ``screen`` is asked at many frequencies, ``respond`` around the largest values found.
@@ -151,7 +143,7 @@ def refined_peak(respond: Response, poles: Complex, screen: Response) -> tuple[f
     return peak, at
 
 
-def _near(poles: Complex) -> Array:
+def _near(poles: Array) -> Array:
     """Return frequencies around each resonance, within a few half-power widths."""
     upper = poles[(poles.imag > 0) & (np.abs(poles.real) > _AXIS * np.abs(poles))]
     offsets = np.array([-3.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 3.0])
@@ -159,7 +151,7 @@ def _near(poles: Complex) -> Array:
     return cluster[cluster > 0]
 
 
-def _raised(system: StateMatrices, respond: Response, peak: float, at: float) -> NormCertificate:
+def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCertificate:
     """Raise a lower bound until no singular value reaches a level just above it."""
     for _ in range(_ROUNDS):
         level = peak * (1.0 + _LEVEL)
@@ -177,7 +169,7 @@ def _raised(system: StateMatrices, respond: Response, peak: float, at: float) ->
     return NormCertificate(peak, inf, at, "the level was raised too often")
 
 
-def level_crossings(system: StateMatrices, level: float) -> tuple[Array, bool]:
+def level_crossings(system: Lti, level: float) -> tuple[Array, bool]:
     """Return frequencies at which a singular value may equal ``level``, and whether there is none.
 
     Raises
@@ -191,7 +183,7 @@ def level_crossings(system: StateMatrices, level: float) -> tuple[Array, bool]:
     return crossings, len(crossings) == 0
 
 
-def axis_eigenvalues(system: StateMatrices, level: float) -> Array:
+def axis_eigenvalues(system: Lti, level: float) -> Array:
     """Return the frequencies at which a singular value may equal ``level``, which is none of those of ``D``.
 
     They are the imaginary parts, not below zero, of eigenvalues of the Hamiltonian matrix on the imaginary axis, or as

@@ -14,15 +14,13 @@ from numpy.typing import ArrayLike
 
 from boomctl.analysis.loops import controller_of, named_response
 from boomctl.analysis.sigma import resolved_grid
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.checks import known, positive, whole
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["ExactLoopStability", "exact_loop_stability"]
 
 _STEP = np.deg2rad(30.0)
 _STRAIGHT = 0.2
@@ -73,18 +71,18 @@ class _LoopGain:
     """``L = G K``, from frequencies to a stack of matrices (frequency first)."""
 
     plant: "Callable[[Array], control.FrequencyResponseData]"
-    controller: StateMatrices
+    controller: Lti
     controls: tuple[str, ...]
     measurements: tuple[str, ...]
 
-    def parts(self, omega: Array) -> tuple[Complex, Complex]:
+    def parts(self, omega: Array) -> tuple[Array, Array]:
         data = named_response(self.plant, omega)
         i = [data.input_labels.index(known("plant input", n, data.input_labels)) for n in self.controls]
         o = [data.output_labels.index(known("plant output", n, data.output_labels)) for n in self.measurements]
         G = np.asarray(data.frdata)[np.ix_(o, i)]
         return np.moveaxis(G, 2, 0), np.moveaxis(self.controller.response(omega), 2, 0)
 
-    def difference(self, omega: Array) -> Complex:
+    def difference(self, omega: Array) -> Array:
         """Return ``I - G K``."""
         G, K = self.parts(omega)
         return np.eye(G.shape[1]) - G @ K
@@ -95,7 +93,7 @@ class _LoopGain:
         return np.min([_largest(K @ G), _largest(G @ K)], axis=0)
 
 
-def _largest(stack: Complex) -> Array:
+def _largest(stack: Array) -> Array:
     return singular_values(np.moveaxis(stack, 0, 2))[0]
 
 
@@ -135,11 +133,11 @@ def exact_loop_stability(
         The winding could not be told: a pole of the loop on the imaginary axis, or too close to it.
     """
     K, limit = state_matrices(controller_of(controller)), whole("max_evaluations", max_evaluations)
-    own: Complex = np.linalg.eigvals(K.A) if len(K.A) else np.zeros(0, complex)
+    own: Array = np.linalg.eigvals(K.A) if len(K.A) else np.zeros(0, complex)
     if (np.abs(own.real) <= _AXIS * np.maximum(np.abs(own), _AXIS)).any():
         raise ValueError("controller: expected no pole on the imaginary axis (an integrator, an undamped mode)")
     gain = _LoopGain(plant, K, tuple(controller.output_labels), tuple(controller.input_labels))
-    near: Complex = np.concatenate([_estimates(poles), own])
+    near: Array = np.concatenate([_estimates(poles), own])
     near = near[np.abs(near) > 0.0]
     near = np.where(near.imag < 0.0, near.conj(), near)
     reach = float(np.abs(near).max(initial=1.0))
@@ -171,7 +169,7 @@ def exact_loop_stability(
     )
 
 
-def _estimates(poles: ArrayLike) -> Complex:
+def _estimates(poles: ArrayLike) -> Array:
     array = np.atleast_1d(np.asarray(poles))
     if array.dtype.kind not in "iufc" or array.ndim != 1:
         raise TypeError(f"poles: expected numbers in one dimension, got shape {array.shape} of {array.dtype}")
@@ -180,11 +178,11 @@ def _estimates(poles: ArrayLike) -> Complex:
     return array.astype(complex)
 
 
-def _determinants(values: Complex) -> Complex:
+def _determinants(values: Array) -> Array:
     return np.linalg.det(values)
 
 
-def _top(gain: _LoopGain, K: StateMatrices, start: float, bound: Callable[[float], float] | None) -> float:
+def _top(gain: _LoopGain, K: Lti, start: float, bound: Callable[[float], float] | None) -> float:
     """Return a frequency beyond which the loop gain stays below one."""
     end = start
     for _ in range(60):
@@ -201,7 +199,7 @@ def _top(gain: _LoopGain, K: StateMatrices, start: float, bound: Callable[[float
     raise ValueError("the loop gain does not fall below one: give plant_bound, or let the controller roll off")
 
 
-def _walked(gain: _LoopGain, grid: Array, limit: int) -> tuple[Array, Complex]:
+def _walked(gain: _LoopGain, grid: Array, limit: int) -> tuple[Array, Array]:
     """Return frequencies and ``I - G K`` at them, so close that the determinant's phase cannot be mistaken."""
     omega, values = grid, gain.difference(grid)
     settled = np.zeros(len(grid) - 1, dtype=bool)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.analysis.model_norm import model_norm, orthonormal_parts, resonances
 from boomctl.analysis.norm import NormCertificate, matrices_norm
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.checks import frequencies, names
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import state_matrices
@@ -20,8 +20,6 @@ from boomctl.structure.response.direct import respond, respond_part
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["SigmaResult", "sigma"]
 
 _BASE_POINTS = 240
 _CLUSTER = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(1.0)
@@ -174,7 +172,7 @@ def _of_data(
         raise ValueError("omega: frequency response data have their own frequencies; leave it out")
     ins, outs = names("input", inputs, data.input_labels), names("output", outputs, data.output_labels)
     o, i = [data.output_labels.index(n) for n in outs], [data.input_labels.index(n) for n in ins]
-    response: Complex = np.asarray(data.frdata)[np.ix_(o, i)]
+    response: Array = np.asarray(data.frdata)[np.ix_(o, i)]
     grid, values = np.asarray(data.omega, dtype=float), singular_values(response)
     if not np.isfinite(values).all():
         raise ValueError("system: expected finite frequency response data")
@@ -185,7 +183,7 @@ def _of_data(
     return SigmaResult(grid, values, ins, outs, lambda: certificate)
 
 
-def resolved_grid(poles: Complex, low: float, high: float, peak: float) -> Array:
+def resolved_grid(poles: Array, low: float, high: float, peak: float) -> Array:
     """Return frequencies from ``low`` to ``high`` that resolve the peak of every pole, and the certified one."""
     upper = poles[np.abs(poles) > 0]
     width = np.maximum(np.abs(upper.real), 1e-6 * np.abs(upper))

@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from rich.console import Group
     from rich.table import Table
 
-__all__ = ["BenchmarkReport", "Row", "Sheet"]
-
 _COLUMNS: tuple[tuple[str, int, Literal["left", "right"]], ...] = (
     ("job", 32, "left"),
     ("ours \\[ms]", 7, "right"),

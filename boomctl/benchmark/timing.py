@@ -18,8 +18,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Job", "environment", "import_times", "interleaved", "one_thread", "peak_memory"]
-
 _PACKAGES = ("boomctl", "numpy", "scipy", "control", "slycot", "mpmath")
 
 

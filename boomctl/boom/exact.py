@@ -19,8 +19,6 @@ from boomctl.structure.displacement_input import MOTIONS
 if TYPE_CHECKING:
     import control
 
-__all__ = ["exact_boom", "exact_eigenfrequencies_hz", "exact_frequency_response"]
-
 _START_ORDER = 12
 
 

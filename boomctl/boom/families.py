@@ -18,8 +18,6 @@ from boomctl.structure.family import AffineFamily, interval
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import split_symmetric
 
-__all__ = ["boom_family", "scaled_boom", "spring_for_yaw", "yaw_family"]
-
 _HALVES = ("jolt", "yaw")
 _STIFFEST = 1e4
 

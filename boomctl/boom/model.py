@@ -29,8 +29,6 @@ from boomctl.structure.beams.discretization import Discretization
 from boomctl.structure.displacement_input import MOTIONS
 from boomctl.structure.symmetry import Mirror, SignalPair, beam_reflection, mirror_of, with_mirror
 
-__all__ = ["ACTUATORS", "DISCRETIZATIONS", "TIPS", "boom_assembly", "boom_mirror", "spray_boom"]
-
 ACTUATORS = ("actuator_left", "actuator_right")
 TIPS = ("tip_left", "tip_right")
 DISCRETIZATIONS = ("finite", "high-order", "discrete-hermite", "discrete-geometric")

@@ -15,8 +15,6 @@ from boomctl.checks import finite_array, known, positive, real
 if TYPE_CHECKING:
     import control
 
-__all__ = ["PlatformMotion", "platform_motion", "read_motion", "sine_sweep", "write_motion"]
-
 _DISTANCE = BoomParameters.actuator_distance
 _SETTLED = 1e-6
 _DRIFTING = 1e-9

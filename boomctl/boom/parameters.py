@@ -5,8 +5,6 @@ from pathlib import Path
 
 from boomctl.checks import nonnegative, positive
 
-__all__ = ["BoomParameters"]
-
 _MAY_BE_ZERO = (
     "spring_stiffness",
     "cradle_damping",

@@ -21,8 +21,6 @@ from boomctl.boom.motion import uneven
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import finite_array, known, nonnegative, positive
 
-__all__ = ["Footprint", "SprayResult", "nozzle_positions", "split_motion", "spray_by_motion", "spray_deposit"]
-
 _SHAPES = ("triangle", "box")
 _MOST_CELLS = 20_000_000
 _PORTION = 2_000_000

@@ -16,8 +16,6 @@ from boomctl.checks import frequencies, whole
 if TYPE_CHECKING:
     import control
 
-__all__ = ["PlatformDensity", "platform_density", "track_filter"]
-
 _FITTED_HZ = (0.04, 6.0)
 _PER_OCTAVE = 12
 _SMOOTHED_OCTAVES = 1.0 / 3.0

@@ -21,8 +21,6 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, frequencies, known, positive, real, whole
 
-__all__ = ["COHERENCES", "ROAD_CLASSES", "Track", "bump_track", "iso_track", "road_density", "track_coherence"]
-
 ROAD_CLASSES = "ABCDEFGH"
 COHERENCES = ("isotropic", "full", "none")
 REFERENCE_WAVE_NUMBER = 0.1

@@ -35,8 +35,6 @@ from boomctl.checks import nonnegative, positive
 if TYPE_CHECKING:
     import control
 
-__all__ = ["GRAVITY", "WHEELS", "TractorParameters", "tractor_system"]
-
 GRAVITY = 9.81
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 _MAY_BE_ZERO = ("contact_length", "rolling_resistance", "tyre_damping_front", "tyre_damping_rear", "steering_corner_hz")

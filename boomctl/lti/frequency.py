@@ -2,14 +2,12 @@
 
 import numpy as np
 
-from boomctl.arrays import Array, Complex
-
-__all__ = ["singular_values"]
+from boomctl.arrays import Array
 
 _NEARLY_EQUAL = 1e-5
 
 
-def singular_values(G: Complex) -> Array:
+def singular_values(G: Array) -> Array:
     """Return the singular values of ``G[:, :, f]``, descending, shape (min(p, m), N).
 
     One row or column: its length.  Two by two: in closed form, but for the frequencies at which the two values nearly

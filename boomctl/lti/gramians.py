@@ -3,16 +3,14 @@
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem
-from boomctl.lti.system import StateMatrices
-
-__all__ = ["band_integral", "factors", "gramian_residual"]
+from boomctl.lti.system import Lti
 
 _NOISE = 4.0 * float(np.finfo(float).eps)
 
 
-def factors(system: StateMatrices, modal: ModalSystem | None) -> tuple[Array, Array]:
+def factors(system: Lti, modal: ModalSystem | None) -> tuple[Array, Array]:
     """Return factors of the Gramians of controllability and observability, ``P = F F^T`` and ``Q = H H^T``.
 
     In modal coordinates ``P_ij = -b_i b_j^*/(p_i + p_j^*)``.  ``modal`` is the same system in modal coordinates, the
@@ -25,7 +23,7 @@ def factors(system: StateMatrices, modal: ModalSystem | None) -> tuple[Array, Ar
     return _factor(np.real(J @ P @ J.conj().T)), _factor(np.real(J @ Q @ J.conj().T))
 
 
-def _closed_form(poles: Complex, B: Complex) -> Complex:
+def _closed_form(poles: Array, B: Array) -> Array:
     return -(B @ B.conj().T) / (poles[:, None] + poles.conj()[None, :])
 
 
@@ -59,7 +57,7 @@ def gramian_residual(A: Array, B: Array, F: Array) -> float:
     return float(np.abs(AP + AP.T + BB).max(initial=0.0)) / size
 
 
-def band_integral(system: StateMatrices, modal: ModalSystem | None, band: tuple[float, float]) -> Array:
+def band_integral(system: Lti, modal: ModalSystem | None, band: tuple[float, float]) -> Array:
     """Return ``1/(2 pi)`` times the integral of ``(i w - A)^-1`` over ``w1 <= |w| <= w2``, real.
 
     Source: Gawronski & Juang (1990), Int. J. Systems Science 21.
@@ -71,11 +69,11 @@ def band_integral(system: StateMatrices, modal: ModalSystem | None, band: tuple[
         return np.real((J * share) @ J.conj().T)
     eye = np.eye(len(system.A))
 
-    def until(w: float) -> Complex:
+    def until(w: float) -> Array:
         return -0.5j / np.pi * (linalg.logm(1j * w * eye - system.A) - linalg.logm(-1j * w * eye - system.A))
 
     return np.real(until(high) - until(low))
 
 
-def _share(poles: Complex, w: float) -> Complex:
+def _share(poles: Array, w: float) -> Array:
     return -0.5j / np.pi * (np.log(1j * w - poles) - np.log(-1j * w - poles))

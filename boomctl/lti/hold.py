@@ -12,8 +12,6 @@ from boomctl.checks import finite_array, positive
 if TYPE_CHECKING:
     import control
 
-__all__ = ["linear_hold", "linear_hold_response"]
-
 
 def linear_hold(A: Array, B: Array, step: float) -> tuple[Array, Array, Array]:
     """Return ``Phi, G, H`` of ``x[k+1] = Phi x[k] + G u[k] + H (u[k+1] - u[k])``, exact for inputs linear in between.

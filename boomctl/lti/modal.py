@@ -9,10 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, Complex, Flags
-from boomctl.lti.system import StateMatrices
-
-__all__ = ["ModalSystem", "diagonalized", "spectral_parts"]
+from boomctl.arrays import Array
+from boomctl.lti.system import Lti
 
 _AXIS = 1e-9
 _RIGID = 1e-7
@@ -29,9 +27,9 @@ class ModalSystem:
     of ``B`` and its column of ``C`` are of equal length.
     """
 
-    poles: Complex
-    B: Complex
-    C: Complex
+    poles: Array
+    B: Array
+    C: Array
     D: Array
 
     @property
@@ -40,12 +38,12 @@ class ModalSystem:
         lengths = np.linalg.norm(self.C, axis=0) * np.linalg.norm(self.B, axis=1)
         return lengths / np.abs(self.poles.real)
 
-    def only(self, chosen: Flags) -> "ModalSystem":
+    def only(self, chosen: Array) -> "ModalSystem":
         """Return the system of the modes chosen; both of a pair, or none."""
         return ModalSystem(self.poles[chosen], self.B[chosen], self.C[:, chosen], self.D)
 
     @property
-    def mixing(self) -> Complex:
+    def mixing(self) -> Array:
         """The unitary matrix from modal to real coordinates."""
         J = np.eye(len(self.poles), dtype=complex)
         first = np.flatnonzero(self.poles.imag > 0.0)
@@ -54,26 +52,26 @@ class ModalSystem:
         return J
 
     @property
-    def blocks(self) -> StateMatrices:
+    def blocks(self) -> Lti:
         """The same system in real coordinates, a block of two a pair."""
         J = self.mixing
         A = (J * self.poles) @ J.conj().T
-        return StateMatrices(np.real(A), np.real(J @ self.B), np.real(self.C @ J.conj().T), self.D)
+        return Lti(np.real(A), np.real(J @ self.B), np.real(self.C @ J.conj().T), self.D)
 
-    def response(self, omega: Array) -> Complex:
+    def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
         shares = 1.0 / (1j * omega[None, :] - self.poles[:, None])
         terms = (self.C.T[:, :, None] * self.B[:, None, :]).reshape(len(self.poles), self.D.size)
         return (terms.T @ shares).reshape(*self.D.shape, len(omega)) + self.D[:, :, None]
 
 
-def spectral_parts(system: StateMatrices) -> tuple[StateMatrices, StateMatrices]:
+def spectral_parts(system: Lti) -> tuple[Lti, Lti]:
     """Return the stable part (with ``D``) and the kept part (unstable, on the axis, rigid-body; without ``D``).
 
     The split is an ordered Schur form and a Sylvester equation, so that Jordan blocks (rigid bodies) stay whole.
     """
     n = len(system.A)
-    nothing = StateMatrices(np.zeros((0, 0)), system.B[:0], system.C[:, :0], np.zeros_like(system.D))
+    nothing = Lti(np.zeros((0, 0)), system.B[:0], system.C[:, :0], np.zeros_like(system.D))
     if n == 0:
         return system, nothing
     poles = linalg.eigvals(system.A)
@@ -84,12 +82,12 @@ def spectral_parts(system: StateMatrices) -> tuple[StateMatrices, StateMatrices]
     T, Z = _ordered(system.A, poles, kept)
     X = linalg.solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:])
     B, C = Z.T @ system.B, system.C @ Z
-    slow = StateMatrices(T[:count, :count], B[:count] - X @ B[count:], C[:, :count], np.zeros_like(system.D))
-    fast = StateMatrices(T[count:, count:], B[count:], C[:, :count] @ X + C[:, count:], system.D)
+    slow = Lti(T[:count, :count], B[:count] - X @ B[count:], C[:, :count], np.zeros_like(system.D))
+    fast = Lti(T[count:, count:], B[count:], C[:, :count] @ X + C[:, count:], system.D)
     return fast, slow
 
 
-def _kept(poles: Complex) -> Flags:
+def _kept(poles: Array) -> Array:
     """Return which poles are unstable, on the axis, or near zero with one that is (a Jordan block, rounded)."""
     size = np.abs(poles)
     kept = poles.real >= -_AXIS * size
@@ -99,7 +97,7 @@ def _kept(poles: Complex) -> Flags:
     return kept
 
 
-def _ordered(A: Array, poles: Complex, kept: Flags) -> tuple[Array, Array]:
+def _ordered(A: Array, poles: Array, kept: Array) -> tuple[Array, Array]:
     """Return the real Schur form with the kept poles first."""
     chosen, others = poles[kept], poles[~kept]
 
@@ -116,7 +114,7 @@ def _ordered(A: Array, poles: Complex, kept: Flags) -> tuple[Array, Array]:
     return T, Z
 
 
-def diagonalized(system: StateMatrices) -> ModalSystem | None:
+def diagonalized(system: Lti) -> ModalSystem | None:
     """Return a stable system in modal coordinates, or None where it has no well-conditioned ones."""
     n = len(system.A)
     if n == 0:

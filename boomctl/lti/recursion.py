@@ -6,8 +6,6 @@ import numpy as np
 
 from boomctl.arrays import Array
 
-__all__ = ["Lifted", "lifted_response", "recursion_without_lead"]
-
 _BLOCK = 128
 
 

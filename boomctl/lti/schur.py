@@ -5,10 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, Complex
-from boomctl.lti.system import StateMatrices
-
-__all__ = ["Triangular", "triangular"]
+from boomctl.arrays import Array
+from boomctl.lti.system import Lti
 
 _COLUMNS = 256
 
@@ -20,12 +18,12 @@ class Triangular:
     No frequency asked for may be that of a pole on the imaginary axis.
     """
 
-    T: Complex
-    B: Complex
-    C: Complex
+    T: Array
+    B: Array
+    C: Array
     D: Array
 
-    def response(self, omega: Array) -> Complex:
+    def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies), by substitution from the last state."""
         p, m = self.D.shape
         if not (len(self.T) and m and p):
@@ -34,7 +32,7 @@ class Triangular:
         parts = [self._part(1j * omega[i : i + step]) for i in range(0, len(omega), step)]
         return np.concatenate(parts, axis=2) if parts else np.zeros((p, m, 0), complex)
 
-    def _part(self, s: Complex) -> Complex:
+    def _part(self, s: Array) -> Array:
         n, m = self.B.shape
         x, shares = np.empty((n, m, len(s)), complex), 1.0 / (s - np.diagonal(self.T)[:, None])
         flat = x.reshape(n, -1)
@@ -48,7 +46,7 @@ class Triangular:
         return Triangular(self.T, self.B[:, chosen], self.C[chosen], self.D[np.ix_(chosen, chosen)])
 
 
-def triangular(system: StateMatrices) -> Triangular:
+def triangular(system: Lti) -> Triangular:
     """Return a system in the coordinates of its Schur form."""
     if not len(system.A):
         return Triangular(system.A.astype(complex), system.B.astype(complex), system.C.astype(complex), system.D)

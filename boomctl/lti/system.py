@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 
 if TYPE_CHECKING:
     import control
@@ -15,7 +15,7 @@ _BATCH = 2**16  # entries of the pencils that are solved at once: what stays in 
 
 
 @dataclass(frozen=True)
-class StateMatrices:
+class Lti:
     """``A, B, C, D`` of a continuous-time system."""
 
     A: Array
@@ -23,7 +23,7 @@ class StateMatrices:
     C: Array
     D: Array
 
-    def response(self, omega: Array) -> Complex:
+    def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
         try:
             resolvent = self._resolvent(omega)
@@ -32,7 +32,7 @@ class StateMatrices:
             resolvent = self._resolvent(omega * (1.0 + 1e-9) + 1e-12)
         return np.moveaxis(self.C @ resolvent + self.D, 0, 2)
 
-    def _resolvent(self, omega: Array) -> Complex:
+    def _resolvent(self, omega: Array) -> Array:
         n, B = len(self.A), self.B.astype(complex)
         found = np.empty((len(omega), *B.shape), complex)
         step, places = max(1, _BATCH // max(n, 1) ** 2), np.arange(n)
@@ -44,7 +44,7 @@ class StateMatrices:
         return found
 
 
-def state_matrices(system: "control.StateSpace") -> StateMatrices:
+def state_matrices(system: "control.StateSpace") -> Lti:
     """Return the matrices of a continuous-time system, states balanced.
 
     Raises
@@ -58,7 +58,7 @@ def state_matrices(system: "control.StateSpace") -> StateMatrices:
         if not np.isfinite(getattr(system, name)).all():
             raise ValueError(f"{name} of the state-space system: expected finite numbers")
     if system.nstates == 0:
-        return StateMatrices(np.zeros((0, 0)), np.zeros((0, system.ninputs)), np.zeros((system.noutputs, 0)), system.D)
+        return Lti(np.zeros((0, 0)), np.zeros((0, system.ninputs)), np.zeros((system.noutputs, 0)), system.D)
     A, (scale, order) = linalg.matrix_balance(system.A, permute=False, separate=True)
     del order
-    return StateMatrices(A, system.B / scale[:, None], system.C * scale[None, :], np.asarray(system.D))
+    return Lti(A, system.B / scale[:, None], system.C * scale[None, :], np.asarray(system.D))

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from boomctl.boom import BoomParameters
     from boomctl.papers.anthonis_ramon.figures import Convergence, Deviation, MachineMotion
 
-__all__ = ["animation_gif", "draw_convergence", "draw_figure_3", "draw_modes"]
-
 _LINES = {"finite": "--", "discrete": ":", "exact": "-"}
 
 

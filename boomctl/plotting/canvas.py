@@ -9,8 +9,6 @@ import matplotlib as mpl
 from cycler import cycler
 from matplotlib.figure import Figure
 
-__all__ = ["COLOURS", "figure_bytes", "new_figure", "style"]
-
 COLOURS = ("#0b559f", "#c8501e", "#3a7d34", "#7b3fa0", "#8a6d00", "#444444")
 
 _LOOK: dict[Any, Any] = {

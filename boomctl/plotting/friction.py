@@ -9,8 +9,6 @@ from boomctl.plotting.canvas import COLOURS, new_figure, style
 if TYPE_CHECKING:
     from boomctl.papers.anthonis_ramon.friction import BoomFriction, FrictionReading
 
-__all__ = ["draw_friction"]
-
 
 def draw_friction(study: "BoomFriction", band_hz: tuple[float, float] = (2.5, 3.5)) -> Any:
     """Draw the singular values of jolt and yaw, linear and with friction, and the lower one over the linear one."""

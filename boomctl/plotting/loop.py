@@ -11,8 +11,6 @@ from boomctl.plotting.canvas import COLOURS, new_figure, style
 if TYPE_CHECKING:
     from boomctl.simulation import LoopResult
 
-__all__ = ["draw_loop"]
-
 _MOST = 6
 
 

@@ -9,8 +9,6 @@ from boomctl.plotting.canvas import style
 if TYPE_CHECKING:
     from boomctl.analysis import MeasuredCurve, SigmaResult
 
-__all__ = ["plot_measured", "plot_sigma"]
-
 
 def plot_sigma(
     result: "SigmaResult",

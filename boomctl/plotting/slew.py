@@ -8,9 +8,6 @@ from matplotlib.figure import Figure
 
 from boomctl.plotting.canvas import COLOURS, new_figure, style
 
-__all__ = ["plot_mesh_study", "plot_slew", "plot_slew_comparison", "plot_tracking", "slew_film"]
-
-
 _SHAPES = "osDPXph*d<>"
 _NOTHING = 1e-4
 

@@ -8,8 +8,6 @@ from matplotlib.figure import Figure
 
 from boomctl.plotting.canvas import COLOURS, new_figure, style
 
-__all__ = ["plot_payloads", "plot_spin_ups", "plot_switching"]
-
 _NOTHING = 1e-4
 
 

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from boomctl.arrays import Array
     from boomctl.boom import PlatformMotion, SprayResult, Track
 
-__all__ = ["draw_deposit", "draw_motion", "draw_track_density"]
-
 _STEPS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0)
 _SHADES = (
     "#67001f",

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from boomctl.analysis import SigmaResult
     from boomctl.simulation import LoopResult
 
-__all__ = ["draw_run", "draw_suspension_sigma", "draw_weights"]
-
 _PASSIVE, _ACTIVE, _FAINT = COLOURS[1], COLOURS[0], "#9bb8d3"
 
 

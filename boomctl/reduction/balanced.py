@@ -12,9 +12,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.gramians import factors
 from boomctl.lti.modal import ModalSystem
-from boomctl.lti.system import StateMatrices
-
-__all__ = ["Balanced", "balance", "perturbed", "truncated"]
+from boomctl.lti.system import Lti
 
 _MINIMAL = 1e-11
 
@@ -23,12 +21,12 @@ _MINIMAL = 1e-11
 class Balanced:
     """A stable system whose Gramians are both ``diag(values)``, minimal; ``lost`` bounds what was not minimal."""
 
-    system: StateMatrices
+    system: Lti
     values: Array
     lost: float
 
 
-def balance(system: StateMatrices, modal: ModalSystem | None) -> Balanced:
+def balance(system: Lti, modal: ModalSystem | None) -> Balanced:
     """Return the balanced minimal form of a stable system; ``modal`` as in :func:`factors`."""
     if not len(system.A):
         return Balanced(system, np.zeros(0), 0.0)
@@ -37,18 +35,18 @@ def balance(system: StateMatrices, modal: ModalSystem | None) -> Balanced:
     count = int((values > _MINIMAL * values.max(initial=0.0)).sum())
     root = np.sqrt(values[:count])
     right, left = F @ Vt[:count].T / root, H @ U[:, :count] / root
-    form = StateMatrices(left.T @ system.A @ right, left.T @ system.B, system.C @ right, system.D)
+    form = Lti(left.T @ system.A @ right, left.T @ system.B, system.C @ right, system.D)
     return Balanced(form, values[:count], 2.0 * float(values[count:].sum()))
 
 
-def truncated(balanced: Balanced, order: int) -> tuple[StateMatrices, float]:
+def truncated(balanced: Balanced, order: int) -> tuple[Lti, float]:
     """Return the leading states of a balanced system, and the bound of the error."""
     A, B, C, D = balanced.system.A, balanced.system.B, balanced.system.C, balanced.system.D
     bound = 2.0 * float(balanced.values[order:].sum()) + balanced.lost
-    return StateMatrices(A[:order, :order], B[:order], C[:, :order], D), bound
+    return Lti(A[:order, :order], B[:order], C[:, :order], D), bound
 
 
-def perturbed(balanced: Balanced, order: int) -> tuple[StateMatrices, float]:
+def perturbed(balanced: Balanced, order: int) -> tuple[Lti, float]:
     """Return the balanced system with its weak states at rest (exact at zero frequency), and the bound of the error."""
     A, B, C, D = balanced.system.A, balanced.system.B, balanced.system.C, balanced.system.D
     bound = 2.0 * float(balanced.values[order:].sum()) + balanced.lost
@@ -57,6 +55,4 @@ def perturbed(balanced: Balanced, order: int) -> tuple[StateMatrices, float]:
         return balanced.system, bound
     rest = -np.linalg.solve(A[r:, r:], np.hstack([A[r:, :r], B[r:]]))
     X, U = rest[:, :r], rest[:, r:]
-    return StateMatrices(
-        A[:r, :r] + A[:r, r:] @ X, B[:r] + A[:r, r:] @ U, C[:, :r] + C[:, r:] @ X, D + C[:, r:] @ U
-    ), bound
+    return Lti(A[:r, :r] + A[:r, r:] @ X, B[:r] + A[:r, r:] @ U, C[:, :r] + C[:, r:] @ X, D + C[:, r:] @ U), bound

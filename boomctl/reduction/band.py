@@ -15,9 +15,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.gramians import band_integral
 from boomctl.lti.modal import ModalSystem
-from boomctl.lti.system import StateMatrices
-
-__all__ = ["Weighted", "weighted"]
+from boomctl.lti.system import Lti
 
 _RANK = 1e-12
 _RESIDUAL = 1e-6
@@ -27,19 +25,19 @@ _RESIDUAL = 1e-6
 class Weighted:
     """A system seen through a band: ``G = D + R G_1 T``; an error of ``G_1`` counts ``factor`` times at most."""
 
-    system: StateMatrices
+    system: Lti
     modal: ModalSystem | None
     R: Array
     T: Array
     D: Array
     factor: float
 
-    def restored(self, reduced: StateMatrices) -> StateMatrices:
+    def restored(self, reduced: Lti) -> Lti:
         """Return the reduced system between the signals of the given one."""
-        return StateMatrices(reduced.A, reduced.B @ self.T, self.R @ reduced.C, self.D + self.R @ reduced.D @ self.T)
+        return Lti(reduced.A, reduced.B @ self.T, self.R @ reduced.C, self.D + self.R @ reduced.D @ self.T)
 
 
-def weighted(system: StateMatrices, modal: ModalSystem | None, band: tuple[float, float]) -> Weighted:
+def weighted(system: Lti, modal: ModalSystem | None, band: tuple[float, float]) -> Weighted:
     """Return a stable system as its band sees it.
 
     Raises
@@ -60,7 +58,7 @@ def weighted(system: StateMatrices, modal: ModalSystem | None, band: tuple[float
         J = modal.mixing
         own = ModalSystem(modal.poles, J.conj().T @ B, C @ J, zero)
     factor = float(np.linalg.norm(R, 2) * np.linalg.norm(T, 2))
-    return Weighted(StateMatrices(system.A, B, C, zero), own, R, T, system.D, factor)
+    return Weighted(Lti(system.A, B, C, zero), own, R, T, system.D, factor)
 
 
 def _absolute(half: Array) -> Array:

@@ -8,7 +8,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 from boomctl.reduction.structural_tail import Loads, separated_damping, tail_bound
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import project, undamped_modes
@@ -17,8 +17,6 @@ from boomctl.structure.symmetry import half
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["LARGEST_DENSE", "SystemCore", "core_of", "core_states", "loads_of", "statespace_core", "structure_core"]
 
 _CORE_FROM = 40
 LARGEST_DENSE = 700
@@ -32,11 +30,11 @@ class SystemCore:
 
     Attributes
     ----------
-    stable : StateMatrices
+    stable : Lti
         In real modal coordinates where it has them; ``D`` of the system included.
     modal : ModalSystem or None
         The same in complex modal coordinates.
-    kept : StateMatrices
+    kept : Lti
         Unstable, undamped and rigid-body states.
     tail : float
         Bound of the response of what was left out, at all frequencies.
@@ -44,9 +42,9 @@ class SystemCore:
         Whether nothing was left out.
     """
 
-    stable: StateMatrices
+    stable: Lti
     modal: ModalSystem | None
-    kept: StateMatrices
+    kept: Lti
     tail: float
     complete: bool
 
@@ -83,7 +81,7 @@ def _in_modes(model: SecondOrderModel) -> SecondOrderModel:
     return SecondOrderModel.build(M, C, K, model.ports.congruent(V), names, primary=model.primary)
 
 
-def statespace_core(system: StateMatrices, states: int) -> SystemCore:
+def statespace_core(system: Lti, states: int) -> SystemCore:
     """Return a core of a state-space system; modes too weak to matter are left out of a large one."""
     fast, kept = spectral_parts(system)
     modal = diagonalized(fast)
@@ -115,11 +113,11 @@ def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
     return _assembled(pieces) if pieces else None
 
 
-def _assembled(pieces: list[tuple[tuple[StateMatrices, float], Array, Array]]) -> SystemCore:
+def _assembled(pieces: list[tuple[tuple[Lti, float], Array, Array]]) -> SystemCore:
     """Return the core whose orthonormal parts are given."""
     modals, kept, D, tail = [], [], None, 0.0
     for (system, left_out), W_in, W_out in pieces:
-        whole = StateMatrices(system.A, system.B @ W_in.T, W_out @ system.C, W_out @ system.D @ W_in.T)
+        whole = Lti(system.A, system.B @ W_in.T, W_out @ system.C, W_out @ system.D @ W_in.T)
         fast, slow = spectral_parts(whole)
         modals.append((fast, diagonalized(fast)))
         kept.append(slow)
@@ -137,9 +135,9 @@ def _assembled(pieces: list[tuple[tuple[StateMatrices, float], Array, Array]]) -
     return SystemCore(modal.blocks, modal, _stacked(kept, 0.0 * D), tail, False)
 
 
-def _stacked(parts: list[StateMatrices], D: Array) -> StateMatrices:
+def _stacked(parts: list[Lti], D: Array) -> Lti:
     A = linalg.block_diag(*(part.A for part in parts if len(part.A))) if any(len(p.A) for p in parts) else None
-    return StateMatrices(
+    return Lti(
         np.zeros((0, 0)) if A is None else A,
         np.vstack([part.B for part in parts]),
         np.hstack([part.C for part in parts]),
@@ -147,7 +145,7 @@ def _stacked(parts: list[StateMatrices], D: Array) -> StateMatrices:
     )
 
 
-def _piece(model: SecondOrderModel, modes: int) -> tuple[StateMatrices, float] | None:
+def _piece(model: SecondOrderModel, modes: int) -> tuple[Lti, float] | None:
     """Return a modal core of a structure and the bound of what it leaves out, or None where there is none."""
     damping = separated_damping(model)
     loads = loads_of(model)
@@ -161,7 +159,7 @@ def _piece(model: SecondOrderModel, modes: int) -> tuple[StateMatrices, float] |
     M, K, C = project(model, V)
     core = core_states(M, K, C, loads, V)
     closed = diagonalized(
-        StateMatrices(
+        Lti(
             core.A,
             np.hstack([core.B, np.vstack([np.zeros((modes, len(loads.L))), V.T @ loads.L.T])]),
             np.hstack([damping.U.T @ V, np.zeros((len(damping.gamma), modes))]),
@@ -171,7 +169,7 @@ def _piece(model: SecondOrderModel, modes: int) -> tuple[StateMatrices, float] |
     if closed is None:
         return None
     tail = tail_bound(model, loads, damping, V, lowest, (C, closed))
-    return (StateMatrices(core.A, core.B, core.C, model.ports.E[0]), tail) if np.isfinite(tail) else None
+    return (Lti(core.A, core.B, core.C, model.ports.E[0]), tail) if np.isfinite(tail) else None
 
 
 def loads_of(model: SecondOrderModel) -> Loads | None:
@@ -182,14 +180,14 @@ def loads_of(model: SecondOrderModel) -> Loads | None:
     return Loads(ports.B[0], ports.B[1], ports.L[0]) if plain and not higher else None
 
 
-def core_states(M: Array, K: Array, C: Array, loads: Loads, V: Array) -> StateMatrices:
+def core_states(M: Array, K: Array, C: Array, loads: Loads, V: Array) -> Lti:
     """Return the kept modes with states ``x`` and ``x' - B1 d``."""
     k = V.shape[1]
     B0, B1, L = V.T @ loads.B0, V.T @ loads.B1, loads.L @ V
     inverse = np.linalg.inv(M)
     B1 = inverse @ B1
     A = np.block([[np.zeros((k, k)), np.eye(k)], [-inverse @ K, -inverse @ C]])
-    return StateMatrices(
+    return Lti(
         A,
         np.vstack([B1, inverse @ B0 - inverse @ C @ B1]),
         np.hstack([L, np.zeros_like(L)]),

@@ -8,15 +8,13 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import spectral_parts
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.reduction.balanced import Balanced
-
-__all__ = ["hankel_optimal"]
 
 _EQUAL = 1e-7
 
 
-def hankel_optimal(balanced: Balanced, order: int) -> tuple[StateMatrices, float]:
+def hankel_optimal(balanced: Balanced, order: int) -> tuple[Lti, float]:
     """Return the stable system of the given order that is nearest in the Hankel norm, and a bound of the error.
 
     The bound is ``sigma_{r+1} + 2 sum of the distinct later ones``: an all-pass error, and an antistable part left out.
@@ -47,7 +45,7 @@ def hankel_optimal(balanced: Balanced, order: int) -> tuple[StateMatrices, float
     return stable, bound
 
 
-def _dilated(balanced: Balanced, r: int, k: int, sigma: float) -> StateMatrices:
+def _dilated(balanced: Balanced, r: int, k: int, sigma: float) -> Lti:
     """Return the all-pass dilation: the given system minus it is ``sigma`` at every frequency."""
     cut = np.arange(r, r + k)
     keep = np.setdiff1d(np.arange(len(balanced.values)), cut)
@@ -63,7 +61,7 @@ def _dilated(balanced: Balanced, r: int, k: int, sigma: float) -> StateMatrices:
     A_new = (sigma**2 * A.T + S[:, None] * A * S[None, :] - sigma * C1.T @ U @ B1.T) / gamma
     B_new = (S[:, None] * B1 + sigma * C1.T @ U) / gamma
     C_new = C1 * S[None, :] + sigma * U @ B1.T
-    return StateMatrices(A_new, B_new[:, :m], C_new[:p], (D - sigma * U)[:p, :m])
+    return Lti(A_new, B_new[:, :m], C_new[:p], (D - sigma * U)[:p, :m])
 
 
 def _glimpse(A: Array, B: Array, C: Array) -> Array:

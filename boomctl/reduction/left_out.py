@@ -11,18 +11,16 @@ from math import inf
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, Flags
+from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem, diagonalized
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.reduction.core import core_states
 from boomctl.reduction.structural_tail import Loads, damper_forces, damping_between, intervals
-
-__all__ = ["left_out_bound"]
 
 _ROUNDING = 1e3 * float(np.finfo(float).eps)
 
 
-def left_out_bound(stiffness: Array, C: Array, loads: Loads, kept: Flags) -> float:
+def left_out_bound(stiffness: Array, C: Array, loads: Loads, kept: Array) -> float:
     """Return a bound of the response that some modes add, at all frequencies; ``inf`` where they do not dissipate.
 
     Parameters
@@ -71,8 +69,8 @@ def _motions(stiffness: Array, C: Array, loads: Loads, rows: Array) -> ModalSyst
     k, m, p, r = len(stiffness), loads.B0.shape[1], len(loads.L), len(rows)
     core = core_states(np.eye(k), np.diag(stiffness), C, loads, np.eye(k))
     B = np.hstack([core.B, np.vstack([np.zeros((k, p)), loads.L.T])])
-    return diagonalized(StateMatrices(core.A, B, np.hstack([rows, np.zeros((r, k))]), np.zeros((r, m + p))))
+    return diagonalized(Lti(core.A, B, np.hstack([rows, np.zeros((r, k))]), np.zeros((r, m + p))))
 
 
-def _only(loads: Loads, chosen: Flags) -> Loads:
+def _only(loads: Loads, chosen: Array) -> Loads:
     return Loads(loads.B0[chosen], loads.B1[chosen], loads.L[:, chosen])

@@ -2,16 +2,12 @@
 
 import numpy as np
 
-from boomctl.arrays import Array, Flags
+from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem
-from boomctl.lti.system import StateMatrices
-
-__all__ = ["modal_reduced"]
+from boomctl.lti.system import Lti
 
 
-def modal_reduced(
-    modal: ModalSystem, order: int, band: tuple[float, float] | None = None
-) -> tuple[StateMatrices, float]:
+def modal_reduced(modal: ModalSystem, order: int, band: tuple[float, float] | None = None) -> tuple[Lti, float]:
     """Return the strongest modes with the static gain of the others, and a bound of the error.
 
     A pair of poles is kept whole, so that the order may come out one less than asked for.  What a mode lacks after
@@ -24,7 +20,7 @@ def modal_reduced(
     share = np.real((gone.C / (1j * centre - gone.poles)) @ gone.B)
     reduced = modal.only(kept).blocks
     bound = float(gone.sizes.sum()) * (1.0 if band is None else 2.0)
-    return StateMatrices(reduced.A, reduced.B, reduced.C, modal.D + share), bound
+    return Lti(reduced.A, reduced.B, reduced.C, modal.D + share), bound
 
 
 def _sizes_within(modal: ModalSystem, band: tuple[float, float]) -> Array:
@@ -33,7 +29,7 @@ def _sizes_within(modal: ModalSystem, band: tuple[float, float]) -> Array:
     return lengths / np.hypot(modal.poles.real, nearest - np.abs(modal.poles.imag))
 
 
-def _strongest(modal: ModalSystem, order: int, sizes: Array) -> Flags:
+def _strongest(modal: ModalSystem, order: int, sizes: Array) -> Array:
     kept = np.zeros(len(modal.poles), dtype=bool)
     left = order
     for i in np.argsort(-sizes, kind="stable"):

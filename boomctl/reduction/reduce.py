@@ -7,7 +7,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, positive, whole
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.reduction.balanced import balance
 from boomctl.reduction.core import SystemCore, core_of
 from boomctl.reduction.result import ReductionError, ReductionResult
@@ -17,8 +17,6 @@ from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["reduce"]
 
 _TAIL_SHARE = 0.02
 _ROUNDING = 1e-8
@@ -182,14 +180,14 @@ def _to_order(ready: Cutter, order: int) -> Attempt:
     return attempt_order(ready, min(order - kept, len(ready.core.stable.A)))
 
 
-def _joined(stable: StateMatrices, kept: StateMatrices) -> StateMatrices:
+def _joined(stable: Lti, kept: Lti) -> Lti:
     if not len(kept.A):
         return stable
     A = linalg.block_diag(kept.A, stable.A) if len(stable.A) else kept.A
-    return StateMatrices(A, np.vstack([kept.B, stable.B]), np.hstack([kept.C, stable.C]), stable.D)
+    return Lti(A, np.vstack([kept.B, stable.B]), np.hstack([kept.C, stable.C]), stable.D)
 
 
-def _named(reduced: StateMatrices, system: "control.StateSpace | SecondOrderModel") -> "control.StateSpace":
+def _named(reduced: Lti, system: "control.StateSpace | SecondOrderModel") -> "control.StateSpace":
     import control
 
     if isinstance(system, SecondOrderModel):

@@ -10,8 +10,6 @@ from boomctl.structure.model import SecondOrderModel
 if TYPE_CHECKING:
     import control
 
-__all__ = ["ReductionError", "ReductionResult"]
-
 
 class ReductionError(RuntimeError):
     """A reduced system could not be verified; the message says what failed."""

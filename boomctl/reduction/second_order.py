@@ -9,9 +9,9 @@ from math import inf
 
 import numpy as np
 
-from boomctl.arrays import Array, Indices
+from boomctl.arrays import Array
 from boomctl.lti.modal import spectral_parts
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 from boomctl.reduction.core import LARGEST_DENSE, SystemCore, core_of, loads_of
 from boomctl.reduction.left_out import left_out_bound
 from boomctl.reduction.result import ReductionError
@@ -21,8 +21,6 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
 from boomctl.structure.response.poles import project, undamped_modes
 from boomctl.structure.response.realisation import realize
-
-__all__ = ["reduced_structure"]
 
 _RIGID = 1e-8
 _SAME = 1e-6
@@ -75,7 +73,7 @@ def reduced_structure(
     raise ReductionError(f"error = {error:g}: the smallest verified error of {len(ranking)} modes is {best:.4g}")
 
 
-def _ranking(model: SecondOrderModel, frequencies: Array, V: Array, band: Band | None) -> Indices:
+def _ranking(model: SecondOrderModel, frequencies: Array, V: Array, band: Band | None) -> Array:
     """Return the modes, strongest first: by the height of their peak, or by the most they reach within the band."""
     at = frequencies if band is None else np.clip(frequencies, *band)
     _, _, C = project(model, V)
@@ -90,7 +88,7 @@ def _ranking(model: SecondOrderModel, frequencies: Array, V: Array, band: Band |
 
 
 def _projected(
-    model: SecondOrderModel, frequencies: Array, V: Array, chosen: Indices, rigid: int, band: Band | None
+    model: SecondOrderModel, frequencies: Array, V: Array, chosen: Array, rigid: int, band: Band | None
 ) -> SecondOrderModel:
     """Return the structure in the modes chosen, outputs with the static share of the others.
 
@@ -112,7 +110,7 @@ def _projected(
 
 
 def _bound(
-    model: SecondOrderModel, frequencies: Array, modes: Array, smaller: SecondOrderModel, chosen: Indices
+    model: SecondOrderModel, frequencies: Array, modes: Array, smaller: SecondOrderModel, chosen: Array
 ) -> float:
     """Return a bound of the error: what the other modes add at most, and the static share that stands for them.
 
@@ -139,7 +137,7 @@ def _compared(core: SystemCore, smaller: SecondOrderModel, band: Band | None, bo
     return verified(core, stable, bound + core.tail, band)
 
 
-def _same(one: StateMatrices, other: StateMatrices) -> bool:
+def _same(one: Lti, other: Lti) -> bool:
     """Return whether two small systems have equal Markov parameters."""
     if len(one.A) != len(other.A):
         return False

@@ -10,7 +10,7 @@ from scipy import linalg
 from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.reduction.balanced import balance, perturbed, truncated
 from boomctl.reduction.band import weighted
 from boomctl.reduction.core import SystemCore
@@ -18,8 +18,6 @@ from boomctl.reduction.hankel import hankel_optimal
 from boomctl.reduction.modal import modal_reduced
 from boomctl.reduction.result import ReductionError
 from boomctl.reduction.verify import verified_norm
-
-__all__ = ["METHODS", "Attempt", "Band", "Cutter", "attempt_error", "attempt_order", "cutter", "verified"]
 
 METHODS = ("balanced", "singular-perturbation", "hankel", "modal", "second-order")
 _SLACK = 1e-3
@@ -33,7 +31,7 @@ _BALANCED = {"balanced": truncated, "singular-perturbation": perturbed, "hankel"
 class Attempt:
     """A reduced stable part, its bound and its verified error, what the core leaves out included in both."""
 
-    reduced: StateMatrices
+    reduced: Lti
     bound: float
     measured: float
     certificate: NormCertificate
@@ -46,7 +44,7 @@ class Cutter:
     core: SystemCore
     band: Band | None
     values: Array
-    cut: Callable[[int], tuple[StateMatrices, float]]
+    cut: Callable[[int], tuple[Lti, float]]
 
 
 def cutter(core: SystemCore, method: str, band: Band | None) -> Cutter:
@@ -70,7 +68,7 @@ def cutter(core: SystemCore, method: str, band: Band | None) -> Cutter:
     seen = weighted(core.stable, core.modal, band)
     inner = balance(seen.system, seen.modal)
 
-    def cut(order: int) -> tuple[StateMatrices, float]:
+    def cut(order: int) -> tuple[Lti, float]:
         reduced, bound = shorten(inner, order)
         return seen.restored(reduced), bound * seen.factor
 
@@ -92,7 +90,7 @@ def attempt_order(ready: Cutter, order: int) -> Attempt:
         raise ReductionError(f"order {order}: {reason}") from None
 
 
-def verified(core: SystemCore, reduced: StateMatrices, bound: float, band: Band | None) -> Attempt:
+def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) -> Attempt:
     """Return how a reduced stable part compares with that of the core, refused where it breaks its bound."""
     D = core.stable.D
     largest = core.modal.sizes.max(initial=0.0) if core.modal is not None else _size(core.stable)
@@ -110,7 +108,7 @@ def verified(core: SystemCore, reduced: StateMatrices, bound: float, band: Band 
     return Attempt(reduced, bound + core.tail, found.upper + core.tail, found)
 
 
-def _size(system: StateMatrices) -> float:
+def _size(system: Lti) -> float:
     """Return the largest response at the poles of a system without modal coordinates."""
     if not len(system.A) or not system.D.size:
         return 0.0

@@ -22,8 +22,6 @@ from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem
 from boomctl.structure.model import SecondOrderModel
 
-__all__ = ["Damping", "Loads", "damper_forces", "damping_between", "intervals", "separated_damping", "tail_bound"]
-
 _SAME = 1e-9
 _MOST_DAMPERS = 12
 _SHIFT = 1e-3

@@ -6,12 +6,10 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, level_crossings, matrices_norm
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import ModalSystem, diagonalized
-from boomctl.lti.system import StateMatrices
-
-__all__ = ["band_norm", "difference", "verified_norm"]
+from boomctl.lti.system import Lti
 
 _LEVELS = (1.0 + 1e-6, 1.0 + 1e-5, 1.0001, 1.001, 1.01, 1.1, 2.0)
 _POINTS = 200
@@ -19,20 +17,20 @@ _ROUNDS = 20
 _PEAKS, _ZOOMS, _FINE = 3, 6, 11
 
 
-def difference(full: StateMatrices, reduced: StateMatrices) -> StateMatrices:
+def difference(full: Lti, reduced: Lti) -> Lti:
     """Return ``full - reduced``, states balanced."""
     A = linalg.block_diag(full.A, reduced.A) if len(reduced.A) else full.A
     B, C = np.vstack([full.B, reduced.B]), np.hstack([full.C, -reduced.C])
     if not len(A):
-        return StateMatrices(A, B, C, full.D - reduced.D)
+        return Lti(A, B, C, full.D - reduced.D)
     balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
-    return StateMatrices(balanced, B / scale[:, None], C * scale[None, :], full.D - reduced.D)
+    return Lti(balanced, B / scale[:, None], C * scale[None, :], full.D - reduced.D)
 
 
 def verified_norm(
-    full: StateMatrices,
+    full: Lti,
     modal: ModalSystem | None,
-    reduced: StateMatrices,
+    reduced: Lti,
     band: tuple[float, float] | None = None,
     floor: float = 0.0,
 ) -> NormCertificate:
@@ -45,7 +43,7 @@ def verified_norm(
     gap = difference(full, reduced)
     small = None if modal is None else diagonalized(reduced)  # nearly equal poles lose digits in modal coordinates
 
-    def respond(omega: Array) -> Complex:
+    def respond(omega: Array) -> Array:
         first = full.response(omega) if modal is None else modal.response(omega)
         return first - (reduced.response(omega) if small is None else small.response(omega))
 
@@ -60,7 +58,7 @@ def verified_norm(
     return found
 
 
-def band_norm(gap: StateMatrices, respond: object, band: tuple[float, float], floor: float = 0.0) -> NormCertificate:
+def band_norm(gap: Lti, respond: object, band: tuple[float, float], floor: float = 0.0) -> NormCertificate:
     """Return the largest singular value within a band: attained, and not crossed by any Hamiltonian eigenvalue there.
 
     The level may lie below the largest singular value of ``D``: within the band none equals it, and at one frequency

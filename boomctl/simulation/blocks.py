@@ -9,11 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boomctl.arrays import Array, Flags
+from boomctl.arrays import Array
 from boomctl.lti.recursion import Lifted, recursion_without_lead
 from boomctl.simulation.stepping import ControlLog, LoopProblem, limited, run_smooth
-
-__all__ = ["run_fast"]
 
 _BLOCK = 32
 _LONGEST_QUEUE = 16
@@ -105,7 +103,7 @@ def _one_more(W: Array) -> Array:
 
 def _blocks(
     p: LoopProblem, log: ControlLog, loop: _Linear, lifted: Lifted, columns: Array, last: Array
-) -> tuple[Array, Flags, list[tuple[int, Array]]]:
+) -> tuple[Array, Array, list[tuple[int, Array]]]:
     """Return the states (without lead) at the beginning of each block, which were clean, and the others' plant states."""
     n, outputs, samples = len(p.plant.A), len(p.plant.C), p.samples
     bound = np.concatenate([p.limits.force, p.limits.rate])

@@ -13,8 +13,6 @@ from boomctl.simulation.plant import ModalPlant
 if TYPE_CHECKING:
     import control
 
-__all__ = ["DISCRETIZATIONS", "SampledController", "conditioning_gain", "sampled_controller"]
-
 DISCRETIZATIONS = ("tustin", "zoh")
 _SAME = 1e-6
 _REGULAR = 1e-10

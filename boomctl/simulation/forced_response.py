@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.arrays import Array, Flags
+from boomctl.arrays import Array
 from boomctl.checks import known, names, positive
 from boomctl.lti.recursion import lifted_response
 from boomctl.simulation.plant import ModalPlant, modal_plant, of_matrices
@@ -22,8 +22,6 @@ from boomctl.structure.symmetry import half
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["ForcedResponse", "forced_response"]
 
 _FIRST_MODES = 16
 _GROWTH = 1.6
@@ -174,7 +172,7 @@ def _structure_response(
         modes = min(model.n, int(np.ceil(_GROWTH * modes)))
 
 
-def _witness(plant: ModalPlant, direct: Flags) -> tuple[Array, Array]:
+def _witness(plant: ModalPlant, direct: Array) -> tuple[Array, Array]:
     """Return rows that read how far the highest modes are from their answer at rest: what modes left out lack.
 
     Inputs are ``direct`` or integrated; the answer at rest to an integral belongs to the integrator's block, not to the

@@ -24,8 +24,6 @@ from boomctl.structure.model import SecondOrderModel
 if TYPE_CHECKING:
     import control
 
-__all__ = ["simulate_loop"]
-
 _STOP_SUBSTEPS = 4
 
 

@@ -14,8 +14,6 @@ from boomctl.structure.model import SecondOrderModel
 if TYPE_CHECKING:
     import control
 
-__all__ = ["ModalPlant", "StepMaps", "modal_plant"]
-
 _CONDITION = 1e6
 _MODES = 60
 

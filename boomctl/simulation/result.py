@@ -11,8 +11,6 @@ from boomctl.simulation.contact.stops import StopHit
 if TYPE_CHECKING:
     import control
 
-__all__ = ["FrictionReport", "LoopResult"]
-
 
 @dataclass(frozen=True)
 class FrictionReport:

@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, nonnegative, plain_array, positive
 
-__all__ = ["TimeGrid", "disturbance_rows", "per_signal", "time_grid", "uniform_times"]
-
 _EVEN = 1e-6
 
 Levels = float | Mapping[str, float] | None

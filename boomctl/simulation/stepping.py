@@ -5,13 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boomctl.arrays import Array, Flags
+from boomctl.arrays import Array
 from boomctl.simulation.contact.contacts import Contacts
 from boomctl.simulation.controller import SampledController
 from boomctl.simulation.plant import ModalPlant, StepMaps
 from boomctl.simulation.signals import TimeGrid
-
-__all__ = ["ControlLog", "Limits", "LoopProblem", "control_log", "limited", "run_smooth", "sampler"]
 
 
 @dataclass(frozen=True)
@@ -80,8 +78,8 @@ class ControlLog:
 
     asked: Array
     given: Array
-    saturated: Flags
-    slewed: Flags
+    saturated: Array
+    slewed: Array
 
 
 def control_log(p: LoopProblem) -> ControlLog:

@@ -8,8 +8,6 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.pencil import factorized
 from boomctl.structure.response.poles import project, undamped_modes
 
-__all__ = ["realized", "truncated"]
-
 _SHIFT = 1e-6
 
 

@@ -8,8 +8,6 @@ from boomctl.arrays import Array
 from boomctl.simulation.blocks import run_fast
 from boomctl.simulation.stepping import ControlLog, LoopProblem, control_log
 
-__all__ = ["run_untouched"]
-
 
 def run_untouched(p: LoopProblem, fine: LoopProblem, switch: float) -> tuple[Array, ControlLog] | None:
     """Return what ``run_fast`` does, ``None`` if a stop is reached.

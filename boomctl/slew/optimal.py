@@ -19,8 +19,6 @@ from boomctl.slew.replay import Motion, binding, end_error, other_models, played
 from boomctl.slew.result import LimitsTooTight, SlewCertificate, SlewError, SlewResult
 from boomctl.slew.torque import TorqueHistory
 
-__all__ = ["optimal_slew", "resolve"]
-
 _MESHES = (50, 100, 200, 400, 800)
 _MESH_GAP = 1e-4
 _TOO_MUCH = 0.05

@@ -12,8 +12,6 @@ from boomctl.checks import nonnegative
 from boomctl.slew.plant import SlewMachine, plant_of
 from boomctl.slew.result import SlewResult
 
-__all__ = ["PayloadComparison", "PayloadLine", "compare_payloads"]
-
 _SWEEP = 21
 _COARSE = (1e-5, 1e-6)  # a tenth of what a picture shows
 

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     import casadi
     import control
 
-__all__ = ["Plant", "SlewMachine", "plant_of"]
-
 _NOTHING = 1e-12
 _SPLIT = 1e-6
 

@@ -13,8 +13,6 @@ from boomctl.slew.least_time.flow import LinearFlow
 from boomctl.slew.plant import Plant, SlewMachine, plant_of
 from boomctl.slew.result import SlewError
 
-__all__ = ["LIMITS", "METHODS", "OBJECTIVES", "UNITS", "SlewProblem", "changed", "end_conditions", "slew_problem"]
-
 OBJECTIVES = ("time", "effort", "jerk", "torque-rate", "tip")
 METHODS = ("collocation", "radau", "shooting")
 LIMITS = {

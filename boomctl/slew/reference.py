@@ -10,8 +10,6 @@ from boomctl.slew.nlp.programme import Guess
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueHistory, held
 
-__all__ = ["LinearSlew", "cheapest", "effort_guess", "guess_from", "typical_sizes"]
-
 
 @dataclass(frozen=True, eq=False)
 class LinearSlew:

@@ -12,8 +12,6 @@ from boomctl.slew.problem import LIMITS, SlewProblem
 from boomctl.slew.result import Replay
 from boomctl.slew.torque import TorqueHistory
 
-__all__ = ["Motion", "binding", "end_error", "other_models", "played", "replay_of", "violation"]
-
 _SERIES = 30
 _EXACT_MODES = 6
 

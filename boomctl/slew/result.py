@@ -9,8 +9,6 @@ from typing import Any
 from boomctl.arrays import Array
 from boomctl.slew.torque import TorqueHistory
 
-__all__ = ["LimitsTooTight", "Replay", "SlewCertificate", "SlewError", "SlewResult"]
-
 _TITLES = {
     "time": "minimum time",
     "effort": "minimum effort",

@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 
-__all__ = ["TorqueHistory", "bang_bang", "held", "ramped"]
-
 
 @dataclass(frozen=True, eq=False)
 class TorqueHistory:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, sparse
 
-from boomctl.arrays import Indices
+from boomctl.arrays import Array
 from boomctl.checks import signal_name
 from boomctl.structure.beams.discretization import BeamMesh, element_nodes, section_values
 from boomctl.structure.beams.discretizations import FiniteElements, distinct
@@ -18,9 +18,6 @@ from boomctl.structure.model import ElasticRows, SecondOrderModel
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
 from boomctl.structure.ports import Ports
 from boomctl.structure.rows import Row, row_matrix
-
-__all__ = ["Assembly", "Reduced", "reduced_coordinates"]
-
 
 _UNEVEN = 0.41421356
 
@@ -200,8 +197,8 @@ def _axial_mass(beam: Beam, reduced: Reduced) -> sparse.csr_array:
 
 
 def _condensation(
-    elastic: ElasticRows, ports: Ports, massless: Indices, names: tuple[str, ...]
-) -> tuple[sparse.csr_array, Indices]:
+    elastic: ElasticRows, ports: Ports, massless: Array, names: tuple[str, ...]
+) -> tuple[sparse.csr_array, Array]:
     """Return the map that lets massless coordinates follow the others statically, which is exact for them.
 
     It is exact as long as nothing but beams with one common damping constant acts on them.

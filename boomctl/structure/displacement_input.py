@@ -14,8 +14,6 @@ from boomctl.structure.elimination import Elimination, eliminate
 from boomctl.structure.model import ElasticRows, SecondOrderModel
 from boomctl.structure.ports import Ports, Triple
 
-__all__ = ["prescribe_displacement"]
-
 MOTIONS = ("displacement", "velocity", "acceleration")
 
 

@@ -10,9 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, sparse
 
-from boomctl.arrays import Array, Indices
-
-__all__ = ["Elimination", "eliminate"]
+from boomctl.arrays import Array
 
 _RANK_TOLERANCE = 1e-10
 
@@ -21,8 +19,8 @@ _RANK_TOLERANCE = 1e-10
 class Elimination:
     """The congruence ``z = T_d d + T_q z_s`` and the places of the dependent (r) and independent (s) coordinates."""
 
-    dependent: Indices
-    independent: Indices
+    dependent: Array
+    independent: Array
     T_d: sparse.csr_array
     T_q: sparse.csr_array
 

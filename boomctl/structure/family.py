@@ -12,8 +12,6 @@ from boomctl.checks import finite_array, known, real, signal_name
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports, Triple
 
-__all__ = ["AffineFamily", "Slope", "interval"]
-
 _EXACT = 1e-9
 
 

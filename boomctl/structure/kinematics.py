@@ -11,8 +11,6 @@ from boomctl.structure.beams.discretization import BeamMesh
 from boomctl.structure.parts import Beam, CutJoint, Ground, Point, RigidBody, direction_angle
 from boomctl.structure.rows import Frame, Row
 
-__all__ = ["Kinematics", "attachments", "kinematics"]
-
 Body = RigidBody | Beam
 
 

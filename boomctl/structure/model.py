@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from boomctl.structure.symmetry import Mirror
 
-__all__ = ["DENSE_LIMIT", "ElasticRows", "SecondOrderModel"]
-
 DENSE_LIMIT = 64
 
 

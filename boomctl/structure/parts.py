@@ -14,25 +14,6 @@ from boomctl.checks import known, nonnegative, positive, real
 if TYPE_CHECKING:
     from boomctl.structure.beams.discretization import Discretization
 
-__all__ = [
-    "GROUND",
-    "Beam",
-    "BeamSection",
-    "CutJoint",
-    "Force",
-    "Ground",
-    "Joint",
-    "Output",
-    "Point",
-    "RigidBody",
-    "SpringDamper",
-    "direction_angle",
-    "fixed",
-    "free",
-    "prismatic",
-    "revolute",
-]
-
 
 @dataclass(frozen=True)
 class Joint:

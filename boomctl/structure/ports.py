@@ -16,10 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.checks import known, names
-
-__all__ = ["FILTER_DAMPING", "Ports", "Triple"]
 
 FILTER_DAMPING = np.sqrt(0.5)
 
@@ -31,7 +29,7 @@ def _map(triple: Triple, function: "object") -> Triple:
     return a, b, c
 
 
-def evaluate(triple: Triple, s: Complex) -> Complex:
+def evaluate(triple: Triple, s: Array) -> Array:
     """Return ``X0 + s X1 + s^2 X2`` for each ``s``, shape (len(s), rows, columns); zero terms cost nothing."""
     value = np.zeros((len(s), *triple[0].shape), dtype=complex)
     for power, matrix in enumerate(triple):
@@ -131,7 +129,7 @@ class Ports:
             raise ValueError(f"input {name!r} is a displacement already")
         return self.B[0][:, i]
 
-    def conditioning(self, s: Complex) -> tuple[Complex, Complex]:
+    def conditioning(self, s: Array) -> tuple[Array, Array]:
         """Return what filters do to outputs, (len(s), p), and integrators to inputs, (len(s), m)."""
         after = np.ones((len(s), len(self.outputs)), dtype=complex)
         for i, bandwidth in enumerate(self.bandwidths):

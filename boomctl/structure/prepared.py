@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from boomctl.structure.model import ElasticRows
     from boomctl.structure.symmetry import HalfStructure, Mirror
 
-__all__ = ["Prepared"]
-
 
 @dataclass(frozen=True, eq=False)
 class Prepared:

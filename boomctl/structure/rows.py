@@ -7,8 +7,6 @@ from math import cos, sin
 import numpy as np
 from scipy import sparse
 
-__all__ = ["Frame", "Row", "row_matrix"]
-
 
 @dataclass(frozen=True)
 class Row:

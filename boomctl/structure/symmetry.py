@@ -6,22 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from boomctl.arrays import Array, Indices, Matrix
+from boomctl.arrays import Array, Matrix
 from boomctl.structure.elimination import Elimination
 from boomctl.structure.model import ElasticRows, SecondOrderModel
 from boomctl.structure.ports import Ports
 from boomctl.structure.prepared import Prepared
-
-__all__ = [
-    "Half",
-    "HalfStructure",
-    "Mirror",
-    "SignalPair",
-    "beam_reflection",
-    "half_structure",
-    "halves",
-    "split_symmetric",
-]
 
 _TOLERANCE = 1e-9
 _DENSE = 440
@@ -41,7 +30,7 @@ class SignalPair:
 class Mirror:
     """How the reflection ``x -> -x`` acts: coordinate ``i`` becomes ``sign[i]`` times coordinate ``partner[i]``."""
 
-    partner: Indices
+    partner: Array
     sign: Array
     pairs: tuple[SignalPair, ...]
 
@@ -55,12 +44,12 @@ class Mirror:
             return None
         return Mirror(partner, self.sign[kept], self.pairs)
 
-    def representatives(self, parity: int) -> Indices:
+    def representatives(self, parity: int) -> Array:
         """Return one coordinate for each motion of the given parity: the first of a pair, or the one on the axis."""
         here = np.arange(len(self.partner))
         return np.flatnonzero((self.partner > here) | ((self.partner == here) & (self.sign == parity)))
 
-    def places(self, parity: int) -> tuple[Indices, Array]:
+    def places(self, parity: int) -> tuple[Array, Array]:
         """Return which column of the basis moves each coordinate, and by how much; by nothing where none does."""
         first = self.representatives(parity)
         column, amount = np.zeros(len(self.partner), dtype=np.intp), np.zeros(len(self.partner))
@@ -142,7 +131,7 @@ def _change(matrix: Matrix, mirror: Mirror) -> float:
     return float(np.abs(difference.data).max(initial=0.0) / largest) if largest else 0.0
 
 
-def _relabelled(matrix: sparse.csr_array, places: tuple[Indices, Array], width: int) -> sparse.csr_array:
+def _relabelled(matrix: sparse.csr_array, places: tuple[Array, Array], width: int) -> sparse.csr_array:
     """Return ``matrix P`` where each line of ``P`` has one entry, at the column and of the amount given."""
     column, amount = places
     data = matrix.data * amount[matrix.indices]
@@ -153,7 +142,7 @@ def _relabelled(matrix: sparse.csr_array, places: tuple[Indices, Array], width: 
     return product
 
 
-def _half_matrix(matrix: Matrix, mirror: Mirror, first: Indices, places: tuple[Indices, Array]) -> Matrix:
+def _half_matrix(matrix: Matrix, mirror: Mirror, first: Array, places: tuple[Array, Array]) -> Matrix:
     """Return ``P^T matrix P``.
 
     The lines of ``matrix P`` that belong to mirror images are equal, so one of each pair is enough.
@@ -171,7 +160,7 @@ def _half_matrix(matrix: Matrix, mirror: Mirror, first: Indices, places: tuple[I
     return both[:, None] * (lines[:, first] * amount[first] + lines[:, image] * other)
 
 
-def _small_half(matrix: sparse.csr_array, first: Indices, places: tuple[Indices, Array], both: Array) -> Array:
+def _small_half(matrix: sparse.csr_array, first: Array, places: tuple[Array, Array], both: Array) -> Array:
     """Return the lines ``first`` of ``matrix P``, each times ``both``, as a dense matrix."""
     column, amount = places
     n = len(first)

@@ -10,8 +10,6 @@ from typing import TypeVar
 
 from boomctl.checks import known
 
-__all__ = ["FUNCTIONS", "DesignFile", "design_file", "design_names"]
-
 FUNCTIONS = {"suspension": "design", "slew": "slew"}
 """Kinds of designs, and the function of a design's file that returns one."""
 

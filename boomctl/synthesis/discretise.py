@@ -10,8 +10,6 @@ from boomctl.checks import finite_array, known, positive
 if TYPE_CHECKING:
     import control
 
-__all__ = ["discretize"]
-
 _METHODS = ("tustin", "zoh")
 _CORNER = 1e-6
 

@@ -1,7 +1,5 @@
 """What a synthesis raises when it cannot vouch for a controller."""
 
-__all__ = ["SynthesisError"]
-
 
 class SynthesisError(RuntimeError):
     """No controller could be computed and verified; the message says which assumption fails, and at which signal."""

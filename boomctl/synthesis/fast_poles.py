@@ -3,12 +3,10 @@
 import numpy as np
 from scipy import linalg
 
-from boomctl.lti.system import StateMatrices
-
-__all__ = ["without_fast_poles"]
+from boomctl.lti.system import Lti
 
 
-def without_fast_poles(K: StateMatrices, fastest: float) -> StateMatrices | None:
+def without_fast_poles(K: Lti, fastest: float) -> Lti | None:
     """Return a system without its poles above a magnitude [rad/s], whose gain at zero frequency goes into ``D``.
 
     None comes back where an eigenvalue cannot be split off.  Nothing is said of the loop: verify it.
@@ -23,5 +21,5 @@ def without_fast_poles(K: StateMatrices, fastest: float) -> StateMatrices | None
     # with x = [I S; 0 I] v the two parts decouple
     slow_B, fast_C = B[:count] - cross @ B[count:], C[:, :count] @ cross + C[:, count:]
     gain = -fast_C @ np.linalg.solve(fast, B[count:]) if len(fast) else np.zeros_like(K.D)
-    slower = StateMatrices(A, slow_B, C[:, :count], K.D + gain)
+    slower = Lti(A, slow_B, C[:, :count], K.D + gain)
     return slower if all(np.isfinite(part).all() for part in (slower.B, slower.C, slower.D)) else None

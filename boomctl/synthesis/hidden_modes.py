@@ -10,10 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, Complex, Flags
+from boomctl.arrays import Array
 from boomctl.synthesis.errors import SynthesisError
-
-__all__ = ["HiddenMode", "check_detectable", "check_excited", "check_stabilizable", "check_weighted", "unmoved"]
 
 _WEAK = 1e-9
 _AXIS = 1e-9
@@ -113,21 +111,21 @@ def unmoved(
     return tuple(found)
 
 
-def _doubt(A: Array, left: Complex, right: Complex) -> Array:
+def _doubt(A: Array, left: Array, right: Array) -> Array:
     """Return how far rounding may have moved each pole, at most a millionth of the size of the matrix."""
     size = float(np.linalg.norm(A, 2))
     cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
     return np.minimum(_ROUNDING * size / np.maximum(cosine, 1e-300), 1e-6 * size)
 
 
-def _chosen(poles: Complex, doubt: Array, axis_only: bool, stable: bool) -> Flags:
+def _chosen(poles: Array, doubt: Array, axis_only: bool, stable: bool) -> Array:
     if stable:
         return np.ones(len(poles), dtype=bool)
     margin = np.maximum(_AXIS * np.abs(poles), doubt)
     return np.abs(poles.real) <= margin if axis_only else poles.real >= -margin
 
 
-def _clusters(poles: Complex, doubt: Array, chosen: Flags) -> list[list[int]]:
+def _clusters(poles: Array, doubt: Array, chosen: Array) -> list[list[int]]:
     """Return groups of poles that rounding cannot tell apart, each with at least one of those chosen."""
     left = [int(i) for i in np.flatnonzero(chosen)]
     groups = []

@@ -10,7 +10,7 @@ from scipy import linalg
 from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
 from boomctl.checks import nonnegative, positive, whole
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.fast_poles import without_fast_poles
 from boomctl.synthesis.hinf.candidates import Candidate, judged, largest_pole
@@ -19,8 +19,6 @@ from boomctl.synthesis.plants.partition import Plant
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["ReducedController", "reduce_controller"]
 
 _NEGLIGIBLE = 1e-12
 _SINGULAR = 1e12
@@ -120,7 +118,7 @@ def reduce_controller(
     raise SynthesisError(f"no controller of {which} keeps the norm of the loop below {allowed:.6g}: {rejected}")
 
 
-def _slower(plant: Plant, K: StateMatrices, limit: float) -> StateMatrices:
+def _slower(plant: Plant, K: Lti, limit: float) -> Lti:
     """Return a controller without its fast poles; it must stabilise, or nothing can be balanced."""
     slower = without_fast_poles(K, limit)
     found = "they cannot be split off" if slower is None else judged(plant, slower, np.inf)
@@ -129,7 +127,7 @@ def _slower(plant: Plant, K: StateMatrices, limit: float) -> StateMatrices:
     return slower
 
 
-def _balanced_in_loop(plant: Plant, K: StateMatrices) -> tuple[StateMatrices, Array]:
+def _balanced_in_loop(plant: Plant, K: Lti) -> tuple[Lti, Array]:
     """Return a controller in coordinates in which its states are as much driven as seen within the loop, descending."""
     loop, n = closed(plant, K), len(plant.A)
     if not len(K.A):
@@ -142,7 +140,7 @@ def _balanced_in_loop(plant: Plant, K: StateMatrices) -> tuple[StateMatrices, Ar
     kept = values > _NEGLIGIBLE * values[0]
     into = (left[:, kept] / np.sqrt(values[kept])).T @ seen.T / scale[n:]
     out = scale[n:, None] * (driven @ (right[kept].T / np.sqrt(values[kept])))
-    return StateMatrices(into @ K.A @ out, into @ K.B, K.C @ out, K.D), values
+    return Lti(into @ K.A @ out, into @ K.B, K.C @ out, K.D), values
 
 
 def _root(gramian: Array) -> Array:
@@ -150,10 +148,10 @@ def _root(gramian: Array) -> Array:
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def _smaller(K: StateMatrices, order: int) -> Iterator[tuple[str, StateMatrices]]:
+def _smaller(K: Lti, order: int) -> Iterator[tuple[str, Lti]]:
     """Yield controllers of an order: the states left out, and these at rest."""
     A, B, C = K.A[:order, :order], K.B[:order], K.C[:, :order]
-    yield "truncated", StateMatrices(A, B, C, K.D)
+    yield "truncated", Lti(A, B, C, K.D)
     rest = K.A[order:, order:]
     if len(rest) and np.linalg.cond(rest) < _SINGULAR:
         states = np.linalg.solve(rest, np.hstack([K.A[order:, :order], K.B[order:]]))
@@ -161,7 +159,7 @@ def _smaller(K: StateMatrices, order: int) -> Iterator[tuple[str, StateMatrices]
         side = K.A[:order, order:]
         yield (
             "residualised",
-            StateMatrices(A - side @ slow, B - side @ direct, C - K.C[:, order:] @ slow, K.D - K.C[:, order:] @ direct),
+            Lti(A - side @ slow, B - side @ direct, C - K.C[:, order:] @ slow, K.D - K.C[:, order:] @ direct),
         )
 
 

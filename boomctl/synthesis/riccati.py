@@ -11,10 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, Complex, Flags, Indices
+from boomctl.arrays import Array
 from boomctl.synthesis.errors import SynthesisError
-
-__all__ = ["RiccatiCertificate", "RiccatiProblem", "RiccatiSolution", "solve_riccati"]
 
 _CONDITION = 1e10
 _STEPS = 12
@@ -100,7 +98,7 @@ class RiccatiSolution:
 
     X: Array
     gain: Array
-    poles: Complex
+    poles: Array
     certificate: RiccatiCertificate
 
 
@@ -130,7 +128,7 @@ def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> Ri
     return RiccatiSolution(X, F, poles, replace(found.certificate, abscissa=_abscissa(poles)))
 
 
-def _weighted_states(problem: RiccatiProblem) -> Flags:
+def _weighted_states(problem: RiccatiProblem) -> Array:
     """Return which states have a path to the weight, judged by the zeros of the matrices."""
     seen = (problem.Q != 0.0).any(axis=1) | (problem.N != 0.0).any(axis=1)
     links = problem.A != 0.0
@@ -186,7 +184,7 @@ def _coordinates(problem: RiccatiProblem) -> list[tuple[Array, Array]]:
     return [*found, (np.diag(d), np.diag(1.0 / d)), (np.eye(n), np.eye(n))]
 
 
-def _modal_columns(A: Array) -> tuple[Array, Indices]:
+def _modal_columns(A: Array) -> tuple[Array, Array]:
     """Return a real basis of eigenvectors, two columns a complex pair, and which mode each column belongs to."""
     poles, V = linalg.eig(A)
     first = poles.imag > 0.0
@@ -197,7 +195,7 @@ def _modal_columns(A: Array) -> tuple[Array, Indices]:
     return T, np.cumsum(~second) - 1
 
 
-def _mode_scales(acting: Array, Q: Array, mode: Indices) -> Array:
+def _mode_scales(acting: Array, Q: Array, mode: Array) -> Array:
     """Return scales, one a mode, under which controls and weight act on it alike."""
     count = int(mode.max(initial=-1)) + 1
     g, q = np.zeros(count), np.zeros(count)
@@ -253,7 +251,7 @@ def _refined(own: RiccatiProblem, X: Array) -> Array | None:
     return X
 
 
-def newton_step(problem: RiccatiProblem, X: Array, residual: Array) -> tuple[Array | None, Complex]:
+def newton_step(problem: RiccatiProblem, X: Array, residual: Array) -> tuple[Array | None, Array]:
     """Return the change of ``X`` that Newton's method makes (None where ``X`` does not stabilise) and the poles."""
     closed, (d, _) = linalg.matrix_balance(problem.A - problem.B @ problem.gain(X), permute=False, separate=True)
     T, Z = linalg.schur(closed, output="complex")
@@ -310,7 +308,7 @@ def _scaled(step: Array, X: Array) -> float:
     return float(np.linalg.norm(step * np.outer(inverse, inverse), 2)) if len(X) else 0.0
 
 
-def _abscissa(poles: Complex) -> float:
+def _abscissa(poles: Array) -> float:
     return float(np.max(np.real(poles)))
 
 

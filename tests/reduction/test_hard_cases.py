@@ -10,7 +10,7 @@ import boomctl as bc
 from boomctl.analysis import sigma
 from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 from boomctl.reduction import reduce
 from boomctl.reduction.core import core_of
 from boomctl.reduction.result import ReductionError
@@ -133,7 +133,7 @@ def test_a_full_core_keeps_the_digits_of_a_fine_mesh(elements):
     assert core.complete
     omega = np.unique(np.concatenate([np.geomspace(0.1, 200.0, 100), 2.0 * np.pi * model.eigenfrequencies_hz(3)]))
     full = np.asarray(model.frequency_response(omega).frdata)
-    kept = StateMatrices(core.kept.A, core.kept.B, core.kept.C, core.kept.D)
+    kept = Lti(core.kept.A, core.kept.B, core.kept.C, core.kept.D)
     stable = core.stable.response(omega) if core.modal is None else core.modal.response(omega)
     gap = np.abs(full - stable - kept.response(omega)).max(axis=2)
     assert (gap <= 1e-7 * np.abs(full).max(axis=2)).all()

@@ -11,7 +11,7 @@ from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.gramians import band_integral, factors, gramian_residual
 from boomctl.lti.modal import diagonalized
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 from boomctl.reduction.balanced import balance
 from boomctl.reduction.core import structure_core
 from boomctl.reduction.hankel import hankel_optimal
@@ -100,7 +100,7 @@ def test_truncated_modes_stay_within_their_bound(modes, excitation):
     assert core is not None
     whole = state_matrices(model.to_statespace())
     omega = np.unique(np.concatenate([np.geomspace(0.05, 1e5, 500), bc.sigma(model).omega]))
-    found = singular_values(whole.response(omega) - StateMatrices(*_all(core)).response(omega))[0].max()
+    found = singular_values(whole.response(omega) - Lti(*_all(core)).response(omega))[0].max()
     assert found <= core.tail
     assert core.tail <= 300.0 * found
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 from boomctl.synthesis.lq.output_feedback import observer
 from boomctl.synthesis.lq.quadratic_norm import quadratic_norm
 from boomctl.synthesis.plants.closed_loop import closed
@@ -44,7 +44,7 @@ def problem(seed):
 
 
 def matrices(system):
-    return StateMatrices(system.A, system.B, system.C, system.D)
+    return Lti(system.A, system.B, system.C, system.D)
 
 
 @given(st.floats(1e-2, 1e2), st.floats(1e-2, 1e2), st.floats(1e-2, 1e2), st.floats(1e-2, 1e2))
@@ -86,9 +86,9 @@ def test_any_other_controller_costs_more(seed):
     P, best = partition(generalised(system, Q, R, W, V), 2, 2), matrices(design.controller)
     for size in (1e-3, 1e-2, 1e-1):
         parts = [m + size * rng.standard_normal(m.shape) * np.abs(m).max() for m in (best.A, best.B, best.C)]
-        assert quadratic_norm(closed(P, StateMatrices(*parts, best.D))).value ** 2 >= design.cost * (1.0 - 1e-9)
+        assert quadratic_norm(closed(P, Lti(*parts, best.D))).value ** 2 >= design.cost * (1.0 - 1e-9)
         gains = [g + size * rng.standard_normal(g.shape) for g in (design.regulator_gain, design.filter_gain)]
-        other = observer(StateMatrices(system.A, system.B, system.C, system.D), *gains)
+        other = observer(Lti(system.A, system.B, system.C, system.D), *gains)
         assert quadratic_norm(closed(P, other)).value ** 2 >= design.cost * (1.0 - 1e-9)
 
 

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.synthesis.hinf.native import NativeFailure, Worker, shared_worker
 from tests.synthesis.plants import resonators, weighed
 
 
-def matrices(P: control.StateSpace) -> StateMatrices:
-    return StateMatrices(P.A, P.B, P.C, P.D)
+def matrices(P: control.StateSpace) -> Lti:
+    return Lti(P.A, P.B, P.C, P.D)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.synthesis.lq.quadratic import square_root
 from boomctl.synthesis.lq.quadratic_norm import quadratic_norm
 from boomctl.synthesis.riccati import RiccatiProblem, solve_riccati
@@ -105,14 +105,14 @@ def test_square_roots_of_weights_of_any_rank(seed):
 
 
 def test_h2_norms_in_closed_form():
-    lag = StateMatrices(np.array([[-2.0]]), np.array([[3.0]]), np.array([[5.0]]), np.zeros((1, 1)))
+    lag = Lti(np.array([[-2.0]]), np.array([[3.0]]), np.array([[5.0]]), np.zeros((1, 1)))
     assert quadratic_norm(lag).value == pytest.approx(15.0 / 2.0)
     w, z = 3.0, 1e-4
-    mode = StateMatrices(
+    mode = Lti(
         np.array([[0, 1.0], [-(w**2), -2 * z * w]]), np.array([[0], [1.0]]), np.array([[1.0, 0]]), np.zeros((1, 1))
     )
     assert quadratic_norm(mode).value == pytest.approx(np.sqrt(1.0 / (4.0 * z * w**3)))
     assert quadratic_norm(mode).disagreement < 1e-9
-    unstable = StateMatrices(-lag.A, lag.B, lag.C, lag.D)
-    direct = StateMatrices(lag.A, lag.B, lag.C, np.ones((1, 1)))
+    unstable = Lti(-lag.A, lag.B, lag.C, lag.D)
+    direct = Lti(lag.A, lag.B, lag.C, np.ones((1, 1)))
     assert quadratic_norm(unstable).value == quadratic_norm(direct).value == np.inf

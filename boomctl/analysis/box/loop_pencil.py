@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, Complex
-from boomctl.lti.system import StateMatrices
+from boomctl.arrays import Array
+from boomctl.lti.system import Lti
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import FILTER_DAMPING
 from boomctl.structure.response.poles import dense
-
-__all__ = ["Pencil", "closed_pencil"]
 
 
 @dataclass(frozen=True)
@@ -25,7 +23,7 @@ class Pencil:
     A: Array
 
     @property
-    def poles(self) -> Complex:
+    def poles(self) -> Array:
         """Its eigenvalues [rad/s]; infinite ones where ``E`` is singular."""
         try:
             return linalg.eigvals(np.linalg.solve(self.E, self.A))
@@ -38,7 +36,7 @@ class Pencil:
         return float(self.poles.real.max())
 
 
-def closed_pencil(model: SecondOrderModel, controller: StateMatrices) -> Pencil:
+def closed_pencil(model: SecondOrderModel, controller: Lti) -> Pencil:
     """Return the loop ``u = K y`` with the model's inputs and outputs in the order of the controller's.
 
     States are coordinates, velocities, two of each output's filter, and those of the controller.

@@ -13,22 +13,13 @@ from boomctl.analysis.loops import controller_of, feedback_loop
 from boomctl.analysis.norm import NormCertificate, hinf_norm
 from boomctl.arrays import Array
 from boomctl.checks import known, names, positive, whole
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 from boomctl.structure.family import AffineFamily
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     import control
-
-__all__ = [
-    "RobustStability",
-    "StructuredMargin",
-    "WorstCase",
-    "robust_stability",
-    "structured_margin",
-    "worst_case",
-]
 
 _CELLS = 500
 _MARGIN_CELLS = 100
@@ -155,7 +146,7 @@ def _pencils(family: AffineFamily, controller: "control.StateSpace") -> _Pencils
         known("plant output (it is an input of the controller)", label, model.outputs)
     for label in K.output_labels:
         known("plant input (it is an output of the controller)", label, model.inputs)
-    matrices: StateMatrices = state_matrices(K)
+    matrices: Lti = state_matrices(K)
 
     def at(delta: Array) -> Pencil:
         return closed_pencil(family.at(delta).select(K.output_labels, K.input_labels), matrices)

@@ -21,9 +21,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from boomctl.analysis.box.loop_pencil import Pencil
-from boomctl.arrays import Array, Complex
-
-__all__ = ["Cell", "CellProof", "prove_cell"]
+from boomctl.arrays import Array
 
 _DIRECTIONS = np.exp(-0.25j * np.pi * np.arange(8))
 _TURN = 0.5
@@ -79,9 +77,9 @@ class _Modes:
     ``powers[t, i]`` tells how often the weight of a term has parameter ``i`` as a factor.
     """
 
-    poles: Complex
-    E: Complex
-    A: Complex
+    poles: Array
+    E: Array
+    A: Array
     low: Array
     high: Array
     exact: int
@@ -98,7 +96,7 @@ class _Modes:
         return np.maximum(np.abs(self.low), np.abs(self.high))
 
     @property
-    def own(self) -> tuple[Complex, Complex]:
+    def own(self) -> tuple[Array, Array]:
         """Diagonals of the terms that are accounted for exactly."""
         E, A = (np.diagonal(X[: self.exact], axis1=1, axis2=2) for X in (self.E, self.A))
         return E, A
@@ -151,7 +149,7 @@ def _modes(here: Pencil, slopes: tuple[Pencil, ...], cell: Cell) -> _Modes | Non
     return _straightened(poles, E, A, cell.reach) if np.isfinite(E).all() and np.isfinite(A).all() else None
 
 
-def _straightened(poles: Complex, E: Complex, A: Complex, reach: Array) -> _Modes:
+def _straightened(poles: Array, E: Array, A: Array, reach: Array) -> _Modes:
     """Return the pencil in eigenvectors that follow the parameters to first order, so that couplings are of second.
 
     ``(1 + sum d_i Y_i)(s E - A)(1 + sum d_i X_i)`` is regular only if ``s E - A`` is; ``E[0], A[0]`` are rounding.
@@ -164,7 +162,7 @@ def _straightened(poles: Complex, E: Complex, A: Complex, reach: Array) -> _Mode
     X[np.abs(X) * reach[:, None, None] > _TURN] = 0.0
     Y = -E[1:] - X
     eye, diagonal = np.eye(n, dtype=complex), np.diag(poles)
-    terms: dict[tuple[int, ...], list[Complex]] = {}
+    terms: dict[tuple[int, ...], list[Array]] = {}
     for (left, L), (middle, e, a), (right, R) in product(
         [((), eye), *(((i,), Y[i]) for i in range(k))],
         [((), eye, diagonal), *(((i,), E[1 + i], A[1 + i]) for i in range(k)), ((-1,), E[0], A[0])],

@@ -17,8 +17,6 @@ from boomctl.structure.response.core import build_core
 from boomctl.structure.response.direct import AccuracyWarning
 from boomctl.structure.response.rounding import rounding_estimate
 
-__all__ = ["accuracy_lines", "high_order_lines", "memory_lines", "rounding_lines"]
-
 _ROUNDING_TARGET = 2e-5
 _TOTAL_TARGET = 1e-4
 _TOTAL_AT = 500

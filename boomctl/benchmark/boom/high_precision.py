@@ -13,10 +13,8 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters
-
-__all__ = ["DIGITS", "damped_eigenvalues", "exact_response", "mesh_response", "sigma_of"]
 
 DIGITS = 50
 
@@ -167,14 +165,14 @@ def _tip(conditions: _Lines) -> complex:
     return complex((b * g - d * f) / (a * d - b * c))
 
 
-def _full(halves: Iterable[tuple[complex, complex]]) -> Complex:
+def _full(halves: Iterable[tuple[complex, complex]]) -> Array:
     """Return actuators -> tips, (2, 2, frequencies), of tip motions of the two halves."""
     symmetric, antisymmetric = np.array(list(halves), dtype=complex).reshape(-1, 2).T
     same, other = 0.5 * (symmetric + antisymmetric), 0.5 * (symmetric - antisymmetric)
     return np.array([[same, other], [other, same]])
 
 
-def exact_response(p: BoomParameters, omega: Array, digits: int = DIGITS) -> Complex:
+def exact_response(p: BoomParameters, omega: Array, digits: int = DIGITS) -> Array:
     """Return the response of the tips to the actuators with an exact beam, shape (2, 2, frequencies).
 
     Parameters
@@ -192,7 +190,7 @@ def exact_response(p: BoomParameters, omega: Array, digits: int = DIGITS) -> Com
         )
 
 
-def mesh_response(p: BoomParameters, omega: Array, elements: int, digits: int = DIGITS) -> Complex:
+def mesh_response(p: BoomParameters, omega: Array, elements: int, digits: int = DIGITS) -> Array:
     """Return the response of the tips to the actuators of a mesh of equal cubic elements, shape (2, 2, frequencies).
 
     Raises
@@ -208,14 +206,14 @@ def mesh_response(p: BoomParameters, omega: Array, elements: int, digits: int = 
         return _full((_tip(symmetric), _tip(antisymmetric)) for symmetric, antisymmetric in both)
 
 
-def sigma_of(response: Complex) -> Array:
+def sigma_of(response: Array) -> Array:
     """Return the singular values, descending, of a mirror-symmetric response ``[[a, b], [b, a]]``."""
     a, b = response[0, 0], response[0, 1]
     values = np.abs(np.array([a + b, a - b]))
     return -np.sort(-values, axis=0)
 
 
-def damped_eigenvalues(p: BoomParameters, starts: Complex, digits: int = 30) -> Complex:
+def damped_eigenvalues(p: BoomParameters, starts: Array, digits: int = 30) -> Array:
     """Return the exact damped eigenvalue next to each start."""
 
     def determinant(s: _Number) -> _Number:

@@ -8,8 +8,6 @@ from boomctl.benchmark.boom.speed import exact_lines, finite_element_lines, impo
 from boomctl.benchmark.report import BenchmarkReport, Row, Sheet
 from boomctl.benchmark.timing import environment, one_thread
 
-__all__ = ["Settings", "run", "run_settings"]
-
 Lines = Callable[[Scene, Settings, Progress], tuple[list[Row], list[Sheet]]]
 
 _LINES: tuple[Lines, ...] = (

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boomctl.arrays import Array, Complex, Indices
+from boomctl.arrays import Array
 from boomctl.benchmark.boom.high_precision import damped_eigenvalues, exact_response, sigma_of
 from boomctl.boom import BoomParameters, spray_boom
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles
-
-__all__ = ["Progress", "Scene", "Settings", "resonance_grid", "scene"]
 
 Progress = Callable[[str], None]
 
@@ -64,7 +62,7 @@ class Scene:
     parameters: BoomParameters
     omega: Array
     exact: Array
-    judged: Indices
+    judged: Array
 
     def model(self, elements: int, discretization: str = "finite", order: int = 12) -> SecondOrderModel:
         """Return a new model, in which nothing is kept from before."""
@@ -75,7 +73,7 @@ class Scene:
         return float(np.abs(sigma / self.exact - 1.0).max())
 
 
-def resonance_grid(eigenvalues: Complex, points: int, cluster: int) -> Array:
+def resonance_grid(eigenvalues: Array, points: int, cluster: int) -> Array:
     """Return frequencies from 0.1 to 10 Hz, and ``cluster`` over three half-power widths to either side of each peak.
 
     The half-power width of an eigenvalue ``-a + i b`` is ``2 a``; frequencies of 0.1 Hz and less are left out.

@@ -17,8 +17,6 @@ from boomctl.boom.model import ACTUATORS, TIPS
 if TYPE_CHECKING:
     import control
 
-__all__ = ["exact_lines", "finite_element_lines", "import_lines"]
-
 _EXACT_TARGETS = {6: 4.0, 100: 150.0}
 _EXACT_ERROR = 1e-9
 _FINITE_TARGETS = {100: 40.0, 500: 300.0}

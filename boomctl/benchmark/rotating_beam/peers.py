@@ -11,18 +11,6 @@ from boomctl.rotating_beam import HubBeam
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
 from boomctl.rotating_beam.modal.linearization import state_derivative
 
-__all__ = [
-    "INSTANTS",
-    "SPIN_UP",
-    "TORQUE",
-    "Motion",
-    "casadi_spin_up",
-    "casadi_torque",
-    "in_turns",
-    "scipy_spin_up",
-    "scipy_torque",
-]
-
 SPIN_UP = SpinUp(2.8, 30.0)
 TORQUE = SineTorque(200.0, 10.0, 10.0)
 INSTANTS = np.linspace(0.0, 60.0, 601)

@@ -10,8 +10,6 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.rotating_beam import HubBeam
 
-__all__ = ["Effort", "Failed", "has_rockit", "opti_fastest", "opti_slew", "rockit_slew"]
-
 _QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
 
 

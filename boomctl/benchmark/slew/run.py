@@ -17,8 +17,6 @@ from boomctl.slew.problem import changed, slew_problem
 from boomctl.slew.reference import effort_guess, typical_sizes
 from boomctl.slew.torque import held
 
-__all__ = ["run"]
-
 _EFFORT = Effort(HubBeam(HubBeamParameters(), "sfoam", 3), np.pi / 2, 200.0, 3.0, 200)
 _COARSE = 40
 _FINE = 8

@@ -27,8 +27,6 @@ from boomctl.synthesis.plants.units import in_units
 if TYPE_CHECKING:
     import control
 
-__all__ = ["cheap_control_plant", "h_infinity_lines", "yaw_and_jolt_plant"]
-
 _SECTION = "H-infinity synthesis, verification included, the worker warm; the peer does not verify"
 _TARGET, _ERROR = 10.0, 0.0101
 _PATIENCE = 120.0

@@ -19,8 +19,6 @@ from boomctl.structure.response.poles import project, undamped_modes
 if TYPE_CHECKING:
     import control
 
-__all__ = ["loop_lines", "loop_scene"]
-
 _LOOP = "Sampled loop with limits, 60 s at 1 kHz, 20 modes; each error is to the exact solution of the loop it solves"
 _OPEN = "Open loop, 60 s at 1 kHz, actuators -> tips; peer: scipy.signal.lsim"
 _DURATION, _STEP, _SPAN = 60.0, 1e-3, 2.0

@@ -12,8 +12,6 @@ from boomctl.boom.model import ACTUATORS, TIPS
 if TYPE_CHECKING:
     import control
 
-__all__ = ["continuous_loop", "sampled_loop"]
-
 
 def continuous_loop(scene: LoopScene, method: str) -> Array:
     """Return the tips of the loop whose controller is continuous, integrated by ``input_output_response``."""

@@ -11,8 +11,6 @@ from boomctl.arrays import Array
 if TYPE_CHECKING:
     import control
 
-__all__ = ["LoopScene", "continuous_reference", "extended_maps", "sampled_reference"]
-
 _TERMS = 22
 
 

@@ -11,7 +11,7 @@ from boomctl.benchmark.report import Row
 from boomctl.benchmark.timing import Job, interleaved
 from boomctl.boom import BoomParameters, spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 from boomctl.reduction import reduce
 from boomctl.reduction.core import structure_core
 from boomctl.reduction.verify import verified_norm
@@ -19,8 +19,6 @@ from boomctl.structure import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["reduction_lines"]
 
 _SECTION = "Reduction of the boom, actuators -> tips, verification included; peers do not verify"
 _TARGET = 50.0
@@ -72,7 +70,7 @@ def _error(model: SecondOrderModel, reduced: "control.StateSpace") -> float:
     core = structure_core(model, _REFEREE_MODES)
     if core is None:
         raise ValueError("the referee's core of the boom has no bound")
-    nothing = StateMatrices(core.kept.A[:0, :0], core.stable.B[:0], core.stable.C[:, :0], 0.0 * core.stable.D)
+    nothing = Lti(core.kept.A[:0, :0], core.stable.B[:0], core.stable.C[:, :0], 0.0 * core.stable.D)
     size = verified_norm(core.stable, core.modal, nothing).lower
     return (verified_norm(core.stable, core.modal, state_matrices(reduced)).upper + core.tail) / size
 

@@ -9,8 +9,6 @@ from boomctl.benchmark.suspension.loop import loop_lines
 from boomctl.benchmark.suspension.reduction import reduction_lines
 from boomctl.benchmark.timing import environment, one_thread
 
-__all__ = ["run"]
-
 Lines = Callable[[int, Progress], list[Row]]
 """Returns the rows of a subject, given the number of rounds and who is told what comes next."""
 

@@ -15,8 +15,6 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import direct_response
 from boomctl.structure.response.poles import damped_poles, undamped_modes
 
-__all__ = ["BoomReproduction", "Convergence", "Deviation", "MachineMotion", "Method", "Reading", "compute"]
-
 Progress = Callable[[str], None]
 
 _MODES = 5

@@ -17,15 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boomctl.analysis import sigma
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.boom import BoomParameters, spray_boom
 from boomctl.checks import positive, whole
 from boomctl.simulation import CoulombFriction, SineResponse, describing_function, swept_sine
 from boomctl.simulation.sines.describing_function import receptances
 from boomctl.structure import SecondOrderModel, split_symmetric
 from boomctl.structure.response.poles import damped_poles
-
-__all__ = ["AMPLITUDE", "BAND_HZ", "BoomFriction", "FrictionReading", "friction_study", "matched_force"]
 
 BAND_HZ = (2.5, 3.5)
 AMPLITUDE = 5e-3
@@ -185,7 +183,7 @@ def friction_study(
 def _frequencies(*models: SecondOrderModel) -> Array:
     """Return frequencies that resolve the resonances of some models."""
     wide = 2.0 * np.pi * np.geomspace(*_SPAN_HZ, 400)
-    poles: Complex = np.concatenate([damped_poles(model, 3) for model in models])
+    poles: Array = np.concatenate([damped_poles(model, 3) for model in models])
     near = (poles.imag[:, None] - poles.real[:, None] * np.linspace(-6.0, 6.0, 25)).ravel()
     both = np.unique(np.concatenate([wide, near]))
     return both[(both >= wide[0]) & (both <= wide[-1])]
@@ -197,6 +195,6 @@ def _sines(count: int) -> Array:
     return 2.0 * np.pi * np.unique(np.concatenate([wide, band]))
 
 
-def _held(H: Complex) -> Complex:
+def _held(H: Array) -> Array:
     """Return the response with the slip held at zero."""
     return H[0, 0] - H[0, 1] * H[1, 0] / H[1, 1]

@@ -7,8 +7,6 @@ from boomctl.boom import BoomParameters
 from boomctl.papers.anthonis_ramon.friction import BAND_HZ, BoomFriction, friction_study
 from boomctl.report import Picture, Section, Table
 
-__all__ = ["friction_numbers", "friction_section", "studied"]
-
 _POINTS = 26
 
 

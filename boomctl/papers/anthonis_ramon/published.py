@@ -1,7 +1,5 @@
 """What Anthonis & Ramon (2003) published of the boom."""
 
-__all__ = ["MEASURED_HZ", "TABLE_1"]
-
 MEASURED_HZ = (0.34, 0.59, 0.88, 2.8, 4.2)
 """Table 1, measured eigenfrequencies."""
 

@@ -15,8 +15,6 @@ from boomctl.papers.anthonis_ramon.friction import BoomFriction
 from boomctl.papers.anthonis_ramon.friction_section import friction_numbers, friction_section, studied
 from boomctl.report import Picture, Section, Table, html_report
 
-__all__ = ["run"]
-
 _LEAD = (
     "Eigenfrequencies and singular values of the horizontal motion of a 12 m spray boom, from the parameters of Anthonis"
     " & Ramon (2003), J. Sound Vib. 266, 535-552, Table 2. Each number stands beside the published one and beside that"

@@ -11,8 +11,6 @@ from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.simulation.contact.stops import StopMaps
 from boomctl.simulation.plant import ModalPlant, StepMaps
 
-__all__ = ["Contact", "Contacts", "StrokeLimit", "contact_at", "contacts_of", "stop_places"]
-
 StrokeLimit = float | Mapping[str, "float | tuple[float, str]"] | None
 
 _NOTHING = 1e-7

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 from boomctl.checks import nonnegative, positive, signal_name, whole
 
-__all__ = ["CoulombFriction", "FrictionStep", "friction_law", "friction_step"]
-
 _END = 1e-12
 
 

@@ -16,8 +16,6 @@ from boomctl.simulation.contact.contacts import Contacts
 from boomctl.simulation.contact.friction import CoulombFriction, FrictionStep, friction_step
 from boomctl.simulation.contact.stops import StopMaps, StopStep, stop_step
 
-__all__ = ["ContactRows", "SlipState", "contact_rows", "contact_step"]
-
 _AGREED = 1e-9
 _NARROW = 1e-13
 _ROUNDS = 80

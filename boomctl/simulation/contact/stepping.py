@@ -10,8 +10,6 @@ from boomctl.simulation.contact.friction import CoulombFriction, FrictionStep
 from boomctl.simulation.contact.step import ContactRows, SlipState, contact_rows, contact_step
 from boomctl.simulation.stepping import ControlLog, LoopProblem, sampler
 
-__all__ = ["ContactLog", "run_contact"]
-
 _REST = 1e-12
 
 

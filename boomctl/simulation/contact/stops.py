@@ -14,8 +14,6 @@ import numpy as np
 
 from boomctl.arrays import Array
 
-__all__ = ["StopHit", "StopMaps", "StopStep", "merged_hits", "stop_step"]
-
 _ROUNDING = 1e-9
 _DEPENDENT = 1e10
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.arrays import Array, Complex, Flags
+from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names, positive
 from boomctl.lti.frequency import singular_values
 from boomctl.simulation.contact.friction import CoulombFriction, friction_law
@@ -24,9 +24,7 @@ from boomctl.structure.model import SecondOrderModel
 if TYPE_CHECKING:
     import control
 
-__all__ = ["SineResponse", "describing_function", "finite_response", "receptances", "sine_pattern"]
-
-Values = TypeVar("Values", Array, Complex)
+Values = TypeVar("Values", Array, Array)
 
 
 @dataclass(frozen=True)
@@ -53,9 +51,9 @@ class SineResponse:
     """
 
     omega: Array
-    response: Complex
+    response: Array
     slip: Array
-    stuck: Flags
+    stuck: Array
     amplitude: float
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -67,7 +65,7 @@ class SineResponse:
         return singular_values(self.response[:, None, :])[0]
 
 
-def sine_pattern(inputs: Sequence[str], excitation: str | dict[str, complex]) -> tuple[tuple[str, ...], Complex]:
+def sine_pattern(inputs: Sequence[str], excitation: str | dict[str, complex]) -> tuple[tuple[str, ...], Array]:
     """Return the inputs excited and their complex amplitudes, scaled to length one."""
     if not isinstance(excitation, (str, Mapping)):
         raise TypeError(f"excitation = {excitation!r}: expected an input, or a mapping from inputs to amplitudes")
@@ -85,7 +83,7 @@ def sine_pattern(inputs: Sequence[str], excitation: str | dict[str, complex]) ->
 
 def receptances(
     plant: "SecondOrderModel | control.StateSpace", omega: Array, inputs: Sequence[str], outputs: Sequence[str]
-) -> Complex:
+) -> Array:
     """Return the frequency response of some signals, (outputs, inputs, frequencies)."""
     if isinstance(plant, SecondOrderModel):
         return np.asarray(plant.frequency_response(omega, inputs=list(inputs), outputs=list(outputs)).frdata)
@@ -153,7 +151,7 @@ def finite_response(response: Values, omega: Array) -> Values:
     return response
 
 
-def balanced_friction(slip: Complex, receptance: Complex, force: float) -> tuple[Complex, Array]:
+def balanced_friction(slip: Array, receptance: Array, force: float) -> tuple[Array, Array]:
     """Return the fundamental of the friction force and the slip amplitude, from the slip without friction.
 
     ``slip`` and ``receptance`` (slip per unit force) are complex, one a frequency.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.arrays import Array, Complex, Flags
+from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names, positive, whole
 from boomctl.lti.frequency import singular_values
 from boomctl.simulation.contact.contacts import Contact, contact_at
@@ -28,8 +28,6 @@ from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["sine_sigma", "swept_sine"]
 
 _LEAST_PERIODS = 3
 _FINE = 0.8
@@ -92,11 +90,11 @@ def _swept(
     plant: ModalPlant,
     law: CoulombFriction,
     grid: Array,
-    drive: Complex,
+    drive: Array,
     least_and_most: tuple[int, int],
     tolerance: float,
     rows: list[int],
-) -> tuple[Complex, Flags, Array]:
+) -> tuple[Array, Array, Array]:
     """Return the fundamentals of all outputs, who stuck, and how steady the wanted ``rows`` were.
 
     At least so many steps a period and at most so many periods are taken.
@@ -125,7 +123,7 @@ def _steps_needed(plant: ModalPlant, law: CoulombFriction, omega: float, steps: 
     return steps * 2**_DOUBLINGS
 
 
-def _held(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex) -> Complex:
+def _held(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Array) -> Array:
     """Return all outputs with the slip held at zero, (outputs, frequencies): no step by step about it."""
     solved = _responses(plant, law, grid, drive)
     row = plant.outputs.index(law.output)
@@ -135,7 +133,7 @@ def _held(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex) 
     return moved - per_force * (moved[row] / per_force[row])
 
 
-def _responses(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex) -> Complex:
+def _responses(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Array) -> Array:
     """Return the states' responses to the excitation and to a unit friction force, (frequencies, n, 2)."""
     column = plant.B[:, plant.inputs.index(law.input)].astype(complex)
     load = np.column_stack([plant.B @ drive, column])
@@ -160,7 +158,7 @@ class _Sweep:
     start: Array
 
 
-def _prepared(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex, count: int) -> _Sweep:
+def _prepared(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Array, count: int) -> _Sweep:
     turns = np.exp(2j * np.pi * np.arange(count + 1) / count)
     waves = np.real(drive[:, None] * turns)
     maps = [plant.step(2.0 * np.pi / (w * count)) for w in grid]
@@ -179,7 +177,7 @@ def _prepared(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Compl
     )
 
 
-def _balanced_start(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Complex) -> Array:
+def _balanced_start(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Array) -> Array:
     """Return the states that the harmonic balance expects at the beginning of a period, (frequencies, n)."""
     solved = _responses(plant, law, grid, drive)
     row = plant.outputs.index(law.output)
@@ -190,7 +188,7 @@ def _balanced_start(plant: ModalPlant, law: CoulombFriction, grid: Array, drive:
 
 def _run(
     sweep: _Sweep, law: CoulombFriction, periods: int, tolerance: float, rows: Array
-) -> tuple[Complex, Flags, Array]:
+) -> tuple[Array, Array, Array]:
     """Step all frequencies until they are steady; return fundamentals of the states, who stuck, and how steady.
 
     Fundamentals are averaged over windows, each twice as long as the one before: what is not in step with the
@@ -216,7 +214,7 @@ def _run(
 
 def _period(
     sweep: _Sweep, law: CoulombFriction, X: Array, slipping: "tuple[_Slip, ...]"
-) -> "tuple[Array, tuple[_Slip, ...], Complex, Flags]":
+) -> "tuple[Array, tuple[_Slip, ...], Array, Array]":
     """Step one period; return states and slips at its end, the fundamental of the states, and who stuck throughout."""
     count = len(sweep.forcing)
     turns, gains = np.exp(-2j * np.pi * np.arange(count) / count) * (2.0 / count), sweep.gain.tolist()

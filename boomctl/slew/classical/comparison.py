@@ -14,8 +14,6 @@ from boomctl.slew.plant import Plant, SlewMachine, plant_of
 from boomctl.slew.result import SlewResult
 from boomctl.slew.torque import TorqueHistory
 
-__all__ = ["SlewComparison", "SlewLine", "compare_slews"]
-
 CLASSICAL = (
     ("bang-bang", "none"),
     ("smoothed", "none"),

@@ -15,8 +15,6 @@ from boomctl.arrays import Array
 from boomctl.checks import known, nonnegative, positive, real
 from boomctl.slew.torque import TorqueHistory, held
 
-__all__ = ["SHAPERS", "Shaper", "classical_spin_up", "classical_torque", "shaper"]
-
 _RISE = 0.1
 _VERSINE_PIECES = 200
 

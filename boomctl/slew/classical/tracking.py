@@ -16,8 +16,6 @@ from boomctl.slew.least_time.stepping import shooting_step
 from boomctl.slew.plant import Plant, plant_of
 from boomctl.slew.result import SlewError, SlewResult
 
-__all__ = ["TrackingResult", "track"]
-
 
 @dataclass(frozen=True, eq=False)
 class TrackingResult:

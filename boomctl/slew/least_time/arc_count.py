@@ -7,8 +7,6 @@ from boomctl.slew.least_time.arcs import Course
 from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueHistory, held
 
-__all__ = ["Overflows", "steered", "stretched"]
-
 _TURNS = 25
 _FARTHEST = 0.05
 _PENALTY = 100.0

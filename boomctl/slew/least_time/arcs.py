@@ -5,15 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.arrays import Array, Indices
+from boomctl.arrays import Array
 from boomctl.slew.least_time.stepping import shooting_step
 from boomctl.slew.plant import Plant
 from boomctl.slew.problem import SlewProblem
 
 if TYPE_CHECKING:
     import casadi
-
-__all__ = ["Course", "Reach", "course", "stretches"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +128,7 @@ def _pace(plant: Plant) -> float:
     return max(size, 0.5 * float(plant.frequencies[~reach[: plant.n // 2]].min()))
 
 
-def stretches(torques: Array, durations: Array, steps: Indices) -> tuple[Array, Array, Array]:
+def stretches(torques: Array, durations: Array, steps: Array) -> tuple[Array, Array, Array]:
     """Torques and widths of all steps of stretches, and how the widths follow the durations, K x q."""
     moved = np.repeat(np.eye(durations.size) / steps, steps, axis=0)
     return np.repeat(torques, steps), moved @ durations, moved

@@ -11,8 +11,6 @@ from boomctl.slew.least_time.arcs import course, stretches
 from boomctl.slew.reference import guess_from, typical_sizes
 from boomctl.slew.result import SlewResult
 
-__all__ = ["SwitchingCurve", "switching_curve"]
-
 _SAMPLES = 200
 _STEPS = 1500
 

@@ -6,8 +6,6 @@ import numpy as np
 
 from boomctl.arrays import Array
 
-__all__ = ["LinearFlow"]
-
 
 @dataclass(frozen=True, eq=False)
 class LinearFlow:

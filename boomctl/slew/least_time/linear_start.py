@@ -8,8 +8,6 @@ from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueHistory, bang_bang
 
-__all__ = ["least_time", "linear_time_problem"]
-
 _BESIDE = (0.999, 1.001, 0.99, 1.01)
 
 

@@ -9,15 +9,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from boomctl.arrays import Array, Indices
+from boomctl.arrays import Array
 from boomctl.slew.least_time.arc_count import Overflows, steered
 from boomctl.slew.least_time.arcs import Course, Reach, course, stretches
 from boomctl.slew.least_time.reductions import doubled, first_half, halved, without_axial_modes
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.reference import guess_from, typical_sizes
 from boomctl.slew.torque import TorqueHistory, bang_bang
-
-__all__ = ["Sharpened", "sharpened"]
 
 _GRIDS = (200, 600, 1800)  # intervals on which stretches are looked for
 _MOST_STEPS = 20000
@@ -161,7 +159,7 @@ def _history(problem: SlewProblem, found: _Stretches) -> TorqueHistory:
     return bang_bang(edges[:-1], float(edges[-1]), problem.torque_limit, found.sign)
 
 
-def _steps(way: Course, durations: Array) -> Indices:
+def _steps(way: Course, durations: Array) -> Array:
     return np.maximum(2, np.ceil(durations * way.pace)).astype(int)
 
 
@@ -193,13 +191,13 @@ def _without_empty(found: _Stretches) -> _Stretches:
     return replace(found, durations=np.concatenate([d[: k - 1], [d[k - 1] + d[k + 1]], d[k + 2 :]]))
 
 
-def _course_of(way: Course, found: _Stretches, steps: Indices) -> tuple[Array, Array, Array]:
+def _course_of(way: Course, found: _Stretches, steps: Array) -> tuple[Array, Array, Array]:
     """Torques and widths of all steps, and how the widths follow the durations, K x q."""
     torques = found.sign * way.problem.torque_limit * (-1.0) ** np.arange(found.durations.size)
     return stretches(torques, found.durations, steps)
 
 
-def _durations(way: Course, found: _Stretches, steps: Indices) -> _Stretches | None:
+def _durations(way: Course, found: _Stretches, steps: Array) -> _Stretches | None:
     """Durations of least sum: Newton's method. A stretch that would vanish is returned as it vanishes.
 
     Second derivatives are kept as long as they serve. Axial vibration ripples them: there a small promise is enough.

@@ -10,8 +10,6 @@ from boomctl.slew.plant import Plant, plant_of
 from boomctl.slew.problem import SlewProblem, end_conditions
 from boomctl.slew.torque import TorqueHistory, held
 
-__all__ = ["doubled", "first_half", "halved", "without_axial_modes"]
-
 _QUICK = "sfoam-consistent"
 _PROBES = 3
 _ROUNDING = 1e-9

@@ -14,8 +14,6 @@ from boomctl.slew.plant import Plant
 if TYPE_CHECKING:
     import casadi
 
-__all__ = ["shooting_step", "stumpff"]
-
 _SERIES = 14
 _TERMS = 9
 

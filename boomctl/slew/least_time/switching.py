@@ -15,17 +15,6 @@ from boomctl.arrays import Array
 from boomctl.slew.least_time.flow import LinearFlow
 from boomctl.slew.result import SlewError
 
-__all__ = [
-    "Extremal",
-    "LinearTimeProblem",
-    "SwitchesNotFound",
-    "fastest",
-    "lower_bound",
-    "misfit",
-    "polished",
-    "switching_function",
-]
-
 _GRIDS = (200, 600, 2000, 6000)
 _NEWTON = 60
 _STRETCH = 0.1

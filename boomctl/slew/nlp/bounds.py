@@ -9,8 +9,6 @@ from boomctl.slew.problem import SlewProblem
 from boomctl.slew.reference import cheapest
 from boomctl.slew.torque import TorqueHistory
 
-__all__ = ["effort_bound", "effort_gap", "time_gap"]
-
 _POINTS = 4
 
 

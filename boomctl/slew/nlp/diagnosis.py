@@ -13,8 +13,6 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.slew.nlp.transcription import Transcription
 
-__all__ = ["Excess", "Relaxed", "relaxed"]
-
 KINDS = ("torque", "rate", "speed", "tip", "moment")
 """Kinds of limits, in the order of the slacks."""
 _TINY = 1e-6

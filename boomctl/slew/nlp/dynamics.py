@@ -14,8 +14,6 @@ from boomctl.slew.plant import Plant
 if TYPE_CHECKING:
     import casadi
 
-__all__ = ["collocation_coefficients", "collocation_defects", "hub_jerk", "rates", "times"]
-
 
 def rates(plant: Plant) -> "casadi.Function":
     """``(z, u) -> z'`` of a plant, in SX."""

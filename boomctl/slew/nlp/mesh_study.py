@@ -15,9 +15,6 @@ from boomctl.slew.replay import end_error, played
 from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueHistory
 
-__all__ = ["MeshLine", "MeshStudy", "mesh_study"]
-
-
 _FLOOR = 3e-9
 
 

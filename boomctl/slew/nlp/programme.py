@@ -17,8 +17,6 @@ from boomctl.slew.problem import LIMITS, UNITS, SlewProblem
 from boomctl.slew.result import LimitsTooTight, SlewError
 from boomctl.slew.torque import TorqueHistory, held, ramped
 
-__all__ = ["Guess", "Programme", "Solution", "prepare"]
-
 _OPTIONS = {
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",

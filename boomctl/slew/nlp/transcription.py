@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.arrays import Array, Indices
+from boomctl.arrays import Array
 from boomctl.slew.least_time.stepping import shooting_step
 from boomctl.slew.nlp.dynamics import collocation_defects, rates
 from boomctl.slew.plant import Plant
 
 if TYPE_CHECKING:
     import casadi
-
-__all__ = ["Layout", "Scheme", "Transcription", "transcribe"]
 
 
 @dataclass(frozen=True)
@@ -67,9 +65,9 @@ class Layout:
     tip_unit : float
     """
 
-    states: Indices
-    torques: Indices
-    rates: Indices
+    states: Array
+    torques: Array
+    rates: Array
     duration: int | None
     bound: int | None
     size: int
@@ -190,7 +188,7 @@ def _layout(scheme: Scheme, n: int, units: Array, torque: float, time: float, ti
     return Layout(states, torques, inner, duration, bound, size, units, torque, time, tip)
 
 
-def _local_indices(scheme: Scheme, layout: Layout) -> Indices:
+def _local_indices(scheme: Scheme, layout: Layout) -> Array:
     """Unknowns of each stage, N x local: z, u, rates, next z, next u, duration, bound."""
     N = scheme.intervals
     parts = [layout.states[:-1], layout.torques[:N, None], layout.rates, layout.states[1:]]
@@ -200,11 +198,11 @@ def _local_indices(scheme: Scheme, layout: Layout) -> Indices:
     return np.hstack(parts)
 
 
-def _last_indices(layout: Layout) -> Indices:
+def _last_indices(layout: Layout) -> Array:
     return np.append(layout.states[-1], [] if layout.bound is None else layout.bound).astype(int)
 
 
-def _gather(x: "casadi.MX", local: Indices) -> "casadi.MX":
+def _gather(x: "casadi.MX", local: Array) -> "casadi.MX":
     import casadi as ca
 
     return ca.reshape(x[local.ravel().tolist()], local.shape[1], local.shape[0])
@@ -334,7 +332,7 @@ def _derivatives(
     stage: _Stage,
     scheme: Scheme,
     layout: Layout,
-    local: Indices,
+    local: Array,
     x: "casadi.MX",
     p: "casadi.MX",
     end_rows: "casadi.DM",

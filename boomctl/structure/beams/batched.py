@@ -9,16 +9,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 
-__all__ = ["Entries", "solve_symmetric"]
-
-Entries = Mapping[tuple[int, int], Complex]
+Entries = Mapping[tuple[int, int], Array]
 
 _RESIDUAL = 1e-11
 
 
-def solve_symmetric(n: int, D: Entries, B: list[Complex], check: Complex, check_B: Complex) -> list[Complex]:
+def solve_symmetric(n: int, D: Entries, B: list[Array], check: Array, check_B: Array) -> list[Array]:
     """Solve ``D(f) X(f) = B(f)`` for each frequency ``f``.
 
     Parameters
@@ -40,10 +38,10 @@ def solve_symmetric(n: int, D: Entries, B: list[Complex], check: Complex, check_
     return X
 
 
-def _eliminate(n: int, D: Entries, B: list[Complex]) -> list[Complex]:
+def _eliminate(n: int, D: Entries, B: list[Array]) -> list[Array]:
     A, rhs = dict(D), list(B)
-    inverse: list[Complex] = []
-    factors: list[list[tuple[int, Complex]]] = []
+    inverse: list[Array] = []
+    factors: list[list[tuple[int, Array]]] = []
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for k in range(n):
             inverse.append(1.0 / A[k, k])
@@ -62,7 +60,7 @@ def _eliminate(n: int, D: Entries, B: list[Complex]) -> list[Complex]:
     return rhs
 
 
-def _residual(X: list[Complex], check: Complex, check_B: Complex) -> Array:
+def _residual(X: list[Array], check: Array, check_B: Array) -> Array:
     """Return, for each frequency, by how much the weighted sum of equations is missed, relative to its terms."""
     with np.errstate(invalid="ignore", over="ignore"):
         terms = np.array(X)
@@ -73,13 +71,13 @@ def _residual(X: list[Complex], check: Complex, check_B: Complex) -> Array:
         return (_size(gap) / size).max(axis=0)
 
 
-def _size(value: Complex) -> Array:
+def _size(value: Array) -> Array:
     """Return ``|Re| + |Im|``, cheaper than the modulus."""
     parts = np.abs(value.view(float))
     return parts[..., ::2] + parts[..., 1::2]
 
 
-def _by_lapack(n: int, D: Entries, X: list[Complex], B: list[Complex], bad: Array) -> None:
+def _by_lapack(n: int, D: Entries, X: list[Array], B: list[Array], bad: Array) -> None:
     full = np.zeros((int(bad.sum()), n, n), dtype=complex)
     for (i, j), value in D.items():
         full[:, i, j] = full[:, j, i] = value[bad]

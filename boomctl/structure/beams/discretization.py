@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from scipy import sparse
 
-from boomctl.arrays import Array, Indices
+from boomctl.arrays import Array
 from boomctl.checks import finite_array, whole
 
 if TYPE_CHECKING:
     from boomctl.structure.parts import Beam
 
-__all__ = ["BeamMesh", "Discretization", "SectionValues", "element_nodes", "section_values", "shared_out"]
-
-Interpolation = tuple[Indices, Array]
+Interpolation = tuple[Array, Array]
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class BeamMesh:
     strain: sparse.csr_array
     stiffness: Array
     damping: Array
-    massless: Indices
+    massless: Array
     order: int
 
     def interpolation(self, station: float, derivative: int) -> Interpolation:
@@ -72,7 +70,7 @@ class Discretization(Protocol):
         ...
 
 
-def element_coordinates(order: int) -> Indices:
+def element_coordinates(order: int) -> Array:
     """Return the places, counted from an element's first, of its coordinates ``w1, phi1, w2, phi2, bubbles``."""
     per_node = order - 1
     return np.array([0, 1, per_node, per_node + 1, *range(2, per_node)])

@@ -13,8 +13,6 @@ from boomctl.structure.beams.elements import element_mesh
 if TYPE_CHECKING:
     from boomctl.structure.parts import Beam
 
-__all__ = ["DiscreteElements", "FiniteElements", "distinct"]
-
 
 @dataclass(frozen=True)
 class FiniteElements:

@@ -12,10 +12,7 @@ from math import factorial
 
 import numpy as np
 
-from boomctl.arrays import Array, Complex, Indices
-
-__all__ = ["FUNCTION_ROWS", "Segment", "clamped_count", "end_functions", "segment_coefficients"]
-
+from boomctl.arrays import Array
 
 _SERIES_LIMIT = 2.0
 _TERMS = 8
@@ -52,7 +49,7 @@ class Segment:
     damping: float
 
 
-def end_functions(x: Complex) -> Complex:
+def end_functions(x: Array) -> Array:
     """Return the six end functions of ``x = z^4``, shape (6, len(x)); at ``x = 0``: 12, 6, 4, -12, 6, 2."""
     small = np.abs(x) < _SERIES_LIMIT**4
     if small.all():
@@ -65,7 +62,7 @@ def end_functions(x: Complex) -> Complex:
     return values
 
 
-def _by_series(x: Complex) -> Complex:
+def _by_series(x: Array) -> Array:
     powers = np.empty((_TERMS, len(x)), dtype=complex)
     powers[0] = 1.0
     for k in range(1, _TERMS):
@@ -74,7 +71,7 @@ def _by_series(x: Complex) -> Complex:
     return sums[:6] / sums[6]
 
 
-def _by_exponentials(x: Complex) -> Complex:
+def _by_exponentials(x: Array) -> Array:
     z = np.sqrt(np.sqrt(x))
     e = np.exp(-z)
     growth = np.abs(np.imag(z))
@@ -120,7 +117,7 @@ def segment_coefficients(segment: Segment, rows: Array) -> Array:
     )
 
 
-def clamped_count(z: Array) -> Indices:
+def clamped_count(z: Array) -> Array:
     """Return how many clamped-clamped natural frequencies lie below ``z``: roots of ``cosh z cos z = 1`` in (0, z)."""
     i = np.floor(z / np.pi).astype(int)
     sign = np.where(z < 1.0, 1.0, np.sign(2.0 * np.exp(-z) - (1.0 + np.exp(-2.0 * z)) * np.cos(z)))

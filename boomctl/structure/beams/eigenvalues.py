@@ -4,13 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.structure.beams.exact import ExactModel
 from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles
-
-__all__ = ["damped_eigenvalues", "undamped_frequencies"]
 
 _BISECTIONS = 60
 _NEWTON_STEPS = 30
@@ -45,7 +43,7 @@ def _bracket(model: ExactModel, count: int) -> tuple[float, float]:
     return low, high
 
 
-def damped_eigenvalues(model: ExactModel, start: SecondOrderModel, moved: Sequence[str], count: int) -> Complex:
+def damped_eigenvalues(model: ExactModel, start: SecondOrderModel, moved: Sequence[str], count: int) -> Array:
     """Return the ``count`` eigenvalues of lowest positive imaginary part, rad/s.
 
     Parameters
@@ -80,7 +78,7 @@ def damped_eigenvalues(model: ExactModel, start: SecondOrderModel, moved: Sequen
     return s
 
 
-def _newton_step(model: ExactModel, s: Complex) -> Complex:
+def _newton_step(model: ExactModel, s: Array) -> Array:
     """Return ``det D/(det D)'`` at each ``s``: one over the trace of ``D^-1 D'``."""
     h = 1e-6 * np.abs(s)
     D, up, down = (np.moveaxis(model.dynamic_stiffness(x), 2, 0) for x in (s, s + h, s - h))

@@ -12,10 +12,8 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy import sparse
 
-from boomctl.arrays import Array, Indices
+from boomctl.arrays import Array
 from boomctl.structure.beams.discretization import BeamMesh, SectionValues, element_coordinates
-
-__all__ = ["element_mesh", "reference_mass", "shape_functions"]
 
 
 def _bubble(k: int, derivative: int) -> Array:
@@ -60,7 +58,7 @@ def reference_mass(order: int) -> Array:
     return _reference_mass(order)
 
 
-def _scatter(blocks: Array, rows: Indices, columns: Indices, shape: tuple[int, int]) -> sparse.csr_array:
+def _scatter(blocks: Array, rows: Array, columns: Array, shape: tuple[int, int]) -> sparse.csr_array:
     """Add blocks (element, i, j) into a sparse matrix at ``rows[element, i]``, ``columns[element, j]``."""
     i = np.broadcast_to(rows[:, :, None], blocks.shape).ravel()
     j = np.broadcast_to(columns[:, None, :], blocks.shape).ravel()

@@ -5,14 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from boomctl.arrays import Array, Complex, Indices
+from boomctl.arrays import Array
 from boomctl.structure.beams.batched import solve_symmetric
 from boomctl.structure.beams.dynamic_stiffness import Segment, clamped_count, end_functions, segment_coefficients
 from boomctl.structure.elimination import Elimination, eliminate
 from boomctl.structure.ports import Ports
 from boomctl.structure.symmetry import Mirror
-
-__all__ = ["ExactModel", "PlacedSegment", "PreparedResponse"]
 
 
 @dataclass(frozen=True)
@@ -95,16 +93,16 @@ class ExactModel:
             parts = [(whole.solver(), np.eye(shape[0]), np.eye(shape[1]))]
         return PreparedResponse.of(shape, whole.functions, parts)
 
-    def response(self, omega: Array, inputs: Sequence[str], outputs: Sequence[str]) -> Complex:
+    def response(self, omega: Array, inputs: Sequence[str], outputs: Sequence[str]) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies), of displacement outputs."""
         return self.prepared(inputs, outputs).at(omega)
 
-    def dynamic_stiffness(self, s: Complex) -> Complex:
+    def dynamic_stiffness(self, s: Array) -> Array:
         """Return ``D(s)`` of the free coordinates, shape (n, n, len(s))."""
         system = _System.of(self, self.ports.select((), ()))
         return system.matrix(system.functions(np.asarray(s, dtype=complex)))
 
-    def count_below(self, omega: Array) -> Indices:
+    def count_below(self, omega: Array) -> Array:
         """Return how many undamped natural frequencies lie below each ``omega`` (Wittrick & Williams 1971)."""
         undamped = replace(self, C=np.zeros_like(self.C), placed=_undamped(self.placed))
         D = np.moveaxis(undamped.dynamic_stiffness(1j * omega).real, 2, 0)
@@ -164,7 +162,7 @@ class _System:
     def half(self, P: Array, W_in: Array, W_out: Array) -> "_System":
         return _System(self.kinds, P.T @ self.D @ P, P.T @ self.B @ W_in, W_out.T @ self.L @ P, W_out.T @ self.E @ W_in)
 
-    def functions(self, s: Complex) -> Complex:
+    def functions(self, s: Array) -> Array:
         values = np.empty((3 + 6 * len(self.kinds), len(s)), dtype=complex)
         values[0], values[1], values[2] = 1.0, s, s * s
         for k, seg in enumerate(self.kinds):
@@ -173,7 +171,7 @@ class _System:
             values[3 + 6 * k : 9 + 6 * k] = end_functions(x) * modulus
         return values
 
-    def matrix(self, functions: Complex) -> Complex:
+    def matrix(self, functions: Array) -> Array:
         terms, n, _ = self.D.shape
         return (self.D.reshape(terms, n * n).T @ functions).reshape(n, n, -1)
 
@@ -190,7 +188,7 @@ class _System:
         return _Solver(n, self.B.shape[2], places, np.array(rows), self.L, self.E)
 
 
-def _combined(coefficients: Array, values: Complex) -> Complex:
+def _combined(coefficients: Array, values: Array) -> Array:
     """Return real combinations of the rows of a complex array."""
     return (coefficients @ values.view(float)).view(complex)
 
@@ -206,7 +204,7 @@ class _Solver:
     L: Array
     E: Array
 
-    def check_static(self, functions: Complex) -> None:
+    def check_static(self, functions: Array) -> None:
         D = np.zeros((self.n, self.n))
         for (i, j), value in zip(self.places, _combined(self.coefficients, functions)[:, 0].real, strict=False):
             D[i, j] = D[j, i] = value
@@ -222,7 +220,7 @@ class _Batch:
 
     solvers: tuple[_Solver, ...]
     coefficients: Array
-    shown: Indices
+    shown: Array
     mixing: Array
 
     @classmethod
@@ -235,7 +233,7 @@ class _Batch:
         stacked = coefficients.reshape(-1, coefficients.shape[2])
         return cls(tuple(solver for solver, _, _ in parts), stacked, shown, by_unknown[:, shown])
 
-    def add(self, functions: Complex, total: Complex) -> None:
+    def add(self, functions: Array, total: Array) -> None:
         """Add the batch's share of the response, (outputs * inputs, frequencies); frequencies of all halves in line."""
         first, count, points = self.solvers[0], len(self.solvers), functions.shape[1]
         values = _combined(self.coefficients, functions).reshape(-1, count * points)
@@ -254,7 +252,7 @@ class PreparedResponse:
     """A structure with exact beams, ready to be asked for its response at any frequencies."""
 
     shape: tuple[int, int]
-    functions: Callable[[Complex], Complex]
+    functions: Callable[[Array], Array]
     batches: tuple[_Batch, ...]
     direct: Array
 
@@ -262,7 +260,7 @@ class PreparedResponse:
     def of(
         cls,
         shape: tuple[int, int],
-        functions: Callable[[Complex], Complex],
+        functions: Callable[[Array], Array],
         parts: Sequence[tuple[_Solver, Array, Array]],
     ) -> "PreparedResponse":
         """Return the response of parts, each with its outputs and inputs over those of the whole."""
@@ -272,7 +270,7 @@ class PreparedResponse:
         direct = sum((W_out @ solver.E @ W_in.T for solver, W_out, W_in in parts), np.zeros(shape))
         return cls(shape, functions, tuple(_Batch.of(group) for group in alike.values()), direct)
 
-    def at(self, omega: Array) -> Complex:
+    def at(self, omega: Array) -> Array:
         """Return the response, shape (outputs, inputs, frequencies), at ``omega`` [rad/s].
 
         Raises

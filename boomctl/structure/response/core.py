@@ -14,14 +14,11 @@ from scipy import linalg, sparse
 from scipy.linalg import lapack
 from scipy.sparse.linalg import splu
 
-from boomctl.arrays import Array, Complex, Matrix
+from boomctl.arrays import Array, Matrix
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
 from boomctl.structure.response.pencil import Pencil, Solve
 from boomctl.structure.response.poles import project
-
-__all__ = ["Core", "build_core", "count_below", "orthonormal"]
-
 
 _SPACING = 16.0
 _WIDEST = 1e4
@@ -151,8 +148,8 @@ def _defect(
     X = np.linalg.solve(D, evaluate(core.ports.B, s))
     L, E, B = evaluate(model.ports.L, s), evaluate(model.ports.E, s), evaluate(model.ports.B, s)
     count, r, m = X.shape
-    full: Complex = V @ np.moveaxis(X, 1, 0).reshape(r, -1)  # a column for each probe and input
-    residual: Complex = np.moveaxis(B, 1, 0).reshape(model.n, -1) - _force(model, full, np.repeat(s, m))
+    full: Array = V @ np.moveaxis(X, 1, 0).reshape(r, -1)  # a column for each probe and input
+    residual: Array = np.moveaxis(B, 1, 0).reshape(model.n, -1) - _force(model, full, np.repeat(s, m))
     steps = [pencil.solved(value, residual[:, f * m : (f + 1) * m]) for f, value in enumerate(s)]
     outputs = L @ np.moveaxis(full.reshape(-1, count, m), 1, 0) + E
     scale, moved = (np.abs(value).max(axis=1, initial=0.0) for value in (outputs, L @ np.array(steps)))
@@ -160,7 +157,7 @@ def _defect(
     return worst, np.hstack([part for step in steps for part in (step.real, step.imag)])
 
 
-def _force(model: SecondOrderModel, motion: Complex, s: Complex) -> Complex:
+def _force(model: SecondOrderModel, motion: Array, s: Array) -> Array:
     """Return ``(s^2 M + s C + K) q`` of motions in columns, each with its ``s``; elastic forces through strains."""
     inertia = s**2 * (model.M @ motion)
     if model.elastic is None:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports, evaluate
 from boomctl.structure.response.core import Core, build_core
@@ -22,9 +22,6 @@ from boomctl.structure.symmetry import half
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["AccuracyWarning", "direct_response", "respond", "respond_part", "respond_selected", "to_frd"]
-
 
 _DIRECT = 4
 _CORE_FROM = 18
@@ -41,14 +38,14 @@ class AccuracyWarning(UserWarning):
     """The estimated rounding error of a result exceeds what it is usually good for."""
 
 
-def to_frd(response: Complex, omega: Array, ports: Ports) -> "control.FrequencyResponseData":
+def to_frd(response: Array, omega: Array, ports: Ports) -> "control.FrequencyResponseData":
     """Return a response (outputs, inputs, frequencies) as named python-control data."""
     import control
 
     return control.frd(response, omega, inputs=list(ports.inputs), outputs=list(ports.outputs), name="structure")
 
 
-def respond(model: SecondOrderModel, omega: Array) -> Complex:
+def respond(model: SecondOrderModel, omega: Array) -> Array:
     """Return the response of all of a model's inputs and outputs, shape (outputs, inputs, frequencies).
 
     Warns
@@ -69,7 +66,7 @@ def respond(model: SecondOrderModel, omega: Array) -> Complex:
     return total
 
 
-def respond_selected(model: SecondOrderModel, ports: Ports, omega: Array) -> Complex:
+def respond_selected(model: SecondOrderModel, ports: Ports, omega: Array) -> Array:
     """Return the response of some of a model's ports; mirror images are added where that halves the work."""
     if model.mirror is None:
         return respond(model.with_ports(ports), omega)
@@ -79,7 +76,7 @@ def respond_selected(model: SecondOrderModel, ports: Ports, omega: Array) -> Com
     return whole[: len(ports.outputs), : len(ports.inputs)]
 
 
-def respond_part(model: SecondOrderModel, omega: Array) -> Complex:
+def respond_part(model: SecondOrderModel, omega: Array) -> Array:
     """Return the response as :func:`respond` does, without looking for symmetry."""
     if model.n < _CORE_FROM:
         return _small(model, omega)
@@ -109,7 +106,7 @@ def _core(model: SecondOrderModel, omega: Array) -> Core | None:
         return None
 
 
-def _small(model: SecondOrderModel, omega: Array) -> Complex:
+def _small(model: SecondOrderModel, omega: Array) -> Array:
     """Return the response of a small dense model."""
     if (omega == 0.0).any():
         _check_static(model)
@@ -130,7 +127,7 @@ def _check_static(model: SecondOrderModel) -> None:
         raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its static response is infinite")
 
 
-def direct_response(model: SecondOrderModel, omega: Array) -> Complex:
+def direct_response(model: SecondOrderModel, omega: Array) -> Array:
     """Return the response by a dense solution at each frequency.
 
     Raises
@@ -150,7 +147,7 @@ def direct_response(model: SecondOrderModel, omega: Array) -> Complex:
     return _conditioned(model, s, evaluate(model.ports.L, s) @ X + evaluate(model.ports.E, s))
 
 
-def _by_factorization(model: SecondOrderModel, omega: Array) -> Complex:
+def _by_factorization(model: SecondOrderModel, omega: Array) -> Array:
     s = 1j * omega
     M, C, K = (sparse.csc_array(matrix) for matrix in (model.M, model.C, model.K))
     L, E, B = evaluate(model.ports.L, s), evaluate(model.ports.E, s), evaluate(model.ports.B, s)
@@ -181,6 +178,6 @@ def _warn(rounding: float) -> None:
         warnings.warn(f"{message}: the mesh is finer than double precision carries", AccuracyWarning, stacklevel=4)
 
 
-def _conditioned(model: SecondOrderModel, s: Complex, Y: Complex) -> Complex:
+def _conditioned(model: SecondOrderModel, s: Array, Y: Array) -> Array:
     after, before = model.ports.conditioning(s)
     return np.moveaxis(after[:, :, None] * Y * before[:, None, :], 0, 2)

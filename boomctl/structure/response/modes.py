@@ -8,19 +8,16 @@ The result is verified against direct solutions at probe frequencies and at the 
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
-
-__all__ = ["respond_by_modes"]
-
 
 _AGREEMENT = 1e-10
 _PROBES = 3
 _MOST_DAMPERS = 6
 
 
-def respond_by_modes(model: SecondOrderModel, omega: Array) -> Complex | None:
+def respond_by_modes(model: SecondOrderModel, omega: Array) -> Array | None:
     """Return the response (outputs, inputs, frequencies), or None where this way is not accurate."""
     s = 1j * omega
     ports = model.ports
@@ -56,7 +53,7 @@ def _modes(model: SecondOrderModel) -> tuple[Array, Array, Array] | None:
     return V, mass, 0.5 * (damping + damping.T)
 
 
-def _receptance(model: SecondOrderModel, lines: Array, columns: Array, s: Complex) -> Complex | None:
+def _receptance(model: SecondOrderModel, lines: Array, columns: Array, s: Array) -> Array | None:
     """Return ``lines (s^2 M + s C + K)^-1 columns``, (lines, columns, len(s)), or None if a probe disagrees."""
     found = _modes(model)
     if found is None:
@@ -78,13 +75,13 @@ def _receptance(model: SecondOrderModel, lines: Array, columns: Array, s: Comple
     return sums if _agrees(model, sums, lines, columns, s) else None
 
 
-def _pair(left: Array, right: Array, inverse: Complex) -> Complex:
+def _pair(left: Array, right: Array, inverse: Array) -> Array:
     """Return ``left diag(inverse) right`` at each frequency."""
     products = (left[:, None, :] * right.T[None, :, :]).reshape(-1, len(inverse))
     return (products @ inverse.view(float)).view(complex).reshape(len(left), right.shape[1], -1)
 
 
-def _update(both: Complex, p: int, m: int, size: Array, s: Complex) -> Complex:
+def _update(both: Array, p: int, m: int, size: Array, s: Array) -> Array:
     """Return Woodbury's term of dampers of the given size.
 
     ``both`` pairs ``p`` lines, then the dampers, with ``m`` columns, then the dampers.
@@ -104,7 +101,7 @@ def _update(both: Complex, p: int, m: int, size: Array, s: Complex) -> Complex:
     return np.moveaxis(np.moveaxis(out, 2, 0) @ solved, 0, 2)
 
 
-def _agrees(model: SecondOrderModel, sums: Complex, lines: Array, columns: Array, s: Complex) -> bool:
+def _agrees(model: SecondOrderModel, sums: Array, lines: Array, columns: Array, s: Array) -> bool:
     """Compare with direct solutions at probe frequencies and where the response is largest."""
     if not np.isfinite(sums).all():
         return False

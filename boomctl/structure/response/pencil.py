@@ -9,9 +9,7 @@ from scipy.linalg import lapack
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import splu
 
-from boomctl.arrays import Array, Complex, Indices, Matrix
-
-__all__ = ["Pencil", "Solve", "factorized", "stored"]
+from boomctl.arrays import Array, Matrix
 
 Solve = Callable[[Array], Array]
 
@@ -49,7 +47,7 @@ class Pencil:
     M: Matrix
     C: Matrix
     K: Matrix
-    order: Indices
+    order: Array
     bands: Array
 
     @classmethod
@@ -94,7 +92,7 @@ class Pencil:
 
         return solve
 
-    def solved(self, s: complex, rhs: Complex) -> Complex:
+    def solved(self, s: complex, rhs: Array) -> Array:
         """Return the solution at a complex ``s``."""
         width = self.bands.shape[1] - 1
         if width < 0:
@@ -115,11 +113,11 @@ class Pencil:
         solution[self.order] = x
         return solution
 
-    def _band(self, s: complex) -> Complex:
+    def _band(self, s: complex) -> Array:
         return self.bands[2] + s * self.bands[1] + s * s * self.bands[0]
 
 
-def _entries(*matrices: Matrix) -> list[tuple[Indices, Indices, Array]]:
+def _entries(*matrices: Matrix) -> list[tuple[Array, Array, Array]]:
     """Return rows, columns and values of the entries of matrices, each place once."""
     if any(sparse.issparse(matrix) for matrix in matrices):
         listed = [sparse.coo_array(matrix) for matrix in matrices]

@@ -6,10 +6,8 @@ import numpy as np
 from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-from boomctl.arrays import Array, Complex, Matrix
+from boomctl.arrays import Array, Matrix
 from boomctl.structure.model import SecondOrderModel
-
-__all__ = ["damped_poles", "dense", "first_order_poles", "is_symmetric", "project", "undamped_modes"]
 
 _DENSE_MODES = 250
 _FEW = 0.25
@@ -98,7 +96,7 @@ def project(model: SecondOrderModel, basis: Array) -> tuple[Array, Array, Array]
     )
 
 
-def first_order_poles(M: Array, C: Array, K: Array) -> Complex:
+def first_order_poles(M: Array, C: Array, K: Array) -> Array:
     """Return all eigenvalues of ``s^2 M + s C + K``, dense."""
     n = len(M)
     try:
@@ -115,7 +113,7 @@ def first_order_poles(M: Array, C: Array, K: Array) -> Complex:
     return linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-scaled_K.T, -scaled_C]]))
 
 
-def damped_poles(model: SecondOrderModel, count: int) -> Complex:
+def damped_poles(model: SecondOrderModel, count: int) -> Array:
     """Return the ``count`` poles of lowest positive imaginary part.
 
     Raises

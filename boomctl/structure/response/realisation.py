@@ -19,8 +19,6 @@ from boomctl.structure.response.poles import dense, is_symmetric
 if TYPE_CHECKING:
     import control
 
-__all__ = ["realize"]
-
 
 @dataclass(frozen=True)
 class _Signal:

@@ -8,8 +8,6 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
 from boomctl.structure.response.core import Core
 
-__all__ = ["rounding_estimate"]
-
 _SAMPLES = 24
 _EPS = np.finfo(float).eps
 

@@ -11,8 +11,6 @@ from boomctl.rotating_beam.result import SimulationResult
 from boomctl.slew import PayloadComparison, SlewComparison, SlewResult, compare_payloads, compare_slews
 from boomctl.studies import catalogue
 
-__all__ = ["SlewDesign", "SlewEvaluation", "SpinUpMotion", "evaluate", "load_slew"]
-
 
 @dataclass(frozen=True, eq=False)
 class SlewDesign:

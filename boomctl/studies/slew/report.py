@@ -12,8 +12,6 @@ from boomctl.slew import SlewResult
 from boomctl.studies.slew.design import SlewDesign
 from boomctl.studies.slew.sections import payload_section, spin_up_section, switching_section
 
-__all__ = ["slew_report"]
-
 _LIMITS = {
     "torque_limit": "torque",
     "torque_rate_limit": "torque rate",

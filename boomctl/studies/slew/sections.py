@@ -6,8 +6,6 @@ from typing import Any
 from boomctl.report import Picture, Section, Table, number
 from boomctl.slew import SlewResult
 
-__all__ = ["payload_section", "spin_up_section", "switching_section"]
-
 
 def switching_section(results: dict[str, Any], picture: bytes) -> Section:
     """Return the section of Pontryagin's principle.

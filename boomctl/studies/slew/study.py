@@ -24,8 +24,6 @@ from boomctl.slew import (
 from boomctl.studies.slew.design import SlewDesign, SlewEvaluation, evaluate
 from boomctl.studies.slew.report import slew_report
 
-__all__ = ["STEPS", "run", "write_report"]
-
 STEPS = 7
 """Steps of `run` that it tells of."""
 

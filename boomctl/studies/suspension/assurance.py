@@ -34,8 +34,6 @@ from boomctl.synthesis import split_controller
 if TYPE_CHECKING:
     import control
 
-__all__ = ["Assurance", "HalfAssurance", "assure"]
-
 SPRING, MASS, MEASURED_YAW_HZ = (0.7, 1.3), (0.8, 1.2), 0.34
 _FAMILY_ELEMENTS = 6
 _FREQUENCIES = np.geomspace(0.15, 130.0, 260)

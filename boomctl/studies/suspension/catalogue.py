@@ -3,8 +3,6 @@
 from boomctl.studies import catalogue
 from boomctl.studies.suspension.design import SuspensionDesign
 
-__all__ = ["design_names", "load_design"]
-
 
 def design_names() -> tuple[str, ...]:
     """Return the names of the suspension designs that come with boomctl."""

@@ -9,8 +9,6 @@ from boomctl.boom import BoomParameters
 if TYPE_CHECKING:
     import control
 
-__all__ = ["SuspensionDesign"]
-
 
 @dataclass(frozen=True)
 class SuspensionDesign:

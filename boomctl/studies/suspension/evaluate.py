@@ -12,8 +12,6 @@ from boomctl.studies.suspension.design import SuspensionDesign
 from boomctl.studies.suspension.performance import Performance, performance
 from boomctl.studies.suspension.scene import FieldScene
 
-__all__ = ["SuspensionResult", "evaluate"]
-
 
 @dataclass(frozen=True)
 class SuspensionResult:

@@ -13,8 +13,6 @@ from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES
 if TYPE_CHECKING:
     import control
 
-__all__ = ["exact_plant"]
-
 
 def exact_plant(
     parameters: BoomParameters, accelerometer_hz: float = 20.0

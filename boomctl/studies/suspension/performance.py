@@ -19,8 +19,6 @@ from boomctl.synthesis import select_channels
 if TYPE_CHECKING:
     import control
 
-__all__ = ["Performance", "loop_between", "performance"]
-
 _HALF = np.sqrt(0.5)
 _FREQUENCIES = np.geomspace(0.15, 130.0, 400)
 

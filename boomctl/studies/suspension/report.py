@@ -10,8 +10,6 @@ from boomctl.files import prepared_folder, write_json, write_whole
 from boomctl.report import Picture, Section, Table, html_report
 from boomctl.studies.suspension.evaluate import SuspensionResult
 
-__all__ = ["write_report"]
-
 _SPAN = 15.0
 _FIELD = 60.0
 

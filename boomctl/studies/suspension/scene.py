@@ -15,8 +15,6 @@ from boomctl.boom import (
 from boomctl.checks import nonnegative, positive, whole
 from boomctl.structure import SecondOrderModel
 
-__all__ = ["ACCELERATIONS", "CONTROLS", "SENSORS", "STROKES", "FieldScene", "suspension_model"]
-
 CONTROLS = ("suspension_left", "suspension_right")
 STROKES = ("stroke_left", "stroke_right")
 ACCELERATIONS = ("tip_left_acceleration", "tip_right_acceleration")

@@ -3,11 +3,9 @@
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.plants.partition import Normalised, Plant
-
-__all__ = ["check_modes", "check_ranks", "check_zeros"]
 
 _RANK = 1e-10
 _HIDDEN = 1e-9
@@ -103,7 +101,7 @@ def check_zeros(plant: Plant, ready: Normalised) -> None:
         )
 
 
-def _hidden(A: Array, C: Array, right_half: bool = False) -> tuple[complex, Complex] | None:
+def _hidden(A: Array, C: Array, right_half: bool = False) -> tuple[complex, Array] | None:
     """Return an eigenvalue on the axis (or right of it) and an eigenvector that ``C`` does not see, if there is one."""
     if not len(A):
         return None
@@ -121,7 +119,7 @@ def _hidden(A: Array, C: Array, right_half: bool = False) -> tuple[complex, Comp
     return None
 
 
-def _mode(value: complex, vector: Complex, plant: Plant, ready: Normalised) -> str:
+def _mode(value: complex, vector: Array, plant: Plant, ready: Normalised) -> str:
     damping = "undamped" if abs(value.real) <= _AXIS * max(abs(value), 1e-300) else "unstable"
     kind = "integrating mode" if abs(value) < 1e-12 else f"{damping} mode at {_place(value)}"
     return f"{kind} ({_states(vector, plant, ready)})"
@@ -132,7 +130,7 @@ def _place(value: complex) -> str:
     return f"{omega:.6g} rad/s ({omega / (2.0 * np.pi):.4g} Hz)"
 
 
-def _states(vector: Complex, plant: Plant, ready: Normalised) -> str:
+def _states(vector: Array, plant: Plant, ready: Normalised) -> str:
     """Name the states that take the largest part in a mode; left and right vectors mark the same ones."""
     share = np.abs(ready.modes @ vector)
     order = np.argsort(-share)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, matrices_norm
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.fast_poles import without_fast_poles
 from boomctl.synthesis.hinf.central import controllers_of
@@ -17,8 +17,6 @@ from boomctl.synthesis.hinf.search import Bounds, Deadline
 from boomctl.synthesis.hinf.two_riccati import level_of
 from boomctl.synthesis.plants.closed_loop import closed, with_feedthrough
 from boomctl.synthesis.plants.partition import Normalised, Plant
-
-__all__ = ["Candidate", "Task", "first_accepted", "judged", "largest_pole", "levels_within"]
 
 _ACCEPT = 0.01
 _BELOW = 0.95
@@ -45,8 +43,8 @@ class Task:
 class Candidate:
     """A controller that passed, the loop it passed in, and what was found of it."""
 
-    K: StateMatrices
-    loop: StateMatrices
+    K: Lti
+    loop: Lti
     norm: NormCertificate
     slowest: float
     level: float
@@ -115,9 +113,9 @@ def _accepted(task: Task, levels: Sequence[float], rejected: dict[str, str]) -> 
                 yield replace(found, level=level, solver=solver)
 
 
-def _controllers(task: Task, level: float, rejected: dict[str, str]) -> Iterator[tuple[str, StateMatrices]]:
+def _controllers(task: Task, level: float, rejected: dict[str, str]) -> Iterator[tuple[str, Lti]]:
     """Yield controllers of a level, one with poles that are too fast without these; refusals go into ``rejected``."""
-    solvers: dict[str, Callable[[Task, float], StateMatrices]] = {
+    solvers: dict[str, Callable[[Task, float], Lti]] = {
         "SLICOT SB10FD": _native,
         "two Riccati equations": _own,
     }
@@ -138,17 +136,17 @@ def _controllers(task: Task, level: float, rejected: dict[str, str]) -> Iterator
             yield f"{solver}, fast poles residualised", slower
 
 
-def _native(task: Task, level: float) -> StateMatrices:
+def _native(task: Task, level: float) -> Lti:
     """Return the native controller; the plant's signals are scaled so that the level is one."""
     ready, root = task.ready, np.sqrt(level)
     ncon, nmeas = ready.B2.shape[1], len(ready.C2)
     D = np.block([[ready.D11 / level, ready.D12 / root], [ready.D21 / root, np.zeros((nmeas, ncon))]])
     B, C = np.hstack([ready.B1 / root, ready.B2]), np.vstack([ready.C1 / root, ready.C2])
     limit = 0.5 * task.deadline.left("waiting for the native solver")
-    return shared_worker().controller(StateMatrices(ready.A, B, C, D), nmeas, ncon, 1.0, limit)
+    return shared_worker().controller(Lti(ready.A, B, C, D), nmeas, ncon, 1.0, limit)
 
 
-def _own(task: Task, level: float) -> StateMatrices:
+def _own(task: Task, level: float) -> Lti:
     found = level_of(task.ready, level)
     if found.reason:
         raise ValueError(found.reason)
@@ -160,20 +158,20 @@ def _own(task: Task, level: float) -> StateMatrices:
     )
 
 
-def _in_plant_signals(task: Task, K: StateMatrices) -> StateMatrices:
+def _in_plant_signals(task: Task, K: Lti) -> Lti:
     outward, inward = task.ready.from_controls, task.ready.from_measurements
-    scaled = StateMatrices(K.A, K.B @ inward, outward @ K.C, outward @ K.D @ inward)
+    scaled = Lti(K.A, K.B @ inward, outward @ K.C, outward @ K.D @ inward)
     if not all(np.isfinite(part).all() for part in (scaled.A, scaled.B, scaled.C, scaled.D)):
         raise ValueError("a controller that is not finite")
     return with_feedthrough(scaled, task.plant.D22)
 
 
-def largest_pole(K: StateMatrices) -> float:
+def largest_pole(K: Lti) -> float:
     """Return the largest magnitude of a controller's poles [rad/s]."""
     return float(np.abs(linalg.eigvals(K.A)).max()) if len(K.A) else 0.0
 
 
-def judged(plant: Plant, K: StateMatrices, limit: float) -> Candidate | str:
+def judged(plant: Plant, K: Lti, limit: float) -> Candidate | str:
     """Return a controller with its certificate if its loop is stable and its norm not above ``limit``; else why not."""
     try:
         loop = _balanced(closed(plant, K))
@@ -190,9 +188,9 @@ def judged(plant: Plant, K: StateMatrices, limit: float) -> Candidate | str:
     return Candidate(K, loop, norm, slowest, norm.upper, "")
 
 
-def _balanced(loop: StateMatrices) -> StateMatrices:
+def _balanced(loop: Lti) -> Lti:
     """Return a system whose states are scaled by powers of two, so that its digits survive whoever evaluates it."""
     if not len(loop.A):
         return loop
     A, (scale, _) = linalg.matrix_balance(loop.A, permute=False, separate=True)
-    return StateMatrices(A, loop.B / scale[:, None], loop.C * scale[None, :], loop.D)
+    return Lti(A, loop.B / scale[:, None], loop.C * scale[None, :], loop.D)

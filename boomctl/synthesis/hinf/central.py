@@ -9,11 +9,9 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.synthesis.hinf.two_riccati import Level, gains
 from boomctl.synthesis.plants.partition import Normalised
-
-__all__ = ["Controllers", "controllers_of"]
 
 
 @dataclass(frozen=True)
@@ -33,16 +31,14 @@ class Controllers:
     D12: Array
     D21: Array
 
-    def member(self, Q: Array | None = None) -> StateMatrices:
+    def member(self, Q: Array | None = None) -> Lti:
         """Return the controller of a constant ``Q`` whose norm is below the level; None stands for zero, the central one."""
         if Q is None:
-            return StateMatrices(self.A, self.B1, self.C1, self.D11)
+            return Lti(self.A, self.B1, self.C1, self.D11)
         B, D = self.B2 @ Q, self.D12 @ Q
-        return StateMatrices(
-            self.A + B @ self.C2, self.B1 + B @ self.D21, self.C1 + D @ self.C2, self.D11 + D @ self.D21
-        )
+        return Lti(self.A + B @ self.C2, self.B1 + B @ self.D21, self.C1 + D @ self.C2, self.D11 + D @ self.D21)
 
-    def posed_for(self, D22: Array) -> StateMatrices:
+    def posed_for(self, D22: Array) -> Lti:
         """Return the member, of three, with which ``I + D_K D22`` is farthest from singular, in normalised signals."""
         left, _, right = linalg.svd(self.D21 @ D22 @ self.D12, full_matrices=False)
         aligned = 0.5 * self.gamma * (left @ right).T

@@ -13,10 +13,8 @@ from collections.abc import Callable
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.partition import Normalised
-
-__all__ = ["frequency_bound"]
 
 _POINTS = 90
 _ZOOMS = 4
@@ -42,7 +40,7 @@ def _beyond(A: Array, B1: Array, B2: Array, C1: Array, D11: Array, D12: Array, F
     if not len(A):
         return last, np.inf
     closed = A + B2 @ F
-    system = StateMatrices(closed, np.hstack([B1, B2]), C1 + D12 @ F, np.hstack([D11, D12]))
+    system = Lti(closed, np.hstack([B1, B2]), C1 + D12 @ F, np.hstack([D11, D12]))
 
     def rest(omega: Array) -> Array:
         G = np.moveaxis(system.response(omega), 2, 0)

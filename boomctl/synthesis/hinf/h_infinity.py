@@ -19,8 +19,6 @@ from boomctl.synthesis.plants.partition import normalised, partition
 if TYPE_CHECKING:
     import control
 
-__all__ = ["h_infinity"]
-
 _BAND = 1000.0
 _SEARCH = 0.25
 

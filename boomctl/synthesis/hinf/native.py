@@ -16,10 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.synthesis.hinf._worker import ANSWER, READY, REQUEST
-
-__all__ = ["NativeFailure", "Worker", "shared_worker"]
 
 _START = 120.0
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
@@ -58,7 +56,7 @@ class Worker:
         with self._lock:
             self._started()
 
-    def controller(self, plant: StateMatrices, nmeas: int, ncon: int, gamma: float, limit: float) -> StateMatrices:
+    def controller(self, plant: Lti, nmeas: int, ncon: int, gamma: float, limit: float) -> Lti:
         """Return SLICOT's SB10FD controller of a level.
 
         Raises
@@ -158,10 +156,10 @@ class Worker:
                     pipe.close()
 
 
-def _controller(numbers: Array, n: int, nmeas: int, ncon: int) -> StateMatrices:
+def _controller(numbers: Array, n: int, nmeas: int, ncon: int) -> Lti:
     sizes = np.cumsum([n * n, n * nmeas, ncon * n])
     A, B, C, D = np.split(numbers, sizes)
-    return StateMatrices(A.reshape(n, n), B.reshape(n, nmeas), C.reshape(ncon, n), D.reshape(ncon, nmeas))
+    return Lti(A.reshape(n, n), B.reshape(n, nmeas), C.reshape(ncon, n), D.reshape(ncon, nmeas))
 
 
 @cache

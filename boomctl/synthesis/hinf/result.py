@@ -8,8 +8,6 @@ from boomctl.analysis.norm import NormCertificate
 if TYPE_CHECKING:
     import control
 
-__all__ = ["HInfinityCertificate", "HInfinityResult"]
-
 
 @dataclass(frozen=True)
 class HInfinityCertificate:

@@ -11,8 +11,6 @@ from boomctl.synthesis.hinf.frequency_bound import frequency_bound
 from boomctl.synthesis.hinf.two_riccati import COUPLING, Level, gains, level_of
 from boomctl.synthesis.plants.partition import Normalised
 
-__all__ = ["Bounds", "Deadline", "lowest_level"]
-
 _GROWTH = (1.01, 1.1, 1.5, 3.0, 10.0, 100.0, 1e4, 1e6, 1e9)
 _STEPS = 60
 _NOTHING = 1e-8

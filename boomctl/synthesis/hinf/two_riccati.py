@@ -12,8 +12,6 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.synthesis.plants.partition import Normalised
 
-__all__ = ["COUPLING", "Level", "gains", "level_of"]
-
 _NEGATIVE = 1e-8
 _MARGIN = 10.0
 COUPLING = "control and estimation together do not reach it (rho(XY) >= gamma^2)"

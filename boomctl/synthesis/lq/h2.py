@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.arrays import Array, Complex
-from boomctl.lti.system import StateMatrices
+from boomctl.arrays import Array
+from boomctl.lti.system import Lti
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.hinf.assumptions import check_modes, check_ranks, check_zeros
 from boomctl.synthesis.lq.output_feedback import FeedbackCertificate, certify, least_cost, observer
@@ -20,8 +20,6 @@ from boomctl.synthesis.riccati import RiccatiProblem, RiccatiSolution, solve_ric
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["H2Result", "h2"]
 
 _FEEDTHROUGH = 1e-10
 
@@ -49,7 +47,7 @@ class H2Result:
     closed_loop: "control.StateSpace" = field(repr=False)
     norm: float
     optimum: float
-    poles: Complex = field(repr=False)
+    poles: Array = field(repr=False)
     certificate: FeedbackCertificate
 
 
@@ -158,9 +156,9 @@ def _solve(shifted: Plant) -> tuple[RiccatiSolution, RiccatiSolution]:
 
 def _completed(
     shifted: Plant, regulator: RiccatiSolution, estimator: RiccatiSolution, direct: Array, parts: Plant
-) -> StateMatrices:
+) -> Lti:
     """Return the controller of the plant given, from the regulator and the filter of the shifted one."""
-    inner = StateMatrices(shifted.A, shifted.B2, shifted.C2, shifted.D22)
+    inner = Lti(shifted.A, shifted.B2, shifted.C2, shifted.D22)
     K = observer(inner, regulator.gain, estimator.gain.T)
     try:
         return with_feedthrough(replace(K, D=K.D + direct), parts.D22)
@@ -168,7 +166,7 @@ def _completed(
         raise SynthesisError(f"feedthrough from controls to measurements: {error}") from None
 
 
-def _without_rounding(loop: StateMatrices, parts: Plant) -> StateMatrices:
+def _without_rounding(loop: Lti, parts: Plant) -> Lti:
     """Return the loop without what rounding leaves of the direct way that the controller cancels."""
     scale = float(np.abs(parts.D11).max(initial=0.0))
     small = np.abs(loop.D).max(initial=0.0) <= 10.0 * _FEEDTHROUGH * scale

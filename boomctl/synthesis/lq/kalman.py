@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.synthesis.hidden_modes import check_detectable, check_excited
 from boomctl.synthesis.lq.noise import Noise, noise_of
 from boomctl.synthesis.lq.quadratic import Weight, square_root
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     import control
 
     from boomctl.structure.model import SecondOrderModel
-
-__all__ = ["KalmanResult", "kalman", "solved_filter"]
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class KalmanResult:
     gain: Array
     covariance: Array = field(repr=False)
     estimator: "control.StateSpace" = field(repr=False)
-    poles: Complex = field(repr=False)
+    poles: Array = field(repr=False)
     certificate: RiccatiCertificate
 
 

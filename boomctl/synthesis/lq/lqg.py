@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.checks import nonnegative
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.synthesis.lq.kalman import solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
 from boomctl.synthesis.lq.noise import Noise, noise_of
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     import control
 
     from boomctl.structure.model import SecondOrderModel
-
-__all__ = ["LqgResult", "lqg"]
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class LqgResult:
     closed_loop: "control.StateSpace" = field(repr=False)
     regulator_gain: Array = field(repr=False)
     filter_gain: Array = field(repr=False)
-    poles: Complex = field(repr=False)
+    poles: Array = field(repr=False)
     cost: float
     certificate: FeedbackCertificate
 
@@ -166,7 +164,7 @@ def _weighted(
 
 
 def _closed_loop(
-    plant: NamedMatrices, K: StateMatrices, controls: Sequence[str], measured: Sequence[str]
+    plant: NamedMatrices, K: Lti, controls: Sequence[str], measured: Sequence[str]
 ) -> "control.StateSpace":
     entering = plant.other_inputs(controls) or tuple(controls)
     loop = closed(plant.partitioned(entering, controls, plant.outputs, measured), K)

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.analysis.norm import Response, refined_peak
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.checks import finite_array
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.hidden_modes import HiddenMode, check_stabilizable, check_weighted, unmoved
 from boomctl.synthesis.lq.quadratic import Weight, definite, semidefinite, square_root
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     import control
 
     from boomctl.structure.model import SecondOrderModel
-
-__all__ = ["LqrCertificate", "LqrResult", "lqr", "regulator_problem", "solved_regulator"]
 
 _SCREENED = 60
 _RETURN_DIFFERENCE = 1e-2
@@ -78,7 +76,7 @@ class LqrResult:
     controller: "control.StateSpace" = field(repr=False)
     closed_loop: "control.StateSpace" = field(repr=False)
     effort: "control.StateSpace" = field(repr=False)
-    poles: Complex = field(repr=False)
+    poles: Array = field(repr=False)
     unmoved: tuple[HiddenMode, ...]
     certificate: LqrCertificate
 
@@ -204,21 +202,21 @@ def return_difference(problem: RiccatiProblem, solution: RiccatiSolution) -> flo
     L = linalg.cholesky(problem.R, lower=True)
     B = linalg.solve_triangular(L, problem.B.T, lower=True).T
     F = L.T @ solution.gain
-    inverse = StateMatrices(problem.A - B @ F, B, -F, np.eye(len(F)))
+    inverse = Lti(problem.A - B @ F, B, -F, np.eye(len(F)))
     A, (scale, _) = linalg.matrix_balance(inverse.A, permute=False, separate=True)
-    balanced = StateMatrices(A, inverse.B / scale[:, None], inverse.C * scale, inverse.D)
+    balanced = Lti(A, inverse.B / scale[:, None], inverse.C * scale, inverse.D)
     screen = balanced.response if len(A) <= _SCREENED else _by_poles(balanced)
     peak, _ = refined_peak(balanced.response, solution.poles, screen)
     return 1.0 / peak if peak > 1.0 else 1.0
 
 
-def _by_poles(system: StateMatrices) -> Response:
+def _by_poles(system: Lti) -> Response:
     """Return a fast response from partial fractions, exact enough to see where the peaks are."""
     poles, V = linalg.eig(system.A)
     left, right = system.C @ V, np.linalg.solve(V, system.B.astype(complex))
     residues = (left.T[:, :, None] * right[:, None, :]).reshape(len(poles), -1)
 
-    def respond(omega: Array) -> Complex:
+    def respond(omega: Array) -> Array:
         shares = 1.0 / (1j * omega[None, :] - poles[:, None])
         return (residues.T @ shares).reshape(*system.D.shape, len(omega)) + system.D[:, :, None]
 

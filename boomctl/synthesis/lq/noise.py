@@ -8,8 +8,6 @@ from boomctl.checks import finite_array
 from boomctl.synthesis.lq.quadratic import Weight, definite, semidefinite
 from boomctl.synthesis.plants.named import NamedMatrices
 
-__all__ = ["Noise", "noise_of"]
-
 
 @dataclass(frozen=True)
 class Noise:

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, optimize
 
-from boomctl.arrays import Array, Complex
-from boomctl.lti.system import StateMatrices
+from boomctl.arrays import Array
+from boomctl.lti.system import Lti
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.lq.quadratic_norm import QuadraticNorm, quadratic_norm
 from boomctl.synthesis.riccati import RiccatiCertificate, RiccatiSolution
-
-__all__ = ["FeedbackCertificate", "certify", "least_cost", "observer"]
 
 _AGREEMENT = 1e-4
 
@@ -49,10 +47,10 @@ class FeedbackCertificate:
         return (max(found) - min(found)) / max(*found, float(np.finfo(float).tiny))
 
 
-def observer(plant: StateMatrices, F: Array, L: Array) -> StateMatrices:
+def observer(plant: Lti, F: Array, L: Array) -> Lti:
     """Return ``u = -F z`` with ``z' = A z + B u + L (y - C z - D u)``, from measurements to controls."""
     A = plant.A - plant.B @ F - L @ (plant.C - plant.D @ F)
-    return StateMatrices(A, L, -F, np.zeros((len(F), L.shape[1])))
+    return Lti(A, L, -F, np.zeros((len(F), L.shape[1])))
 
 
 def least_cost(W: Array, R: Array, regulator: RiccatiSolution, estimator: RiccatiSolution) -> float:
@@ -64,9 +62,7 @@ def least_cost(W: Array, R: Array, regulator: RiccatiSolution, estimator: Riccat
     return float(np.trace(regulator.X @ W) + np.trace(R @ F @ estimator.X @ F.T))
 
 
-def certify(
-    loop: StateMatrices, least: float, regulator: RiccatiSolution, estimator: RiccatiSolution
-) -> FeedbackCertificate:
+def certify(loop: Lti, least: float, regulator: RiccatiSolution, estimator: RiccatiSolution) -> FeedbackCertificate:
     """Return what is found about a closed loop.
 
     Raises
@@ -94,7 +90,7 @@ def certify(
     return found
 
 
-def _distance(found: Complex, expected: Complex) -> float:
+def _distance(found: Array, expected: Array) -> float:
     """Return the largest relative distance between poles, paired so that the sum of distances is least."""
     gaps = np.abs(found[:, None] - expected[None, :]) / np.maximum(np.abs(expected)[None, :], 1e-300)
     rows, columns = optimize.linear_sum_assignment(gaps)

@@ -10,8 +10,6 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, real
 
-__all__ = ["Weight", "definite", "semidefinite", "square_root"]
-
 Weight: TypeAlias = ArrayLike | Mapping[str, float]
 """A number (the same for each signal), one number a signal, a symmetric matrix, or numbers by signal name."""
 

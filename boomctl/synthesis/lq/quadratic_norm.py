@@ -9,9 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from boomctl.lti.system import StateMatrices
-
-__all__ = ["QuadraticNorm", "quadratic_norm"]
+from boomctl.lti.system import Lti
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,7 @@ class QuadraticNorm:
         return abs(self.controllability - self.observability) / max(self.value, float(np.finfo(float).tiny))
 
 
-def quadratic_norm(system: StateMatrices) -> QuadraticNorm:
+def quadratic_norm(system: Lti) -> QuadraticNorm:
     """Return the H2 norm of a system in continuous time, by both Gramians."""
     if not len(system.A):
         value = np.inf if system.D.any() else 0.0

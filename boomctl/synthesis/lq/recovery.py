@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from boomctl.arrays import Array, Complex
+from boomctl.arrays import Array
 from boomctl.checks import finite_array, frequencies, positive
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
 from boomctl.synthesis.lq.quadratic import Weight
 from boomctl.synthesis.plants.named import named_matrices
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     import control
 
     from boomctl.structure.model import SecondOrderModel
-
-__all__ = ["RecoveryResult", "loop_transfer_recovery"]
 
 _POINTS = 400
 
@@ -52,7 +50,7 @@ class RecoveryResult:
     omega: Array = field(repr=False)
     target: Array = field(repr=False)
     recovered: Array = field(repr=False)
-    zeros: Complex
+    zeros: Array
     designs: tuple[LqgResult, ...] = field(repr=False)
 
 
@@ -106,7 +104,7 @@ def loop_transfer_recovery(
     options = {"disturbances": disturbances, "output_weight": output_weight}
     designs = tuple(lqg(system, Q, R, *noise, **options, ltr=level) for level in levels)  # type: ignore[arg-type]
     inner, F = plant.block(measured, driven), designs[0].regulator_gain
-    target = singular_values(StateMatrices(plant.A, inner.B, F, np.zeros((len(F), len(F)))).response(omega))
+    target = singular_values(Lti(plant.A, inner.B, F, np.zeros((len(F), len(F)))).response(omega))
     if not target.all():
         at = float(omega[np.flatnonzero((target == 0.0).any(axis=0))[0]])
         raise ValueError(
@@ -133,13 +131,13 @@ def _grid(band: tuple[float, float]) -> Array:
     return np.geomspace(ends[0], ends[1], _POINTS)
 
 
-def _at_input(design: LqgResult, plant: Complex, omega: Array) -> Complex:
+def _at_input(design: LqgResult, plant: Array, omega: Array) -> Array:
     """Return the loop broken at the plant's input, with the sign of the regulator's."""
     K = state_matrices(design.controller).response(omega)
     return np.moveaxis(-np.moveaxis(K, 2, 0) @ np.moveaxis(plant, 2, 0), 0, 2)
 
 
-def right_zeros(system: StateMatrices) -> Complex:
+def right_zeros(system: Lti) -> Array:
     """Return the transmission zeros in the right half-plane of a system with at least as many outputs as inputs.
 
     With more outputs than inputs the pencil is compressed by two random projections; a zero is one that both share.
@@ -154,7 +152,7 @@ def right_zeros(system: StateMatrices) -> Complex:
     return first[near]
 
 
-def _square_zeros(system: StateMatrices, mix: Array) -> Complex:
+def _square_zeros(system: Lti, mix: Array) -> Array:
     n, m = system.B.shape
     A, (scale, _) = linalg.matrix_balance(system.A, permute=False, separate=True)
     B, C, D = system.B / scale[:, None], mix @ (system.C * scale), mix @ system.D

@@ -9,15 +9,13 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, real
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
 
     Weight = float | control.StateSpace
-
-__all__ = ["Piece", "diagonal", "named_system", "rows_of", "series", "states_of", "statespace", "through", "weighed"]
 
 
 @dataclass(frozen=True)
@@ -26,7 +24,7 @@ class Piece:
 
     signal: str
     name: str
-    system: StateMatrices
+    system: Lti
 
 
 def weighed(what: str, prefix: str, given: "Mapping[str, Weight]", choices: Sequence[str]) -> list[Piece]:
@@ -39,13 +37,13 @@ def weighed(what: str, prefix: str, given: "Mapping[str, Weight]", choices: Sequ
     ]
 
 
-def _weight(what: str, weight: Any) -> StateMatrices:
+def _weight(what: str, weight: Any) -> Lti:
     import control
 
     if not isinstance(weight, control.StateSpace):
         if isinstance(weight, control.TransferFunction):
             raise TypeError(f"{what}: expected a number or a StateSpace, not a transfer function")
-        return StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[real(what, weight)]]))
+        return Lti(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[real(what, weight)]]))
     if (weight.noutputs, weight.ninputs) != (1, 1):
         shape = f"{weight.ninputs} input(s) and {weight.noutputs} output(s)"
         raise ValueError(f"{what}: expected a system with one input and one output, got {shape}")
@@ -57,7 +55,7 @@ def _weight(what: str, weight: Any) -> StateMatrices:
         worst = poles[np.argmax(poles.real)]
         if worst.real >= -1e-12 * np.abs(poles).max():
             raise ValueError(f"{what}: expected a stable system, this one has a pole at {worst:.6g} rad/s")
-    return StateMatrices(A, B, C, D)
+    return Lti(A, B, C, D)
 
 
 def statespace(plant: Any) -> "control.StateSpace":
@@ -74,23 +72,23 @@ def statespace(plant: Any) -> "control.StateSpace":
     return system
 
 
-def through(count: int) -> StateMatrices:
+def through(count: int) -> Lti:
     """Return ``count`` signals that pass unchanged."""
-    return StateMatrices(np.zeros((0, 0)), np.zeros((0, count)), np.zeros((count, 0)), np.eye(count))
+    return Lti(np.zeros((0, 0)), np.zeros((0, count)), np.zeros((count, 0)), np.eye(count))
 
 
-def diagonal(parts: Sequence[StateMatrices]) -> StateMatrices:
+def diagonal(parts: Sequence[Lti]) -> Lti:
     """Return systems side by side."""
     joined = (linalg.block_diag(*(getattr(part, name) for part in parts)) for name in "ABCD")
-    return StateMatrices(*joined)
+    return Lti(*joined)
 
 
-def series(first: StateMatrices, between: Array, second: StateMatrices) -> StateMatrices:
+def series(first: Lti, between: Array, second: Lti) -> Lti:
     """Return ``second`` behind ``between`` behind ``first``."""
     C, D = between @ first.C, between @ first.D
     corner = np.zeros((len(first.A), len(second.A)))
     A = np.block([[first.A, corner], [second.B @ C, second.A]])
-    return StateMatrices(A, np.vstack([first.B, second.B @ D]), np.hstack([second.D @ C, second.C]), second.D @ D)
+    return Lti(A, np.vstack([first.B, second.B @ D]), np.hstack([second.D @ C, second.C]), second.D @ D)
 
 
 def rows_of(all_names: Sequence[str], chosen: Sequence[str]) -> Array:
@@ -107,7 +105,7 @@ def states_of(pieces: Sequence[Piece]) -> list[str]:
 
 
 def named_system(
-    matrices: StateMatrices, inputs: list[str], outputs: list[str], states: list[str], dt: float | bool | None = 0
+    matrices: Lti, inputs: list[str], outputs: list[str], states: list[str], dt: float | bool | None = 0
 ) -> "control.StateSpace":
     """Return a system with these names, by default in continuous time.
 

@@ -8,16 +8,14 @@ import numpy as np
 from boomctl.analysis.loops import posed_inverse
 from boomctl.arrays import Array
 from boomctl.checks import finite_array
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.partition import Plant, partition
 
 if TYPE_CHECKING:
     import control
 
-__all__ = ["close_loop", "closed", "matched", "named_loop", "with_feedthrough"]
 
-
-def closed(plant: Plant, K: StateMatrices) -> StateMatrices:
+def closed(plant: Plant, K: Lti) -> Lti:
     """Return the lower linear fractional transformation of a plant with ``u = K y``.
 
     Raises
@@ -37,10 +35,10 @@ def closed(plant: Plant, K: StateMatrices) -> StateMatrices:
     )
     B = np.vstack([plant.B1 + plant.B2 @ direct @ plant.D21, into @ plant.D21])
     C = np.hstack([plant.C1 + plant.D12 @ direct @ plant.C2, plant.D12 @ state])
-    return StateMatrices(A, B, C, plant.D11 + plant.D12 @ direct @ plant.D21)
+    return Lti(A, B, C, plant.D11 + plant.D12 @ direct @ plant.D21)
 
 
-def with_feedthrough(K: StateMatrices, D22: Array) -> StateMatrices:
+def with_feedthrough(K: Lti, D22: Array) -> Lti:
     """Return the controller that does with ``D22`` what ``K`` does without it.
 
     Raises
@@ -52,7 +50,7 @@ def with_feedthrough(K: StateMatrices, D22: Array) -> StateMatrices:
         return K
     solved = posed_inverse(np.eye(len(K.D)) + K.D @ D22)
     C, D = solved @ K.C, solved @ K.D
-    return StateMatrices(K.A - K.B @ D22 @ C, K.B - K.B @ D22 @ D, C, D)
+    return Lti(K.A - K.B @ D22 @ C, K.B - K.B @ D22 @ D, C, D)
 
 
 def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "control.StateSpace":
@@ -76,7 +74,7 @@ def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "co
     return named_loop(plant, closed(plant, K))
 
 
-def matched(P: "control.StateSpace", controller: "control.StateSpace") -> tuple[Plant, StateMatrices]:
+def matched(P: "control.StateSpace", controller: "control.StateSpace") -> tuple[Plant, Lti]:
     """Return a plant cut to fit a controller, and the controller with its signals in the plant's order.
 
     Raises
@@ -94,7 +92,7 @@ def matched(P: "control.StateSpace", controller: "control.StateSpace") -> tuple[
     A, B, C, D = (finite_array(f"{name} of the controller", getattr(controller, name), 2) for name in "ABCD")
     columns = _places("output", plant.measurements, controller.input_labels, P.output_labels)
     rows = _places("input", plant.controls, controller.output_labels, P.input_labels)
-    return plant, StateMatrices(A, B[:, columns], C[rows], D[np.ix_(rows, columns)])
+    return plant, Lti(A, B[:, columns], C[rows], D[np.ix_(rows, columns)])
 
 
 def _places(what: str, wanted: Sequence[str], names: Sequence[str], there: Sequence[str]) -> list[int]:
@@ -111,7 +109,7 @@ def _places(what: str, wanted: Sequence[str], names: Sequence[str], there: Seque
     return list(range(len(listed)))
 
 
-def named_loop(plant: Plant, loop: StateMatrices) -> "control.StateSpace":
+def named_loop(plant: Plant, loop: Lti) -> "control.StateSpace":
     """Return a closed loop from the disturbances to the performance signals."""
     import control
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.checks import finite_array, names
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.structure.model import SecondOrderModel
 from boomctl.synthesis.plants.blocks import (
     diagonal,
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     import control
 
     Weight = float | control.StateSpace
-
-__all__ = ["generalized_plant", "mixed_sensitivity", "select_channels"]
 
 
 def generalized_plant(
@@ -84,7 +82,7 @@ def generalized_plant(
             raise ValueError(f"expected at least one {what}")
     if not set_:
         raise ValueError("expected at least one control")
-    core = StateMatrices(system.A, system.B, system.C, system.D)
+    core = Lti(system.A, system.B, system.C, system.D)
     first = diagonal([*(p.system for p in w + n), through(len(set_))])
     entry = np.hstack([rows_of(ins, [p.signal for p in w]), np.zeros((len(ins), len(n))), rows_of(ins, set_)])
     aside = np.hstack([np.zeros((len(n) + len(set_), len(w))), np.eye(len(n) + len(set_))])
@@ -145,7 +143,7 @@ def mixed_sensitivity(
     if not parts:
         raise ValueError("W1, W2, W3: expected at least one weight")
     p, m = len(outs), len(ins)
-    core = diagonal([through(p), StateMatrices(system.A, system.B, system.C, system.D), through(m)])
+    core = diagonal([through(p), Lti(system.A, system.B, system.C, system.D), through(m)])
     entry = np.block([[np.eye(p), np.zeros((p, m))], [np.zeros((m, p)), np.eye(m)], [np.zeros((m, p)), np.eye(m)]])
     error = np.hstack([np.eye(p), -np.eye(p), np.zeros((p, m))])
     output = np.hstack([np.zeros((p, p)), np.eye(p), np.zeros((p, m))])
@@ -179,5 +177,5 @@ def select_channels(
         if not chosen:
             raise ValueError(f"{what}s: expected at least one")
     columns, rows = [ins.index(name) for name in chosen_in], [outs.index(name) for name in chosen_out]
-    part = StateMatrices(system.A, system.B[:, columns], system.C[rows], system.D[np.ix_(rows, columns)])
+    part = Lti(system.A, system.B[:, columns], system.C[rows], system.D[np.ix_(rows, columns)])
     return named_system(part, list(chosen_in), list(chosen_out), list(system.state_labels), system.dt)

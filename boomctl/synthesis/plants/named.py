@@ -8,14 +8,12 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, names
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 from boomctl.structure.model import SecondOrderModel
 from boomctl.synthesis.plants.partition import Plant
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["NamedMatrices", "named_matrices", "named_statespace", "static_gain"]
 
 
 @dataclass(frozen=True)
@@ -40,11 +38,11 @@ class NamedMatrices:
         places = [self.outputs.index(name) for name in wanted]
         return self.C[places], self.D[places]
 
-    def block(self, outputs: Sequence[str], inputs: Sequence[str]) -> StateMatrices:
+    def block(self, outputs: Sequence[str], inputs: Sequence[str]) -> Lti:
         """Return the system from the inputs named to the outputs named."""
         B, D = self.columns(inputs)
         rows = [self.outputs.index(name) for name in outputs]
-        return StateMatrices(self.A, B, self.C[rows], D[rows])
+        return Lti(self.A, B, self.C[rows], D[rows])
 
     def partitioned(
         self, disturbances: Sequence[str], controls: Sequence[str], performance: Sequence[str], measured: Sequence[str]

@@ -8,12 +8,10 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, whole
-from boomctl.lti.system import StateMatrices
+from boomctl.lti.system import Lti
 
 if TYPE_CHECKING:
     import control
-
-__all__ = ["Normalised", "Plant", "normalised", "partition"]
 
 _INDEPENDENT = 1e5
 
@@ -167,7 +165,7 @@ def _even(B: Array, C: Array, widths: list[int]) -> Array:
     return factors
 
 
-def blocks_of(plant: Plant) -> StateMatrices:
+def blocks_of(plant: Plant) -> Lti:
     """Return the plant's matrices, unpartitioned."""
     D = np.block([[plant.D11, plant.D12], [plant.D21, plant.D22]])
-    return StateMatrices(plant.A, np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1, plant.C2]), D)
+    return Lti(plant.A, np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1, plant.C2]), D)

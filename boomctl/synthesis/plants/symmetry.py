@@ -8,7 +8,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.checks import finite_array
 from boomctl.lti.modal import spectral_parts
-from boomctl.lti.system import StateMatrices, state_matrices
+from boomctl.lti.system import Lti, state_matrices
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
 
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 _SPLIT = 1e-7
 _BESIDE = 1e-3
 _SAME = 1e-6
-
-__all__ = ["join_symmetric", "split_controller"]
 
 
 def join_symmetric(
@@ -174,12 +172,12 @@ def _reached(
     return reduce(half, error=_SPLIT * size).system
 
 
-def _lasting(part: StateMatrices, read: Array, drive: Array) -> StateMatrices:
+def _lasting(part: Lti, read: Array, drive: Array) -> Lti:
     """Return, of unstable and undamped states, those that one half reaches and sees; no reduction takes the others."""
-    found = [_met(StateMatrices(rows @ part.A @ columns, rows @ part.B, part.C @ columns, part.D), read, drive)
+    found = [_met(Lti(rows @ part.A @ columns, rows @ part.B, part.C @ columns, part.D), read, drive)
              for columns, rows in _clusters(part.A)]  # fmt: skip
     count = sum(len(one.A) for one in found)
-    return StateMatrices(
+    return Lti(
         linalg.block_diag(*(one.A for one in found)).reshape(count, count),
         np.vstack([np.zeros((0, read.shape[1])), *(one.B for one in found)]),
         np.hstack([np.zeros((drive.shape[1], 0)), *(one.C for one in found)]),
@@ -209,14 +207,14 @@ def _clusters(A: Array) -> list[tuple[Array, Array]]:
     return found
 
 
-def _met(part: StateMatrices, read: Array, drive: Array) -> StateMatrices:
+def _met(part: Lti, read: Array, drive: Array) -> Lti:
     """Return the states that one half reaches and sees, of those with about the same eigenvalue."""
     entry, leave = part.B @ read, drive.T @ part.C
     sizes = np.sqrt((np.linalg.norm(part.B, axis=0) ** 2) @ read**2), np.sqrt(drive.T**2 @ (part.C**2).sum(axis=1))
     V = _spanned(part.A, entry / np.where(sizes[0] > 0.0, sizes[0], 1.0))
     A, entry, leave = V.T @ part.A @ V, V.T @ entry, leave @ V
     W = _spanned(A.T, (leave / np.where(sizes[1] > 0.0, sizes[1], 1.0)[:, None]).T)
-    return StateMatrices(W.T @ A @ W, W.T @ entry, leave @ W, np.zeros((len(leave), entry.shape[1])))
+    return Lti(W.T @ A @ W, W.T @ entry, leave @ W, np.zeros((len(leave), entry.shape[1])))
 
 
 def _spanned(A: Array, start: Array) -> Array:

@@ -13,8 +13,6 @@ from boomctl.synthesis.plants.blocks import statespace
 if TYPE_CHECKING:
     import control
 
-__all__ = ["from_units", "in_units"]
-
 
 def in_units(system: "control.StateSpace | SecondOrderModel", units: Mapping[str, float]) -> "control.StateSpace":
     """Return a system whose signals count in units of their own; names stay.

@@ -10,8 +10,6 @@ from boomctl.checks import positive, real, whole
 if TYPE_CHECKING:
     import control
 
-__all__ = ["band_pass", "high_pass", "low_pass", "shelf"]
-
 _BUTTERWORTH = float(np.sqrt(0.5))
 
 
