@@ -3,7 +3,8 @@
 What `reveal_type` is asked for here must be known: neither Any nor Unknown.
 """
 
-import control
+from typing import reveal_type
+
 import numpy as np
 
 import boomctl as bc
@@ -115,7 +116,7 @@ reveal_type(K_yaw)
 reveal_type(bc.join_symmetric(m, K_jolt, K_yaw))
 reveal_type(bc.margins(yaw, K))
 reveal_type(bc.feedback_loop(yaw, K))
-reveal_type(bc.closed_loop_response(yaw.to_statespace(), K, omega))
+reveal_type(bc.closed_loop_response(yaw.frequency_response(omega), K))
 reveal_type(bc.robust_stability(family, K).proved)
 reveal_type(bc.structured_margin(family, K).stable_up_to)
 reveal_type(bc.worst_case(family, K, ["actuator_anti"], ["tip_anti"]).norm)
@@ -140,6 +141,7 @@ reveal_type(bc.sine_sigma(m, friction, omega, [{"actuator_left": 1.0}], 0.01))
 q = bc.HubBeamParameters(tip_mass=0.1)
 h = bc.hub_beam(q, model="sfoam", modes=5)
 reveal_type(h)
+reveal_type(bc.hub_beam(q, model="geometrically-exact"))
 reveal_type(h.frequencies_hz(hub_speed=1.0, coupled=False))
 reveal_type(h.critical_speed())
 r = h.simulate(bc.spin_up(final_speed=2.8, duration=30.0), np.linspace(0, 60, 601))
@@ -157,7 +159,7 @@ try:
     reveal_type(slew.certificate)
     reveal_type(slew.history.switches)
     reveal_type(slew.plot())
-    planned: bc.SlewResult = bc.optimal_slew(control.ss(h.linearize()), 1.0, 200.0)
+    planned: bc.SlewResult = bc.optimal_slew(h.linearize(), 1.0, 200.0)
     reveal_type(planned.residual_energy)
 except bc.SlewError as refused:
     reveal_type(refused)
