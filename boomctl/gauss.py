@@ -6,6 +6,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial import legendre
 
+from boomctl.arrays import Array
+
 
 @dataclass(frozen=True)
 class GaussMethod:
@@ -24,12 +26,12 @@ class GaussMethod:
         From the values at 0, at the nodes and at 1 to Legendre coefficients on [-1, 1].
     """
 
-    nodes: np.ndarray
-    weights: np.ndarray
-    A: np.ndarray
-    A_inverse: np.ndarray
-    carry: np.ndarray
-    coefficients: np.ndarray
+    nodes: Array
+    weights: Array
+    A: Array
+    A_inverse: Array
+    carry: Array
+    coefficients: Array
 
     @property
     def stages(self) -> int:
@@ -50,7 +52,7 @@ def gauss_method(stages: int) -> GaussMethod:
     return GaussMethod(0.5 * (points + 1.0), 0.5 * weights, A, A_inverse, 0.5 * weights @ A_inverse, coefficients)
 
 
-def integrated_legendre(x: np.ndarray, degree: int) -> np.ndarray:
+def integrated_legendre(x: Array, degree: int) -> Array:
     """Integrals from -1 to x of the Legendre polynomials up to a degree, shape of x + (degree + 1,)."""
     values = legendre.legvander(x, degree + 1)
     result = np.empty((*np.shape(x), degree + 1))

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from boomctl.arrays import Array
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -34,8 +36,8 @@ class Line:
     """A curve: label, abscissae and ordinates, matplotlib line style, and colour (None: next of the cycle)."""
 
     label: str
-    x: np.ndarray
-    y: np.ndarray
+    x: Array
+    y: Array
     style: str = "-"
     colour: str | None = None
 
@@ -175,8 +177,8 @@ class Film:
     caption : str
     """
 
-    time: np.ndarray
-    shapes: tuple[tuple[str, np.ndarray], ...]
+    time: Array
+    shapes: tuple[tuple[str, Array], ...]
     hub_radius: float
     caption: str
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from boomctl.arrays import Array
 from boomctl.plotting.canvas import COLOURS, new_figure, style
 
 _SHAPES = "osDPXph*d<>"
@@ -126,7 +127,7 @@ def _draw_vibration(ax: Any, lines: tuple[Any, ...], looks: dict[str, Any]) -> N
     ax.set_title("Tip vibration afterwards [m]")
 
 
-def _apart(values: list[float]) -> np.ndarray:
+def _apart(values: list[float]) -> Array:
     """Abscissae of markers: equal ones are moved a little aside."""
     places = np.array(values)
     step = 0.025 * max(float(np.ptp(places)), 1e-9)

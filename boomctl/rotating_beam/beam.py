@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from boomctl.arrays import Array
 from boomctl.checks import positive, real
 from boomctl.rotating_beam import slewing
 from boomctl.rotating_beam.evaluation import details
@@ -92,7 +93,7 @@ class HubBeam:
         beam = axial + [f"transverse_{i + 1}" for i in range(self.modes)]
         return ("hub_angle", *beam, "hub_speed", *(f"{name}_rate" for name in beam))
 
-    def frequencies_hz(self, hub_speed: float = 0.0, coupled: bool = False) -> np.ndarray:
+    def frequencies_hz(self, hub_speed: float = 0.0, coupled: bool = False) -> Array:
         """Natural frequencies of the beam at a constant, prescribed hub speed.
 
         Parameters
@@ -205,7 +206,7 @@ class HubBeam:
         """Simulate a torque [N m] that is a function of time [s]; see `torque` and `simulate`."""
         return self.simulate(Torque(function, breakpoints), timepts, initial, rtol, atol)
 
-    def steady_state(self, hub_speed: float = 0.0) -> np.ndarray:
+    def steady_state(self, hub_speed: float = 0.0) -> Array:
         """State, as `state_names`, of the beam that turns steadily at a hub speed [rad/s], the hub angle 0."""
         return slewing.steady_state(self, real("hub_speed", hub_speed))
 
@@ -214,11 +215,11 @@ class HubBeam:
         return slewing.residual_energy(self, state, real("hub_speed", hub_speed))
 
     @property
-    def root_moment_row(self) -> np.ndarray:
+    def root_moment_row(self) -> Array:
         """Row that reads the bending moment at the clamp [N m] off a state in the order of `state_names`."""
         return slewing.root_moment_row(self)
 
-    def shape(self, states: ArrayLike) -> np.ndarray:
+    def shape(self, states: ArrayLike) -> Array:
         """Positions x + i y along the beam in fixed axes, from clamp to free end, for k states: k x 41, m."""
         return slewing.shape(self, states)
 
@@ -278,9 +279,7 @@ class HubBeam:
 
         return state_function(self)
 
-    def _start(
-        self, manoeuvre: PrescribedMotion | TorqueDriven, initial: ArrayLike | None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _start(self, manoeuvre: PrescribedMotion | TorqueDriven, initial: ArrayLike | None) -> tuple[Array, Array]:
         """Coordinates and rates at t = 0; the hub's only where they are free or given."""
         size = self.equations.size
         state = np.zeros(2 * size) if initial is None else state_vector(initial, 2 * size)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.manoeuvres import Free, PrescribedMotion, SineTorque, Torque, TorqueDriven
 from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.run import ModalMotion, Motion
@@ -13,7 +14,7 @@ _CHUNK = 2048
 def details(
     equations: Equations,
     manoeuvre: PrescribedMotion | TorqueDriven,
-    timepts: np.ndarray,
+    timepts: Array,
     motion: Motion | ModalMotion,
 ) -> Details:
     """Evaluate a motion.
@@ -53,10 +54,10 @@ def details(
 def _inertial(
     equations: Equations,
     manoeuvre: PrescribedMotion | TorqueDriven,
-    timepts: np.ndarray,
-    y: np.ndarray,
-    rate: np.ndarray,
-) -> tuple[np.ndarray, ...]:
+    timepts: Array,
+    y: Array,
+    rate: Array,
+) -> tuple[Array, ...]:
     """Torque, hub acceleration, Q_theta, energy, angular momentum and margin, each k."""
     inertia = equations.inertia(y)
     free = -equations.residual(y, rate, np.zeros_like(y))

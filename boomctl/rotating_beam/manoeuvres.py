@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from boomctl.arrays import Array
 from boomctl.checks import positive, real
 from boomctl.rotating_beam.validation import function_of_time
 
@@ -48,23 +49,23 @@ class SpinUp:
         """Instant from which the hub speed is constant, s."""
         return self.duration
 
-    def _phase(self, t: ArrayLike) -> np.ndarray:
-        phase: np.ndarray = np.minimum(np.maximum(np.asarray(t, dtype=float) / self.duration, 0.0), 1.0)
+    def _phase(self, t: ArrayLike) -> Array:
+        phase: Array = np.minimum(np.maximum(np.asarray(t, dtype=float) / self.duration, 0.0), 1.0)
         return phase
 
-    def angle(self, t: ArrayLike) -> np.ndarray:
+    def angle(self, t: ArrayLike) -> Array:
         """Hub angle, rad."""
         phase = self._phase(t)
         turns = 0.5 * phase**2 - (np.sin(np.pi * phase) / np.pi) ** 2 / 2.0
         steady = np.maximum(np.asarray(t, dtype=float) - self.duration, 0.0)
         return self.final_speed * (self.duration * turns + steady)
 
-    def speed(self, t: ArrayLike) -> np.ndarray:
+    def speed(self, t: ArrayLike) -> Array:
         """Hub speed, rad/s."""
         phase = self._phase(t)
         return self.final_speed * (phase - np.sin(2.0 * np.pi * phase) / (2.0 * np.pi))
 
-    def acceleration(self, t: ArrayLike) -> np.ndarray:
+    def acceleration(self, t: ArrayLike) -> Array:
         """Hub acceleration, rad/s^2."""
         phase = self._phase(t)
         return self.final_speed / self.duration * 2.0 * np.sin(np.pi * phase) ** 2
@@ -95,15 +96,15 @@ class Hold:
         """Instant from which the hub speed is constant, s."""
         return 0.0
 
-    def angle(self, t: ArrayLike) -> np.ndarray:
+    def angle(self, t: ArrayLike) -> Array:
         """Hub angle, rad."""
         return np.full(np.shape(t), self.hub_angle)
 
-    def speed(self, t: ArrayLike) -> np.ndarray:
+    def speed(self, t: ArrayLike) -> Array:
         """Hub speed, rad/s: zero."""
         return np.zeros(np.shape(t))
 
-    def acceleration(self, t: ArrayLike) -> np.ndarray:
+    def acceleration(self, t: ArrayLike) -> Array:
         """Hub acceleration, rad/s^2: zero."""
         return np.zeros(np.shape(t))
 
@@ -155,15 +156,15 @@ class HubProfile:
             if np.abs(gained - values).max() > 1e-2 * max(np.abs(values).max(), np.abs(gained).max()):
                 raise ValueError(f"{slope}: expected the derivative of the {name}")
 
-    def angle(self, t: ArrayLike) -> np.ndarray:
+    def angle(self, t: ArrayLike) -> Array:
         """Hub angle, rad."""
         return _evaluate("angle", self.angle_function, t)
 
-    def speed(self, t: ArrayLike) -> np.ndarray:
+    def speed(self, t: ArrayLike) -> Array:
         """Hub speed, rad/s."""
         return _evaluate("speed", self.speed_function, t)
 
-    def acceleration(self, t: ArrayLike) -> np.ndarray:
+    def acceleration(self, t: ArrayLike) -> Array:
         """Hub acceleration, rad/s^2."""
         return _evaluate("acceleration", self.acceleration_function, t)
 
@@ -196,7 +197,7 @@ class SineTorque:
         """Instants at which the torque is not smooth, s."""
         return (self.duration,)
 
-    def torque(self, t: ArrayLike) -> np.ndarray:
+    def torque(self, t: ArrayLike) -> Array:
         """Torque on the hub, N m."""
         t = np.asarray(t, dtype=float)
         acting = (t >= 0.0) & (t <= self.duration)
@@ -222,7 +223,7 @@ class Torque:
         function_of_time("torque", self.function)
         object.__setattr__(self, "breakpoints", _breakpoints(self.breakpoints))
 
-    def torque(self, t: ArrayLike) -> np.ndarray:
+    def torque(self, t: ArrayLike) -> Array:
         """Torque on the hub, N m."""
         return _evaluate("torque", self.function, t)
 
@@ -236,7 +237,7 @@ class Free:
         """Instants at which the torque is not smooth: none."""
         return ()
 
-    def torque(self, t: ArrayLike) -> np.ndarray:
+    def torque(self, t: ArrayLike) -> Array:
         """Torque on the hub, N m: zero."""
         return np.zeros(np.shape(t))
 
@@ -315,7 +316,7 @@ def _breakpoints(values: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(sorted(real("breakpoints", value) for value in values))
 
 
-def _evaluate(name: str, function: TimeFunction, t: ArrayLike) -> np.ndarray:
+def _evaluate(name: str, function: TimeFunction, t: ArrayLike) -> Array:
     """Values of a user's function at all instants; one that takes only numbers is called once an instant."""
     t = np.asarray(t, dtype=float)
     try:

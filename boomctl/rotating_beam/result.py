@@ -7,21 +7,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from boomctl.arrays import Array
+
 
 class Details(NamedTuple):
     """What a `SimulationResult` computes when first asked for; meanings and units as there."""
 
-    axial_tip_displacement: np.ndarray
-    foreshortening: np.ndarray
-    hub_angle: np.ndarray
-    hub_speed: np.ndarray
-    hub_acceleration: np.ndarray
-    torque: np.ndarray
-    inertia_torque: np.ndarray
-    energy: np.ndarray
-    angular_momentum: np.ndarray
-    mass_matrix_margin: np.ndarray
-    states: np.ndarray
+    axial_tip_displacement: Array
+    foreshortening: Array
+    hub_angle: Array
+    hub_speed: Array
+    hub_acceleration: Array
+    torque: Array
+    inertia_torque: Array
+    energy: Array
+    angular_momentum: Array
+    mass_matrix_margin: Array
+    states: Array
 
 
 @dataclass(frozen=True)
@@ -72,8 +74,8 @@ class SimulationResult:
     """
 
     model: str
-    time: np.ndarray
-    tip_displacement: np.ndarray
+    time: Array
+    tip_displacement: Array
     small_deformation_until: float
     error_estimate: float
     steps: int
@@ -84,63 +86,63 @@ class SimulationResult:
         return self.details()
 
     @property
-    def axial_tip_displacement(self) -> np.ndarray:
+    def axial_tip_displacement(self) -> Array:
         """Extension w_1 of the beam at x = L, m."""
         return self._details.axial_tip_displacement
 
     @property
-    def foreshortening(self) -> np.ndarray:
+    def foreshortening(self) -> Array:
         """Axial displacement w_c at x = L that goes with bending at constant length, m."""
         return self._details.foreshortening
 
     @property
-    def hub_angle(self) -> np.ndarray:
+    def hub_angle(self) -> Array:
         """Hub angle, rad."""
         return self._details.hub_angle
 
     @property
-    def hub_speed(self) -> np.ndarray:
+    def hub_speed(self) -> Array:
         """Hub speed, rad/s."""
         return self._details.hub_speed
 
     @property
-    def hub_acceleration(self) -> np.ndarray:
+    def hub_acceleration(self) -> Array:
         """Hub acceleration, rad/s^2."""
         return self._details.hub_acceleration
 
     @property
-    def torque(self) -> np.ndarray:
+    def torque(self) -> Array:
         """Torque on the hub, N m."""
         return self._details.torque
 
     @property
-    def inertia_torque(self) -> np.ndarray:
+    def inertia_torque(self) -> Array:
         """Q_theta, N m."""
         return self._details.inertia_torque
 
     @property
-    def energy(self) -> np.ndarray:
+    def energy(self) -> Array:
         """Kinetic plus elastic energy, J."""
         return self._details.energy
 
     @property
-    def angular_momentum(self) -> np.ndarray:
+    def angular_momentum(self) -> Array:
         """Angular momentum about the hub's axis, kg m^2/s."""
         return self._details.angular_momentum
 
     @property
-    def mass_matrix_margin(self) -> np.ndarray:
+    def mass_matrix_margin(self) -> Array:
         """Schur complement of the beam's mass matrix in the whole one, kg m^2."""
         return self._details.mass_matrix_margin
 
     @property
-    def states(self) -> np.ndarray:
+    def states(self) -> Array:
         """States in the order of ``to_nlsys()``, k x n."""
         return self._details.states
 
 
 def small_deformation_until(
-    time: np.ndarray, tip_displacement: np.ndarray, length: float, tip_rate: np.ndarray | None = None
+    time: Array, tip_displacement: Array, length: float, tip_rate: Array | None = None
 ) -> float:
     """Instant at which ``|tip_displacement|`` first exceeds ``length / 10``, s; inf if it never does.
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.frequencies import steady_rotation
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.parameters import HubBeamParameters
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from boomctl.rotating_beam.beam import HubBeam
 
 
-def steady_state(beam: "HubBeam", hub_speed: float) -> np.ndarray:
+def steady_state(beam: "HubBeam", hub_speed: float) -> Array:
     """State of the beam that turns steadily at a hub speed [rad/s], the hub angle 0."""
     size = beam.equations.size
     state = np.zeros(2 * size)
@@ -35,7 +36,7 @@ def residual_energy(beam: "HubBeam", state: ArrayLike, hub_speed: float) -> floa
     return float(0.5 * np.sum(momenta * rate) + 0.5 * q @ beam.equations.beam_stiffness @ q)
 
 
-def root_moment_row(beam: "HubBeam") -> np.ndarray:
+def root_moment_row(beam: "HubBeam") -> Array:
     """Row that reads the bending moment ``EI v''(0)`` at the clamp off the states, N m."""
     p, size, n = beam.parameters, beam.equations.size, beam.modes
     row = np.zeros(2 * size)
@@ -43,7 +44,7 @@ def root_moment_row(beam: "HubBeam") -> np.ndarray:
     return row
 
 
-def shape(beam: "HubBeam", states: ArrayLike, points: int = 41) -> np.ndarray:
+def shape(beam: "HubBeam", states: ArrayLike, points: int = 41) -> Array:
     """Positions x + i y along the beam in fixed axes, from clamp to free end, k x points, m."""
     p, size, n = beam.parameters, beam.equations.size, beam.modes
     y = np.atleast_2d(np.asarray(states, dtype=float))[:, :size]

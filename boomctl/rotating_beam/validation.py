@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from boomctl.arrays import Array
 from boomctl.checks import whole
 
 MAX_MODES = 200
@@ -26,7 +27,7 @@ def function_of_time(name: str, value: object) -> Callable[..., object]:
     return value
 
 
-def time_points(value: ArrayLike) -> np.ndarray:
+def time_points(value: ArrayLike) -> Array:
     """Return the instants at which a simulation is wanted: one-dimensional, finite, ascending, from 0 on.
 
     Raises
@@ -49,7 +50,7 @@ def time_points(value: ArrayLike) -> np.ndarray:
     return timepts
 
 
-def state_vector(value: ArrayLike, size: int) -> np.ndarray:
+def state_vector(value: ArrayLike, size: int) -> Array:
     """Return an initial state of `size` finite numbers, or raise ValueError."""
     try:
         state = np.array(value, dtype=float)

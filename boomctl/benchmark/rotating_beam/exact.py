@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.benchmark.report import Row
 from boomctl.benchmark.rotating_beam.exudyn import exudyn_available, exudyn_tip
 from boomctl.benchmark.rotating_beam.peers import in_turns
 from boomctl.rotating_beam import HubBeamParameters, hub_beam
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
 
-SCENES: dict[str, tuple[SpinUp | SineTorque, np.ndarray]] = {
+SCENES: dict[str, tuple[SpinUp | SineTorque, Array]] = {
     "Against the exact beam: spin-up 60 s": (SpinUp(2.8, 30.0), np.linspace(0.0, 60.0, 1501)),
     "Against the exact beam: 200 N m, 30 s": (SineTorque(200.0, 10.0, 10.0), np.linspace(0.0, 30.0, 751)),
 }
@@ -73,16 +74,16 @@ def _scene(scene: str, repeats: int) -> list[Row]:
     return found
 
 
-def _tip(model: str, modes: int, rtol: float, manoeuvre: SpinUp | SineTorque, timepts: np.ndarray) -> np.ndarray:
+def _tip(model: str, modes: int, rtol: float, manoeuvre: SpinUp | SineTorque, timepts: Array) -> Array:
     return hub_beam(HubBeamParameters(), model, modes).simulate(manoeuvre, timepts, rtol=rtol).tip_displacement
 
 
-def _error(tip: np.ndarray, true: np.ndarray) -> float:
+def _error(tip: Array, true: Array) -> float:
     """Largest error over the largest displacement."""
     return float(np.max(np.abs(tip - true)) / np.max(np.abs(true)))
 
 
-def _beside_exudyn(row: Row, manoeuvre: SpinUp | SineTorque, timepts: np.ndarray, true: np.ndarray) -> Row:
+def _beside_exudyn(row: Row, manoeuvre: SpinUp | SineTorque, timepts: Array, true: Array) -> Row:
     """Exudyn, refined until it is as exact as is asked of it; each setting is run once."""
     for elements, step in EXUDYN_SETTINGS:
         start = time.process_time()

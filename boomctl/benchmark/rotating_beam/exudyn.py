@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam import HubBeamParameters
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
 
@@ -27,8 +28,8 @@ def exudyn_available() -> bool:
 
 
 def exudyn_tip(
-    parameters: HubBeamParameters, manoeuvre: SpinUp | SineTorque, timepts: np.ndarray, elements: int, step: float
-) -> np.ndarray:
+    parameters: HubBeamParameters, manoeuvre: SpinUp | SineTorque, timepts: Array, elements: int, step: float
+) -> Array:
     """Transverse tip displacement in the hub's frame, computed by exudyn.
 
     Parameters
@@ -140,7 +141,7 @@ def _sensors(exudyn: Any, system: Any, hub: tuple[int, int], last: int, size: fl
     return system.AddSensor(position), system.AddSensor(angle)
 
 
-def _settings(exudyn: Any, timepts: np.ndarray, step: float) -> Any:
+def _settings(exudyn: Any, timepts: Array, step: float) -> Any:
     settings = exudyn.SimulationSettings()
     integration = settings.timeIntegration
     integration.endTime = float(timepts[-1])

@@ -6,6 +6,7 @@ from math import ceil
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.benchmark.timing import Job, interleaved
 from boomctl.rotating_beam import HubBeam
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
@@ -15,7 +16,7 @@ SPIN_UP = SpinUp(2.8, 30.0)
 TORQUE = SineTorque(200.0, 10.0, 10.0)
 INSTANTS = np.linspace(0.0, 60.0, 601)
 
-Motion = Callable[[], np.ndarray]
+Motion = Callable[[], Array]
 """Returns the tip's displacement at all `INSTANTS`, m."""
 
 _TURN = 0.05
@@ -61,7 +62,7 @@ def scipy_spin_up(beam: HubBeam, method: str) -> Callable[[float], Motion]:
     stiffness, softening, inertia = inverse @ m.K2, inverse @ (m.M2 - m.D), inverse @ m.V2
     n, w, duration = m.V2.size, SPIN_UP.final_speed, SPIN_UP.duration
 
-    def derivative(t: float, x: np.ndarray) -> np.ndarray:
+    def derivative(t: float, x: Array) -> Array:
         phase = 2.0 * np.pi * min(t / duration, 1.0)
         speed = w * (phase - np.sin(phase)) / (2.0 * np.pi)
         turning = w / duration * (1.0 - np.cos(phase))
@@ -69,7 +70,7 @@ def scipy_spin_up(beam: HubBeam, method: str) -> Callable[[float], Motion]:
         return np.concatenate([x[n:], speed**2 * (softening @ q) - stiffness @ q - turning * inertia])
 
     def build(tolerance: float) -> Motion:
-        def motion() -> np.ndarray:
+        def motion() -> Array:
             span, start = (0.0, INSTANTS[-1]), np.zeros(2 * n)
             solution = solve_ivp(derivative, span, start, method, INSTANTS, rtol=tolerance, atol=1e-2 * tolerance)
             return m.tip2 @ solution.y[:n]
@@ -96,7 +97,7 @@ def casadi_spin_up(beam: HubBeam, method: str) -> Callable[[float], Motion]:
         options = {"reltol": tolerance, "abstol": 1e-2 * tolerance, "max_num_steps": 1000000}
         flow = ca.integrator("flow", method, {"x": x, "t": t, "ode": ode}, 0.0, INSTANTS[1:], options)
 
-        def motion() -> np.ndarray:
+        def motion() -> Array:
             states = np.array(flow(x0=np.zeros(2 * n))["xf"])
             return np.concatenate([[0.0], m.tip2 @ states[:n]])
 
@@ -111,11 +112,11 @@ def scipy_torque(beam: HubBeam, manoeuvre: SineTorque) -> Callable[[float], Moti
 
     size = beam.equations.size
 
-    def derivative(t: float, x: np.ndarray) -> np.ndarray:
+    def derivative(t: float, x: Array) -> Array:
         return state_derivative(beam.equations, x, float(manoeuvre.torque(t)))
 
     def build(tolerance: float) -> Motion:
-        def motion() -> np.ndarray:
+        def motion() -> Array:
             span, start = (0.0, INSTANTS[-1]), np.zeros(2 * size)
             solution = solve_ivp(derivative, span, start, "DOP853", INSTANTS, rtol=tolerance, atol=1e-2 * tolerance)
             return beam.equations.tip.transverse @ solution.y[1:size]
@@ -138,7 +139,7 @@ def casadi_torque(beam: HubBeam, manoeuvre: SineTorque) -> Callable[[float], Mot
         options = {"reltol": tolerance, "abstol": 1e-2 * tolerance, "max_num_steps": 10000000}
         flow = ca.integrator("flow", "idas", {"x": x, "t": t, "ode": xdot}, 0.0, INSTANTS[1:], options)
 
-        def motion() -> np.ndarray:
+        def motion() -> Array:
             states = np.array(flow(x0=np.zeros(2 * size))["xf"])
             return np.concatenate([[0.0], beam.equations.tip.transverse @ states[1:size]])
 

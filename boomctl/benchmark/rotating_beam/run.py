@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.benchmark.boom.scene import Progress
 from boomctl.benchmark.report import BenchmarkReport, Row
 from boomctl.benchmark.rotating_beam import exact as hub_beam_exact
@@ -29,7 +30,7 @@ SCIPY_METHODS = ("Radau", "DOP853", "RK45", "LSODA", "BDF")
 _ERROR, _RESIDUAL_ERROR = 1e-6, 1e-5
 _SCIPY_RATIO, _IDAS_RATIO, _RESIDUAL_COST, _FOAM_COST = 100.0, 15.0, 2.0, 10.0
 
-Judge = Callable[[np.ndarray], float]
+Judge = Callable[[Array], float]
 
 
 @dataclass(frozen=True)
@@ -141,7 +142,7 @@ def _torque_rows(found: Mapping[str, _Measured]) -> list[Row]:
     return rows
 
 
-def _judge(exact: np.ndarray, which: np.ndarray) -> Judge:
+def _judge(exact: Array, which: Array) -> Judge:
     scale = np.abs(exact[which]).max()
     return lambda tip: float(np.abs(tip - exact)[which].max() / scale)
 
@@ -184,7 +185,7 @@ def _torque_entries(full: bool) -> dict[str, _Entry]:
         exact = beam.simulate(TORQUE, INSTANTS, rtol=1e-10, atol=1e-13).tip_displacement
         judge = _judge(exact, INSTANTS >= 0.0)
 
-        def ours(beam: HubBeam = beam) -> np.ndarray:
+        def ours(beam: HubBeam = beam) -> Array:
             return beam.simulate(TORQUE, INSTANTS, rtol=_ERROR, atol=1e-13).tip_displacement
 
         entries[model] = _Entry(ours, judge)

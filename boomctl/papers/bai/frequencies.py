@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.papers.bai.comparison import Comparison, Section, compare, judge
 from boomctl.plotting.rotating_beam import Line, Panel, Picture
 from boomctl.rotating_beam import HubBeam, HubBeamParameters, hub_beam
@@ -46,7 +47,7 @@ def table_2() -> Section:
     return Section("Table 2: frequencies (printed under the caption of Table 3)", comparisons=tuple(comparisons))
 
 
-def _table(modes: int) -> dict[str, np.ndarray]:
+def _table(modes: int) -> dict[str, Array]:
     beam = {name: hub_beam(HubBeamParameters(), name, modes) for name in ("tlam", "foam")}
     return {
         "natural frequency": beam["foam"].frequencies_hz(0.0),

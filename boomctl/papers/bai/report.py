@@ -7,6 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.files import plain
 from boomctl.papers.bai.comparison import CORRECTED, MET, NOT_REPRODUCIBLE, Section
 from boomctl.plotting.rotating_beam import Picture, picture_bytes
@@ -67,7 +68,7 @@ def _curves(picture: Picture) -> dict[str, object]:
     }
 
 
-def _thin(values: np.ndarray) -> list[float]:
+def _thin(values: Array) -> list[float]:
     step = max(1, (len(values) - 1) // (_CURVE_POINTS - 1))
     return [float(f"{value:.6g}") for value in np.asarray(values, dtype=float)[::step]]
 

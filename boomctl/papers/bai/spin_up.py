@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.papers.bai.comparison import Comparison, Section, compare, judge
 from boomctl.plotting.rotating_beam import COLOURS, Line, Panel, Picture
 from boomctl.rotating_beam import HubBeam, HubBeamParameters, SimulationResult, hub_beam, spin_up
@@ -187,7 +188,7 @@ def mode_by_mode() -> Section:
     return Section("Fig. 6: modes of FOAM", (_fig_6(axial, transverse),), (comparison,), (claim,))
 
 
-def _fig_6(axial: np.ndarray, transverse: np.ndarray) -> Picture:
+def _fig_6(axial: Array, transverse: Array) -> Picture:
     few = tuple(
         Line(f"{n} + {n} modes", TIME, _run("foam", 5.0, modes=n).tip_displacement, style)
         for n, style in ((1, "-"), (2, "--"), (5, ":"))
@@ -206,7 +207,7 @@ def _fig_6(axial: np.ndarray, transverse: np.ndarray) -> Picture:
     )
 
 
-def _modes(shares: np.ndarray) -> tuple[Line, ...]:
+def _modes(shares: Array) -> tuple[Line, ...]:
     return tuple(Line(f"mode {i + 1}", TIME, shares[:, i]) for i in range(shares.shape[1]))
 
 
@@ -217,5 +218,5 @@ def _lines(runs: dict[str, SimulationResult]) -> tuple[Line, ...]:
     )
 
 
-def _peak(values: np.ndarray) -> float:
+def _peak(values: Array) -> float:
     return float(np.max(np.abs(values)))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.papers.bai.comparison import Comparison, Section, compare, judge
 from boomctl.plotting.rotating_beam import COLOURS, Line, Panel, Picture
 from boomctl.rotating_beam import HubBeamParameters, SimulationResult, hub_beam, sine_torque
@@ -132,7 +133,7 @@ class Residual:
     phase: float
 
 
-def residual_vibration(time: np.ndarray, tip: np.ndarray, after: float, guess: float) -> Residual:
+def residual_vibration(time: Array, tip: Array, after: float, guess: float) -> Residual:
     """Fit one vibration, its frequency included, to a tip displacement after an instant.
 
     Parameters
@@ -147,7 +148,7 @@ def residual_vibration(time: np.ndarray, tip: np.ndarray, after: float, guess: f
     late = time > after
     t, v = time[late] - after, tip[late]
 
-    def fit(omega: float) -> tuple[float, np.ndarray]:
+    def fit(omega: float) -> tuple[float, Array]:
         columns = np.column_stack([np.cos(omega * t), -np.sin(omega * t)])
         solution = np.linalg.lstsq(columns, v, rcond=None)[0]
         return float(np.sum((columns @ solution - v) ** 2)), solution

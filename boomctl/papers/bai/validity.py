@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.papers.bai.comparison import ADDED, Claim, Section
 from boomctl.plotting.rotating_beam import COLOURS, Line, Panel, Picture
 from boomctl.rotating_beam import HubBeamParameters, SimulationError, hub_beam, sine_torque
@@ -36,10 +37,10 @@ class Validity:
         By model, "exact" included: largest displacement after the torque has ended, m.
     """
 
-    torques: np.ndarray
-    whole: dict[str, np.ndarray]
-    residual: dict[str, np.ndarray]
-    residual_amplitude: dict[str, np.ndarray]
+    torques: Array
+    whole: dict[str, Array]
+    residual: dict[str, Array]
+    residual_amplitude: dict[str, Array]
 
 
 def validity(torques: tuple[float, ...] = TORQUES, modes: int = MODES) -> Validity:
@@ -64,7 +65,7 @@ def validity(torques: tuple[float, ...] = TORQUES, modes: int = MODES) -> Validi
     return Validity(np.array(torques), whole, residual, amplitude)
 
 
-def _tip(model: str, modes: int, torque: float) -> np.ndarray:
+def _tip(model: str, modes: int, torque: float) -> Array:
     beam = hub_beam(HubBeamParameters(), model, modes)
     try:
         return beam.simulate(sine_torque(torque, 10.0, 10.0), TIME, rtol=1e-6).tip_displacement
@@ -72,13 +73,13 @@ def _tip(model: str, modes: int, torque: float) -> np.ndarray:
         return np.full(TIME.size, np.inf)
 
 
-def _error(tip: np.ndarray, true: np.ndarray) -> float:
+def _error(tip: Array, true: Array) -> float:
     if not np.all(np.isfinite(tip)):
         return float("inf")
     return float(np.max(np.abs(tip - true)) / np.max(np.abs(true)))
 
 
-def leaves(torques: np.ndarray, errors: np.ndarray, threshold: float) -> float:
+def leaves(torques: Array, errors: Array, threshold: float) -> float:
     """Torque at which an error first exceeds a threshold, on a straight line in logarithms; inf if it never does.
 
     Parameters
@@ -108,7 +109,7 @@ def section(data: Validity) -> Section:
     levels = tuple((threshold, f"{100 * threshold:g} %") for threshold in THRESHOLDS)
     styles = {"SFOAM, consistent": "s--", "FOAM": "^:", "TLAM": "o-", "SFOAM": "v-", "CFOAM": "D-"}
 
-    def panel(title: str, errors: dict[str, np.ndarray]) -> Panel:
+    def panel(title: str, errors: dict[str, Array]) -> Panel:
         lines = tuple(
             Line(label, data.torques, np.where(np.isfinite(e), e, np.nan), styles[label], COLOURS[label])
             for label, e in errors.items()
@@ -144,11 +145,11 @@ def section(data: Validity) -> Section:
     return Section("Where each model stops being true", (picture,), claims=claims)
 
 
-def _kinds(data: Validity) -> tuple[tuple[str, dict[str, np.ndarray]], ...]:
+def _kinds(data: Validity) -> tuple[tuple[str, dict[str, Array]], ...]:
     return ("whole motion", data.whole), ("residual vibration", data.residual)
 
 
-def _limits(torques: np.ndarray, errors: np.ndarray) -> str:
+def _limits(torques: Array, errors: Array) -> str:
     texts = []
     for threshold in THRESHOLDS:
         torque = leaves(torques, errors, threshold)

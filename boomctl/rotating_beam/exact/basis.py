@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
 EXTRA_NODES = 10
@@ -46,12 +47,12 @@ class StrainBasis:
         Number of curvature, and of stretch, polynomials on each span.
     """
 
-    rotation: np.ndarray
-    stretch: np.ndarray
-    integration: np.ndarray
-    point_masses: np.ndarray
-    tip_row: np.ndarray
-    stiffness: np.ndarray
+    rotation: Array
+    stretch: Array
+    integration: Array
+    point_masses: Array
+    tip_row: Array
+    stiffness: Array
     hub_inertia: float
     modes: int
 
@@ -71,7 +72,7 @@ class StrainBasis:
         return slice(1 + (self.coordinates - 1) // 2, self.coordinates)
 
 
-def cumulative_integration(nodes: np.ndarray, weights: np.ndarray, at: np.ndarray) -> np.ndarray:
+def cumulative_integration(nodes: Array, weights: Array, at: Array) -> Array:
     """Integrals from -1 to ``at`` of the polynomial through Gauss-Legendre ``nodes``.
 
     Parameters
@@ -92,7 +93,7 @@ def cumulative_integration(nodes: np.ndarray, weights: np.ndarray, at: np.ndarra
     return legendre_integrals(at, n) @ coefficients
 
 
-def legendre_integrals(at: np.ndarray, count: int) -> np.ndarray:
+def legendre_integrals(at: Array, count: int) -> Array:
     """``int_{-1}^{at} P_j`` for ``j < count``, shape ``(len(at), count)``: ``(P_{j+1} - P_{j-1})/(2j + 1)``."""
     values = legvander(at, count)
     integrals = np.empty((np.size(at), count))
@@ -143,13 +144,13 @@ def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
     )
 
 
-def _span_ends(parameters: HubBeamParameters) -> np.ndarray:
+def _span_ends(parameters: HubBeamParameters) -> Array:
     """Ends of the spans [m]; the tip mass, if any, stands at one of them."""
     inside = parameters.tip_mass > 0.0 and 0.0 < parameters.mass_position < parameters.length
     return np.array([0.0, *([parameters.mass_position] if inside else []), parameters.length])
 
 
-def _strain_rows(halves: np.ndarray, nodes: np.ndarray, modes: int) -> tuple[np.ndarray, np.ndarray]:
+def _strain_rows(halves: Array, nodes: Array, modes: int) -> tuple[Array, Array]:
     """Rotation and stretch of hub and nodes over the coordinates; the polynomials are orthonormal on their span."""
     bending, per_span = halves.size * modes, nodes.size
     rotation = np.zeros((1 + halves.size * per_span, 1 + 2 * bending))
@@ -165,7 +166,7 @@ def _strain_rows(halves: np.ndarray, nodes: np.ndarray, modes: int) -> tuple[np.
     return rotation, stretch
 
 
-def _row_to(parameters: HubBeamParameters, halves: np.ndarray, weights: np.ndarray, spans: int) -> np.ndarray:
+def _row_to(parameters: HubBeamParameters, halves: Array, weights: Array, spans: int) -> Array:
     """Row of the position where ``spans`` spans end: the hub radius, then the Gauss weights of those spans."""
     reached = np.where(np.arange(halves.size) < spans, halves, 0.0)
     return np.concatenate([[parameters.hub_radius], np.kron(reached, weights)])

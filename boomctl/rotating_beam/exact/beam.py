@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from boomctl.arrays import Array
 from boomctl.checks import positive, real
 from boomctl.rotating_beam.exact.basis import StrainBasis, strain_basis
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
@@ -88,7 +89,7 @@ class GeometricallyExactBeam:
         """Hub speed at which the axial stiffness is lost and a straight beam has no steady rotation, rad/s."""
         return critical_speed(self.basis)
 
-    def steady_state(self, hub_speed: float = 0.0) -> np.ndarray:
+    def steady_state(self, hub_speed: float = 0.0) -> Array:
         """State of the straight, stretched beam that turns steadily, the hub angle 0.
 
         Parameters
@@ -106,7 +107,7 @@ class GeometricallyExactBeam:
         rates[0] = hub_speed
         return np.concatenate([steady_rotation(self.basis, hub_speed), rates])
 
-    def shape(self, states: ArrayLike) -> np.ndarray:
+    def shape(self, states: ArrayLike) -> Array:
         """Where the beam is, in fixed axes.
 
         Parameters
@@ -122,7 +123,7 @@ class GeometricallyExactBeam:
         q = np.atleast_2d(np.asarray(states, dtype=float))[:, : self.basis.coordinates]
         return self.dynamics.positions(q)
 
-    def frequencies_hz(self, hub_speed: float = 0.0, coupled: bool = False) -> np.ndarray:
+    def frequencies_hz(self, hub_speed: float = 0.0, coupled: bool = False) -> Array:
         """Undamped frequencies of small motion about steady rotation, the hub's motion prescribed.
 
         Parameters
@@ -202,7 +203,7 @@ class GeometricallyExactBeam:
         """Motion under a torque [N m] that is a function of time [s]; see :meth:`simulate`."""
         return self.simulate(Torque(function, breakpoints), timepts, initial, rtol, atol)
 
-    def _start(self, drive: Drive, initial: ArrayLike | None) -> tuple[np.ndarray, np.ndarray]:
+    def _start(self, drive: Drive, initial: ArrayLike | None) -> tuple[Array, Array]:
         """Coordinates and velocities at t = 0."""
         size = self.basis.coordinates
         state = np.zeros(2 * size) if initial is None else state_vector(initial, 2 * size)
@@ -228,17 +229,13 @@ class GeometricallyExactBeam:
                 f"hub_speed = {hub_speed!r}: expected less than {critical:.6g} rad/s, where axial stiffness is lost"
             )
 
-    def _result(
-        self, manoeuvre: PrescribedMotion | TorqueDriven, times: np.ndarray, motion: Motion
-    ) -> SimulationResult:
+    def _result(self, manoeuvre: PrescribedMotion | TorqueDriven, times: Array, motion: Motion) -> SimulationResult:
         until = small_deformation_until(motion.watched, motion.watched_tip, self.parameters.length, motion.watched_rate)
         tip = np.imag(self.dynamics.tip(motion.q))
         later = partial(self._details, manoeuvre, times, motion.q, motion.v)
         return SimulationResult(self.model, times, tip, until, motion.error_estimate, motion.steps, later)
 
-    def _details(
-        self, manoeuvre: PrescribedMotion | TorqueDriven, times: np.ndarray, q: np.ndarray, v: np.ndarray
-    ) -> Details:
+    def _details(self, manoeuvre: PrescribedMotion | TorqueDriven, times: Array, q: Array, v: Array) -> Details:
         dynamics = self.dynamics
         acceleration, torque, margin = _accelerations(dynamics, manoeuvre, times, q, v)
         extension = dynamics.extension(q)
@@ -305,10 +302,10 @@ class GeometricallyExactBeam:
 
         size, dynamics = self.basis.coordinates, self.dynamics
 
-        def rates(t: float, x: np.ndarray, u: np.ndarray, params: dict[str, object]) -> np.ndarray:
+        def rates(t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
             return np.concatenate([x[size:], dynamics.acceleration(x[:size], x[size:], float(np.ravel(u)[0]))])
 
-        def outputs(t: float, x: np.ndarray, u: np.ndarray, params: dict[str, object]) -> np.ndarray:
+        def outputs(t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
             return np.array([x[0], x[size], np.imag(dynamics.tip(x[:size]))])
 
         return control.nlsys(
@@ -332,10 +329,10 @@ def _drive(manoeuvre: PrescribedMotion | TorqueDriven) -> Drive:
 def _accelerations(
     dynamics: ExactBeamDynamics,
     manoeuvre: PrescribedMotion | TorqueDriven,
-    times: np.ndarray,
-    q: np.ndarray,
-    v: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    times: Array,
+    q: Array,
+    v: Array,
+) -> tuple[Array, Array, Array]:
     """Accelerations of the coordinates, torque on the hub, and margin of the mass matrix."""
     force = -dynamics.convective_force(q, v)
     inner = force - dynamics.basis.stiffness * q

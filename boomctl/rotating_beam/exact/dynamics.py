@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.exact.basis import StrainBasis
 
 
@@ -24,20 +25,20 @@ class ExactBeamDynamics:
     """
 
     basis: StrainBasis
-    damping: np.ndarray | None = None
+    damping: Array | None = None
 
     @cached_property
-    def mass_kernel(self) -> np.ndarray:
+    def mass_kernel(self) -> Array:
         """``W^T diag(m) W``, complex only to spare a conversion in each product, shape ``(nodes, nodes)`` [kg m^2]."""
         rows = self.basis.integration
         return (rows.T @ (self.basis.point_masses[:, None] * rows)).astype(complex)
 
     @cached_property
-    def rest_mass(self) -> np.ndarray:
+    def rest_mass(self) -> Array:
         """Mass matrix of the undeformed beam, shape ``(coordinates, coordinates)``."""
         return self.mass_matrix(np.zeros(self.basis.coordinates))
 
-    def _nodes(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
+    def _nodes(self, q: Array, v: Array) -> tuple[Array, ...]:
         """Direction, tangent, tangent's rate, rotation's rate and stretch's rate at the nodes."""
         basis = self.basis
         direction = np.exp(1j * (q @ basis.rotation.T))
@@ -45,7 +46,7 @@ class ExactBeamDynamics:
         turn, stretching = v @ basis.rotation.T, v @ basis.stretch.T
         return direction, tangent, stretching * direction + 1j * turn * tangent, turn, stretching
 
-    def momentum_and_force(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def momentum_and_force(self, q: Array, v: Array) -> tuple[Array, Array]:
         """``p = dT/dv`` and ``dT/dq - dU/dq - C v``."""
         basis = self.basis
         direction, tangent, rate, turn, _ = self._nodes(q, v)
@@ -60,11 +61,11 @@ class ExactBeamDynamics:
             g -= v @ self.damping
         return p, g
 
-    def _motions(self, direction: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+    def _motions(self, direction: Array, tangent: Array) -> Array:
         """Derivatives of the tangents with respect to the coordinates, ``(..., nodes, coordinates)``."""
         return (1j * tangent)[..., None] * self.basis.rotation + direction[..., None] * self.basis.stretch
 
-    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+    def mass_matrix(self, q: Array) -> Array:
         """``M(q)``, shape ``(..., coordinates, coordinates)``, symmetric positive definite."""
         direction, tangent, *_ = self._nodes(q, np.zeros_like(q))
         motions = self._motions(direction, tangent)
@@ -72,14 +73,14 @@ class ExactBeamDynamics:
         mass[..., 0, 0] += self.basis.hub_inertia
         return mass
 
-    def convective_force(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def convective_force(self, q: Array, v: Array) -> Array:
         """``M'(q, v) v - dT/dq``: what ``M q'' + ...`` has beside ``M q''``; its first entry is ``-Q_theta``."""
         direction, tangent, _, turn, stretching = self._nodes(q, v)
         acceleration = 2j * stretching * turn * direction - turn**2 * tangent
         force = (acceleration @ self.mass_kernel).conj()
         return -np.imag(tangent * force) @ self.basis.rotation + np.real(direction * force) @ self.basis.stretch
 
-    def acceleration(self, q: np.ndarray, v: np.ndarray, torque: float) -> np.ndarray:
+    def acceleration(self, q: Array, v: Array, torque: float) -> Array:
         """``q''`` with the hub free under ``torque`` [N m]; one instant, shape ``(coordinates,)``."""
         force = -self.convective_force(q, v) - self.basis.stiffness * q
         if self.damping is not None:
@@ -87,7 +88,7 @@ class ExactBeamDynamics:
         force[0] += torque
         return np.linalg.solve(self.mass_matrix(q), force)
 
-    def linearisation(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def linearisation(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Derivatives of momentum and force: ``dp/dv = M``, ``dp/dq`` and ``-dg/dq = d^2(U - T)/dq^2``.
 
         ``dg/dv`` is the transpose of ``dp/dq`` less the damping. Small motion about a steady rotation obeys
@@ -110,14 +111,14 @@ class ExactBeamDynamics:
         stiffness -= np.real(np.swapaxes(rates.conj(), -1, -2) @ (kernel @ rates))
         return mass, coupling, stiffness
 
-    def energy(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def energy(self, q: Array, v: Array) -> Array:
         """``T + U`` [J]."""
         rate = self._nodes(q, v)[2]
         kinetic = 0.5 * np.sum(np.real(rate.conj() * (rate @ self.mass_kernel)), axis=-1)
         kinetic += 0.5 * self.basis.hub_inertia * v[..., 0] ** 2
         return kinetic + 0.5 * np.sum(self.basis.stiffness * q**2, axis=-1)
 
-    def positions(self, q: np.ndarray) -> np.ndarray:
+    def positions(self, q: Array) -> Array:
         """Positions of clamp, Gauss points and free end in fixed axes, complex [m]."""
         basis = self.basis
         _, tangent, *_ = self._nodes(q, np.zeros_like(q))
@@ -125,23 +126,23 @@ class ExactBeamDynamics:
         clamp = basis.integration[0, 0] * tangent[..., :1]
         return np.concatenate([clamp, tangent @ points.T, (tangent @ basis.tip_row)[..., None]], axis=-1)
 
-    def tip(self, q: np.ndarray) -> np.ndarray:
+    def tip(self, q: Array) -> Array:
         """Position of the free end in axes that turn with the hub, complex: along, across [m]."""
         _, tangent, *_ = self._nodes(q, np.zeros_like(q))
         return (tangent @ self.basis.tip_row) * np.exp(-1j * q[..., 0])
 
-    def tip_rate(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def tip_rate(self, q: Array, v: Array) -> Array:
         """Rate of :meth:`tip`, complex [m/s]."""
         _, tangent, rate, *_ = self._nodes(q, v)
         return ((rate - 1j * v[..., :1] * tangent) @ self.basis.tip_row) * np.exp(-1j * q[..., 0])
 
-    def tip_row(self, q: np.ndarray) -> np.ndarray:
+    def tip_row(self, q: Array) -> Array:
         """Derivative of :meth:`tip` with respect to the coordinates, complex; one instant."""
         direction, tangent, *_ = self._nodes(q, np.zeros_like(q))
         row = self.basis.tip_row @ self._motions(direction, tangent)
         row[0] = 0.0
         return row * np.exp(-1j * q[0])
 
-    def extension(self, q: np.ndarray) -> np.ndarray:
+    def extension(self, q: Array) -> Array:
         """Integral of the stretch over the beam [m]."""
         return q @ (self.basis.stretch.T @ self.basis.tip_row)

@@ -16,6 +16,7 @@ from functools import cache
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.exact.basis import cumulative_integration
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 
@@ -42,9 +43,9 @@ class Drive:
         Prescribed hub angle [rad] and speed [rad/s], or None if the hub is free.
     """
 
-    torque: Callable[[np.ndarray], np.ndarray] | None = None
-    angle: Callable[[np.ndarray], np.ndarray] | None = None
-    speed: Callable[[np.ndarray], np.ndarray] | None = None
+    torque: Callable[[Array], Array] | None = None
+    angle: Callable[[Array], Array] | None = None
+    speed: Callable[[Array], Array] | None = None
 
     @property
     def first_free(self) -> int:
@@ -56,19 +57,19 @@ class Drive:
 class Trajectory:
     """States at the ends of equal steps: ``time`` (k,), ``q`` and ``v`` (k, coordinates)."""
 
-    time: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
+    time: Array
+    q: Array
+    v: Array
 
 
 @dataclass(frozen=True, eq=False)
 class GaussRule:
     """Nodes ``c`` in [0, 1], matrix ``a``, weights ``b``, and the matrix that continues stage values one step on."""
 
-    c: np.ndarray
-    a: np.ndarray
-    b: np.ndarray
-    onward: np.ndarray
+    c: Array
+    a: Array
+    b: Array
+    onward: Array
 
 
 @cache
@@ -82,7 +83,7 @@ def gauss_rule(stages: int = STAGES) -> GaussRule:
 
 
 def march(
-    dynamics: ExactBeamDynamics, drive: Drive, start: float, end: float, steps: int, q: np.ndarray, v: np.ndarray
+    dynamics: ExactBeamDynamics, drive: Drive, start: float, end: float, steps: int, q: Array, v: Array
 ) -> Trajectory:
     """Integrate from ``start`` to ``end`` in ``steps`` equal steps.
 
@@ -137,8 +138,8 @@ def march(
 class _Solved:
     """Velocities and forces at the stages, and how fast the iteration contracted."""
 
-    velocities: np.ndarray
-    force: np.ndarray
+    velocities: Array
+    force: Array
     contraction: float
 
 
@@ -146,7 +147,7 @@ class _Solved:
 class _Frozen:
     """Inverse of the Jacobian of a step at one instant."""
 
-    inverse: np.ndarray
+    inverse: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,13 +158,13 @@ class _Step:
     rule: GaussRule
     h: float
     first: int
-    q: np.ndarray
-    p: np.ndarray
-    torque: np.ndarray | None
-    angle: np.ndarray | None
-    speed: np.ndarray | None
+    q: Array
+    p: Array
+    torque: Array | None
+    angle: Array | None
+    speed: Array | None
 
-    def stages(self, velocities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def stages(self, velocities: Array) -> tuple[Array, Array]:
         """Coordinates and velocities at the stages, the prescribed ones as prescribed."""
         if self.angle is None:
             return self.q + self.h * (self.rule.a @ velocities), velocities
@@ -172,14 +173,14 @@ class _Step:
         q[:, 0] = self.angle
         return q, velocities
 
-    def residual(self, velocities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def residual(self, velocities: Array) -> tuple[Array, Array]:
         """Residual at the free coordinates, and the forces at the stages."""
         momentum, force = self.dynamics.momentum_and_force(*self.stages(velocities))
         if self.torque is not None:
             force[:, 0] += self.torque
         return (momentum - self.p - self.h * (self.rule.a @ force))[:, self.first :], force
 
-    def solve(self, guess: np.ndarray, frozen: _Frozen | None) -> _Solved | None:
+    def solve(self, guess: Array, frozen: _Frozen | None) -> _Solved | None:
         """Newton's method from ``guess``, with a frozen Jacobian or a fresh one each time; None if it fails."""
         velocities, last, contraction = guess.copy(), np.inf, 0.0
         for iteration in range(_MAX_ITERATIONS):
@@ -200,17 +201,17 @@ class _Step:
             last = size
         return None
 
-    def freeze(self, guess: np.ndarray) -> _Frozen:
+    def freeze(self, guess: Array) -> _Frozen:
         """The Jacobian with the same matrices at all stages: those in the middle of the step."""
         middle = guess.mean(axis=0)
         one = self.dynamics.linearisation(self.q + 0.5 * self.h * middle, middle)
         return _Frozen(self._inverse(*(np.broadcast_to(m, (self.rule.c.size, *m.shape)) for m in one)))
 
-    def jacobian_inverse(self, velocities: np.ndarray) -> np.ndarray:
+    def jacobian_inverse(self, velocities: Array) -> Array:
         """Inverse of the exact Jacobian over all stages."""
         return self._inverse(*self.dynamics.linearisation(*self.stages(velocities)))
 
-    def _inverse(self, mass: np.ndarray, coupling: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    def _inverse(self, mass: Array, coupling: Array, stiffness: Array) -> Array:
         a, h, own = self.rule.a, self.h, slice(self.first, None)
         back = np.swapaxes(coupling, -1, -2)
         if self.dynamics.damping is not None:
@@ -222,18 +223,18 @@ class _Step:
         size = a.shape[0] * (mass.shape[-1] - self.first)
         return np.linalg.inv(blocks[:, :, own, own].transpose(0, 2, 1, 3).reshape(size, size))
 
-    def calm_guess(self) -> np.ndarray:
+    def calm_guess(self) -> Array:
         """The velocity at the start of the step, at every stage."""
         speed = None if self.speed is None else self.speed[:1]
         return np.tile(_velocities(self.dynamics, speed, self.q[None], self.p[None]), (self.rule.c.size, 1))
 
 
-def _size(dynamics: ExactBeamDynamics, velocities: np.ndarray, first: int) -> float:
+def _size(dynamics: ExactBeamDynamics, velocities: Array, first: int) -> float:
     """Length of stage velocities (from coordinate ``first`` on) in the mass matrix of the undeformed beam."""
     return float(np.sqrt(np.sum((velocities @ dynamics.rest_mass[first:, first:]) * velocities)))
 
 
-def _velocities(dynamics: ExactBeamDynamics, speed: np.ndarray | None, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+def _velocities(dynamics: ExactBeamDynamics, speed: Array | None, q: Array, p: Array) -> Array:
     """Velocities from momenta, ``M(q) v = p``, the hub's speed as given if it is."""
     v, first = np.empty_like(q), 0 if speed is None else 1
     for chunk in np.array_split(np.arange(len(q)), max(1, len(q) // 500)):

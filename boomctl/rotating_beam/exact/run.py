@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.polynomial.legendre import legder, legvander
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import Drive, StepFailedError, Trajectory, march
 from boomctl.rotating_beam.motion.run import SimulationError
@@ -42,11 +43,11 @@ class Motion:
         Number of steps.
     """
 
-    q: np.ndarray
-    v: np.ndarray
-    watched: np.ndarray
-    watched_tip: np.ndarray
-    watched_rate: np.ndarray
+    q: Array
+    v: Array
+    watched: Array
+    watched_tip: Array
+    watched_rate: Array
     error_estimate: float
     steps: int
 
@@ -55,8 +56,8 @@ def run_to_tolerance(
     dynamics: ExactBeamDynamics,
     drive: Drive,
     corners: tuple[float, ...],
-    timepts: np.ndarray,
-    state: tuple[np.ndarray, np.ndarray],
+    timepts: Array,
+    state: tuple[Array, Array],
     first_step: float,
     tolerance: tuple[float, float],
 ) -> Motion:
@@ -120,7 +121,7 @@ def run_to_tolerance(
     )
 
 
-def _steps(start: float, stop: float, step: float, timepts: np.ndarray) -> int:
+def _steps(start: float, stop: float, step: float, timepts: Array) -> int:
     """Number of steps between two corners; if equal steps can, they end at the instants wanted."""
     count = max(_LEAST_STEPS, int(np.ceil((stop - start) / step)))
     gaps = np.diff(np.unique([start, *timepts[(timepts > start) & (timepts < stop)], stop]))
@@ -128,7 +129,7 @@ def _steps(start: float, stop: float, step: float, timepts: np.ndarray) -> int:
     return -(-count // gaps.size) * gaps.size if uniform else count
 
 
-def _run(dynamics, drive: Drive, bounds: np.ndarray, counts: list[int], state) -> list[Trajectory]:
+def _run(dynamics, drive: Drive, bounds: Array, counts: list[int], state) -> list[Trajectory]:
     pieces, (q, v) = [], state
     for (start, end), count in zip(pairwise(bounds), counts, strict=True):
         pieces.append(march(dynamics, drive, float(start), float(end), count, q, v))
@@ -136,7 +137,7 @@ def _run(dynamics, drive: Drive, bounds: np.ndarray, counts: list[int], state) -
     return pieces
 
 
-def _at(pieces: list[Trajectory], timepts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _at(pieces: list[Trajectory], timepts: Array) -> tuple[Array, Array]:
     """Coordinates and velocities at ``timepts``; at a corner, those of the piece that ends there."""
     ends = np.array([piece.time[-1] for piece in pieces])
     which = np.minimum(np.searchsorted(ends, timepts), len(pieces) - 1)
@@ -144,7 +145,7 @@ def _at(pieces: list[Trajectory], timepts: np.ndarray) -> tuple[np.ndarray, np.n
     return np.concatenate([q for q, _ in parts]), np.concatenate([v for _, v in parts])
 
 
-def interpolate(piece: Trajectory, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def interpolate(piece: Trajectory, times: Array) -> tuple[Array, Array]:
     """Coordinates and velocities within a run of equal steps.
 
     Parameters
@@ -177,7 +178,7 @@ def interpolate(piece: Trajectory, times: np.ndarray) -> tuple[np.ndarray, np.nd
     return q, v
 
 
-def _hermite_basis() -> np.ndarray:
+def _hermite_basis() -> Array:
     """Legendre coefficients of the polynomials with unit value, then unit slope, at equal distances on [-1, 1]."""
     points = np.linspace(-1.0, 1.0, _WINDOW)
     degree = 2 * _WINDOW - 1

@@ -3,11 +3,12 @@
 import numpy as np
 from scipy.linalg import cholesky, eigh, solve_triangular
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.exact.basis import StrainBasis
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 
 
-def axial_matrices(basis: StrainBasis) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def axial_matrices(basis: StrainBasis) -> tuple[Array, Array, Array]:
     """Stiffness and mass of the straight beam over the stretches, and the pull ``V`` of a unit speed squared.
 
     A straight beam that turns at ``w`` is at rest where ``(K - w^2 M) b = w^2 V``.
@@ -24,7 +25,7 @@ def critical_speed(basis: StrainBasis) -> float:
     return float(1.0 / np.sqrt(eigh(mass, stiffness, eigvals_only=True)[-1]))
 
 
-def steady_rotation(basis: StrainBasis, hub_speed: float) -> np.ndarray:
+def steady_rotation(basis: StrainBasis, hub_speed: float) -> Array:
     """Coordinates of the straight, stretched beam that turns steadily; the hub angle is 0.
 
     Parameters
@@ -45,7 +46,7 @@ def steady_rotation(basis: StrainBasis, hub_speed: float) -> np.ndarray:
     return q
 
 
-def small_motion(dynamics: ExactBeamDynamics, hub_speed: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def small_motion(dynamics: ExactBeamDynamics, hub_speed: float) -> tuple[Array, Array, Array]:
     """Matrices of ``M a + G v + K q = f`` about steady rotation, over all coordinates; damping is part of ``G``."""
     mass, coupling, stiffness = dynamics.linearisation(*_steady_state(dynamics.basis, hub_speed))
     gyroscopic = coupling - coupling.T
@@ -54,14 +55,14 @@ def small_motion(dynamics: ExactBeamDynamics, hub_speed: float) -> tuple[np.ndar
     return mass, gyroscopic, stiffness
 
 
-def transverse_frequencies(dynamics: ExactBeamDynamics, hub_speed: float) -> np.ndarray:
+def transverse_frequencies(dynamics: ExactBeamDynamics, hub_speed: float) -> Array:
     """Bending frequencies of the stretched beam, hub motion prescribed, stretches and Coriolis terms frozen [rad/s]."""
     mass, _, stiffness = small_motion(dynamics, hub_speed)
     own = dynamics.basis.bending
     return 1.0 / np.sqrt(eigh(mass[own, own], stiffness[own, own], eigvals_only=True)[::-1])
 
 
-def coupled_frequencies(dynamics: ExactBeamDynamics, hub_speed: float) -> np.ndarray:
+def coupled_frequencies(dynamics: ExactBeamDynamics, hub_speed: float) -> Array:
     """All frequencies with the hub motion prescribed, Coriolis terms included, ascending [rad/s].
 
     With ``M = L L^T`` and ``K = R R^T`` the periods are eigenvalues of a skew-symmetric matrix, which keeps
@@ -76,14 +77,14 @@ def coupled_frequencies(dynamics: ExactBeamDynamics, hub_speed: float) -> np.nda
     return 1.0 / periods[periods > 0.0][::-1]
 
 
-def _steady_state(basis: StrainBasis, hub_speed: float) -> tuple[np.ndarray, np.ndarray]:
+def _steady_state(basis: StrainBasis, hub_speed: float) -> tuple[Array, Array]:
     q = steady_rotation(basis, hub_speed)
     v = np.zeros_like(q)
     v[0] = hub_speed
     return q, v
 
 
-def damping_matrix(basis: StrainBasis, ratio: float) -> np.ndarray | None:
+def damping_matrix(basis: StrainBasis, ratio: float) -> Array | None:
     """Damping that gives every clamped mode of the beam at rest the same ``ratio``; None for a ratio of 0."""
     if ratio == 0.0:
         return None

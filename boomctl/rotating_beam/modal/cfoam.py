@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import Inertia, Tangents, Tip, block_diagonal, frequency_range
 from boomctl.rotating_beam.modal.foam import foam
 from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals
@@ -14,10 +15,10 @@ from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals
 class _Motion(NamedTuple):
     """Kinematics of the p points at k instants; Sq, Su are ``S q_2``, ``S q_2'``; J is k x 2 x p x N."""
 
-    J: np.ndarray
-    Sq: np.ndarray
-    Su: np.ndarray
-    bias: np.ndarray
+    J: Array
+    Sq: Array
+    Su: Array
+    bias: Array
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,9 @@ class CompleteEquations:
 
     hub_inertia: float
     points: MassPoints
-    beam_mass: np.ndarray
-    beam_stiffness: np.ndarray
-    beam_damping: np.ndarray
+    beam_mass: Array
+    beam_stiffness: Array
+    beam_damping: Array
     tip: Tip
 
     @property
@@ -70,12 +71,12 @@ class CompleteEquations:
         """None: the beam's equations are not linear."""
         return
 
-    def inertia(self, y: np.ndarray) -> Inertia:
+    def inertia(self, y: Array) -> Inertia:
         """Mass matrix in its blocks."""
         mass = self._mass(self._motion(y, np.zeros_like(y)).J)
         return Inertia(mass[:, 0, 0], mass[:, 0, 1:], mass[:, 1:, 1:])
 
-    def residual(self, y: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    def residual(self, y: Array, rate: Array, acceleration: Array) -> Array:
         """Left-hand sides of the equations of motion, k x N."""
         motion = self._motion(y, rate)
         total = motion.bias + np.einsum("kdpi,ki->kdp", motion.J, acceleration)
@@ -84,7 +85,7 @@ class CompleteEquations:
         result[:, 1:] += rate[:, 1:] @ self.beam_damping + y[:, 1:] @ self.beam_stiffness
         return result
 
-    def tangents(self, y: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> Tangents:
+    def tangents(self, y: Array, rate: Array, acceleration: Array) -> Tangents:
         """Derivatives of the residual with respect to accelerations, rates and coordinates."""
         motion = self._motion(y, rate)
         total = motion.bias + np.einsum("kdpi,ki->kdp", motion.J, acceleration)
@@ -96,17 +97,17 @@ class CompleteEquations:
         stiffness[:, 1:, 1:] += self.beam_stiffness
         return Tangents(self._mass(motion.J), damping, stiffness)
 
-    def inertia_torque(self, y: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    def inertia_torque(self, y: Array, rate: Array) -> Array:
         """Q_theta, Eqs. (32) and (37), k."""
         motion = self._motion(y, rate)
         return -np.einsum("kdp,kdp->k", motion.J[..., 0], self.points.mass * motion.bias)
 
-    def dissipation(self, rate: np.ndarray) -> np.ndarray:
+    def dissipation(self, rate: Array) -> Array:
         """Power lost in damping, k."""
         u = rate[:, 1:]
         return np.sum((u @ self.beam_damping) * u, axis=1)
 
-    def _motion(self, y: np.ndarray, rate: np.ndarray) -> _Motion:
+    def _motion(self, y: Array, rate: Array) -> _Motion:
         points, n = self.points, self.points.f1.shape[1]
         q1, q2, u1, u2 = y[:, 1 : n + 1], y[:, n + 1 :], rate[:, 1 : n + 1], rate[:, n + 1 :]
         speed = rate[:, :1]
@@ -122,12 +123,12 @@ class CompleteEquations:
         across = 2.0 * speed * sliding - speed**2 * deflection
         return _Motion(J, Sq, Su, np.stack([along, across], axis=1))
 
-    def _mass(self, J: np.ndarray) -> np.ndarray:
+    def _mass(self, J: Array) -> Array:
         result = _pair(self.points.mass[:, None] * J, J)
         result[:, 0, 0] += self.hub_inertia
         return result
 
-    def _bias_by_rate(self, motion: _Motion, y: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    def _bias_by_rate(self, motion: _Motion, y: Array, rate: Array) -> Array:
         """``db / dy'``, k x 2 x p x N."""
         n, speed = self.points.f1.shape[1], rate[:, :1, None]
         velocity = np.einsum("kdpi,ki->kdp", motion.J[..., 1:], rate[:, 1:])
@@ -139,7 +140,7 @@ class CompleteEquations:
         result[:, 0, :, n + 1 :] -= 2.0 * motion.Su
         return result
 
-    def _acceleration_by_coordinates(self, motion: _Motion, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    def _acceleration_by_coordinates(self, motion: _Motion, rate: Array, acceleration: Array) -> Array:
         """``d(J y'' + b) / dy`` at given rates and accelerations, k x 2 x p x N."""
         n, speed, turning = self.points.f1.shape[1], rate[:, :1, None], acceleration[:, :1, None]
         along, across = motion.J[:, 0, :, 1:], motion.J[:, 1, :, 1:]  # also d(X, v) / dq
@@ -150,7 +151,7 @@ class CompleteEquations:
         result[:, 1, :, n + 1 :] -= 2.0 * speed * motion.Su
         return result
 
-    def _jacobian_by_coordinates(self, motion: _Motion, force: np.ndarray) -> np.ndarray:
+    def _jacobian_by_coordinates(self, motion: _Motion, force: Array) -> Array:
         """``d(J^T force) / dy`` at a given force on the points, k x N x N."""
         n = self.points.f1.shape[1]
         result = np.zeros((force.shape[0], self.size, self.size))
@@ -177,13 +178,13 @@ def cfoam(integrals: ModalIntegrals, points: MassPoints, hub_inertia: float) -> 
     return CompleteEquations(hub_inertia, points, linear.M, linear.K, damping, linear.tip)
 
 
-def _times(S: np.ndarray, q: np.ndarray) -> np.ndarray:
+def _times(S: Array, q: Array) -> Array:
     """``S q`` at all points and instants, k x p x n."""
     p, n, _ = S.shape
     return (q @ S.reshape(p * n, n).T).reshape(-1, p, n)
 
 
-def _pair(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _pair(left: Array, right: Array) -> Array:
     """Sum of ``left^T right`` over directions and points, k x N x N."""
     k, _, _, size = left.shape
     return left.reshape(k, -1, size).swapaxes(1, 2) @ right.reshape(k, -1, size)

@@ -2,8 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals
 
 if TYPE_CHECKING:
@@ -74,7 +73,7 @@ def complete_energy(points: MassPoints, hub_inertia: float, y: "casadi.SX", rate
     return energy
 
 
-def elastic_energy(stiffness: np.ndarray, y: "casadi.SX") -> "casadi.SX":
+def elastic_energy(stiffness: Array, y: "casadi.SX") -> "casadi.SX":
     """Elastic energy ``1/2 q^T K q``, Eq. (22), J.
 
     Parameters

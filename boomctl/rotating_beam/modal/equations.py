@@ -8,13 +8,15 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from boomctl.arrays import Array
+
 
 class Tangents(NamedTuple):
     """Derivatives of the residual with respect to accelerations, rates and coordinates, each k x N x N."""
 
-    mass: np.ndarray
-    damping: np.ndarray
-    stiffness: np.ndarray
+    mass: Array
+    damping: Array
+    stiffness: Array
 
 
 class Tip(NamedTuple):
@@ -28,9 +30,9 @@ class Tip(NamedTuple):
         ``w_c(L) = -1/2 q^T shortening q``.
     """
 
-    transverse: np.ndarray
-    axial: np.ndarray
-    shortening: np.ndarray
+    transverse: Array
+    axial: Array
+    shortening: Array
 
 
 class Inertia(NamedTuple):
@@ -44,17 +46,17 @@ class Inertia(NamedTuple):
         Positive definite always.
     """
 
-    hub: np.ndarray
-    coupling: np.ndarray
-    beam: np.ndarray
+    hub: Array
+    coupling: Array
+    beam: Array
 
-    def solve_beam(self, right: np.ndarray) -> np.ndarray:
+    def solve_beam(self, right: Array) -> Array:
         """``beam^-1 right``, k x (N - 1)."""
         if self.beam.ndim == 2:
             return np.linalg.solve(self.beam, right.T).T
         return np.linalg.solve(self.beam, right[..., None])[..., 0]
 
-    def momenta(self, rate: np.ndarray) -> np.ndarray:
+    def momenta(self, rate: Array) -> Array:
         """Mass matrix times rates, k x N."""
         result = np.empty_like(rate)
         result[:, 0] = self.hub * rate[:, 0] + np.sum(self.coupling * rate[:, 1:], axis=1)
@@ -62,7 +64,7 @@ class Inertia(NamedTuple):
         result[:, 1:] = self.coupling * rate[:, :1] + beam
         return result
 
-    def margin(self) -> np.ndarray:
+    def margin(self) -> Array:
         """Schur complement ``hub - coupling beam^-1 coupling^T``, k; positive definite means > 0."""
         return self.hub - np.sum(self.coupling * self.solve_beam(self.coupling), axis=1)
 
@@ -73,24 +75,24 @@ class BeamSpeedTerms(NamedTuple):
     ``M q'' + (C + w G) q' + (K + w^2 K_w + a K_a) q = w^2 f_w + a f_a`` at a hub speed w and acceleration a.
     """
 
-    M: np.ndarray
-    C: np.ndarray
-    G: np.ndarray
-    K: np.ndarray
-    K_w: np.ndarray
-    K_a: np.ndarray
-    f_w: np.ndarray
-    f_a: np.ndarray
+    M: Array
+    C: Array
+    G: Array
+    K: Array
+    K_w: Array
+    K_a: Array
+    f_w: Array
+    f_a: Array
 
 
 class NormalForm(NamedTuple):
     """``x'' + (stiffness + w^2 slope) x = a push`` at a hub speed w and acceleration a; ``q = to_q x``, ``x = to_x q``."""
 
-    to_q: np.ndarray
-    to_x: np.ndarray
-    stiffness: np.ndarray
-    slope: np.ndarray
-    push: np.ndarray
+    to_q: Array
+    to_x: Array
+    stiffness: Array
+    slope: Array
+    push: Array
 
 
 class Equations(Protocol):
@@ -107,12 +109,12 @@ class Equations(Protocol):
         ...
 
     @property
-    def beam_mass(self) -> np.ndarray:
+    def beam_mass(self) -> Array:
         """Mass matrix of the beam about its straight shape, N - 1 x N - 1."""
         ...
 
     @property
-    def beam_stiffness(self) -> np.ndarray:
+    def beam_stiffness(self) -> Array:
         """Stiffness matrix of the beam at rest, N - 1 x N - 1."""
         ...
 
@@ -131,23 +133,23 @@ class Equations(Protocol):
         """Beam equations at a given hub motion if the hub's speed merely stiffens it, else None."""
         ...
 
-    def residual(self, y: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    def residual(self, y: Array, rate: Array, acceleration: Array) -> Array:
         """Left-hand sides of the equations of motion, k x N; the hub's is the torque that it needs."""
         ...
 
-    def tangents(self, y: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> Tangents:
+    def tangents(self, y: Array, rate: Array, acceleration: Array) -> Tangents:
         """Derivatives of the residual."""
         ...
 
-    def inertia(self, y: np.ndarray) -> "Inertia":
+    def inertia(self, y: Array) -> "Inertia":
         """Mass matrix in its blocks."""
         ...
 
-    def inertia_torque(self, y: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    def inertia_torque(self, y: Array, rate: Array) -> Array:
         """Q_theta, k: the hub equation's terms quadratic in the rates, on the side of the torque (Eqs. 32, 37)."""
         ...
 
-    def dissipation(self, rate: np.ndarray) -> np.ndarray:
+    def dissipation(self, rate: Array) -> Array:
         """Power lost in damping, k."""
         ...
 
@@ -156,18 +158,18 @@ def normal_form(terms: BeamSpeedTerms) -> NormalForm | None:
     """Return the normal form, or None if there are gyroscopic terms, damping or others that it has no place for."""
     if np.any(terms.G) or np.any(terms.C) or np.any(terms.K_a) or np.any(terms.f_w):
         return None
-    root: np.ndarray = np.linalg.cholesky(terms.M)
+    root: Array = np.linalg.cholesky(terms.M)
     to_q = np.linalg.inv(root).T
     return NormalForm(to_q, root.T, to_q.T @ terms.K @ to_q, to_q.T @ terms.K_w @ to_q, to_q.T @ terms.f_a)
 
 
-def frequency_range(mass: np.ndarray, stiffness: np.ndarray) -> tuple[float, float]:
+def frequency_range(mass: Array, stiffness: Array) -> tuple[float, float]:
     """Lowest and highest natural frequency of a positive definite pair, rad/s."""
     squares = np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real
     return float(np.sqrt(squares.min())), float(np.sqrt(squares.max()))
 
 
-def block_diagonal(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def block_diagonal(first: Array, second: Array) -> Array:
     """Two square blocks, of the axial and the transverse coordinates, on a diagonal."""
     n = first.shape[0]
     result = np.zeros((n + second.shape[0], n + second.shape[0]))

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import (
     BeamSpeedTerms,
     Inertia,
@@ -40,13 +41,13 @@ class FirstOrderEquations:
     """
 
     rigid_inertia: float
-    M: np.ndarray
-    N: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    K: np.ndarray
-    V: np.ndarray
-    W: np.ndarray
+    M: Array
+    N: Array
+    B: Array
+    C: Array
+    K: Array
+    V: Array
+    W: Array
     keeps_inertia_torque: bool
     has_axial: bool
     tip: Tip
@@ -57,12 +58,12 @@ class FirstOrderEquations:
         return self.W.size + 1
 
     @property
-    def beam_mass(self) -> np.ndarray:
+    def beam_mass(self) -> Array:
         """M."""
         return self.M
 
     @property
-    def beam_stiffness(self) -> np.ndarray:
+    def beam_stiffness(self) -> Array:
         """K."""
         return self.K
 
@@ -93,12 +94,12 @@ class FirstOrderEquations:
     def _normal_form(self) -> NormalForm | None:
         return normal_form(self._beam_speed_terms)
 
-    def inertia(self, y: np.ndarray) -> Inertia:
+    def inertia(self, y: Array) -> Inertia:
         """Mass matrix in its blocks."""
         q = y[:, 1:]
         return Inertia(self._hub_inertia(q), self._coupling(q), self.M)
 
-    def residual(self, y: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    def residual(self, y: Array, rate: Array, acceleration: Array) -> Array:
         """Left-hand sides of the equations of motion, k x N."""
         q, u, a = y[:, 1:], rate[:, 1:], acceleration[:, 1:]
         speed, turning = rate[:, :1], acceleration[:, :1]
@@ -112,7 +113,7 @@ class FirstOrderEquations:
             result[:, 1:] -= 2.0 * speed * (u @ self.B.T) + speed**2 * self.V
         return result
 
-    def tangents(self, y: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> Tangents:
+    def tangents(self, y: Array, rate: Array, acceleration: Array) -> Tangents:
         """Derivatives of the residual with respect to accelerations, rates and coordinates."""
         q, u, a = y[:, 1:], rate[:, 1:], acceleration[:, 1:]
         speed, turning = rate[:, :1], acceleration[:, :1]
@@ -140,20 +141,20 @@ class FirstOrderEquations:
         mass[:, 0, 1:] = mass[:, 1:, 0] = self._coupling(q)
         return Tangents(mass, damping, stiffness)
 
-    def inertia_torque(self, y: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    def inertia_torque(self, y: Array, rate: Array) -> Array:
         """``Q_theta = -2 w (V q' + q^T N q')``, Eq. (32), k."""
         q, u = y[:, 1:], rate[:, 1:]
         lever = np.sum((q @ self.N) * u, axis=1)
         return -2.0 * rate[:, 0] * (lever + u @ self.V if self.has_axial else lever)
 
-    def dissipation(self, rate: np.ndarray) -> np.ndarray:
+    def dissipation(self, rate: Array) -> Array:
         """Power lost in damping, k."""
         u = rate[:, 1:]
         return np.sum((u @ self.C) * u, axis=1)
 
-    def _hub_inertia(self, q: np.ndarray) -> np.ndarray:
+    def _hub_inertia(self, q: Array) -> Array:
         inertia = self.rigid_inertia + np.sum((q @ self.N) * q, axis=1)
         return inertia + 2.0 * (q @ self.V) if self.has_axial else inertia
 
-    def _coupling(self, q: np.ndarray) -> np.ndarray:
+    def _coupling(self, q: Array) -> Array:
         return self.W - q @ self.B.T if self.has_axial else np.broadcast_to(self.W, q.shape)

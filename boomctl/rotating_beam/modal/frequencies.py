@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.modal.integrals import ModalIntegrals
 
 
-def lowest(mass: np.ndarray, stiffness: np.ndarray) -> float:
+def lowest(mass: Array, stiffness: Array) -> float:
     """Lowest natural frequency of a positive definite pair, rad/s."""
     from scipy.linalg import eigh
 
@@ -21,7 +22,7 @@ def check_speed(model: str, speed: float, critical: float) -> None:
         )
 
 
-def transverse(integrals: ModalIntegrals, speed: float, *, stiffening: bool) -> np.ndarray:
+def transverse(integrals: ModalIntegrals, speed: float, *, stiffening: bool) -> Array:
     """Frequencies of ``K2 + w^2 (D - M2)``, or without D, in Hz, ascending.
 
     Parameters
@@ -39,7 +40,7 @@ def transverse(integrals: ModalIntegrals, speed: float, *, stiffening: bool) -> 
     return 1.0 / (2.0 * np.pi * np.sqrt(squares[::-1]))
 
 
-def coupled(equations: Equations, speed: float) -> np.ndarray:
+def coupled(equations: Equations, speed: float) -> Array:
     """Frequencies of axial and transverse motion with gyroscopic terms about the stretched beam, in Hz, ascending.
 
     Parameters
@@ -69,7 +70,7 @@ def coupled(equations: Equations, speed: float) -> np.ndarray:
     return np.sort(values.imag[values.imag > 0.0]) / (2.0 * np.pi)
 
 
-def steady_rotation(equations: Equations, speed: float) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def steady_rotation(equations: Equations, speed: float) -> tuple[Array, tuple[Array, Array, Array]]:
     """Beam coordinates at which the beam is at rest in the hub's frame, and the equations' derivatives there.
 
     Parameters

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.shapes import AxialModes, TransverseModes, axial_modes, transverse_modes
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
@@ -35,19 +36,19 @@ class ModalIntegrals:
     """
 
     inertia: float
-    M1: np.ndarray
-    K1: np.ndarray
-    C1: np.ndarray
-    V1: np.ndarray
-    M2: np.ndarray
-    K2: np.ndarray
-    C2: np.ndarray
-    V2: np.ndarray
-    D: np.ndarray
-    R: np.ndarray
-    tip1: np.ndarray
-    tip2: np.ndarray
-    S_tip: np.ndarray
+    M1: Array
+    K1: Array
+    C1: Array
+    V1: Array
+    M2: Array
+    K2: Array
+    C2: Array
+    V2: Array
+    D: Array
+    R: Array
+    tip1: Array
+    tip2: Array
+    S_tip: Array
 
 
 @dataclass(frozen=True)
@@ -66,11 +67,11 @@ class MassPoints:
         ``S(x)``, 1/m.
     """
 
-    mass: np.ndarray
-    radius: np.ndarray
-    f1: np.ndarray
-    f2: np.ndarray
-    S: np.ndarray
+    mass: Array
+    radius: Array
+    f1: Array
+    f2: Array
+    S: Array
 
 
 def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals:
@@ -132,7 +133,7 @@ def mass_points(parameters: HubBeamParameters, modes: int) -> MassPoints:
     return MassPoints(mass, p.hub_radius + x, f1(x), f2(x), f2.shortening(x))
 
 
-def gauss_points(length: float, phase: float) -> tuple[np.ndarray, np.ndarray]:
+def gauss_points(length: float, phase: float) -> tuple[Array, Array]:
     """Gauss-Legendre points and weights on [0, length] that integrate ``cos(4 phase x / length)`` to rounding."""
     from scipy.special import roots_legendre
 
@@ -141,20 +142,20 @@ def gauss_points(length: float, phase: float) -> tuple[np.ndarray, np.ndarray]:
     return 0.5 * length * (points + 1.0), 0.5 * length * weights
 
 
-def _first_moment_transverse(shapes: TransverseModes, radius: float) -> np.ndarray:
+def _first_moment_transverse(shapes: TransverseModes, radius: float) -> Array:
     """``int (radius + x) f dx``: by parts with ``f'''' = b^4 f`` only the clamp's terms remain."""
     b = shapes.wavenumbers
     return 2.0 * radius * shapes.sine / b + 2.0 / b**2
 
 
-def _first_moment_axial(shapes: AxialModes, radius: float) -> np.ndarray:
+def _first_moment_axial(shapes: AxialModes, radius: float) -> Array:
     """``int (radius + x) f dx``."""
     b = shapes.wavenumbers
     odd = np.where(np.arange(b.size) % 2 == 0, 1.0, -1.0)
     return radius / b + odd / b**2
 
 
-def _overlap(f1: AxialModes, f2: TransverseModes, x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def _overlap(f1: AxialModes, f2: TransverseModes, x: Array, weights: Array) -> Array:
     """``int f_1^T f_2 dx``: by parts with ``f'''' = b^4 f`` of both, but where the two wavenumbers nearly agree."""
     a, b = f1.wavenumbers[:, None], f2.wavenumbers[None, :]
     odd = np.where(np.arange(a.size) % 2 == 0, 1.0, -1.0)
@@ -165,7 +166,7 @@ def _overlap(f1: AxialModes, f2: TransverseModes, x: np.ndarray, weights: np.nda
     return result
 
 
-def _modal_damping(mass: np.ndarray, stiffness: np.ndarray, ratio: float) -> np.ndarray:
+def _modal_damping(mass: Array, stiffness: Array, ratio: float) -> Array:
     """``2 ratio M sqrt(M^-1 K)``."""
     if ratio == 0.0:
         return np.zeros_like(mass)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.checks import real
 from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.modal.frequencies import check_speed, steady_rotation
@@ -33,10 +34,10 @@ def to_nlsys(name: str, equations: Equations, states: tuple[str, ...]) -> "contr
 
     size = equations.size
 
-    def update(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
+    def update(t: float, x: Array, u: Array, params: dict) -> Array:
         return state_derivative(equations, np.asarray(x, dtype=float), float(np.ravel(u)[0]))
 
-    def output(t: float, x: np.ndarray, u: np.ndarray, params: dict) -> np.ndarray:
+    def output(t: float, x: Array, u: Array, params: dict) -> Array:
         return np.array([x[0], x[size], equations.tip.transverse @ np.asarray(x)[1:size]])
 
     return control.nlsys(
@@ -44,7 +45,7 @@ def to_nlsys(name: str, equations: Equations, states: tuple[str, ...]) -> "contr
     )
 
 
-def state_derivative(equations: Equations, x: np.ndarray, torque: float) -> np.ndarray:
+def state_derivative(equations: Equations, x: Array, torque: float) -> Array:
     """Derivative of the state (coordinates, rates) under a torque [N m].
 
     Raises
@@ -102,7 +103,7 @@ class HubSpeedFamily:
         """Linear model at a hub speed [rad/s]; as `HubBeam.linearize`."""
         return self.beam.linearize(hub_speed)
 
-    def affine(self) -> tuple["control.StateSpace", np.ndarray]:
+    def affine(self) -> tuple["control.StateSpace", Array]:
         """Return the family as one model and one matrix: ``A(w) = A(0) + w^2 slope``, all else independent of w.
 
         This holds for the two variants of SFOAM without approximation, for ``D - M2`` enters with the speed squared.
@@ -126,7 +127,7 @@ class HubSpeedFamily:
         rest = self.beam.linearize(0.0)
         return rest, np.asarray(self.beam.linearize(1.0).A) - np.asarray(rest.A)
 
-    def grid(self, hub_speeds: np.ndarray) -> tuple["control.StateSpace", ...]:
+    def grid(self, hub_speeds: Array) -> tuple["control.StateSpace", ...]:
         """Linear models at several hub speeds [rad/s]."""
         return tuple(self.at(real("hub_speeds", float(each))) for each in np.ravel(hub_speeds))
 

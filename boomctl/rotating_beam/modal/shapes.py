@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from boomctl.arrays import Array
+
 
 @dataclass(frozen=True)
 class TransverseModes:
@@ -24,12 +26,12 @@ class TransverseModes:
     """
 
     length: float
-    wavenumbers: np.ndarray
-    clamp_decay: np.ndarray
-    tip_decay: np.ndarray
-    sine: np.ndarray
+    wavenumbers: Array
+    clamp_decay: Array
+    tip_decay: Array
+    sine: Array
 
-    def __call__(self, x: ArrayLike, derivative: int = 0) -> np.ndarray:
+    def __call__(self, x: ArrayLike, derivative: int = 0) -> Array:
         """Values of the shapes, or of a derivative with respect to x.
 
         Parameters
@@ -50,7 +52,7 @@ class TransverseModes:
         decaying = decaying + self.tip_decay * np.exp(-b * (self.length - x))
         return b**derivative * (decaying - np.cos(b * x + quarter) + self.sine * np.sin(b * x + quarter))
 
-    def shortening(self, x: ArrayLike) -> np.ndarray:
+    def shortening(self, x: ArrayLike) -> Array:
         """``S(x) = int_0^x f'^T f' dx``, Eq. (20), in closed form.
 
         Parameters
@@ -66,7 +68,7 @@ class TransverseModes:
         at_x = self._antiderivative(x)
         return at_x - self._antiderivative(np.zeros(1))[0]
 
-    def _antiderivative(self, x: np.ndarray) -> np.ndarray:
+    def _antiderivative(self, x: Array) -> Array:
         """Of ``f_i' f_j'``: for i != j from ``f'''' = b^4 f`` by parts, for i = j its limit."""
         scaled = self.wavenumbers
         d = [self(x, k) / scaled**k for k in range(4)]
@@ -101,9 +103,9 @@ class AxialModes:
     """
 
     length: float
-    wavenumbers: np.ndarray
+    wavenumbers: Array
 
-    def __call__(self, x: ArrayLike, derivative: int = 0) -> np.ndarray:
+    def __call__(self, x: ArrayLike, derivative: int = 0) -> Array:
         """Values of the shapes, or of a derivative with respect to x; shape of x + (n,)."""
         b = self.wavenumbers
         x = np.asarray(x, dtype=float)[..., None]
@@ -132,5 +134,5 @@ def axial_modes(count: int, length: float) -> AxialModes:
     return AxialModes(length, (np.arange(count) + 0.5) * np.pi / length)
 
 
-def _sech(z: np.ndarray) -> np.ndarray:
+def _sech(z: Array) -> Array:
     return 2.0 * np.exp(-z) / (1.0 + np.exp(-2.0 * z))

@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.gauss import GaussMethod
 from boomctl.rotating_beam.modal.equations import Tangents
 from boomctl.rotating_beam.motion.trajectory import Trajectory
@@ -26,19 +27,19 @@ class Problem(Protocol):
         """Whether the residual is affine in q, v and a."""
         ...
 
-    def residual(self, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    def residual(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Residual at k instants, k x n."""
         ...
 
-    def tangents(self, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> Tangents:
+    def tangents(self, t: Array, q: Array, v: Array, a: Array) -> Tangents:
         """Derivatives of the residual with respect to a, v and q, each k x n x n or n x n."""
         ...
 
-    def first_guess(self, t: np.ndarray, start: float, v: np.ndarray) -> np.ndarray:
+    def first_guess(self, t: Array, start: float, v: Array) -> Array:
         """Rates at m x s nodes to start Newton's method from, m x s x n."""
         ...
 
-    def is_admissible(self, q: np.ndarray) -> bool:
+    def is_admissible(self, q: Array) -> bool:
         """Whether the equations can be solved for the accelerations at all of k coordinates."""
         ...
 
@@ -47,9 +48,9 @@ class Problem(Protocol):
 class _Window:
     """A few steps; q and v are at their ends."""
 
-    q: np.ndarray
-    v: np.ndarray
-    stages: np.ndarray
+    q: Array
+    v: Array
+    stages: Array
 
 
 class StepTooSmall(Exception):
@@ -63,8 +64,8 @@ class StepTooSmall(Exception):
 def march(
     problem: Problem,
     method: GaussMethod,
-    edges: np.ndarray,
-    start: tuple[np.ndarray, np.ndarray],
+    edges: Array,
+    start: tuple[Array, Array],
     guess: Trajectory | None,
     tolerance: float,
     window: int,
@@ -113,7 +114,7 @@ def march(
     return _join(method, ends, pieces)
 
 
-def _join(method: GaussMethod, ends: list[np.ndarray], pieces: list[_Window]) -> Trajectory:
+def _join(method: GaussMethod, ends: list[Array], pieces: list[_Window]) -> Trajectory:
     q = np.concatenate([pieces[0].q[:1], *(piece.q[1:] for piece in pieces)])
     v = np.concatenate([pieces[0].v[:1], *(piece.v[1:] for piece in pieces)])
     return Trajectory(method, np.concatenate(ends), q, v, np.concatenate([piece.stages for piece in pieces]))
@@ -122,8 +123,8 @@ def _join(method: GaussMethod, ends: list[np.ndarray], pieces: list[_Window]) ->
 def _solve_window(
     problem: Problem,
     method: GaussMethod,
-    edges: np.ndarray,
-    start: tuple[np.ndarray, np.ndarray],
+    edges: Array,
+    start: tuple[Array, Array],
     guess: Trajectory | None,
     tolerance: float,
 ) -> _Window | None:
@@ -141,7 +142,7 @@ def _solve_window(
     return None
 
 
-def _continued(method: GaussMethod, h: np.ndarray, start: tuple[np.ndarray, np.ndarray], stages: np.ndarray) -> _Window:
+def _continued(method: GaussMethod, h: Array, start: tuple[Array, Array], stages: Array) -> _Window:
     """Ends of the steps that follow from the rates at the nodes."""
     q = start[0] + np.concatenate(
         [np.zeros((1, stages.shape[2])), np.cumsum(h[:, None] * (method.weights @ stages), 0)]
@@ -154,7 +155,7 @@ def _continued(method: GaussMethod, h: np.ndarray, start: tuple[np.ndarray, np.n
 
 
 def _newton(
-    problem: Problem, method: GaussMethod, nodes: np.ndarray, h: np.ndarray, current: _Window
+    problem: Problem, method: GaussMethod, nodes: Array, h: Array, current: _Window
 ) -> Iterator[tuple[float, _Window]]:
     """Iterates of Newton's method, each with the largest change that the next one is expected to make."""
     previous = np.inf
@@ -174,7 +175,7 @@ def _newton(
         previous = change
 
 
-def _newton_step(problem: Problem, method: GaussMethod, nodes: np.ndarray, h: np.ndarray, current: _Window) -> _Window:
+def _newton_step(problem: Problem, method: GaussMethod, nodes: Array, h: Array, current: _Window) -> _Window:
     """Changes of ends and nodes that satisfy the linearised equations of all steps."""
     m, s, n = current.stages.shape
     each = h[:, None, None]
@@ -189,8 +190,8 @@ def _newton_step(problem: Problem, method: GaussMethod, nodes: np.ndarray, h: np
 
 
 def _stage_responses(
-    tangents: Tangents, residual: np.ndarray, method: GaussMethod, h: np.ndarray, shape: tuple[int, int, int]
-) -> np.ndarray:
+    tangents: Tangents, residual: Array, method: GaussMethod, h: Array, shape: tuple[int, int, int]
+) -> Array:
     """Changes of a step's nodes by its start's coordinates, its start's rates and the residual, m x s n x (2 n + 1)."""
     m, s, n = shape
     mass, damping, stiffness = (np.broadcast_to(each, (m * s, n, n)).reshape(m, s, n, n) for each in tangents)
@@ -207,7 +208,7 @@ def _stage_responses(
     return np.linalg.solve(system.reshape(m, s * n, s * n), right.reshape(m, s * n, 2 * n + 1))
 
 
-def _run_through(responses: np.ndarray, method: GaussMethod, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _run_through(responses: Array, method: GaussMethod, h: Array) -> tuple[Array, Array]:
     """Changes at the ends of the steps, from none at the start."""
     m, n = responses.shape[0], (responses.shape[2] - 1) // 2
     stages = responses.reshape(m, method.stages, n, 2 * n + 1)

@@ -7,6 +7,7 @@ from math import ceil, log2
 import numpy as np
 from numpy.polynomial import legendre
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import Equations
 
 _FIRST_PHASE, _FIRST_PHASE_GRADED = 5.5, 1.4
@@ -16,7 +17,7 @@ _SMALLEST = 1e-12
 _PASSES = 45
 
 
-def first_steps(equations: Equations, breakpoints: tuple[float, ...], end: float, *, graded: bool) -> np.ndarray:
+def first_steps(equations: Equations, breakpoints: tuple[float, ...], end: float, *, graded: bool) -> Array:
     """Ends of the coarsest steps: equal between the instants at which the manoeuvre is not smooth.
 
     Graded after these, down to the time scale of the highest mode, they catch the vibrations that are excited there.
@@ -35,7 +36,7 @@ def first_steps(equations: Equations, breakpoints: tuple[float, ...], end: float
     lowest, highest = equations.frequency_range
     phase = _FIRST_PHASE_GRADED if graded else _FIRST_PHASE
     corners = [0.0, *(each for each in breakpoints if 0.0 < each < end), end]
-    edges: list[np.ndarray] = [np.zeros(1)]
+    edges: list[Array] = [np.zeros(1)]
     for left, right in pairwise(corners):
         count = max(1, ceil((right - left) * lowest / phase))
         if graded:
@@ -45,7 +46,7 @@ def first_steps(equations: Equations, breakpoints: tuple[float, ...], end: float
     return np.concatenate(edges)
 
 
-def resolving(edges: np.ndarray, drive: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def resolving(edges: Array, drive: Callable[[Array], Array]) -> Array:
     """Halve steps until a polynomial follows the drive on each, so that its jumps lie within very short ones.
 
     Parameters

@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.rotating_beam.manoeuvres import PrescribedMotion
 from boomctl.rotating_beam.modal.equations import NormalForm
@@ -41,15 +42,15 @@ class ModalTrajectory:
     """
 
     form: NormalForm
-    edges: np.ndarray
-    x: np.ndarray
-    v: np.ndarray
-    omega: np.ndarray
-    shapes: np.ndarray
-    force: np.ndarray
-    error: np.ndarray
+    edges: Array
+    x: Array
+    v: Array
+    omega: Array
+    shapes: Array
+    force: Array
+    error: Array
 
-    def displacement(self, row: np.ndarray, timepts: np.ndarray) -> np.ndarray:
+    def displacement(self, row: Array, timepts: Array) -> Array:
         """``row q`` at ascending instants from the first edge on, k."""
         weights = ((row @ self.form.to_q) @ self.shapes)[:, None]
         waves = weights * self._waves
@@ -58,13 +59,13 @@ class ModalTrajectory:
         omega, phase, amplitude = each.take(step, 1)
         omega *= elapsed[:, None]
         omega += phase
-        result: np.ndarray = np.einsum("kn,kn->k", np.cos(omega), amplitude)
+        result: Array = np.einsum("kn,kn->k", np.cos(omega), amplitude)
         early = int(np.searchsorted(step, self.edges.size - 1))
         coefficients = (weights[:-1] @ self._polynomials)[:, 0].take(step[:early], 0)
         result[:early] += np.einsum("kj,kj->k", self._powers(step[:early], elapsed[:early]), coefficients)
         return result
 
-    def __call__(self, timepts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(self, timepts: Array) -> tuple[Array, Array]:
         """Coordinates q and rates at ascending instants from the first edge on, each k x n."""
         step, elapsed = self._placed(timepts)
         angle = self.omega[step] * elapsed[:, None]
@@ -82,16 +83,16 @@ class ModalTrajectory:
         return both[..., 0] @ self.form.to_q.T, both[..., 1] @ self.form.to_q.T
 
     @cached_property
-    def _lengths(self) -> np.ndarray:
+    def _lengths(self) -> Array:
         return self.edges[1:] - self.edges[:-1]
 
-    def _placed(self, timepts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _placed(self, timepts: Array) -> tuple[Array, Array]:
         """Steps in which instants lie, m for what follows them, and the time since each began."""
         step = self.edges.searchsorted(timepts, side="right")
         step -= 1
         return step, timepts - self.edges.take(step)
 
-    def _powers(self, step: np.ndarray, elapsed: np.ndarray) -> np.ndarray:
+    def _powers(self, step: Array, elapsed: Array) -> Array:
         """Powers of the place on a step, k x s or more."""
         powers = np.empty((step.size, self._polynomials.shape[-1]))
         powers[:, 0] = 1.0
@@ -99,12 +100,12 @@ class ModalTrajectory:
         return np.multiply.accumulate(powers, axis=1)
 
     @cached_property
-    def _polynomials(self) -> np.ndarray:
+    def _polynomials(self) -> Array:
         """Coefficients of the polynomial part of each mode in powers of the place on a step, m x n x s or more."""
         return polynomial_motion(self.omega[:-1], self._lengths, self.force)
 
     @cached_property
-    def _waves(self) -> np.ndarray:
+    def _waves(self) -> Array:
         """Amplitudes of the cosine and, negative, of the sine in the vibration of each mode, (m + 1) x 2 x n."""
         waves = np.stack([self.x, self.v], axis=1) @ self.shapes
         waves[:-1, 0] -= self._polynomials[..., 0]
@@ -114,7 +115,7 @@ class ModalTrajectory:
 
 
 def modal_march(
-    form: NormalForm, motion: PrescribedMotion, edges: np.ndarray, start: tuple[np.ndarray, np.ndarray]
+    form: NormalForm, motion: PrescribedMotion, edges: Array, start: tuple[Array, Array]
 ) -> ModalTrajectory:
     """Solve the beam's equations over all steps.
 
@@ -157,8 +158,8 @@ def modal_march(
 def modal_refine(
     form: NormalForm,
     motion: PrescribedMotion,
-    edges: np.ndarray,
-    start: tuple[np.ndarray, np.ndarray],
+    edges: Array,
+    start: tuple[Array, Array],
     accuracy: Accuracy,
     vibrates_on: bool,
 ) -> tuple[ModalTrajectory, float] | None:
@@ -193,7 +194,7 @@ def modal_refine(
     return None
 
 
-def _run_through(transition: np.ndarray, push: np.ndarray, start: np.ndarray) -> np.ndarray:
+def _run_through(transition: Array, push: Array, start: Array) -> Array:
     """States at the ends of the steps, (m + 1) x 2 n."""
     state = start
     states = [start]

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import legendre
 
+from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 
 STAGES = 8
@@ -40,14 +41,12 @@ class Steps(NamedTuple):
         Coordinates and rates at the end by the forces at the nodes.
     """
 
-    force: np.ndarray
-    ends: np.ndarray
-    end_by_force: np.ndarray
+    force: Array
+    ends: Array
+    end_by_force: Array
 
 
-def solve_steps(
-    omega: np.ndarray, h: np.ndarray, push: np.ndarray, remainder: np.ndarray, coupling: np.ndarray
-) -> Steps:
+def solve_steps(omega: Array, h: Array, push: Array, remainder: Array, coupling: Array) -> Steps:
     """Solve every step for its answers.
 
     Parameters
@@ -90,7 +89,7 @@ def solve_steps(
     return Steps(force, ends, end_by_force)
 
 
-def polynomial_motion(omega: np.ndarray, h: np.ndarray, force: np.ndarray) -> np.ndarray:
+def polynomial_motion(omega: Array, h: Array, force: Array) -> Array:
     """Coefficients of the polynomial part of each mode in powers of the place on a step, m x n x s or more.
 
     Parameters
@@ -103,7 +102,7 @@ def polynomial_motion(omega: np.ndarray, h: np.ndarray, force: np.ndarray) -> np
     table, phase = _table(), omega * h[:, None]
     powers = _times(force, table.to_powers.T)
     derivatives = _times(powers, table.derivatives).reshape(*omega.shape, -1, STAGES)
-    result: np.ndarray = (_scales(omega, phase)[:, :, None] @ derivatives)[:, :, 0]
+    result: Array = (_scales(omega, phase)[:, :, None] @ derivatives)[:, :, 0]
     slow = phase < _SLOW
     if not slow.any():
         return result
@@ -115,24 +114,24 @@ def polynomial_motion(omega: np.ndarray, h: np.ndarray, force: np.ndarray) -> np
     return wide
 
 
-def highest_terms(force: np.ndarray) -> np.ndarray:
+def highest_terms(force: Array) -> Array:
     """The two highest Legendre terms of forces given at the nodes, in the nodes; shape of `force`."""
     return _times(force, _table().highest.T)
 
 
-def _times(tensor: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+def _times(tensor: Array, matrix: Array) -> Array:
     """``tensor @ matrix`` in one product of matrices."""
-    result: np.ndarray = (tensor.reshape(-1, tensor.shape[-1]) @ matrix).reshape(*tensor.shape[:-1], -1)
+    result: Array = (tensor.reshape(-1, tensor.shape[-1]) @ matrix).reshape(*tensor.shape[:-1], -1)
     return result
 
 
-def _diagonal(tensor: np.ndarray) -> np.ndarray:
+def _diagonal(tensor: Array) -> Array:
     """A view, m x n x s, of the entries of an m x n x s x n array that belong to one mode."""
-    view: np.ndarray = np.einsum("mnsn->mns", tensor)
+    view: Array = np.einsum("mnsn->mns", tensor)
     return view
 
 
-def _forces(to_nodes: np.ndarray, remainder: np.ndarray, coupling: np.ndarray, free: np.ndarray) -> np.ndarray:
+def _forces(to_nodes: Array, remainder: Array, coupling: Array, free: Array) -> Array:
     """Forces F by the coupling of the coordinates ``free + to_nodes F``, at the nodes; shape of `free`.
 
     The columns of `free`, motions without coupling, are to be of about one size.
@@ -140,7 +139,7 @@ def _forces(to_nodes: np.ndarray, remainder: np.ndarray, coupling: np.ndarray, f
     m, n, s, columns = free.shape
     factor = -remainder[:, None, :, None]
 
-    def forces(z: np.ndarray) -> np.ndarray:
+    def forces(z: Array) -> Array:
         result = (coupling @ z.reshape(m, n, -1)).reshape(free.shape)
         result *= factor
         return result
@@ -160,9 +159,7 @@ def _forces(to_nodes: np.ndarray, remainder: np.ndarray, coupling: np.ndarray, f
     return forces(np.linalg.solve(system, free.reshape(m, n * s, columns)))
 
 
-def _by_force(
-    omega: np.ndarray, phase: np.ndarray, cosine: np.ndarray, sine: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _by_force(omega: Array, phase: Array, cosine: Array, sine: Array) -> tuple[Array, Array]:
     """What forces at the nodes do to a mode from rest: at the places, m x n x (s + 1) x s, and at the end, m x n x 2 x s.
 
     To each power of the place belongs a polynomial motion, less the free vibration that starts as it does.
@@ -181,17 +178,17 @@ def _by_force(
     return _times(to_place, table.to_powers), _times(ends, table.to_powers)
 
 
-def _scales(omega: np.ndarray, phase: np.ndarray) -> np.ndarray:
+def _scales(omega: Array, phase: Array) -> Array:
     """Factors ``(-1)^i / (Omega^2 phase^2i)`` of the even derivatives of a force in its polynomial motion, ... x s/2."""
     return _geometric(1.0 / (omega * omega), -1.0 / (phase * phase), STAGES // 2)
 
 
-def _slow_scales(omega: np.ndarray, phase: np.ndarray) -> np.ndarray:
+def _slow_scales(omega: Array, phase: Array) -> Array:
     """Factors ``h^2 (-phase^2)^i`` of the integrals, taken 2 i + 2 times, of a force in its motion from rest."""
     return _geometric((phase / omega) ** 2, -phase * phase, _TERMS)
 
 
-def _geometric(first: np.ndarray, ratio: np.ndarray, count: int) -> np.ndarray:
+def _geometric(first: Array, ratio: Array, count: int) -> Array:
     """Geometric series along a new last axis."""
     result = np.empty((*first.shape, count))
     result[..., 0] = first
@@ -219,12 +216,12 @@ class _Table(NamedTuple):
         As `motions`, of these integrals.
     """
 
-    to_powers: np.ndarray
-    highest: np.ndarray
-    derivatives: np.ndarray
-    motions: np.ndarray
-    integrals: np.ndarray
-    slow_motions: np.ndarray
+    to_powers: Array
+    highest: Array
+    derivatives: Array
+    motions: Array
+    integrals: Array
+    slow_motions: Array
 
 
 @lru_cache(maxsize=1)
@@ -244,7 +241,7 @@ def _table() -> _Table:
     return _Table(to_powers, highest, flat[0], _evaluated(derivatives), flat[1], _evaluated(integrals))
 
 
-def _evaluated(polynomials: np.ndarray) -> np.ndarray:
+def _evaluated(polynomials: Array) -> Array:
     """Polynomials (s x r x degree + 1) at the places and at 0, and their slopes at 0 and 1; r x ((s + 4) s)."""
     degree = polynomials.shape[2] - 1
     values = np.vander([*_PLACES, 0.0], degree + 1, increasing=True)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.manoeuvres import PrescribedMotion
 from boomctl.rotating_beam.modal.equations import Equations, Tangents
 
@@ -26,11 +27,11 @@ class PrescribedProblem:
         """Whether the beam's equations are linear."""
         return self.equations.beam_speed_terms is not None
 
-    def residual(self, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    def residual(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Residual of the beam's equations, k x (N - 1)."""
         return self.equations.residual(*self._whole(t, q, v, a))[:, 1:]
 
-    def tangents(self, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> Tangents:
+    def tangents(self, t: Array, q: Array, v: Array, a: Array) -> Tangents:
         """Derivatives of the residual with respect to accelerations, rates and coordinates."""
         terms = self.equations.beam_speed_terms
         if terms is None:
@@ -43,17 +44,15 @@ class PrescribedProblem:
         stiffness += self.motion.acceleration(t)[:, None, None] * terms.K_a
         return Tangents(terms.M, terms.C + speed * terms.G, stiffness)
 
-    def first_guess(self, t: np.ndarray, start: float, v: np.ndarray) -> np.ndarray:
+    def first_guess(self, t: Array, start: float, v: Array) -> Array:
         """No motion of the beam."""
         return np.zeros((*t.shape, v.size))
 
-    def is_admissible(self, q: np.ndarray) -> bool:
+    def is_admissible(self, q: Array) -> bool:
         """Always: the beam's own mass matrix is positive definite."""
         return True
 
-    def _whole(
-        self, t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _whole(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
         hub = np.zeros_like(t), self.motion.speed(t), self.motion.acceleration(t)
         y, rate, acceleration = (np.column_stack([h, beam]) for h, beam in zip(hub, (q, v, a), strict=True))
         return y, rate, acceleration

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.gauss import GaussMethod
 from boomctl.rotating_beam.motion.collocation import Problem, march
 from boomctl.rotating_beam.motion.trajectory import Trajectory
@@ -30,10 +31,10 @@ class Accuracy:
 
     rtol: float
     atol: float
-    rows: tuple[np.ndarray, ...]
-    modal: tuple[np.ndarray, np.ndarray] | None = None
+    rows: tuple[Array, ...]
+    modal: tuple[Array, Array] | None = None
 
-    def allowed(self, q: np.ndarray) -> list[float]:
+    def allowed(self, q: Array) -> list[float]:
         """Allowed error of each group along a motion [m]."""
         return [self.atol + self.rtol * float(np.abs(q @ rows.T).max()) for rows in self.rows]
 
@@ -48,7 +49,7 @@ class Accuracy:
             errors[0] = max(errors[0], float(np.hypot(*ends).sum()))
         return errors
 
-    def roughness(self, trajectory: Trajectory, allowed: list[float]) -> np.ndarray:
+    def roughness(self, trajectory: Trajectory, allowed: list[float]) -> Array:
         """How far a step's highest Legendre terms move the watched displacements, as a part of what is allowed."""
         moved = trajectory.highest_terms()
         parts = [np.abs(moved @ rows.T).max(axis=1) / bound for rows, bound in zip(self.rows, allowed, strict=True)]
@@ -66,8 +67,8 @@ class NotConverged(Exception):
 def refine(
     problem: Problem,
     method: GaussMethod,
-    edges: np.ndarray,
-    start: tuple[np.ndarray, np.ndarray],
+    edges: Array,
+    start: tuple[Array, Array],
     accuracy: Accuracy,
     window: int,
 ) -> tuple[Trajectory, float]:
@@ -110,14 +111,14 @@ def refine(
     raise NotConverged(error)
 
 
-def _split(edges: np.ndarray, rough: np.ndarray) -> np.ndarray:
+def _split(edges: Array, rough: Array) -> Array:
     """Halve the rough steps; all of them if none is."""
     if not rough.any():
         return halved(edges)
     return np.sort(np.concatenate([edges, 0.5 * (edges[1:] + edges[:-1])[rough]]))
 
 
-def halved(edges: np.ndarray) -> np.ndarray:
+def halved(edges: Array) -> Array:
     """Ends of steps of half the length."""
     result = np.empty(2 * edges.size - 1)
     result[::2], result[1::2] = edges, 0.5 * (edges[1:] + edges[:-1])

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.rotating_beam.manoeuvres import HubProfile, PrescribedMotion, Torque, TorqueDriven
 from boomctl.rotating_beam.modal.equations import BeamSpeedTerms, Equations
@@ -29,16 +30,16 @@ class SimulationError(RuntimeError):
 class Motion:
     """Coordinates and rates of hub and beam at the instants asked for, each k x N; error of the free end [m]."""
 
-    y: np.ndarray
-    rate: np.ndarray
+    y: Array
+    rate: Array
     error: float
     steps: int
 
-    def displacement(self, row: np.ndarray) -> np.ndarray:
+    def displacement(self, row: Array) -> Array:
         """``row q`` of the beam's coordinates, k."""
         return self.y[:, 1:] @ row
 
-    def at(self, timepts: np.ndarray, which: np.ndarray) -> "Motion":
+    def at(self, timepts: Array, which: Array) -> "Motion":
         """The motion at some of its instants, those of the given indices."""
         return Motion(self.y[which], self.rate[which], self.error, self.steps)
 
@@ -49,7 +50,7 @@ class ModalMotion:
 
     trajectory: ModalTrajectory
     manoeuvre: PrescribedMotion
-    timepts: np.ndarray
+    timepts: Array
     error: float
 
     @property
@@ -58,24 +59,24 @@ class ModalMotion:
         return self.trajectory.edges.size - 1
 
     @property
-    def y(self) -> np.ndarray:
+    def y(self) -> Array:
         """Coordinates of hub and beam, k x N."""
         return np.column_stack([self.manoeuvre.angle(self.timepts), self._beam[0]])
 
     @property
-    def rate(self) -> np.ndarray:
+    def rate(self) -> Array:
         """Rates of hub and beam, k x N."""
         return np.column_stack([self.manoeuvre.speed(self.timepts), self._beam[1]])
 
     @cached_property
-    def _beam(self) -> tuple[np.ndarray, np.ndarray]:
+    def _beam(self) -> tuple[Array, Array]:
         return self.trajectory(self.timepts)
 
-    def displacement(self, row: np.ndarray) -> np.ndarray:
+    def displacement(self, row: Array) -> Array:
         """``row q`` of the beam's coordinates, k."""
         return self.trajectory.displacement(row, self.timepts)
 
-    def at(self, timepts: np.ndarray, which: np.ndarray) -> "ModalMotion":
+    def at(self, timepts: Array, which: Array) -> "ModalMotion":
         """The motion at some of its instants."""
         return ModalMotion(self.trajectory, self.manoeuvre, timepts, self.error)
 
@@ -92,7 +93,7 @@ class _Piece:
         return 0 if self.trajectory is None else self.trajectory.edges.size - 1
 
 
-def watched_instants(equations: Equations, timepts: np.ndarray) -> np.ndarray:
+def watched_instants(equations: Equations, timepts: Array) -> Array:
     """The instants asked for, and enough others that no swing of the lowest mode passes unseen, from 0 on."""
     gap = 2.0 * np.pi / equations.frequency_range[0] / 16.0
     if max(timepts[0], (timepts[1:] - timepts[:-1]).max(initial=0.0)) <= gap:
@@ -103,8 +104,8 @@ def watched_instants(equations: Equations, timepts: np.ndarray) -> np.ndarray:
 def prescribed_motion(
     equations: Equations,
     manoeuvre: PrescribedMotion,
-    timepts: np.ndarray,
-    start: tuple[np.ndarray, np.ndarray],
+    timepts: Array,
+    start: tuple[Array, Array],
     tolerance: tuple[float, float],
 ) -> Motion | ModalMotion:
     """Motion of the beam with the hub's prescribed: collocation, then the closed form once the hub's speed is constant.
@@ -152,8 +153,8 @@ def prescribed_motion(
 def torque_driven_motion(
     equations: Equations,
     manoeuvre: TorqueDriven,
-    timepts: np.ndarray,
-    start: tuple[np.ndarray, np.ndarray],
+    timepts: Array,
+    start: tuple[Array, Array],
     tolerance: tuple[float, float],
     reach: float,
 ) -> Motion:
@@ -187,10 +188,10 @@ def _with_steady(
     terms: BeamSpeedTerms | None,
     manoeuvre: PrescribedMotion,
     piece: _Piece,
-    beam: tuple[np.ndarray, np.ndarray],
-    timepts: np.ndarray,
+    beam: tuple[Array, Array],
+    timepts: Array,
     end: float,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Array, Array]:
     """Coordinates and rates of the beam: of the piece up to `end`, then in closed form."""
     early = timepts[timepts <= end]
     q, v = (np.empty((timepts.size, beam[0].size)) for _ in range(2))
@@ -209,7 +210,7 @@ def _collocate(
     problem: PrescribedProblem | TorqueDrivenProblem,
     equations: Equations,
     manoeuvre: PrescribedMotion | TorqueDriven,
-    start: tuple[np.ndarray, np.ndarray],
+    start: tuple[Array, Array],
     end: float,
     accuracy: Accuracy,
 ) -> _Piece:
@@ -241,8 +242,8 @@ def _why(problem: PrescribedProblem | TorqueDrivenProblem, time: float) -> str:
 
 
 def _steady(
-    terms: BeamSpeedTerms, speed: float, beam: tuple[np.ndarray, np.ndarray], late: np.ndarray, end: float
-) -> tuple[np.ndarray, np.ndarray]:
+    terms: BeamSpeedTerms, speed: float, beam: tuple[Array, Array], late: Array, end: float
+) -> tuple[Array, Array]:
     q, v = steady_motion(terms, speed, beam, late - end)
     finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
     if not finite.all():

@@ -2,14 +2,15 @@
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import BeamSpeedTerms
 
 _WORST_CONDITION = 1e8
 
 
 def steady_motion(
-    terms: BeamSpeedTerms, speed: float, start: tuple[np.ndarray, np.ndarray], elapsed: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    terms: BeamSpeedTerms, speed: float, start: tuple[Array, Array], elapsed: Array
+) -> tuple[Array, Array]:
     """Coordinates and rates of the beam after given times at a constant hub speed, exact but for rounding.
 
     Without damping and gyroscopic terms every mode turns on its own, also beyond the loss of stiffness; with them the
@@ -37,7 +38,7 @@ def steady_motion(
     return _modal(terms.M, stiffness, start, elapsed)
 
 
-def vibration_amplitudes(terms: BeamSpeedTerms, speed: float, tip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def vibration_amplitudes(terms: BeamSpeedTerms, speed: float, tip: Array) -> tuple[Array, Array]:
     """Rows from coordinates and from rates to the amplitudes of the modes at the free end, n x n each.
 
     Modes are those of ``K + w^2 K_w`` without damping and gyroscopic terms; one without stiffness counts with 1 rad/s.
@@ -58,9 +59,7 @@ def vibration_amplitudes(terms: BeamSpeedTerms, speed: float, tip: np.ndarray) -
     return rows, rows / rate[:, None]
 
 
-def _modal(
-    mass: np.ndarray, stiffness: np.ndarray, start: tuple[np.ndarray, np.ndarray], elapsed: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _modal(mass: Array, stiffness: Array, start: tuple[Array, Array], elapsed: Array) -> tuple[Array, Array]:
     from scipy.linalg import eigh
 
     squares, shapes = eigh(stiffness, mass)
@@ -78,16 +77,16 @@ def _modal(
 
 def _general(
     terms: BeamSpeedTerms,
-    stiffness: np.ndarray,
-    damping: np.ndarray,
-    force: np.ndarray,
-    start: tuple[np.ndarray, np.ndarray],
-    elapsed: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
+    stiffness: Array,
+    damping: Array,
+    force: Array,
+    start: tuple[Array, Array],
+    elapsed: Array,
+) -> tuple[Array, Array]:
     """In coordinates in which mass and stiffness at rest are unity: there undamped motion is a rotation."""
     n = force.size
-    mass_root: np.ndarray = np.linalg.cholesky(terms.M)
-    stiffness_root: np.ndarray = np.linalg.cholesky(terms.K)
+    mass_root: Array = np.linalg.cholesky(terms.M)
+    stiffness_root: Array = np.linalg.cholesky(terms.K)
     to_q, to_v = np.linalg.inv(stiffness_root).T, np.linalg.inv(mass_root).T
     system = np.zeros((2 * n, 2 * n))
     system[:n, n:] = np.matmul(stiffness_root.T, to_v)
@@ -99,7 +98,7 @@ def _general(
     return states[:, :n] @ to_q.T, states[:, n:] @ to_v.T
 
 
-def _linear_flow(system: np.ndarray, push: np.ndarray, state: np.ndarray, elapsed: np.ndarray) -> np.ndarray:
+def _linear_flow(system: Array, push: Array, state: Array, elapsed: Array) -> Array:
     """Solution of ``z' = system z + push`` after given times, k x n."""
     values, vectors = np.linalg.eig(system)
     if np.linalg.cond(vectors) < _WORST_CONDITION and np.abs(values).min() > 0.0:
@@ -110,7 +109,7 @@ def _linear_flow(system: np.ndarray, push: np.ndarray, state: np.ndarray, elapse
     return _by_exponentials(system, push, state, elapsed)
 
 
-def _by_exponentials(system: np.ndarray, push: np.ndarray, state: np.ndarray, elapsed: np.ndarray) -> np.ndarray:
+def _by_exponentials(system: Array, push: Array, state: Array, elapsed: Array) -> Array:
     from scipy.linalg import expm
 
     n = state.size
@@ -118,7 +117,7 @@ def _by_exponentials(system: np.ndarray, push: np.ndarray, state: np.ndarray, el
     augmented[:n, :n], augmented[:n, n] = system, push
     current, before = np.append(state, 1.0), 0.0
     result = np.empty((elapsed.size, n))
-    known: dict[float, np.ndarray] = {0.0: np.eye(n + 1)}
+    known: dict[float, Array] = {0.0: np.eye(n + 1)}
     for k, now in enumerate(elapsed):
         interval = round(float(now - before), 12)
         if interval not in known:

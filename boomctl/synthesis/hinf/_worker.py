@@ -11,6 +11,8 @@ from typing import BinaryIO
 
 import numpy as np
 
+from boomctl.arrays import Array
+
 REQUEST = struct.Struct("<5qd")
 ANSWER = struct.Struct("<3qd")
 READY = b"boomctl"
@@ -23,7 +25,7 @@ def _read(source: BinaryIO, count: int) -> bytes:
     return data
 
 
-def _matrix(source: BinaryIO, rows: int, columns: int) -> np.ndarray:
+def _matrix(source: BinaryIO, rows: int, columns: int) -> Array:
     return np.frombuffer(_read(source, 8 * rows * columns)).reshape(rows, columns).copy()
 
 
