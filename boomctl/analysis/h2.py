@@ -68,7 +68,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     TypeError, ValueError
         Another kind of system, discrete time, not finite; an output of a structure that needs a derivative of an input.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if isinstance(system, SecondOrderModel):
         realized = modal_realization(system)

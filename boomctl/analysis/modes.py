@@ -93,7 +93,7 @@ def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
         Another kind of system, discrete time, not finite; poles without eigenvectors of their own (a rigid body that
         no support holds, equal poles in a chain).
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if isinstance(system, SecondOrderModel):
         realized = modal_realization(system)

@@ -67,7 +67,7 @@ def hinf_norm(system: "control.StateSpace") -> NormCertificate:
     TypeError, ValueError
         Another kind of system (:func:`boomctl.sigma` takes structures as well), discrete time, not finite.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(system, control.StateSpace):
         raise TypeError(f"system: expected a StateSpace, got {type(system).__name__}")

@@ -98,7 +98,7 @@ def sigma(
     TypeError, ValueError
         Another kind of system; unknown signals; frequencies negative or not finite; ``omega`` given for measured data.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if isinstance(system, SecondOrderModel):
         return _of_model(system, omega, inputs, outputs)

@@ -259,7 +259,7 @@ def _realized(x: Array) -> tuple[Array, Array, Array]:
 
 def _assembled(jolt: tuple[Array, Array, Array], yaw: tuple[Array, Array, Array]) -> "control.StateSpace":
     """Return the filter of jolt and half difference as one of the left and right actuators."""
-    import control
+    from boomctl.lti.python_control import control
 
     n, m = len(jolt[0]), len(yaw[0])
     A = np.zeros((n + m, n + m))

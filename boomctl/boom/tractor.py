@@ -245,7 +245,7 @@ def tractor_system(
 
 
 def _named(A: Array, B: Array, C: Array) -> "control.StateSpace":
-    import control
+    from boomctl.lti.python_control import control
 
     body = ("x", "z", "pitch", "roll", "yaw")
     states = [*body, *(f"{name}_rate" for name in body), *(f"{w}_felt" for w in WHEELS), *(f"{w}_rate" for w in WHEELS)]

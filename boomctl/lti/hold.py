@@ -57,7 +57,7 @@ def linear_hold_response(
     The samples are cut into about ``sqrt(N)`` runs that are stepped through side by side from a zero state; what each
     run inherits is added afterwards.  Nothing is diagonalised, so that defective systems are served as well.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(system, control.StateSpace):
         raise TypeError(f"system: expected control.StateSpace, got {type(system).__name__}")

@@ -58,7 +58,7 @@ def sampled_controller(
         Not a state-space system, signals that the plant does not have, a sampling time of its own that is another, or
         poles beyond half the sampling rate.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if controller is None:
         none = np.zeros((0, 0))

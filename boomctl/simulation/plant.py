@@ -101,7 +101,7 @@ def modal_plant(system: "control.StateSpace | SecondOrderModel", keep_rigid: tup
     TypeError, ValueError
         Another kind of system, discrete time, numbers that are not finite, a name given twice, unknown inputs.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if isinstance(system, SecondOrderModel):
         for name in keep_rigid:
@@ -128,7 +128,7 @@ def of_matrices(
     A: Array, B: Array, C: Array, D: Array, inputs: tuple[str, ...], outputs: tuple[str, ...]
 ) -> ModalPlant:
     """Return the modal coordinates of ``A, B, C, D``, balanced first."""
-    import control
+    from boomctl.lti.python_control import control
 
     n = len(A)
     if n == 0:

@@ -85,8 +85,9 @@ class LoopResult:
     @property
     def response(self) -> "control.TimeResponseData":
         """Outputs over disturbances and controls as python-control's named time response."""
-        import control
         import numpy as np
+
+        from boomctl.lti.python_control import control
 
         moved = {name: np.zeros(len(self.time)) for name in (*self.disturbances, *self.controls)}
         for signals in (self.disturbances, self.controls):

@@ -56,7 +56,7 @@ def discretize(
     >>> discretize(lag, 0.1).A.round(4)
     array([[0.8182]])
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(controller, control.StateSpace):
         raise TypeError(f"controller: expected StateSpace, got {type(controller).__name__}")

@@ -164,7 +164,7 @@ def _smaller(K: Lti, order: int) -> Iterator[tuple[str, Lti]]:
 
 
 def _result(plant: Plant, found: Candidate, full: float, method: str, values: Array) -> ReducedController:
-    import control
+    from boomctl.lti.python_control import control
 
     K, ins, outs = found.K, list(plant.measurements), list(plant.controls)
     named = control.ss(K.A, K.B, K.C, K.D, inputs=ins, outputs=outs, name="controller")

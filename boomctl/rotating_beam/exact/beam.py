@@ -266,7 +266,7 @@ class GeometricallyExactBeam:
         control.StateSpace
             Input ``torque``; outputs ``hub_angle``, ``hub_speed`` and ``tip_displacement``, all as deviations.
         """
-        import control
+        from boomctl.lti.python_control import control
 
         state = self.steady_state(hub_speed)
         mass, gyroscopic, stiffness = small_motion(self.dynamics, hub_speed)
@@ -298,7 +298,7 @@ class GeometricallyExactBeam:
             Input ``torque``; outputs ``hub_angle``, ``hub_speed`` and ``tip_displacement``. Axial motion
             makes it stiff: give ``control.input_output_response`` an implicit ``solve_ivp_method``.
         """
-        import control
+        from boomctl.lti.python_control import control
 
         size, dynamics = self.basis.coordinates, self.dynamics
 

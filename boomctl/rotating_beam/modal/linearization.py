@@ -30,7 +30,7 @@ def to_nlsys(name: str, equations: Equations, states: tuple[str, ...]) -> "contr
     states : tuple of str
         Names of the states.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     size = equations.size
 
@@ -67,7 +67,7 @@ def state_derivative(equations: Equations, x: Array, torque: float) -> Array:
 
 def linearize(beam: "HubBeam", speed: float) -> "control.StateSpace":
     """Linearise about steady rotation at a hub speed [rad/s]; see `HubBeam.linearize`."""
-    import control
+    from boomctl.lti.python_control import control
 
     equations = beam.equations
     if beam.has_axial_modes:

@@ -40,7 +40,7 @@ class AccuracyWarning(UserWarning):
 
 def to_frd(response: Array, omega: Array, ports: Ports) -> "control.FrequencyResponseData":
     """Return a response (outputs, inputs, frequencies) as named python-control data."""
-    import control
+    from boomctl.lti.python_control import control
 
     return control.frd(response, omega, inputs=list(ports.inputs), outputs=list(ports.outputs), name="structure")
 

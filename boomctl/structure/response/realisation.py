@@ -50,7 +50,7 @@ class _Dynamics:
 
 def realize(model: SecondOrderModel) -> "control.StateSpace":
     """Return the named state-space system of a model; see :meth:`SecondOrderModel.to_statespace`."""
-    import control
+    from boomctl.lti.python_control import control
 
     dynamics = _dynamics(model, _inverse_ready(model))
     _check_proper(model, dynamics.missing)

@@ -105,7 +105,7 @@ def _too_low(wanted: float, bounds: Bounds) -> str:
 
 
 def _result(task: Task, found: Candidate) -> HInfinityResult:
-    import control
+    from boomctl.lti.python_control import control
 
     task = replace(task, bounds=task.bounds.below(found.norm.upper))
     plant, bounds, K = task.plant, task.bounds, found.K

@@ -38,7 +38,7 @@ def weighed(what: str, prefix: str, given: "Mapping[str, Weight]", choices: Sequ
 
 
 def _weight(what: str, weight: Any) -> Lti:
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(weight, control.StateSpace):
         if isinstance(weight, control.TransferFunction):
@@ -60,7 +60,7 @@ def _weight(what: str, weight: Any) -> Lti:
 
 def statespace(plant: Any) -> "control.StateSpace":
     """Return a plant as a finite state-space system in continuous time."""
-    import control
+    from boomctl.lti.python_control import control
 
     system = plant.to_statespace() if isinstance(plant, SecondOrderModel) else plant
     if not isinstance(system, control.StateSpace):
@@ -114,7 +114,7 @@ def named_system(
     ValueError
         A name is taken twice.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     for what, listed in (("input", inputs), ("output", outputs)):
         twice = [name for name in listed if listed.count(name) > 1]

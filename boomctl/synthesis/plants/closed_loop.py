@@ -82,7 +82,7 @@ def matched(P: "control.StateSpace", controller: "control.StateSpace") -> tuple[
     TypeError, ValueError
         Other kinds of system, discrete time, not finite, too many signals.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(controller, control.StateSpace):
         raise TypeError(f"controller: expected a StateSpace, got {type(controller).__name__}")
@@ -111,7 +111,7 @@ def _places(what: str, wanted: Sequence[str], names: Sequence[str], there: Seque
 
 def named_loop(plant: Plant, loop: Lti) -> "control.StateSpace":
     """Return a closed loop from the disturbances to the performance signals."""
-    import control
+    from boomctl.lti.python_control import control
 
     ins, outs = list(plant.disturbances), list(plant.performance)
     return control.ss(loop.A, loop.B, loop.C, loop.D, inputs=ins, outputs=outs, name="closed_loop")

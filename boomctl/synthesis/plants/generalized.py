@@ -165,7 +165,7 @@ def select_channels(
     TypeError, ValueError
         Another kind of system, not finite; an unknown signal, one asked for twice, or none on a side.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(system, control.StateSpace):
         raise TypeError(f"system: expected a StateSpace, got {type(system).__name__}")

@@ -88,7 +88,7 @@ def named_matrices(system: object) -> NamedMatrices:
     TypeError, ValueError
         Another kind of system, in discrete time, not finite, or without states.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     given: Any = system.to_statespace() if isinstance(system, SecondOrderModel) else system
     if not isinstance(given, control.StateSpace):
@@ -112,7 +112,7 @@ def named_statespace(
     states: Sequence[str] | None = None,
 ) -> "control.StateSpace":
     """Return a state-space system with all its names; dots in signal names, which no signal may have, become ``_``."""
-    import control
+    from boomctl.lti.python_control import control
 
     A, B, C, D = matrices
     ins, outs = [x.replace(".", "_") for x in inputs], [x.replace(".", "_") for x in outputs]

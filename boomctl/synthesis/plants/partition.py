@@ -75,7 +75,7 @@ def partition(P: "control.StateSpace", nmeas: int, ncon: int) -> Plant:
     TypeError, ValueError
         Another kind of system, discrete time, not finite; counts that leave no disturbance or no performance signal.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(P, control.StateSpace):
         raise TypeError(f"P: expected a StateSpace, got {type(P).__name__}")
@@ -140,7 +140,7 @@ def modal_basis(A: Array, B: Array, C: Array) -> Array:
 
 def _blocks(A: Array) -> tuple[Array, list[int]]:
     """Return columns that bring ``A`` to diagonal blocks without being near to dependent, and the blocks' widths."""
-    import control
+    from boomctl.lti.python_control import control
 
     balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
     blocks, columns, widths = control.bdschur(balanced, condmax=_INDEPENDENT)

@@ -43,7 +43,7 @@ def join_symmetric(
         Another kind of model or controller, one with entries that are not finite; the model has no mirror symmetry; the
         halves' controllers differ in sampling time; a signal that is no half of a pair of the machine's.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(model, SecondOrderModel):
         raise TypeError(f"model: expected SecondOrderModel, got {type(model).__name__}")
@@ -126,7 +126,7 @@ def split_controller(
 
 
 def _continuous(controller: "control.StateSpace") -> None:
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(controller, control.StateSpace):
         raise TypeError(f"controller: expected control.StateSpace, got {type(controller).__name__}")
@@ -152,8 +152,7 @@ def _reached(
     controller: "control.StateSpace", read: tuple[Array, tuple[str, ...]], drive: tuple[Array, tuple[str, ...]]
 ) -> "control.StateSpace":
     """Return the channels between signals of one half, reduced to the states that they reach and see."""
-    import control
-
+    from boomctl.lti.python_control import control
     from boomctl.reduction import reduce
 
     rest, lasting = spectral_parts(state_matrices(controller))
@@ -187,7 +186,7 @@ def _lasting(part: Lti, read: Array, drive: Array) -> Lti:
 
 def _clusters(A: Array) -> list[tuple[Array, Array]]:
     """Return the columns, and the rows of their inverse, that split a matrix by its eigenvalues, equal ones together."""
-    import control
+    from boomctl.lti.python_control import control
 
     if not len(A):
         return []

@@ -50,7 +50,7 @@ def from_units(controller: "control.StateSpace", units: Mapping[str, float]) -> 
     TypeError, ValueError
         Another kind of system, entries that are not finite; a unit that is not a number above zero.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(controller, control.StateSpace):
         raise TypeError(f"controller: expected control.StateSpace, got {type(controller).__name__}")
@@ -75,7 +75,7 @@ def _inverse(units: Mapping[str, float], labels: Sequence[str]) -> Array:
 
 
 def _scaled(system: "control.StateSpace", entry: Array, leave: Array) -> "control.StateSpace":
-    import control
+    from boomctl.lti.python_control import control
 
     with np.errstate(over="ignore", invalid="ignore"):
         B, C, D = system.B * entry, leave[:, None] * system.C, leave[:, None] * system.D * entry

@@ -14,7 +14,7 @@ _BUTTERWORTH = float(np.sqrt(0.5))
 
 
 def _filter(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: float) -> "control.StateSpace":
-    import control
+    from boomctl.lti.python_control import control
 
     return control.ss(A, B, C, [[D]], inputs="in", outputs="out")
 
