@@ -300,22 +300,22 @@ class GeometricallyExactBeam:
         """
         from boomctl.lti.python_control import control
 
-        size, dynamics = self.basis.coordinates, self.dynamics
-
-        def rates(t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
-            return np.concatenate([x[size:], dynamics.acceleration(x[:size], x[size:], float(np.ravel(u)[0]))])
-
-        def outputs(t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
-            return np.array([x[0], x[size], np.imag(dynamics.tip(x[:size]))])
-
         return control.nlsys(
-            rates,
-            outputs,
+            self._rates,
+            self._outputs,
             inputs=["torque"],
             outputs=["hub_angle", "hub_speed", "tip_displacement"],
             states=list(self.state_names),
             name="hub_beam_geometrically_exact",
         )
+
+    def _rates(self, t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
+        size = self.basis.coordinates
+        return np.concatenate([x[size:], self.dynamics.acceleration(x[:size], x[size:], float(np.ravel(u)[0]))])
+
+    def _outputs(self, t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
+        size = self.basis.coordinates
+        return np.array([x[0], x[size], np.imag(self.dynamics.tip(x[:size]))])
 
 
 def _drive(manoeuvre: PrescribedMotion | TorqueDriven) -> Drive:
