@@ -103,7 +103,7 @@ def loop():
     signals = {"actuator_left": motion().left, "actuator_right": motion().right}
     friction = bc.CoulombFriction(8.0)
     return bc.simulate_loop(
-        boom(), None, signals, motion().time, sample_time=0.01, stroke_limit=0.001, friction=friction
+        boom(), None, signals, motion().time, sample_time=0.01, stroke_limit=0.005, friction=friction
     )
 
 
