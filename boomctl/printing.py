@@ -2,11 +2,12 @@
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import MISSING, Field, fields
+from dataclasses import fields
 from html import escape
 from typing import Any
 
 WIDTH = 98  # columns of a line at most: fits a notebook's cell and half a screen
+LINES = 5  # of a repr at most, so that a list of results can still be read
 
 
 def listed(names: Sequence[str], width: int = 78) -> str:
@@ -19,6 +20,11 @@ def listed(names: Sequence[str], width: int = 78) -> str:
     while count > 1 and len(", ".join(names[:count]) + end) > width:
         count -= 1
     return ", ".join(names[:count]) + end
+
+
+def count(number: int, word: str) -> str:
+    """Return "1 mode", "2 modes"."""
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"
 
 
 def signals(inputs: Sequence[str], outputs: Sequence[str]) -> str:
@@ -63,16 +69,39 @@ def array(given: Any) -> str:
     return f"[{shape}, {given.min():.4g} to {given.max():.4g}]"
 
 
-def compact(record: Any) -> str:
-    """Return a dataclass's name and fields, floats rounded, arrays by shape and range; for its ``__repr__``."""
-    words = [f"{field.name}={value(getattr(record, field.name))}" for field in fields(record) if field.repr]
-    return wrapped(type(record).__name__, words)
+def compact(self: Any) -> str:
+    """Return a dataclass's name and fields, floats rounded, arrays by shape and range.  A ``__repr__`` for records."""
+    words = [f"{field.name}={value(getattr(self, field.name))}" for field in fields(self) if field.repr]
+    return wrapped(type(self).__name__, words)
 
 
-def changed(record: Any) -> str:
-    """Return a dataclass's name and the fields that are not at their defaults; for its ``__repr__``."""
-    found = ((field.name, getattr(record, field.name)) for field in fields(record) if not _at_default(record, field))
-    return wrapped(type(record).__name__, [f"{name}={entry!r}" for name, entry in found])
+def exact(self: Any) -> str:
+    """Return a dataclass of numbers as Python code that makes it again.  A ``__repr__`` for parameters.
+
+    Where that takes too many lines, what is at its default is left out.
+    """
+    words = {}
+    for field in fields(self):
+        given = getattr(self, field.name)
+        short = f"{given:g}" if isinstance(given, float) else repr(given)
+        words[field] = f"{field.name}={short if not isinstance(given, float) or float(short) == given else repr(given)}"
+    whole = wrapped(type(self).__name__, words.values())
+    if whole.count("\n") < LINES:
+        return whole
+    return wrapped(
+        type(self).__name__, (word for field, word in words.items() if getattr(self, field.name) != field.default)
+    )
+
+
+def exact_html(self: Any) -> str:
+    """Return a dataclass of numbers as an HTML table, what is not at its default in bold.  A ``_repr_html_``."""
+    rows = []
+    for field in fields(self):
+        cells = (field.name, escape(repr(getattr(self, field.name))))
+        changed = getattr(self, field.name) != field.default
+        rows.append("".join(f"<td>{f'<b>{cell}</b>' if changed else cell}</td>" for cell in cells))
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    return f"<table><caption>{type(self).__name__}</caption><tbody>{body}</tbody></table>"
 
 
 def sentence(name: str, text: str) -> str:
@@ -88,21 +117,7 @@ def sentence(name: str, text: str) -> str:
 def wrapped(name: str, words: Iterable[str]) -> str:
     """Return "name(words)", further lines indented."""
     text = f"{name}({', '.join(words)})"
-    return "\n".join(textwrap.wrap(text, WIDTH, subsequent_indent="    ", break_long_words=False))
-
-
-def _at_default(record: Any, field: "Field[Any]") -> bool:
-    return field.default is not MISSING and getattr(record, field.name) == field.default
-
-
-def parameters_html(record: Any) -> str:
-    """Return all fields of a dataclass as an HTML table, those that are not at their defaults in bold."""
-    rows = []
-    for field in fields(record):
-        cells = (field.name, f"{getattr(record, field.name)!r}")
-        rows.append(cells if _at_default(record, field) else tuple(f"<b>{cell}</b>" for cell in cells))
-    body = "".join(f"<tr><td style='text-align:left'>{name}</td><td>{entry}</td></tr>" for name, entry in rows)
-    return f"<table><caption>{type(record).__name__}</caption><tbody>{body}</tbody></table>"
+    return "\n".join(textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_long_words=False))
 
 
 def table_html(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

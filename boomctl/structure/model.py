@@ -10,6 +10,7 @@ from scipy import sparse
 
 from boomctl.arrays import Array, Matrix
 from boomctl.checks import finite_array, frequencies, signal_name, whole
+from boomctl.printing import count, signals
 from boomctl.structure.ports import Ports
 from boomctl.structure.prepared import Prepared
 
@@ -112,6 +113,10 @@ class SecondOrderModel:
         built = SecondOrderModel.build(matrices["M"], matrices["C"], matrices["K"], ports, labels)
         p = built.prepared
         self._set(matrices["M"], matrices["C"], matrices["K"], labels, ports, None, None, None, p)
+
+    def __repr__(self) -> str:
+        stored = ", sparse" if sparse.issparse(self.M) else ""
+        return f"SecondOrderModel: {count(self.n, 'coordinate')}{stored}\n{signals(self.inputs, self.outputs)}"
 
     def _set(self, *values: object) -> None:
         names = ("M", "C", "K", "coordinates", "ports", "elastic", "mirror", "primary", "prepared")
