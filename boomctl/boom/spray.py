@@ -90,6 +90,12 @@ class SprayResult:
     speed: float
     footprint: Footprint
 
+    def __repr__(self) -> str:
+        size = f"{self.judged.shape[0]} x {self.judged.shape[1]} cells judged"
+        doses = f"doses {self.lowest_dose:.3f} to {self.highest_dose:.3f} of the nominal one"
+        share = f"{100.0 * self.share_outside_10:.3g} % of the field outside 10 %"
+        return f"SprayResult: CV {100.0 * self.cv:.4g} %, {size}\n  {doses}, {share}"
+
     @property
     def judged(self) -> Array:
         """The cells that figures speak of."""
