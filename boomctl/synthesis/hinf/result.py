@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from boomctl.analysis.norm import NormCertificate
+from boomctl.printing import sentence, system
 
 if TYPE_CHECKING:
     import control
@@ -51,6 +52,9 @@ class HInfinityCertificate:
     solver: str
     statement: str
 
+    def __repr__(self) -> str:
+        return sentence("HInfinityCertificate", self.statement)
+
     @property
     def distance(self) -> float:
         """How far above the lower bound the closed loop's norm lies at most, relative to it."""
@@ -78,3 +82,9 @@ class HInfinityResult:
     closed_loop: "control.StateSpace"
     gamma: float
     certificate: HInfinityCertificate
+
+    def __repr__(self) -> str:
+        verified = (
+            f"norm of the closed loop {self.gamma:.6g}, verified; no controller goes below {self.certificate.lower:.6g}"
+        )
+        return f"HInfinityResult: controller of {system(self.controller)}\n  {verified}"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.printing import system
 from boomctl.synthesis.hidden_modes import check_detectable, check_excited
 from boomctl.synthesis.lq.noise import Noise, noise_of
 from boomctl.synthesis.lq.quadratic import Weight, square_root
@@ -42,6 +43,11 @@ class KalmanResult:
     estimator: "control.StateSpace" = field(repr=False)
     poles: Array = field(repr=False)
     certificate: RiccatiCertificate
+
+    def __repr__(self) -> str:
+        slowest = f"slowest pole of the estimator {self.poles.real.max(initial=-np.inf):.4g} rad/s"
+        checked = f"Riccati residual {self.certificate.residual:.1e}"
+        return f"KalmanResult: estimator of {system(self.estimator)}\n  {slowest}; {checked}"
 
 
 def kalman(
