@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from boomctl.checks import nonnegative, positive
-from boomctl.printing import exact, exact_html
+from boomctl.printing import count, exact, exact_html, listed
 
 
 @dataclass(frozen=True)
@@ -122,3 +122,14 @@ class HubBeamParameters:
         if unknown:
             raise ValueError(f"{path}: unknown key {unknown[0]!r}; expected some of {', '.join(known)}")
         return cls(**table)
+
+
+def described(kind: str, model: str, modes: int, states: tuple[str, ...], parameters: HubBeamParameters) -> str:
+    """Return what a hub-beam is, in three lines: model, size, signals, the parameters that are not those of Table 1."""
+    given = ((field, getattr(parameters, field.name)) for field in fields(parameters))
+    others = [f"{field.name} {value:.6g}" for field, value in given if value != field.default]
+    return (
+        f"{kind}: {model}, {count(modes, 'mode')}, {len(states)} states\n"
+        f"  torque -> hub_angle, hub_speed, tip_displacement\n"
+        f"  Table 1, {listed(others) if others else 'no tip mass'}"
+    )
