@@ -25,8 +25,8 @@ from boomctl.structure import (
     prismatic,
     revolute,
 )
-from boomctl.structure.beams.discretization import Discretization
 from boomctl.structure.displacement_input import MOTIONS
+from boomctl.structure.parts import Discretization
 from boomctl.structure.symmetry import Mirror, SignalPair, beam_reflection, mirror_of, with_mirror
 
 ACTUATORS = ("actuator_left", "actuator_right")

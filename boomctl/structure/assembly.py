@@ -8,16 +8,15 @@ from scipy import linalg, sparse
 
 from boomctl.arrays import Array
 from boomctl.checks import signal_name
-from boomctl.structure.beams.discretization import BeamMesh, element_nodes, section_values
-from boomctl.structure.beams.discretizations import FiniteElements, distinct
 from boomctl.structure.beams.dynamic_stiffness import Segment
+from boomctl.structure.beams.elements import FiniteElements, distinct, element_nodes, section_values
 from boomctl.structure.beams.exact import ExactModel, PlacedSegment
+from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.elimination import eliminate
-from boomctl.structure.kinematics import Kinematics, attachments, kinematics
+from boomctl.structure.kinematics import Kinematics, Row, attachments, kinematics, row_matrix
 from boomctl.structure.model import ElasticRows, SecondOrderModel
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
 from boomctl.structure.ports import Ports
-from boomctl.structure.rows import Row, row_matrix
 
 _UNEVEN = 0.41421356
 

@@ -10,8 +10,8 @@ from scipy import sparse
 
 from boomctl.arrays import Array, Matrix
 from boomctl.checks import finite_array, frequencies, signal_name, whole
+from boomctl.structure.matrices import Prepared
 from boomctl.structure.ports import Ports
-from boomctl.structure.prepared import Prepared
 
 if TYPE_CHECKING:
     import control

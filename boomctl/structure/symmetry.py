@@ -8,9 +8,9 @@ from scipy import sparse
 
 from boomctl.arrays import Array, Matrix
 from boomctl.structure.elimination import Elimination
+from boomctl.structure.matrices import Prepared
 from boomctl.structure.model import ElasticRows, SecondOrderModel
 from boomctl.structure.ports import Ports
-from boomctl.structure.prepared import Prepared
 
 _TOLERANCE = 1e-9
 _DENSE = 440

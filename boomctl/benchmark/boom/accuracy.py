@@ -13,9 +13,8 @@ from boomctl.benchmark.report import Row, Sheet
 from boomctl.benchmark.timing import Job, interleaved, peak_memory
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.response.core import build_core
+from boomctl.structure.response.core import build_core, rounding_estimate
 from boomctl.structure.response.direct import AccuracyWarning
-from boomctl.structure.response.rounding import rounding_estimate
 
 _ROUNDING_TARGET = 2e-5
 _TOTAL_TARGET = 1e-4

@@ -14,10 +14,9 @@ from scipy.sparse.linalg import splu
 from boomctl.arrays import Array
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports, evaluate
-from boomctl.structure.response.core import Core, build_core
+from boomctl.structure.response.core import Core, build_core, rounding_estimate
 from boomctl.structure.response.modes import respond_by_modes
 from boomctl.structure.response.poles import dense
-from boomctl.structure.response.rounding import rounding_estimate
 from boomctl.structure.symmetry import half
 
 if TYPE_CHECKING:
