@@ -6,7 +6,7 @@ from scipy import sparse
 from boomctl.arrays import Array
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.pencil import factorized
-from boomctl.structure.response.poles import project, undamped_modes
+from boomctl.structure.response.poles import undamped_modes
 
 _SHIFT = 1e-6
 
@@ -22,12 +22,11 @@ def truncated(model: SecondOrderModel, modes: int) -> tuple[SecondOrderModel, Ar
     if modes >= model.n:
         return model, nothing
     try:
-        frequencies, shapes = undamped_modes(model, modes)
+        frequencies, shapes = undamped_modes(model.structure, modes)
     except ValueError:
         return model, nothing
-    M, K, C = project(model, shapes)
     labels = tuple(f"mode{k}" for k in range(modes))
-    small = SecondOrderModel.build(M, C, K, model.ports.congruent(shapes), labels)
+    small = SecondOrderModel.of(model.structure.projected(shapes, labels), model.ports.congruent(shapes))
     return small, _at_rest(model, frequencies, shapes)
 
 

@@ -14,11 +14,12 @@ from boomctl.structure.beams.exact import ExactModel, PlacedSegment
 from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.elimination import eliminate
 from boomctl.structure.kinematics import Kinematics, Row, attachments, kinematics, row_matrix
-from boomctl.structure.model import ElasticRows, SecondOrderModel
+from boomctl.structure.matrices import ElasticRows, Structure
+from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
 from boomctl.structure.ports import Ports
 
-_UNEVEN = 0.41421356
+_UNEVEN = 0.41421356  # share of a free beam at which it is cut in two: no simple fraction, so no node of a low mode
 
 
 @dataclass(frozen=True)
@@ -171,7 +172,8 @@ def _equations(assembly: Assembly, reduced: Reduced) -> SecondOrderModel:
         T, kept = _condensation(elastic, ports, massless, names)
         M, elastic, ports = sparse.csr_array(T.T @ M @ T), elastic.congruent(T), ports.congruent(T)
         names = tuple(names[i] for i in kept)
-    return SecondOrderModel.build(sparse.csr_array(M), elastic.C, elastic.K, ports, names, elastic=elastic)
+    structure = Structure.of(sparse.csr_array(M), elastic.C, elastic.K, names, elastic=elastic)
+    return SecondOrderModel.of(structure, ports)
 
 
 def _rigid_mass(body: RigidBody, reduced: Reduced) -> sparse.csr_array:

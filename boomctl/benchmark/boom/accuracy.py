@@ -63,8 +63,8 @@ def rounding_lines(ground: Scene, settings: Settings, tell: Progress) -> tuple[l
 def _estimate(model: SecondOrderModel, omega: Array) -> float:
     """Return the rounding estimate of a model's halves, actuators -> tips; not a number where it has no cores."""
     parts = orthonormal_parts(model.select(ACTUATORS, TIPS))
-    cores = [(part, build_core(part, omega)) for part in parts]
-    return max(np.nan if core is None else rounding_estimate(part, core, omega) for part, core in cores)
+    cores = [(part, build_core(part.structure, part.ports, omega)) for part in parts]
+    return max(np.nan if core is None else rounding_estimate(part.structure, core, omega) for part, core in cores)
 
 
 def _warned(model: SecondOrderModel, omega: Array) -> bool:

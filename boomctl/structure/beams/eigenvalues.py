@@ -60,7 +60,7 @@ def damped_eigenvalues(model: ExactModel, start: SecondOrderModel, moved: Sequen
     ArithmeticError
         An iteration did not converge, left its start, or two of them met.
     """
-    first = damped_poles(prescribe_displacement(start, moved), count)
+    first = damped_poles(prescribe_displacement(start, moved).structure, count)
     s = np.array(first, dtype=complex)
     step = np.full(len(s), np.inf + 0j)
     for _ in range(_NEWTON_STEPS):

@@ -8,6 +8,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.structure.beams.dynamic_stiffness import Segment, clamped_count, end_functions, segment_coefficients
 from boomctl.structure.elimination import Elimination, eliminate
+from boomctl.structure.matrices import dense
 from boomctl.structure.ports import Ports
 from boomctl.structure.symmetry import Mirror
 
@@ -90,7 +91,7 @@ class ExactModel:
             if ins is None or outs is None:
                 return replace(self, mirror=None).prepared(inputs, outputs)
             if ins[0].shape[1] and outs[0].shape[1]:
-                half = whole.half(self.mirror.basis(parity).toarray(), ins[0], outs[0])
+                half = whole.half(dense(self.mirror.basis(parity)), ins[0], outs[0])
                 parts.append((half.solver(), outs[0][: shape[0]], ins[0][: shape[1]]))
         if self.mirror is None:
             parts = [(whole.solver(), np.eye(shape[0]), np.eye(shape[1]))]
