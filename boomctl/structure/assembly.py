@@ -19,7 +19,7 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
 from boomctl.structure.ports import Ports
 
-_UNEVEN = 0.41421356  # share of a free beam at which it is cut in two: no simple fraction, so no node of a low mode
+_UNEVEN = 0.41421356  # share of its length at which a free beam is cut in two: sqrt 2 - 1, no node of a low mode
 
 
 @dataclass(frozen=True)

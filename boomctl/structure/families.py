@@ -13,7 +13,7 @@ from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports, Triple
 
-_EXACT = 1e-9  # of the largest entry: a corner missed by less is rounding of the assembly (a choice)
+_EXACT = 1e-9  # of the largest entry; a corner missed by less is rounding of the assembly (a choice)
 
 
 @dataclass(frozen=True)

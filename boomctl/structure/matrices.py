@@ -16,10 +16,10 @@ from boomctl.structure.ports import Ports
 from boomctl.structure.response.pencil import Pencil, stored
 from boomctl.structure.symmetry import TOLERANCE, Mirror, half_matrix, half_rows
 
-DENSE_LIMIT = (
+DENSE_LIMIT = (  # coordinates up to which matrices are stored dense: products cost half of sparse ones (measured)
     64  # coordinates up to which matrices are stored dense: a sparse product of that size costs more (measured)
 )
-_SYMMETRIC = 1e-12  # change under transposition, of the largest entry, that is taken for rounding: some 1e4 eps
+_SYMMETRIC = 1e-12  # change under transposition, of the largest entry, that is rounding: some 1e4 eps
 
 
 @dataclass(frozen=True)

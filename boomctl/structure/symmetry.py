@@ -9,8 +9,8 @@ from scipy import sparse
 from boomctl.arrays import Array, Matrix
 from boomctl.structure.elimination import Elimination
 
-TOLERANCE = 1e-9  # change under reflection, of the largest entry, that counts as rounding of an assembly (a choice)
-_DENSE = 440  # coordinates up to which a half is made dense: up to here that is faster than sparse (measured on booms)
+TOLERANCE = 1e-9  # change under reflection, of the largest entry, that is rounding of an assembly (a choice)
+_DENSE = 440  # coordinates up to which halves are dense: faster up to some 700 (measured), memory limits it
 
 
 @dataclass(frozen=True)

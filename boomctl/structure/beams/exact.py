@@ -12,7 +12,7 @@ from boomctl.structure.matrices import dense
 from boomctl.structure.ports import Ports
 from boomctl.structure.symmetry import Mirror
 
-_RESIDUAL = 1e-11
+_RESIDUAL = 1e-11  # of an equation's terms; where elimination leaves more, LAPACK solves anew (a choice)
 
 Entries = Mapping[tuple[int, int], Array]
 

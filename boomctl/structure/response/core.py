@@ -19,14 +19,14 @@ from boomctl.structure.matrices import Structure
 from boomctl.structure.ports import Ports, evaluate
 from boomctl.structure.response.pencil import Solve
 
-_SPACING = 16.0  # ratio of neighbouring shifts: wider needs more enrichments, closer more factorisations (measured)
-_WIDEST = 1e4  # ratio of the highest to the lowest shift: below, structures answer as they do at rest
-_LEVELS = 2  # solutions in a row at each shift (measured: a third pays for no boom)
-_ROUNDS = 6  # enrichments before a core is given up (a choice; two do for booms)
-_TOLERANCE = 1e-10  # estimated error at the probes that ends enrichment: its square root is the basis's own error
-_DROP = 1e-12  # of the largest column: what depends on the others so far is rounding
+_SPACING = 16.0  # ratio of neighbouring shifts; cores of booms cost the same from 8 to 64 (measured)
+_WIDEST = 1e4  # ratio of the highest to the lowest shift; a structure answers as at rest below (a choice)
+_LEVELS = 2  # solutions in a row at each shift; one needs more enrichments, three make cores larger (measured on booms)
+_ROUNDS = 6  # enrichments before a core is given up (a choice; none or one does for booms)
+_TOLERANCE = 1e-10  # estimated error at the probes that ends enrichment: below _CORE_ERROR, above rounding (a choice)
+_DROP = 1e-12  # of the largest column; what is left of a column below it is rounding
 _SAMPLES = 24  # frequencies at which rounding is estimated (a choice)
-_EPS = np.finfo(float).eps
+_EPS = np.finfo(float).eps  # unit in the last place: what operands are shaken by
 
 
 @dataclass(frozen=True)

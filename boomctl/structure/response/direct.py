@@ -29,15 +29,15 @@ from boomctl.structure.ports import Ports, evaluate
 from boomctl.structure.response.core import build_core, rounding_estimate
 from boomctl.structure.response.modes import respond_by_modes
 
-_MODES_FROM = 5  # coordinates: of fewer, dense solutions cost no more than modes (measured)
-_MODES_PER_COORDINATE = 4  # frequencies a coordinate from which on finding the modes pays (measured)
-_CORE_FROM = 18  # coordinates: of fewer, a core has about as many itself (measured on booms)
-_CORE_ERROR = 1e-8  # estimated, relative: below it the core's answer stands (a choice, far below the modelling error)
-_FREE = 1e-13  # smallest over largest singular value of a scaled stiffness: below it rounding, a rigid-body mode
-_STRAINS_HOLD = 1000  # strains lose a few times log10(n) digits: this far nothing that could be warned of
-_DENSE_CHECK = 1000  # coordinates up to which a singular stiffness is looked for: a dense SVD of some seconds
+_MODES_FROM = 5  # coordinates; of fewer, dense solutions are always faster (measured on booms)
+_MODES_PER_COORDINATE = 4  # frequencies a coordinate from which on modes pay, at 17 coordinates (measured on booms)
+_CORE_FROM = 18  # coordinates; of fewer, a core has as many itself; it pays from some 30 on (measured on booms)
+_CORE_ERROR = 1e-8  # estimated, relative; an answer with less stands: far below what a model is good for (a choice)
+_FREE = 1e-13  # smallest over largest singular value of a scaled stiffness; below it is rounding: a rigid-body mode
+_STRAINS_HOLD = 1000  # coordinates; strains lose a few times log10(n) digits, so that far there is nothing to warn of
+_DENSE_CHECK = 1000  # coordinates up to which a singular stiffness is looked for: a dense SVD of a second (a choice)
 _ROUNDING_LIMIT = 1e-4  # estimated rounding, relative, from which on a user is warned: it would show in a plot
-_ROUNDING_SEEN = 1e-3  # share of that limit from which on all frequencies are looked at, not a few
+_ROUNDING_SEEN = 1e-3  # share of that limit from which on more than a few frequencies are looked at (a choice)
 _GLANCES = 7  # frequencies at which rounding is looked at first (a choice)
 
 

@@ -12,13 +12,13 @@ from boomctl.arrays import Array
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.ports import Ports, evaluate
 
-_AGREEMENT = (
+_AGREEMENT = (  # with a dense solution, relative: what rounding takes of both, with room (a choice)
     1e-10  # with a dense solution, relative, that is asked for: what both lose to rounding, with room (a choice)
 )
-_PROBES = 3  # frequencies checked beside the peaks: the first, the middle, the last
-_MOST_DAMPERS = 6  # beyond, an update costs about as much as a dense solution
-_SAME_DAMPING = 1e-13  # of the largest damper: below it a damper is rounding of the proportional damping
-_FLOOR = 1e-6  # of the largest response: values below it are compared with this, they matter to nobody
+_PROBES = 3  # frequencies checked beside the peaks: the first, the middle, the last (a choice)
+_MOST_DAMPERS = 6  # an update by more costs about as much as dense solutions (a choice)
+_SAME_DAMPING = 1e-13  # of the largest damper; a smaller one is rounding of the proportional damping
+_FLOOR = 1e-6  # of a row's largest value; smaller values are compared with it, since they matter to nobody (a choice)
 
 
 def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array | None:

@@ -11,11 +11,10 @@ from boomctl.structure.matrices import Structure, dense, is_symmetric
 from boomctl.structure.response.core import orthonormal
 from boomctl.structure.response.pencil import factorized
 
-_DENSE_MODES = 250
-_FEW = 0.25
-_SPREAD = 1e7
-"""Of stiffnesses, from which on the softest mode counts as nearly floating."""
-_NOISE = 1e3 * float(np.finfo(float).eps)
+_DENSE_MODES = 250  # coordinates up to which modes are found densely; sparse is faster from 200 on (measured)
+_FEW = 0.25  # share of modes below which only those wanted are asked for: more cost as much as all (a choice)
+_SPREAD = 1e7  # of stiffnesses, from which on the softest mode counts as nearly floating (a choice)
+_NOISE = 1e3 * float(np.finfo(float).eps)  # of the largest stiffness over mass: rounding, with room (a choice)
 
 
 def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Array, Array]:

@@ -15,8 +15,8 @@ from boomctl.lti.system import Lti
 from boomctl.structure.matrices import Structure, dense, is_symmetric
 from boomctl.structure.ports import FILTER_DAMPING, Ports
 
-_SINGULAR = 1e14  # condition of a scaled mass matrix from which on no digit of its inverse is left
-_FELT = 1e-12  # of its terms: below it a feedthrough that cancels is rounding
+_SINGULAR = 1e14  # condition of a scaled mass matrix from which on its inverse has no digit left: some 0.01/eps
+_FELT = 1e-12  # of its terms; a feedthrough that cancels down to this is rounding: some 1e4 eps
 
 
 @dataclass(frozen=True)
