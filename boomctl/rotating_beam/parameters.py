@@ -1,6 +1,5 @@
 """Physical parameters of the rotating hub-beam."""
 
-import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -109,19 +108,14 @@ class HubBeamParameters:
 
         Raises
         ------
-        ValueError
-            If the file is not TOML, holds an unknown key, or a value is out of its range.
+        OSError
+            If the file cannot be read.
+        ValueError, TypeError
+            If the file is not TOML, holds an unknown key, or a value that is no number or out of its range.
         """
-        try:
-            table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        except tomllib.TOMLDecodeError as error:
-            raise ValueError(f"{path}: expected a TOML file; {error}") from error
-        table = table.get("hub_beam", table)
-        known = [field.name for field in fields(cls)]
-        unknown = sorted(set(table) - set(known))
-        if unknown:
-            raise ValueError(f"{path}: unknown key {unknown[0]!r}; expected some of {', '.join(known)}")
-        return cls(**table)
+        from boomctl.files import read_parameters
+
+        return read_parameters(cls, path, table="hub_beam")
 
 
 def described(kind: str, model: str, modes: int, states: tuple[str, ...], parameters: HubBeamParameters) -> str:
