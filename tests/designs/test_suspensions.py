@@ -6,14 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from boomctl.studies.suspension import (
-    FieldScene,
-    SuspensionDesign,
-    design_names,
-    evaluate,
-    load_design,
-    suspension_model,
-)
+from boomctl.studies.catalogue import design_file, design_names
+from boomctl.studies.suspension import FieldScene, SuspensionDesign, suspension_model
 
 pytestmark = pytest.mark.xdist_group("suspensions")
 
@@ -27,9 +21,13 @@ PEAKS = {
 }
 
 
+def load_design(name):
+    return design_file(name, "suspension").made()
+
+
 @cache
 def judged(name):
-    return evaluate(load_design(name), SCENE)
+    return load_design(name).evaluate(SCENE)
 
 
 @pytest.fixture(params=sorted(PEAKS))
@@ -38,7 +36,7 @@ def result(request):
 
 
 def test_every_design_in_the_folder_is_known():
-    assert set(design_names()) == set(PEAKS)
+    assert set(design_names("suspension")) == set(PEAKS)
 
 
 def test_the_certified_peak_is_the_one_of_the_readme(result):
