@@ -7,8 +7,6 @@ import sys
 
 import pytest
 
-pytestmark = pytest.mark.xdist_group("command line")
-
 
 def run(*words, cwd=None):
     return subprocess.run(

@@ -15,8 +15,6 @@ from boomctl.studies.suspension import (
     suspension_model,
 )
 
-pytestmark = pytest.mark.xdist_group("suspensions")
-
 SCENE = FieldScene(duration=30.0, run_in=20.0)
 PEAKS = {
     "passive_tuning": 9.86,

@@ -10,8 +10,6 @@ from boomctl.papers.anthonis_ramon.figures import compute
 from boomctl.papers.anthonis_ramon.published import TABLE_1
 from boomctl.report import Picture, Section, Table, bound_reports, html_report
 
-pytestmark = pytest.mark.xdist_group("reproduced boom")
-
 
 @pytest.fixture(scope="module")
 def result():

@@ -9,8 +9,6 @@ from boomctl.plotting import figure_bytes
 from boomctl.plotting.friction import draw_friction
 from boomctl.structure import split_symmetric
 
-pytestmark = pytest.mark.xdist_group("friction")
-
 
 @pytest.fixture(scope="module")
 def study():

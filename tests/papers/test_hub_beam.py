@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.papers.bai import frequencies as hub_beam_frequencies
@@ -27,6 +27,7 @@ from boomctl.papers.bai.report import results_json, summary
 from boomctl.papers.bai.validity import leaves, validity
 from boomctl.plotting.rotating_beam import Line, Panel, Picture, picture_bytes
 from boomctl.rotating_beam import HubBeamParameters, hub_beam, sine_torque
+from tests.profiles import examples
 
 # -- verdicts ---------------------------------------------------------------------------------------------------------
 
@@ -120,7 +121,7 @@ def test_the_phase_lead_of_sfoam_is_not_there():
     assert {claim.verdict for claim in section.claims} == {MET}
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @given(st.floats(0.1, 2), st.floats(3.0, 3.5), st.floats(-3, 3))
 def test_residual_vibration_is_recovered(amplitude, omega, phase):
     time = np.linspace(0, 30, 601)

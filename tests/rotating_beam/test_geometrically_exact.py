@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.rotating_beam import free, hold, sine_torque, spin_up
@@ -14,6 +14,7 @@ from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import Drive, Trajectory, march
 from boomctl.rotating_beam.exact.run import interpolate
+from tests.profiles import examples
 from tests.rotating_beam.exact_cases import BAI, LOADED, bent, states
 
 # -- discretisation ---------------------------------------------------------------------------------------------------
@@ -49,7 +50,7 @@ def test_uniform_curvature_is_a_circle():
 # -- energies, momenta and forces belong together ---------------------------------------------------------------------
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(states(17))
 def test_momentum_and_force_are_derivatives_of_the_energies(state):
     """By the complex step, which has no cancellation, on an independent transcription of the Lagrangian."""
@@ -74,7 +75,7 @@ def lagrangian(basis, q, v):
     return kinetic - 0.5 * np.sum(basis.stiffness * q**2)
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @given(states(17))
 def test_matrices_are_derivatives_of_momentum_and_force(state):
     dynamics = ExactBeamDynamics(strain_basis(LOADED, 4))
@@ -94,7 +95,7 @@ def test_matrices_are_derivatives_of_momentum_and_force(state):
     np.testing.assert_allclose(dynamics.convective_force(q, v), convective, rtol=1e-9, atol=1e-9)
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(states(17), st.floats(-100, 100))
 def test_nothing_depends_on_the_hub_angle(state, turn):
     dynamics = ExactBeamDynamics(strain_basis(LOADED, 4))
@@ -129,7 +130,7 @@ def test_energy_and_angular_momentum_are_kept_after_a_torque():
     assert np.ptp(r.angular_momentum[after]) < 1e-12 * np.max(np.abs(r.angular_momentum))
 
 
-@settings(max_examples=5, deadline=None)
+@examples(5)
 @given(states(9, strain=0.05))
 def test_angular_momentum_is_kept_by_every_step(state):
     """However long the step and violent the motion: momentum is a linear invariant of the collocation."""

@@ -3,12 +3,13 @@
 import mpmath as mp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.rotating_beam.modal.integrals import mass_points, modal_integrals
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.parameters import HubBeamParameters
+from tests.profiles import examples
 from tests.rotating_beam.strategies import parameters
 
 LOADED = HubBeamParameters(tip_mass=0.1, tip_position=5.3)
@@ -108,7 +109,7 @@ def test_points_sum_products_of_four_slopes_exactly():
     np.testing.assert_allclose(sums[0], sums[1], rtol=0, atol=1e-12 * np.abs(sums[1]).max())
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(p=parameters(), n=st.integers(1, 12), part=st.floats(0.0, 1.0))
 def test_shortening_outweighs_deflection(p, n, part):
     """Cauchy-Schwarz: D >= M2, and (r_A + l) S(l) >= f2(l)^T f2(l) anywhere on the beam."""
@@ -122,7 +123,7 @@ def test_shortening_outweighs_deflection(p, n, part):
     assert np.linalg.eigvalsh(stiffening).min() >= -1e-12 * whole
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(p=parameters(damped=True), n=st.integers(1, 8))
 def test_every_clamped_mode_has_the_damping_ratio(p, n):
     m = modal_integrals(p, n)

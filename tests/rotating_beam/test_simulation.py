@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -26,6 +26,7 @@ from boomctl.rotating_beam.motion.collocation import march
 from boomctl.rotating_beam.motion.modal_collocation import modal_march
 from boomctl.rotating_beam.motion.prescribed import PrescribedProblem
 from boomctl.rotating_beam.motion.refinement import halved
+from tests.profiles import examples
 from tests.rotating_beam import references
 from tests.rotating_beam.strategies import ALL_MODELS, parameters
 
@@ -46,7 +47,7 @@ def bent_and_spinning(beam, bend, spin):
 
 
 @pytest.mark.parametrize("model", ["tlam", "sfoam-consistent", "foam", "cfoam"])
-@settings(max_examples=4, deadline=None)
+@examples(4)
 @given(bend=st.floats(0.05, 0.4), spin=st.floats(-2.0, 2.0), tip_mass=st.sampled_from([0.0, 0.3]))
 def test_energy_and_angular_momentum_are_conserved_without_torque(model, bend, spin, tip_mass):
     beam = hub_beam(HubBeamParameters(tip_mass=tip_mass), model, 2)
@@ -144,7 +145,7 @@ def converged(beam, motion, edges, start, rtol):
     raise AssertionError("no convergence")
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @example(p=SLENDER, speed=1.0, phases=6.0, modes=4)
 @given(p=parameters(), speed=st.floats(-3.0, 3.0), phases=st.floats(1.0, 8.0), modes=st.integers(1, 4))
 def test_exact_vibrations_equal_plain_collocation(p, speed, phases, modes):

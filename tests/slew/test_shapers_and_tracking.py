@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.slew import classical_spin_up, classical_torque, compare_slews, shaper, track
+from tests.profiles import examples
 
 frequencies = st.floats(0.5, 50.0)
 dampings = st.floats(0.0, 0.3)
@@ -28,7 +29,7 @@ def test_zvd_is_flat_and_ei_is_level(frequency):
     assert ei.residual(1.1 * frequency) < zv.residual(1.1 * frequency)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(
     st.sampled_from(["bang-bang", "smoothed", "versine"]),
     st.sampled_from(["none", "ZV", "ZVD", "EI"]),
