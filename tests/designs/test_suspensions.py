@@ -1,7 +1,6 @@
 """Each suspension of designs/ is worth what the README says, and better than the boom as it is."""
 
 import dataclasses
-from functools import cache
 
 import numpy as np
 import pytest
@@ -15,6 +14,8 @@ from boomctl.studies.suspension import (
     suspension_model,
 )
 
+pytestmark = pytest.mark.early
+
 SCENE = FieldScene(duration=30.0, run_in=20.0)
 PEAKS = {
     "passive_tuning": 9.86,
@@ -25,14 +26,16 @@ PEAKS = {
 }
 
 
-@cache
-def judged(name):
-    return evaluate(load_design(name), SCENE)
+QUICK = ("h_infinity_split", "lqr_suspension")
+"""One with sensors, one without; the others take as long again, each."""
 
 
-@pytest.fixture(params=sorted(PEAKS))
+@pytest.fixture(
+    scope="module",
+    params=[name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in sorted(PEAKS)],
+)
 def result(request):
-    return judged(request.param)
+    return evaluate(load_design(request.param), SCENE)
 
 
 def test_every_design_in_the_folder_is_known():

@@ -142,6 +142,7 @@ def test_solving_again_with_other_data(beam):
         resolve(bc.optimal_slew(beam, ANGLE, LIMIT), angle=1.0)
 
 
+@pytest.mark.slow
 def test_foam_is_planned_with_its_axial_modes():
     foam = bc.hub_beam(model="foam", modes=1)
     slew = bc.optimal_slew(foam, ANGLE, LIMIT, "effort", 3.6, intervals=60)

@@ -174,7 +174,9 @@ def test_programmes_along_the_motion_find_how_many_stretches_there_are():
     assert 2 * steered(way, first_half(first), 200).switches.size + 1 == 11
 
 
-@pytest.mark.parametrize(("model", "modes"), [("sfoam", 4), ("sfoam", 5), ("foam", 1)])
+@pytest.mark.parametrize(
+    ("model", "modes"), [("sfoam", 4), pytest.param("sfoam", 5, marks=pytest.mark.slow), ("foam", 1)]
+)
 def test_many_modes(model, modes):
     slew = bc.optimal_slew(bc.hub_beam(LOADED, model=model, modes=modes), np.pi / 2, 200.0)
     assert slew.certificate.method == "switching times"
