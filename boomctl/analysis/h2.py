@@ -18,7 +18,7 @@ from boomctl.analysis.norm import grows_towards
 from boomctl.arrays import Array
 from boomctl.lti.gramians import factors
 from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -73,10 +73,10 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     if isinstance(system, SecondOrderModel):
         realized = modal_realization(system)
     elif isinstance(system, control.StateSpace):
-        realized = system
+        realized = of(system, expected="StateSpace")
     else:
         raise TypeError(f"system: expected SecondOrderModel or StateSpace, got {type(system).__name__}")
-    return matrices_h2(state_matrices(realized), tuple(realized.input_labels), tuple(realized.output_labels))
+    return matrices_h2(realized.balanced(), realized.inputs, realized.outputs)
 
 
 def matrices_h2(system: Lti, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> H2Certificate:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.csv_table import read_numbers
+from boomctl.files import read_numbers
 from boomctl.lti.frequency import singular_values
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from boomctl.analysis.model_norm import modal_realization
 from boomctl.arrays import Array
 from boomctl.lti.modal import diagonalized
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -98,11 +98,11 @@ def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
     if isinstance(system, SecondOrderModel):
         realized = modal_realization(system)
     elif isinstance(system, control.StateSpace):
-        realized = system
+        realized = of(system, expected="StateSpace")
     else:
         raise TypeError(f"system: expected SecondOrderModel or StateSpace, got {type(system).__name__}")
-    poles, peaks = modal_peaks(state_matrices(realized))
-    return ModeTable(tuple(realized.input_labels), tuple(realized.output_labels), _rows(poles, peaks))
+    poles, peaks = modal_peaks(realized.balanced())
+    return ModeTable(realized.inputs, realized.outputs, _rows(poles, peaks))
 
 
 def modal_peaks(system: Lti) -> tuple[Array, Array]:

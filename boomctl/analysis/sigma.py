@@ -16,7 +16,7 @@ from boomctl.checks import frequencies, names
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import state_matrices
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.direct import respond, respond_part
+from boomctl.structure.response.direct import respond, respond_whole
 
 if TYPE_CHECKING:
     import control
@@ -115,7 +115,7 @@ def _of_model(
     inputs: str | Sequence[str] | None,
     outputs: str | Sequence[str] | None,
 ) -> SigmaResult:
-    first = model.primary or (None, None)
+    first = model.ports.primary or (None, None)
     chosen = model.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
 
     def norm() -> NormCertificate:
@@ -133,8 +133,8 @@ def _of_model(
 def _model_values(model: SecondOrderModel, omega: Array) -> Array:
     parts = orthonormal_parts(model)
     if len(parts) == 1:
-        return singular_values(respond(parts[0], omega))
-    values = np.vstack([singular_values(respond_part(part, omega)) for part in parts])
+        return singular_values(respond(parts[0].structure, parts[0].ports, omega).values)
+    values = np.vstack([singular_values(respond_whole(p.structure, p.ports, omega).values) for p in parts])
     return -np.sort(-values, axis=0)[: min(len(model.inputs), len(model.outputs))]
 
 

@@ -277,7 +277,7 @@ def read_motion(path: str | Path, actuator_distance: float = _DISTANCE) -> Platf
         A column is missing, unknown or there twice; a value missing or not finite; times that do not ascend, have a gap
         or are not equally spaced; the message names file and line.
     """
-    from boomctl.csv_table import read_numbers
+    from boomctl.files import read_numbers
 
     distance = positive("actuator_distance", actuator_distance)
     table = read_numbers(path)

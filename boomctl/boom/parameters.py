@@ -132,6 +132,6 @@ class BoomParameters:
         ValueError, TypeError
             Not TOML, an unknown key, a value of the wrong type or out of range; the message names file and key.
         """
-        from boomctl.parameter_file import read_parameters
+        from boomctl.files import read_parameters
 
         return read_parameters(cls, path)

@@ -58,6 +58,8 @@ class LoopResult:
     friction : FrictionReport or None
     sample_time, delay : float
         Of the controller [s].
+    path : str
+        Which way the loop was run: "blocks", "steps", "stops not reached" or "contacts"; all are exact between samples.
     """
 
     time: Array
@@ -71,6 +73,7 @@ class LoopResult:
     friction: FrictionReport | None
     sample_time: float
     delay: float
+    path: str = "steps"
 
     def __getitem__(self, name: str) -> Array:
         """Return an output by name."""

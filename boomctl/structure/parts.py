@@ -5,14 +5,13 @@ into equations of motion.  Positions are those at rest, in the inertial frame: `
 ``theta`` about the normal.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import cos, hypot, isclose, pi, sin
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, Protocol
 
 from boomctl.checks import known, nonnegative, positive, real
-
-if TYPE_CHECKING:
-    from boomctl.structure.beams.discretization import Discretization
+from boomctl.structure.beams.mesh import BeamMesh
 
 
 @dataclass(frozen=True)
@@ -139,6 +138,14 @@ class BeamSection:
         nonnegative("damping of a beam section", self.damping)
 
 
+class Discretization(Protocol):
+    """A way to turn a beam into coordinates."""
+
+    def mesh(self, beam: "Beam", attachments: Sequence[float]) -> BeamMesh:
+        """Return the mesh of ``beam``; something is attached to it at the stations ``attachments``."""
+        ...
+
+
 @dataclass(frozen=True)
 class Beam:
     """An inextensible Euler-Bernoulli beam, straight at rest, in one or more stretches of uniform section.
@@ -166,7 +173,7 @@ class Beam:
     joint: Joint
     start: tuple[float, float]
     sections: tuple[BeamSection, ...]
-    discretization: "Discretization"
+    discretization: Discretization
     angle: float = 0.0
     length: float = field(init=False)
 

@@ -5,14 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from boomctl.studies.suspension import (
-    FieldScene,
-    SuspensionDesign,
-    design_names,
-    evaluate,
-    load_design,
-    suspension_model,
-)
+from boomctl.studies.catalogue import design_file, design_names
+from boomctl.studies.suspension import FieldScene, SuspensionDesign, suspension_model
 
 pytestmark = pytest.mark.early
 
@@ -30,16 +24,20 @@ QUICK = ("h_infinity_split", "lqr_suspension")
 """One with sensors, one without; the others take as long again, each."""
 
 
+def load_design(name):
+    return design_file(name, "suspension").made()
+
+
 @pytest.fixture(
     scope="module",
     params=[name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in sorted(PEAKS)],
 )
 def result(request):
-    return evaluate(load_design(request.param), SCENE)
+    return load_design(request.param).evaluate(SCENE)
 
 
 def test_every_design_in_the_folder_is_known():
-    assert set(design_names()) == set(PEAKS)
+    assert set(design_names("suspension")) == set(PEAKS)
 
 
 def test_the_certified_peak_is_the_one_of_the_readme(result):

@@ -18,7 +18,7 @@ from boomctl.papers.anthonis_ramon.published import TABLE_1
 from boomctl.plotting import boom as boom_pictures
 from boomctl.plotting import figure_bytes
 from boomctl.plotting.friction import draw_friction
-from boomctl.report import Picture, Section, Table, bound_reports, html_report
+from boomctl.report import Picture, Report, Section, Table, bound_reports
 from boomctl.structure import split_symmetric
 from tests.command import Done, boomctl
 from tests.profiles import is_quick
@@ -212,12 +212,23 @@ def test_bad_input():
 
 
 def test_a_report_escapes_what_it_shows_and_needs_nothing_else():
-    section = Section("a < b", ("x & y",), (Table(("head",), (("1 < 2",),)),), (Picture(b"abc", "png", "caption"),))
-    report = html_report("<title>", "lead", [section])
+    picture = Picture("p", "caption", {"png": b"abc"})
+    section = Section("a < b", ("x & y",), (Table(("head",), (("1 < 2",),)),), (picture,))
+    report = Report("<title>", ("lead",), (section,), {}).html
     assert "a &lt; b" in report
     assert "x &amp; y" in report
     assert "data:image/png;base64,YWJj" in report
     assert "<title>&lt;title&gt;</title>" in report
+
+
+def test_a_report_writes_its_pictures_in_all_kinds_and_shows_the_first(tmp_path):
+    picture = Picture("p", "caption", {"png": b"abc", "svg": b"<svg/>"})
+    report = Report("title", ("lead",), (Section("head", pictures=(picture,)),), {"x": 1.0})
+    files = report.write(tmp_path / "out")
+    assert {path.name for path in files} == {"p.png", "p.svg", "results.json", "report.html"}
+    assert all(path.is_file() for path in files)
+    assert (tmp_path / "out" / "p.svg").read_bytes() == b"<svg/>"
+    assert report.html.count("<img") == 1
 
 
 def test_bound_reports_stand_alone():

@@ -14,7 +14,7 @@ from boomctl.analysis.norm import NormCertificate, hinf_norm
 from boomctl.arrays import Array
 from boomctl.checks import known, names, positive, whole
 from boomctl.lti.system import Lti, state_matrices
-from boomctl.structure.family import AffineFamily
+from boomctl.structure.families import AffineFamily
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
