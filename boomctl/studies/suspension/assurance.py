@@ -160,7 +160,7 @@ def _exact_plant(
     corner = 2.0 * np.pi * accelerometer_hz
 
     def at(omega: Array) -> "control.FrequencyResponseData":
-        import control
+        from boomctl.lti.python_control import control
 
         found = exact_frequency_response(parameters, omega, (*ACTUATORS, *CONTROLS), (*TIPS, *STROKES))
         s = 1j * np.asarray(omega, dtype=float)
