@@ -22,8 +22,8 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import finite_array, known, nonnegative, positive
 
 _SHAPES = ("triangle", "box")
-_MOST_CELLS = 20_000_000
-_PORTION = 2_000_000
+_MOST_CELLS = 20_000_000  # of a field: 160 MB (a choice)
+_PORTION = 2_000_000  # edges that are worked on at once: some 100 MB of arrays (a choice)
 
 
 @dataclass(frozen=True)
@@ -96,11 +96,6 @@ class SprayResult:
     def cv(self) -> float:
         """Coefficient of variation of the deposit: standard deviation over mean."""
         return float(self.judged.std() / self.judged.mean())
-
-    @property
-    def mean_dose(self) -> float:
-        """Mean deposit over the nominal one; off one by how far the boom moved ahead or back over the run."""
-        return float(self.judged.mean())
 
     @property
     def share_outside_10(self) -> float:
