@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
+from boomctl.printing import between
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -40,6 +41,8 @@ class ReductionResult:
         Hankel singular values of the stable part, descending; of the weighted one where a band was asked for.
     kept : int
         Number of unstable and rigid-body states that are kept exactly.
+    path : tuple of str
+        What stood for the system, smaller cores first: each larger one was needed.
     """
 
     system: "control.StateSpace | SecondOrderModel"
@@ -51,3 +54,11 @@ class ReductionResult:
     truncation_bound: float
     hankel_values: Array = field(repr=False)
     kept: int = 0
+    path: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        inputs, outputs = (getattr(self.system, f"{kind}_labels", None) for kind in ("input", "output"))
+        ends = between(inputs or self.system.inputs, outputs or self.system.outputs)  # type: ignore[union-attr]
+        kept = f", {self.kept} unstable or rigid-body states kept" if self.kept else ""
+        error = f"error {self.measured_error:.6g}, verified; bound {self.error_bound:.6g}"
+        return f"ReductionResult: {self.order} states, {self.method}: {ends}\n  {error}{kept}"

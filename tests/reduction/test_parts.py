@@ -12,9 +12,8 @@ from boomctl.lti.frequency import singular_values
 from boomctl.lti.gramians import band_integral, factors, gramian_residual
 from boomctl.lti.modal import diagonalized
 from boomctl.lti.system import Lti, of
-from boomctl.reduction.balanced import balance
-from boomctl.reduction.core import structure_core
-from boomctl.reduction.hankel import hankel_optimal
+from boomctl.reduction.core import core_of, structure_core
+from boomctl.reduction.reducers import HankelApproximation, balance
 from boomctl.reduction.verify import difference
 from tests.reduction.test_reduce import stable_system
 from tests.strategies import seeds
@@ -51,7 +50,8 @@ def test_balanced_gramians_are_equal_and_diagonal(seed):
 def test_the_hankel_norm_of_the_error_is_the_first_value_that_goes(seed, order):
     modal = modal_of(seed)
     form = balance(modal.blocks, modal)
-    reduced, bound = hankel_optimal(form, order)
+    core = core_of(of(stable_system(seed)), 12)
+    reduced, bound = HankelApproximation(core.stable, core, None, 12).cut(order)
     assert len(reduced.A) == order
     gap = difference(modal.blocks, reduced)
     own = diagonalized(gap)

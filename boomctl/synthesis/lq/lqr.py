@@ -13,6 +13,7 @@ from boomctl.checks import finite_array
 from boomctl.lti.frequency import largest_gain
 from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.lti.system import Lti
+from boomctl.printing import between, compact, count
 from boomctl.synthesis.assumptions import SynthesisError, check_stabilizable, check_weighted
 from boomctl.synthesis.lq.problem import Weight, chosen, definite, plant_of, semidefinite, square_root
 from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
@@ -42,6 +43,8 @@ class LqrCertificate:
 
     riccati: RiccatiCertificate
     return_difference: float
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,13 @@ class LqrResult:
     poles: Array = field(repr=False)
     unmoved: tuple[HiddenMode, ...]
     certificate: LqrCertificate
+
+    def __repr__(self) -> str:
+        left = f", {count(len(self.unmoved), 'mode')} not moved" if self.unmoved else ""
+        slowest = f"slowest pole of the closed loop {self.poles.real.max(initial=-np.inf):.4g} rad/s"
+        checked = f"Riccati residual {self.certificate.riccati.residual:.1e}"
+        between_signals = between(self.controller.input_labels, self.controller.output_labels)
+        return f"LqrResult: state feedback, {between_signals}{left}\n  {slowest}; {checked}"
 
 
 def lqr(

@@ -15,6 +15,7 @@ from scipy import linalg
 from slycot.exceptions import SlycotError
 
 from boomctl.arrays import Array
+from boomctl.printing import compact
 from boomctl.synthesis.assumptions import SynthesisError
 
 _CONDITION = 1e10  # of the eigenvectors, from which on modal coordinates keep too few digits to start from (a choice)
@@ -97,6 +98,8 @@ class RiccatiCertificate:
     cost_error: float
     abscissa: float
     path: tuple[str, ...] = ()
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True)
