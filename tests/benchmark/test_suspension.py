@@ -3,7 +3,7 @@
 import json
 
 from boomctl.benchmark.report import Row
-from boomctl.benchmark.suspension.run import run as suspension
+from boomctl.benchmark.suspension import run as suspension
 
 
 def test_subjects_follow_one_another(monkeypatch):
