@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from boomctl.files import plain, write_whole
-from boomctl.papers.anthonis_ramon.figures import compute
-from boomctl.papers.anthonis_ramon.published import TABLE_1
+from boomctl.papers.anthonis_ramon.figures import TABLE_1, compute
 from boomctl.report import Picture, Report, Section, Table, bound_reports
 
 pytestmark = pytest.mark.xdist_group("reproduced boom")

@@ -6,7 +6,7 @@ import pytest
 from boomctl.boom import BoomParameters, spray_boom
 from boomctl.papers.anthonis_ramon.friction import BAND_HZ, friction_study, matched_force
 from boomctl.plotting import figure_bytes
-from boomctl.plotting.friction import draw_friction
+from boomctl.plotting.boom import draw_friction
 from boomctl.structure import split_symmetric
 
 pytestmark = pytest.mark.xdist_group("friction")

@@ -19,7 +19,7 @@ TABLE_2 = {
 CRITICAL_SPEEDS = {0.0: 2.91, 0.1: 2.60, 0.5: 1.91}
 """rad/s, by tip mass [kg]; section 4.4."""
 
-TWO_PI_OF_THE_PAPER = 6.28
+TWO_PI_OF_THE_PAPER = 6.28  # what makes all fifteen printed frequencies agree with computed ones
 LAST_DIGIT = 1.0e-4
 """One unit of the last digit of Table 2, Hz."""
 

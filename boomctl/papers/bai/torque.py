@@ -9,8 +9,8 @@ from boomctl.papers.bai.comparison import Comparison, Part, compare, judge
 from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
 from boomctl.rotating_beam import HubBeamParameters, SimulationResult, hub_beam, sine_torque
 
-PERIOD = 10.0
-TIME = np.linspace(0.0, 30.0, 3001)
+PERIOD = 10.0  # of the sine torque [s], which acts for one period, Eq. (44)
+TIME = np.linspace(0.0, 30.0, 3001)  # [s]; the paper's figures end at 30 s
 TABLE_3 = {50.0: (6.24e-3, None), 100.0: (4.61e-2, None), 200.0: (3.72e-2, 3.72e-1), 400.0: (2.62, None)}
 """Largest Q_theta [N m] by torque [N m]: as printed (under the caption of Table 2), and with its slip mended."""
 
