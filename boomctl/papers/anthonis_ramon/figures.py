@@ -133,16 +133,16 @@ def compute(parameters: BoomParameters | None = None, progress: Progress | None 
     convergence = _convergence(p, exact)
     tell("mode shapes and motions")
     return BoomReproduction(
-        np.array(MEASURED_HZ),
-        exact,
-        undamped,
-        methods,
-        readings,
-        curves,
-        deviation,
-        convergence,
-        _mode_shapes(p),
-        _driven(p, exact),
+        measured_hz=np.array(MEASURED_HZ),
+        exact_hz=exact,
+        exact_undamped_hz=undamped,
+        methods=methods,
+        readings=readings,
+        sigma=curves,
+        deviation=deviation,
+        convergence=convergence,
+        modes=_mode_shapes(p),
+        driven=_driven(p, exact),
     )
 
 
@@ -236,7 +236,16 @@ def _mode_shapes(p: BoomParameters) -> tuple[MachineMotion, ...]:
         w = w / w[np.argmax(np.abs(w))]
         middle = complex(w[len(w) // 2])
         motions.append(
-            MachineMotion(f"mode {k + 1}", pole.imag / (2 * np.pi), -pole.real / abs(pole), x, w, middle, 0j, 0j)
+            MachineMotion(
+                f"mode {k + 1}",
+                pole.imag / (2 * np.pi),
+                damping_ratio=-pole.real / abs(pole),
+                x=x,
+                boom=w,
+                cradle=middle,
+                platform=0j,
+                platform_turn=0j,
+            )
         )
     return tuple(motions)
 
@@ -251,6 +260,15 @@ def _driven(p: BoomParameters, exact: Array) -> tuple[MachineMotion, ...]:
         w = response @ d
         turn = (d[1] - d[0]) / p.actuator_distance
         motions.append(
-            MachineMotion(title, float(freq), np.nan, x, w, complex(w[len(w) // 2]), complex(d.mean()), turn)
+            MachineMotion(
+                title,
+                float(freq),
+                damping_ratio=np.nan,
+                x=x,
+                boom=w,
+                cradle=complex(w[len(w) // 2]),
+                platform=complex(d.mean()),
+                platform_turn=turn,
+            )
         )
     return tuple(motions)

@@ -179,7 +179,16 @@ def friction_study(
         swept = swept_sine(model, law, sines, "actuator_sym", size, "tip_sym")
         readings.append(FrictionReading(name, viscous * p.cradle_damping, share * force, balance, swept))
     stuck = np.abs(_held(H))
-    return BoomFriction(omega, np.abs(H[0, 0]), yaw, stuck, tuple(readings), float(amplitude), force, matched_hz)
+    return BoomFriction(
+        omega=omega,
+        jolt=np.abs(H[0, 0]),
+        yaw=yaw,
+        stuck=stuck,
+        readings=tuple(readings),
+        amplitude=float(amplitude),
+        force=force,
+        matched_hz=matched_hz,
+    )
 
 
 def _frequencies(*models: SecondOrderModel) -> Array:

@@ -163,7 +163,7 @@ def _deflections(tlam: SimulationResult, foam: SimulationResult) -> tuple[Compar
         ),
     )
     return tuple(
-        compare("section 4.2", what, unit, printed, ours, APPROXIMATE * printed, why)
+        compare("section 4.2", what, unit, published=printed, computed=ours, tolerance=APPROXIMATE * printed, why=why)
         for what, unit, printed, ours, why in rows
     )
 
@@ -177,7 +177,13 @@ def mode_by_mode() -> Part:
     ratio = _peak(result.tip_displacement) / _peak(result.axial_tip_displacement)
     peaks = np.max(np.abs(transverse), axis=0)
     comparison = compare(
-        "Fig. 6", "transverse over axial peak at 5 rad/s", "", 1500.0, ratio, APPROXIMATE * 1500.0, "peaks at the tip"
+        "Fig. 6",
+        "transverse over axial peak at 5 rad/s",
+        "",
+        published=1500.0,
+        computed=ratio,
+        tolerance=APPROXIMATE * 1500.0,
+        why="peaks at the tip",
     )
     claim = judge(
         "Fig. 6",
@@ -201,7 +207,14 @@ def _fig_6(axial: Array, transverse: Array) -> Chart:
         (
             Panel("(a) transverse modes", "time [s]", "share of v(L) [m]", _modes(transverse)),
             Panel("(b) axial modes", "time [s]", "share of w1(L) [mm]", _modes(1e3 * axial)),
-            Panel("(c) transverse modes, logarithmic", "time [s]", "|share of v(L)| [m]", sizes, "y", (1e-7, 1.0)),
+            Panel(
+                "(c) transverse modes, logarithmic",
+                "time [s]",
+                "|share of v(L)| [m]",
+                sizes,
+                logarithmic="y",
+                ylim=(1e-7, 1.0),
+            ),
             Panel("(d) number of modes", "time [s]", "v(L) [m]", few),
         ),
         columns=2,

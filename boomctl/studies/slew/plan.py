@@ -50,7 +50,7 @@ def evaluated_plan(
         return evaluation
     # axial vibrations are too fast for shooting on any of these meshes
     schemes = tuple(scheme for scheme in _SCHEMES if scheme[0] != "shooting" or not h.has_axial_modes)
-    return replace(evaluation, meshes=mesh_study(h, angle, torque_limit, roomy, schemes, counts))
+    return replace(evaluation, meshes=mesh_study(h, angle, torque_limit, roomy, schemes=schemes, intervals=counts))
 
 
 def _title(slew: SlewResult) -> str:

@@ -132,13 +132,13 @@ def assure(p: BoomParameters, K: "control.StateSpace", scene: FieldScene) -> Ass
     band = scene.accelerometer_hz
     stiffer = yaw_family(p, MEASURED_YAW_HZ, half="yaw", elements=_FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
     return Assurance(
-        _half("jolt", jolt, symmetric, p, band),
-        _half("yaw", yaw, antisymmetric, p, band),
-        robust_stability(stiffer, antisymmetric),
-        _exact(p, K, band),
-        _exact_sigma(p, K, band),
-        _family_sigma(p, K, scene),
-        mixed,
+        jolt=_half("jolt", jolt, symmetric, p, band),
+        yaw=_half("yaw", yaw, antisymmetric, p, band),
+        measured_yaw=robust_stability(stiffer, antisymmetric),
+        exact=_exact(p, K, band),
+        exact_sigma=_exact_sigma(p, K, band),
+        family_sigma=_family_sigma(p, K, scene),
+        mixed=mixed,
     )
 
 
