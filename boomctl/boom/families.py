@@ -14,9 +14,8 @@ from scipy import optimize
 from boomctl.boom.model import spray_boom
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import known, positive
-from boomctl.structure.family import AffineFamily, interval
-from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.symmetry import split_symmetric
+from boomctl.structure.families import AffineFamily, interval
+from boomctl.structure.model import SecondOrderModel, split_symmetric
 
 _HALVES = ("jolt", "yaw")
 _STIFFEST = 1e4

@@ -12,6 +12,7 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import BAND, class_number, road_density, track_coherence, wave_band
 from boomctl.boom.tractor import TractorParameters, tractor_system
 from boomctl.checks import frequencies, whole
+from boomctl.printing import compact
 
 if TYPE_CHECKING:
     import control
@@ -38,6 +39,8 @@ class PlatformDensity:
     freq_hz: Array
     jolt: Array
     difference: Array
+
+    __repr__ = compact
 
 
 def platform_density(
@@ -259,7 +262,7 @@ def _realized(x: Array) -> tuple[Array, Array, Array]:
 
 def _assembled(jolt: tuple[Array, Array, Array], yaw: tuple[Array, Array, Array]) -> "control.StateSpace":
     """Return the filter of jolt and half difference as one of the left and right actuators."""
-    import control
+    from boomctl.lti.python_control import control
 
     n, m = len(jolt[0]), len(yaw[0])
     A = np.zeros((n + m, n + m))

@@ -31,6 +31,7 @@ from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import nonnegative, positive
+from boomctl.printing import exact, exact_html
 
 if TYPE_CHECKING:
     import control
@@ -107,6 +108,9 @@ class TractorParameters:
             raise ValueError(
                 f"centre_to_rear = {self.centre_to_rear:g}: expected less than the wheelbase, {self.wheelbase:g}"
             )
+
+    __repr__ = exact
+    _repr_html_ = exact_html
 
     @property
     def axle_positions(self) -> tuple[float, float]:
@@ -245,7 +249,7 @@ def tractor_system(
 
 
 def _named(A: Array, B: Array, C: Array) -> "control.StateSpace":
-    import control
+    from boomctl.lti.python_control import control
 
     body = ("x", "z", "pitch", "roll", "yaw")
     states = [*body, *(f"{name}_rate" for name in body), *(f"{w}_felt" for w in WHEELS), *(f"{w}_rate" for w in WHEELS)]

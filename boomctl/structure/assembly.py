@@ -8,18 +8,19 @@ from scipy import linalg, sparse
 
 from boomctl.arrays import Array
 from boomctl.checks import signal_name
-from boomctl.structure.beams.discretization import BeamMesh, element_nodes, section_values
-from boomctl.structure.beams.discretizations import FiniteElements, distinct
+from boomctl.printing import count, listed, signals
 from boomctl.structure.beams.dynamic_stiffness import Segment
+from boomctl.structure.beams.elements import FiniteElements, distinct, element_nodes, section_values
 from boomctl.structure.beams.exact import ExactModel, PlacedSegment
+from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.elimination import eliminate
-from boomctl.structure.kinematics import Kinematics, attachments, kinematics
-from boomctl.structure.model import ElasticRows, SecondOrderModel
+from boomctl.structure.kinematics import Kinematics, Row, attachments, kinematics, row_matrix
+from boomctl.structure.matrices import ElasticRows, Structure
+from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
 from boomctl.structure.ports import Ports
-from boomctl.structure.rows import Row, row_matrix
 
-_UNEVEN = 0.41421356
+_UNEVEN = 0.41421356  # share of its length at which a free beam is cut in two: sqrt 2 - 1, no node of a low mode
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,12 @@ class Assembly:
             there.add(body.name)
         for point in self.points():
             self._require(point, there, "a link, force, output or cut joint")
+
+    def __repr__(self) -> str:
+        joints = f", {count(len(self.cuts), 'cut joint')}" if self.cuts else ""
+        ports = signals([force.name for force in self.forces], [output.name for output in self.outputs])
+        bodies = listed([body.name for body in self.bodies], 50)
+        return f"Assembly: {bodies}; {count(len(self.links), 'link')}{joints}\n{ports}"
 
     @staticmethod
     def _require(point: Point, there: set[str], user: str) -> None:
@@ -172,7 +179,8 @@ def _equations(assembly: Assembly, reduced: Reduced) -> SecondOrderModel:
         T, kept = _condensation(elastic, ports, massless, names)
         M, elastic, ports = sparse.csr_array(T.T @ M @ T), elastic.congruent(T), ports.congruent(T)
         names = tuple(names[i] for i in kept)
-    return SecondOrderModel.build(sparse.csr_array(M), elastic.C, elastic.K, ports, names, elastic=elastic)
+    structure = Structure.of(sparse.csr_array(M), elastic.C, elastic.K, names, elastic=elastic)
+    return SecondOrderModel.of(structure, ports)
 
 
 def _rigid_mass(body: RigidBody, reduced: Reduced) -> sparse.csr_array:

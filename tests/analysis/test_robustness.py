@@ -13,7 +13,7 @@ from boomctl.analysis.norm import hinf_norm
 from boomctl.boom import boom_family, yaw_family
 from boomctl.lti.system import state_matrices
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.family import AffineFamily
+from boomctl.structure.families import AffineFamily
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
 
 

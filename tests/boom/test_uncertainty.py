@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from boomctl.boom import BoomParameters, boom_family, spray_boom, yaw_family
 from boomctl.boom.families import scaled_boom
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.family import AffineFamily
+from boomctl.structure.families import AffineFamily
 
 factors = st.floats(-1.0, 1.0)
 

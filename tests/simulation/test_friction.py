@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.simulation import CoulombFriction, simulate_loop
-from boomctl.simulation.contact.friction import friction_step
+from boomctl.simulation.contact.friction import Slip, friction_step
 from tests.simulation.cases import mass_on_spring
 
 
@@ -105,7 +105,7 @@ def test_break_away_under_a_growing_force(static):
 @settings(max_examples=300)
 def test_the_law(velocity, free, gain, force, extra, stuck):
     law = CoulombFriction(force, force + extra)
-    step = friction_step(0.0 if stuck else velocity, stuck, free, gain, law)
+    step = friction_step(Slip(0.0 if stuck else velocity, stuck, None), free, gain, law)
     assert abs(step.force) <= law.breakaway * (1.0 + 1e-9)
     assert step.velocity == pytest.approx(free + gain * step.force, abs=1e-9 * (1.0 + abs(free)))
     if step.stuck:

@@ -98,8 +98,8 @@ def test_a_large_structure_keeps_its_response_where_its_modes_were_cut():
     ("plant", "message"),
     [
         (3.0, "plant: expected"),
-        (ct.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1), "continuous-time"),
-        (ct.ss([[np.nan]], [[1.0]], [[1.0]], 0.0), "not finite"),
+        (ct.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1), "continuous time"),
+        (ct.ss([[np.nan]], [[1.0]], [[1.0]], 0.0), "expected finite numbers"),
     ],
 )
 def test_bad_plants(plant, message):

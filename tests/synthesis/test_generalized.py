@@ -139,7 +139,7 @@ BAD = {
     "an unstable weight": ({"performance": {"tip_anti": control.ss(1.0, 1.0, 1.0, 0.0)}}, ValueError, "'tip_anti'.*pole"),
     "an integrator": ({"disturbances": {"actuator_anti": control.ss(0.0, 1.0, 1.0, 0.0)}}, ValueError, "'actuator_anti'"),
     "two outputs": ({"effort": {"suspension_anti": control.rss(2, 2, 1)}}, ValueError, "'suspension_anti'.*one input"),
-    "polynomials": ({"effort": {"suspension_anti": control.tf(1, [1, 1])}}, TypeError, "transfer function"),
+    "polynomials": ({"effort": {"suspension_anti": control.tf(1, [1, 1])}}, TypeError, "StateSpace, got TransferFunction"),
     "discrete time": ({"noises": {"stroke_anti": control.ss(0.1, 1, 1, 0, True)}}, ValueError, "continuous time"),
     "not a number": ({"noises": {"stroke_anti": float("nan")}}, ValueError, "'stroke_anti'"),
     "an unknown output": ({"performance": {"tip_ant": 1.0}}, ValueError, "did you mean 'tip_anti'"),
@@ -152,7 +152,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_pieces_are_named(yaw, case):
+def test_what_is_given_wrong_is_named(yaw, case):
     changes, kind, match = BAD[case]
     given = {
         "disturbances": {"actuator_anti": 1.0},
@@ -171,7 +171,7 @@ def test_selected_channels_keep_the_sampling_time():
     part = bc.select_channels(sampled, "b")
     assert part.dt == 0.1
     assert_allclose(part(np.exp(0.3j)), 2.0 / (np.exp(0.3j) - 0.5))
-    with pytest.raises(TypeError, match="system: expected a StateSpace, got NoneType"):
+    with pytest.raises(TypeError, match="system: expected StateSpace, got NoneType"):
         bc.select_channels(None)
     with pytest.raises(ValueError, match="inputs: expected at least one"):
         bc.select_channels(sampled, [])

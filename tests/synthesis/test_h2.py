@@ -7,10 +7,9 @@ from hypothesis import given, settings
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, lower_lft
 from boomctl.synthesis import SynthesisError
-from boomctl.synthesis.lq.quadratic_norm import quadratic_norm
-from boomctl.synthesis.plants.closed_loop import closed
+from boomctl.synthesis.lq.output_feedback import quadratic_norm
 from boomctl.synthesis.plants.partition import partition
 from tests.strategies import seeds
 from tests.synthesis.test_lqg import generalised, matrices, problem
@@ -56,7 +55,7 @@ def test_the_norm_is_slycots_and_the_closed_loops_own(seed):
     P = random_plant(seed)
     design = bc.h2(P, 2, 2)
     K = slycot.sb10hd(4, 5, 5, 2, 2, P.A, P.B, P.C, P.D)[:4]
-    peer = quadratic_norm(closed(partition(P, 2, 2), Lti(*K)))
+    peer = quadratic_norm(lower_lft(partition(P, 2, 2).system, Lti(*K)))
     assert design.norm == pytest.approx(peer.value, rel=1e-5)
     assert design.norm == pytest.approx(design.optimum, rel=1e-5)
     loop = P.lft(design.controller)
@@ -108,7 +107,7 @@ def test_any_other_controller_has_a_larger_norm(seed):
     best = matrices(design.controller)
     for size in (1e-3, 1e-2):
         parts = [m + size * rng.standard_normal(m.shape) * np.abs(m).max() for m in (best.A, best.B, best.C)]
-        other = quadratic_norm(closed(partition(P, 2, 2), Lti(*parts, best.D)))
+        other = quadratic_norm(lower_lft(partition(P, 2, 2).system, Lti(*parts, best.D)))
         assert other.value >= design.norm * (1.0 - 1e-9)
 
 

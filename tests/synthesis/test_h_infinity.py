@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.synthesis.hinf.frequency_bound import frequency_bound
-from boomctl.synthesis.hinf.search import Bounds
-from boomctl.synthesis.plants.partition import normalised, partition
+from boomctl.synthesis.hinf.bounds import Bounds, frequency_bound
+from boomctl.synthesis.hinf.normal_form import normalised
+from boomctl.synthesis.plants.partition import partition
 from tests.synthesis.plants import assert_verified, lower_loop_norm, random_plant, resonators, weighed, yaw_plant
 
 SIZES = st.tuples(st.integers(0, 2), st.integers(0, 2), st.integers(1, 2), st.integers(1, 2))
@@ -185,14 +185,18 @@ def test_slow_controllers_come_first_and_the_certificate_tells_their_price():
 
 
 BAD = {
-    "another kind": (lambda P: bc.h_infinity("P", 1, 1), TypeError, "P: expected a StateSpace"),
+    "another kind": (lambda P: bc.h_infinity("P", 1, 1), TypeError, "P: expected StateSpace"),
     "no performance left": (lambda P: bc.h_infinity(P, 3, 1), ValueError, "nmeas = 3"),
     "no disturbance left": (lambda P: bc.h_infinity(P, 1, 3), ValueError, "ncon = 3"),
     "half a measurement": (lambda P: bc.h_infinity(P, 0.5, 1), TypeError, "nmeas = 0.5"),
     "no level": (lambda P: bc.h_infinity(P, 1, 1, gamma=0.0), ValueError, "gamma = 0.0"),
     "no time": (lambda P: bc.h_infinity(P, 1, 1, time_limit=-1.0), ValueError, "time_limit"),
     "discrete time": (lambda P: bc.h_infinity(P.sample(0.1), 1, 1), ValueError, "continuous time"),
-    "not a number": (lambda P: bc.h_infinity(control.ss(np.nan * P.A, P.B, P.C, P.D), 1, 1), ValueError, "A of P"),
+    "not a number": (
+        lambda P: bc.h_infinity(control.ss(np.nan * P.A, P.B, P.C, P.D), 1, 1),
+        ValueError,
+        "P: expected finite numbers, got A",
+    ),
 }
 
 
@@ -206,7 +210,7 @@ def test_bad_input_is_named(case):
 def test_the_frequency_bound_holds_with_any_feedback():
     """Feedback does not change what no control reaches: one that rounding leaves far from optimal must not raise it."""
     plant = partition(random_plant(4, 5, (2, 2, 1, 1), False), 1, 1)
-    ready = normalised(replace(plant, A=plant.A - 10.0 * np.eye(5)))
+    ready = normalised(replace(plant, system=replace(plant.system, A=plant.A - 10.0 * np.eye(5))))
     nothing = np.zeros((1, 5)), np.zeros((5, 1))
     F, L = 0.3 * np.ones((1, 5)), 0.3 * np.ones((5, 1))
     assert_allclose(frequency_bound(ready, F, L)[0], frequency_bound(ready, *nothing)[0], rtol=1e-3)

@@ -8,10 +8,8 @@ from hypothesis import strategies as st
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.lti.system import Lti, state_matrices
-from boomctl.synthesis.lq.output_feedback import observer
-from boomctl.synthesis.lq.quadratic_norm import quadratic_norm
-from boomctl.synthesis.plants.closed_loop import closed
+from boomctl.lti.system import Lti, lower_lft, state_matrices
+from boomctl.synthesis.lq.output_feedback import observer, quadratic_norm
 from boomctl.synthesis.plants.partition import partition
 from tests.strategies import seeds
 from tests.synthesis.test_lqr import random_system, random_weight
@@ -62,7 +60,7 @@ def test_an_integrator_in_closed_form(q, r, w, v):
 def test_separation_and_the_cost_by_three_routes(seed):
     system, Q, R, W, V = problem(seed)
     design = bc.lqg(system, Q, R, W, V)
-    loop = closed(partition(generalised(system, Q, R, W, V), 2, 2), matrices(design.controller))
+    loop = lower_lft(partition(generalised(system, Q, R, W, V), 2, 2).system, matrices(design.controller))
     poles = np.concatenate(
         [
             np.linalg.eigvals(system.A - system.B @ design.regulator_gain),
@@ -83,13 +81,13 @@ def test_any_other_controller_costs_more(seed):
     rng = np.random.default_rng(seed)
     system, Q, R, W, V = problem(seed)
     design = bc.lqg(system, Q, R, W, V)
-    P, best = partition(generalised(system, Q, R, W, V), 2, 2), matrices(design.controller)
+    P, best = partition(generalised(system, Q, R, W, V), 2, 2).system, matrices(design.controller)
     for size in (1e-3, 1e-2, 1e-1):
         parts = [m + size * rng.standard_normal(m.shape) * np.abs(m).max() for m in (best.A, best.B, best.C)]
-        assert quadratic_norm(closed(P, Lti(*parts, best.D))).value ** 2 >= design.cost * (1.0 - 1e-9)
+        assert quadratic_norm(lower_lft(P, Lti(*parts, best.D))).value ** 2 >= design.cost * (1.0 - 1e-9)
         gains = [g + size * rng.standard_normal(g.shape) for g in (design.regulator_gain, design.filter_gain)]
         other = observer(Lti(system.A, system.B, system.C, system.D), *gains)
-        assert quadratic_norm(closed(P, other)).value ** 2 >= design.cost * (1.0 - 1e-9)
+        assert quadratic_norm(lower_lft(P, other)).value ** 2 >= design.cost * (1.0 - 1e-9)
 
 
 @given(seeds)

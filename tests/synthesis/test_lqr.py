@@ -300,7 +300,7 @@ def test_other_systems_are_refused():
         bc.lqr(np.eye(2), 1.0, 1.0)
     with pytest.raises(ValueError, match="sampling time of"):
         bc.lqr(control.ss([[0.5]], [[1]], [[1]], 0, 0.1), 1.0, 1.0)
-    with pytest.raises(ValueError, match="A of the system: expected finite"):
+    with pytest.raises(ValueError, match="system: expected finite numbers, got A"):
         bc.lqr(control.ss([[np.nan]], [[1]], [[1]], 0), 1.0, 1.0)
     with pytest.raises(ValueError, match="at least one state"):
         bc.lqr(control.ss([], [], [], [[1.0]]), 1.0, 1.0)

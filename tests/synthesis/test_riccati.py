@@ -8,9 +8,9 @@ from scipy import linalg
 
 import boomctl as bc
 from boomctl.lti.system import Lti
-from boomctl.synthesis.lq.quadratic import square_root
-from boomctl.synthesis.lq.quadratic_norm import quadratic_norm
-from boomctl.synthesis.riccati import RiccatiProblem, solve_riccati
+from boomctl.synthesis.lq.output_feedback import quadratic_norm
+from boomctl.synthesis.lq.problem import square_root
+from boomctl.synthesis.lq.riccati import RiccatiProblem, solve_riccati
 from tests.strategies import seeds
 from tests.synthesis.test_lqr import random_system, random_weight
 

@@ -18,9 +18,8 @@ from boomctl.benchmark.timing import Job, import_times, interleaved, peak_memory
 from boomctl.boom import BoomParameters, exact_frequency_response
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.response.core import build_core
+from boomctl.structure.response.core import build_core, rounding_estimate
 from boomctl.structure.response.direct import AccuracyWarning
-from boomctl.structure.response.rounding import rounding_estimate
 
 if TYPE_CHECKING:
     import control
@@ -227,8 +226,8 @@ def rounding_lines(ground: Scene, settings: Settings, tell: Tell) -> list[Row | 
 def _estimate(model: SecondOrderModel, omega: Array) -> float:
     """Return the rounding estimate of a model's halves, actuators -> tips; not a number where it has no cores."""
     parts = orthonormal_parts(model.select(ACTUATORS, TIPS))
-    cores = [(part, build_core(part, omega)) for part in parts]
-    return max(np.nan if core is None else rounding_estimate(part, core, omega) for part, core in cores)
+    cores = [(part, build_core(part.structure, part.ports, omega)) for part in parts]
+    return max(np.nan if core is None else rounding_estimate(part.structure, core, omega) for part, core in cores)
 
 
 def _warned(model: SecondOrderModel, omega: Array) -> bool:

@@ -14,8 +14,8 @@ import numpy as np
 
 from boomctl.arrays import Array
 
-_ROUNDING = 1e-9
-_DEPENDENT = 1e10
+_ROUNDING = 1e-9  # of a stroke: what may be left over where a stop is met
+_DEPENDENT = 1e10  # condition of the stops' equations from which they count as one: six digits of a force are left
 
 Set = tuple[int, ...]
 
