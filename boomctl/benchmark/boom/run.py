@@ -4,7 +4,6 @@ import warnings
 from dataclasses import replace
 from functools import partial
 from itertools import count
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,12 +16,10 @@ from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Sheet, Tell
 from boomctl.benchmark.timing import Job, import_times, interleaved, peak_memory
 from boomctl.boom import BoomParameters, exact_frequency_response
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.lti.python_control import control
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.response.core import build_core, rounding_estimate
 from boomctl.structure.response.direct import AccuracyWarning
-
-if TYPE_CHECKING:
-    import control
 
 # targets are what this package promised itself; ratios are the peer's processor time over ours
 _EXACT_TARGETS = {6: 4.0, 100: 150.0}  # ratios, by the peer's number of elements
@@ -92,14 +89,12 @@ def _exact_sigma(parameters: BoomParameters, omega: Array) -> Array:
     return sigma(exact_frequency_response(parameters, omega, ACTUATORS, TIPS)).sigma
 
 
-def _statespace(ground: Scene, elements: int) -> "control.StateSpace":
+def _statespace(ground: Scene, elements: int) -> control.StateSpace:
     return ground.model(elements).to_statespace(ACTUATORS, TIPS)
 
 
 def exact_lines(ground: Scene, settings: Settings, tell: Tell) -> list[Row | Sheet]:
     """Race the exact beam against python-control's singular values of finite element models."""
-    import control
-
     section = "Exact sigma; peer: control.singular_values_response"
     numbers = count(1)
 
@@ -150,8 +145,6 @@ def _ours(ground: Scene, elements: int) -> Job:
 
 
 def _finite_element_row(ground: Scene, settings: Settings, elements: int, tell: Tell) -> Row:
-    import control
-
     tell(f"finite element sigma beside python-control on {elements} elements")
     system = _statespace(ground, elements)
     answers: list[control.FrequencyResponseData] = []

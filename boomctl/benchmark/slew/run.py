@@ -9,6 +9,7 @@ from boomctl.arrays import Array
 from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Sheet, Tell, measured, race
 from boomctl.benchmark.slew.peers import Effort, Failed, has_rockit, opti_fastest, opti_slew, rockit_slew
 from boomctl.benchmark.timing import Job, interleaved
+from boomctl.lti.python_control import control
 from boomctl.rotating_beam import HubBeam, HubBeamParameters
 from boomctl.slew import TorqueHistory, mesh_study, optimal_slew
 from boomctl.slew.nlp.programme import Programme, Solution, prepare
@@ -63,8 +64,6 @@ _NOTES = (
 
 def minimum_time_rows(full: bool, tell: Tell) -> list[Row]:
     """Linear plants: proved optimal, and beside exact solutions where there are any."""
-    import control
-
     tell("minimum time")
 
     rigid = control.ss([[0, 1], [0, 0]], [[0], [1 / 241.0]], [[1, 0]], 0)

@@ -6,7 +6,7 @@ The loops are also solved in ways that share nothing with the simulation, and as
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import integrate
@@ -16,12 +16,10 @@ from boomctl.benchmark.report import Measured, Row, Tell, race
 from boomctl.benchmark.timing import Job, interleaved
 from boomctl.boom import BoomParameters, spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.lti.python_control import control
 from boomctl.simulation import forced_response, simulate_loop
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.response.poles import undamped_modes
-
-if TYPE_CHECKING:
-    import control
 
 _LOOP = "Sampled loop with limits, 60 s at 1 kHz, 20 modes; each error is to the exact solution of the loop it solves"
 _OPEN = "Open loop, 60 s at 1 kHz, actuators -> tips; peer: scipy.signal.lsim"
@@ -45,8 +43,8 @@ class LoopScene:
     its outputs, ``read`` those of the outputs compared; ``W`` are all inputs at all times.
     """
 
-    plant: "control.StateSpace"
-    controller: "control.StateSpace"
+    plant: control.StateSpace
+    controller: control.StateSpace
     time: Array
     W: Array
     limit: float
@@ -69,8 +67,6 @@ def _rough_ground(time: Array) -> Array:
 
 def loop_scene(duration: float = _DURATION) -> LoopScene:
     """Return the loop that is raced: the boom's lowest 20 modes, springs and dampers on its strokes, 0.25 N at most."""
-    import control
-
     model = spray_boom(BoomParameters(), elements=20)
     _, shapes = undamped_modes(model.structure, _MODES)
     labels = tuple(f"mode{k}" for k in range(_MODES))
@@ -262,12 +258,8 @@ def sampled_loop(scene: LoopScene) -> Array:
     return _responded(scene, scene.plant.sample(step, "zoh"), scene.controller.sample(step, "bilinear"), {})
 
 
-def _responded(
-    scene: LoopScene, plant: "control.StateSpace", law: "control.StateSpace", options: dict[str, Any]
-) -> Array:
+def _responded(scene: LoopScene, plant: control.StateSpace, law: control.StateSpace, options: dict[str, Any]) -> Array:
     """Return the tips of plant, controller and force limit, interconnected."""
-    import control
-
     inputs, outputs = list(scene.plant.input_labels), list(scene.plant.output_labels)
     driven, measured = [inputs[i] for i in scene.driven], [outputs[i] for i in scene.measured]
     asked = [f"asked_{name}" for name in driven]

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,14 +14,12 @@ from boomctl.benchmark.suspension.loop import loop_lines
 from boomctl.benchmark.timing import Job, interleaved
 from boomctl.boom import BoomParameters, spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, state_matrices
 from boomctl.reduction import reduce
 from boomctl.reduction.core import structure_core
 from boomctl.reduction.verify import verified_norm
 from boomctl.structure import SecondOrderModel
-
-if TYPE_CHECKING:
-    import control
 
 _REDUCTION = "Reduction of the boom, actuators -> tips, verification included; peers do not verify"
 _RATIO = 50.0  # of balred's processor time over ours, which this package promised itself
@@ -59,7 +57,6 @@ def reduction_lines(rounds: int, tell: Tell, elements: int = 200, order: int = 1
     The error of each is the H-infinity norm of its difference from the full model, relative to that of the full model:
     verified against a core of more modes than ours reduces, whose own bound is added.
     """
-    import control
 
     def fresh() -> SecondOrderModel:
         return spray_boom(BoomParameters(), elements=elements).select(ACTUATORS, TIPS)
@@ -92,7 +89,7 @@ def reduction_lines(rounds: int, tell: Tell, elements: int = 200, order: int = 1
     return rows
 
 
-def _error(model: SecondOrderModel, reduced: "control.StateSpace") -> float:
+def _error(model: SecondOrderModel, reduced: control.StateSpace) -> float:
     """Return the verified error of a reduced system, relative to the norm of the full one."""
     core = structure_core(model, _REFEREE_MODES)
     if core is None:
@@ -102,10 +99,8 @@ def _error(model: SecondOrderModel, reduced: "control.StateSpace") -> float:
     return (verified_norm(core.stable, core.modal, state_matrices(reduced)).upper + core.tail) / size
 
 
-def _pymor(model: SecondOrderModel, order: int) -> "control.StateSpace":
+def _pymor(model: SecondOrderModel, order: int) -> control.StateSpace:
     """Return pyMOR's balanced truncation of the first-order form."""
-    import control
-
     full = model.to_statespace()
     import_module("pymor.core.logger").set_log_levels({"pymor": "ERROR"})
     form = import_module("pymor.models.iosys").LTIModel.from_matrices(full.A, full.B, full.C, full.D)

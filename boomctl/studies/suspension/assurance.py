@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,13 +24,11 @@ from boomctl.arrays import Array
 from boomctl.boom import BoomParameters, boom_family, exact_frequency_response, yaw_family
 from boomctl.boom.families import scaled_boom
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.lti.python_control import control
 from boomctl.structure import split_symmetric
 from boomctl.studies.suspension.performance import loop_between
 from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScene, suspension_model
 from boomctl.synthesis import split_controller
-
-if TYPE_CHECKING:
-    import control
 
 SPRING = (0.7, 1.3)  # springs over those of Table 2: soft after years in the field, or stiff in the cold; an assumption
 MASS = (0.8, 1.2)  # beam's mass over that of Table 2: of hoses and liquid that the paper does not weigh; an assumption
@@ -116,7 +113,7 @@ class Assurance:
         return said
 
 
-def assure(p: BoomParameters, K: "control.StateSpace", scene: FieldScene) -> Assurance:
+def assure(p: BoomParameters, K: control.StateSpace, scene: FieldScene) -> Assurance:
     """Examine the closed loop of a boom and a controller.
 
     Raises
@@ -142,7 +139,7 @@ def assure(p: BoomParameters, K: "control.StateSpace", scene: FieldScene) -> Ass
     )
 
 
-def _half(name: str, model: object, controller: "control.StateSpace", p: BoomParameters, band: float) -> HalfAssurance:
+def _half(name: str, model: object, controller: control.StateSpace, p: BoomParameters, band: float) -> HalfAssurance:
     family = boom_family(p, SPRING, MASS, half=name, elements=_FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
     side = {"jolt": "sym", "yaw": "anti"}[name]
     worst = worst_case(family, controller, [f"actuator_{side}"], [f"tip_{side}"])
@@ -151,7 +148,7 @@ def _half(name: str, model: object, controller: "control.StateSpace", p: BoomPar
 
 def _exact_plant(
     parameters: BoomParameters, accelerometer_hz: float
-) -> "Callable[[Array], control.FrequencyResponseData]":
+) -> Callable[[Array], control.FrequencyResponseData]:
     """Return the frequency response of the exact boom to platform and suspension, as a function of frequency [rad/s].
 
     Signals as of :func:`suspension_model`; an accelerometer is the second derivative of a tip behind a
@@ -159,9 +156,7 @@ def _exact_plant(
     """
     corner = 2.0 * np.pi * accelerometer_hz
 
-    def at(omega: Array) -> "control.FrequencyResponseData":
-        import control
-
+    def at(omega: Array) -> control.FrequencyResponseData:
         found = exact_frequency_response(parameters, omega, (*ACTUATORS, *CONTROLS), (*TIPS, *STROKES))
         s = 1j * np.asarray(omega, dtype=float)
         reads = s**2 * corner**2 / (s**2 + np.sqrt(2.0) * corner * s + corner**2)
@@ -178,18 +173,18 @@ def _exact_plant(
     return at
 
 
-def _exact(p: BoomParameters, K: "control.StateSpace", band: float) -> ExactLoopStability:
+def _exact(p: BoomParameters, K: control.StateSpace, band: float) -> ExactLoopStability:
     poles = suspension_model(p, 40, band).to_statespace().poles()
     lowest = poles[np.argsort(np.abs(poles))][:60]
     return exact_loop_stability(_exact_plant(p, band), K, lowest)
 
 
-def _exact_sigma(p: BoomParameters, K: "control.StateSpace", band: float) -> SigmaResult:
+def _exact_sigma(p: BoomParameters, K: control.StateSpace, band: float) -> SigmaResult:
     response = closed_loop_response(_exact_plant(p, band), K, _FREQUENCIES)
     return sigma(response, inputs=list(ACTUATORS), outputs=list(TIPS))
 
 
-def _family_sigma(p: BoomParameters, K: "control.StateSpace", scene: FieldScene) -> tuple[SigmaResult, ...]:
+def _family_sigma(p: BoomParameters, K: control.StateSpace, scene: FieldScene) -> tuple[SigmaResult, ...]:
     """Return singular values at corners and middles of the edges; the nominal boom itself is left out."""
     found = []
     for spring, mass in product((*SPRING, 1.0), (*MASS, 1.0)):
