@@ -3,7 +3,8 @@
 What they draw are the records of :mod:`boomctl.papers.anthonis_ramon`, taken by their attributes.
 """
 
-import io
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -96,7 +97,7 @@ def draw_modes(modes: tuple[Any, ...], p: "BoomParameters") -> Any:
     with style():
         figure = new_figure(7.4, 1.65 * len(modes))
         for k, (ax, mode) in enumerate(zip(figure.subplots(len(modes), 1, sharex=True), modes, strict=True)):
-            _machine(ax, p, mode.x, np.real(mode.boom), float(np.real(mode.cradle)), 0.0, 0.0, 0.8)
+            _machine(ax, p, mode, 1.0, 0.8)
             ax.set_ylim(-1.35, 1.1)
             ax.set_yticks([])
             ax.grid(visible=False)
@@ -106,10 +107,11 @@ def draw_modes(modes: tuple[Any, ...], p: "BoomParameters") -> Any:
     return figure
 
 
-def _machine(
-    ax: Any, p: "BoomParameters", x: Array, w: Array, cradle: float, platform: float, turn: float, scale: float
-) -> None:
-    """Draw platform, cradle, springs and boom, displacements ``scale`` times as large; driving direction up."""
+def _machine(ax: Any, p: "BoomParameters", motion: Any, phase: complex, scale: float) -> None:
+    """Draw platform, cradle, springs and boom at a phase, displacements ``scale`` times as large; driving direction up."""
+    x, w = motion.x, np.real(motion.boom * phase)
+    amplitudes = (motion.cradle, motion.platform, motion.platform_turn)
+    cradle, platform, turn = (float(np.real(value * phase)) for value in amplitudes)
     half, spring = 0.5 * p.actuator_distance, 0.5 * p.spring_distance
     depth = 1.0
     across = np.array([-half, half])
@@ -143,10 +145,8 @@ def animation_gif(motions: tuple[Any, ...], p: "BoomParameters", frames: int = 3
             turn = np.exp(2j * np.pi * frame / frames)
             for ax, motion in zip(axes, motions, strict=True):
                 scale = 1.0 / float(np.abs(motion.boom).max())
-                parts = (motion.cradle, motion.platform, motion.platform_turn)
-                cradle, platform, rotation = (float(np.real(value * turn)) for value in parts)
                 ax.clear()
-                _machine(ax, p, motion.x, np.real(motion.boom * turn), cradle, platform, rotation, scale)
+                _machine(ax, p, motion, turn, scale)
                 ax.set_ylim(-1.6, 1.3)
                 ax.set_yticks([])
                 ax.grid(visible=False)
@@ -157,18 +157,10 @@ def animation_gif(motions: tuple[Any, ...], p: "BoomParameters", frames: int = 3
                 ax.set_xlabel("x along the boom [m]")
             return []
 
-        animation = FuncAnimation(figure, draw, frames=frames, blit=False)
-        return _gif(animation, PillowWriter(fps=18))
-
-
-def _gif(animation: Any, writer: Any) -> bytes:
-    import tempfile
-    from pathlib import Path
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "motion.gif"
-        animation.save(path, writer=writer, dpi=90)
-        return io.BytesIO(path.read_bytes()).getvalue()
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "motion.gif"
+            FuncAnimation(figure, draw, frames=frames, blit=False).save(path, writer=PillowWriter(fps=18), dpi=90)
+            return path.read_bytes()
 
 
 def draw_friction(study: Any, band_hz: tuple[float, float] = (2.5, 3.5)) -> Any:

@@ -175,8 +175,8 @@ def friction_study(
         tell(f"friction {name}")
         left, law = max(viscous, _NO_DAMPING) * p.cradle_damping, CoulombFriction(share * force)
         model = _jolt(replace(p, cradle_damping=left), _ELEMENTS)
-        balance = describing_function(model, law, omega, "actuator_sym", size, "tip_sym")
-        swept = swept_sine(model, law, sines, "actuator_sym", size, "tip_sym")
+        balance = describing_function(model, law, omega, "actuator_sym", size, outputs="tip_sym")
+        swept = swept_sine(model, law, sines, "actuator_sym", size, outputs="tip_sym")
         readings.append(FrictionReading(name, viscous * p.cradle_damping, share * force, balance, swept))
     stuck = np.abs(_held(H))
     return BoomFriction(

@@ -57,7 +57,7 @@ def neglected_terms() -> Part:
         "the neglected terms are small and tend to zero after 30 s",
         f"at most {max(shares):.2g} of their peaks after 30 s; |ΔM_θθ| <= {1e-6 * _peak(curves[0][2]):.1e} kg m²",
         max(shares) < 0.05,
-        "Eqs. (35), (36), (38), (39) as mended: the print has wrong signs and factors, and lacks terms",
+        "Eqs. (35), (36), (38), (39) as mended: the print has wrong signs and factors, and misses terms",
         corrected=True,
     )
     return Part("Fig. 3: neglected terms", (chart,), claims=(claim,))

@@ -10,7 +10,7 @@ from boomctl.studies.slew.design import SlewDesign, SlewEvaluation
 
 STEPS = 7  # what `evaluated_plan` (3) and the report (4) tell of
 _SCHEMES = (("shooting", 1), ("collocation", 3), ("radau", 3))
-"""Ways to plan whose errors are shown over meshes: each with as many substeps or points as it has by default."""
+"""Ways to plan whose errors are shown over meshes, and the substeps or collocation points of each."""
 _ROOM = 1.1  # duration of the cheapest slew over the least time; with less room its torque is nearly bang-bang
 
 

@@ -30,12 +30,12 @@ from boomctl.studies.suspension.performance import loop_between
 from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScene, suspension_model
 from boomctl.synthesis import split_controller
 
-SPRING = (0.7, 1.3)  # springs over those of Table 2: soft after years in the field, or stiff in the cold; an assumption
-MASS = (0.8, 1.2)  # beam's mass over that of Table 2: of hoses and liquid that the paper does not weigh; an assumption
+SPRING = (0.7, 1.3)  # springs over those of Table 2; an assumption, for the paper gives no spread
+MASS = (0.8, 1.2)  # boom's mass over that of Table 2; an assumption, for hoses and liquid are not weighed there
 MEASURED_YAW_HZ = 0.34  # the first frequency that the paper measured, where its Table 2 gives 0.245 Hz
-_FAMILY_ELEMENTS = 6  # of the paper's own mesh: frequencies within 0.4 %, far less than what the family spans
+_FAMILY_ELEMENTS = 6  # of the paper's own mesh, whose frequencies are within 0.4 %: far less than the family spans
 _FREQUENCIES = np.geomspace(0.15, 130.0, 260)  # [rad/s], drawn: from below the slow yaw to beyond the accelerometers
-_MIXED = 1e-6  # share of a controller between the halves that rounding leaves; a thousandth of it would be seen
+_MIXED = 1e-6  # share of a controller between the halves that passes for rounding
 
 
 @dataclass(frozen=True)
@@ -88,11 +88,6 @@ class Assurance:
     def robust(self) -> bool:
         """Whether the loop is proved stable over the whole uncertainty and on the exact boom."""
         return self.jolt.box.proved and self.yaw.box.proved and self.measured_yaw.proved and self.exact.stable
-
-    @property
-    def worst_peak(self) -> float:
-        """The largest peak from platform to tips found over the uncertainty."""
-        return max(self.jolt.worst.norm.lower, self.yaw.worst.norm.lower)
 
     @property
     def statements(self) -> Mapping[str, str]:

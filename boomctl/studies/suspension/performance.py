@@ -118,7 +118,7 @@ def loop_between(
 
 
 def _grid(loop: control.StateSpace) -> Array:
-    """Return frequencies that resolve the loop's peaks and reach from slow yaw to where the boom no longer follows."""
+    """Return frequencies that resolve the loop's peaks, from slow yaw to where the boom no longer follows."""
     return np.union1d(sigma(loop).omega, _FREQUENCIES)
 
 
