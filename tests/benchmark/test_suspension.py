@@ -17,7 +17,7 @@ def test_subjects_follow_one_another(monkeypatch):
 
         return rows
 
-    monkeypatch.setattr(suspension, "_LINES", (lines("first"), lines("second")))
+    monkeypatch.setattr(suspension, "_SUBJECTS", (lines("first"), lines("second")))
     quick, full = suspension.run(progress=told.append), suspension.run(full=True)
     assert told == [row.section for row in quick.rows] == ["first", "second"]
     assert asked[0] < asked[-1]
