@@ -52,6 +52,10 @@ class H2Certificate:
     gap: float
     method: str
 
+    def __repr__(self) -> str:
+        certified = "certified" if self.certified else f"not certified: {self.lower:.6g} to {self.upper:.6g}"
+        return f"H2Certificate: H2 norm {self.value:.6g}, {certified}\n  {self.method}"
+
     @property
     def certified(self) -> bool:
         """Whether bounds and independent values agree to a millionth, or the norm is known to be infinite."""
@@ -68,7 +72,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     TypeError, ValueError
         Another kind of system, discrete time, not finite; an output of a structure that needs a derivative of an input.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if isinstance(system, SecondOrderModel):
         realized = modal_realization(system)

@@ -66,7 +66,7 @@ class Loop:
 
 def plant_of(plant: "SecondOrderModel | control.StateSpace") -> "control.StateSpace":
     """Return a plant as a continuous-time state-space system, refused if it is neither that nor a structure."""
-    import control
+    from boomctl.lti.python_control import control
 
     if isinstance(plant, SecondOrderModel):
         return plant.to_statespace()
@@ -78,7 +78,7 @@ def plant_of(plant: "SecondOrderModel | control.StateSpace") -> "control.StateSp
 
 def controller_of(controller: "control.StateSpace") -> "control.StateSpace":
     """Return a controller, refused if it is not a continuous-time state-space system."""
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(controller, control.StateSpace):
         raise TypeError(f"controller: expected StateSpace, got {type(controller).__name__}")
@@ -163,7 +163,7 @@ def feedback_loop(
         Other kinds of system, discrete time; names that do not meet; nothing left to drive the loop; a loop that is
         not well-posed.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     loop = joined(plant, controller)
     around = loop.controls + loop.measurements
@@ -216,7 +216,7 @@ def closed_loop_response(
         Names that do not meet; no frequencies, or frequencies beside data that have their own; a loop with a pole at
         a frequency asked for.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     data = named_response(plant, omega)
     K = controller_of(controller)
@@ -253,7 +253,7 @@ def named_response(
     omega: ArrayLike | None,
 ) -> "control.FrequencyResponseData":
     """Return the frequency response of a plant, whether it is data or a function of frequency; refused if not finite."""
-    import control
+    from boomctl.lti.python_control import control
 
     if isinstance(plant, control.FrequencyResponseData):
         if omega is not None:

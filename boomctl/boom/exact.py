@@ -86,7 +86,7 @@ def exact_frequency_response(
         for i, name in enumerate(ins):
             if name in ACTUATORS:
                 response[:, i] /= (1j * grid) ** integrations
-    import control
+    from boomctl.lti.python_control import control
 
     return control.frd(response, grid, inputs=list(ins), outputs=list(outs), name="exact boom")
 

@@ -58,6 +58,11 @@ class PlatformMotion:
         if bad is not None:
             raise ValueError(f"time[{bad[0]}] = {self.time[bad[0]]:g}: {bad[1]}")
 
+    def __repr__(self) -> str:
+        span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
+        left, right = (f"{side.min():.4g} to {side.max():.4g} m" for side in (self.left, self.right))
+        return f"PlatformMotion: {span}\n  left {left}, right {right}; actuators {self.actuator_distance:.4g} m apart"
+
     @property
     def sample_time(self) -> float:
         """Time between samples [s]."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from boomctl.checks import nonnegative, positive
+from boomctl.printing import exact, exact_html
 
 _MAY_BE_ZERO = (
     "spring_stiffness",
@@ -90,6 +91,9 @@ class BoomParameters:
         ):
             if value < tube * (1.0 - 1e-12):
                 raise ValueError(f"{name} = {value:g}: expected at least that of the tube, {tube:.6g}")
+
+    __repr__ = exact
+    _repr_html_ = exact_html
 
     @property
     def area(self) -> float:

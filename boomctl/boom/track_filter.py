@@ -13,6 +13,7 @@ from boomctl.boom.tracks import BAND, class_number, road_density, track_coherenc
 from boomctl.boom.tractor import TractorParameters, tractor_lti, tractor_parameters
 from boomctl.checks import frequencies, positive, whole
 from boomctl.lti.system import Lti, append, series, static
+from boomctl.printing import compact
 
 if TYPE_CHECKING:
     import control
@@ -39,6 +40,8 @@ class PlatformDensity:
     freq_hz: Array
     jolt: Array
     difference: Array
+
+    __repr__ = compact
 
 
 def platform_density(

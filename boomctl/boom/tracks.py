@@ -62,6 +62,12 @@ class Track:
                 f"left, right: expected two heights or more, equally many, got {len(self.left)} and {len(self.right)}"
             )
 
+    def __repr__(self) -> str:
+        kind = "periodic" if self.periodic else "with ends"
+        left, right = (f"{side.min():.4g} to {side.max():.4g} m" for side in (self.left, self.right))
+        sides = f"left {left}, right {right}; {self.width:.4g} m apart"
+        return f"Track: {self.length:.6g} m, {kind}, a point each {self.step:.4g} m\n  {sides}"
+
     @property
     def distance(self) -> Array:
         """Where the points are, from the beginning of the track [m]."""

@@ -32,6 +32,7 @@ from boomctl.boom.model import ACTUATORS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import nonnegative, positive
 from boomctl.lti.system import Lti
+from boomctl.printing import exact, exact_html
 
 if TYPE_CHECKING:
     import control
@@ -108,6 +109,9 @@ class TractorParameters:
             raise ValueError(
                 f"centre_to_rear = {self.centre_to_rear:g}: expected less than the wheelbase, {self.wheelbase:g}"
             )
+
+    __repr__ = exact
+    _repr_html_ = exact_html
 
     @property
     def axle_positions(self) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from boomctl.checks import nonnegative, positive
+from boomctl.printing import exact, exact_html
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,9 @@ class HubBeamParameters:
             )
         if nonnegative("damping_ratio", self.damping_ratio) >= 1.0:
             raise ValueError(f"damping_ratio = {self.damping_ratio!r}: expected a ratio in [0, 1)")
+
+    __repr__ = exact
+    _repr_html_ = exact_html
 
     @property
     def mass_per_length(self) -> float:

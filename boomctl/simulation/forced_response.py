@@ -59,7 +59,7 @@ class ForcedResponse:
     @property
     def response(self) -> "control.TimeResponseData":
         """The same as python-control's named time response."""
-        import control
+        from boomctl.lti.python_control import control
 
         return control.TimeResponseData(
             self.time,

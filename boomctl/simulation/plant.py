@@ -5,13 +5,13 @@ A large structure is seen through its lowest undamped modes; the others answer a
 
 from dataclasses import dataclass, replace
 
-import control
 import numpy as np
 from scipy import linalg, sparse
 
 from boomctl.arrays import Array
 from boomctl.checks import known
 from boomctl.lti.hold import linear_hold
+from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.pencil import factorized

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from boomctl.arrays import Array
 from boomctl.checks import known
@@ -10,6 +10,7 @@ from boomctl.simulation.contact.stops import StopHit
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -87,8 +88,9 @@ class LoopResult:
     @property
     def response(self) -> "control.TimeResponseData":
         """Outputs over disturbances and controls as python-control's named time response."""
-        import control
         import numpy as np
+
+        from boomctl.lti.python_control import control
 
         moved = {name: np.zeros(len(self.time)) for name in (*self.disturbances, *self.controls)}
         for signals in (self.disturbances, self.controls):
@@ -104,6 +106,6 @@ class LoopResult:
             sysname="loop",
         )
 
-    def plot(self, outputs: tuple[str, ...] | None = None) -> Any:
+    def plot(self, outputs: tuple[str, ...] | None = None) -> "Figure":
         """Draw outputs, controls asked for and applied, stops and friction over time; return the figure."""
         return import_module("boomctl.plotting.loop").draw_loop(self, outputs)

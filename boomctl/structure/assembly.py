@@ -8,6 +8,7 @@ from scipy import linalg, sparse
 
 from boomctl.arrays import Array
 from boomctl.checks import signal_name
+from boomctl.printing import count, listed, signals
 from boomctl.structure.beams.dynamic_stiffness import Segment
 from boomctl.structure.beams.elements import FiniteElements, distinct, element_nodes, section_values
 from boomctl.structure.beams.exact import ExactModel, PlacedSegment
@@ -63,6 +64,12 @@ class Assembly:
             there.add(body.name)
         for point in self.points():
             self._require(point, there, "a link, force, output or cut joint")
+
+    def __repr__(self) -> str:
+        joints = f", {count(len(self.cuts), 'cut joint')}" if self.cuts else ""
+        ports = signals([force.name for force in self.forces], [output.name for output in self.outputs])
+        bodies = listed([body.name for body in self.bodies], 50)
+        return f"Assembly: {bodies}; {count(len(self.links), 'link')}{joints}\n{ports}"
 
     @staticmethod
     def _require(point: Point, there: set[str], user: str) -> None:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array, Matrix
 from boomctl.checks import finite_array, known, real, signal_name
+from boomctl.printing import listed, signals
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports, Triple
@@ -50,6 +51,13 @@ class AffineFamily:
     high: Array
     centre: SecondOrderModel
     slopes: tuple[Slope, ...]
+
+    def __repr__(self) -> str:
+        box = (
+            f"{name} {low:.6g} to {high:.6g}" for name, low, high in zip(self.names, self.low, self.high, strict=True)
+        )
+        ports = signals(self.centre.inputs, self.centre.outputs)
+        return f"AffineFamily: {self.centre.n} coordinates; {listed(list(box), 50)}\n{ports}"
 
     @classmethod
     def through(

@@ -10,6 +10,7 @@ from scipy import sparse
 
 from boomctl.arrays import Array, Matrix
 from boomctl.checks import finite_array, frequencies, signal_name, whole
+from boomctl.printing import count, signals
 from boomctl.structure.matrices import Structure, half
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import respond
@@ -73,6 +74,10 @@ class SecondOrderModel:
         ports = Ports.of_forces(tuple(force_inputs or ()), columns.T, tuple(outputs or ()), (lines, zero, zero))
         object.__setattr__(self, "structure", Structure.of(**matrices, coordinates=labels))
         object.__setattr__(self, "ports", ports)
+
+    def __repr__(self) -> str:
+        stored = ", sparse" if sparse.issparse(self.M) else ""
+        return f"SecondOrderModel: {count(self.n, 'coordinate')}{stored}\n{signals(self.inputs, self.outputs)}"
 
     @classmethod
     def of(cls, structure: Structure, ports: Ports) -> "SecondOrderModel":
@@ -157,7 +162,7 @@ class SecondOrderModel:
         inputs, outputs : str or sequence of str, optional
             By default all.
         """
-        import control
+        from boomctl.lti.python_control import control
 
         grid, ports = frequencies("omega", omega), self.select(inputs, outputs).ports
         values = respond(self.structure, ports, grid, available=self.ports).values

@@ -11,6 +11,7 @@ from math import cos, hypot, isclose, pi, sin
 from typing import ClassVar, Protocol
 
 from boomctl.checks import known, nonnegative, positive, real
+from boomctl.printing import compact
 from boomctl.structure.beams.mesh import BeamMesh
 
 
@@ -59,12 +60,18 @@ class Point:
         if isinstance(self.body, Beam):
             self.body.station(self.x, self.y)
 
+    def __repr__(self) -> str:
+        return f"{'GROUND' if isinstance(self.body, Ground) else self.body.name}.at({self.x:g}, {self.y:g})"
+
 
 @dataclass(frozen=True)
 class Ground:
     """The inertial frame."""
 
     name: ClassVar[str] = "ground"
+
+    def __repr__(self) -> str:
+        return "GROUND"
 
     def at(self, x: float, y: float = 0.0) -> Point:
         """Return the point that stands at ``(x, y)``."""
@@ -104,6 +111,8 @@ class RigidBody:
         nonnegative(f"inertia of {self.name!r}", self.inertia)
         for value in self.centre or ():
             real(f"centre of {self.name!r}", value)
+
+    __repr__ = compact
 
     def at(self, x: float, y: float = 0.0) -> Point:
         """Return the point of the body that rests at ``(x, y)``."""
@@ -185,6 +194,8 @@ class Beam:
         object.__setattr__(self, "length", float(sum(section.length for section in self.sections)))
         self.station(self.parent.x, self.parent.y)
 
+    __repr__ = compact
+
     def station(self, x: float, y: float) -> float:
         """Return how far along the beam the point at ``(x, y)`` rests; a point off the beam is an error."""
         dx, dy = x - self.start[0], y - self.start[1]
@@ -246,6 +257,8 @@ class SpringDamper:
         nonnegative("damping of a damper", self.damping)
         _check_pair(self.a, self.b, "spring or damper", self.direction)
 
+    __repr__ = compact
+
 
 @dataclass(frozen=True)
 class Force:
@@ -260,6 +273,8 @@ class Force:
         direction_angle(self.direction)
         if self.reaction is not None:
             _check_pair(self.point, self.reaction, f"force {self.name!r}", self.direction)
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True)
@@ -283,6 +298,8 @@ class Output:
             raise ValueError(f"derivative of output {self.name!r} = {self.derivative!r}: expected 0, 1 or 2")
         if self.bandwidth_hz is not None:
             positive(f"bandwidth_hz of output {self.name!r}", self.bandwidth_hz)
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True)

@@ -266,7 +266,7 @@ class GeometricallyExactBeam:
         control.StateSpace
             Input ``torque``; outputs ``hub_angle``, ``hub_speed`` and ``tip_displacement``, all as deviations.
         """
-        import control
+        from boomctl.lti.python_control import control
 
         state = self.steady_state(hub_speed)
         mass, gyroscopic, stiffness = small_motion(self.dynamics, hub_speed)
@@ -298,24 +298,24 @@ class GeometricallyExactBeam:
             Input ``torque``; outputs ``hub_angle``, ``hub_speed`` and ``tip_displacement``. Axial motion
             makes it stiff: give ``control.input_output_response`` an implicit ``solve_ivp_method``.
         """
-        import control
-
-        size, dynamics = self.basis.coordinates, self.dynamics
-
-        def rates(t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
-            return np.concatenate([x[size:], dynamics.acceleration(x[:size], x[size:], float(np.ravel(u)[0]))])
-
-        def outputs(t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
-            return np.array([x[0], x[size], np.imag(dynamics.tip(x[:size]))])
+        from boomctl.lti.python_control import control
 
         return control.nlsys(
-            rates,
-            outputs,
+            self._rates,
+            self._outputs,
             inputs=["torque"],
             outputs=["hub_angle", "hub_speed", "tip_displacement"],
             states=list(self.state_names),
             name="hub_beam_geometrically_exact",
         )
+
+    def _rates(self, t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
+        size = self.basis.coordinates
+        return np.concatenate([x[size:], self.dynamics.acceleration(x[:size], x[size:], float(np.ravel(u)[0]))])
+
+    def _outputs(self, t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
+        size = self.basis.coordinates
+        return np.array([x[0], x[size], np.imag(self.dynamics.tip(x[:size]))])
 
 
 def _drive(manoeuvre: PrescribedMotion | TorqueDriven) -> Drive:

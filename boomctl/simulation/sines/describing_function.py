@@ -168,7 +168,7 @@ def balanced_friction(slip: Array, receptance: Array, force: float) -> tuple[Arr
 
 def plant_inputs(plant: "SecondOrderModel | control.StateSpace") -> tuple[str, ...]:
     """Return the names of a plant's inputs; another kind of plant is an error."""
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(plant, (SecondOrderModel, control.StateSpace)):
         raise TypeError(f"plant: expected control.StateSpace or SecondOrderModel, got {type(plant).__name__}")

@@ -127,7 +127,7 @@ def _grid(loop: "control.StateSpace") -> Array:
 
 def _part(loop: "control.StateSpace", parity: float) -> NormCertificate:
     """Return the certified peak of one half; inputs and outputs are left and right."""
-    import control
+    from boomctl.lti.python_control import control
 
     half = np.sqrt(0.5) * np.array([parity, 1.0])
     return hinf_norm(control.ss(loop.A, loop.B @ half[:, None], half @ loop.C, half @ loop.D @ half[:, None]))
