@@ -1,7 +1,7 @@
 """From a description to rows: which coordinates a machine has, and how every point of it moves with them."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import cos, pi, sin
 
 import numpy as np
@@ -64,8 +64,7 @@ class Frame:
 
     def along(self, angle: float) -> Row:
         """Return the displacement along the direction at ``angle`` (rad, from the x axis)."""
-        c, s = cos(angle), sin(angle)
-        c, s = (0.0 if abs(c) < 1e-15 else c), (0.0 if abs(s) < 1e-15 else s)
+        c, s = _direction(angle)
         return c * self.x + s * self.y
 
 
@@ -82,14 +81,26 @@ def row_matrix(rows: Sequence[Row], index: Mapping[str, int]) -> sparse.csr_arra
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Coordinates, their preference as dependent ones, the bodies' motion, and the rows that joints hold at zero."""
+    """How a machine can move.
 
-    coordinates: tuple[str, ...]
-    weights: Array
+    Attributes
+    ----------
+    frames : mapping from body to Frame
+        Motion of each body's frame at its joint.
+    meshes : mapping from beam to BeamMesh
+    coordinates : tuple of str
+        Names of all coordinates, those that joints will take away included.
+    weights : ndarray
+        Preference: a coordinate of larger weight is rather made dependent.
+    held : tuple of (str, Row)
+        What joints and cut joints hold at zero, each with what a message calls it.
+    """
+
     frames: Mapping[str, Frame]
     meshes: Mapping[str, BeamMesh]
-    held: tuple[Row, ...]
-    held_names: tuple[str, ...]
+    coordinates: tuple[str, ...] = ()
+    weights: Array = field(default_factory=lambda: np.zeros(0))
+    held: tuple[tuple[str, Row], ...] = ()
 
     def motion(self, point: Point) -> Frame:
         """Return the motion of a point of any body."""
@@ -115,6 +126,7 @@ class Kinematics:
 
 
 def _direction(angle: float) -> tuple[float, float]:
+    """Return cosine and sine, exactly zero where only rounding is left of them."""
     c, s = cos(angle), sin(angle)
     return (0.0 if abs(c) < 1e-15 else c), (0.0 if abs(s) < 1e-15 else s)
 
@@ -143,11 +155,10 @@ def kinematics(bodies: Sequence[Body], meshes: Mapping[str, BeamMesh], cuts: Seq
     frames: dict[str, Frame] = {}
     held: list[tuple[str, Row]] = []
     depth = {Ground.name: 0}
+    so_far = Kinematics(frames, meshes)
     for body in bodies:
         depth[body.name] = depth[body.parent.body.name] + 1
-        so_far = Kinematics((), np.array([]), frames, meshes, (), ())
-        parent = so_far.motion(body.parent)
-        joint_names, frame = _joint_motion(body, parent)
+        joint_names, frame = _joint_motion(body, so_far.motion(body.parent))
         if isinstance(body, Beam):
             joint_names = [name for name in joint_names if not name.endswith(".theta")]
             held += _beam_conditions(body, meshes[body.name], frame)
@@ -155,19 +166,16 @@ def kinematics(bodies: Sequence[Body], meshes: Mapping[str, BeamMesh], cuts: Seq
         weights += [100.0 * depth[body.name]] * len(joint_names)
         frames[body.name] = frame
         if isinstance(body, Beam):
-            local = [f"{body.name}.{name}" for name in meshes[body.name].names]
-            names += local
+            local = meshes[body.name].names
+            names += [f"{body.name}.{name}" for name in local]
             # slopes count by what they move over an element, so that the choice does not depend on the unit of length
             element = body.length / (len(meshes[body.name].nodes) - 1)
-            weights += [1.0 if name.startswith("w") else 1.0 / element for name in meshes[body.name].names]
-    known = Kinematics(tuple(names), np.array(weights), frames, meshes, (), ())
+            weights += [1.0 if name.startswith("w") else 1.0 / element for name in local]
     for cut in cuts:
         for direction in cut.directions:
             label = f"cut joint between {cut.a.body.name} and {cut.b.body.name} along {direction}"
-            held.append((label, known.relative(cut.a, cut.b, direction)))
-    return Kinematics(
-        known.coordinates, known.weights, frames, meshes, tuple(row for _, row in held), tuple(name for name, _ in held)
-    )
+            held.append((label, so_far.relative(cut.a, cut.b, direction)))
+    return replace(so_far, coordinates=tuple(names), weights=np.array(weights), held=tuple(held))
 
 
 def _joint_motion(body: Body, parent: Frame) -> tuple[list[str], Frame]:

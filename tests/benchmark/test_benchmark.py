@@ -14,8 +14,6 @@ from boomctl.benchmark.boom.scene import Settings, resonance_grid, scene
 from boomctl.benchmark.report import BenchmarkReport, Row
 from boomctl.benchmark.timing import Job, interleaved, one_thread, peak_memory
 
-pytestmark = pytest.mark.xdist_group("benchmark")
-
 TINY = Settings(
     points=12,
     cluster=3,

@@ -17,8 +17,6 @@ from boomctl.benchmark.suspension.loop import (
 )
 from boomctl.boom.model import ACTUATORS, TIPS
 
-pytestmark = pytest.mark.xdist_group("loop benchmark")
-
 
 def test_the_extended_maps_are_matrix_exponentials():
     rng = np.random.default_rng(1)

@@ -4,13 +4,14 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
 import boomctl as bc
 from boomctl.boom.track_filter import _log_slopes, _magnitude
 from boomctl.boom.tractor import GRAVITY
+from tests.profiles import examples
 
 P = bc.TractorParameters()
 SPEEDS = st.floats(0.5, 6.0)
@@ -24,7 +25,7 @@ def tractors(draw):
 
 
 @given(tractors(), SPEEDS, st.floats(0.1, 30.0))
-@settings(max_examples=25)
+@examples(25)
 def test_forces_on_the_body_are_mass_times_acceleration(p, speed, omega):
     """Wheel by wheel, from heights felt and motion of the hubs, as one would write them on paper."""
     s, ground = 1j * omega, np.array([0.3, -0.7, 1.1, 0.4])
@@ -65,7 +66,7 @@ def test_forces_on_the_body_are_mass_times_acceleration(p, speed, omega):
 
 
 @given(tractors(), SPEEDS)
-@settings(max_examples=25)
+@examples(25)
 def test_the_tractor_is_stable_and_raised_ground_moves_no_boom(p, speed):
     system = bc.tractor_system(p, speed)
     assert np.linalg.eigvals(system.A).real.max() < 0.0

@@ -10,8 +10,6 @@ from boomctl.studies import catalogue
 from boomctl.studies.slew import SlewDesign
 from designs import min_time_slew, robust_payload_slew, spin_up_slew
 
-pytestmark = pytest.mark.xdist_group("slew designs")
-
 RUNS = {
     "min_time_slew": lambda: min_time_slew.main(modes=1),
     "robust_payload_slew": lambda: robust_payload_slew.main(modes=1, intervals=60),

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.files import write_json
@@ -26,6 +26,7 @@ from boomctl.papers.bai.report import reproduction, results
 from boomctl.papers.bai.validity import leaves, validity
 from boomctl.plotting.rotating_beam import Chart, Line, Panel, chart_bytes
 from boomctl.rotating_beam import HubBeamParameters, hub_beam, sine_torque
+from tests.profiles import examples
 
 # -- verdicts ---------------------------------------------------------------------------------------------------------
 
@@ -103,6 +104,7 @@ def test_cfoam_and_foam_agree():
     assert hub_beam_spin_up.cfoam_and_foam().claims[0].verdict == MET
 
 
+@pytest.mark.slow
 def test_table_three():
     section = hub_beam_torque.inertia_torque()
     computed = [each.computed for each in section.comparisons[:4]]
@@ -110,6 +112,7 @@ def test_table_three():
     assert [each.verdict for each in section.comparisons] == [MET, MET, CORRECTED, NOT_REPRODUCIBLE, NOT_REPRODUCIBLE]
 
 
+@pytest.mark.slow
 def test_the_phase_lead_of_sfoam_is_not_there():
     section = hub_beam_torque.foam_and_sfoam()
     lead, smaller = section.comparisons
@@ -119,7 +122,7 @@ def test_the_phase_lead_of_sfoam_is_not_there():
     assert {claim.verdict for claim in section.claims} == {MET}
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @given(st.floats(0.1, 2), st.floats(3.0, 3.5), st.floats(-3, 3))
 def test_residual_vibration_is_recovered(amplitude, omega, phase):
     time = np.linspace(0, 30, 601)
@@ -145,6 +148,7 @@ def test_leaves_interpolates_in_logarithms():
     assert leaves(torques, np.array([1e-3, 1e-2, math.inf]), 0.2) == 1000.0
 
 
+@pytest.mark.slow
 def test_models_agree_with_the_exact_beam_for_small_torque_and_in_order():
     data = validity((5.0, 50.0))
     for errors in data.whole.values():
@@ -154,6 +158,7 @@ def test_models_agree_with_the_exact_beam_for_small_torque_and_in_order():
     assert at_50["TLAM"] > at_50["CFOAM"] > at_50["SFOAM"] > at_50["FOAM"]
 
 
+@pytest.mark.slow
 def test_residual_amplitudes_at_400_newton_metres():
     times = np.linspace(0, 30, 3001)
     tips = {

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,28 +11,53 @@ import pytest
 from boomctl.rotating_beam import HubBeam, HubBeamParameters
 from boomctl.slew import MeshStudy, optimal_slew
 from boomctl.slew.nlp.mesh_study import MeshLine
-from boomctl.studies.slew import SlewDesign
+from boomctl.studies.slew import SlewDesign, sections
 from boomctl.studies.slew.plan import default_meshes, evaluated_plan
+from tests.profiles import is_quick
+
+pytestmark = pytest.mark.early
 
 
-def test_report(tmp_path):
-    beam = HubBeam(HubBeamParameters(), "sfoam", 1)
+@pytest.fixture(scope="module", autouse=True)
+def short_films():
+    """Films end early in the quick profile: the frames are what takes long."""
+    with pytest.MonkeyPatch.context() as patch:
+        if is_quick():
+            patch.setattr(sections, "slew_film", partial(sections.slew_film, seconds_after=-2.0))
+        yield
+
+
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory):
+    """The results of a plan, the folder its report was written to, and numbers and report there."""
+    folder, beam = tmp_path_factory.mktemp("slew"), HubBeam(HubBeamParameters(), "sfoam", 1)
     report = evaluated_plan(beam, angle=0.6, torque_limit=120.0, meshes=(20, 40)).report()
-    report.write(tmp_path)
-    found = report.results
-    stored = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    report.write(folder)
+    stored = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    return report.results, folder, stored, (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_stored_numbers_are_those_of_the_slew(reported):
+    found, _, stored, _ = reported
     assert stored["duration"] == pytest.approx(found["duration"])
     assert stored["certificate"]["constraint_violation"] == 0.0
     assert [each["model"] for each in stored["replays"]] == ["sfoam", "foam", "geometrically-exact"]
     assert stored["replays"][0]["tip_swing"] < 1e-6 < stored["replays"][1]["tip_swing"]
     assert stored["switching_agreement"] == 1.0
     assert stored["hub_angle"][-1] == pytest.approx(0.6, abs=1e-6)
-    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert stored["comparison"][0]["name"] == "minimum time"
+
+
+def test_the_report_stands_alone_with_its_pictures_beside_it(reported):
+    _, folder, _, html = reported
     assert html.count("<img") == 6
     assert "http" not in html
     for name in ("slew.png", "comparison.png", "tracking.png", "switching.png", "mesh.png", "slew.gif"):
-        assert (tmp_path / name).stat().st_size > 5000
-    assert stored["comparison"][0]["name"] == "minimum time"
+        assert (folder / name).stat().st_size > 5000
+
+
+def test_the_report_shows_the_error_over_meshes(reported):
+    found, _, stored, html = reported
     study = stored["mesh_study"]
     assert study["intervals"] == [20, 40]
     assert study["duration"] == pytest.approx(1.1 * found["duration"])

@@ -3,11 +3,12 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import boomctl as bc
+from tests.profiles import examples
 
 OMEGA = (0.3, 2.0, 11.0)
 
@@ -70,7 +71,7 @@ def test_numbers_add_no_states(yaw):
     assert_allclose(P(2j)[0], 2.0 * np.array([0.5 * G[0, 0], G[0, 1], G[0, 0]]), rtol=1e-10)
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 6), k=st.integers(0, 3), omega=st.floats(0.1, 30.0))
 def test_close_loop_is_the_fractional_transformation(seed, n, k, omega):
     rng = np.random.default_rng(seed)

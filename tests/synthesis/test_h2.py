@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from scipy import linalg
 
 import boomctl as bc
@@ -11,6 +11,7 @@ from boomctl.lti.system import Lti, lower_lft
 from boomctl.synthesis import SynthesisError
 from boomctl.synthesis.lq.output_feedback import quadratic_norm
 from boomctl.synthesis.plants.partition import partition
+from tests.profiles import examples
 from tests.strategies import seeds
 from tests.synthesis.test_lqg import generalised, matrices, problem
 
@@ -48,7 +49,7 @@ def test_an_integrator_in_closed_form():
 
 
 @given(seeds)
-@settings(max_examples=50)
+@examples(50)
 def test_the_norm_is_slycots_and_the_closed_loops_own(seed):
     import slycot
 
@@ -65,7 +66,7 @@ def test_the_norm_is_slycots_and_the_closed_loops_own(seed):
 
 
 @given(seeds)
-@settings(max_examples=40)
+@examples(40)
 def test_lqg_is_a_special_case(seed):
     system, Q, R, W, V = problem(seed)
     design = bc.h2(generalised(system, Q, R, W, V), 2, 2)
@@ -73,7 +74,7 @@ def test_lqg_is_a_special_case(seed):
 
 
 @given(seeds)
-@settings(max_examples=50)
+@examples(50)
 def test_feedthrough_from_controls_to_measurements_costs_nothing(seed):
     rng = np.random.default_rng(seed)
     D22 = 0.3 * rng.standard_normal((2, 2))
@@ -85,7 +86,7 @@ def test_feedthrough_from_controls_to_measurements_costs_nothing(seed):
 
 
 @given(seeds)
-@settings(max_examples=50)
+@examples(50)
 def test_a_direct_way_that_a_controller_can_cancel_is_cancelled(seed):
     rng = np.random.default_rng(seed)
     plain = random_plant(seed)
@@ -99,7 +100,7 @@ def test_a_direct_way_that_a_controller_can_cancel_is_cancelled(seed):
 
 
 @given(seeds)
-@settings(max_examples=30)
+@examples(30)
 def test_any_other_controller_has_a_larger_norm(seed):
     rng = np.random.default_rng(seed)
     P = random_plant(seed)
@@ -112,7 +113,7 @@ def test_any_other_controller_has_a_larger_norm(seed):
 
 
 @given(seeds)
-@settings(max_examples=30)
+@examples(30)
 def test_units_of_controls_measurements_and_states_do_not_matter(seed):
     rng = np.random.default_rng(seed)
     P = random_plant(seed)

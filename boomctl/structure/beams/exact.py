@@ -10,7 +10,7 @@ from boomctl.structure.beams.dynamic_stiffness import Segment, clamped_count, en
 from boomctl.structure.elimination import Elimination, eliminate
 from boomctl.structure.matrices import dense
 from boomctl.structure.ports import Ports
-from boomctl.structure.symmetry import Mirror
+from boomctl.structure.symmetry import TOLERANCE, Mirror
 
 _RESIDUAL = 1e-11  # of an equation's terms; where elimination leaves more, LAPACK solves anew (a choice)
 
@@ -73,7 +73,7 @@ class ExactModel:
         S = np.zeros((len(mirror.partner), len(mirror.partner)))
         S[np.arange(len(S)), mirror.partner] = mirror.sign
         change = np.abs(S @ system.D @ S.T - system.D).max(axis=(1, 2))
-        return replace(self, mirror=mirror) if (change <= 1e-9 * np.abs(system.D).max(axis=(1, 2))).all() else bare
+        return replace(self, mirror=mirror) if (change <= TOLERANCE * np.abs(system.D).max(axis=(1, 2))).all() else bare
 
     def prepared(self, inputs: Sequence[str], outputs: Sequence[str]) -> "PreparedResponse":
         """Return what of the frequency response does not depend on frequency; symmetric structures in halves."""
@@ -189,7 +189,7 @@ class _System:
         rows += list(np.einsum("i,fij->jf", weights, self.D))
         rows += list(np.moveaxis(self.B, 0, 2).reshape(-1, len(self.B)))
         rows += list(np.einsum("i,fim->mf", weights, self.B))
-        return _Solver(n, self.B.shape[2], places, np.array(rows), self.L, self.E)
+        return _Solver(n=n, inputs=self.B.shape[2], places=places, coefficients=np.array(rows), L=self.L, E=self.E)
 
 
 def _combined(coefficients: Array, values: Array) -> Array:

@@ -32,8 +32,6 @@ class BeamMesh:
         One line a strain mode; the stiffness matrix is ``strain^T diag(stiffness) strain``.
     stiffness, damping : ndarray
         Stiffness and damping coefficient of each strain mode.
-    massless : ndarray of int
-        Coordinates without mass, to be condensed.
     order : int
         Polynomial order of the deflection within an element.
     """
@@ -44,7 +42,6 @@ class BeamMesh:
     strain: sparse.csr_array
     stiffness: Array
     damping: Array
-    massless: Array
     order: int
 
     def interpolation(self, station: float, derivative: int) -> tuple[Array, Array]:
@@ -103,18 +100,14 @@ def shape_functions(xi: Array, h: float, order: int, derivative: int) -> Array:
 
 
 @cache
-def _reference_mass(order: int) -> Array:
+def reference_mass(order: int) -> Array:
+    """Return the mass matrix of an element of unit length and unit mass, consistent with its shape functions."""
     xi, weight = legendre.leggauss(order + 1)
     shapes = shape_functions(xi, 1.0, order, 0)
     matrix = 0.5 * (shapes * weight) @ shapes.T
     matrix[:4, :4] = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) / 420.0
     matrix.setflags(write=False)
     return matrix
-
-
-def reference_mass(order: int) -> Array:
-    """Return the mass matrix of an element of unit length and unit mass, consistent with its shape functions."""
-    return _reference_mass(order)
 
 
 def _scatter(blocks: Array, rows: Array, columns: Array, shape: tuple[int, int]) -> sparse.csr_array:
@@ -167,7 +160,8 @@ def element_mesh(nodes: Array, section: SectionValues, order: int, mass: str = "
     line = np.arange(count * per_node).reshape(count, per_node)
     legendre_norm = np.array([1.0, 3.0] + [16.0 / (2 * k + 1) for k in range(2, per_node)])
     stiffness = ((section.bending_stiffness / h)[:, None] * legendre_norm).ravel()
-    names = [f"{letter}{i}" for i in range(count + 1) for letter in _letters(per_node)][:size]
+    letters = ("w", "phi", *(f"b{k}_" for k in range(2, per_node)))
+    names = [f"{letter}{i}" for i in range(count + 1) for letter in letters][:size]
     return BeamMesh(
         nodes=nodes,
         names=tuple(names),
@@ -175,10 +169,5 @@ def element_mesh(nodes: Array, section: SectionValues, order: int, mass: str = "
         strain=_scatter(_strain_blocks(h, order), line, place, (count * per_node, size)),
         stiffness=stiffness,
         damping=stiffness * np.repeat(section.damping, per_node),
-        massless=np.arange(1, size, 2) if mass != "hermite" else np.array([], dtype=np.intp),
         order=order,
     )
-
-
-def _letters(per_node: int) -> tuple[str, ...]:
-    return ("w", "phi", *(f"b{k}_" for k in range(2, per_node)))
