@@ -4,13 +4,14 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.modal import side_of_axis
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 _RANK = 1e-10
 _HIDDEN = 1e-9
-_AXIS = 1e-9
+_ROUNDING = 1e-13  # share of the fastest eigenvalue by which rounding may have moved another off the axis (a choice)
 _SAME = 1e-7
 _PARALLEL = 1e-5
 
@@ -107,8 +108,8 @@ def _hidden(A: Array, C: Array, right_half: bool = False) -> tuple[complex, Arra
     if not len(A):
         return None
     values, vectors = linalg.eig(A)
-    on_axis = np.abs(values.real) <= _AXIS * np.abs(values) + 1e-13 * np.abs(values).max()
-    critical = (on_axis | (values.real > 0.0)) if right_half else on_axis
+    side = side_of_axis(values, _ROUNDING * np.abs(values).max())
+    critical = (side >= 0) if right_half else (side == 0)
     size = max(float(np.linalg.norm(C)), np.finfo(float).tiny)
     for value in values[critical & (values.imag >= 0.0)]:
         near = np.abs(values - value) <= _SAME * max(abs(value), 1e-6 * np.abs(values).max())
@@ -121,7 +122,7 @@ def _hidden(A: Array, C: Array, right_half: bool = False) -> tuple[complex, Arra
 
 
 def _mode(value: complex, vector: Array, plant: GeneralizedPlant, ready: NormalizedPlant) -> str:
-    damping = "undamped" if abs(value.real) <= _AXIS * max(abs(value), 1e-300) else "unstable"
+    damping = "unstable" if side_of_axis(np.array([value]))[0] > 0 else "undamped"
     kind = "integrating mode" if abs(value) < 1e-12 else f"{damping} mode at {_place(value)}"
     return f"{kind} ({_states(vector, plant, ready)})"
 

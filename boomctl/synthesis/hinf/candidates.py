@@ -195,6 +195,6 @@ def judged(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
     norm = matrices_norm(loop)
     if not norm.certified:
         return f"the norm of its loop could not be certified ({norm.method})"
-    if norm.upper > limit:
+    if norm.upper > limit or norm.lower == np.inf:
         return f"its loop has norm {norm.lower:.6g}, more than {limit:.6g}"
     return Candidate(K, loop, norm, slowest, level=norm.upper)

@@ -11,6 +11,7 @@ import numpy as np
 from scipy import linalg, optimize
 
 from boomctl.arrays import Array
+from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiSolution
@@ -102,7 +103,7 @@ def certify(loop: Lti, least: float, regulator: RiccatiSolution, estimator: Ricc
     """
     poles = linalg.eigvals(loop.A)
     abscissa = float(poles.real.max())
-    if abscissa >= 0.0:
+    if (side_of_axis(poles) >= 0).any():
         raise SynthesisError(f"the closed loop is not stable: a pole with real part {abscissa:.3g} rad/s")
     found = FeedbackCertificate(
         regulator=regulator.certificate,
@@ -125,7 +126,7 @@ def quadratic_norm(system: Lti) -> QuadraticNorm:
     if not len(system.A):
         value = np.inf if system.D.any() else 0.0
         return QuadraticNorm(value, value)
-    if system.D.any() or linalg.eigvals(system.A).real.max() >= 0.0:
+    if system.D.any() or (side_of_axis(system.poles) >= 0).any():
         return QuadraticNorm(np.inf, np.inf)
     s = system.balanced()
     P = linalg.solve_continuous_lyapunov(s.A, -s.B @ s.B.T)
