@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from boomctl.rotating_beam import HubBeam, HubBeamParameters
+from boomctl.rotating_beam import HubBeamParameters, hub_beam
 from boomctl.slew import optimal_slew
 from boomctl.studies.slew.design import SlewDesign
 from boomctl.studies.slew.report import slew_report
@@ -13,7 +13,7 @@ from boomctl.studies.slew.study import _meshes, run
 
 
 def test_report(tmp_path):
-    beam = HubBeam(HubBeamParameters(), "sfoam", 1)
+    beam = hub_beam(HubBeamParameters(), "sfoam", 1)
     found = run(tmp_path, beam, angle=0.6, torque_limit=120.0, meshes=(20, 40))
     stored = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
     assert stored["duration"] == pytest.approx(found["duration"])
@@ -40,7 +40,7 @@ def test_report(tmp_path):
 
 
 def test_report_without_meshes_and_with_gaps():
-    beam = HubBeam(HubBeamParameters(), "sfoam", 1)
+    beam = hub_beam(HubBeamParameters(), "sfoam", 1)
     slew = optimal_slew(beam, 0.6, 120.0, "effort", 2.6, method="shooting", intervals=40)
     tracking = {"tip_mass": 0.1, "final_angle_error": 0.0, "open_final_angle_error": 0.1}
     tracking |= {"tip_swing": 1e-12, "open_tip_swing": 1.0}
@@ -60,7 +60,7 @@ def test_report_without_meshes_and_with_gaps():
 
 @pytest.mark.parametrize(("modes", "duration"), [(1, 0.5), (1, 3.0), (3, 3.0), (8, 3.0)])
 def test_meshes_follow_the_fastest_vibration_and_stay_cheap(modes, duration):
-    beam = HubBeam(HubBeamParameters(), "sfoam", modes)
+    beam = hub_beam(HubBeamParameters(), "sfoam", modes)
     first, second, third = _meshes(beam, duration)
     assert (second, third) == (2 * first, 4 * first)
     assert 20 <= first <= 100

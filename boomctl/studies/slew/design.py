@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boomctl.rotating_beam import HubBeam
+from boomctl.rotating_beam import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SpinUp
 from boomctl.rotating_beam.result import SimulationResult
 from boomctl.slew import PayloadComparison, SlewComparison, SlewResult, compare_payloads, compare_slews
@@ -20,7 +20,7 @@ class SlewDesign:
     ----------
     name, title : str
         In one word, and in a line.
-    beam : HubBeam
+    beam : AssumedModesBeam
         What the slew was planned for.
     planned : mapping of str to SlewResult
         Slews of the beam by name: first the one designed, then others to be set beside it. All have the same angle, or
@@ -37,7 +37,7 @@ class SlewDesign:
 
     name: str
     title: str
-    beam: HubBeam
+    beam: AssumedModesBeam
     planned: Mapping[str, SlewResult]
     rival: str = ""
     payloads: tuple[float, ...] = ()

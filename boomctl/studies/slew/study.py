@@ -9,7 +9,7 @@ import numpy as np
 
 from boomctl.files import prepared_folder, write_json, write_whole
 from boomctl.plotting import figure_bytes, plot_slew_comparison, plot_spin_ups, slew_film
-from boomctl.rotating_beam import HubBeam
+from boomctl.rotating_beam import HubBeam, hub_beam
 from boomctl.slew import (
     MeshStudy,
     PayloadComparison,
@@ -200,7 +200,7 @@ def _mesh_study(
 
 def _meshes(h: HubBeam, duration: float) -> tuple[int, ...]:
     """Three meshes: the coarsest has four intervals a period of the fastest bending vibration, or as many as are cheap."""
-    bending = HubBeam(h.parameters, "sfoam", h.modes)
+    bending = hub_beam(h.parameters, "sfoam", h.modes)
     needed = 4.0 * duration * float(bending.frequencies_hz().max())
     first = 10 * min(max(round(needed / 10.0), 2), 10)
     return (first, 2 * first, 4 * first)
