@@ -325,14 +325,14 @@ def slew(
     as_json: Json = False,
 ) -> None:
     """Plan an optimal slew of the hub-beam, certify it and set it beside classical ones."""
-    from boomctl.rotating_beam import HubBeamParameters, hub_beam
+    from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
     from boomctl.studies.slew.study import STEPS, run
 
     meshes = None if mesh_study else ()
     given = {"torque_rate_limit": torque_rate_limit, "speed_limit": speed_limit, "tip_limit": tip_limit}
     given["moment_limit"] = moment_limit
     limits = {name: value for name, value in given.items() if value is not None}
-    beam = hub_beam(HubBeamParameters(tip_mass=tip_mass), model, modes)
+    beam = AssumedModesBeam(HubBeamParameters(tip_mass=tip_mass), model, modes)
     with _progress(STEPS) as progress:
         found = run(out, beam, angle, torque_limit, objective, duration, meshes, progress, **limits)
     if as_json:

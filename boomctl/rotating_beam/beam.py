@@ -1,4 +1,4 @@
-"""What every model of the hub-beam offers, and the factory for all of them.
+"""What every model of the hub-beam offers.
 
 A model is a final subclass of :class:`HubBeam` in a file of its own, which enters it in :data:`MODELS`.
 """
@@ -227,7 +227,7 @@ class HubBeam(ABC):
 
     def in_model(self, model: str, modes: int | None = None) -> "HubBeam":
         """Return the same machine in another model; `modes` as here unless given."""
-        return hub_beam(self.parameters, model, self.modes if modes is None else modes)
+        return in_model(self.parameters, model, self.modes if modes is None else modes)
 
     def to_nlsys(self) -> "control.NonlinearIOSystem":
         """Return the model as a nonlinear input-output system.
@@ -372,33 +372,11 @@ MODELS: dict[str, Callable[..., HubBeam]] = {}
 """From the name of a model to what makes it of `parameters` and `modes`; the files of the models fill it."""
 
 
-def hub_beam(parameters: HubBeamParameters | None = None, model: str = "sfoam", modes: int = 5) -> HubBeam:
-    """Return the hub-beam in a model.
-
-    Parameters
-    ----------
-    parameters : HubBeamParameters or None
-        None: Table 1 of Bai et al. (2009) without tip mass.
-    model : str
-        "tlam", "sfoam" (as printed, Eq. 40), "sfoam-consistent" (with ``Q_theta``: it conserves energy and angular
-        momentum), "foam", "cfoam" or "geometrically-exact".
-    modes : int
-        Number of transverse modes and, where the model has them, of axial ones.
-
-    Returns
-    -------
-    HubBeam
-
-    Raises
-    ------
-    TypeError
-        If `parameters` or `modes` is of another kind.
-    ValueError
-        If the model is unknown, or `modes` less than 1 or too many.
-    """
+def in_model(parameters: HubBeamParameters, model: str, modes: int) -> HubBeam:
+    """Return a machine in a model; see `hub_beam`."""
     if model not in MODELS:
         raise ValueError(f"model = {model!r}: expected one of {', '.join(MODELS)}")
-    return MODELS[model](parameters=HubBeamParameters() if parameters is None else parameters, modes=modes)
+    return MODELS[model](parameters=parameters, modes=modes)
 
 
 @final

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.report import Picture, Section, Table, html_report, number, power
-from boomctl.rotating_beam import HubBeam
+from boomctl.rotating_beam import AssumedModesBeam
 from boomctl.slew import SlewResult
 from boomctl.studies.slew.design import SlewDesign
 from boomctl.studies.slew.sections import payload_section, spin_up_section, switching_section
@@ -75,7 +75,7 @@ def _film_caption(tip_mass: float, design: SlewDesign) -> str:
     return f"{caption} The tip mass is {tip_mass:g} kg." if design.payloads else caption
 
 
-def _slew_text(h: HubBeam, slew: SlewResult) -> tuple[str, ...]:
+def _slew_text(h: AssumedModesBeam, slew: SlewResult) -> tuple[str, ...]:
     c, problem = slew.certificate, slew.plan.problem
     payload = f"a tip mass of {h.parameters.tip_mass:g} kg" if h.parameters.tip_mass else "no tip mass"
     if problem.tip_masses:
@@ -182,7 +182,7 @@ def _name(model: str) -> str:
     return _MODELS.get(model, model.upper())
 
 
-def _tracking(h: HubBeam, t: dict[str, float], picture: bytes) -> Section:
+def _tracking(h: AssumedModesBeam, t: dict[str, float], picture: bytes) -> Section:
     text = (
         f"The tip mass is {t['tip_mass']:g} kg, planned was {h.parameters.tip_mass:g} kg. The planned torque is the "
         "feedforward; a time-varying LQR about the trajectory knows all states, and may use half as much torque again "

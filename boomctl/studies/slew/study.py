@@ -9,7 +9,7 @@ import numpy as np
 
 from boomctl.files import prepared_folder, write_json, write_whole
 from boomctl.plotting import figure_bytes, plot_slew_comparison, plot_spin_ups, slew_film
-from boomctl.rotating_beam import HubBeam, hub_beam
+from boomctl.rotating_beam import AssumedModesBeam, hub_beam
 from boomctl.slew import (
     MeshStudy,
     PayloadComparison,
@@ -39,7 +39,7 @@ _SPUN = ("name", "duration", "peak_torque", "vibration", "speed_error")
 
 def run(
     folder: Path,
-    h: HubBeam,
+    h: AssumedModesBeam,
     angle: float = np.pi / 2,
     torque_limit: float = 200.0,
     objective: str = "time",
@@ -53,7 +53,7 @@ def run(
     Parameters
     ----------
     folder : Path
-    h : HubBeam
+    h : AssumedModesBeam
     angle, torque_limit, objective, duration
         As in `optimal_slew`.
     meshes : tuple of int
@@ -176,7 +176,7 @@ def _title(slew: SlewResult) -> str:
     return f"{slew.title}{limited}" if slew.objective == "time" else f"{slew.title}, {slew.duration:.3g} s{limited}"
 
 
-def _planned(h: HubBeam, slew: SlewResult, angle: float, torque_limit: float) -> dict[str, SlewResult]:
+def _planned(h: AssumedModesBeam, slew: SlewResult, angle: float, torque_limit: float) -> dict[str, SlewResult]:
     """The slew asked for, the fastest one, and the cheapest in a little more than the least time."""
     named = {_title(slew): slew}
     if "minimum time" not in named:
@@ -188,7 +188,7 @@ def _planned(h: HubBeam, slew: SlewResult, angle: float, torque_limit: float) ->
 
 
 def _mesh_study(
-    h: HubBeam, angle: float, torque_limit: float, duration: float, meshes: tuple[int, ...] | None
+    h: AssumedModesBeam, angle: float, torque_limit: float, duration: float, meshes: tuple[int, ...] | None
 ) -> MeshStudy | None:
     """Errors of planning over meshes; no shooting where axial vibrations are too fast for any of them."""
     counts = _meshes(h, duration) if meshes is None else meshes
@@ -198,7 +198,7 @@ def _mesh_study(
     return mesh_study(h, angle, torque_limit, duration, schemes, counts)
 
 
-def _meshes(h: HubBeam, duration: float) -> tuple[int, ...]:
+def _meshes(h: AssumedModesBeam, duration: float) -> tuple[int, ...]:
     """Three meshes: the coarsest has four intervals a period of the fastest bending vibration, or as many as are cheap."""
     bending = hub_beam(h.parameters, "sfoam", h.modes)
     needed = 4.0 * duration * float(bending.frequencies_hz().max())
