@@ -33,7 +33,7 @@ _CHUNK = 2048  # instants evaluated at once: what stays in the processor's cache
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class AssumedModesBeam(HubBeam):
     """A hub-beam in an assumed-modes model.
 

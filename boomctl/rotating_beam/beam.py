@@ -5,7 +5,7 @@ A model is a final subclass of :class:`HubBeam` in a file of its own, which ente
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, final
 
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import positive, real, whole
+from boomctl.printing import count, listed
 from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque, TorqueDriven
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion, SimulationResult
@@ -73,10 +74,19 @@ class HubBeam(ABC):
     def __post_init__(self) -> None:
         if not isinstance(self.parameters, HubBeamParameters):
             raise TypeError(f"parameters = {self.parameters!r}: expected HubBeamParameters")
-        count = whole("modes", self.modes)
-        if count > self.most_modes:
-            raise ValueError(f"modes = {count}: expected 1 to {self.most_modes} for model {self.model!r}")
-        object.__setattr__(self, "modes", count)
+        modes = whole("modes", self.modes)
+        if modes > self.most_modes:
+            raise ValueError(f"modes = {modes}: expected 1 to {self.most_modes} for model {self.model!r}")
+        object.__setattr__(self, "modes", modes)
+
+    def __repr__(self) -> str:
+        given = ((field, getattr(self.parameters, field.name)) for field in fields(self.parameters))
+        others = [f"{field.name} {value:.6g}" for field, value in given if value != field.default]
+        return (
+            f"{type(self).__name__}: {self.model}, {count(self.modes, 'mode')}, {len(self.state_names)} states\n"
+            f"  torque -> hub_angle, hub_speed, tip_displacement\n"
+            f"  Table 1, {listed(others) if others else 'no tip mass'}"
+        )
 
     @property
     @abstractmethod
@@ -240,19 +250,17 @@ class HubBeam(ABC):
             Input "torque" [N m]; outputs "hub_angle" [rad], "hub_speed" [rad/s], "tip_displacement" [m]; states as
             `state_names`.
         """
-        import control
-
-        size = self._size
-
-        def update(t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
-            return self._state_derivative(np.asarray(x, dtype=float), float(np.ravel(u)[0]))
-
-        def output(t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
-            x = np.asarray(x, dtype=float)
-            return np.array([x[0], x[size], self._tip_displacement(x[:size])])
+        from boomctl.lti.python_control import control
 
         names = {"inputs": list(INPUTS), "outputs": list(OUTPUTS), "states": list(self.state_names)}
-        return control.nlsys(update, output, **names, name=self._system_name)
+        return control.nlsys(self._update, self._output, **names, name=self._system_name)
+
+    def _update(self, t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
+        return self._state_derivative(np.asarray(x, dtype=float), float(np.ravel(u)[0]))
+
+    def _output(self, t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
+        x, size = np.asarray(x, dtype=float), self._size
+        return np.array([x[0], x[size], self._tip_displacement(x[:size])])
 
     def linearize(self, hub_speed: float = 0.0) -> "control.StateSpace":
         """Linearise about steady rotation at a hub speed, the beam stretched as the model has it, the hub free.
@@ -390,6 +398,9 @@ class HubSpeedFamily:
     """
 
     beam: HubBeam
+
+    def __repr__(self) -> str:
+        return f"HubSpeedFamily: linear models over the hub speed\n  {self.beam!r}"
 
     def at(self, hub_speed: float) -> "control.StateSpace":
         """Linear model at a hub speed [rad/s]; as `HubBeam.linearize`."""

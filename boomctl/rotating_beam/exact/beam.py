@@ -31,7 +31,7 @@ _CHUNK = 500  # mass matrices held at once: a choice, to bound the memory
 
 
 @final
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GeometricallyExactBeam(HubBeam):
     """A planar beam of finite strain and rotation, without shear, on a hub that turns in its plane.
 
