@@ -6,12 +6,12 @@ A pole of relative damping 5e-11, either sign, is undamped, one of 5e-10 or 5e-9
 import control
 import numpy as np
 import pytest
-from boomctl.structure.families import AffineFamily
 
 import boomctl as bc
 from boomctl.lti.modal import UNDAMPED, side_of_axis
 from boomctl.reduction import ReductionError
 from boomctl.structure import SecondOrderModel
+from boomctl.structure.families import AffineFamily
 
 OMEGA = 2.0
 DAMPINGS = [sign * size for size in (5e-11, 5e-10, 5e-9) for sign in (1.0, -1.0)]
