@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,7 @@ from boomctl.structure.response.direct import respond, respond_part
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.axes import Axes
 
 _BASE_POINTS = 240
 _CLUSTER = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(1.0)
@@ -70,7 +71,7 @@ class SigmaResult:
         """Whether the peak is certified."""
         return self.certificate.certified
 
-    def plot(self, label: str | None = None, ax: Any = None) -> Any:
+    def plot(self, label: str | None = None, ax: "Axes | None" = None) -> "Axes":
         """Draw the singular values over frequency; return the axes."""
         return import_module("boomctl.plotting").plot_sigma(self, label=label, ax=ax)
 

@@ -11,7 +11,7 @@ Under a point footprint the dose is ``1/(1 + y'/V)`` times the nominal one; smal
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,9 @@ from boomctl.arrays import Array
 from boomctl.boom.motion import uneven
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import finite_array, known, nonnegative, positive
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _SHAPES = ("triangle", "box")
 _MOST_CELLS = 20_000_000
@@ -126,7 +129,7 @@ class SprayResult:
         """Largest deposit of a cell over the nominal one."""
         return float(self.judged.max())
 
-    def plot(self) -> Any:
+    def plot(self) -> "Figure":
         """Draw the deposit on the field; see :func:`boomctl.plotting.draw_deposit`."""
         return import_module("boomctl.plotting").draw_deposit({"deposit": self})
 

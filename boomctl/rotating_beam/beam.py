@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -305,6 +305,20 @@ _EQUATIONS: dict[str, Callable[[HubBeam], Equations]] = {
 }
 
 
+@overload
+def hub_beam(
+    parameters: HubBeamParameters | None = None,
+    model: Literal["tlam", "sfoam", "sfoam-consistent", "foam", "cfoam"] = "sfoam",
+    modes: int = 5,
+) -> HubBeam: ...
+@overload
+def hub_beam(
+    parameters: HubBeamParameters | None = None, *, model: Literal["geometrically-exact"], modes: int = 5
+) -> "GeometricallyExactBeam": ...
+@overload
+def hub_beam(
+    parameters: HubBeamParameters | None = None, model: str = "sfoam", modes: int = 5
+) -> "HubBeam | GeometricallyExactBeam": ...
 def hub_beam(
     parameters: HubBeamParameters | None = None, model: str = "sfoam", modes: int = 5
 ) -> "HubBeam | GeometricallyExactBeam":

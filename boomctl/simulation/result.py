@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from boomctl.arrays import Array
 from boomctl.checks import known
@@ -10,6 +10,7 @@ from boomctl.simulation.contact.stops import StopHit
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,6 @@ class LoopResult:
             sysname="loop",
         )
 
-    def plot(self, outputs: tuple[str, ...] | None = None) -> Any:
+    def plot(self, outputs: tuple[str, ...] | None = None) -> "Figure":
         """Draw outputs, controls asked for and applied, stops and friction over time; return the figure."""
         return import_module("boomctl.plotting.loop").draw_loop(self, outputs)

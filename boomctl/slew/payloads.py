@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from boomctl.arrays import Array
 from boomctl.checks import nonnegative
 from boomctl.slew.plant import SlewMachine, plant_of
 from boomctl.slew.result import SlewResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _SWEEP = 21
 _COARSE = (1e-5, 1e-6)  # a tenth of what a picture shows
@@ -73,7 +76,7 @@ class PayloadComparison:
         lines = [line for line in self.lines if line.slew == slew and planned in (None, line.planned)]
         return max(lines, key=lambda line: line.vibration)
 
-    def plot(self) -> Any:
+    def plot(self) -> "Figure":
         """Draw tip displacements over time and vibration over payload; returns a matplotlib figure."""
         return import_module("boomctl.plotting").plot_payloads(self)
 

@@ -4,10 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from boomctl.arrays import Array
 from boomctl.slew.torque import TorqueHistory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _TITLES = {
     "time": "minimum time",
@@ -167,6 +170,6 @@ class SlewResult:
         """What the torque does to the other payloads, to FOAM and to the geometrically exact beam; computed when asked."""
         return self.replay()
 
-    def plot(self) -> Any:
+    def plot(self) -> "Figure":
         """Draw torque, hub and tip over time; returns a matplotlib figure."""
         return import_module("boomctl.plotting").plot_slew(self)

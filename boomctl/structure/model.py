@@ -79,9 +79,9 @@ class SecondOrderModel:
     array([0.3182])
     """
 
-    M: Matrix
-    C: Matrix
-    K: Matrix
+    M: Array | sparse.csr_array
+    C: Array | sparse.csr_array
+    K: Array | sparse.csr_array
     coordinates: tuple[str, ...]
     ports: Ports
     elastic: ElasticRows | None

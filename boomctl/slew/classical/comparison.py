@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from boomctl.slew.classical.shapers import Shaper, classical_spin_up, classical_
 from boomctl.slew.plant import Plant, SlewMachine, plant_of
 from boomctl.slew.result import SlewResult
 from boomctl.slew.torque import TorqueHistory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 CLASSICAL = (
     ("bang-bang", "none"),
@@ -88,7 +91,7 @@ class SlewComparison:
         known("slew", name, [line.name for line in self.lines])
         return next(line for line in self.lines if line.name == name)
 
-    def plot(self) -> Any:
+    def plot(self) -> "Figure":
         """Draw torques and tip displacements; returns a matplotlib figure."""
         return import_module("boomctl.plotting").plot_slew_comparison(self)
 

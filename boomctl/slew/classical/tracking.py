@@ -6,7 +6,7 @@ stationary solution at the end state, whose gain also serves after the end. All 
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from boomctl.checks import nonnegative, positive
 from boomctl.slew.least_time.stepping import shooting_step
 from boomctl.slew.plant import Plant, plant_of
 from boomctl.slew.result import SlewError, SlewResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +60,7 @@ class TrackingResult:
     tip_swing: float
     open_tip_swing: float
 
-    def plot(self) -> Any:
+    def plot(self) -> "Figure":
         """Draw angle, tip and torque over time; returns a matplotlib figure."""
         return import_module("boomctl.plotting").plot_tracking(self)
 

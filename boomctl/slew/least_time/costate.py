@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from boomctl.arrays import Array
 from boomctl.slew.least_time.arcs import course, stretches
 from boomctl.slew.reference import guess_from, typical_sizes
 from boomctl.slew.result import SlewResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _SAMPLES = 200
 _STEPS = 1500
@@ -44,7 +47,7 @@ class SwitchingCurve:
         """Share of the duration on which the torque has the sign of the switching function."""
         return float(np.mean(self.values * self.torque > 0.0))
 
-    def plot(self) -> Any:
+    def plot(self) -> "Figure":
         """Draw the switching function above the torque; returns a matplotlib figure."""
         return import_module("boomctl.plotting").plot_switching(self)
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from boomctl.slew.reference import cheapest, guess_from, typical_sizes
 from boomctl.slew.replay import end_error, played
 from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueHistory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _FLOOR = 3e-9
 
@@ -49,7 +52,7 @@ class MeshStudy:
     intervals: Array
     lines: tuple[MeshLine, ...]
 
-    def plot(self) -> Any:
+    def plot(self) -> "Figure":
         """Draw the errors; returns a matplotlib figure."""
         return import_module("boomctl.plotting").plot_mesh_study(self)
 
