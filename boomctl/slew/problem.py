@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, nonnegative, positive, real, whole
 from boomctl.slew.least_time.flow import LinearFlow
-from boomctl.slew.plant import Plant, SlewMachine, plant_of
+from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
 from boomctl.slew.result import SlewError
 
 OBJECTIVES = ("time", "effort", "jerk", "torque-rate", "tip")
@@ -34,7 +34,7 @@ class SlewProblem:
 
     Attributes
     ----------
-    plants : tuple of Plant
+    plants : tuple of SlewPlant
         The one that is to arrive, then the same with other payloads, which are to come to rest.
     objective : str
     duration : float or None
@@ -60,7 +60,7 @@ class SlewProblem:
         Of the other payloads, kg.
     """
 
-    plants: tuple[Plant, ...]
+    plants: tuple[SlewPlant, ...]
     objective: str
     duration: float | None
     torque_limit: float
@@ -199,7 +199,7 @@ def _payloads(masses: Iterable[float]) -> tuple[float, ...]:
     return tuple(nonnegative("tip_masses", mass) for mass in masses)
 
 
-def _plants(h: object, masses: tuple[float, ...]) -> tuple[Plant, ...]:
+def _plants(h: object, masses: tuple[float, ...]) -> tuple[SlewPlant, ...]:
     """The plant and its like with other payloads; one that is there already would come to rest by itself."""
     first = plant_of(h)
     if not masses:
@@ -213,7 +213,7 @@ def _plants(h: object, masses: tuple[float, ...]) -> tuple[Plant, ...]:
     return tuple(plants)
 
 
-def _state(name: str, plant: Plant, value: ArrayLike) -> Array:
+def _state(name: str, plant: SlewPlant, value: ArrayLike) -> Array:
     x = finite_array(name, value, 1)
     if x.size != plant.n:
         raise ValueError(f"{name}: expected {plant.n} numbers, one a state, got {x.size}")
@@ -221,7 +221,7 @@ def _state(name: str, plant: Plant, value: ArrayLike) -> Array:
 
 
 def end_conditions(
-    plants: tuple[Plant, ...],
+    plants: tuple[SlewPlant, ...],
     angle: float | None,
     final_speed: float,
     initial: ArrayLike | None = None,
@@ -242,12 +242,12 @@ def end_conditions(
         )
     rest = first.rest(1.0, 0.0)
     free = angle is None and final is None
-    ends = [_rows(first.n, first.reach, rest if free else None)]
+    ends = [_rows(first.n, first.controllable, rest if free else None)]
     starts, targets = [start], [target]
     for plant in plants[1:]:
         if initial is not None or final is not None:
             raise ValueError("tip_masses: expected none beside initial_state or final_state")
-        elastic = plant.reach.copy()
+        elastic = plant.controllable.copy()
         elastic[[0, plant.n // 2]] = False
         ends.append(_rows(plant.n, elastic, None))
         starts.append(plant.rest(0.0, 0.0))
@@ -258,9 +258,9 @@ def end_conditions(
     return np.concatenate(starts), np.concatenate(targets), block_diag(*ends), still
 
 
-def _rows(n: int, reach: Array, free: Array | None) -> Array:
-    """Rows of the coordinates within reach, across a direction that is free."""
-    rows = np.eye(n)[reach]
+def _rows(n: int, controllable: Array, free: Array | None) -> Array:
+    """Rows of the coordinates that the torque moves, across a direction that is free."""
+    rows = np.eye(n)[controllable]
     if free is None:
         return rows
     along = rows @ free

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.plant import Plant, SlewMachine
+from boomctl.slew.plant import SlewMachine, SlewPlant
 from boomctl.slew.problem import LIMITS, SlewProblem
 from boomctl.slew.result import Replay
 from boomctl.slew.torque import TorqueHistory
@@ -50,7 +50,7 @@ def played(problem: SlewProblem, history: TorqueHistory, samples: int = 1001) ->
     return tuple(motions)
 
 
-def _played(plant: Plant, history: TorqueHistory, start: Array, final_speed: float, samples: int) -> Motion:
+def _played(plant: SlewPlant, history: TorqueHistory, start: Array, final_speed: float, samples: int) -> Motion:
     during = np.unique(np.concatenate([np.linspace(0.0, history.duration, samples), history.edges]))
     during = during[np.diff(during, prepend=-1.0) > 1e-12 * history.duration]
     during[-1] = history.duration
@@ -66,13 +66,13 @@ def _played(plant: Plant, history: TorqueHistory, start: Array, final_speed: flo
     return Motion(during, states, states @ plant.from_state.T, float(np.abs(rest).max()), energy)
 
 
-def _ring_down(plant: Plant) -> Array:
+def _ring_down(plant: SlewPlant) -> Array:
     """Instants after the end: one and a half of the slowest period."""
     assert plant.frequencies is not None
     return np.linspace(0.0, 3.0 * np.pi / plant.frequencies[1], 97)[1:]
 
 
-def _series(plant: Plant, history: TorqueHistory, start: Array, times: Array) -> Array:
+def _series(plant: SlewPlant, history: TorqueHistory, start: Array, times: Array) -> Array:
     """Linear motion by its Taylor series, in steps on which ``A h`` is below one half."""
     knots = np.unique(np.concatenate([times, history.edges]))
     size = max(np.abs(np.linalg.eigvals(plant.A)).max(), 1e-12)

@@ -202,5 +202,5 @@ def test_bodies_with_a_payload_more_are_slower():
 
 def test_plants_tell_what_they_follow():
     axial = plant_of(bc.hub_beam(LOADED, model="foam", modes=1))
-    assert axial.reach.sum() == 4
+    assert axial.controllable.sum() == 4
     assert axial.n == 6

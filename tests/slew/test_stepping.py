@@ -53,7 +53,7 @@ def test_steps_are_of_fourth_order(parameters, model, modes, torque, steps):
     h = bc.hub_beam(parameters, model=model, modes=modes)
     plant = plant_of(h)
     exact = _exact(h, plant, torque)
-    errors = [np.abs(_end(plant, count, torque) - exact)[plant.reach].max() for count in (steps, 2 * steps)]
+    errors = [np.abs(_end(plant, count, torque) - exact)[plant.controllable].max() for count in (steps, 2 * steps)]
     assert 12.0 < errors[0] / errors[1] < 22.0
 
 
@@ -61,9 +61,9 @@ def test_axial_modes_need_not_be_followed():
     """Steps that turn the slowest axial mode by four radians keep what the torque moves to a millionth."""
     h = bc.hub_beam(LOADED, model="foam", modes=2)
     plant = plant_of(h)
-    axial = plant.frequencies[~plant.reach[: plant.n // 2]].min()
+    axial = plant.frequencies[~plant.controllable[: plant.n // 2]].min()
     steps = int(0.8 * axial / 4.0)
-    error = np.abs(_end(plant, steps) - _exact(h, plant))[plant.reach]
+    error = np.abs(_end(plant, steps) - _exact(h, plant))[plant.controllable]
     assert error.max() < 1e-6
 
 

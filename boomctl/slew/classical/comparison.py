@@ -10,7 +10,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import known, positive, real
 from boomctl.slew.classical.shapers import Shaper, classical_spin_up, classical_torque, shaper
-from boomctl.slew.plant import Plant, SlewMachine, plant_of
+from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
 from boomctl.slew.result import SlewResult
 from boomctl.slew.torque import TorqueHistory
 
@@ -143,7 +143,7 @@ def compare_slews(
     return SlewComparison(angle, limit, lines, final_speed)
 
 
-def _classical(plant: Plant, angle: float | None, final_speed: float, limit: float) -> dict[str, TorqueHistory]:
+def _classical(plant: SlewPlant, angle: float | None, final_speed: float, limit: float) -> dict[str, TorqueHistory]:
     """Classical torques by name: slews through an angle, or spin-ups where it is None."""
     if (angle is None) == (final_speed == 0.0):
         raise ValueError(f"final_speed = {final_speed:g}: expected an angle, or a speed not zero with angle None")
@@ -173,7 +173,7 @@ def _listed(optimal: object) -> list[object]:
     return list((optimal or {}).values())
 
 
-def _damping(plant: Plant) -> float:
+def _damping(plant: SlewPlant) -> float:
     """Damping ratio of the first flexible mode."""
     assert plant.frequencies is not None
     half = plant.n // 2
@@ -183,7 +183,7 @@ def _damping(plant: Plant) -> float:
 def _line(
     name: str,
     history: TorqueHistory,
-    plant: Plant,
+    plant: SlewPlant,
     others: tuple[Any, ...],
     angle: float | None,
     final_speed: float,

@@ -13,7 +13,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import nonnegative, positive
 from boomctl.slew.least_time.stepping import shooting_step
-from boomctl.slew.plant import Plant, plant_of
+from boomctl.slew.plant import SlewPlant, plant_of
 from boomctl.slew.result import SlewError, SlewResult
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def track(
     return _result(tip_mass, step, plant, places, gains @ plant.from_state, closed, free)
 
 
-def _reference(result: SlewResult, plant: Plant, count: int) -> tuple[Array, Array]:
+def _reference(result: SlewResult, plant: SlewPlant, count: int) -> tuple[Array, Array]:
     """Planned coordinates at the samples, and the mean torque between them."""
     step = result.duration / count
     edges = step * np.arange(count + 1)
@@ -141,7 +141,7 @@ def _reference(result: SlewResult, plant: Plant, count: int) -> tuple[Array, Arr
     return r.states @ plant.from_state.T, torques
 
 
-def _weights(plant: Plant, places: Array) -> Array:
+def _weights(plant: SlewPlant, places: Array) -> Array:
     """Angle, tip, and their rates, each over its largest size on the way, squared."""
     half, total = plant.n // 2, np.zeros((plant.n, plant.n))
     for name in ("angle", "tip"):
@@ -152,7 +152,7 @@ def _weights(plant: Plant, places: Array) -> Array:
     return total
 
 
-def _gains(plant: Plant, places: Array, torques: Array, step: float, Q: Array, limit: float) -> tuple[Array, Array]:
+def _gains(plant: SlewPlant, places: Array, torques: Array, step: float, Q: Array, limit: float) -> tuple[Array, Array]:
     """Gains of all samples and of the time after, in the plant's coordinates."""
     import casadi as ca
     from scipy.linalg import solve_discrete_are
@@ -164,7 +164,7 @@ def _gains(plant: Plant, places: Array, torques: Array, step: float, Q: Array, l
     every = np.array(slopes.map(count)(places[:-1].T, torques[None, :], np.full((1, count), step)))
     every = every.reshape(n, count, n + 1).transpose(1, 0, 2)
     rest = np.array(slopes(places[-1], 0.0, step))
-    keep = plant.reach
+    keep = plant.controllable
     P = np.zeros((n, n))
     P[np.ix_(keep, keep)] = solve_discrete_are(
         rest[:, :n][np.ix_(keep, keep)], rest[keep, n:], step * Q[np.ix_(keep, keep)], np.array([[step * R]])
@@ -185,13 +185,13 @@ def _gain(slopes: Array, P: Array, R: float) -> Array:
     return -(b @ P @ A) / (R + b @ P @ b)
 
 
-def _turned(plant: Plant, place: Array, time: float, speed: float) -> Array:
+def _turned(plant: SlewPlant, place: Array, time: float, speed: float) -> Array:
     """Where steady rotation has come after a time."""
     return place + plant.rest(speed * time, 0.0)
 
 
 def _followed(
-    true: Plant, states: Array, torques: Array, gains: Array, step: float, limit: float
+    true: SlewPlant, states: Array, torques: Array, gains: Array, step: float, limit: float
 ) -> tuple[Array, Array]:
     """Torque and states of the true plant."""
     import casadi as ca
@@ -212,7 +212,7 @@ def _followed(
 def _result(
     tip_mass: float,
     step: float,
-    plant: Plant,
+    plant: SlewPlant,
     places: Array,
     gains: Array,
     closed: tuple[Array, Array],

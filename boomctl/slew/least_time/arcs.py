@@ -7,7 +7,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.slew.least_time.stepping import shooting_step
-from boomctl.slew.plant import Plant
+from boomctl.slew.plant import SlewPlant
 from boomctl.slew.problem import SlewProblem
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class Reach:
 class _Stepper:
     """A plant's step ``(z, u, h) -> z``, its derivatives n x (n + 2), and second derivatives of l^T z by (z, h)."""
 
-    plant: Plant
+    plant: SlewPlant
     step: "casadi.Function"
     first: "casadi.Function"
     second: "casadi.Function"
@@ -120,8 +120,8 @@ class Course:
         return 0.5 * (total + total.T)
 
 
-def _pace(plant: Plant) -> float:
-    reach = plant.reach
+def _pace(plant: SlewPlant) -> float:
+    reach = plant.controllable
     size = float(np.abs(np.linalg.eigvals(plant.A[np.ix_(reach, reach)])).max())
     if plant.frequencies is None or reach.all():
         return size
@@ -150,7 +150,7 @@ def course(problem: SlewProblem, sizes: Array) -> Course:
     return Course(problem, tuple(_stepper(plant) for plant in problem.plants), rows)
 
 
-def _stepper(plant: Plant) -> _Stepper:
+def _stepper(plant: SlewPlant) -> _Stepper:
     import casadi as ca
 
     z, u, h, l = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h"), ca.SX.sym("l", plant.n)

@@ -202,7 +202,7 @@ def _durations(way: Course, found: _Stretches, steps: Array) -> _Stretches | Non
 
     Second derivatives are kept as long as they serve. Axial vibration ripples them: there a small promise is enough.
     """
-    smooth = all(plant.reach.all() for plant in way.problem.plants)
+    smooth = all(plant.controllable.all() for plant in way.problem.plants)
     size, before, total, count = np.inf, np.inf, float(found.durations.sum()), found.durations.size
     least, patience = np.inf, _PATIENCE
     for _ in range(_NEWTON):

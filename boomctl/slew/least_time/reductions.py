@@ -6,7 +6,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.slew.nlp.dynamics import rates
-from boomctl.slew.plant import Plant, plant_of
+from boomctl.slew.plant import SlewPlant, plant_of
 from boomctl.slew.problem import SlewProblem, end_conditions
 from boomctl.slew.torque import TorqueHistory, held
 
@@ -29,7 +29,7 @@ def halved(problem: SlewProblem) -> SlewProblem | None:
     for k, plant in enumerate(problem.plants):
         own, half = slice(firsts[k], firsts[k + 1]), plant.n // 2
         start, end = problem.start[own], problem.target[own]
-        if not plant.reach.all() or np.any(start[half:] != end[half:]) or not _reversible(plant, start + end):
+        if not plant.controllable.all() or np.any(start[half:] != end[half:]) or not _reversible(plant, start + end):
             return None
         wanted = np.arange(1 if k else 0, half)
         rows.append(np.eye(firsts[-1])[firsts[k] + wanted])
@@ -39,7 +39,7 @@ def halved(problem: SlewProblem) -> SlewProblem | None:
 def without_axial_modes(problem: SlewProblem) -> SlewProblem | None:
     """The same slew from rest of beams whose axial motion follows at once; None where there are none, or given states."""
     machines = [plant.machine for plant in problem.plants]
-    if None in machines or np.any(problem.start) or all(plant.reach.all() for plant in problem.plants):
+    if None in machines or np.any(problem.start) or all(plant.controllable.all() for plant in problem.plants):
         return None
     asked = problem.plants[0].rest(problem.angle or 0.0, problem.final_speed)
     if np.any(asked != problem.target[: asked.size]):
@@ -49,7 +49,7 @@ def without_axial_modes(problem: SlewProblem) -> SlewProblem | None:
     return replace(problem, plants=plants, start=start, target=target, ends=ends, waits=waits)
 
 
-def _reversible(plant: Plant, twice: Array) -> bool:
+def _reversible(plant: SlewPlant, twice: Array) -> bool:
     """Whether ``z -> (twice - positions, rates)`` with time and torque reversed leaves the equations of motion alone."""
     f, random, half = rates(plant), np.random.default_rng(0), plant.n // 2
     shift, turn = np.where(np.arange(plant.n) < half, twice, 0.0), np.repeat([-1.0, 1.0], half)

@@ -9,7 +9,7 @@ import math
 from typing import TYPE_CHECKING
 
 from boomctl.slew.nlp.dynamics import rates, times
-from boomctl.slew.plant import Plant
+from boomctl.slew.plant import SlewPlant
 
 if TYPE_CHECKING:
     import casadi
@@ -18,21 +18,21 @@ _SERIES = 14
 _TERMS = 9
 
 
-def shooting_step(plant: Plant, substeps: int) -> "casadi.Function":
+def shooting_step(plant: SlewPlant, substeps: int) -> "casadi.Function":
     """``(z, u0, u1, h) -> z`` after a step h [s] on which the torque goes straight from u0 to u1, in `substeps` parts."""
     import casadi as ca
 
     z, u0, u1, h = ca.SX.sym("z", plant.n), ca.SX.sym("u0"), ca.SX.sym("u1"), ca.SX.sym("h")
     slope, part, now = (u1 - u0) / h, h / substeps, z
     beyond = None if plant.linear else _beyond(plant)
-    scheme = _lawson if plant.reach.all() else _krogstad
+    scheme = _lawson if plant.controllable.all() else _krogstad
     for k in range(substeps):
         u = u0 + slope * (k * part)
         now = _flow(plant, now, u, slope, part) if beyond is None else scheme(plant, beyond, now, u, slope, part)
     return ca.Function("step", [z, u0, u1, h], [now])
 
 
-def _beyond(plant: Plant) -> "casadi.Function":
+def _beyond(plant: SlewPlant) -> "casadi.Function":
     """``(z, u)`` -> what the undamped linear vibration under the torque leaves out of the accelerations."""
     import casadi as ca
 
@@ -44,7 +44,7 @@ def _beyond(plant: Plant) -> "casadi.Function":
 
 
 def _lawson(
-    plant: Plant, beyond: "casadi.Function", z: "casadi.SX", u: "casadi.SX", slope: "casadi.SX", h: "casadi.SX"
+    plant: SlewPlant, beyond: "casadi.Function", z: "casadi.SX", u: "casadi.SX", slope: "casadi.SX", h: "casadi.SX"
 ) -> "casadi.SX":
     """One step; carried along the linear flow the rest is integrated as if it were all."""
     import casadi as ca
@@ -67,7 +67,7 @@ def _lawson(
 
 
 def _krogstad(
-    plant: Plant, beyond: "casadi.Function", z: "casadi.SX", u: "casadi.SX", slope: "casadi.SX", h: "casadi.SX"
+    plant: SlewPlant, beyond: "casadi.Function", z: "casadi.SX", u: "casadi.SX", slope: "casadi.SX", h: "casadi.SX"
 ) -> "casadi.SX":
     """One step; the rest's answers to powers of time are exact."""
     middle, last = u + 0.5 * h * slope, u + h * slope
@@ -85,7 +85,7 @@ def _krogstad(
 class _Answers:
     """Motion from rest after a time h under accelerations ``g (t/h)^k``, k = 0, 1, 2, of undamped oscillators."""
 
-    def __init__(self, plant: Plant, h: "casadi.SX") -> None:
+    def __init__(self, plant: SlewPlant, h: "casadi.SX") -> None:
         import casadi as ca
 
         assert plant.frequencies is not None
@@ -130,7 +130,7 @@ def _series_of(y: "casadi.SX", k: int) -> "casadi.SX":
 
 
 def _flow(
-    plant: Plant, z: "casadi.SX", u: "casadi.SX | None", slope: "casadi.SX | None", h: "casadi.SX"
+    plant: SlewPlant, z: "casadi.SX", u: "casadi.SX | None", slope: "casadi.SX | None", h: "casadi.SX"
 ) -> "casadi.SX":
     """Linear motion for a time h under ``u + slope t``, or none."""
     if plant.frequencies is None:
@@ -139,7 +139,7 @@ def _flow(
 
 
 def _modal_flow(
-    plant: Plant, z: "casadi.SX", u: "casadi.SX | None", slope: "casadi.SX | None", h: "casadi.SX"
+    plant: SlewPlant, z: "casadi.SX", u: "casadi.SX | None", slope: "casadi.SX | None", h: "casadi.SX"
 ) -> "casadi.SX":
     import casadi as ca
 
@@ -163,7 +163,7 @@ def _modal_flow(
 
 
 def _series(
-    plant: Plant, z: "casadi.SX", u: "casadi.SX | None", slope: "casadi.SX | None", h: "casadi.SX"
+    plant: SlewPlant, z: "casadi.SX", u: "casadi.SX | None", slope: "casadi.SX | None", h: "casadi.SX"
 ) -> "casadi.SX":
     """Taylor series of the linear motion; for steps on which A h stays about 1 it is exact to rounding."""
     import casadi as ca

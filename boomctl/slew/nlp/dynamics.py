@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.plant import Plant
+from boomctl.slew.plant import SlewPlant
 
 if TYPE_CHECKING:
     import casadi
 
 
-def rates(plant: Plant) -> "casadi.Function":
+def rates(plant: SlewPlant) -> "casadi.Function":
     """``(z, u) -> z'`` of a plant, in SX."""
     import casadi as ca
 
@@ -27,7 +27,7 @@ def rates(plant: Plant) -> "casadi.Function":
     return ca.Function("rates", [z, u], [times(plant.from_state, turned)])
 
 
-def hub_jerk(plant: Plant) -> "casadi.Function":
+def hub_jerk(plant: SlewPlant) -> "casadi.Function":
     """``(z, u, slope) -> rad/s^3``: how fast the hub's acceleration changes while the torque u changes by its slope."""
     import casadi as ca
 
@@ -48,7 +48,7 @@ def collocation_coefficients(method: str, points: int) -> tuple[Array, Array, Ar
     return c, (c[:, None] ** powers / powers) @ inverse, (1.0 / powers) @ inverse
 
 
-def collocation_defects(plant: Plant, points: int, method: str = "collocation") -> "casadi.Function":
+def collocation_defects(plant: SlewPlant, points: int, method: str = "collocation") -> "casadi.Function":
     """``(z, k, u0, u1, h, z1) -> defects`` of a collocation scheme; k (n x points) are the rates at its points."""
     import casadi as ca
 

@@ -14,7 +14,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.slew.least_time.stepping import shooting_step
 from boomctl.slew.nlp.dynamics import collocation_defects, rates
-from boomctl.slew.plant import Plant
+from boomctl.slew.plant import SlewPlant
 
 if TYPE_CHECKING:
     import casadi
@@ -98,13 +98,13 @@ class Transcription:
 
 
 def transcribe(
-    plants: tuple[Plant, ...], scheme: Scheme, units: Array, torque: float, time: float, ends: Array
+    plants: tuple[SlewPlant, ...], scheme: Scheme, units: Array, torque: float, time: float, ends: Array
 ) -> "Transcription":
     """Build the programme.
 
     Parameters
     ----------
-    plants : tuple of Plant
+    plants : tuple of SlewPlant
         All are driven by the one torque.
     scheme : Scheme
     units : ndarray, n
@@ -152,7 +152,7 @@ class _Stage:
     path_pattern: Any
 
 
-def _names(plants: tuple[Plant, ...], scheme: Scheme) -> tuple[str, ...]:
+def _names(plants: tuple[SlewPlant, ...], scheme: Scheme) -> tuple[str, ...]:
     """What the inequalities of a stage are."""
     one = [f"{kind}_limit" for kind in ("speed", "tip", "moment") if kind in scheme.limits for _ in range(2)]
     one += ["the bound of the tip"] * (2 if scheme.objective == "tip" else 0)
@@ -163,7 +163,7 @@ def _rate_rows(scheme: Scheme) -> int:
     return 2 if "rate" in scheme.limits else 0
 
 
-def _tip_unit(plants: tuple[Plant, ...], units: Array) -> float:
+def _tip_unit(plants: tuple[SlewPlant, ...], units: Array) -> float:
     if "tip" not in plants[0].rows:
         return 1.0
     row = np.concatenate([plant.rows["tip"] for plant in plants])
@@ -208,7 +208,7 @@ def _gather(x: "casadi.MX", local: Array) -> "casadi.MX":
     return ca.reshape(x[local.ravel().tolist()], local.shape[1], local.shape[0])
 
 
-def _stage(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout) -> _Stage:
+def _stage(plants: tuple[SlewPlant, ...], scheme: Scheme, layout: Layout) -> _Stage:
     """The stage function, scaled, and its derivatives."""
     import casadi as ca
 
@@ -256,7 +256,7 @@ def _nonzeros(matrix: "casadi.SX") -> "casadi.SX":
     return ca.sparsity_cast(matrix, pattern)
 
 
-def _defects(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout, parts: tuple[Any, ...]) -> "casadi.SX":
+def _defects(plants: tuple[SlewPlant, ...], scheme: Scheme, layout: Layout, parts: tuple[Any, ...]) -> "casadi.SX":
     import casadi as ca
 
     z, k, u, u1, h, z1 = parts
@@ -279,7 +279,7 @@ def _defects(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout, parts: t
     return ca.vertcat(*defects)
 
 
-def _paths(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout, z: Any, p: Any, bound: Any) -> "casadi.SX":
+def _paths(plants: tuple[SlewPlant, ...], scheme: Scheme, layout: Layout, z: Any, p: Any, bound: Any) -> "casadi.SX":
     """What is to be <= 0 at the nodes."""
     import casadi as ca
 
@@ -299,7 +299,7 @@ def _paths(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout, z: Any, p:
     return ca.vertcat(*lines) if lines else ca.SX(0, 1)
 
 
-def _cost(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout, parts: tuple[Any, ...]) -> "casadi.SX":
+def _cost(plants: tuple[SlewPlant, ...], scheme: Scheme, layout: Layout, parts: tuple[Any, ...]) -> "casadi.SX":
     import casadi as ca
 
     z, u, u1, z1, h, bound = parts
