@@ -16,12 +16,10 @@ if TYPE_CHECKING:
     import casadi
     import control
 
-_NOTHING = (
-    1e-12  # share of what is felt at which a push is rounding: a choice, far above 1e-16 and far below any coupling
-)
+_NOTHING = 1e-12  # share of a norm at which a push is rounding: a choice, between 1e-16 and any coupling
 _SPLIT = 1e-6  # share of |A| below which an eigenvalue is zero: a double zero splits by the root of rounding, 1e-8
-_STILL = 1e-9  # share of |A| |z| below which nothing moves: a choice, states come with nine digits and more
-_CONTROLLABLE = 1e-11  # least singular value of a PBH pencil of unit columns, relative: measured, what rounding leaves
+_STILL = 1e-9  # share of |A| |z| below which nothing moves: a choice
+_CONTROLLABLE = 1e-11  # least singular value of a PBH pencil with unit columns, relative: a choice above rounding
 _CONSISTENT = 1e-9  # residual of an equation for a state of rest that counts as solved, relative: a choice
 
 

@@ -137,7 +137,7 @@ def _length(value: float) -> str:
 def evaluate(design: SlewDesign) -> SlewEvaluation:
     """Set a slew beside the others, with all payloads, by an integrator that planning does not use."""
     problem = design.slew.plan.problem
-    comparison = compare_slews(design.beam, problem.angle, problem.torque_limit, design.planned, problem.final_speed)
+    comparison = compare_slews(design.beam, problem.angle, problem.limits.torque, design.planned, problem.final_speed)
     payloads = None
     if design.payloads:
         payloads = compare_payloads(design.planned, design.payloads, design.beam.parameters.tip_mass)

@@ -87,8 +87,8 @@ def _slew_text(h: HubBeam, slew: SlewResult) -> tuple[str, ...]:
     if c.constraint_violation > 0.0:
         kept = f"no limit is exceeded by more than {power(c.constraint_violation, 1)} of it"
     text = (
-        f"{_asked(slew)} with at most {problem.torque_limit:g} N m takes {slew.duration:.7g} s. Model: {_name(h.model)} with "
-        f"{modes} and {payload}.",
+        f"{_asked(slew)} with at most {problem.limits.torque:g} N m takes {slew.duration:.7g} s. Model: "
+        f"{_name(h.model)} with {modes} and {payload}.",
         f"Method: {c.method}. Optimality: {verdict}. In the replay the end state is missed by "
         f"{number(c.end_error, 2)} (each part relative to its largest size on the way), "
         f"{number(slew.residual_energy or 0.0, 2)} J remain, and {kept}. Limits reached: {binding}.",

@@ -149,7 +149,7 @@ def _pictures(
     if evaluation.payloads is not None:
         figures["payloads"] = evaluation.payloads.plot()
     if evaluation.spin_ups:
-        figures["spin_up"] = plot_spin_ups(evaluation.spin_ups, problem.torque_limit, problem.final_speed)
+        figures["spin_up"] = plot_spin_ups(evaluation.spin_ups, problem.limits.torque, problem.final_speed)
     if errors is not None:
         figures["mesh"] = errors.plot()
     return {name: figure_bytes(figure, "png") for name, figure in figures.items()}
@@ -172,7 +172,7 @@ def _replays(evaluation: SlewEvaluation) -> list[dict[str, Any]]:
 
 def _title(slew: SlewResult) -> str:
     """What sets a slew apart from others of the same beam."""
-    limited = ", with limits" if slew.plan.problem.limits else ""
+    limited = ", with limits" if slew.plan.problem.limits.beside_torque else ""
     return f"{slew.title}{limited}" if slew.objective == "time" else f"{slew.title}, {slew.duration:.3g} s{limited}"
 
 

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.slew.least_time.arcs import course
-from boomctl.slew.least_time.stepping import shooting_step, stumpff
+from boomctl.slew.dynamics import explicit_step, stumpff
+from boomctl.slew.least_time.arcs import end_map
 from boomctl.slew.plant import plant_of
-from boomctl.slew.problem import slew_problem
+from boomctl.slew.problem import Limits, slew_problem
 
 LOADED = bc.HubBeamParameters(tip_mass=0.1)
 
@@ -32,7 +32,7 @@ def test_stumpff_functions(y):
 
 def _end(plant, steps, torque=150.0, duration=0.8):
     z, u, h = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h")
-    one = ca.Function("one", [z, u, h], [shooting_step(plant, 1)(z, u, u, h)])
+    one = ca.Function("one", [z, u, h], [explicit_step(plant, 1)(z, u, u, h)])
     widths = np.full((1, steps), duration / steps)
     return np.array(one.mapaccum("all", steps)(np.zeros(plant.n), np.full((1, steps), torque), widths))[:, -1]
 
@@ -69,20 +69,20 @@ def test_axial_modes_need_not_be_followed():
 
 @pytest.mark.parametrize(("model", "payloads"), [("sfoam", ()), ("foam", ()), ("sfoam", (0.3,))])
 def test_derivatives_are_differences(model, payloads):
-    problem = slew_problem(bc.hub_beam(LOADED, model=model, modes=1), 1.0, 100.0, tip_masses=payloads)
-    way = course(problem, np.ones(problem.start.size))
+    problem = slew_problem(bc.hub_beam(LOADED, model=model, modes=1), 1.0, Limits(100.0), tip_masses=payloads)
+    ends = end_map(problem, np.ones(problem.start.size))
     random = np.random.default_rng(3)
     u, h = random.uniform(-100.0, 100.0, 12), random.uniform(0.5e-3, 1.5e-3, 12)
-    reach = way.reach(u, h)
-    weights = random.standard_normal(reach.end.size)
-    bent = way.curvature(u, h, reach, weights, np.eye(12))
-    assert reach.end == pytest.approx(way.lack(u, h) + way.rows @ problem.target, abs=1e-12)
+    found = ends.sensitivity(u, h)
+    weights = random.standard_normal(found.end.size)
+    bent = ends.hessian(u, h, found, weights, np.eye(12))
+    assert found.end == pytest.approx(ends.defect(u, h) + ends.target, abs=1e-12)
     for k in (0, 5, 11):
         step = np.eye(12)[k]
-        for by, aside in ((reach.by_torque, (1e-2 * step, 0.0 * step)), (reach.by_width, (0.0 * step, 1e-7 * step))):
+        for by, aside in ((found.by_torque, (1e-2 * step, 0.0 * step)), (found.by_width, (0.0 * step, 1e-7 * step))):
             size = aside[0][k] + aside[1][k]
-            ends = [way.lack(u + sign * aside[0], h + sign * aside[1]) for sign in (1.0, -1.0)]
-            assert by[:, k] == pytest.approx((ends[0] - ends[1]) / (2.0 * size), rel=1e-5, abs=1e-6 * np.abs(by).max())
-        slopes = [weights @ way.reach(u, h + sign * 1e-7 * step).by_width for sign in (1.0, -1.0)]
+            both = [ends.defect(u + sign * aside[0], h + sign * aside[1]) for sign in (1.0, -1.0)]
+            assert by[:, k] == pytest.approx((both[0] - both[1]) / (2.0 * size), rel=1e-5, abs=1e-6 * np.abs(by).max())
+        slopes = [weights @ ends.sensitivity(u, h + sign * 1e-7 * step).by_width for sign in (1.0, -1.0)]
         assert bent[:, k] == pytest.approx((slopes[0] - slopes[1]) / 2e-7, rel=1e-4, abs=1e-6 * np.abs(bent).max())
     assert bent == pytest.approx(bent.T)
