@@ -15,7 +15,6 @@ _MET = 1e-13  # of the end conditions, relative: rounding
 _REGULAR = 1e-12  # of a matrix of unit rows, where few intervals are inside the limit: keeps Newton's equation solvable
 _ARMIJO = 1e-4  # share of the decrease promised that a step of Newton's method has to bring: customary
 _SHORTEST = 1e-6  # of a step of Newton's method; below it the torque limit is too low for the time
-_SAMPLES = 200  # intervals for the sizes of the states, which only scale; a choice
 _UNSEEN = 1e-9, 1e-6  # a state below the first share of the largest is taken to be of the second: it scales, no more
 _MESH = 800  # intervals at least for the bound of the effort, which their number brings nearer; a choice
 _POINTS = 4  # Gauss points an interval: order 8, rounding on such a mesh
@@ -55,19 +54,6 @@ class LinearFlow:
 def flow(problem: SlewProblem) -> LinearFlow:
     """Linear part of all plants of a problem."""
     return LinearFlow(problem.A, problem.B)
-
-
-def state_sizes(states: Array) -> Array:
-    """Largest size of each state along a motion; where that is nothing, what the others suggest."""
-    sizes = np.abs(states).max(axis=0)
-    seen, instead = _UNSEEN
-    return np.where(sizes > seen * sizes.max(), sizes, instead * sizes.max())
-
-
-def sizes_under(problem: SlewProblem, history: TorqueHistory) -> Array:
-    """Sizes of the states in the linear motion under a torque."""
-    means = history.means(np.linspace(0.0, history.duration, _SAMPLES + 1))
-    return state_sizes(flow(problem).motion(problem.start, history.duration, means))
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +101,60 @@ def least_effort(problem: SlewProblem, duration: float, intervals: int) -> Least
     values = np.clip(rows.T @ c, -limit, limit)
     costate = (c / scale) @ problem.ends * (duration / intervals)
     return LeastEffort(held(np.linspace(0.0, duration, intervals + 1), values), costate)
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """Where planning starts: a torque, and the linear motion under it.
+
+    Attributes
+    ----------
+    duration : float
+        s.
+    torques : ndarray
+        At intervals or nodes, N m.
+    states : ndarray, (N + 1) x n
+        At nodes.
+    costates : ndarray, N x n, or None
+        Of least effort, at the ends of the intervals: the free torque is ``costate^T B``.
+    free : ndarray, N, or None
+        The torque of least effort without limit, N m.
+    """
+
+    duration: float
+    torques: Array
+    states: Array
+    costates: Array | None = None
+    free: Array | None = None
+
+    @property
+    def sizes(self) -> Array:
+        """Largest size of each state on the way; where that is nothing, what the others suggest."""
+        sizes = np.abs(self.states).max(axis=0)
+        seen, instead = _UNSEEN
+        return np.where(sizes > seen * sizes.max(), sizes, instead * sizes.max())
+
+
+def guess_from(problem: SlewProblem, history: TorqueHistory, intervals: int = 200, ramp: bool = False) -> Guess:
+    """Sample a torque and the linear motion under it on a mesh."""
+    means = history.means(np.linspace(0.0, history.duration, intervals + 1))
+    states = flow(problem).motion(problem.start, history.duration, means)
+    if ramp:
+        means = np.concatenate([[0.0], 0.5 * (means[1:] + means[:-1]), [0.0]])
+    return Guess(history.duration, means, states)
+
+
+def effort_guess(problem: SlewProblem, duration: float, intervals: int) -> Guess:
+    """The linear part's least effort with its costates, where every programme of least effort starts best."""
+    least = least_effort(problem, duration, intervals)
+    guess = guess_from(problem, least.history, intervals)
+    Phi, push = flow(problem).step(duration / intervals)
+    costates = np.empty((intervals, problem.start.size))
+    costates[-1] = least.costate
+    for k in range(intervals - 1, 0, -1):
+        costates[k - 1] = costates[k] @ Phi
+    free = costates @ push * (intervals / duration)
+    return Guess(duration, guess.torques, guess.states, costates, free)
 
 
 def effort_gap(problem: SlewProblem, history: TorqueHistory) -> float:

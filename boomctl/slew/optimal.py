@@ -10,9 +10,10 @@ The ways, in the order in which they are tried; the path of a result names those
    the durations of its arcs once more.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +21,7 @@ from numpy.typing import ArrayLike
 from boomctl.slew.dynamics import hub_jerk
 from boomctl.slew.least_time.arc_count import arcs_behind
 from boomctl.slew.least_time.newton import least_time_arcs
-from boomctl.slew.least_time.switching import least_time, linear_time_problem, time_gap
+from boomctl.slew.least_time.switching import Extremal, least_time, linear_time_problem, time_gap
 from boomctl.slew.linear import effort_gap
 from boomctl.slew.nlp.programme import Programme, Solution
 from boomctl.slew.nlp.refinement import refined, solved_again
@@ -51,36 +52,32 @@ class _Plan:
     path: tuple[str, ...] = ()
 
 
-def _fastest(problem: SlewProblem) -> bool:
-    """Whether the least time is asked for under the torque's limit alone: the torque is bang-bang then."""
-    return problem.objective == "time" and not problem.limits.beside_torque
+_Found: TypeAlias = tuple[_Plan | None, tuple[str, ...]]
+"""A plan, or none, and what was done."""
 
 
-def _switching_times(problem: SlewProblem) -> tuple[_Plan, tuple[str, ...]]:
-    extremal, history = least_time(problem)
-    gap = time_gap(linear_time_problem(problem), extremal)
+def _switching_times(problem: SlewProblem, least: Extremal) -> _Found:
+    gap = time_gap(linear_time_problem(problem), least)
     optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
-    return _Plan(history, "switching times", gap, optimality), ("linear switching times", *extremal.path)
+    return _Plan(least.history, "switching times", gap, optimality), ()
 
 
-def _arc_durations(problem: SlewProblem) -> tuple[_Plan | None, tuple[str, ...]]:
-    extremal, history = least_time(problem)
-    plan, path = _extremal(problem, history)
-    return plan, ("linear switching times", *extremal.path, *path)
+def _arc_durations(problem: SlewProblem, least: Extremal) -> _Found:
+    return _extremal(problem, least.history)
 
 
-def _extremal(problem: SlewProblem, first: TorqueHistory) -> tuple[_Plan | None, tuple[str, ...]]:
-    """Durations of a bang-bang torque's arcs, from a first torque."""
+def _extremal(problem: SlewProblem, first: TorqueHistory) -> _Found:
+    """Durations of a bang-bang torque's arcs, from a first torque; None where they are no extremal."""
     found = least_time_arcs(problem, first)
     if found is None or found.gain >= _EXTREMAL:
         return None, ("durations of arcs: none found",)
     return _Plan(found.history, "switching times", found.gain, "extremal"), ("durations of arcs", *found.path)
 
 
-def _programme(problem: SlewProblem) -> tuple[_Plan, tuple[str, ...]]:
-    found = refined(problem, least_time(problem)[1] if _fastest(problem) else None)
+def _programme(problem: SlewProblem, least: Extremal | None) -> _Found:
+    found = refined(problem, None if least is None else least.history)
     history, path, limit = found.solution.history, found.path, problem.limits.torque
-    if _fastest(problem):
+    if problem.fastest:
         plan, ran = _extremal(problem, arcs_behind(history.left / limit, history.duration, limit))
         path += ran
         if plan is not None:
@@ -91,12 +88,12 @@ def _programme(problem: SlewProblem) -> tuple[_Plan, tuple[str, ...]]:
     return plan, path
 
 
-_WAYS = (
-    (lambda problem: _fastest(problem) and problem.linear, _switching_times),
-    (lambda problem: _fastest(problem) and not problem.linear, _arc_durations),
-    (lambda problem: not (_fastest(problem) and problem.linear), _programme),
+_WAYS: tuple[tuple[Callable[[SlewProblem], bool], Callable[..., _Found]], ...] = (
+    (lambda problem: problem.fastest and problem.linear, _switching_times),
+    (lambda problem: problem.fastest and not problem.linear, _arc_durations),
+    (lambda problem: not (problem.fastest and problem.linear), _programme),
 )
-"""When a way serves, and what it plans; no plan, and what it tried in vain, where the next way is to be taken."""
+"""When a way serves, and what plans; no plan, and what was tried in vain, where the next way is to be taken."""
 
 
 def optimal_slew(
@@ -168,10 +165,11 @@ def optimal_slew(
         tolerance=tolerance,
         intervals=intervals,
     )
-    path: tuple[str, ...] = ()
+    least = least_time(problem) if problem.objective == "time" else None  # of the linear part: where every way starts
+    path = () if least is None else least.path
     for serves, planned in _WAYS:
         if serves(problem):
-            plan, ran = planned(problem)
+            plan, ran = planned(problem, least)
             path += ran
             if plan is not None:
                 return _certified(problem, replace(plan, path=path))

@@ -1,7 +1,6 @@
 """What is slewed, as the planning sees it: a linear system, or a hub-beam in coordinates of its vibrations."""
 
-import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
@@ -259,12 +258,6 @@ def _linear(system: lti.Lti) -> SlewPlant:
         controllable=np.ones(b.size, dtype=bool),
         machine=None,
     )
-
-
-def blocks(plants: Sequence[SlewPlant]) -> list[tuple[SlewPlant, slice]]:
-    """Plants with their places in the coordinates of all."""
-    lasts = itertools.accumulate(plant.n for plant in plants)
-    return [(plant, slice(last - plant.n, last)) for plant, last in zip(plants, lasts, strict=True)]
 
 
 def _solved(matrix: Array, right: Array) -> Array | None:

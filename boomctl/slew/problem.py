@@ -1,8 +1,10 @@
 """What is asked of a slew, checked at the boundary, and refused where no torque can do it."""
 
+import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -110,6 +112,17 @@ class SlewProblem:
     tolerance: float
     intervals: int | None
     tip_masses: tuple[float, ...] = ()
+
+    @cached_property
+    def parts(self) -> tuple[tuple[SlewPlant, slice], ...]:
+        """Plants with their places in the coordinates of all."""
+        lasts = itertools.accumulate(plant.n for plant in self.plants)
+        return tuple((plant, slice(last - plant.n, last)) for plant, last in zip(self.plants, lasts, strict=True))
+
+    @property
+    def fastest(self) -> bool:
+        """Whether the least time is asked for under the torque's limit alone: the torque is bang-bang then."""
+        return self.objective == "time" and not self.limits.beside_torque
 
     @property
     def linear(self) -> bool:

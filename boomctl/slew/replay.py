@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.plant import SlewMachine, SlewPlant, blocks
+from boomctl.slew.plant import SlewMachine, SlewPlant
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import Replay
 from boomctl.slew.torque import TorqueHistory
@@ -53,7 +53,7 @@ def played(problem: SlewProblem, history: TorqueHistory, samples: int = _SAMPLES
     t = t[np.diff(t, prepend=-1.0) > _APART * history.duration]
     t[-1] = history.duration
     motions = []
-    for plant, own in blocks(problem.plants):
+    for plant, own in problem.parts:
         start = problem.start[own]
         if plant.machine is None:
             states = _linear_motion(plant, history, start, t)

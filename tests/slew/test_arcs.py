@@ -16,8 +16,7 @@ from boomctl.slew.least_time.arcs import end_map
 from boomctl.slew.least_time.newton import least_time_arcs
 from boomctl.slew.least_time.reductions import doubled, first_half, halved, without_axial_modes
 from boomctl.slew.least_time.switching import least_time
-from boomctl.slew.linear import sizes_under
-from boomctl.slew.plant import blocks, plant_of
+from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.torque import bang_bang
 from tests.slew.systems import two_masses
@@ -33,18 +32,18 @@ def _rigid(problem):
 def test_linear_plants_take_the_time_that_is_proved(modes):
     """From the rigid body's torque, by steps, to the switching times that matrix exponentials give."""
     problem = slew_problem(bc.hub_beam(LOADED, modes=modes).linearize(), 1.0, Limits(150.0))
-    exact, history = least_time(problem)
+    exact = least_time(problem)
     found = least_time_arcs(problem, _rigid(problem))
     assert found is not None
     assert found.history.duration == pytest.approx(exact.duration, rel=1e-8)
-    assert found.history.switches == pytest.approx(history.switches, abs=1e-4)  # the time is flat there
+    assert found.history.switches == pytest.approx(exact.switches, abs=1e-4)  # the time is flat there
 
 
 def test_two_masses_and_a_spring_from_the_rigid_torque():
     problem = slew_problem(two_masses(), 1.0, Limits(1.0))
     found = least_time_arcs(problem, _rigid(problem))
     assert found is not None
-    assert found.history.duration == pytest.approx(least_time(problem)[0].duration, rel=1e-8)
+    assert found.history.duration == pytest.approx(least_time(problem).duration, rel=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -54,7 +53,7 @@ def test_two_masses_and_a_spring_from_the_rigid_torque():
 def test_pontryagin_integrated_anew(model, modes, payloads):
     """The costate by an independent integrator: its switching function vanishes at the switches and has the torque's sign."""
     problem = slew_problem(bc.hub_beam(LOADED, model=model, modes=modes), 1.2, Limits(180.0), tip_masses=payloads)
-    found = least_time_arcs(problem, least_time(problem)[1])
+    found = least_time_arcs(problem, least_time(problem).history)
     assert found is not None
     history = found.history
     t = np.linspace(0.0, history.duration, 1501)
@@ -71,7 +70,7 @@ def test_pontryagin_integrated_anew(model, modes, payloads):
 
 def _adjoint(problem, history, t):
     """For every row of the prescribed end, what a torque at instants t does to it."""
-    parts = blocks(problem.plants)
+    parts = problem.parts
     return sum(_adjoint_of(plant, problem.start[own], problem.ends[:, own], history, t) for plant, own in parts)
 
 
@@ -106,12 +105,13 @@ def test_half_the_way_is_enough(angle, torque, modes):
     half = halved(problem)
     assert half is not None
     assert half.ends.shape[0] == problem.ends.shape[0] // 2
-    found = least_time_arcs(problem, least_time(problem)[1])
+    found = least_time_arcs(problem, least_time(problem).history)
     assert found is not None
-    ends = end_map(problem, sizes_under(problem, found.history))
-    fine = [np.maximum(40, np.ceil(600 * d)).astype(int) for d in np.diff(found.history.edges)]
-    h = np.concatenate([np.full(n, d / n) for n, d in zip(fine, np.diff(found.history.edges), strict=True)])
-    assert np.abs(ends.defect(np.repeat(found.history.left, fine), h)).max() < 1e-6
+    ends = end_map(problem, found.history)
+    durations = np.diff(found.history.edges)
+    counts = np.maximum(40, np.ceil(600 * durations)).astype(int)
+    steps = ends.steps(np.sign(found.history.left[0]), durations, counts)
+    assert np.abs(ends.defect(steps)).max() < 1e-6
     switches = found.history.switches
     assert switches + switches[::-1] == pytest.approx(found.history.duration, rel=1e-12)
 
@@ -140,7 +140,7 @@ def test_axial_modes_hardly_matter_to_the_time():
     quick = without_axial_modes(foam)
     assert quick is not None
     assert without_axial_modes(quick) is None
-    slews = [least_time_arcs(problem, least_time(problem)[1]) for problem in (foam, quick)]
+    slews = [least_time_arcs(problem, least_time(problem).history) for problem in (foam, quick)]
     assert slews[0].history.duration == pytest.approx(slews[1].history.duration, rel=1e-5)
 
 
@@ -161,10 +161,10 @@ def test_a_bang_bang_torque_is_read_off_its_means(widths, sign, intervals):
 def test_programmes_along_the_motion_find_how_many_arcs_there_are():
     """Three modes and a payload: the linear part switches 7 times, the beam 11 times."""
     problem = slew_problem(bc.hub_beam(LOADED, modes=3), np.pi / 2, Limits(200.0))
-    first = least_time(problem)[1]
+    first = least_time(problem).history
     half = halved(problem)
     assert half is not None
-    ends = end_map(half, sizes_under(problem, first))
+    ends = end_map(half, first)
     assert first.switches.size == 7
     assert 2 * counted(ends, first_half(first), 200).switches.size + 1 == 11
 

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.slew.dynamics import explicit_step, stumpff
-from boomctl.slew.least_time.arcs import end_map
+from boomctl.slew.least_time.arcs import Steps, end_map
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import Limits, slew_problem
+from boomctl.slew.torque import held
 
 LOADED = bc.HubBeamParameters(tip_mass=0.1)
 
@@ -70,19 +71,25 @@ def test_axial_modes_need_not_be_followed():
 @pytest.mark.parametrize(("model", "payloads"), [("sfoam", ()), ("foam", ()), ("sfoam", (0.3,))])
 def test_derivatives_are_differences(model, payloads):
     problem = slew_problem(bc.hub_beam(LOADED, model=model, modes=1), 1.0, Limits(100.0), tip_masses=payloads)
-    ends = end_map(problem, np.ones(problem.start.size))
+    ends = end_map(problem, held(np.array([0.0, 1.0]), np.array([10.0])))
     random = np.random.default_rng(3)
     u, h = random.uniform(-100.0, 100.0, 12), random.uniform(0.5e-3, 1.5e-3, 12)
-    found = ends.sensitivity(u, h)
+
+    def steps(du=0.0, dh=0.0):
+        return Steps(u + du, h + dh, np.eye(12))
+
+    found = ends.sensitivity(steps())
     weights = random.standard_normal(found.end.size)
-    bent = ends.hessian(u, h, found, weights, np.eye(12))
-    assert found.end == pytest.approx(ends.defect(u, h) + ends.target, abs=1e-12)
+    bent = ends.hessian(found, weights)
+    assert found.end == pytest.approx(ends.defect(steps()) + ends.target, abs=1e-12)
     for k in (0, 5, 11):
         step = np.eye(12)[k]
-        for by, aside in ((found.by_torque, (1e-2 * step, 0.0 * step)), (found.by_width, (0.0 * step, 1e-7 * step))):
-            size = aside[0][k] + aside[1][k]
-            both = [ends.defect(u + sign * aside[0], h + sign * aside[1]) for sign in (1.0, -1.0)]
+        for by, aside, size in (
+            (found.by_torque, {"du": 1e-2 * step}, 1e-2),
+            (found.by_width, {"dh": 1e-7 * step}, 1e-7),
+        ):
+            both = [ends.defect(steps(**{name: sign * move for name, move in aside.items()})) for sign in (1.0, -1.0)]
             assert by[:, k] == pytest.approx((both[0] - both[1]) / (2.0 * size), rel=1e-5, abs=1e-6 * np.abs(by).max())
-        slopes = [weights @ ends.sensitivity(u, h + sign * 1e-7 * step).by_width for sign in (1.0, -1.0)]
+        slopes = [weights @ ends.sensitivity(steps(dh=sign * 1e-7 * step)).by_width for sign in (1.0, -1.0)]
         assert bent[:, k] == pytest.approx((slopes[0] - slopes[1]) / 2e-7, rel=1e-4, abs=1e-6 * np.abs(bent).max())
     assert bent == pytest.approx(bent.T)

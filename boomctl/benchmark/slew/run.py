@@ -11,7 +11,8 @@ from boomctl.benchmark.slew.peers import Effort, Failed, has_rockit, opti_fastes
 from boomctl.benchmark.timing import Job, environment, interleaved, one_thread
 from boomctl.rotating_beam import HubBeam, HubBeamParameters
 from boomctl.slew import TorqueHistory, mesh_study, optimal_slew
-from boomctl.slew.nlp.programme import Programme, Solution, effort_guess, prepare
+from boomctl.slew.linear import effort_guess
+from boomctl.slew.nlp.programme import Programme, Solution, prepare
 from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem
 from boomctl.slew.torque import held

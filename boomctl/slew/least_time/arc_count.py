@@ -4,7 +4,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from boomctl.arrays import Array
-from boomctl.slew.least_time.arcs import EndMap
+from boomctl.slew.least_time.arcs import EndMap, Steps
 from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueHistory, held
 
@@ -32,7 +32,8 @@ def counted(ends: EndMap, first: TorqueHistory, intervals: int) -> TorqueHistory
     parts = max(1, int(np.ceil(duration * ends.step_frequency / intervals / _STEP)))
     for _ in range(_TURNS):
         count = intervals * parts
-        found = ends.sensitivity(np.repeat(values * limit, parts), np.full(count, duration / count))
+        steps = Steps(np.repeat(values * limit, parts), np.full(count, duration / count), np.zeros((count, 0)))
+        found = ends.sensitivity(steps)
         if not (np.isfinite(found.by_torque).all() and np.isfinite(found.by_width).all()):
             raise Overflows(
                 f"torque_limit = {limit:g} N m: bends the plant until its motion overflows; expected a smaller one, or "

@@ -15,10 +15,11 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.slew.dynamics import explicit_step
-from boomctl.slew.linear import sizes_under
-from boomctl.slew.plant import SlewPlant, blocks
+from boomctl.slew.linear import guess_from
+from boomctl.slew.plant import SlewPlant
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import SlewResult
+from boomctl.slew.torque import TorqueHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,26 +29,53 @@ _CURVE = 1500  # steps at least of a switching curve: it is drawn
 
 
 @dataclass(frozen=True, eq=False)
+class Steps:
+    """K steps: torques u [N m], widths h [s], and how the widths follow q durations of arcs, K x q."""
+
+    u: Array
+    h: Array
+    moved: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """Where steps lead, in m rows over the end state, and how that depends on the K steps.
+    """Where steps lead, in m rows over the end state, and how that depends on them.
 
     Attributes
     ----------
+    steps : Steps
     end : ndarray, m
     by_torque, by_width : ndarray, m x K
         Derivatives by the torque [N m] and the width [s] of each step.
-    steps : tuple of (ndarray, ndarray)
+    motions : tuple of (ndarray, ndarray)
         Of each plant, the states n x (K + 1) and the Jacobians K x n x (n + 2) of the steps.
     """
 
+    steps: Steps
     end: Array
     by_torque: Array
     by_width: Array
-    steps: tuple[tuple[Array, Array], ...]
+    motions: tuple[tuple[Array, Array], ...]
 
-    def multipliers(self, moved: Array) -> Array:
-        """Multipliers of the end conditions with which all parameters, that move the widths by K x q, cost no time."""
-        return np.linalg.lstsq((self.by_width @ moved).T, -moved.sum(axis=0), rcond=None)[0]
+    @cached_property
+    def by_duration(self) -> Array:
+        """Derivatives by the durations of the arcs, m x q."""
+        return self.by_width @ self.steps.moved
+
+    @cached_property
+    def multipliers(self) -> Array:
+        """Multipliers of the end conditions with which the duration of every arc saves as much time as it takes."""
+        return np.linalg.lstsq(self.by_duration.T, -self.steps.moved.sum(axis=0), rcond=None)[0]
+
+    @cached_property
+    def switching_function(self) -> Array:
+        """Time that a unit of torque saves in a unit of time, K."""
+        return -(self.multipliers @ self.by_torque) / self.steps.h
+
+    @property
+    def wrong(self) -> float:
+        """Time that the torque turned round where the switching function has the other sign promises, s."""
+        return 2.0 * float(np.sum(np.maximum((self.multipliers @ self.by_torque) * self.steps.u, 0.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +118,7 @@ def _stepper(plant: SlewPlant) -> _Stepper:
 
 @dataclass(frozen=True, eq=False)
 class EndMap:
-    """What a problem prescribes of the end, as a function of the steps; torques u [N m] are held for times h [s].
+    """What a problem prescribes of the end, as a function of the steps.
 
     Attributes
     ----------
@@ -122,31 +150,38 @@ class EndMap:
                 fastest = max(fastest, _FOLLOWED * float(plant.frequencies[~moved[: plant.n // 2]].min()))
         return fastest
 
-    def defect(self, u: Array, h: Array) -> Array:
+    def steps(self, sign: float, durations: Array, counts: Array) -> Steps:
+        """Cut arcs into equal steps: the sign of the first torque, and of each arc its duration [s] and how many steps."""
+        torques = sign * self.problem.limits.torque * (-1.0) ** np.arange(durations.size)
+        moved = np.repeat(np.eye(durations.size) / counts, counts, axis=0)
+        return Steps(np.repeat(torques, counts), moved @ durations, moved)
+
+    def defect(self, steps: Steps) -> Array:
         """The end that steps lead to less the target."""
         end = -self.target
-        for stepper, (_, own) in zip(self._steppers, blocks(self.problem.plants), strict=True):
-            end += self.rows[:, own] @ stepper.motion(self.problem.start[own], u, h)[:, -1]
+        for stepper, (_, own) in zip(self._steppers, self.problem.parts, strict=True):
+            end += self.rows[:, own] @ stepper.motion(self.problem.start[own], steps.u, steps.h)[:, -1]
         return end
 
-    def sensitivity(self, u: Array, h: Array) -> Sensitivity:
+    def sensitivity(self, steps: Steps) -> Sensitivity:
         """Where steps lead, with first derivatives."""
-        m = self.rows.shape[0]
-        end, by_torque, by_width, steps = np.zeros(m), np.zeros((m, u.size)), np.zeros((m, u.size)), []
-        for stepper, (plant, own) in zip(self._steppers, blocks(self.problem.plants), strict=True):
+        u, h, m = steps.u, steps.h, self.rows.shape[0]
+        end, by_torque, by_width, motions = np.zeros(m), np.zeros((m, u.size)), np.zeros((m, u.size)), []
+        for stepper, (plant, own) in zip(self._steppers, self.problem.parts, strict=True):
             z = stepper.motion(self.problem.start[own], u, h)
             jacobians = stepper.jacobians(z, u, h)
             after = _carried_back(jacobians, self.rows[:, own])
             end += self.rows[:, own] @ z[:, -1]
             by_torque += np.einsum("kmi,ki->mk", after, jacobians[:, :, plant.n])
             by_width += np.einsum("kmi,ki->mk", after, jacobians[:, :, plant.n + 1])
-            steps.append((z, jacobians))
-        return Sensitivity(end, by_torque, by_width, tuple(steps))
+            motions.append((z, jacobians))
+        return Sensitivity(steps, end, by_torque, by_width, tuple(motions))
 
-    def hessian(self, u: Array, h: Array, found: Sensitivity, weights: Array, moved: Array) -> Array:
-        """Second derivatives of the weighted end by q parameters that move the widths: `moved` is K x q."""
+    def hessian(self, found: Sensitivity, weights: Array) -> Array:
+        """Second derivatives of the weighted end by the durations of the arcs, q x q."""
+        u, h, moved = found.steps.u, found.steps.h, found.steps.moved
         total = np.zeros((moved.shape[1], moved.shape[1]))
-        parts = zip(self._steppers, blocks(self.problem.plants), found.steps, strict=True)
+        parts = zip(self._steppers, self.problem.parts, found.motions, strict=True)
         for stepper, (plant, own), (z, jacobians) in parts:
             n = plant.n
             after = _carried_back(jacobians, weights[None, :] @ self.rows[:, own])[:, 0, :]
@@ -168,16 +203,10 @@ def _carried_back(jacobians: Array, rows: Array) -> Array:
     return after
 
 
-def end_map(problem: SlewProblem, sizes: Array) -> EndMap:
-    """Prepare the steps of a problem; rows of its end are scaled by typical sizes of the states."""
-    rows = problem.ends / np.abs(problem.ends * sizes).max(axis=1, keepdims=True)
+def end_map(problem: SlewProblem, first: TorqueHistory) -> EndMap:
+    """Prepare the steps of a problem; rows of its end are scaled by the sizes of the states under a first torque."""
+    rows = problem.ends / np.abs(problem.ends * guess_from(problem, first).sizes).max(axis=1, keepdims=True)
     return EndMap(problem, rows, [_stepper(plant) for plant in problem.plants])
-
-
-def arc_steps(torques: Array, durations: Array, counts: Array) -> tuple[Array, Array, Array]:
-    """Torques and widths of all steps, their counts given of each arc, and how widths follow durations, K x q."""
-    moved = np.repeat(np.eye(durations.size) / counts, counts, axis=0)
-    return np.repeat(torques, counts), moved @ durations, moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,8 +246,6 @@ class SwitchingCurve:
 def switching_curve(result: SlewResult) -> SwitchingCurve:
     """Carry the costate of a minimum-time slew back along its motion.
 
-    The multipliers of the end conditions are those with which the duration of every arc saves as much time as it takes.
-
     Parameters
     ----------
     result : SlewResult
@@ -234,10 +261,10 @@ def switching_curve(result: SlewResult) -> SwitchingCurve:
         raise ValueError(
             "result: expected a slew with a bang-bang torque; plan one of minimum time without other limits"
         )
-    durations, ends = np.diff(history.edges), end_map(problem, sizes_under(problem, history))
+    durations, ends = np.diff(history.edges), end_map(problem, history)
     frequency = max(ends.step_frequency, _CURVE / history.duration)
-    u, h, moved = arc_steps(history.left, durations, np.maximum(2, np.ceil(durations * frequency)).astype(int))
-    found = ends.sensitivity(u, h)
-    values = -(found.multipliers(moved) @ found.by_torque) / h
-    middle = np.cumsum(h) - 0.5 * h
-    return SwitchingCurve(middle, values / np.abs(values).max(), u, history.switches, problem.limits.torque)
+    counts = np.maximum(2, np.ceil(durations * frequency)).astype(int)
+    steps = ends.steps(float(np.sign(history.left[0])), durations, counts)
+    values = ends.sensitivity(steps).switching_function
+    middle = np.cumsum(steps.h) - 0.5 * steps.h
+    return SwitchingCurve(middle, values / np.abs(values).max(), steps.u, history.switches, problem.limits.torque)

@@ -11,9 +11,8 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.slew.least_time.arc_count import Overflows, counted
-from boomctl.slew.least_time.arcs import EndMap, Sensitivity, arc_steps, end_map
+from boomctl.slew.least_time.arcs import EndMap, end_map
 from boomctl.slew.least_time.reductions import doubled, first_half, halved, without_axial_modes
-from boomctl.slew.linear import sizes_under
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueHistory, bang_bang
 
@@ -106,7 +105,7 @@ def least_time_arcs(problem: SlewProblem, first: TorqueHistory) -> ArcSlew | Non
     if near is not None:
         first, path = near.history, ("started from the beam without axial modes", *near.path)
     half = halved(problem)
-    ends = end_map(half or problem, sizes_under(problem, first))
+    ends = end_map(half or problem, first)
     if near is not None:
         found = _refined(ends, _weighed(ends, _Arcs.of(first), _FINER), finer=_FINER, exact=False)
         if found is not None and found.gain < problem.tolerance:
@@ -137,7 +136,7 @@ def least_time_arcs(problem: SlewProblem, first: TorqueHistory) -> ArcSlew | Non
 def _refined(ends: EndMap, found: _Arcs, finer: int = 1, exact: bool = True) -> ArcSlew | None:
     """Halve the steps until the end stays where it is; if not exact, durations are led to the end, not to the least sum."""
     tolerance, error = ends.problem.tolerance, np.inf
-    while error > _STEP_SHARE * tolerance and finer * _steps(ends, found.durations).sum() < _MOST_STEPS:
+    while error > _STEP_SHARE * tolerance and finer * _counts(ends, found.durations).sum() < _MOST_STEPS:
         finer *= 2
         near, error = _corrected(ends, found, finer)
         if near is None and exact:
@@ -158,21 +157,20 @@ def _weighed(ends: EndMap, found: _Arcs, finer: int) -> _Arcs:
 
     Where it is p at a switch, and p' its slope, the switch moved to its zero would gain the time ``limit p^2 / |p'|``.
     """
-    u, h, moved = _cut(ends, found, finer * _steps(ends, found.durations))
-    reached = ends.sensitivity(u, h)
-    slope, weights = reached.by_width @ moved, reached.multipliers(moved)
-    p, k = -(weights @ reached.by_torque) / h, np.flatnonzero(np.diff(u))
+    steps = ends.steps(found.sign, found.durations, finer * _counts(ends, found.durations))
+    reached = ends.sensitivity(steps)
+    h, p, k = steps.h, reached.switching_function, np.flatnonzero(np.diff(steps.u))
     middle, change = 0.5 * (p[k] + p[k + 1]), 2.0 * (p[k + 1] - p[k]) / (h[k] + h[k + 1])
     promised = ends.problem.limits.torque * float(np.sum(middle**2 / np.maximum(np.abs(change), 1e-300)))
-    return replace(found, slope=slope, weights=weights, promised=promised, wrong=_wrong(weights, reached, u))
+    slope, weights = reached.by_duration, reached.multipliers
+    return replace(found, slope=slope, weights=weights, promised=promised, wrong=reached.wrong)
 
 
 def _corrected(ends: EndMap, found: _Arcs, finer: int) -> tuple[_Arcs | None, float]:
     """Lead to the end with finer steps by the derivatives of the coarser; None if they do not; the defect at first."""
-    steps, d, errors = finer * _steps(ends, found.durations), found.durations, []
+    counts, d, errors = finer * _counts(ends, found.durations), found.durations, []
     for _ in range(_CHORDS):
-        u, h, _moved = _cut(ends, replace(found, durations=d), steps)
-        defect = ends.defect(u, h)
+        defect = ends.defect(ends.steps(found.sign, d, counts))
         errors.append(float(np.abs(defect).max()))
         d = d - np.linalg.lstsq(found.slope, defect, rcond=None)[0]
         if not errors[-1] <= errors[0] or d.min() <= _shortest(ends, d):
@@ -182,15 +180,9 @@ def _corrected(ends: EndMap, found: _Arcs, finer: int) -> tuple[_Arcs | None, fl
     return replace(found, durations=d), errors[0]
 
 
-def _steps(ends: EndMap, durations: Array) -> Array:
+def _counts(ends: EndMap, durations: Array) -> Array:
     """How many steps each arc is cut into."""
     return np.maximum(2, np.ceil(durations * ends.step_frequency)).astype(int)
-
-
-def _cut(ends: EndMap, found: _Arcs, steps: Array) -> tuple[Array, Array, Array]:
-    """Torques and widths of all steps, and how the widths follow the durations, K x q."""
-    torques = found.sign * ends.problem.limits.torque * (-1.0) ** np.arange(found.durations.size)
-    return arc_steps(torques, found.durations, steps)
 
 
 def _shortest(ends: EndMap, d: Array) -> float:
@@ -201,14 +193,14 @@ def _shortest(ends: EndMap, d: Array) -> float:
 def _stationary(ends: EndMap, found: _Arcs, finer: int) -> _Arcs | None:
     """Stationary durations, arcs of no length left out; None where there are too few, or Newton's method fails."""
     while found.durations.size >= ends.rows.shape[0]:
-        answer = _newton(ends, found, finer * _steps(ends, found.durations))
+        answer = _newton(ends, found, finer * _counts(ends, found.durations))
         if answer is None or answer.durations.min() > _shortest(ends, answer.durations):
             return answer
         found = answer.without_shortest()
     return None
 
 
-def _newton(ends: EndMap, found: _Arcs, steps: Array) -> _Arcs | None:
+def _newton(ends: EndMap, found: _Arcs, counts: Array) -> _Arcs | None:
     """Durations of least sum: Newton's method. An arc that would vanish is returned as it vanishes.
 
     The Hessian is kept as long as it serves. Axial vibration ripples it: there a small promise is enough.
@@ -217,22 +209,20 @@ def _newton(ends: EndMap, found: _Arcs, steps: Array) -> _Arcs | None:
     size, before, total, count = np.inf, np.inf, float(found.durations.sum()), found.durations.size
     least, patience = np.inf, _PATIENCE
     for _ in range(_NEWTON):
-        u, h, moved = _cut(ends, found, steps)
-        reached = ends.sensitivity(u, h)
-        defect, slope = reached.end - ends.target, reached.by_width @ moved
+        reached = ends.sensitivity(ends.steps(found.sign, found.durations, counts))
+        defect, slope = reached.end - ends.target, reached.by_duration
         patience = _PATIENCE if np.abs(defect).max() < _NEARER * least else patience - 1
         least = min(least, float(np.abs(defect).max()))
         if not np.isfinite(slope).all() or (patience == 0 and least > _FAR):
             return None
-        weights = reached.multipliers(moved)
-        found = replace(found, slope=slope, weights=weights)
+        found = replace(found, slope=slope, weights=reached.multipliers)
         if count > defect.size and (found.hessian.shape[0] != count or size > _SERVES * before):
-            found = replace(found, hessian=ends.hessian(u, h, reached, weights, moved))
+            found = replace(found, hessian=ends.hessian(reached, reached.multipliers))
         onto, beside, promised = _newton_step(defect, slope, found.hessian)
         before, size = size, float(np.abs(onto + beside).max() / total)
         flat = promised < (_FLAT if smooth else _ROUGH) * total
         if flat and np.abs(onto).max() < _SETTLED * total:
-            return replace(found, promised=promised, wrong=_wrong(weights, reached, u))
+            return replace(found, promised=promised, wrong=reached.wrong)
         d = _moved(found.durations, onto)
         found = replace(found, durations=d if flat else _moved(d, beside))
         if found.durations.min() < _shortest(ends, found.durations):
@@ -259,8 +249,3 @@ def _newton_step(defect: Array, slope: Array, hessian: Array) -> tuple[Array, Ar
     values = np.maximum(np.abs(values), _CURVED * np.abs(values).max() + 1e-300)
     downhill = vectors.T @ (free.T @ (np.ones(q) + hessian @ onto))
     return onto, -free @ (vectors @ (downhill / values)), 0.5 * float(np.sum(downhill**2 / values))
-
-
-def _wrong(weights: Array, reached: Sensitivity, u: Array) -> float:
-    """Time that the torque turned round where the switching function has the other sign promises, s."""
-    return 2.0 * float(np.sum(np.maximum((weights @ reached.by_torque) * u, 0.0)))

@@ -6,7 +6,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.slew.dynamics import rates
-from boomctl.slew.plant import SlewPlant, blocks, plant_of
+from boomctl.slew.plant import SlewPlant, plant_of
 from boomctl.slew.problem import SlewProblem, end_conditions
 from boomctl.slew.torque import TorqueHistory, held
 
@@ -26,7 +26,7 @@ def halved(problem: SlewProblem) -> SlewProblem | None:
     if problem.angle is None or problem.ends.shape[0] != prescribed:
         return None
     rows, target = [], 0.5 * (problem.start + problem.target)
-    for k, (plant, own) in enumerate(blocks(problem.plants)):
+    for k, (plant, own) in enumerate(problem.parts):
         half = plant.n // 2
         start, end = problem.start[own], problem.target[own]
         if not plant.controllable.all() or np.any(start[half:] != end[half:]) or not _reversible(plant, start + end):

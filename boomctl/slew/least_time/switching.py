@@ -74,6 +74,8 @@ class Extremal:
         s.
     sign : float
         Of the first arc.
+    limit : float
+        Of the torque, N m.
     costate : ndarray, n
         At the end, such that the Hamiltonian is 1.
     residual : float
@@ -85,9 +87,15 @@ class Extremal:
     switches: Array
     duration: float
     sign: float
+    limit: float
     costate: Array
     residual: float
-    path: tuple[str, ...] = ()
+    path: tuple[str, ...] = ("linear switching times",)
+
+    @property
+    def history(self) -> TorqueHistory:
+        """The torque."""
+        return bang_bang(self.switches, self.duration, self.limit, self.sign)
 
 
 def linear_time_problem(problem: SlewProblem) -> LinearTimeProblem:
@@ -96,7 +104,7 @@ def linear_time_problem(problem: SlewProblem) -> LinearTimeProblem:
     return LinearTimeProblem(flow(problem), problem.start, problem.ends, target, problem.limits.torque)
 
 
-def least_time(problem: SlewProblem) -> tuple[Extremal, TorqueHistory]:
+def least_time(problem: SlewProblem) -> Extremal:
     """Minimum-time slew of the linear part: where nonlinear plants start, and for linear ones the answer itself.
 
     Raises
@@ -104,15 +112,20 @@ def least_time(problem: SlewProblem) -> tuple[Extremal, TorqueHistory]:
     SlewError
         If no torque within the limit leads to the end, or the switching times are not found.
     """
-    linear = linear_time_problem(problem)
+    linear, guess = linear_time_problem(problem), problem.rigid_time
     try:
-        found = _fastest(linear, problem.rigid_time)
-    except SwitchesNotFound:
+        return _fastest(linear, guess)
+    except SwitchesNotFound as failure:
         # where an arc is about to appear, no grid shows how many there are; a torque limit beside the given one may
-        found = _from_beside(linear, problem.rigid_time)
-        if found is None:
-            raise
-    return found, bang_bang(found.switches, found.duration, linear.limit, found.sign)
+        for factor in _BESIDE:
+            try:
+                near = replace(_fastest(replace(linear, limit=factor * linear.limit), guess), limit=linear.limit)
+            except SlewError:
+                continue
+            found = _merged(linear, _newton(linear, _fitted(linear, near)))
+            if found is not None and misfit(linear, found) < _AGREE:
+                return replace(found, path=(*found.path, f"started from {factor:g} of the torque limit"))
+        raise failure
 
 
 def time_gap(problem: LinearTimeProblem, found: Extremal) -> float:
@@ -142,18 +155,6 @@ def _fastest(problem: LinearTimeProblem, guess: float) -> Extremal:
             best = found or best
     missing = "none converged" if best is None else f"conditions are missed by {best.residual:.1e}"
     raise SwitchesNotFound(f"minimum time: the switching times could not be found; {missing}")
-
-
-def _from_beside(linear: LinearTimeProblem, guess: float) -> Extremal | None:
-    for factor in _BESIDE:
-        try:
-            near = _fastest(replace(linear, limit=factor * linear.limit), guess)
-        except SlewError:
-            continue
-        found = _merged(linear, _newton(linear, _fitted(linear, near)))
-        if found is not None and misfit(linear, found) < _AGREE:
-            return replace(found, path=(f"started from {factor:g} of the torque limit",))
-    return None
 
 
 def _fastest_vibration(flow: LinearFlow) -> float:
@@ -254,7 +255,7 @@ def _from_costate(problem: LinearTimeProblem, duration: float, values: Array, co
     """Switches where the grid's costate has its switching function change sign."""
     if values[np.abs(values) > _DECIDED].size == 0:
         return None
-    rough = Extremal(np.zeros(0), duration, 1.0, costate, np.inf)
+    rough = Extremal(np.zeros(0), duration, 1.0, problem.limit, costate, np.inf)
     t = np.linspace(0.0, duration, 2 * values.size + 1)
     p = switching_function(problem, rough, t)
     sign = np.sign(values[np.abs(values) > _DECIDED][0])
@@ -282,7 +283,7 @@ def _from_values(problem: LinearTimeProblem, duration: float, values: Array, cos
         elif k and abs(values[k - 1]) >= _AT_LIMIT and value * values[k - 1] < 0.0:
             switches.append(k * h)
         sign = sign or float(np.sign(value) if abs(value) > _AT_LIMIT else 0.0)
-    rough = Extremal(np.array(switches), duration, sign or 1.0, costate, np.inf)
+    rough = Extremal(np.array(switches), duration, sign or 1.0, problem.limit, costate, np.inf)
     return _fitted(problem, rough)
 
 

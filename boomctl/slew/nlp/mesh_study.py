@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.linear import least_effort
-from boomctl.slew.nlp.programme import guess_from, prepare
+from boomctl.slew.linear import guess_from, least_effort
+from boomctl.slew.nlp.programme import prepare
 from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.replay import end_error, played

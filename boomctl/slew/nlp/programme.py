@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.linear import flow, least_effort, state_sizes
+from boomctl.slew.linear import Guess
 from boomctl.slew.nlp.diagnosis import Relaxed, relaxed
 from boomctl.slew.nlp.transcription import Scheme, Transcription, Units, transcribe
 from boomctl.slew.problem import UNITS, Limits, SlewProblem
@@ -44,53 +44,6 @@ _EFFORT_PUSH = 1e-9  # as the pushes of a warm start; of least effort the first 
 _LEAST_TIME = 1e-3  # of the duration over its typical size: a bound that only keeps it positive
 _SHOWN = 1e-7  # of a scaled condition: a smaller miss is not told
 _BINDS = 0.999  # share of a limit from which it is said to bind
-
-
-@dataclass(frozen=True, eq=False)
-class Guess:
-    """A start.
-
-    Attributes
-    ----------
-    duration : float
-        s.
-    torques : ndarray
-        At intervals or nodes, N m.
-    states : ndarray, (N + 1) x n
-        At nodes.
-    costates : ndarray, N x n, or None
-        Of least effort, at the ends of the intervals: the free torque is ``costate^T B``.
-    free : ndarray, N, or None
-        The torque of least effort without limit, N m.
-    """
-
-    duration: float
-    torques: Array
-    states: Array
-    costates: Array | None = None
-    free: Array | None = None
-
-
-def guess_from(problem: SlewProblem, history: TorqueHistory, intervals: int, ramp: bool = False) -> Guess:
-    """Sample a torque and the linear motion under it on a mesh."""
-    means = history.means(np.linspace(0.0, history.duration, intervals + 1))
-    states = flow(problem).motion(problem.start, history.duration, means)
-    if ramp:
-        means = np.concatenate([[0.0], 0.5 * (means[1:] + means[:-1]), [0.0]])
-    return Guess(history.duration, means, states)
-
-
-def effort_guess(problem: SlewProblem, duration: float, intervals: int) -> Guess:
-    """The linear part's least effort with its costates, where every programme of least effort starts best."""
-    least = least_effort(problem, duration, intervals)
-    guess = guess_from(problem, least.history, intervals)
-    Phi, push = flow(problem).step(duration / intervals)
-    costates = np.empty((intervals, problem.start.size))
-    costates[-1] = least.costate
-    for k in range(intervals - 1, 0, -1):
-        costates[k - 1] = costates[k] @ Phi
-    free = costates @ push * (intervals / duration)
-    return Guess(duration, guess.torques, guess.states, costates, free)
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,12 +212,12 @@ def prepare(problem: SlewProblem, scheme: Scheme, guess: Guess, tolerance: float
     tolerance : float
         Of the end state in a replay, relative.
     """
-    sizes, tip = state_sizes(guess.states), 1.0
+    sizes, tip = guess.sizes, 1.0
     if "tip" in problem.plants[0].rows:
         row = np.concatenate([plant.rows["tip"] for plant in problem.plants])
         tip = float(max(np.abs(row * sizes).max(), 1e-12))
     units = Units(sizes, problem.limits.torque, problem.duration or guess.duration, tip)
-    transcription = transcribe(problem.plants, problem.ends, scheme, units)
+    transcription = transcribe(problem.parts, problem.ends, scheme, units)
     options = _OPTIONS | transcription.derivatives | {"ipopt.tol": min(_TOLERANCE, _SHARE * tolerance)}
     if scheme.objective == "effort":
         options |= {f"ipopt.warm_start_{kind}_push": _EFFORT_PUSH for kind in ("bound", "mult_bound", "slack_bound")}

@@ -4,9 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from boomctl.slew.least_time.switching import least_time
-from boomctl.slew.linear import least_effort
-from boomctl.slew.nlp.programme import Programme, Solution, effort_guess, guess_from, prepare
+from boomctl.slew.linear import Guess, effort_guess, guess_from, least_effort
+from boomctl.slew.nlp.programme import Programme, Solution, prepare
 from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.problem import Limits, SlewProblem
 from boomctl.slew.replay import end_error, played, violation
@@ -20,10 +19,7 @@ _ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limi
 _EXCESS = 1e-9  # relative, over a limit, in a replay: rounding of the integrator
 _TIGHTER, _AT_LEAST = 1.1, 1e-6  # by how many times an excess, and how much more, a limit is tightened
 _HIGHEST = 9  # collocation points: for more CasADi tabulates none
-_LONGER, _LONGER_LIMITED = (
-    1.05,
-    1.5,
-)  # than the linear part's least time: what a first guess takes, and within more limits
+_LONGER = 1.5  # times the linear part's least time: what a first guess takes within more limits than the torque's
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +42,7 @@ class Refined:
     path: tuple[str, ...]
 
 
-def refined(problem: SlewProblem, start: TorqueHistory | None = None) -> Refined:
+def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
     """Solve on the mesh asked for, or on finer ones until halving the intervals changes the cost by little.
 
     A mesh too coarse for any slew is passed over. Limits that a mesh exceeds by much, or by no less than a mesh half as fine
@@ -55,8 +51,8 @@ def refined(problem: SlewProblem, start: TorqueHistory | None = None) -> Refined
     Parameters
     ----------
     problem : SlewProblem
-    start : TorqueHistory or None
-        A torque to start from; None: one from the linear part.
+    least : TorqueHistory or None
+        The linear part's slew of least time, from which a slew of free duration starts.
 
     Raises
     ------
@@ -64,17 +60,19 @@ def refined(problem: SlewProblem, start: TorqueHistory | None = None) -> Refined
         If no mesh has a solution that a replay confirms.
     """
     if problem.intervals is not None:
-        programme, solution = _solved(problem, problem.intervals, start)
+        programme, solution = _solved(problem, _guess(problem, least, None, problem.intervals), problem.intervals)
         gap = _gap(solution.cost, _companion(problem, problem.intervals, solution).cost)
-        return Refined(programme, solution, gap, (_step(problem, problem.intervals),))
-    cost, failure, before, path = np.inf, SlewError("no mesh was tried"), np.inf, ()
+        return Refined(programme, solution, gap, (f"{problem.method} on {problem.intervals} intervals",))
+    cost, failure, before, path, coarser = np.inf, SlewError("no mesh was tried"), np.inf, (), None
     for intervals in _MESHES:
-        last, path = intervals == _MESHES[-1], (*path, _step(problem, intervals))
+        last, path = intervals == _MESHES[-1], (*path, f"{problem.method} on {intervals} intervals")
         try:
-            programme, solution = _solved(problem, intervals, start, rough=not last)
+            guess = _guess(problem, least, coarser, intervals)
+            programme, solution = _solved(problem, guess, intervals, rough=not last)
             gap = _gap(solution.cost, cost)
             if gap < _MESH_GAP and not last:
-                programme, solution = _solved(problem, intervals, solution.history)
+                guess = _guess(problem, least, solution.history, intervals)
+                programme, solution = _solved(problem, guess, intervals)
         except LimitsTooTight as error:
             if error.excess > min(_TOO_MUCH, 0.5 * before):
                 raise
@@ -83,14 +81,10 @@ def refined(problem: SlewProblem, start: TorqueHistory | None = None) -> Refined
         except SlewError as error:
             failure = error
             continue
-        cost, start = solution.cost, solution.history
+        cost, coarser = solution.cost, solution.history
         if gap < _MESH_GAP or last:
             return Refined(programme, solution, gap, path)
     raise failure
-
-
-def _step(problem: SlewProblem, intervals: int) -> str:
-    return f"{problem.method} on {intervals} intervals"
 
 
 def _gap(cost: float, other: float) -> float:
@@ -101,34 +95,42 @@ def _companion(problem: SlewProblem, intervals: int, solution: Solution) -> Solu
     """The solution on a mesh half as fine, or twice as fine where that one allows none."""
     if intervals >= 4 * problem.ends.shape[0]:  # fewer than two an end condition would leave nothing to choose
         try:
-            return _solved(problem, intervals // 2, solution.history)[1]
+            return _solved(problem, _guess(problem, None, solution.history, intervals // 2), intervals // 2)[1]
         except SlewError:
             pass
-    return _solved(problem, 2 * intervals, solution.history)[1]
+    return _solved(problem, _guess(problem, None, solution.history, 2 * intervals), 2 * intervals)[1]
 
 
-def _solved(
-    problem: SlewProblem, intervals: int, start: TorqueHistory | None, rough: bool = False
-) -> tuple[Programme, Solution]:
+def _ramps(problem: SlewProblem) -> bool:
+    """Whether the torque is to be continuous."""
+    return problem.objective in ("jerk", "torque-rate", "tip") or problem.limits.torque_rate is not None
+
+
+def _guess(problem: SlewProblem, least: TorqueHistory | None, before: TorqueHistory | None, intervals: int) -> Guess:
+    """Where to start: from the torque of another mesh; else from the linear part's least time, or least effort."""
+    if problem.objective == "effort" and not problem.limits.beside_torque and problem.duration is not None:
+        return effort_guess(problem, problem.duration, intervals)
+    if before is None and problem.fastest:
+        before = least
+    if before is None:
+        duration = problem.duration or (0.0 if least is None else _LONGER * least.duration)
+        before = least_effort(problem, duration, intervals).history
+    return guess_from(problem, before, intervals, _ramps(problem))
+
+
+def _solved(problem: SlewProblem, guess: Guess, intervals: int, rough: bool = False) -> tuple[Programme, Solution]:
     """Solve on a mesh, with the order raised and the limits tightened until the replay keeps what was asked.
 
     A rough solution is not replayed: it tells the cost, and where to start on the next mesh.
     """
-    ramp = problem.objective in ("jerk", "torque-rate", "tip") or problem.limits.torque_rate is not None
-    if problem.objective == "effort" and not problem.limits.beside_torque and problem.duration is not None:
-        guess = effort_guess(problem, problem.duration, intervals)
-    else:
-        if start is None:
-            longer = _LONGER_LIMITED if problem.limits.beside_torque else _LONGER
-            duration = problem.duration or longer * least_time(problem)[1].duration
-            start = least_effort(problem, duration, intervals).history
-        guess = guess_from(problem, start, intervals, ramp)
     order, limits = 1 if problem.method == "shooting" else 3, problem.limits
     programme, before, missed, worst = None, guess, np.inf, np.inf
     for _ in range(_ROUNDS):
         if programme is None:
             kinds = tuple(limits.beside_torque)
-            scheme = Scheme(problem.method, problem.objective, intervals, order, ramp, problem.duration is None, kinds)
+            scheme = Scheme(
+                problem.method, problem.objective, intervals, order, _ramps(problem), problem.duration is None, kinds
+            )
             programme = prepare(problem, scheme, guess, problem.tolerance)
         solution = programme.solve(problem, before, limits)
         if rough:

@@ -6,7 +6,7 @@ are put together from those of one stage, so that nothing is differentiated twic
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.slew.dynamics import explicit_step, rates
-from boomctl.slew.plant import SlewPlant, blocks
+from boomctl.slew.plant import SlewPlant
 
 _AT_NODES = ("speed", "tip", "moment")
 """Limits that are kept at the nodes; that of the torque is a bound, that of its slope a condition of each interval."""
@@ -142,20 +142,23 @@ class Transcription:
         return self.stage_rows * self.scheme.intervals
 
 
-def transcribe(plants: tuple[SlewPlant, ...], ends: Array, scheme: Scheme, units: Units) -> Transcription:
+Parts: TypeAlias = tuple[tuple[SlewPlant, slice], ...]
+"""Plants, which the one torque drives, with their places in the states."""
+
+
+def transcribe(parts: Parts, ends: Array, scheme: Scheme, units: Units) -> Transcription:
     """Build the programme.
 
     Parameters
     ----------
-    plants : tuple of SlewPlant
-        All are driven by the one torque.
+    parts : tuple of (SlewPlant, slice)
     ends : ndarray, m x n
         Rows over all states that are prescribed at the end.
     scheme : Scheme
     units : Units
     """
     N, layout = scheme.intervals, _layout(scheme, units.states.size)
-    stage, local = _stage(plants, scheme, units, layout), layout.local
+    stage, local = _stage(parts, scheme, units, layout), layout.local
     x, p = ca.MX.sym("x", layout.size), ca.MX.sym("p", 1 + len(scheme.limits))
     every, data = ca.reshape(x[local.ravel().tolist()], local.shape[1], N), ca.repmat(p, 1, N)
     last = ca.vertcat(*[x[int(i)] for i in layout.last])
@@ -203,7 +206,7 @@ def transcribe(plants: tuple[SlewPlant, ...], ends: Array, scheme: Scheme, units
         names=stage.names,
         last=last_rows,
         ends=scaled,
-        blocks=tuple(own for _, own in blocks(plants)),
+        blocks=tuple(own for _, own in parts),
     )
 
 
@@ -253,7 +256,7 @@ class _Unknowns:
     bound: ca.SX | None
 
 
-def _stage(plants: tuple[SlewPlant, ...], scheme: Scheme, units: Units, layout: Layout) -> _Stage:
+def _stage(parts: Parts, scheme: Scheme, units: Units, layout: Layout) -> _Stage:
     """The stage function, scaled, and its derivatives."""
     n, extra = units.states.size, layout.rates.shape[1]
     v, p = ca.SX.sym("v", layout.local.shape[1]), ca.SX.sym("p", 1 + len(scheme.limits))
@@ -269,13 +272,13 @@ def _stage(plants: tuple[SlewPlant, ...], scheme: Scheme, units: Units, layout: 
         h=time / scheme.intervals,
         bound=v[layout.local.shape[1] - 1] if scheme.objective == "tip" else None,
     )
-    path, names = _path(plants, units, s, limits)
-    value = [_defects(plants, scheme, units, s), path]
+    path, names = _path(parts, units, s, limits)
+    value = [_defects(parts, scheme, units, s), path]
     if "torque_rate" in limits:
         change, most = s.u1 - s.u, limits["torque_rate"] * s.h / units.torque
         value += [change - most, -change - most]
         names += ["torque_rate_limit"] * 2
-    value, cost = ca.vertcat(*value), _cost(plants, scheme, units, s)
+    value, cost = ca.vertcat(*value), _cost(parts, scheme, units, s)
     multipliers, weight = ca.SX.sym("m", value.shape[0]), ca.SX.sym("w")
     jacobian = ca.jacobian(value, v)
     hessian = ca.triu(ca.hessian(weight * cost + ca.dot(multipliers, value), v)[0])
@@ -299,11 +302,11 @@ def _stage(plants: tuple[SlewPlant, ...], scheme: Scheme, units: Units, layout: 
     )
 
 
-def _defects(plants: tuple[SlewPlant, ...], scheme: Scheme, units: Units, s: _Unknowns) -> ca.SX:
+def _defects(parts: Parts, scheme: Scheme, units: Units, s: _Unknowns) -> ca.SX:
     """By how much the next states, and the rates at the collocation points, miss the equations of motion."""
     u, u1, order = s.u * units.torque, s.u1 * units.torque, scheme.order
     defects, first = [], 0
-    for plant, own in blocks(plants):
+    for plant, own in parts:
         unit = ca.DM(units.states[own])
         z, z1 = s.z[own] * unit, s.z1[own] * unit
         if scheme.method == "shooting":
@@ -345,12 +348,10 @@ def collocation_defects(plant: SlewPlant, points: int, method: str = "collocatio
     return ca.Function("defects", [z, ca.vec(k), u0, u1, h, z1], [ca.vertcat(*defects)])
 
 
-def _path(
-    plants: tuple[SlewPlant, ...], units: Units, s: _Unknowns, limits: dict[str, ca.SX]
-) -> tuple[ca.SX, list[str]]:
+def _path(parts: Parts, units: Units, s: _Unknowns, limits: dict[str, ca.SX]) -> tuple[ca.SX, list[str]]:
     """What is to be <= 0 at the nodes, and what it is called."""
     lines, names = [], []
-    for plant, own in blocks(plants):
+    for plant, own in parts:
         for kind in _AT_NODES:
             if kind in limits:
                 row = plant.rows[kind] * units.states[own]
@@ -365,7 +366,7 @@ def _path(
     return ca.vertcat(*lines) if lines else ca.SX(0, 1), names
 
 
-def _cost(plants: tuple[SlewPlant, ...], scheme: Scheme, units: Units, s: _Unknowns) -> ca.SX:
+def _cost(parts: Parts, scheme: Scheme, units: Units, s: _Unknowns) -> ca.SX:
     share = s.h / units.time
     effort = share * (s.u**2 + s.u * s.u1 + s.u1**2) / 3.0
     if scheme.objective == "time":
@@ -379,7 +380,7 @@ def _cost(plants: tuple[SlewPlant, ...], scheme: Scheme, units: Units, s: _Unkno
     if scheme.objective == "torque-rate":
         return (s.u1 - s.u) ** 2 / share
     total = ca.SX(0)
-    for plant, own in blocks(plants):
+    for plant, own in parts:
         unit, f, row = ca.DM(units.states[own]), rates(plant), ca.DM(plant.rows["speed"])
         turning, turning1 = (ca.dot(row, f(z[own] * unit, u * units.torque)) for z, u in ((s.z, s.u), (s.z1, s.u1)))
         total += ((turning1 - turning) * ((plant.inertia or 1.0) / units.torque)) ** 2 / share
