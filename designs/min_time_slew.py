@@ -1,6 +1,6 @@
 """The fastest rest-to-rest slew of a flexible beam, and what it gains over shaped commands.
 
-A quarter turn of the paper's beam under 200 N m: the minimum-time torque, bang-bang with switching times sharpened on the
+A quarter turn of the paper's beam under 200 N m: the minimum-time torque, bang-bang with switching times refined on the
 nonlinear model, against a rigid body's bang-bang and classical input shapers. It is open loop and leans on the model: with
 the beam's frequencies a tenth off it leaves some three times the vibration of a ZV-shaped bang-bang, which takes 29 % longer.
 """
@@ -9,7 +9,7 @@ import numpy as np
 
 from boomctl.rotating_beam import HubBeam, HubBeamParameters
 from boomctl.slew import optimal_slew
-from boomctl.studies.slew.design import SlewDesign, SlewEvaluation, evaluate
+from boomctl.studies.slew import SlewDesign, SlewEvaluation
 
 ANGLE, LIMIT = np.pi / 2, 200.0
 
@@ -31,7 +31,7 @@ def slew(modes: int = 2) -> SlewDesign:
 
 def main(modes: int = 2) -> SlewEvaluation:
     """Return what the slew is worth."""
-    return evaluate(slew(modes))
+    return slew(modes).evaluate()
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from boomctl.analysis.norm import grows_towards
 from boomctl.arrays import Array
 from boomctl.lti.gramians import factors
 from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -52,6 +52,10 @@ class H2Certificate:
     gap: float
     method: str
 
+    def __repr__(self) -> str:
+        certified = "certified" if self.certified else f"not certified: {self.lower:.6g} to {self.upper:.6g}"
+        return f"H2Certificate: H2 norm {self.value:.6g}, {certified}\n  {self.method}"
+
     @property
     def certified(self) -> bool:
         """Whether bounds and independent values agree to a millionth, or the norm is known to be infinite."""
@@ -68,15 +72,15 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     TypeError, ValueError
         Another kind of system, discrete time, not finite; an output of a structure that needs a derivative of an input.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if isinstance(system, SecondOrderModel):
         realized = modal_realization(system)
     elif isinstance(system, control.StateSpace):
-        realized = system
+        realized = of(system, expected="StateSpace")
     else:
         raise TypeError(f"system: expected SecondOrderModel or StateSpace, got {type(system).__name__}")
-    return matrices_h2(state_matrices(realized), tuple(realized.input_labels), tuple(realized.output_labels))
+    return matrices_h2(realized.balanced(), realized.inputs, realized.outputs)
 
 
 def matrices_h2(system: Lti, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> H2Certificate:

@@ -10,13 +10,11 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.lti.system import Lti, lower_lft, state_matrices
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
-
-_WELL_POSED = 1e-12
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ class Loop:
 
 def plant_of(plant: "SecondOrderModel | control.StateSpace") -> "control.StateSpace":
     """Return a plant as a continuous-time state-space system, refused if it is neither that nor a structure."""
-    import control
+    from boomctl.lti.python_control import control
 
     if isinstance(plant, SecondOrderModel):
         return plant.to_statespace()
@@ -80,7 +78,7 @@ def plant_of(plant: "SecondOrderModel | control.StateSpace") -> "control.StateSp
 
 def controller_of(controller: "control.StateSpace") -> "control.StateSpace":
     """Return a controller, refused if it is not a continuous-time state-space system."""
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(controller, control.StateSpace):
         raise TypeError(f"controller: expected StateSpace, got {type(controller).__name__}")
@@ -120,46 +118,21 @@ def _matrices(system: "control.StateSpace") -> Lti:
 
 
 def _closed(P: Lti, K: Lti, inputs: tuple[Sequence[int], Sequence[int]], measured: Sequence[int]) -> Lti:
-    """Return the loop: with the signals ``l = (u, y)`` around it, ``l = C2 x + D21 w + D22 l``."""
+    """Return the loop ``u = v + K (y + n)``, from what drives it, ``v`` and ``n`` to the outputs, ``u`` and ``y + n``."""
     others, acting = list(inputs[0]), list(inputs[1])
-    n, k, m, p = len(P.A), len(K.A), len(acting), len(measured)
-    w, outputs = len(others), len(P.C)
-    A = linalg.block_diag(P.A, K.A).reshape(n + k, n + k)
-    B1 = np.zeros((n + k, w + m + p))
-    B1[:n, :w] = P.B[:, others]
-    B2 = linalg.block_diag(P.B[:, acting].reshape(n, m), K.B.reshape(k, p)).reshape(n + k, m + p)
-    C2 = np.vstack([np.hstack([np.zeros((m, n)), K.C]), np.hstack([P.C[measured], np.zeros((p, k))])])
-    D21 = np.vstack([np.zeros((m, w)), P.D[np.ix_(measured, others)]])
-    D21 = np.hstack([D21, np.eye(m + p)])
-    D22 = np.zeros((m + p, m + p))
-    D22[:m, m:], D22[m:, :m] = K.D, P.D[np.ix_(measured, acting)]
-    solved = posed_inverse(np.eye(m + p) - D22)
-    C1 = np.hstack([P.C, np.zeros((outputs, k))])
-    D11 = np.hstack([P.D[:, others], np.zeros((outputs, m + p))])
-    D12 = np.hstack([P.D[:, acting], np.zeros((outputs, p))])
-    return Lti(
-        A + B2 @ solved @ C2,
-        B1 + B2 @ solved @ D21,
-        np.vstack([C1 + D12 @ solved @ C2, solved @ C2]),
-        np.vstack([D11 + D12 @ solved @ D21, solved @ D21]),
+    m, p, outputs = len(acting), len(measured), len(P.C)
+    B1, B2, C2 = P.B[:, others], P.B[:, acting], P.C[measured]
+    driven, read = P.D[:, acting], [P.D[np.ix_(measured, others)], P.D[np.ix_(measured, acting)], np.eye(p)]
+    D = np.block(
+        [
+            [P.D[:, others], driven, np.zeros((outputs, p)), driven],
+            [np.zeros((m, len(others))), np.eye(m), np.zeros((m, p)), np.eye(m)],
+            [*read, read[1]],
+            [*read, read[1]],
+        ]
     )
-
-
-def posed_inverse(matrix: Array) -> Array:
-    """Return the inverse of ``I - D22``, judged and computed after balancing, so that units do not matter.
-
-    Raises
-    ------
-    ValueError
-        The loop is not well-posed.
-    """
-    if not len(matrix):
-        return matrix
-    balanced, (scale, _) = linalg.matrix_balance(matrix, permute=False, separate=True)
-    values = linalg.svdvals(balanced)
-    if values[-1] <= _WELL_POSED * max(1.0, values[0]):
-        raise ValueError("the loop is not well-posed: the feedthroughs of plant and controller cancel one another")
-    return linalg.inv(balanced) * scale[:, None] / scale
+    B, C = np.hstack([B1, B2, np.zeros((len(P.A), p)), B2]), np.vstack([P.C, np.zeros((m, len(P.A))), C2, C2])
+    return lower_lft(Lti(P.A, B, C, D), K)
 
 
 def feedback_loop(
@@ -190,7 +163,7 @@ def feedback_loop(
         Other kinds of system, discrete time; names that do not meet; nothing left to drive the loop; a loop that is
         not well-posed.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     loop = joined(plant, controller)
     around = loop.controls + loop.measurements
@@ -243,7 +216,7 @@ def closed_loop_response(
         Names that do not meet; no frequencies, or frequencies beside data that have their own; a loop with a pole at
         a frequency asked for.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     data = named_response(plant, omega)
     K = controller_of(controller)
@@ -280,7 +253,7 @@ def named_response(
     omega: ArrayLike | None,
 ) -> "control.FrequencyResponseData":
     """Return the frequency response of a plant, whether it is data or a function of frequency; refused if not finite."""
-    import control
+    from boomctl.lti.python_control import control
 
     if isinstance(plant, control.FrequencyResponseData):
         if omega is not None:

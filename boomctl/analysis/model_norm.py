@@ -7,7 +7,6 @@ positive definite, ``|L D^-1 B(omega)| <= |C^-1/2 L^T| |C^-1/2 B(omega)|/omega``
 
 from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg, sparse
@@ -15,17 +14,14 @@ from scipy import linalg, sparse
 from boomctl.analysis.norm import NormCertificate, grows_towards, matrices_norm
 from boomctl.arrays import Array
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import state_matrices
+from boomctl.lti.system import Lti
+from boomctl.structure.matrices import dense, halves
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.core import Core, build_core
 from boomctl.structure.response.direct import direct_response, respond
 from boomctl.structure.response.pencil import factorized
-from boomctl.structure.response.poles import damped_poles, dense, first_order_poles, project, undamped_modes
+from boomctl.structure.response.poles import damped_poles, first_order_poles, undamped_modes
 from boomctl.structure.response.realisation import realize
-from boomctl.structure.symmetry import half
-
-if TYPE_CHECKING:
-    import control
 
 _CORE_FROM = 40
 _CORE_ERROR = 1e-7
@@ -46,10 +42,8 @@ class Resonances:
 
 def orthonormal_parts(model: SecondOrderModel) -> tuple[SecondOrderModel, ...]:
     """Return models whose singular values together are those of ``model``: its halves if it splits, or itself."""
-    halves = [half(model, parity) for parity in (1, -1)]
-    if any(part is None for part in halves):
-        return (model,)
-    return tuple(part.model for part in halves if part is not None and min(part.W_in.shape[1], part.W_out.shape[1]) > 0)
+    parts = halves(model.structure, model.ports)
+    return (model,) if parts is None else tuple(SecondOrderModel.of(part.structure, part.ports) for part in parts)
 
 
 def resonances(model: SecondOrderModel) -> Resonances:
@@ -71,7 +65,7 @@ def resonances(model: SecondOrderModel) -> Resonances:
 def _modal_band(model: SecondOrderModel) -> tuple[float, float] | None:
     """Return the lowest and the eighth elastic frequency [rad/s]; None for matrices that have no real modes."""
     try:
-        frequencies, _ = undamped_modes(model, min(_BAND + 3, model.n))
+        frequencies, _ = undamped_modes(model.structure, min(_BAND + 3, model.n))
     except ValueError:
         return None
     elastic = frequencies[frequencies > _RIGID * frequencies[-1]][:_BAND]
@@ -80,9 +74,9 @@ def _modal_band(model: SecondOrderModel) -> tuple[float, float] | None:
 
 def _poles(part: SecondOrderModel, low: float, top: float) -> Array:
     core = _built(part, low, top) if part.n >= _CORE_FROM else None
-    small = part if core is None else core.model
+    small = part.structure if core is None else core.structure
     if small.n > _LARGEST_DENSE:
-        return damped_poles(part, _BAND)
+        return damped_poles(part.structure, _BAND)
     poles = first_order_poles(dense(small.M), dense(small.C), dense(small.K))
     return poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)]
 
@@ -90,7 +84,7 @@ def _poles(part: SecondOrderModel, low: float, top: float) -> Array:
 def _built(part: SecondOrderModel, low: float, top: float) -> Core | None:
     """Return a core for the band, or None where there is none."""
     try:
-        return build_core(part, np.geomspace(0.1 * low, top, 16))
+        return build_core(part.structure, part.ports, np.geomspace(0.1 * low, top, 16))
     except (np.linalg.LinAlgError, RuntimeError):
         return None
 
@@ -118,7 +112,7 @@ def _part_norm(model: SecondOrderModel) -> NormCertificate:
     core = _built(model, band[0], top)
     if core is None:
         return _small_norm(model) if model.n <= _LARGEST_DENSE else _scanned(model, band[0], top)
-    inside = _small_norm(core.model)
+    inside = _small_norm(SecondOrderModel.of(core.structure, core.ports))
     if inside.lower == inf:
         return inside
     if core.error > _CORE_ERROR:
@@ -130,7 +124,7 @@ def _part_norm(model: SecondOrderModel) -> NormCertificate:
 def _scanned(model: SecondOrderModel, low: float, top: float) -> NormCertificate:
     """Return the largest value found on a grid, for a large structure that no small one stands for."""
     omega = np.geomspace(0.1 * low, top, 200)
-    values = singular_values(respond(model, omega))[0]
+    values = singular_values(respond(model.structure, model.ports, omega).values)[0]
     best = int(np.argmax(values))
     return NormCertificate(float(values[best]), inf, float(omega[best]), "a scan, without proof")
 
@@ -138,23 +132,22 @@ def _scanned(model: SecondOrderModel, low: float, top: float) -> NormCertificate
 def _small_norm(small: SecondOrderModel) -> NormCertificate:
     """Return the norm of a small model, in modal coordinates if it has real modes."""
     try:
-        frequencies, V = undamped_modes(small)
+        frequencies, V = undamped_modes(small.structure)
     except ValueError:
-        return matrices_norm(state_matrices(realize(small)), lambda omega: _response(small, omega))
+        return matrices_norm(realize(small.structure, small.ports).balanced(), lambda omega: _response(small, omega))
     if any(small.ports.integrators) or frequencies[0] <= _RIGID * frequencies[-1]:
         low = float(frequencies[frequencies > _RIGID * frequencies[-1]].min(initial=np.inf))
         if grows_towards(lambda omega: _response(small, omega), 0.0, low if np.isfinite(low) else 1.0):
             return NormCertificate(inf, inf, 0.0, "an integrating or rigid-body mode")
-    return matrices_norm(state_matrices(realize(_in_modes(small, V))), lambda omega: _response(small, omega))
+    return matrices_norm(_in_modes(small, V).balanced(), lambda omega: _response(small, omega))
 
 
-def _in_modes(model: SecondOrderModel, V: Array) -> SecondOrderModel:
-    """Return a model over the coordinates of its undamped modes, which keep the names of the old ones."""
-    M, K, C = project(model, V)
-    return SecondOrderModel.build(M, C, K, model.ports.congruent(V), model.coordinates)
+def _in_modes(model: SecondOrderModel, V: Array) -> Lti:
+    """Return the state-space form of a model over its undamped modes, which keep the names of the coordinates."""
+    return realize(model.structure.projected(V, model.coordinates), model.ports.congruent(V))
 
 
-def modal_realization(model: SecondOrderModel) -> "control.StateSpace":
+def modal_realization(model: SecondOrderModel) -> Lti:
     """Return a state-space system of a model in the coordinates of its undamped modes, or, without them, its own.
 
     Raises
@@ -163,16 +156,16 @@ def modal_realization(model: SecondOrderModel) -> "control.StateSpace":
         An output that needs a derivative of an input.
     """
     try:
-        _, V = undamped_modes(model)
+        _, V = undamped_modes(model.structure)
     except ValueError:
-        return realize(model)
-    return realize(_in_modes(model, V))
+        return realize(model.structure, model.ports)
+    return _in_modes(model, V)
 
 
 def _response(small: SecondOrderModel, omega: Array) -> Array:
     if any(small.ports.integrators):
         omega = np.maximum(omega, 1e-9)
-    return direct_response(small, omega)
+    return direct_response(small.structure, small.ports, omega)
 
 
 def _dissipation_bound(model: SecondOrderModel, omega: float) -> float:

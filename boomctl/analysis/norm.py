@@ -7,7 +7,7 @@ matrix on the imaginary axis; Boyd, Balakrishnan & Kabamba 1989, Bruinsma & Stei
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,6 +51,11 @@ class NormCertificate:
     omega: float
     method: str
 
+    def __repr__(self) -> str:
+        at = f" at {self.omega:.6g} rad/s" if isfinite(self.omega) else ""
+        doubt = "certified" if self.certified else f"not certified, at most {self.upper:.6g}"
+        return f"NormCertificate: H-infinity norm {self.lower:.6g}{at}, {doubt}\n  {self.method}"
+
     @property
     def certified(self) -> bool:
         """Whether the bounds agree to one part in 1e5, or the norm is known to be infinite."""
@@ -67,7 +72,7 @@ def hinf_norm(system: "control.StateSpace") -> NormCertificate:
     TypeError, ValueError
         Another kind of system (:func:`boomctl.sigma` takes structures as well), discrete time, not finite.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(system, control.StateSpace):
         raise TypeError(f"system: expected a StateSpace, got {type(system).__name__}")

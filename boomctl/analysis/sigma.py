@@ -1,9 +1,10 @@
 """Singular values over frequency, on a grid that resolves every lightly damped peak, with a certified largest one."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
+from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,9 +15,10 @@ from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, names
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import state_matrices
+from boomctl.lti.system import Lti, state_matrices
+from boomctl.printing import between
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.direct import respond, respond_part
+from boomctl.structure.response.direct import respond, respond_whole
 
 if TYPE_CHECKING:
     import control
@@ -49,12 +51,23 @@ class SigmaResult:
     sigma: Array
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    _norm: Callable[[], NormCertificate] = field(repr=False)
+    _of: SecondOrderModel | Lti | NormCertificate  # what the norm is of; the norm itself where it is known
 
     @cached_property
     def certificate(self) -> NormCertificate:
         """The norm and its bounds, computed when first asked for."""
-        return self._norm()
+        if isinstance(self._of, SecondOrderModel):
+            return model_norm(self._of)
+        return matrices_norm(self._of) if isinstance(self._of, Lti) else self._of
+
+    def __repr__(self) -> str:
+        span = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
+        if isinstance(self._of, NormCertificate) or "certificate" in self.__dict__:
+            at = f" at {self.peak_omega:.6g} rad/s" if isfinite(self.peak_omega) else ""
+            peak = f"peak {self.peak:.6g}{at}, {'certified' if self.certified else 'not certified'}"
+        else:  # printing must not cost what the norm costs
+            peak = f"largest of these {self.sigma.max():.6g}; the norm is computed when .peak is asked for"
+        return f"SigmaResult: {between(self.inputs, self.outputs)}\n  {span}\n  {peak}"
 
     @property
     def peak(self) -> float:
@@ -98,7 +111,7 @@ def sigma(
     TypeError, ValueError
         Another kind of system; unknown signals; frequencies negative or not finite; ``omega`` given for measured data.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     if isinstance(system, SecondOrderModel):
         return _of_model(system, omega, inputs, outputs)
@@ -116,26 +129,21 @@ def _of_model(
     inputs: str | Sequence[str] | None,
     outputs: str | Sequence[str] | None,
 ) -> SigmaResult:
-    first = model.primary or (None, None)
+    first = model.ports.primary or (None, None)
     chosen = model.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
-
-    def norm() -> NormCertificate:
-        return model_norm(chosen)
-
     if omega is not None:
-        return SigmaResult(
-            grid := frequencies("omega", omega), _model_values(chosen, grid), chosen.inputs, chosen.outputs, norm
-        )
-    found, certificate = resonances(chosen), norm()
+        grid = frequencies("omega", omega)
+        return SigmaResult(grid, _model_values(chosen, grid), chosen.inputs, chosen.outputs, chosen)
+    found, certificate = resonances(chosen), model_norm(chosen)
     grid = resolved_grid(found.poles, found.low, found.high, certificate.omega)
-    return SigmaResult(grid, _model_values(chosen, grid), chosen.inputs, chosen.outputs, lambda: certificate)
+    return SigmaResult(grid, _model_values(chosen, grid), chosen.inputs, chosen.outputs, certificate)
 
 
 def _model_values(model: SecondOrderModel, omega: Array) -> Array:
     parts = orthonormal_parts(model)
     if len(parts) == 1:
-        return singular_values(respond(parts[0], omega))
-    values = np.vstack([singular_values(respond_part(part, omega)) for part in parts])
+        return singular_values(respond(parts[0].structure, parts[0].ports, omega).values)
+    values = np.vstack([singular_values(respond_whole(p.structure, p.ports, omega).values) for p in parts])
     return -np.sort(-values, axis=0)[: min(len(model.inputs), len(model.outputs))]
 
 
@@ -147,20 +155,16 @@ def _of_statespace(
 ) -> SigmaResult:
     ins, outs = names("input", inputs, system.input_labels), names("output", outputs, system.output_labels)
     matrices = state_matrices(system[list(outs), list(ins)])
-
-    def norm() -> NormCertificate:
-        return matrices_norm(matrices)
-
     if omega is not None:
         grid = frequencies("omega", omega)
-        return SigmaResult(grid, singular_values(matrices.response(grid)), ins, outs, norm)
-    certificate = norm()
+        return SigmaResult(grid, singular_values(matrices.response(grid)), ins, outs, matrices)
+    certificate = matrices_norm(matrices)
     poles = np.linalg.eigvals(matrices.A) if len(matrices.A) else np.zeros(0)
     size = np.sort(np.abs(poles[np.abs(poles) > 1e-9 * np.abs(poles).max(initial=1e-300)]))
     low, high = (size[0] * 0.25, size[min(len(size), 16) - 1] * 1.5) if len(size) else (0.1, 100.0)
     shown = poles[(poles.imag >= 0) & (np.abs(poles) <= high)]
     grid = resolved_grid(shown, float(low), float(high), certificate.omega)
-    return SigmaResult(grid, singular_values(matrices.response(grid)), ins, outs, lambda: certificate)
+    return SigmaResult(grid, singular_values(matrices.response(grid)), ins, outs, certificate)
 
 
 def _of_data(
@@ -181,7 +185,7 @@ def _of_data(
     certificate = NormCertificate(
         float(values[0, best]), np.inf, float(grid[best]), "largest value on the grid of the data"
     )
-    return SigmaResult(grid, values, ins, outs, lambda: certificate)
+    return SigmaResult(grid, values, ins, outs, certificate)
 
 
 def resolved_grid(poles: Array, low: float, high: float, peak: float) -> Array:

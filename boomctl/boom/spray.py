@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SHAPES = ("triangle", "box")
-_MOST_CELLS = 20_000_000
-_PORTION = 2_000_000
+_MOST_CELLS = 20_000_000  # of a field: 160 MB (a choice)
+_PORTION = 2_000_000  # edges that are worked on at once: some 100 MB of arrays (a choice)
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,12 @@ class SprayResult:
     speed: float
     footprint: Footprint
 
+    def __repr__(self) -> str:
+        size = f"{self.judged.shape[0]} x {self.judged.shape[1]} cells judged"
+        doses = f"doses {self.lowest_dose:.3f} to {self.highest_dose:.3f} of the nominal one"
+        share = f"{100.0 * self.share_outside_10:.3g} % of the field outside 10 %"
+        return f"SprayResult: CV {100.0 * self.cv:.4g} %, {size}\n  {doses}, {share}"
+
     @property
     def judged(self) -> Array:
         """The cells that figures speak of."""
@@ -99,11 +105,6 @@ class SprayResult:
     def cv(self) -> float:
         """Coefficient of variation of the deposit: standard deviation over mean."""
         return float(self.judged.std() / self.judged.mean())
-
-    @property
-    def mean_dose(self) -> float:
-        """Mean deposit over the nominal one; off one by how far the boom moved ahead or back over the run."""
-        return float(self.judged.mean())
 
     @property
     def share_outside_10(self) -> float:

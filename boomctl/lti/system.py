@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     import control
 
 _BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
+_WELL_POSED = (
+    1e-12  # least singular value of I - D_K D22, balanced, relative to its largest: below it, its digits are gone
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,13 +91,97 @@ class Lti:
 
         Dots in names of signals, which python-control does not allow, become ``_``.
         """
-        import control
+        from boomctl.lti.python_control import control
 
         signals = {"inputs": self.inputs, "outputs": self.outputs}
         given = {kind: [label.replace(".", "_") for label in labels] for kind, labels in signals.items() if labels}
         states = list(self.states) or None
         time = {} if self.dt == 0.0 else {"dt": True if np.isnan(self.dt) else self.dt}
         return control.ss(self.A, self.B, self.C, self.D, name=name, states=states, **given, **time)
+
+
+def static(gain: Array, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> Lti:
+    """Return a gain as a system without states."""
+    rows, columns = gain.shape
+    return Lti(np.zeros((0, 0)), np.zeros((0, columns)), np.zeros((rows, 0)), gain, tuple(inputs), tuple(outputs))
+
+
+def append(first: Lti, *others: Lti) -> Lti:
+    """Return systems side by side: the inputs, outputs and states of one after those of the other."""
+    systems = (first, *others)
+    A, B, C, D = (linalg.block_diag(*(getattr(system, letter) for system in systems)) for letter in "ABCD")
+    inputs, outputs, states = (_labels(kind, *systems) for kind in ("inputs", "outputs", "states"))
+    return Lti(A, B, C, D, inputs, outputs, states, first.dt)
+
+
+def series(first: Lti, second: Lti) -> Lti:
+    """Return ``second`` driven by the outputs of ``first``, in their order; the states of ``first`` come first."""
+    corner = np.zeros((len(first.A), len(second.A)))
+    A = np.block([[first.A, corner], [second.B @ first.C, second.A]])
+    B, C = np.vstack([first.B, second.B @ first.D]), np.hstack([second.D @ first.C, second.C])
+    states = _labels("states", first, second)
+    return Lti(A, B, C, second.D @ first.D, first.inputs, second.outputs, states, first.dt)
+
+
+def lower_lft(plant: Lti, controller: Lti) -> Lti:
+    """Return the lower linear fractional transformation: a plant whose last signals are closed by ``u = K y``.
+
+    Parameters
+    ----------
+    plant : Lti
+        Its last outputs are the controller's inputs, its last inputs the controller's outputs, in their order.
+    controller : Lti
+
+    Returns
+    -------
+    Lti
+        Between the plant's other signals; the plant's states, then the controller's.
+
+    Raises
+    ------
+    ValueError
+        The loop is not well-posed: ``I - D_K D22`` is singular.
+    """
+    K, m, p = controller, plant.B.shape[1] - len(controller.C), len(plant.C) - controller.B.shape[1]
+    (B1, B2), (C1, C2) = np.split(plant.B, [m], axis=1), np.split(plant.C, [p])
+    D11, D12, D21, D22 = plant.D[:p, :m], plant.D[:p, m:], plant.D[p:, :m], plant.D[p:, m:]
+    solved = well_posed_inverse(np.eye(len(K.D)) - K.D @ D22)
+    direct, state = solved @ K.D, solved @ K.C
+    read = K.B + K.B @ (D22 @ direct)
+    A = np.block([[plant.A + B2 @ direct @ C2, B2 @ state], [read @ C2, K.A + K.B @ D22 @ state]])
+    B = np.vstack([B1 + B2 @ direct @ D21, read @ D21])
+    C = np.hstack([C1 + D12 @ direct @ C2, D12 @ state])
+    states = _labels("states", plant, K)
+    return Lti(A, B, C, D11 + D12 @ direct @ D21, plant.inputs[:m], plant.outputs[:p], states, plant.dt)
+
+
+def well_posed_inverse(matrix: Array) -> Array:
+    """Return the inverse of ``I - D_K D22``, judged and computed after balancing, so that units do not matter.
+
+    Raises
+    ------
+    ValueError
+        The loop is not well-posed.
+    """
+    if not len(matrix):
+        return matrix
+    balanced, (scale, _) = linalg.matrix_balance(matrix, permute=False, separate=True)
+    values = linalg.svdvals(balanced)
+    if values[-1] <= _WELL_POSED * max(1.0, values[0]):
+        raise ValueError("the loop is not well-posed: the feedthroughs of plant and controller cancel one another")
+    return linalg.inv(balanced) * scale[:, None] / scale
+
+
+def _labels(kind: str, *systems: Lti) -> tuple[str, ...]:
+    """Return the names of systems one after the other; none where one of them does not name its own."""
+    sizes = {"inputs": "B", "outputs": "C", "states": "A"}
+    listed: list[str] = []
+    for system in systems:
+        labels = getattr(system, kind)
+        if len(labels) != getattr(system, sizes[kind]).shape[1 if kind == "inputs" else 0]:
+            return ()
+        listed += labels
+    return tuple(listed)
 
 
 def is_statespace(system: object) -> bool:

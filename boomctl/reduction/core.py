@@ -10,10 +10,10 @@ from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
 from boomctl.lti.system import Lti, state_matrices
 from boomctl.reduction.structural_tail import Loads, separated_damping, tail_bound
+from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.poles import project, undamped_modes
+from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
-from boomctl.structure.symmetry import half
 
 if TYPE_CHECKING:
     import control
@@ -60,7 +60,8 @@ def core_of(system: "control.StateSpace | SecondOrderModel", modes: int) -> Syst
                 f"a model of {system.n} coordinates without closed-form bound of its high modes (it needs symmetric "
                 f"matrices, damping proportional to stiffness but for a few dampers, displacements imposed and read)"
             )
-        return statespace_core(state_matrices(realize(_in_modes(system))), 2 * modes)
+        system = _in_modes(system)
+        return statespace_core(realize(system.structure, system.ports).balanced(), 2 * modes)
     return statespace_core(state_matrices(system), 2 * modes)
 
 
@@ -70,15 +71,14 @@ def _in_modes(model: SecondOrderModel) -> SecondOrderModel:
     Assembled matrices of a fine mesh carry few digits of its low modes; the rows carry them all.  The highest modes come
     first: solvers of eigenvalues keep the digits of what stands last in a graded matrix.
     """
-    if model.elastic is None:
+    if model.structure.elastic is None:
         return model
     try:
-        V = undamped_modes(model)[1][:, ::-1]
+        V = undamped_modes(model.structure)[1][:, ::-1]
     except ValueError:
         return model
-    M, K, C = project(model, V)
     names = tuple(f"mode{i + 1}" for i in range(model.n))
-    return SecondOrderModel.build(M, C, K, model.ports.congruent(V), names, primary=model.primary)
+    return SecondOrderModel.of(model.structure.projected(V, names), model.ports.congruent(V))
 
 
 def statespace_core(system: Lti, states: int) -> SystemCore:
@@ -99,17 +99,16 @@ def statespace_core(system: Lti, states: int) -> SystemCore:
 
 def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
     """Return a core of undamped modes, or None for a structure whose other modes have no bound in closed form."""
-    halves = [half(model, parity) for parity in (1, -1)]
-    if any(part is None for part in halves):
+    parts = halves(model.structure, model.ports)
+    if parts is None:
         piece = _piece(model, modes)
         return None if piece is None else _assembled([(piece, np.eye(len(model.inputs)), np.eye(len(model.outputs)))])
     pieces = []
-    for part in halves:
-        if part is not None and part.W_in.shape[1] and part.W_out.shape[1]:
-            piece = _piece(part.model, (modes + 1) // 2)
-            if piece is None:
-                return None
-            pieces.append((piece, part.W_in, part.W_out))
+    for part in parts:
+        piece = _piece(SecondOrderModel.of(part.structure, part.ports), (modes + 1) // 2)
+        if piece is None:
+            return None
+        pieces.append((piece, part.W_in, part.W_out))
     return _assembled(pieces) if pieces else None
 
 
@@ -152,12 +151,12 @@ def _piece(model: SecondOrderModel, modes: int) -> tuple[Lti, float] | None:
     if damping is None or loads is None or modes >= _ALL_MODES * model.n:
         return None
     try:
-        frequencies, shapes = undamped_modes(model, modes + 1)
+        frequencies, shapes = undamped_modes(model.structure, modes + 1)
     except ValueError:
         return None
     V, lowest = shapes[:, :modes], float(frequencies[modes])
-    M, K, C = project(model, V)
-    core = core_states(M, K, C, loads, V)
+    small = model.structure.projected(V)
+    core = core_states(small.M, small.K, small.C, loads, V)
     closed = diagonalized(
         Lti(
             core.A,
@@ -168,7 +167,7 @@ def _piece(model: SecondOrderModel, modes: int) -> tuple[Lti, float] | None:
     )
     if closed is None:
         return None
-    tail = tail_bound(model, loads, damping, V, lowest, (C, closed))
+    tail = tail_bound(model, loads, damping, V, lowest, (small.C, closed))
     return (Lti(core.A, core.B, core.C, model.ports.E[0]), tail) if np.isfinite(tail) else None
 
 

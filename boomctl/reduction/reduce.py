@@ -116,7 +116,7 @@ def _structure(system: object, order: int | None, error: float | None, band: Ban
 
 def _states(system: Any) -> int:
     """Return the number of states of a system, refused unless it is of a known kind, in continuous time and finite."""
-    import control
+    from boomctl.lti.python_control import control
 
     if isinstance(system, SecondOrderModel):
         filters = 2 * sum(bandwidth is not None for bandwidth in system.ports.bandwidths)
@@ -188,7 +188,7 @@ def _joined(stable: Lti, kept: Lti) -> Lti:
 
 
 def _named(reduced: Lti, system: "control.StateSpace | SecondOrderModel") -> "control.StateSpace":
-    import control
+    from boomctl.lti.python_control import control
 
     if isinstance(system, SecondOrderModel):
         inputs, outputs = list(system.inputs), list(system.outputs)

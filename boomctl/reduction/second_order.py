@@ -11,7 +11,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import spectral_parts
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.lti.system import Lti
 from boomctl.reduction.core import LARGEST_DENSE, SystemCore, core_of, loads_of
 from boomctl.reduction.left_out import left_out_bound
 from boomctl.reduction.result import ReductionError
@@ -19,7 +19,7 @@ from boomctl.reduction.selection import Attempt, Band, verified
 from boomctl.reduction.structural_tail import Loads
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
-from boomctl.structure.response.poles import project, undamped_modes
+from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
 
 _RIGID = 1e-8
@@ -51,7 +51,7 @@ def reduced_structure(
         No choice among these modes has so small an error, or an error could not be verified.
     """
     core = core_of(model, modes)
-    all_frequencies, all_modes = undamped_modes(model, model.n if model.n <= LARGEST_DENSE else modes)
+    all_frequencies, all_modes = undamped_modes(model.structure, model.n if model.n <= LARGEST_DENSE else modes)
     frequencies, V = all_frequencies[:modes], all_modes[:, :modes]
     rigid = int((frequencies <= _RIGID * frequencies[-1]).sum())
     ranking = _ranking(model, frequencies, V, band)
@@ -76,7 +76,7 @@ def reduced_structure(
 def _ranking(model: SecondOrderModel, frequencies: Array, V: Array, band: Band | None) -> Array:
     """Return the modes, strongest first: by the height of their peak, or by the most they reach within the band."""
     at = frequencies if band is None else np.clip(frequencies, *band)
-    _, _, C = project(model, V)
+    C = model.structure.projected(V).C
     s = 1j * at
     acting = np.array([np.linalg.norm(b.T @ v) for b, v in zip(evaluate(model.ports.B, s), V.T, strict=True)])
     reading = np.array([np.linalg.norm(line @ v) for line, v in zip(evaluate(model.ports.L, s), V.T, strict=True)])
@@ -96,7 +96,6 @@ def _projected(
     """
     kept = np.sort(chosen)
     rest = np.setdiff1d(np.arange(rigid, V.shape[1]), kept)
-    M, K, C = project(model, V[:, kept])
     stiffness = frequencies[rest] ** 2
     if band is not None:
         inside = (frequencies[rest] >= band[0]) & (frequencies[rest] <= band[1])
@@ -106,7 +105,7 @@ def _projected(
     ports = model.ports.congruent(V[:, kept])
     E = ports.E[0] + static, ports.E[1], ports.E[2]
     names = tuple(f"mode{i + 1}" for i in kept)
-    return SecondOrderModel.build(M, C, K, replace(ports, E=E), names, primary=model.primary)
+    return SecondOrderModel.of(model.structure.projected(V[:, kept], names), replace(ports, E=E))
 
 
 def _bound(
@@ -121,14 +120,14 @@ def _bound(
         return inf
     kept = np.zeros(model.n, dtype=bool)
     kept[chosen] = True
-    _, _, C = project(model, modes)
+    C = model.structure.projected(modes).C
     on_modes = Loads(modes.T @ loads.B0, modes.T @ loads.B1, loads.L @ modes)
     static = smaller.ports.E[0] - model.ports.E[0]
     return left_out_bound(frequencies**2, C, on_modes, kept) + float(np.linalg.norm(static, 2))
 
 
 def _compared(core: SystemCore, smaller: SecondOrderModel, band: Band | None, bound: float) -> Attempt:
-    stable, kept = spectral_parts(state_matrices(realize(smaller)))
+    stable, kept = spectral_parts(realize(smaller.structure, smaller.ports).balanced())
     if not _same(core.kept, kept):
         raise ReductionError(
             f"{len(core.kept.A)} unstable, undamped or rigid-body states do not come out as they went in "

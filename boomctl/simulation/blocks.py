@@ -2,20 +2,21 @@
 
 Each block is first taken as if no limit were met.  Only what could meet one is looked at; a block in which it does is
 stepped sample by sample from its beginning instead.  What happened within the other blocks is filled in at the end, for
-all of them together.
+all of them together.  A loop whose end stops may never be reached is run without them first, its strokes looked at as
+finely as with them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.hold import Lifted, recursion_without_lead
-from boomctl.simulation.stepping import ControlLog, LoopProblem, limited, run_smooth
+from boomctl.simulation.stepping import ControlLog, LoopProblem, control_log, limited, run_smooth
 
-_BLOCK = 32
-_LONGEST_QUEUE = 16
-_MOST_STATES = 400
+_BLOCK = 32  # samples: measured on loops of 20 to 200 states; longer ones are broken by limits, shorter ones cost calls
+_LONGEST_QUEUE = 16  # controls on their way to the plant: each is a state of every control
+_MOST_STATES = 400  # beyond, powers of the loop's matrix cost more than they save
 
 
 @dataclass(frozen=True)
@@ -35,12 +36,15 @@ class _Linear:
 
 
 def run_fast(p: LoopProblem, log: ControlLog) -> Array:
-    """Do what ``run_smooth`` does, in blocks where the loop allows it."""
+    """Do what ``run_smooth`` does, in blocks where :func:`in_blocks`."""
+    return _run_blocks(p, log) if in_blocks(p) else run_smooth(p, log)
+
+
+def in_blocks(p: LoopProblem) -> bool:
+    """Return whether a loop without contacts is linear between its limits, sampled at each step, and not too large."""
     states = len(p.plant.A) + (p.lag + 1) * len(p.controller.driven) + len(p.controller.A)
     plain = p.grid.per_sample == 1 and not np.isfinite(p.limits.quantum).any() and p.lag < _LONGEST_QUEUE
-    if not plain or states > _MOST_STATES or p.grid.steps < 2 * _BLOCK:
-        return run_smooth(p, log)
-    return _run_blocks(p, log)
+    return plain and states <= _MOST_STATES and p.grid.steps >= 2 * _BLOCK
 
 
 def _linear_loop(p: LoopProblem) -> _Linear:
@@ -186,3 +190,54 @@ class _Walk:
                 row[nu:] += self.mend @ np.subtract(last, asked)
             log.given[span[0] + k] = last
         return rows[:, nu:]
+
+
+def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem, switch: float) -> tuple[Array, ControlLog] | None:
+    """Return what ``run_fast`` does, ``None`` if a stop is reached.
+
+    Parameters
+    ----------
+    p : LoopProblem
+        Without contacts.
+    fine : LoopProblem
+        The same with stops, and whole steps for each of its own.
+    switch : float
+        When the controls change within a step of ``p`` [s].
+    """
+    assert fine.contacts is not None
+    assert fine.contacts.stop_maps is not None
+    stops, per_step, outputs = fine.contacts.stops, fine.grid.steps // p.grid.steps, len(p.plant.C)
+    positions = np.vstack([stop.position for stop in stops])
+    maps = [p.plant.motion(j * fine.grid.h)[0] for j in range(per_step)]
+    C = np.vstack([p.plant.C, *(positions @ Phi for Phi in maps)])
+    D = np.vstack([p.plant.D, np.zeros((len(C) - outputs, p.plant.D.shape[1]))])
+    seen, log = replace(p, plant=replace(p.plant, C=C, D=D)), control_log(p)
+    with np.errstate(all="ignore"):
+        found = run_fast(seen, log)
+        strokes = found[outputs:].reshape(per_step, len(stops), -1)[:, :, :-1].copy()
+        for j in range(1, per_step):
+            strokes[j] += positions @ _pushed(p, fine, log, switch, j)
+        offsets = np.array([stop.offsets(fine.W, fine.grid.h, fine.grid.per_point)[0] for stop in stops])
+        strokes += np.moveaxis(offsets[:, :-1].reshape(len(stops), -1, per_step), 2, 0)
+        last = found[outputs : outputs + len(stops), -1] + offsets[:, -1]
+        limits = fine.contacts.stop_maps.limits
+        free = (np.abs(strokes) <= limits[:, None]).all() and (np.abs(last) <= limits).all()
+    return (found[:outputs], log) if free else None
+
+
+def _pushed(p: LoopProblem, fine: LoopProblem, log: ControlLog, switch: float, j: int) -> Array:
+    """Return what disturbances and controls add to the states in the first ``j`` fine steps of each step, (n, steps)."""
+    duration, driven, per_step = j * fine.grid.h, p.controller.driven, fine.grid.steps // p.grid.steps
+    whole = p.plant.step(duration)
+    used = np.flatnonzero(p.W.any(axis=1))
+    moved = whole.first[:, used] @ p.W[used, :-1] + whole.last[:, used] @ fine.W[used, j::per_step]
+    if not len(driven):
+        return moved
+    before, after = (whole.after, np.zeros_like(whole.after)) if switch >= duration else (whole.before, whole.after)
+    if 0.0 < switch < duration:
+        changed = p.plant.step(duration, switch)
+        before, after = changed.before, changed.after
+    step = np.arange(p.grid.steps)
+    acting = np.where((step >= p.lag)[:, None], log.given[np.maximum(step - p.lag, 0) // p.grid.per_sample], 0.0)
+    earlier = np.vstack([np.zeros((1, len(driven))), acting[:-1]])
+    return moved + before[:, driven] @ earlier.T + after[:, driven] @ acting.T

@@ -1,21 +1,21 @@
 """A controller as it runs: discrete, its signals matched to the plant's, its state corrected where it saturates."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import known
+from boomctl.lti.python_control import control
+from boomctl.lti.system import Lti, of
 from boomctl.simulation.plant import ModalPlant
 
-if TYPE_CHECKING:
-    import control
-
 DISCRETIZATIONS = ("tustin", "zoh")
-_SAME = 1e-6
-_REGULAR = 1e-10
+_SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
+_REGULAR = (
+    1e-10  # share of the noise added everywhere, so that the Riccati equation is solvable; below all that is felt
+)
 
 
 @dataclass(frozen=True)
@@ -58,47 +58,42 @@ def sampled_controller(
         Not a state-space system, signals that the plant does not have, a sampling time of its own that is another, or
         poles beyond half the sampling rate.
     """
-    import control
-
     if controller is None:
         none = np.zeros((0, 0))
         nothing = np.zeros(0, dtype=int)
         return SampledController(none, none, none, none, none, nothing, nothing, (), ())
-    if not isinstance(controller, control.StateSpace):
-        raise TypeError(f"controller: expected control.StateSpace or None, got {type(controller).__name__}")
-    for name in ("A", "B", "C", "D"):
-        if not np.isfinite(getattr(controller, name)).all():
-            raise ValueError(f"controller: {name} has entries that are not finite")
-    inputs, outputs = tuple(controller.input_labels), tuple(controller.output_labels)
+    given = of(controller, "controller", expected="StateSpace or None", any_time=True)
+    inputs, outputs = given.inputs, given.outputs
     for label in inputs:
         known("controller input (an output of the plant)", label, plant.outputs)
     for label in outputs:
         known("controller output (an input of the plant)", label, plant.inputs)
-    A, B, C, D = _discrete(controller, sample_time, known("discretization", discretization, DISCRETIZATIONS))
+    found = _discrete(given, sample_time, known("discretization", discretization, DISCRETIZATIONS))
+    A, B, C, D = found.A, found.B, found.C, found.D
     L = conditioning_gain(A, B, C, D) if anti_windup and len(A) else np.zeros((len(A), len(C)))
     measured = np.array([plant.outputs.index(label) for label in inputs], dtype=int)
     driven = np.array([plant.inputs.index(label) for label in outputs], dtype=int)
     return SampledController(A, B, C, D, L, measured, driven, inputs, outputs)
 
 
-def _discrete(controller: "control.StateSpace", sample_time: float, method: str) -> tuple[Array, Array, Array, Array]:
-    """Return the matrices of the controller at ``sample_time``."""
-    if controller.isdtime(strict=True):
-        own = controller.dt
-        if own is not True and abs(own - sample_time) > _SAME * sample_time:
-            raise ValueError(f"controller: its sampling time is {own:g} s; expected sample_time = {sample_time:g} s")
-        found = controller
-    else:
-        poles = np.linalg.eigvals(controller.A) if controller.nstates else np.zeros(1)
-        fastest = complex(poles[np.abs(poles).argmax()])
-        limit = np.pi / sample_time
-        if abs(fastest) > limit:
+def _discrete(controller: Lti, sample_time: float, method: str) -> Lti:
+    """Return the controller at ``sample_time``."""
+    if controller.dt != 0.0:
+        if abs(controller.dt - sample_time) > _SAME * sample_time:
             raise ValueError(
-                f"sample_time = {sample_time:g} s is too long for the controller's pole at {fastest:.4g} rad/s: half the "
-                f"sampling rate is {limit:.4g} rad/s; sample at least every {np.pi / abs(fastest):.3g} s"
+                f"controller: its sampling time is {controller.dt:g} s; expected sample_time = {sample_time:g} s"
             )
-        found = controller.sample(sample_time, method="bilinear" if method == "tustin" else "zoh")
-    return tuple(np.asarray(getattr(found, name), dtype=float) for name in ("A", "B", "C", "D"))  # type: ignore[return-value]
+        return controller
+    poles = np.linalg.eigvals(controller.A) if len(controller.A) else np.zeros(1)
+    fastest = complex(poles[np.abs(poles).argmax()])
+    limit = np.pi / sample_time
+    if abs(fastest) > limit:
+        raise ValueError(
+            f"sample_time = {sample_time:g} s is too long for the controller's pole at {fastest:.4g} rad/s: half the "
+            f"sampling rate is {limit:.4g} rad/s; sample at least every {np.pi / abs(fastest):.3g} s"
+        )
+    rule = "bilinear" if method == "tustin" else "zoh"
+    return of(control.sample_system(controller.statespace("controller"), sample_time, rule), any_time=True)
 
 
 def conditioning_gain(A: Array, B: Array, C: Array, D: Array, softening: float = 0.1) -> Array:

@@ -1,7 +1,7 @@
 """The response of a linear plant to given signals, mode by mode: exact for signals that run along straight lines.
 
 A structure answers with as many modes as a wanted accuracy needs; the modes left out answer as they do at rest, and
-what the highest modes kept do beyond that says how much the others lack.
+what the highest modes kept do beyond that estimates the error.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,18 +14,20 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import known, names, positive
 from boomctl.lti.hold import lifted_response
-from boomctl.simulation.plant import ModalPlant, modal_plant, of_matrices
+from boomctl.printing import count, signals
+from boomctl.simulation.plant import ModalPlant, in_modal_coordinates, modal_plant, realized, truncated
 from boomctl.simulation.signals import disturbance_rows, uniform_times
-from boomctl.simulation.truncation import realized, truncated
+from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.symmetry import half
 
 if TYPE_CHECKING:
     import control
 
-_FIRST_MODES = 16
-_GROWTH = 1.6
-_WITNESSES = 2
+_FIRST_MODES = 16  # modes tried first: enough for 1e-3 of a boom's motion; more are taken as the witnesses ask
+_GROWTH = (
+    1.6  # of the number of modes from one trial to the next: all trials together cost less than three times the last
+)
+_WITNESSES = 2  # highest modes kept whose motion beyond rest stands for that of the modes left out: one may be hidden
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,13 @@ class ForcedResponse:
     error_estimate: float
     modes: int
 
+    def __repr__(self) -> str:
+        span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
+        return (
+            f"ForcedResponse: {span}; {count(self.modes, 'mode')}, error estimated {self.error_estimate:.1e}\n"
+            f"{signals(list(self.inputs), list(self.outputs))}"
+        )
+
     def __getitem__(self, name: str) -> Array:
         """Return an output by name."""
         return self.outputs[known("output", name, tuple(self.outputs))]
@@ -58,7 +67,7 @@ class ForcedResponse:
     @property
     def response(self) -> "control.TimeResponseData":
         """The same as python-control's named time response."""
-        import control
+        from boomctl.lti.python_control import control
 
         return control.TimeResponseData(
             self.time,
@@ -115,19 +124,15 @@ def forced_response(
     for name in signals:
         known("signal", name, plant.inputs)
     read = names("output", outputs, plant.outputs)
-    total = np.zeros((len(read), len(time)))
-    lacking, modes = 0.0, 0
-    parts = _parts(plant, tuple(signals), read, signals, len(time))
-    sizes = np.zeros(len(read))
-    pieces = []
-    for model, U, W in parts:
-        y, missing, used = _structure_response(model, U, h, wanted, W)
+    total, errors, modes = np.zeros((len(read), len(time))), np.zeros(len(read)), 0
+    for model, U, W in _parts(plant, signals, read, len(time)):
+        y, error, used = _structure_response(model, U, h, wanted)
         total += W @ y
-        pieces.append(np.abs(W) @ missing)
+        errors += np.abs(W) @ error
         modes += used
     sizes = np.abs(total).max(axis=1)
-    lacking = float(np.max(np.sum(pieces, axis=0) / np.where(sizes > 0.0, sizes, 1.0)))
-    return ForcedResponse(time, dict(zip(read, total, strict=True)), _given(signals), lacking, modes)
+    estimate = float(np.max(errors / np.where(sizes > 0.0, sizes, 1.0)))
+    return ForcedResponse(time, dict(zip(read, total, strict=True)), _given(signals), estimate, modes)
 
 
 def _given(signals: Mapping[str, ArrayLike]) -> dict[str, Array]:
@@ -135,45 +140,45 @@ def _given(signals: Mapping[str, ArrayLike]) -> dict[str, Array]:
 
 
 def _parts(
-    model: SecondOrderModel, inputs: tuple[str, ...], outputs: tuple[str, ...], signals: Mapping[str, ArrayLike], n: int
+    model: SecondOrderModel, signals: Mapping[str, ArrayLike], outputs: tuple[str, ...], n: int
 ) -> list[tuple[SecondOrderModel, Array, Array]]:
     """Return the symmetric halves of a model (or the model), their signals, and how their outputs make up the wanted."""
+    inputs = tuple(signals)
     if model.mirror is not None:
         ins, outs = model.mirror.completed(inputs, model.inputs), model.mirror.completed(outputs, model.outputs)
         chosen = model.select(ins, outs)
-        found = [half(chosen, parity) for parity in (1, -1)]
-        rows = disturbance_rows(signals, ins, (), n)
-        kept = [part for part in found if part is not None and part.W_in.shape[1] and part.W_out.shape[1]]
-        if all(part is not None for part in found):
+        parts, rows = halves(chosen.structure, chosen.ports), disturbance_rows(signals, ins, (), n)
+        if parts is not None:
             place = [outs.index(name) for name in outputs]
-            return [(part.model, part.W_in.T @ rows, part.W_out[place]) for part in kept]
+            return [
+                (SecondOrderModel.of(part.structure, part.ports), part.W_in.T @ rows, part.W_out[place])
+                for part in parts
+            ]
     return [(model.select(inputs, outputs), disturbance_rows(signals, inputs, (), n), np.eye(len(outputs)))]
 
 
-def _structure_response(
-    model: SecondOrderModel, U: Array, h: float, accuracy: float, W: Array
-) -> tuple[Array, Array, int]:
-    """Return outputs, what they lack at most by estimate (outputs), and the number of modes."""
+def _structure_response(model: SecondOrderModel, U: Array, h: float, accuracy: float) -> tuple[Array, Array, int]:
+    """Return outputs, the estimated error of each (outputs,), and the number of modes."""
     if not U.any():
         return np.zeros((len(model.outputs), U.shape[1])), np.zeros(len(model.outputs)), 0
     modes = min(_FIRST_MODES, model.n)
     while True:
         small, rest = truncated(model, modes)
-        plant = of_matrices(*realized(small, rest), small.inputs, small.outputs)
+        plant = in_modal_coordinates(realized(small, rest))
         count = len(plant.C)
         if small.n == model.n:
             y = lifted_response(plant.step(h).of_signals, plant.C, plant.D, U)
             return y, np.zeros(count), model.n
         C, D = _witness(plant, np.array(small.ports.integrators) == 0)
         both = lifted_response(plant.step(h).of_signals, np.vstack([plant.C, C]), np.vstack([plant.D, D]), U)
-        y, lacking = both[:count], np.abs(both[count:]).max(axis=1)
-        if (lacking <= accuracy * np.abs(y).max(axis=1)).all():
-            return y, lacking, modes
+        y, error = both[:count], np.abs(both[count:]).max(axis=1)
+        if (error <= accuracy * np.abs(y).max(axis=1)).all():
+            return y, error, modes
         modes = min(model.n, int(np.ceil(_GROWTH * modes)))
 
 
 def _witness(plant: ModalPlant, direct: Array) -> tuple[Array, Array]:
-    """Return rows that read how far the highest modes are from their answer at rest: what modes left out lack.
+    """Return rows that read how far the highest modes are from their answer at rest: the error of leaving others out.
 
     Inputs are ``direct`` or integrated; the answer at rest to an integral belongs to the integrator's block, not to the
     modes' own.

@@ -1,4 +1,16 @@
-"""The sampled-data closed loop: exact plant, discrete controller, delay, limits, stops, friction."""
+"""The sampled-data closed loop: exact plant, discrete controller, delay, limits, stops, friction.
+
+There are four ways to run a loop, tried in this order; the result's ``path`` names the one that was taken:
+
+=====================  ==============================================================================================
+"blocks"               no contact, sampled at every step, no quantised sensors: linear between its limits, so that 32
+                       samples are one product
+"steps"                no contact, but none of that: step by step
+"stops not reached"    end stops and no friction: run as if there were none, in one of the ways above; kept if no stroke
+                       passes its stop at any of the finer steps that stops need
+"contacts"             step by step, stops and friction solved for in each
+=====================  ==============================================================================================
+"""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -8,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, nonnegative
-from boomctl.simulation.blocks import run_fast
+from boomctl.simulation.blocks import in_blocks, run_fast, run_if_no_stop_is_met
 from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, stop_places
 from boomctl.simulation.contact.friction import CoulombFriction, friction_law
 from boomctl.simulation.contact.stepping import ContactLog, run_contact
@@ -18,13 +30,14 @@ from boomctl.simulation.plant import ModalPlant, modal_plant
 from boomctl.simulation.result import FrictionReport, LoopResult
 from boomctl.simulation.signals import disturbance_rows, per_signal, time_grid
 from boomctl.simulation.stepping import ControlLog, Limits, LoopProblem, control_log
-from boomctl.simulation.unlimited import run_untouched
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
 
-_STOP_SUBSTEPS = 4
+_STOP_SUBSTEPS = (
+    4  # steps from one point of the grid to the next where there are stops: strokes between points are seen
+)
 
 
 def simulate_loop(
@@ -110,15 +123,22 @@ def simulate_loop(
         lag, rest = _whole_steps(late, steps.h)
         maps = modal.step(steps.h, rest)
         contacts = contacts_of(modal, maps, friction, places, K.outputs) if touching else None
-        return LoopProblem(modal, maps, K, steps, steps.refined(rows), lag, limits, start, contacts), rest
+        W = steps.refined(rows)
+        return LoopProblem(modal, maps, K, steps, W, lag=lag, limits=limits, start=start, contacts=contacts), rest
 
     p, _ = problem(_substeps(friction, bool(places)), True)
     if places and friction is None:
         whole, switch = problem(1, False)
-        free = run_untouched(whole, p, switch)
+        free = run_if_no_stop_is_met(whole, p, switch)
         if free is not None:
-            return _result(whole, rows, free[1], free[0][:, :: whole.grid.per_point], None, late)
-    return _run(p, rows, late)
+            moving, log = free
+            return _result(whole, log, moving[:, :: whole.grid.per_point], None, late, "stops not reached")
+    log = control_log(p)
+    if p.contacts is not None:
+        moving, contact_log = run_contact(p, log, p.contacts)
+        return _result(p, log, moving, contact_log, late, "contacts")
+    path = "blocks" if in_blocks(p) else "steps"
+    return _result(p, log, run_fast(p, log)[:, :: p.grid.per_point], None, late, path)
 
 
 def _check_strokes(places: list[tuple[str, str, float]], outputs: Array, names: tuple[str, ...]) -> None:
@@ -141,14 +161,6 @@ def _whole_steps(delay: float, h: float) -> tuple[int, float]:
     lag = int(np.floor(delay / h + 1e-9))
     rest = delay - lag * h
     return lag, rest if rest > 1e-9 * h else 0.0
-
-
-def _run(p: LoopProblem, rows: Array, delay: float) -> LoopResult:
-    log = control_log(p)
-    if p.contacts is None:
-        return _result(p, rows, log, run_fast(p, log)[:, :: p.grid.per_point], None, delay)
-    moving, contact_log = run_contact(p, log, p.contacts)
-    return _result(p, rows, log, moving, contact_log, delay)
 
 
 def _contact_inputs(
@@ -179,10 +191,10 @@ def _start(initial: ArrayLike | None, plant: ModalPlant) -> Array:
 
 
 def _result(
-    p: LoopProblem, rows: Array, log: ControlLog, moving: Array, contacts: ContactLog | None, delay: float
+    p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog | None, delay: float, path: str
 ) -> LoopResult:
-    """Return signals by name."""
-    plant, K, grid = p.plant, p.controller, p.grid
+    """Return signals by name; ``moving`` is what the outputs read of the states at the given times."""
+    plant, K, grid, rows = p.plant, p.controller, p.grid, p.W[:, :: p.grid.per_point]
     applied, asked = _at_points(p, log)
     outputs = moving + plant.D @ rows + plant.D[:, K.driven] @ applied
     if not np.isfinite(outputs).all():
@@ -211,6 +223,7 @@ def _result(
         friction,
         grid.per_sample * grid.h,
         delay,
+        path,
     )
 
 

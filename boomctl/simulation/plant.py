@@ -1,21 +1,25 @@
-"""A linear plant in real modal coordinates, and its exact motion over a step."""
+"""A linear plant in real modal coordinates, and its exact motion over a step.
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+A large structure is seen through its lowest undamped modes; the others answer as they do at rest.
+"""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, sparse
 
 from boomctl.arrays import Array
 from boomctl.checks import known
-from boomctl.simulation.truncation import realized, truncated
+from boomctl.lti.hold import linear_hold
+from boomctl.lti.python_control import control
+from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.pencil import factorized
+from boomctl.structure.response.poles import undamped_modes
 
-if TYPE_CHECKING:
-    import control
-
-_CONDITION = 1e6
-_MODES = 60
+_CONDITION = 1e6  # of the change to modal coordinates: ten digits are left; modes that need more stay in one block
+_MODES = 60  # of a structure: five times what its inputs shake in the band of a suspension, and a step stays cheap
+_SHIFT = 1e-6  # of the square of the highest frequency kept: holds rigid bodies, far below the modes left out
 
 
 @dataclass(frozen=True)
@@ -41,14 +45,11 @@ class ModalPlant:
         maps = (np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)))
         for size in {part.stop - part.start for part in self.blocks}:
             parts = [part for part in self.blocks if part.stop - part.start == size]
-            chain = np.zeros((len(parts), 3 * size, 3 * size))
-            for k, part in enumerate(parts):
-                chain[k, :size, :size] = duration * self.A[part, part]
-            chain[:, :size, size : 2 * size] = chain[:, size : 2 * size, 2 * size :] = np.eye(size)
-            found = linalg.expm(chain)
-            for k, part in enumerate(parts):
-                for power, target in enumerate(maps):
-                    target[part, part] = duration**power * found[k, :size, power * size : (power + 1) * size]
+            stack = np.array([self.A[part, part] for part in parts])
+            Phi, G, H = linear_hold(stack, np.broadcast_to(np.eye(size), stack.shape), duration)
+            for target, found in zip(maps, (Phi, G, duration * H), strict=True):
+                for part, block in zip(parts, found, strict=True):
+                    target[part, part] = block
         return maps
 
     def step(self, h: float, switch: float = 0.0) -> "StepMaps":
@@ -101,48 +102,86 @@ def modal_plant(system: "control.StateSpace | SecondOrderModel", keep_rigid: tup
     TypeError, ValueError
         Another kind of system, discrete time, numbers that are not finite, a name given twice, unknown inputs.
     """
-    import control
-
     if isinstance(system, SecondOrderModel):
         for name in keep_rigid:
             known("input of a contact", name, system.inputs)
         small, compliance = truncated(system, _MODES)
         compliance[:, [system.inputs.index(name) for name in keep_rigid]] = 0.0
-        return of_matrices(*realized(small, compliance), system.inputs, system.outputs)
-    if not isinstance(system, control.StateSpace):
-        raise TypeError(f"plant: expected control.StateSpace or SecondOrderModel, got {type(system).__name__}")
-    if not system.isctime():
-        raise ValueError(f"plant: expected a continuous-time system, got one with a sampling time of {system.dt} s")
-    for name in ("A", "B", "C", "D"):
-        if not np.isfinite(getattr(system, name)).all():
-            raise ValueError(f"plant: {name} has entries that are not finite")
-    for what, labels in (("input", system.input_labels), ("output", system.output_labels)):
-        twice = [label for label in labels if labels.count(label) > 1]
-        if twice:
-            raise ValueError(f"plant: {what} {twice[0]!r} is there twice")
-    labels = tuple(system.input_labels), tuple(system.output_labels)
-    return of_matrices(system.A, system.B, system.C, np.asarray(system.D), *labels)
+        return in_modal_coordinates(realized(small, compliance))
+    return in_modal_coordinates(of(system, "plant"))
 
 
-def of_matrices(
-    A: Array, B: Array, C: Array, D: Array, inputs: tuple[str, ...], outputs: tuple[str, ...]
-) -> ModalPlant:
-    """Return the modal coordinates of ``A, B, C, D``, balanced first."""
-    import control
-
-    n = len(A)
+def in_modal_coordinates(system: Lti) -> ModalPlant:
+    """Return a linear system in real modal coordinates, balanced first."""
+    n = len(system.A)
     if n == 0:
-        return ModalPlant(A, B, C, D, np.zeros((0, 0)), (), inputs, outputs)
-    balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
+        return ModalPlant(system.A, system.B, system.C, system.D, np.zeros((0, 0)), (), system.inputs, system.outputs)
+    balanced, (scale, _) = linalg.matrix_balance(system.A, permute=False, separate=True)
     blocks, T, sizes = control.bdschur(balanced, condmax=_CONDITION)
-    ends = np.cumsum(np.asarray(sizes, dtype=int))
-    parts = tuple(
-        slice(int(end - size), int(end)) for end, size in zip(ends, np.asarray(sizes, dtype=int), strict=True)
-    )
+    blocks, T, sizes = np.asarray(blocks), np.asarray(T), np.asarray(sizes, dtype=int)
+    parts = tuple(slice(int(end - size), int(end)) for end, size in zip(np.cumsum(sizes), sizes, strict=True))
     modal = np.zeros_like(balanced)
     for part in parts:
-        modal[part, part] = np.asarray(blocks)[part, part]
-    T = np.asarray(T)
+        modal[part, part] = blocks[part, part]
     return ModalPlant(
-        modal, np.linalg.solve(T, B / scale[:, None]), (C * scale) @ T, D, scale[:, None] * T, parts, inputs, outputs
+        modal,
+        np.linalg.solve(T, system.B / scale[:, None]),
+        (system.C * scale) @ T,
+        system.D,
+        scale[:, None] * T,
+        parts,
+        system.inputs,
+        system.outputs,
     )
+
+
+def truncated(model: SecondOrderModel, modes: int) -> tuple[SecondOrderModel, Array]:
+    """Return the model projected onto its lowest modes, and the static response of the others, outputs x inputs.
+
+    Of an input that is integrated (an imposed velocity or acceleration) it is the response to the displacement.
+
+    Matrices without real modes, or of no more coordinates than ``modes``, are left as they are.
+    """
+    nothing = np.zeros((len(model.outputs), len(model.inputs)))
+    if modes >= model.n:
+        return model, nothing
+    try:
+        frequencies, shapes = undamped_modes(model.structure, modes)
+    except ValueError:
+        return model, nothing
+    labels = tuple(f"mode{k}" for k in range(modes))
+    small = SecondOrderModel.of(model.structure.projected(shapes, labels), model.ports.congruent(shapes))
+    return small, _at_rest(model, frequencies, shapes)
+
+
+def realized(small: SecondOrderModel, rest: Array) -> Lti:
+    """Return a projected model in state space, the static response of the modes left out added.
+
+    It follows the displacement of each input: the signal itself, or the state that is its integral.
+    """
+    linear = of(small)
+    C, D = linear.C.copy(), linear.D.copy()
+    place = 2 * small.n
+    for i, count in enumerate(small.ports.integrators):
+        if count:
+            C[:, place] += rest[:, i]
+        else:
+            D[:, i] += rest[:, i]
+        place += count
+    return replace(linear, C=C, D=D)
+
+
+def _at_rest(model: SecondOrderModel, frequencies: Array, shapes: Array) -> Array:
+    """Return ``L (K^-1 - V V^T/omega^2) B0`` for displacement outputs.
+
+    A shift far below the modes left out lets rigid-body modes through.
+    """
+    ports = model.ports
+    shift = _SHIFT * float(frequencies[-1]) ** 2
+    plain_out = np.array([bandwidth is None for bandwidth in ports.bandwidths], dtype=bool)[:, None]
+    loads = ports.B[0]
+    solve = factorized(sparse.csr_array(sparse.csr_array(model.K) + shift * sparse.csr_array(model.M)))
+    rest = loads - model.M @ (shapes @ (shapes.T @ loads))
+    found = solve(rest)
+    found = found - shapes @ (shapes.T @ (model.M @ found))
+    return (ports.L[0] * plain_out) @ found

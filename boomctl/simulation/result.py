@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from boomctl.arrays import Array
 from boomctl.checks import known
+from boomctl.printing import count, listed
 from boomctl.simulation.contact.stops import StopHit
 
 if TYPE_CHECKING:
@@ -35,6 +36,9 @@ class FrictionReport:
     input: str
     output: str
 
+    def __repr__(self) -> str:
+        return f"FrictionReport: stuck {100.0 * self.stuck_share:.3g} % of the time, {self.dissipated:.4g} J dissipated"
+
 
 @dataclass(frozen=True)
 class LoopResult:
@@ -59,6 +63,8 @@ class LoopResult:
     friction : FrictionReport or None
     sample_time, delay : float
         Of the controller [s].
+    path : str
+        Which way the loop was run: "blocks", "steps", "stops not reached" or "contacts"; all are exact between samples.
     """
 
     time: Array
@@ -72,6 +78,21 @@ class LoopResult:
     friction: FrictionReport | None
     sample_time: float
     delay: float
+    path: str = "steps"
+
+    def __repr__(self) -> str:
+        span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
+        late = f", {self.delay:.4g} s late" if self.delay else ""
+        controls = f"controls {listed(list(self.controls), 50)}{late}" if self.controls else "no controller"
+        limited = [f"{count(len(self.stops), 'hit')} of a stop"] if self.stops else []
+        limited += [
+            f"{name} at its limit {100.0 * share:.3g} % of the time"
+            for name, share in self.saturation_share.items()
+            if share
+        ]
+        limited += [f"stuck {100.0 * self.friction.stuck_share:.3g} % of the time"] if self.friction is not None else []
+        last = f"\n  {listed(limited)}" if limited else ""
+        return f"LoopResult: {span}; {controls}\n  outputs: {listed(list(self.outputs))}{last}"
 
     def __getitem__(self, name: str) -> Array:
         """Return an output by name."""
@@ -85,8 +106,9 @@ class LoopResult:
     @property
     def response(self) -> "control.TimeResponseData":
         """Outputs over disturbances and controls as python-control's named time response."""
-        import control
         import numpy as np
+
+        from boomctl.lti.python_control import control
 
         moved = {name: np.zeros(len(self.time)) for name in (*self.disturbances, *self.controls)}
         for signals in (self.disturbances, self.controls):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, nonnegative, plain_array, positive
 
-_EVEN = 1e-6
+_EVEN = 1e-6  # relative unevenness of steps that count as equal: times printed with seven digits pass
 
 Levels = float | Mapping[str, float] | None
 

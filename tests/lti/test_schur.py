@@ -1,15 +1,16 @@
 """Responses by substitution: those of solving, for stiff, defective and stateless systems alike."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.lti.schur import triangular
 from boomctl.lti.system import Lti
+from tests.profiles import examples
 
 
 @given(st.integers(0, 10_000), st.integers(0, 9), st.integers(1, 3), st.integers(0, 300))
-@settings(max_examples=30)
+@examples(30)
 def test_a_triangular_form_responds_as_the_system_does(seed, n, m, count):
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((n, n))

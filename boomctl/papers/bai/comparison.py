@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from boomctl.plotting.rotating_beam import Picture
+from boomctl.plotting.rotating_beam import Chart
 
 MET = "met"
 CORRECTED = "met with corrected reading"
@@ -59,11 +59,11 @@ class Claim:
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
-    """A part of the paper: its pictures, its numbers, its statements."""
+class Part:
+    """A part of the paper: its charts, its numbers, its statements."""
 
     title: str
-    pictures: tuple[Picture, ...] = ()
+    charts: tuple[Chart, ...] = ()
     comparisons: tuple[Comparison, ...] = ()
     claims: tuple[Claim, ...] = ()
 
@@ -115,7 +115,15 @@ def compare(
     deviation = f"differs by {100.0 * abs(computed / against - 1.0):.2g} %" if against else ""
     reading = mended if slipped is None else slipped
     return Comparison(
-        where, what, unit, published, computed, reading, tolerance, verdict, "; ".join(w for w in (why, deviation) if w)
+        where=where,
+        what=what,
+        unit=unit,
+        published=published,
+        computed=computed,
+        reading=reading,
+        tolerance=tolerance,
+        verdict=verdict,
+        why="; ".join(w for w in (why, deviation) if w),
     )
 
 

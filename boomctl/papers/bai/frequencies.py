@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.papers.bai.comparison import Comparison, Section, compare, judge
-from boomctl.plotting.rotating_beam import Line, Panel, Picture
+from boomctl.papers.bai.comparison import Comparison, Part, compare, judge
+from boomctl.plotting.rotating_beam import Chart, Line, Panel
 from boomctl.rotating_beam import HubBeam, HubBeamParameters, hub_beam
 
 TABLE_2 = {
@@ -19,14 +19,14 @@ TABLE_2 = {
 CRITICAL_SPEEDS = {0.0: 2.91, 0.1: 2.60, 0.5: 1.91}
 """rad/s, by tip mass [kg]; section 4.4."""
 
-TWO_PI_OF_THE_PAPER = 6.28
+TWO_PI_OF_THE_PAPER = 6.28  # what makes all fifteen printed frequencies agree with computed ones
 LAST_DIGIT = 1.0e-4
 """One unit of the last digit of Table 2, Hz."""
 
 _MODES = 40  # clamped-free shapes converge slowly with a tip mass
 
 
-def table_2() -> Section:
+def table_2() -> Part:
     """The frequencies of the beam alone, with the factor 2 pi/6.28 that all fifteen printed ones carry."""
     rows, few = _table(_MODES), _table(5)
     slip = 2.0 * math.pi / TWO_PI_OF_THE_PAPER
@@ -35,16 +35,16 @@ def table_2() -> Section:
             "Table 2",
             f"{row}, mode {mode + 1}",
             "Hz",
-            printed,
-            float(rows[row][mode]),
-            LAST_DIGIT,
-            "rad/s divided by 6.28, not 2 pi",
+            published=printed,
+            computed=float(rows[row][mode]),
+            tolerance=LAST_DIGIT,
+            why="rad/s divided by 6.28, not 2 pi",
             slipped=float(few[row][mode]) * slip,
         )
         for row, values in TABLE_2.items()
         for mode, printed in enumerate(values)
     ]
-    return Section("Table 2: frequencies (printed under the caption of Table 3)", comparisons=tuple(comparisons))
+    return Part("Table 2: frequencies (printed under the caption of Table 3)", comparisons=tuple(comparisons))
 
 
 def _table(modes: int) -> dict[str, Array]:
@@ -56,7 +56,7 @@ def _table(modes: int) -> dict[str, Array]:
     }
 
 
-def critical_speeds() -> Section:
+def critical_speeds() -> Part:
     """Critical speeds of TLAM, and the smallest eigenvalue of its stiffness over speed, mass and place (Fig. 9)."""
     computed = {mass: _critical(mass, None) for mass in CRITICAL_SPEEDS}
     comparisons = [_critical_speed(mass, printed, computed[mass]) for mass, printed in CRITICAL_SPEEDS.items()]
@@ -68,7 +68,7 @@ def critical_speeds() -> Section:
     by_place = tuple(
         Line(f"{mass} kg", places, np.array([_critical(mass, float(place)) for place in places])) for mass in (0.1, 0.5)
     )
-    picture = Picture(
+    chart = Chart(
         "fig-09",
         "Fig. 9. TLAM: smallest eigenvalue of its stiffness K22 over the hub speed, and the speed at which it "
         "vanishes over the place of the mass",
@@ -93,12 +93,20 @@ def critical_speeds() -> Section:
         abs(at_hub - computed[0.0]) < 1e-6 and all(bool(np.all(np.diff(line.y) < 1e-9)) for line in by_place),
         "the eigenvalue's scale depends on that of the mode shapes; its zero does not",
     )
-    return Section("Critical speeds of TLAM and Fig. 9 (section 4.4)", (picture,), tuple(comparisons), (claim,))
+    return Part("Critical speeds of TLAM and Fig. 9 (section 4.4)", (chart,), tuple(comparisons), (claim,))
 
 
 def _critical_speed(mass: float, printed: float, computed: float) -> Comparison:
     why = "" if mass < 0.5 else "converged: fewer modes than ours only raise it; perhaps 1.91 for 1.94"
-    return compare("section 4.4", f"critical speed of TLAM, tip mass {mass} kg", "rad/s", printed, computed, 0.005, why)
+    return compare(
+        "section 4.4",
+        f"critical speed of TLAM, tip mass {mass} kg",
+        "rad/s",
+        published=printed,
+        computed=computed,
+        tolerance=0.005,
+        why=why,
+    )
 
 
 def _critical(mass: float, place: float | None) -> float:

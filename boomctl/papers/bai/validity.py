@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.papers.bai.comparison import ADDED, Claim, Section
-from boomctl.plotting.rotating_beam import COLOURS, Line, Panel, Picture
+from boomctl.papers.bai.comparison import ADDED, Claim, Part
+from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
 from boomctl.rotating_beam import HubBeamParameters, SimulationError, hub_beam, sine_torque
 
 MODELS = {
@@ -16,10 +16,11 @@ MODELS = {
     "FOAM": "foam",
     "CFOAM": "cfoam",
 }
+# amplitudes [N m] from where all models agree to twice what the hub is driven with, in steps of some 1.4 times
 TORQUES = (5.0, 7.5, 11.0, 16.0, 24.0, 36.0, 50.0, 75.0, 100.0, 140.0, 200.0, 280.0, 400.0, 560.0, 800.0)
-THRESHOLDS = (0.01, 0.05, 0.2)
-TIME = np.linspace(0.0, 30.0, 1501)
-MODES = 8
+THRESHOLDS = (0.01, 0.05, 0.2)  # errors of the tip over its peak that a drawing, a design or a guess would bear
+TIME = np.linspace(0.0, 30.0, 1501)  # [s]: 10 s of torque and 20 s of what it leaves
+MODES = 8  # with which the exact beam has converged, so that differences are those of the models
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +105,7 @@ def leaves(torques: Array, errors: Array, threshold: float) -> float:
     return float(np.exp(np.log(torques[k - 1]) + share * np.log(torques[k] / torques[k - 1])))
 
 
-def section(data: Validity) -> Section:
+def section(data: Validity) -> Part:
     """The picture and what it says."""
     levels = tuple((threshold, f"{100 * threshold:g} %") for threshold in THRESHOLDS)
     styles = {"SFOAM, consistent": "s--", "FOAM": "^:", "TLAM": "o-", "SFOAM": "v-", "CFOAM": "D-"}
@@ -126,7 +127,7 @@ def section(data: Validity) -> Section:
             xticks=(5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 400.0, 800.0),
         )
 
-    picture = Picture(
+    chart = Chart(
         "validity",
         "Not in the paper: where each model leaves the geometrically exact beam; sine torque of 10 s, 8 modes",
         (panel("(a) whole motion, 30 s", data.whole), panel("(b) residual vibration, 10 to 30 s", data.residual)),
@@ -142,7 +143,7 @@ def section(data: Validity) -> Section:
         )
         for label in data.whole
     )
-    return Section("Where each model stops being true", (picture,), claims=claims)
+    return Part("Where each model stops being true", (chart,), claims=claims)
 
 
 def _kinds(data: Validity) -> tuple[tuple[str, dict[str, Array]], ...]:

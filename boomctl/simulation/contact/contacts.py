@@ -13,9 +13,9 @@ from boomctl.simulation.plant import ModalPlant, StepMaps
 
 StrokeLimit = float | Mapping[str, "float | tuple[float, str]"] | None
 
-_NOTHING = 1e-7
-_COARSE = 0.5
-_MOST_STOPS = 6
+_NOTHING = 1e-7  # of the terms that it is summed from: a feedthrough below that is rounding of the modal coordinates
+_COARSE = 0.5  # share of a force's velocity that must be left at the end of a step for friction to be resolved
+_MOST_STOPS = 6  # the cases of stops touched grow as 5 to their number: 15,625 with six
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Contacts:
 
 
 def contact_at(
-    plant: ModalPlant, maps: StepMaps, output: str, force: str, driven: tuple[str, ...] = (), least: float = 0.0
+    plant: ModalPlant, maps: StepMaps, output: str, force: str, *, driven: tuple[str, ...] = (), least: float = 0.0
 ) -> Contact:
     """Return the contact of a displacement output with a force input.
 
@@ -168,8 +168,12 @@ def contacts_of(
     driven: tuple[str, ...],
 ) -> Contacts | None:
     """Return all contacts, ``None`` where there are none."""
-    slip = None if friction is None else contact_at(plant, maps, friction.output, friction.input, driven, _COARSE)
-    stops = tuple(contact_at(plant, maps, output, force, driven) for output, force, _ in places)
+    slip = (
+        None
+        if friction is None
+        else contact_at(plant, maps, friction.output, friction.input, driven=driven, least=_COARSE)
+    )
+    stops = tuple(contact_at(plant, maps, output, force, driven=driven) for output, force, _ in places)
     if slip is None and not stops:
         return None
     stop_maps = None

@@ -9,10 +9,11 @@ Source: Moreau (1988) and Jean (1999) for the time stepping; the division of the
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from boomctl.checks import nonnegative, positive, signal_name, whole
 
-_END = 1e-12
+_END = 1e-12  # share of a step: what rounding leaves of it is no rest
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,23 @@ def friction_law(friction: object) -> CoulombFriction:
     return friction
 
 
-@dataclass(frozen=True)
-class FrictionStep:
+class Slip(NamedTuple):
+    """Slip velocity, whether it is at rest, and the mean force that held it over the whole step before (or ``None``).
+
+    The load is extrapolated from that force to find where the slip breaks away, which matters where ``static_force``
+    exceeds ``force``.
+    """
+
+    velocity: float
+    stuck: bool
+    held: float | None
+
+    def after(self, step: "FrictionStep") -> "Slip":
+        """Return the state at the end of a step."""
+        return Slip(step.velocity, step.stuck, step.force if step.stuck and step.sliding == 0.0 else None)
+
+
+class FrictionStep(NamedTuple):
     """Mean friction force over a step [N], slip velocity at its end, and how the step went.
 
     ``sliding`` is the share of the step before sliding came to rest (1: it did not, 0: it stuck from the beginning),
@@ -80,26 +96,20 @@ class FrictionStep:
     first: float
 
 
-def friction_step(
-    velocity: float, stuck: bool, free: float, gain: float, law: CoulombFriction, held: float | None = None
-) -> FrictionStep:
+def friction_step(slip: Slip, free: float, gain: float, law: CoulombFriction) -> FrictionStep:
     """Return the friction force over a step.
 
     Parameters
     ----------
-    velocity : float
-        Slip velocity at the beginning [m/s].
-    stuck : bool
-        Whether it is at rest there.
+    slip : Slip
+        At the beginning of the step.
     free : float
-        Slip velocity at the end if there were no friction.
+        Slip velocity at the end if there were no friction [m/s].
     gain : float
         What a unit force over the step adds to it [m/s/N].
     law : CoulombFriction
-    held : float, optional
-        Mean force of the step before, if that was stuck: the load is extrapolated to find where it breaks away, which
-        matters where ``static_force`` exceeds ``force``.
     """
+    velocity, stuck, held = slip
     holding = -free / gain
     if stuck:
         return _from_rest(holding, free, gain, law, held)

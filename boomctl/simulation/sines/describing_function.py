@@ -10,7 +10,7 @@ Source: Den Hartog (1931) for the damper, Gelb & Vander Velde (1968) for the met
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,13 +18,12 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names, positive
 from boomctl.lti.frequency import singular_values
+from boomctl.printing import between
 from boomctl.simulation.contact.friction import CoulombFriction, friction_law
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
-
-Values = TypeVar("Values", Array, Array)
 
 
 @dataclass(frozen=True)
@@ -58,6 +57,14 @@ class SineResponse:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     settled: Array
+
+    def __repr__(self) -> str:
+        grid = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
+        state = f"stuck at {int(self.stuck.sum())} of them"
+        return (
+            f"SineResponse: {between(self.inputs, self.outputs)}, amplitude {self.amplitude:.4g}\n"
+            f"  {grid}; {state}\n  largest gain {self.gain.max():.6g}"
+        )
 
     @property
     def gain(self) -> Array:
@@ -122,7 +129,7 @@ def describing_function(
     TypeError, ValueError
         Unknown signals, amplitude or frequencies not above zero, an undamped resonance among these.
     """
-    grid, size, law = _positive_grid(omega), positive("amplitude", amplitude), friction_law(friction)
+    grid, size, law = positive_grid(omega), positive("amplitude", amplitude), friction_law(friction)
     excited, shape = sine_pattern(plant_inputs(plant), excitation)
     read = names("output", outputs, plant_outputs(plant))
     known("input of the friction", law.input, plant_inputs(plant))
@@ -140,7 +147,7 @@ def describing_function(
     )
 
 
-def finite_response(response: Values, omega: Array) -> Values:
+def finite_response(response: Array, omega: Array) -> Array:
     """Return a response (..., frequencies), real or complex, that is finite throughout; otherwise say where it is not."""
     bad = ~np.isfinite(response.reshape(-1, len(omega))).all(axis=0)
     if bad.any():
@@ -170,7 +177,7 @@ def balanced_friction(slip: Array, receptance: Array, force: float) -> tuple[Arr
 
 def plant_inputs(plant: "SecondOrderModel | control.StateSpace") -> tuple[str, ...]:
     """Return the names of a plant's inputs; another kind of plant is an error."""
-    import control
+    from boomctl.lti.python_control import control
 
     if not isinstance(plant, (SecondOrderModel, control.StateSpace)):
         raise TypeError(f"plant: expected control.StateSpace or SecondOrderModel, got {type(plant).__name__}")
@@ -182,7 +189,8 @@ def plant_outputs(plant: "SecondOrderModel | control.StateSpace") -> tuple[str, 
     return plant.outputs if isinstance(plant, SecondOrderModel) else tuple(plant.output_labels)
 
 
-def _positive_grid(omega: ArrayLike) -> Array:
+def positive_grid(omega: ArrayLike) -> Array:
+    """Return frequencies [rad/s], all above zero."""
     grid = frequencies("omega", omega)
     if (grid == 0.0).any():
         raise ValueError("omega: expected frequencies above zero")

@@ -6,22 +6,23 @@ what is kept is the fundamental of the last period.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import frequencies, known, names, positive, whole
+from boomctl.checks import known, names, positive, whole
 from boomctl.lti.frequency import singular_values
 from boomctl.simulation.contact.contacts import Contact, contact_at
-from boomctl.simulation.contact.friction import CoulombFriction, friction_law, friction_step
+from boomctl.simulation.contact.friction import CoulombFriction, Slip, friction_law, friction_step
 from boomctl.simulation.plant import ModalPlant, modal_plant
 from boomctl.simulation.sines.describing_function import (
     SineResponse,
     balanced_friction,
     describing_function,
     finite_response,
+    positive_grid,
     sine_pattern,
 )
 from boomctl.structure.model import SecondOrderModel
@@ -29,9 +30,11 @@ from boomctl.structure.model import SecondOrderModel
 if TYPE_CHECKING:
     import control
 
-_LEAST_PERIODS = 3
-_FINE = 0.8
-_DOUBLINGS = 6
+_LEAST_PERIODS = 3  # periods before the response may count as steady: one to settle, two to compare
+_FINE = (
+    0.8  # share of a force's velocity that must be left at the end of a step: steps follow the motion at the contact
+)
+_DOUBLINGS = 6  # of the steps a period, at most: 64 times the number asked for
 
 
 def swept_sine(
@@ -69,9 +72,7 @@ def swept_sine(
     TypeError, ValueError
         Unknown signals; amplitude, frequencies or tolerance not above zero; too few steps or periods.
     """
-    grid, size, law = frequencies("omega", omega), positive("amplitude", amplitude), friction_law(friction)
-    if (grid == 0.0).any():
-        raise ValueError("omega: expected frequencies above zero")
+    grid, size, law = positive_grid(omega), positive("amplitude", amplitude), friction_law(friction)
     count, most = whole("steps", steps, 16), whole("periods", periods, _LEAST_PERIODS)
     modal = modal_plant(plant, (law.input,) if isinstance(plant, SecondOrderModel) else ())
     excited, shape = sine_pattern(modal.inputs, excitation)
@@ -81,41 +82,44 @@ def swept_sine(
     drive[[modal.inputs.index(name) for name in excited]] = size * shape
     rows = [modal.outputs.index(name) for name in read]
     slip_row = modal.outputs.index(known("output of a contact", law.output, modal.outputs))
-    found, stuck, settled = _swept(modal, law, grid, drive, (count, most), positive("tolerance", tolerance), rows)
+    shaken = _Shaken(modal, law, drive)
+    counts = np.array([_steps_needed(shaken, w, count) for w in grid])
+    found = np.zeros((len(modal.outputs), len(grid)), dtype=complex)
+    stuck, settled = np.zeros(len(grid), dtype=bool), np.zeros(len(grid))
+    for steps_taken in np.unique(counts):
+        here = np.flatnonzero(counts == steps_taken)
+        sweep = _prepared(shaken, grid[here], int(steps_taken))
+        states, stuck[here], settled[here] = _run(sweep, law, most, positive("tolerance", tolerance), modal.C[rows])
+        found[:, here] = modal.C @ states.T + (modal.D @ drive)[:, None]
+    if stuck.any():
+        found[:, stuck] = _held(shaken, grid[stuck])
     slip = np.where(stuck, 0.0, np.abs(found[slip_row]))
     return SineResponse(grid, finite_response(found[rows] / size, grid), slip, stuck, size, excited, read, settled)
 
 
-def _swept(
-    plant: ModalPlant,
-    law: CoulombFriction,
-    grid: Array,
-    drive: Array,
-    least_and_most: tuple[int, int],
-    tolerance: float,
-    rows: list[int],
-) -> tuple[Array, Array, Array]:
-    """Return the fundamentals of all outputs, who stuck, and how steady the wanted ``rows`` were.
+@dataclass(frozen=True)
+class _Shaken:
+    """A plant with friction, and the complex amplitudes of the sines on its inputs."""
 
-    At least so many steps a period and at most so many periods are taken.
-    """
-    found = np.zeros((len(plant.outputs), len(grid)), dtype=complex)
-    stuck, settled = np.zeros(len(grid), dtype=bool), np.zeros(len(grid))
-    counts = np.array([_steps_needed(plant, law, w, least_and_most[0]) for w in grid])
-    for count in np.unique(counts):
-        here = np.flatnonzero(counts == count)
-        sweep = _prepared(plant, law, grid[here], drive, int(count))
-        states, stuck[here], settled[here] = _run(sweep, law, least_and_most[1], tolerance, plant.C[rows])
-        found[:, here] = plant.C @ states.T + (plant.D @ drive)[:, None]
-    if stuck.any():
-        found[:, stuck] = _held(plant, law, grid[stuck], drive)
-    return found, stuck, settled
+    plant: ModalPlant
+    law: CoulombFriction
+    drive: Array
+
+    @property
+    def slip(self) -> int:
+        """Which output is the slip."""
+        return self.plant.outputs.index(self.law.output)
+
+    @property
+    def acts(self) -> int:
+        """Through which input friction acts."""
+        return self.plant.inputs.index(self.law.input)
 
 
-def _steps_needed(plant: ModalPlant, law: CoulombFriction, omega: float, steps: int) -> int:
+def _steps_needed(shaken: _Shaken, omega: float, steps: int) -> int:
     """Return how many steps a period takes: more than wanted where a step would be long for the motion at the contact."""
-    velocity = plant.C[plant.outputs.index(law.output)] @ plant.A
-    column = plant.B[:, plant.inputs.index(law.input)]
+    plant = shaken.plant
+    velocity, column = plant.C[shaken.slip] @ plant.A, plant.B[:, shaken.acts]
     for count in steps * 2 ** np.arange(_DOUBLINGS):
         h = 2.0 * np.pi / (omega * count)
         if velocity @ plant.motion(h)[1] @ column >= _FINE * h * (velocity @ column):
@@ -123,20 +127,19 @@ def _steps_needed(plant: ModalPlant, law: CoulombFriction, omega: float, steps: 
     return steps * 2**_DOUBLINGS
 
 
-def _held(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Array) -> Array:
+def _held(shaken: _Shaken, grid: Array) -> Array:
     """Return all outputs with the slip held at zero, (outputs, frequencies): no step by step about it."""
-    solved = _responses(plant, law, grid, drive)
-    row = plant.outputs.index(law.output)
+    plant, row, solved = shaken.plant, shaken.slip, _responses(shaken, grid)
     moved, per_force = (plant.C @ solved[:, :, k].T for k in (0, 1))
-    moved = moved + (plant.D @ drive)[:, None]
-    per_force = per_force + plant.D[:, [plant.inputs.index(law.input)]]
+    moved = moved + (plant.D @ shaken.drive)[:, None]
+    per_force = per_force + plant.D[:, [shaken.acts]]
     return moved - per_force * (moved[row] / per_force[row])
 
 
-def _responses(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Array) -> Array:
+def _responses(shaken: _Shaken, grid: Array) -> Array:
     """Return the states' responses to the excitation and to a unit friction force, (frequencies, n, 2)."""
-    column = plant.B[:, plant.inputs.index(law.input)].astype(complex)
-    load = np.column_stack([plant.B @ drive, column])
+    plant = shaken.plant
+    load = np.column_stack([plant.B @ shaken.drive, plant.B[:, shaken.acts].astype(complex)])
     with np.errstate(all="ignore"):
         try:
             solved = np.linalg.solve(1j * grid[:, None, None] * np.eye(len(plant.A)) - plant.A, load[None])
@@ -158,7 +161,8 @@ class _Sweep:
     start: Array
 
 
-def _prepared(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Array, count: int) -> _Sweep:
+def _prepared(shaken: _Shaken, grid: Array, count: int) -> _Sweep:
+    plant, law, drive = shaken.plant, shaken.law, shaken.drive
     turns = np.exp(2j * np.pi * np.arange(count + 1) / count)
     waves = np.real(drive[:, None] * turns)
     maps = [plant.step(2.0 * np.pi / (w * count)) for w in grid]
@@ -173,16 +177,15 @@ def _prepared(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Array
         np.array([place.held for place in places]),
         np.array([place.gain for place in places]),
         offset,
-        _balanced_start(plant, law, grid, drive),
+        _balanced_start(shaken, grid),
     )
 
 
-def _balanced_start(plant: ModalPlant, law: CoulombFriction, grid: Array, drive: Array) -> Array:
+def _balanced_start(shaken: _Shaken, grid: Array) -> Array:
     """Return the states that the harmonic balance expects at the beginning of a period, (frequencies, n)."""
-    solved = _responses(plant, law, grid, drive)
-    row = plant.outputs.index(law.output)
+    plant, row, solved = shaken.plant, shaken.slip, _responses(shaken, grid)
     slips = np.einsum("n,fnk->fk", plant.C[row], solved)
-    force, _ = balanced_friction(slips[:, 0] + plant.D[row] @ drive, slips[:, 1], law.force)
+    force, _ = balanced_friction(slips[:, 0] + plant.D[row] @ shaken.drive, slips[:, 1], shaken.law.force)
     return np.real(solved[:, :, 0] + solved[:, :, 1] * force[:, None])
 
 
@@ -196,7 +199,7 @@ def _run(
     """
     X = sweep.start.copy()
     speed = X @ sweep.velocity + sweep.offset[:, 0]
-    slipping = tuple(_Slip(float(value), False, None) for value in speed)
+    slipping = [Slip(float(value), False, None) for value in speed]
     old, window, done = np.zeros(X.shape, dtype=complex), 1, 0
     while True:
         found, at_rest = np.zeros(X.shape, dtype=complex), np.ones(len(X), dtype=bool)
@@ -213,8 +216,8 @@ def _run(
 
 
 def _period(
-    sweep: _Sweep, law: CoulombFriction, X: Array, slipping: "tuple[_Slip, ...]"
-) -> "tuple[Array, tuple[_Slip, ...], Array, Array]":
+    sweep: _Sweep, law: CoulombFriction, X: Array, slipping: list[Slip]
+) -> tuple[Array, list[Slip], Array, Array]:
     """Step one period; return states and slips at its end, the fundamental of the states, and who stuck throughout."""
     count = len(sweep.forcing)
     turns, gains = np.exp(-2j * np.pi * np.arange(count) / count) * (2.0 / count), sweep.gain.tolist()
@@ -223,23 +226,11 @@ def _period(
         found += turns[k] * X
         X = (sweep.Phi @ X[:, :, None])[:, :, 0] + sweep.forcing[k]
         free = (X @ sweep.velocity + sweep.offset[:, k + 1]).tolist()
-        steps = [
-            friction_step(now.velocity, now.stuck, end, gain, law, now.held)
-            for now, end, gain in zip(slipping, free, gains, strict=True)
-        ]
+        steps = [friction_step(now, end, gain, law) for now, end, gain in zip(slipping, free, gains, strict=True)]
         X = X + sweep.held * np.array([step.force for step in steps])[:, None]
-        slipping = tuple(
-            _Slip(step.velocity, step.stuck, step.force if step.stuck and step.sliding == 0.0 else None)
-            for step in steps
-        )
+        slipping = [now.after(step) for now, step in zip(slipping, steps, strict=True)]
         at_rest &= [now.stuck for now in slipping]
     return X, slipping, found, at_rest
-
-
-class _Slip(NamedTuple):
-    velocity: float
-    stuck: bool
-    held: float | None
 
 
 def sine_sigma(

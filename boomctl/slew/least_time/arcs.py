@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.printing import count
 from boomctl.slew.dynamics import explicit_step
 from boomctl.slew.linear import guess_from
 from boomctl.slew.plant import SlewPlant
@@ -232,6 +233,10 @@ class SwitchingCurve:
     torque: Array
     switches: Array
     torque_limit: float
+
+    def __repr__(self) -> str:
+        agree = f"{self.agreement:.4%} of the time the torque has its sign"
+        return f"SwitchingCurve: {count(len(self.switches), 'switch', 'switches')} in {self.time[-1]:.6g} s; {agree}"
 
     @property
     def agreement(self) -> float:

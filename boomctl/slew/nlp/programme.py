@@ -63,7 +63,12 @@ class Programme:
     """A programme with its solver, for any data."""
 
     transcription: Transcription
+    tolerance: float
     solver: Any
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle what it was made of; the solver is built anew."""
+        return _solvable, (self.transcription, self.tolerance)
 
     def solve(self, problem: SlewProblem, start: Guess | Solution, limits: Limits | None = None) -> Solution:
         """Solve for the data of a problem.
@@ -217,8 +222,12 @@ def prepare(problem: SlewProblem, scheme: Scheme, guess: Guess, tolerance: float
         row = np.concatenate([plant.rows["tip"] for plant in problem.plants])
         tip = float(max(np.abs(row * sizes).max(), 1e-12))
     units = Units(sizes, problem.limits.torque, problem.duration or guess.duration, tip)
-    transcription = transcribe(problem.parts, problem.ends, scheme, units)
+    return _solvable(transcribe(problem.parts, problem.ends, scheme, units), tolerance)
+
+
+def _solvable(transcription: Transcription, tolerance: float) -> Programme:
+    """A programme with its solver."""
     options = _OPTIONS | transcription.derivatives | {"ipopt.tol": min(_TOLERANCE, _SHARE * tolerance)}
-    if scheme.objective == "effort":
+    if transcription.scheme.objective == "effort":
         options |= {f"ipopt.warm_start_{kind}_push": _EFFORT_PUSH for kind in ("bound", "mult_bound", "slack_bound")}
-    return Programme(transcription, ca.nlpsol("slew", "ipopt", transcription.nlp, options))
+    return Programme(transcription, tolerance, ca.nlpsol("slew", "ipopt", transcription.nlp, options))

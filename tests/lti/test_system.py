@@ -1,0 +1,64 @@
+"""Systems joined: side by side, one behind the other, a plant closed by a controller."""
+
+import control
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from boomctl.lti.system import Lti, append, lower_lft, series, static
+
+OMEGA = np.array([0.0, 0.3, 2.0, 50.0])
+
+
+def random(seed: int, states: int, inputs: int, outputs: int, names: str = "") -> Lti:
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(states, states)) - 3.0 * np.eye(states)
+    B, C, D = (rng.normal(size=shape) for shape in ((states, inputs), (outputs, states), (outputs, inputs)))
+    labels = (
+        tuple(f"{names}{kind}{i}" for i in range(n)) for kind, n in (("u", inputs), ("y", outputs), ("x", states))
+    )
+    return Lti(A, B, C, D, *labels)
+
+
+def at(system: Lti) -> np.ndarray:
+    return np.moveaxis(system.response(OMEGA), 2, 0)
+
+
+def test_side_by_side():
+    a, b, gain = random(1, 2, 1, 3, "a"), random(2, 3, 2, 1, "b"), static(np.array([[2.0, 3.0]]), "pq", "r")
+    joined = append(a, gain, b)
+    assert (joined.inputs, joined.outputs) == ((*a.inputs, "p", "q", *b.inputs), (*a.outputs, "r", *b.outputs))
+    assert joined.states == a.states + b.states
+    G = at(joined)
+    assert_allclose(G[:, :3, :1], at(a))
+    assert_allclose(G[:, 3, 1:3], np.tile([2.0, 3.0], (4, 1)))
+    assert_allclose(G[:, 4:, 3:], at(b))
+    assert not G[:, :3, 1:].any()
+
+
+def test_names_are_left_out_where_a_system_does_not_name_its_own():
+    joined = append(random(1, 2, 1, 1, "a"), static(np.eye(1)))
+    assert joined.inputs == joined.outputs == ()
+    assert len(joined.states) == 2
+
+
+def test_one_behind_the_other():
+    a, b = random(1, 2, 1, 3, "a"), random(2, 3, 3, 2, "b")
+    joined = series(a, b)
+    assert (joined.inputs, joined.outputs, joined.states) == (a.inputs, b.outputs, a.states + b.states)
+    assert_allclose(at(joined), at(b) @ at(a))
+
+
+def test_lower_lft_is_that_of_python_control():
+    P, K = random(3, 4, 3, 4, "p"), random(4, 2, 2, 1, "k")
+    loop = lower_lft(P, K)
+    assert (loop.inputs, loop.outputs, loop.states) == (P.inputs[:2], P.outputs[:2], P.states + K.states)
+    peer = control.ss(P.A, P.B, P.C, P.D).lft(control.ss(K.A, K.B, K.C, K.D))
+    for ours, theirs in ((loop.A, peer.A), (loop.B, peer.B), (loop.C, peer.C), (loop.D, peer.D)):
+        assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
+
+
+def test_a_loop_without_a_solution_is_refused():
+    P = static(np.array([[1.0, 1.0], [1.0, 0.5]]))
+    with pytest.raises(ValueError, match="not well-posed"):
+        lower_lft(P, static(np.array([[2.0]])))
