@@ -12,10 +12,10 @@ from boomctl.benchmark.timing import Job, interleaved
 from boomctl.lti.python_control import control
 from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
 from boomctl.slew import TorqueHistory, mesh_study, optimal_slew
+from boomctl.slew.linear import effort_guess
 from boomctl.slew.nlp.programme import Programme, Solution, prepare
-from boomctl.slew.nlp.transcription import Scheme, transcribe
-from boomctl.slew.problem import changed, slew_problem
-from boomctl.slew.reference import effort_guess, typical_sizes
+from boomctl.slew.nlp.transcription import Scheme
+from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem
 from boomctl.slew.torque import held
 
 _EFFORT = Effort(AssumedModesBeam(HubBeamParameters(), "sfoam", 3), np.pi / 2, 200.0, 3.0, 200)
@@ -131,20 +131,21 @@ def _two_masses() -> float:
         return float(2 * mp.findroot(equations, (mp.mpf("2.1"), mp.mpf("1.1")))[0])
 
 
+def _problem(effort: Effort) -> SlewProblem:
+    limits = Limits(effort.torque_limit)
+    return slew_problem(effort.beam, effort.angle, limits, "effort", effort.duration, method="shooting")
+
+
 def ours(effort: Effort) -> tuple[Programme, Solution]:
     """Build and solve the programme by shooting."""
-    problem = slew_problem(effort.beam, effort.angle, effort.torque_limit, "effort", effort.duration, method="shooting")
+    problem = _problem(effort)
     guess = effort_guess(problem, effort.duration, effort.intervals)
-    scheme = Scheme("shooting", "effort", effort.intervals, 1, False, False, ())
-    units = typical_sizes(guess)
-    parts = transcribe(problem.plants, scheme, units, effort.torque_limit, effort.duration, problem.ends)
-    programme = prepare(parts, 1e-7)
+    programme = prepare(problem, Scheme("shooting", "effort", effort.intervals, 1), guess, 1e-7)
     return programme, programme.solve(problem, guess)
 
 
 def _again(programme: Programme, solution: Solution, effort: Effort) -> Solution:
-    problem = slew_problem(effort.beam, effort.angle, effort.torque_limit, "effort", effort.duration, method="shooting")
-    return programme.solve(changed(problem, 0.99 * effort.angle, 0.99 * effort.torque_limit), None, solution)
+    return programme.solve(changed(_problem(effort), 0.99 * effort.angle, 0.99 * effort.torque_limit), solution)
 
 
 def _end_error(effort: Effort, history: TorqueHistory) -> float:

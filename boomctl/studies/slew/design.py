@@ -89,7 +89,7 @@ class SlewDesign:
     def evaluate(self, scene: None = None) -> "SlewEvaluation":
         """Set the slew beside the others, with all payloads, by an integrator that planning does not use."""
         h, problem = self.beam, self.slew.plan.problem
-        comparison = compare_slews(h, problem.angle, problem.torque_limit, self.planned, problem.final_speed)
+        comparison = compare_slews(h, problem.angle, problem.limits.torque, self.planned, problem.final_speed)
         payloads, pair = None, ()
         if self.payloads:
             payloads = compare_payloads(self.planned, self.payloads, h.parameters.tip_mass)

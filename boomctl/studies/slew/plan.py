@@ -55,7 +55,7 @@ def evaluated_plan(
 
 def _title(slew: SlewResult) -> str:
     """Return what sets a slew apart from others of the same beam."""
-    limited = ", with limits" if slew.plan.problem.limits else ""
+    limited = ", with limits" if slew.plan.problem.limits.beside_torque else ""
     return f"{slew.title}{limited}" if slew.objective == "time" else f"{slew.title}, {slew.duration:.3g} s{limited}"
 
 

@@ -54,8 +54,8 @@ def _slew_text(h: AssumedModesBeam, slew: SlewResult) -> tuple[str, ...]:
     if c.constraint_violation > 0.0:
         kept = f"no limit is exceeded by more than {power(c.constraint_violation, 1)} of it"
     text = (
-        f"{_asked(slew)} with at most {problem.torque_limit:g} N m takes {slew.duration:.7g} s. Model: {_name(h.model)} with "
-        f"{modes} and {payload}.",
+        f"{_asked(slew)} with at most {problem.limits.torque:g} N m takes {slew.duration:.7g} s. Model: "
+        f"{_name(h.model)} with {modes} and {payload}.",
         f"Method: {c.method}. Optimality: {verdict}. In the replay the end state is missed by "
         f"{number(c.end_error, 2)} (each part relative to its largest size on the way), "
         f"{number(slew.residual_energy or 0.0, 2)} J remain, and {kept}. Limits reached: {binding}.",
@@ -139,7 +139,7 @@ def spin_up_section(pair: Sequence[SpinUpMotion], problem: SlewProblem) -> Secti
         "Torque, hub speed and tip displacement. Broken lines: torque limit and speed asked for; dotted: the ends."
     )
     table = Table(("", *(head for head, _ in columns)), body)
-    drawn = plot_spin_ups(pair, problem.torque_limit, problem.final_speed)
+    drawn = plot_spin_ups(pair, problem.limits.torque, problem.final_speed)
     return Section("Into steady rotation", (text,), (table,), (picture("spin_up", drawn, caption, "png"),))
 
 
