@@ -21,7 +21,7 @@ def plot_slew(result: Any) -> Figure:
     ----------
     result : SlewResult
     """
-    limits = {"torque": result.plan.problem.torque_limit, **result.plan.problem.limits}
+    limits = result.plan.problem.limits.given
     curves = [
         ("torque [N m]", result.torque, limits["torque"]),
         ("hub angle [rad]", result.hub_angle, None),
