@@ -10,11 +10,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import tau
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from boomctl.studies.catalogue import DesignFile, design_file, design_names
+from boomctl.studies.catalogue import design_file, design_names
+
+if TYPE_CHECKING:
+    from boomctl.report import Report
 
 app = typer.Typer(
     help="Control design for flexible structures on a moving base.",
@@ -103,61 +106,61 @@ def reproduce(
     "all" puts either paper into a folder of its own below --out.
     """
     from boomctl.checks import known
-    from boomctl.files import prepared_folder
+    from boomctl.files import plain, prepared_folder, write_json, write_whole
+    from boomctl.report import bound_reports
 
     known("what to reproduce", what, ("boom", "hub-beam", "all"))
     if what == "hub-beam" and (parameters or measured):
         raise ValueError("--parameters and --measured are of the boom: leave them out for hub-beam")
-    folder = prepared_folder(out)
-    results: dict[str, Any] = {}
-    if what in ("boom", "all"):
-        results["boom"] = _reproduce_boom(folder / "boom" if what == "all" else folder, parameters, measured, as_json)
-    if what in ("hub-beam", "all"):
-        results["hub-beam"] = _reproduce_hub_beam(folder / "hub-beam" if what == "all" else folder, as_json)
+    folder, results, reports = prepared_folder(out), {}, []
+    for name in ("boom", "hub-beam") if what == "all" else (what,):
+        target = folder / name if what == "all" else folder
+        report = _boom_report(parameters, measured) if name == "boom" else _hub_beam_report()
+        report.write(target)
+        results[name] = plain(report.results)
+        reports.append((_PAPERS[name], report.html))
+        if not as_json:
+            _print_paper(name, results[name])
+            print(f"Report: {target / 'report.html'}")
     if what == "all":
-        _bind(folder, results)
+        write_whole(folder / "report.html", bound_reports("Two papers, computed again", reports))
+        write_json(folder / "results.json", results)
         if not as_json:
             print(f"Both reports in one: {folder / 'report.html'}")
     if as_json:
         _print_json(results if what == "all" else results[what])
 
 
-def _bind(folder: Path, results: dict[str, Any]) -> None:
-    """Write report and results of both papers into one file each."""
-    from boomctl.files import write_json, write_whole
-    from boomctl.report import bound_reports
-
-    heads = {"boom": "Anthonis & Ramon (2003): the spray boom", "hub-beam": "Bai et al. (2009): the rotating hub-beam"}
-    reports = [(head, (folder / name / "report.html").read_text(encoding="utf-8")) for name, head in heads.items()]
-    write_whole(folder / "report.html", bound_reports("Two papers, computed again", reports))
-    write_json(folder / "results.json", results)
+_PAPERS = {
+    "boom": "Anthonis & Ramon (2003): the spray boom",
+    "hub-beam": "Bai et al. (2009): the rotating hub-beam",
+}
 
 
-def _reproduce_boom(folder: Path, parameters: Path | None, measured: Path | None, quiet: bool) -> dict[str, Any]:
+def _boom_report(parameters: Path | None, measured: Path | None) -> "Report":
     from boomctl.analysis import read_measured_curve
     from boomctl.boom import BoomParameters
-    from boomctl.papers.anthonis_ramon.report import run
+    from boomctl.papers.anthonis_ramon.report import STEPS, reproduction
 
     p = BoomParameters.from_toml(parameters) if parameters else None
     curve = read_measured_curve(measured) if measured else None
-    with _progress(7) as progress:
-        results = run(folder, p, curve, progress)
-    if not quiet:
-        _print_table_1(results["table_1"])
-        print(f"Report: {folder / 'report.html'}")
-    return results
+    with _progress(STEPS) as progress:
+        return reproduction(p, curve, progress)
 
 
-def _reproduce_hub_beam(folder: Path, quiet: bool) -> dict[str, Any]:
-    from boomctl.papers.bai.run import PARTS, run
+def _hub_beam_report() -> "Report":
+    from boomctl.papers.bai.report import PARTS, reproduction
 
     with _progress(len(PARTS) + 2) as progress:
-        done = run(folder, progress=progress)
-    if not quiet:
-        verdicts = ", ".join(f"{count} {verdict}" for verdict, count in done.summary.items())
+        return reproduction(progress=progress)
+
+
+def _print_paper(name: str, results: dict[str, Any]) -> None:
+    if name == "boom":
+        _print_table_1(results["table_1"])
+    else:
+        verdicts = ", ".join(f"{count} {verdict}" for verdict, count in results["summary"].items())
         print(f"Bai et al. (2009), numbers and statements: {verdicts}.")
-        print(f"Report: {folder / 'report.html'}")
-    return json.loads((folder / "results.json").read_text(encoding="utf-8"))
 
 
 def _print_table_1(table: dict[str, Any]) -> None:
@@ -194,48 +197,27 @@ def design(
     as_json: Json = False,
 ) -> None:
     """Run a design and report what it is worth: a suspension beside the boom as it is, a slew beside classical ones."""
+    from boomctl.files import prepared_folder
+
     found = design_file(name)
     given = {"road_class": road, "speed": speed, "seed": seed}
-    scene = {key: value for key, value in given.items() if value is not None}
-    if found.kind == "slew" and scene:
-        options = ", ".join(f"--{key.removesuffix('_class')}" for key in scene)
-        raise ValueError(f"{options}: of suspensions only; expected none for the slew {name!r}")
-    result, written = _run_slew(found, out) if found.kind == "slew" else _run_suspension(found, out, scene)
+    chosen = {option: value for option, value in given.items() if value is not None}
+    wrong = [f"--{option.removesuffix('_class')}" for option in chosen if option not in found.kind.options]
+    if wrong:
+        raise ValueError(f"{', '.join(wrong)}: of suspensions only; expected none for the {found.kind.name} {name!r}")
+    scene, folder = found.kind.design_class.scene(**chosen), prepared_folder(out)
+    with _progress(found.kind.steps) as progress:
+        progress("design")
+        made = found.made()
+        progress("judging")
+        result = made.evaluate(scene)
+        report = result.report(progress)
+    report.write(folder)
     if as_json:
-        _print_json(written)
+        _print_json(report.results)
         return
     print(result)
     print(f"Report: {out / 'report.html'}")
-
-
-def _run_suspension(found: DesignFile, out: Path, scene: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-    """Synthesise and judge a suspension, and write its report."""
-    from boomctl.files import prepared_folder
-    from boomctl.studies.suspension import FieldScene, SuspensionDesign, evaluate
-    from boomctl.studies.suspension.report import write_report
-
-    field, folder = FieldScene(**scene), prepared_folder(out)
-    with _progress(4) as progress:
-        progress("synthesis")
-        made = found.made(SuspensionDesign)
-        progress("judging")
-        result = evaluate(made, field)
-        return result, write_report(result, folder, progress)
-
-
-def _run_slew(found: DesignFile, out: Path) -> tuple[Any, dict[str, Any]]:
-    """Plan and judge a slew, and write its report."""
-    from boomctl.files import prepared_folder
-    from boomctl.studies.slew.design import SlewDesign, evaluate
-    from boomctl.studies.slew.study import write_report
-
-    folder = prepared_folder(out)
-    with _progress(7) as progress:
-        progress("planning")
-        made = found.made(SlewDesign)
-        progress("judging")
-        result = evaluate(made)
-        return result, write_report(result, folder, progress)
 
 
 @app.command()
@@ -294,15 +276,15 @@ def _save_sigma(result: Any, label: str, curve: Any, out: Path) -> None:
 @app.command()
 def parameters(as_json: Json = False) -> None:
     """Print the boom's parameters as an annotated TOML file, to be changed and given to --parameters."""
-    from importlib.resources import files
+    from importlib.resources import as_file, files
 
-    text = files("boomctl.boom").joinpath("table_2.toml").read_text(encoding="utf-8")
-    if as_json:
-        import tomllib
+    from boomctl.files import read_toml
 
-        _print_json(tomllib.loads(text))
-    else:
-        print(text, end="")
+    with as_file(files("boomctl.boom").joinpath("table_2.toml")) as path:
+        if as_json:
+            _print_json(read_toml(path))
+        else:
+            print(path.read_text(encoding="utf-8"), end="")
 
 
 @app.command()
@@ -325,16 +307,29 @@ def slew(
     as_json: Json = False,
 ) -> None:
     """Plan an optimal slew of the hub-beam, certify it and set it beside classical ones."""
+    from boomctl.files import plain, prepared_folder
     from boomctl.rotating_beam import HubBeam, HubBeamParameters
-    from boomctl.studies.slew.study import STEPS, run
+    from boomctl.studies.slew.plan import STEPS, evaluated_plan
 
-    meshes = None if mesh_study else ()
+    folder = prepared_folder(out)
     given = {"torque_rate_limit": torque_rate_limit, "speed_limit": speed_limit, "tip_limit": tip_limit}
-    given["moment_limit"] = moment_limit
-    limits = {name: value for name, value in given.items() if value is not None}
+    given |= {"moment_limit": moment_limit}
+    asked = {name: value for name, value in given.items() if value is not None}
     beam = HubBeam(HubBeamParameters(tip_mass=tip_mass), model, modes)
     with _progress(STEPS) as progress:
-        found = run(out, beam, angle, torque_limit, objective, duration, meshes, progress, **limits)
+        evaluation = evaluated_plan(
+            beam,
+            angle=angle,
+            torque_limit=torque_limit,
+            meshes=None if mesh_study else (),
+            tell=progress,
+            objective=objective,
+            duration=duration,
+            **asked,
+        )
+        report = evaluation.report(progress)
+    report.write(folder)
+    found = plain(report.results)
     if as_json:
         _print_json(found)
         return

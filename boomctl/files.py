@@ -1,13 +1,21 @@
-"""Writing results: into folders known to be writable, each file whole or not at all."""
+"""Reading and writing files: tables of numbers, parameters, JSON; each file is written whole or not at all."""
 
+import csv
 import json
 import os
 import tempfile
+import tomllib
 from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.checks import known
+
+T = TypeVar("T")
 
 
 def prepared_folder(path: str | Path) -> Path:
@@ -61,3 +69,114 @@ def plain(value: Any) -> Any:
 def write_json(path: Path, value: Any) -> None:
     """Write numbers, arrays and mappings as JSON."""
     write_whole(path, json.dumps(plain(value), indent=1, allow_nan=False) + "\n")
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """Return what a TOML file holds.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        It is not TOML; the message names the file.
+    """
+    try:
+        return tomllib.loads(Path(path).read_bytes().decode("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: not a TOML file: {error}") from None
+
+
+def read_parameters(kind: type[T], path: str | Path, table: str = "") -> T:
+    """Return a frozen dataclass of numbers from the keys of a TOML file; errors name the file and the key.
+
+    Parameters
+    ----------
+    kind : type
+        The dataclass; what the file omits keeps its default.
+    path : path
+    table : str
+        The keys stand at top level, or in a table of this name if there is one.
+    """
+    found = read_toml(path)
+    values: dict[str, Any] = found[table] if isinstance(found.get(table), dict) else found
+    allowed = [field.name for field in fields(kind)]  # type: ignore[arg-type]
+    try:
+        for key, value in values.items():
+            known("key", key, allowed)
+            if isinstance(value, bool) or not isinstance(value, (int, float)):
+                raise TypeError(f"{key} = {value!r}: expected a number, got {type(value).__name__}")
+        return kind(**values)
+    except (ValueError, TypeError) as error:
+        raise type(error)(f"{path}: {error}") from None
+
+
+@dataclass(frozen=True)
+class NumberTable:
+    """Columns of numbers.
+
+    Attributes
+    ----------
+    header : tuple of str
+        Names of the columns.
+    header_line : int
+        Line of the file in which they stand.
+    values : (n, m) ndarray
+        Finite numbers.
+    lines : tuple of int
+        Line of the file in which each row of numbers stands.
+    """
+
+    header: tuple[str, ...]
+    header_line: int
+    values: Array
+    lines: tuple[int, ...]
+
+
+def read_numbers(path: str | Path) -> NumberTable:
+    """Read a CSV file with a line of column names; lines that begin with ``#`` are comments, empty ones are skipped.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        No numbers, a row of another length than the header, a value that is not a finite number; file and line named.
+    """
+    try:
+        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: expected text in UTF-8") from None
+    told = [(i, line) for i, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
+    if len(told) < 2:
+        raise ValueError(f"{path}: expected a line of column names and at least one line of numbers")
+    rows = [(i, _cells(path, i, line)) for i, line in told]
+    header = tuple(name.strip() for name in rows[0][1])
+    values = np.array([_numbers(path, line, row, header) for line, row in rows[1:]])
+    return NumberTable(header, rows[0][0], values, tuple(line for line, _ in rows[1:]))
+
+
+def _cells(path: str | Path, line: int, text: str) -> list[str]:
+    """Return the values of one line; a line is read for itself, so that a stray quotation mark swallows no others."""
+    try:
+        return next(csv.reader([text], strict=True))
+    except csv.Error as error:
+        raise ValueError(f"{path}, line {line}: expected comma-separated values ({error})") from None
+
+
+def _numbers(path: str | Path, line: int, row: list[str], header: tuple[str, ...]) -> list[float]:
+    if len(row) != len(header):
+        raise ValueError(f"{path}, line {line}: expected {len(header)} values, got {len(row)}")
+    numbers = []
+    for name, text in zip(header, row, strict=True):
+        try:
+            value = float(text)
+        except ValueError:
+            value = None
+        # 1_000 and digits of other scripts are numbers to Python, not to others who read CSV files
+        if value is None or "_" in text or not text.isascii():
+            raise ValueError(f"{path}, line {line}: expected a number in {name!r}, got {text[:50]!r}")
+        if not np.isfinite(value):
+            raise ValueError(f"{path}, line {line}: expected a finite number in {name!r}, got {text!r}")
+        numbers.append(value)
+    return numbers

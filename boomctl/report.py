@@ -1,40 +1,54 @@
-"""A report that stands alone: one HTML file with its tables and pictures in it."""
+"""A report that stands alone: results.json, pictures, and one HTML file with all tables and pictures in it."""
 
 import base64
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
+from pathlib import Path
+from typing import Any
+
+from boomctl.files import prepared_folder, write_json, write_whole
 
 _ROUNDING = 1e-9  # what reports call "less than": nothing in them is measured or computed finer
-
+_MIME = {"svg": "image/svg+xml", "png": "image/png", "gif": "image/gif"}
 _STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#1b1b1b}
 h1{font-size:1.6rem;margin-bottom:.2rem}h2{font-size:1.15rem;margin-top:2.2rem;border-bottom:1px solid #ccc}
 table{display:block;overflow-x:auto;
 border-collapse:collapse;margin:.8rem 0;font-variant-numeric:tabular-nums;font-size:.87rem}
-th,td{padding:.22rem .6rem;text-align:right;border-bottom:1px solid #e4e4e4}th{background:#f3f5f7}
-th:first-child,td:first-child,table.prose th,table.prose td{text-align:left}img{max-width:100%;height:auto}
+th,td{padding:.22rem .6rem;text-align:right;vertical-align:top;border-bottom:1px solid #e4e4e4}th{background:#f3f5f7}
+.l{text-align:left}img{max-width:100%;height:auto}
 figcaption,.note{color:#444;font-size:.9rem}figure{margin:1rem 0}
 """
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table: column heads, lines of text, a caption; ``prose`` sets words, not numbers, to the left."""
+    """A table: column heads, lines of text, a caption.
+
+    Attributes
+    ----------
+    heads, lines, caption
+    align : str
+        One letter a column, "l" for words and "r" for numbers; the last letter holds for all columns that follow.
+    shades : mapping of str to str
+        Colours behind cells, by the text of the cell.
+    """
 
     heads: tuple[str, ...]
     lines: tuple[tuple[str, ...], ...]
     caption: str = ""
-    prose: bool = False
+    align: str = "lr"
+    shades: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture: its file's content, kind (``"svg"``, ``"png"`` or ``"gif"``) and caption."""
+    """A picture: name of its files, caption, and their content by ending ("svg", "png", "gif"); the first one is shown."""
 
-    content: bytes
-    kind: str
+    name: str
     caption: str
+    files: Mapping[str, bytes]
 
 
 @dataclass(frozen=True)
@@ -47,27 +61,63 @@ class Section:
     pictures: tuple[Picture, ...] = ()
 
 
-def html_report(title: str, lead: str, sections: Sequence[Section]) -> str:
-    """Return the report as one HTML document that refers to nothing outside itself."""
-    body = "\n".join(_section(section) for section in sections)
-    return (
-        f"<!doctype html>\n<html lang='en'><head><meta charset='utf-8'><title>{escape(title)}</title>"
-        f"<meta name='viewport' content='width=device-width'><style>{_STYLE}</style></head><body>"
-        f"<h1>{escape(title)}</h1><p>{escape(lead)}</p>\n{body}\n</body></html>\n"
-    )
+@dataclass(frozen=True)
+class Report:
+    """A report: title, paragraphs that lead in, sections, and what ``results.json`` holds."""
+
+    title: str
+    lead: tuple[str, ...]
+    sections: tuple[Section, ...]
+    results: Mapping[str, Any]
+
+    @property
+    def html(self) -> str:
+        """The report as one HTML document that refers to nothing outside itself."""
+        parts = [f"<h1>{escape(self.title)}</h1>", *(f"<p>{escape(text)}</p>" for text in self.lead)]
+        return _document(self.title, "\n".join([*parts, *map(_section, self.sections)]))
+
+    def write(self, folder: str | Path) -> tuple[Path, ...]:
+        """Write all pictures, ``results.json`` and ``report.html`` into a folder, which is made if need be.
+
+        Returns
+        -------
+        tuple of Path
+            The files.
+
+        Raises
+        ------
+        OSError
+            The folder cannot be written to.
+        """
+        target = prepared_folder(folder)
+        files = {
+            target / f"{picture.name}.{ending}": content
+            for section in self.sections
+            for picture in section.pictures
+            for ending, content in picture.files.items()
+        }
+        for path, content in files.items():
+            write_whole(path, content)
+        write_json(target / "results.json", self.results)
+        write_whole(target / "report.html", self.html)
+        return (*files, target / "results.json", target / "report.html")
 
 
 def bound_reports(title: str, reports: Sequence[tuple[str, str]]) -> str:
     """Return several reports (heading, HTML document) in one document that refers to nothing outside itself."""
-    frame = "iframe{width:100%;height:92vh;border:1px solid #ccc}"
     parts = [
         f"<h2>{escape(head)}</h2><iframe title='{escape(head)}' srcdoc='{escape(html)}'></iframe>"
         for head, html in reports
     ]
-    body = "\n".join(parts)
+    return _document(title, "\n".join([f"<h1>{escape(title)}</h1>", *parts]))
+
+
+def _document(title: str, body: str) -> str:
+    frame = "iframe{width:100%;height:92vh;border:1px solid #ccc}\n"
     return (
         f"<!doctype html>\n<html lang='en'><head><meta charset='utf-8'><title>{escape(title)}</title>"
-        f"<style>{_STYLE}{frame}</style></head><body><h1>{escape(title)}</h1>\n{body}\n</body></html>\n"
+        f"<meta name='viewport' content='width=device-width'><style>{_STYLE}{frame}</style></head><body>\n"
+        f"{body}\n</body></html>\n"
     )
 
 
@@ -75,23 +125,33 @@ def _section(section: Section) -> str:
     parts = [f"<h2>{escape(section.title)}</h2>"]
     parts += [f"<p>{escape(text)}</p>" for text in section.text]
     parts += [_table(table) for table in section.tables]
-    parts += [_picture(picture) for picture in section.pictures]
+    parts += [_figure(picture) for picture in section.pictures]
     return "\n".join(parts)
 
 
 def _table(table: Table) -> str:
-    heads = "".join(f"<th>{escape(head)}</th>" for head in table.heads)
-    lines = "\n".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in line) + "</tr>" for line in table.lines)
+    columns = table.align.ljust(len(table.heads), table.align[-1])[: len(table.heads)]
+
+    def row(tag: str, cells: tuple[str, ...]) -> str:
+        return "".join(
+            f"<{tag}{' class=l' if side == 'l' else ''}{_shade(cell, table.shades)}>{escape(cell)}</{tag}>"
+            for side, cell in zip(columns, cells, strict=True)
+        )
+
+    lines = "\n".join(f"<tr>{row('td', line)}</tr>" for line in table.lines)
     caption = f"<p class='note'>{escape(table.caption)}</p>" if table.caption else ""
-    kind = " class='prose'" if table.prose else ""
-    return f"<table{kind}><thead><tr>{heads}</tr></thead><tbody>\n{lines}\n</tbody></table>{caption}"
+    return f"<table><thead><tr>{row('th', table.heads)}</tr></thead><tbody>\n{lines}\n</tbody></table>{caption}"
 
 
-def _picture(picture: Picture) -> str:
-    mime = {"svg": "image/svg+xml", "png": "image/png", "gif": "image/gif"}[picture.kind]
-    data = base64.b64encode(picture.content).decode("ascii")
-    caption = escape(picture.caption)
-    return f"<figure><img alt='{caption}' src='data:{mime};base64,{data}'><figcaption>{caption}</figcaption></figure>"
+def _shade(cell: str, shades: Mapping[str, str]) -> str:
+    return f" style='background:{shades[cell]}'" if cell in shades else ""
+
+
+def _figure(picture: Picture) -> str:
+    ending, content = next(iter(picture.files.items()))
+    data, caption = base64.b64encode(content).decode("ascii"), escape(picture.caption)
+    source = f"data:{_MIME[ending]};base64,{data}"
+    return f"<figure><img alt='{caption}' src='{source}'><figcaption>{caption}</figcaption></figure>"
 
 
 def number(value: float, digits: int = 3) -> str:

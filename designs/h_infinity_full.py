@@ -13,7 +13,6 @@ from boomctl.studies.suspension import (
     STROKES,
     SuspensionDesign,
     SuspensionResult,
-    evaluate,
     suspension_model,
 )
 
@@ -63,7 +62,7 @@ def design() -> SuspensionDesign:
 
 def main() -> SuspensionResult:
     """Return what the suspension is worth."""
-    return evaluate(design())
+    return design().evaluate()
 
 
 if __name__ == "__main__":

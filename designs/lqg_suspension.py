@@ -7,7 +7,7 @@ stroke sensor and tip accelerometer.
 from dataclasses import dataclass
 
 import boomctl as bc
-from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, evaluate, suspension_model
+from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, suspension_model
 
 ORDER, BAND = {"sym": 14, "anti": 12}, (0.0, 80.0)
 UNITS = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05, "tip_acceleration": 0.5}
@@ -79,7 +79,7 @@ def design() -> SuspensionDesign:
 
 def main() -> SuspensionResult:
     """Return what the suspension is worth."""
-    return evaluate(design())
+    return design().evaluate()
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import control
 import numpy as np
 
 import boomctl as bc
-from boomctl.studies.suspension import CONTROLS, SuspensionDesign, SuspensionResult, evaluate, suspension_model
+from boomctl.studies.suspension import CONTROLS, SuspensionDesign, SuspensionResult, suspension_model
 
 ELEMENTS = 6
 TIP, TIP_SPEED, FORCE = 0.2, 0.2, 60.0  # what counts as one [m], [m/s], [N]
@@ -55,7 +55,7 @@ def design() -> SuspensionDesign:
 
 def main() -> SuspensionResult:
     """Return what the suspension is worth."""
-    return evaluate(design())
+    return design().evaluate()
 
 
 if __name__ == "__main__":

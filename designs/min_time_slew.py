@@ -9,7 +9,7 @@ import numpy as np
 
 from boomctl.rotating_beam import HubBeam, HubBeamParameters
 from boomctl.slew import optimal_slew
-from boomctl.studies.slew.design import SlewDesign, SlewEvaluation, evaluate
+from boomctl.studies.slew import SlewDesign, SlewEvaluation
 
 ANGLE, LIMIT = np.pi / 2, 200.0
 
@@ -31,7 +31,7 @@ def slew(modes: int = 2) -> SlewDesign:
 
 def main(modes: int = 2) -> SlewEvaluation:
     """Return what the slew is worth."""
-    return evaluate(slew(modes))
+    return slew(modes).evaluate()
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import optimize
 
 import boomctl as bc
-from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, evaluate
+from boomctl.studies.suspension import SuspensionDesign, SuspensionResult
 
 TABLE_2 = bc.BoomParameters()
 STIFFNESS = (0.5 * TABLE_2.spring_stiffness, 2.0 * TABLE_2.spring_stiffness)  # [N/m]
@@ -58,7 +58,7 @@ def design() -> SuspensionDesign:
 
 def main() -> SuspensionResult:
     """Return what the suspension is worth."""
-    return evaluate(design())
+    return design().evaluate()
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import numpy as np
 
 from boomctl.rotating_beam import HubBeam, HubBeamParameters
 from boomctl.slew import optimal_slew
-from boomctl.studies.slew.design import SlewDesign, SlewEvaluation, evaluate
+from boomctl.studies.slew import SlewDesign, SlewEvaluation
 
 ANGLE, LIMIT, DURATION = np.pi / 2, 200.0, 4.5
 NOMINAL, OTHERS, BETWEEN = 0.1, (0.0, 0.2), (0.05, 0.15)
@@ -36,7 +36,7 @@ def slew(modes: int = 2, intervals: int = 200) -> SlewDesign:
 
 def main(modes: int = 2, intervals: int = 200) -> SlewEvaluation:
     """Return what the slew is worth."""
-    return evaluate(slew(modes, intervals))
+    return slew(modes, intervals).evaluate()
 
 
 if __name__ == "__main__":

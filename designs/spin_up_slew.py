@@ -7,7 +7,7 @@ that of the rigid body.
 
 from boomctl.rotating_beam import HubBeam, HubBeamParameters, spin_up
 from boomctl.slew import optimal_slew
-from boomctl.studies.slew.design import SlewDesign, SlewEvaluation, evaluate
+from boomctl.studies.slew import SlewDesign, SlewEvaluation
 
 SPEED, LIMIT = 1.0, 200.0
 
@@ -29,7 +29,7 @@ def slew(modes: int = 2) -> SlewDesign:
 
 def main(modes: int = 2) -> SlewEvaluation:
     """Return what the spin-up is worth."""
-    return evaluate(slew(modes))
+    return slew(modes).evaluate()
 
 
 if __name__ == "__main__":

@@ -1,6 +1,5 @@
-"""Independent solutions to compare with: Lagrange multipliers, matrix exponentials, the boom in 50 digits."""
+"""Independent solutions to compare with: Lagrange multipliers, matrix exponentials."""
 
-import mpmath as mp
 import numpy as np
 from scipy import linalg, sparse
 
@@ -9,7 +8,6 @@ __all__ = [
     "constrained",
     "dense",
     "direct",
-    "exact_boom_response",
     "gauss",
     "integrated",
     "kkt_response",
@@ -133,123 +131,3 @@ def prescribed_motion(matrices, J, S, R, w0, v0, timepts):
     k = N.shape[1]
     x = integrated(A, np.concatenate([*v0, w0]), timepts)
     return P @ x[2 * k :] + N @ x[:k], P @ S @ x[2 * k :] + N @ x[k : 2 * k]
-
-
-def _solve(lines, rhs):
-    """Return the solutions, one list a column of ``rhs``."""
-    LU, pivots = mp.mp.LU_decomp(mp.matrix(lines))
-    columns = [mp.matrix(list(rhs[:, c])) for c in range(rhs.shape[1])]
-    return [list(mp.mp.U_solve(LU, mp.mp.L_solve(LU, column, pivots))) for column in columns]
-
-
-def exact_boom_response(p, omega, digits=50):
-    """Return the boom's displacement-driven response, (outputs, inputs, frequencies), from the beam equation.
-
-    The deflection between tip, spring, hinge, spring and tip is a sum of four exponentials; unknown are their factors,
-    the hinge force and the cradle's motion.  Order of signals: as of :func:`boomctl.spray_boom`.
-    """
-    with mp.workdps(digits):
-        columns = [_boom_solution(p, mp.mpf(float(w))) for w in np.atleast_1d(omega)]
-        return np.stack([np.array([[complex(v) for v in line] for line in y], dtype=complex) for y in columns], axis=2)
-
-
-def _boom_solution(p, w):
-    boom = _BoomEquations(p, w)
-    boom.free_ends()
-    boom.junctions()
-    boom.cradle()
-    X = _solve(boom.A, boom.rhs)
-    marks, none = boom.marks, [mp.mpf(0)] * 3
-
-    def deflection(x, segment, c):
-        return mp.fdot(X[c][4 * segment : 4 * segment + 4], boom.shape(segment, x, 0))
-
-    lines = [[deflection(marks[0], 0, c) for c in range(5)], [deflection(marks[4], 3, c) for c in range(5)]]
-    for x, segment in ((marks[1], 0), (marks[3], 3)):
-        platform = boom.platform(x) + none
-        lines.append([deflection(x, segment, c) - platform[c] for c in range(5)])
-    platform = boom.platform(marks[2]) + none
-    lines.append([X[c][_CRADLE] - platform[c] for c in range(5)])
-    return lines
-
-
-_CRADLE, _HINGE = 16, 17
-
-
-class _BoomEquations:
-    """Eighteen equations for four factors in each of four segments, the cradle's motion and the hinge force."""
-
-    def __init__(self, p, w):
-        self.p, self.s = p, mp.mpc(0, w)
-        half, spring = mp.mpf(p.length) / 2, mp.mpf(p.spring_distance) / 2
-        height, width, inner = mp.mpf(p.outer_height), mp.mpf(p.outer_width), mp.mpf(p.inner_height)
-        line_mass = p.density * (height * width - inner * p.inner_width)
-        second = (height * width**3 - inner * mp.mpf(p.inner_width) ** 3) / 12
-        self.EI = p.youngs_modulus * second * (1 + self.s * p.structural_damping)
-        self.beta = mp.root(w**2 * line_mass / self.EI, 4)
-        self.marks = [-half, -spring, mp.mpf(0), spring, half]
-        self.mass = p.boom_mass - line_mass * p.length
-        self.inertia = p.boom_inertia - line_mass * mp.mpf(p.length) ** 3 / 12
-        self.A = [[mp.mpf(0)] * 18 for _ in range(18)]
-        self.rhs = np.full((18, 5), mp.mpf(0), dtype=object)
-
-    def shape(self, segment, x, derivative):
-        """Return a derivative of the four exponentials of a segment at ``x``, decaying ones from either end."""
-        roots = [-self.beta, self.beta, mp.j * self.beta, -mp.j * self.beta]
-        a, b = x - self.marks[segment], self.marks[segment + 1] - x
-        waves = [
-            mp.exp(-self.beta * a),
-            mp.exp(-self.beta * b),
-            mp.exp(mp.j * self.beta * a),
-            mp.exp(-mp.j * self.beta * a),
-        ]
-        return [root**derivative * wave for root, wave in zip(roots, waves, strict=True)]
-
-    def platform(self, x):
-        """Return the platform's displacement at ``x`` for a unit displacement of either actuator."""
-        return [mp.mpf(1) / 2 - x / self.p.actuator_distance, mp.mpf(1) / 2 + x / self.p.actuator_distance]
-
-    def add(self, row, segment, values, factor=1):
-        for i, value in enumerate(values):
-            self.A[row][4 * segment + i] += factor * value
-
-    def free_ends(self):
-        """Neither moment nor shear at the tips."""
-        for row, (segment, end, derivative) in enumerate([(0, 0, 2), (0, 0, 3), (3, 4, 2), (3, 4, 3)]):
-            self.add(row, segment, self.shape(segment, self.marks[end], derivative), 1 / self.beta**derivative)
-
-    def junctions(self):
-        """Deflection and slope are continuous; moment and shear jump by what acts there."""
-        for j in (1, 2, 3):
-            for derivative in range(4):
-                row, factor = 4 * j + derivative, self.EI if derivative > 1 else mp.mpf(1)
-                self.add(row, j, self.shape(j, self.marks[j], derivative), factor)
-                self.add(row, j - 1, self.shape(j - 1, self.marks[j], derivative), -factor)
-        self.springs()
-        self.hinge()
-
-    def springs(self):
-        """``EI w'''`` jumps by minus the force that resists the deflection; the suspension pushes boom forward."""
-        for j, column in ((1, 2), (3, 3)):
-            row, k = 4 * j + 3, self.p.spring_stiffness
-            self.add(row, j, self.shape(j, self.marks[j], 0), k)
-            self.rhs[row, :2] = [k * v for v in self.platform(self.marks[j])]
-            self.rhs[row, column] = mp.mpf(1)
-
-    def hinge(self):
-        """``EI w''`` jumps by the moment that resists the slope, ``EI w'''`` by inertia and the hinge force."""
-        s, damping, distance = self.s, self.p.hinge_damping, mp.mpf(self.p.actuator_distance)
-        self.add(10, 2, self.shape(2, self.marks[2], 1), -(self.inertia * s * s + damping * s))
-        self.rhs[10, :2] = [damping * s / distance, -damping * s / distance]
-        self.add(11, 2, self.shape(2, self.marks[2], 0), self.mass * s * s)
-        self.A[11][_HINGE] = mp.mpf(1)
-
-    def cradle(self):
-        """The hinge carries the cradle along, and its force acts on the cradle backwards."""
-        p, s, middle = self.p, self.s, self.marks[2]
-        self.add(_CRADLE, 2, self.shape(2, middle, 0))
-        self.A[_CRADLE][_CRADLE] = mp.mpf(-1)
-        self.A[_HINGE][_CRADLE] = p.cradle_mass * s * s + p.cradle_damping * s
-        self.A[_HINGE][_HINGE] = mp.mpf(-1)
-        self.rhs[_HINGE, :2] = [p.cradle_damping * s * v for v in self.platform(middle)]
-        self.rhs[_HINGE, 4] = mp.mpf(1)

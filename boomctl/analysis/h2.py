@@ -50,6 +50,10 @@ class H2Certificate:
     gap: float
     method: str
 
+    def __repr__(self) -> str:
+        certified = "certified" if self.certified else f"not certified: {self.lower:.6g} to {self.upper:.6g}"
+        return f"H2Certificate: H2 norm {self.value:.6g}, {certified}\n  {self.method}"
+
     @property
     def certified(self) -> bool:
         """Whether bounds and independent values agree to a millionth, or the norm is known to be infinite."""

@@ -167,7 +167,7 @@ def closed_loop_response(
         Names that do not meet; no frequencies, or frequencies beside data that have their own; a loop with a pole at
         a frequency asked for.
     """
-    import control
+    from boomctl.lti.python_control import control
 
     data = named_response(plant, omega)
     K = of(controller, "controller", "StateSpace").balanced()

@@ -22,6 +22,7 @@ from boomctl.checks import known
 from boomctl.lti.frequency import DRAWN, Response, Triangular, resonance_grid, singular_values, triangular
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti
+from boomctl.printing import listed, table_html
 
 if TYPE_CHECKING:
     import control
@@ -62,6 +63,11 @@ class DiskMargin:
     alpha: float
     omega: float
     certified: bool
+
+    def __repr__(self) -> str:
+        doubt = "" if self.certified else ", not certified"
+        ranges = f"gains by {1.0 / self.gain:.4g} to {self.gain:.4g}, phases by {self.phase_deg:.4g} deg"
+        return f"DiskMargin: {self.alpha:.4g} at {self.omega:.4g} rad/s ({ranges}{doubt})"
 
     @property
     def gain(self) -> float:
@@ -105,6 +111,11 @@ class LoopMargin:
     delay_omega: float
     disk: DiskMargin
 
+    def __repr__(self) -> str:
+        gains = f"gain {self.gain_low:.4g} to {self.gain_high:.4g}"
+        turns = f"phase {self.phase_deg:.4g} deg, delay {self.delay:.4g} s, disk {self.disk.alpha:.4g}"
+        return f"LoopMargin: opened at {self.place} {self.signal}\n  {gains}, {turns}"
+
 
 @dataclass(frozen=True)
 class Margins:
@@ -129,17 +140,33 @@ class Margins:
 
     def render(self) -> str:
         """Return the margins as text."""
-        lines = [f"{'opened at':24s} {'gain from':>9s} {'to':>9s} {'phase [deg]':>11s} {'delay [s]':>10s} {'disk':>6s}"]
+        widths = (24, 9, 9, 11, 10, 6)
+        lines = [[f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True)] for row in self._table()]
+        return "\n".join(" ".join([f"{line[0].strip():{widths[0]}s}", *line[1:]]) for line in lines)
+
+    def __repr__(self) -> str:
+        least = [
+            f"phase {min(x.phase_deg for x in self.loops):.4g} deg, delay {min(x.delay for x in self.loops):.4g} s",
+            f"disk {self.controls.alpha:.3f} at all controls, {self.measurements.alpha:.3f} at all measurements, "
+            f"{self.everywhere.alpha:.3f} everywhere",
+        ]
+        return f"Margins: opened at {listed([x.signal for x in self.loops])}\n  least: {least[0]}\n  {least[1]}"
+
+    def _repr_html_(self) -> str:
+        heads, *rows = self._table()
+        return table_html("Margins", heads, rows)
+
+    def _table(self) -> list[tuple[str, ...]]:
+        """Return heads and rows of the margins."""
+        table: list[tuple[str, ...]] = [("opened at", "gain from", "to", "phase [deg]", "delay [s]", "disk")]
         for x in self.loops:
-            numbers = f"{x.gain_low:9.4g} {x.gain_high:9.4g} {x.phase_deg:11.4g} {x.delay:10.4g} {x.disk.alpha:6.3f}"
-            lines.append(f"{x.signal:24s} {numbers}")
+            numbers = (x.gain_low, x.gain_high, x.phase_deg, x.delay)
+            table.append((x.signal, *(f"{number:.4g}" for number in numbers), f"{x.disk.alpha:.3f}"))
         for name in ("controls", "measurements", "everywhere"):
             disk: DiskMargin = getattr(self, name)
-            lines.append(
-                f"{'all at once: ' + name:24s} {1.0 / disk.gain:9.4g} {disk.gain:9.4g} {disk.phase_deg:11.4g}"
-                f" {'':10s} {disk.alpha:6.3f}"
-            )
-        return "\n".join(lines)
+            numbers = (1.0 / disk.gain, disk.gain, disk.phase_deg)
+            table.append((f"all at once: {name}", *(f"{number:.4g}" for number in numbers), "", f"{disk.alpha:.3f}"))
+        return table
 
 
 def margins(plant: "SecondOrderModel | control.StateSpace", controller: "control.StateSpace") -> Margins:

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.csv_table import read_numbers
+from boomctl.files import read_numbers
 from boomctl.lti.frequency import singular_values
+from boomctl.printing import listed
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,10 @@ class MeasuredCurve:
     freq_hz: Array
     magnitude: Array
     labels: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        span = f"{len(self.freq_hz)} frequencies, {self.freq_hz[0]:.4g} to {self.freq_hz[-1]:.4g} Hz"
+        return f"MeasuredCurve: {listed(self.labels)}\n  {span}, largest {self.magnitude.max():.6g}"
 
 
 def read_measured_curve(path: str | Path) -> MeasuredCurve:

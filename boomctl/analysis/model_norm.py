@@ -13,13 +13,14 @@ from scipy import linalg, sparse
 from boomctl.analysis.norm import NormCertificate, grows_towards, matrices_norm
 from boomctl.arrays import Array
 from boomctl.lti.frequency import Resonances, singular_values
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti
+from boomctl.structure.matrices import dense, halves
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.core import Core, build_core
 from boomctl.structure.response.direct import direct_response, respond
 from boomctl.structure.response.pencil import factorized
-from boomctl.structure.response.poles import damped_poles, dense, first_order_poles, project, undamped_modes
-from boomctl.structure.symmetry import half
+from boomctl.structure.response.poles import damped_poles, first_order_poles, undamped_modes
+from boomctl.structure.response.realisation import realize
 
 _CORE_FROM = 40  # coordinates from which on a core is worth its building (a choice)
 _CORE_ERROR = (
@@ -40,10 +41,8 @@ _INDEFINITE = 1e-9  # share of the largest eigenvalue up to which a negative one
 
 def orthonormal_parts(model: SecondOrderModel) -> tuple[SecondOrderModel, ...]:
     """Return models whose singular values together are those of ``model``: its halves if it splits, or itself."""
-    halves = [half(model, parity) for parity in (1, -1)]
-    if any(part is None for part in halves):
-        return (model,)
-    return tuple(part.model for part in halves if part is not None and min(part.W_in.shape[1], part.W_out.shape[1]) > 0)
+    parts = halves(model.structure, model.ports)
+    return (model,) if parts is None else tuple(SecondOrderModel.of(part.structure, part.ports) for part in parts)
 
 
 def resonances(model: SecondOrderModel) -> Resonances:
@@ -58,7 +57,7 @@ def resonances(model: SecondOrderModel) -> Resonances:
 def _modal_band(model: SecondOrderModel) -> tuple[float, float] | None:
     """Return the lowest and the eighth elastic frequency [rad/s]; None for matrices that have no real modes."""
     try:
-        frequencies, _ = undamped_modes(model, min(_BAND + _SPARE, model.n))
+        frequencies, _ = undamped_modes(model.structure, min(_BAND + _SPARE, model.n))
     except ValueError:
         return None
     elastic = frequencies[frequencies > _RIGID * frequencies[-1]][:_BAND]
@@ -67,9 +66,9 @@ def _modal_band(model: SecondOrderModel) -> tuple[float, float] | None:
 
 def _poles(part: SecondOrderModel, low: float, top: float) -> Array:
     core = _built(part, low, top) if part.n >= _CORE_FROM else None
-    small = part if core is None else core.model
+    small = part.structure if core is None else core.structure
     if small.n > _LARGEST_DENSE:
-        return damped_poles(part, _BAND)
+        return damped_poles(part.structure, _BAND)
     poles = first_order_poles(dense(small.M), dense(small.C), dense(small.K))
     return poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)]
 
@@ -77,7 +76,7 @@ def _poles(part: SecondOrderModel, low: float, top: float) -> Array:
 def _built(part: SecondOrderModel, low: float, top: float) -> Core | None:
     """Return a core for the band, or None where there is none."""
     try:
-        return build_core(part, np.geomspace(0.1 * low, top, _CORE_POINTS))
+        return build_core(part.structure, part.ports, np.geomspace(0.1 * low, top, _CORE_POINTS))
     except (np.linalg.LinAlgError, RuntimeError):
         return None
 
@@ -105,7 +104,7 @@ def _part_norm(model: SecondOrderModel) -> NormCertificate:
     core = _built(model, band[0], top)
     if core is None:
         return _small_norm(model) if model.n <= _LARGEST_DENSE else _scanned(model, band[0], top)
-    inside = _small_norm(core.model)
+    inside = _small_norm(SecondOrderModel.of(core.structure, core.ports))
     if inside.lower == inf:
         return inside
     if core.error > _CORE_ERROR:
@@ -117,7 +116,7 @@ def _part_norm(model: SecondOrderModel) -> NormCertificate:
 def _scanned(model: SecondOrderModel, low: float, top: float) -> NormCertificate:
     """Return the largest value found on a grid, for a large structure that no small one stands for."""
     omega = np.geomspace(0.1 * low, top, _SCANNED)
-    values = singular_values(respond(model, omega))[0]
+    values = singular_values(respond(model.structure, model.ports, omega).values)[0]
     best = int(np.argmax(values))
     return NormCertificate(float(values[best]), inf, float(omega[best]), "a scan, without proof")
 
@@ -125,21 +124,20 @@ def _scanned(model: SecondOrderModel, low: float, top: float) -> NormCertificate
 def _small_norm(small: SecondOrderModel) -> NormCertificate:
     """Return the norm of a small model, in modal coordinates if it has real modes."""
     try:
-        frequencies, V = undamped_modes(small)
+        frequencies, V = undamped_modes(small.structure)
     except ValueError:
-        return matrices_norm(of(small).balanced(), lambda omega: _response(small, omega))
+        return matrices_norm(realize(small.structure, small.ports).balanced(), lambda omega: _response(small, omega))
     if any(small.ports.integrators) or frequencies[0] <= _RIGID * frequencies[-1]:
         low = float(frequencies[frequencies > _RIGID * frequencies[-1]].min(initial=np.inf))
         if grows_towards(lambda omega: _response(small, omega), 0.0, low if np.isfinite(low) else 1.0):
             return NormCertificate(inf, inf, 0.0, "an integrating or rigid-body mode")
-    return matrices_norm(of(in_modes(small, V)).balanced(), lambda omega: _response(small, omega))
+    return matrices_norm(in_modes(small, V).balanced(), lambda omega: _response(small, omega))
 
 
-def in_modes(model: SecondOrderModel, V: Array) -> SecondOrderModel:
-    """Return a model over the coordinates of undamped modes, projected through its strain rows where it has them."""
-    M, K, C = project(model, V)
+def in_modes(model: SecondOrderModel, V: Array) -> Lti:
+    """Return the state-space form of a model over undamped modes, projected through its strain rows where it has them."""
     names = tuple(f"mode{i + 1}" for i in range(V.shape[1]))
-    return SecondOrderModel.build(M, C, K, model.ports.congruent(V), names, primary=model.primary)
+    return realize(model.structure.projected(V, names), model.ports.congruent(V))
 
 
 def modal_realization(model: SecondOrderModel) -> Lti:
@@ -151,14 +149,16 @@ def modal_realization(model: SecondOrderModel) -> Lti:
         An output that needs a derivative of an input.
     """
     try:
-        _, V = undamped_modes(model)
+        _, V = undamped_modes(model.structure)
     except ValueError:
-        return of(model)
-    return of(in_modes(model, V))
+        return realize(model.structure, model.ports)
+    return in_modes(model, V)
 
 
 def _response(small: SecondOrderModel, omega: Array) -> Array:
-    return direct_response(small, np.maximum(omega, _ALMOST_ZERO) if any(small.ports.integrators) else omega)
+    return direct_response(
+        small.structure, small.ports, np.maximum(omega, _ALMOST_ZERO) if any(small.ports.integrators) else omega
+    )
 
 
 def _dissipation_bound(model: SecondOrderModel, omega: float) -> float:

@@ -15,6 +15,7 @@ from boomctl.analysis.model_norm import modal_realization
 from boomctl.arrays import Array
 from boomctl.lti.modal import diagonalized, side_of_axis
 from boomctl.lti.system import of
+from boomctl.printing import between, table_html
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -45,6 +46,9 @@ class ModeRow:
     output_shares: Array
     peaks: Array
 
+    def __repr__(self) -> str:
+        return f"ModeRow: {self.omega:.6g} rad/s, {self.frequency_hz:.4g} Hz, damping {100.0 * self.damping:.4g} %"
+
     @property
     def omega(self) -> float:
         """Natural frequency ``|p|`` [rad/s]."""
@@ -71,6 +75,20 @@ class ModeTable:
 
     def __str__(self) -> str:
         return self.render()
+
+    def __repr__(self) -> str:
+        lines = [f"ModeTable: {len(self.rows)} modes between {between(self.inputs, self.outputs)}"]
+        lines += [f"  {row!r}".replace("ModeRow: ", "") for row in self.rows[: 4 if len(self.rows) == 4 else 3]]
+        more = len(self.rows) + 1 - len(lines)
+        return "\n".join([*lines, f"  ... {more} more: print(table)"] if more else lines)
+
+    def _repr_html_(self) -> str:
+        heads = ("omega [rad/s]", "[Hz]", "damping [%]", *(f"{name} [%]" for name in (*self.inputs, *self.outputs)))
+        rows = []
+        for row in self.rows:
+            shares = [f"{100.0 * share:.1f}" for share in (*row.input_shares, *row.output_shares)]
+            rows.append([f"{row.omega:.6g}", f"{row.frequency_hz:.4g}", f"{100.0 * row.damping:.4g}", *shares])
+        return table_html("Modes, and the share of each in the largest peak of a signal", heads, rows)
 
     def render(self, count: int | None = None) -> str:
         """Return the first modes as text, shares in per cent."""

@@ -7,7 +7,7 @@ matrix on the imaginary axis; Boyd, Balakrishnan & Kabamba 1989, Bruinsma & Stei
 
 from dataclasses import dataclass
 from functools import partial
-from math import inf
+from math import inf, isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,6 +58,11 @@ class NormCertificate:
     upper: float
     omega: float
     method: str
+
+    def __repr__(self) -> str:
+        at = f" at {self.omega:.6g} rad/s" if isfinite(self.omega) else ""
+        doubt = "certified" if self.certified else f"not certified, at most {self.upper:.6g}"
+        return f"NormCertificate: H-infinity norm {self.lower:.6g}{at}, {doubt}\n  {self.method}"
 
     @property
     def certified(self) -> bool:

@@ -76,6 +76,13 @@ class ExactLoopStability:
     plant_bounded: bool
     evaluations: int
 
+    def __repr__(self) -> str:
+        verdict = "stable" if self.stable else f"{self.unstable_poles} unstable poles"
+        near = f"least singular value of I - G K {self.distance:.4g} at {self.distance_omega:.4g} rad/s"
+        known = "by a bound of the plant" if self.plant_bounded else "as far as seen"
+        beyond = f"loop gain below one beyond {self.top:.4g} rad/s, {known}"
+        return f"ExactLoopStability: {verdict}\n  {near}\n  {beyond}; {self.evaluations} frequencies asked"
+
 
 @dataclass(frozen=True)
 class _LoopGain:

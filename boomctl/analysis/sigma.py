@@ -1,10 +1,11 @@
 """Singular values over frequency, on a grid that resolves every lightly damped peak, with a certified largest one."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from math import isfinite
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,11 +16,13 @@ from boomctl.arrays import Array
 from boomctl.checks import frequencies, names
 from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_values
 from boomctl.lti.system import Lti, is_frequency_response, of
+from boomctl.printing import between
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.direct import respond, respond_part
+from boomctl.structure.response.direct import respond, respond_whole
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.axes import Axes
 
 _POINTS = 240  # of a curve, beside those at the resonances: about 100 a decade on a boom's band (a choice)
 NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
@@ -48,12 +51,21 @@ class SigmaResult:
     sigma: Array
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    _norm: Callable[[], NormCertificate] = field(repr=False)
+    _of: SecondOrderModel | Lti | NormCertificate  # what the norm is of; the norm itself where it is known
 
     @cached_property
     def certificate(self) -> NormCertificate:
         """The norm and its bounds, computed when first asked for."""
-        return self._norm()
+        return self._of if isinstance(self._of, NormCertificate) else _norm(self._of)
+
+    def __repr__(self) -> str:
+        span = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
+        if isinstance(self._of, NormCertificate) or "certificate" in self.__dict__:
+            at = f" at {self.peak_omega:.6g} rad/s" if isfinite(self.peak_omega) else ""
+            peak = f"peak {self.peak:.6g}{at}, {'certified' if self.certified else 'not certified'}"
+        else:  # printing must not cost what the norm costs
+            peak = f"largest of these {self.sigma.max():.6g}; the norm is computed when .peak is asked for"
+        return f"SigmaResult: {between(self.inputs, self.outputs)}\n  {span}\n  {peak}"
 
     @property
     def peak(self) -> float:
@@ -70,7 +82,7 @@ class SigmaResult:
         """Whether the peak is certified."""
         return self.certificate.certified
 
-    def plot(self, label: str | None = None, ax: Any = None) -> Any:
+    def plot(self, label: str | None = None, ax: "Axes | None" = None) -> "Axes":
         """Draw the singular values over frequency; return the axes."""
         return import_module("boomctl.plotting").plot_sigma(self, label=label, ax=ax)
 
@@ -100,36 +112,39 @@ def sigma(
     if is_frequency_response(system):
         return _of_data(system, omega, inputs, outputs)
     if isinstance(system, SecondOrderModel):
-        first = system.primary or (None, None)
-        model = system.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
-        signals = model.inputs, model.outputs
-        norm, poles, values = partial(model_norm, model), partial(resonances, model), partial(_model_values, model)
+        first = system.ports.primary or (None, None)
+        given = system.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
     else:
-        matrices = of(system, expected="SecondOrderModel, StateSpace or FrequencyResponseData").select(inputs, outputs)
-        signals, matrices = (matrices.inputs, matrices.outputs), matrices.balanced()
-        norm, poles = partial(matrices_norm, matrices), lambda: Resonances.of(matrices.poles)
-        values = partial(_matrix_values, matrices)
+        expected = "SecondOrderModel, StateSpace or FrequencyResponseData"
+        given = of(system, expected=expected).select(inputs, outputs).balanced()
     if omega is not None:
         grid = frequencies("omega", omega)
-        return SigmaResult(grid, values(grid), *signals, norm)
-    found, certificate = poles(), norm()
-    peak = [certificate.omega] if found.low <= certificate.omega < np.inf else []
+        return SigmaResult(grid, _values(given, grid), given.inputs, given.outputs, given)
+    found, certificate = Resonances.of(given.poles) if isinstance(given, Lti) else resonances(given), _norm(given)
     grid = resonance_grid(
-        found.poles, found.low, found.high, points=_POINTS, places=DRAWN, narrowest=NARROWEST, also=peak
+        found.poles,
+        found.low,
+        found.high,
+        points=_POINTS,
+        places=DRAWN,
+        narrowest=NARROWEST,
+        also=[certificate.omega] if found.low <= certificate.omega < np.inf else (),
     )
-    return SigmaResult(grid, values(grid), *signals, lambda: certificate)
+    return SigmaResult(grid, _values(given, grid), given.inputs, given.outputs, certificate)
 
 
-def _model_values(model: SecondOrderModel, omega: Array) -> Array:
-    parts = orthonormal_parts(model)
+def _norm(given: SecondOrderModel | Lti) -> NormCertificate:
+    return matrices_norm(given) if isinstance(given, Lti) else model_norm(given)
+
+
+def _values(given: SecondOrderModel | Lti, omega: Array) -> Array:
+    if isinstance(given, Lti):
+        return singular_values(given.response(omega))
+    parts = orthonormal_parts(given)
     if len(parts) == 1:
-        return singular_values(respond(parts[0], omega))
-    values = np.vstack([singular_values(respond_part(part, omega)) for part in parts])
-    return -np.sort(-values, axis=0)[: min(len(model.inputs), len(model.outputs))]
-
-
-def _matrix_values(system: Lti, omega: Array) -> Array:
-    return singular_values(system.response(omega))
+        return singular_values(respond(parts[0].structure, parts[0].ports, omega).values)
+    values = np.vstack([singular_values(respond_whole(p.structure, p.ports, omega).values) for p in parts])
+    return -np.sort(-values, axis=0)[: min(len(given.inputs), len(given.outputs))]
 
 
 def _of_data(
@@ -150,4 +165,4 @@ def _of_data(
     certificate = NormCertificate(
         float(values[0, best]), np.inf, float(grid[best]), "largest value on the grid of the data"
     )
-    return SigmaResult(grid, values, ins, outs, lambda: certificate)
+    return SigmaResult(grid, values, ins, outs, certificate)

@@ -1,11 +1,12 @@
 """The spray boom as a machine of rigid bodies, a beam, springs and dampers; read it beside Fig. 1 of the paper."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.boom.parameters import BoomParameters
+from boomctl.boom.parameters import BoomParameters, boom_parameters
 from boomctl.checks import finite_array, known, positive, whole
 from boomctl.structure import (
     GROUND,
@@ -25,9 +26,9 @@ from boomctl.structure import (
     prismatic,
     revolute,
 )
-from boomctl.structure.beams.discretization import Discretization
 from boomctl.structure.displacement_input import MOTIONS
-from boomctl.structure.symmetry import Mirror, SignalPair, beam_reflection, mirror_of, with_mirror
+from boomctl.structure.parts import Discretization
+from boomctl.structure.symmetry import Mirror, SignalPair, beam_reflection, mirror_of
 
 ACTUATORS = ("actuator_left", "actuator_right")
 TIPS = ("tip_left", "tip_right")
@@ -140,23 +141,19 @@ def spray_boom(
     TypeError, ValueError
         Unknown discretisation or excitation; fewer than one element; nodes unsorted or not covering the boom.
     """
-    p = BoomParameters() if parameters is None else parameters
-    if not isinstance(p, BoomParameters):
-        raise TypeError(f"parameters: expected BoomParameters, got {type(p).__name__}")
+    p = boom_parameters(parameters)
     known("excitation", excitation, (*MOTIONS, "force"))
     mesh = boom_discretization(p, discretization, elements, order)
     sprayed = () if nozzles is None else _nozzle_places(p, nozzles)
     model = boom_assembly(p, mesh, accelerometer_bandwidth_hz, sprayed).assemble()
-    model = SecondOrderModel.build(
-        model.M, model.C, model.K, model.ports, model.coordinates, model.elastic, None, (ACTUATORS, TIPS)
-    )
-    model = with_mirror(model, boom_mirror(model.coordinates, sprayed))
+    structure = model.structure.mirrored(boom_mirror(model.coordinates, sprayed))
+    model = SecondOrderModel.of(structure, replace(model.ports, primary=(ACTUATORS, TIPS)))
     if excitation == "force":
         if reactions:
             raise ValueError("reactions = True: the actuators' forces are inputs where excitation = 'force'")
         return model
     driven = prescribe_displacement(model, ACTUATORS, motion=excitation, reactions=reactions)
-    driven.prepared.make_halves()
+    driven.structure.make_halves()
     return driven
 
 

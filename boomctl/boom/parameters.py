@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from boomctl.checks import nonnegative, positive
+from boomctl.printing import exact, exact_html
 
 _MAY_BE_ZERO = (
     "spring_stiffness",
@@ -91,6 +92,9 @@ class BoomParameters:
             if value < tube * (1.0 - 1e-12):
                 raise ValueError(f"{name} = {value:g}: expected at least that of the tube, {tube:.6g}")
 
+    __repr__ = exact
+    _repr_html_ = exact_html
+
     @property
     def area(self) -> float:
         """Cross-sectional area of the tube [m^2]."""
@@ -132,6 +136,15 @@ class BoomParameters:
         ValueError, TypeError
             Not TOML, an unknown key, a value of the wrong type or out of range; the message names file and key.
         """
-        from boomctl.parameter_file import read_parameters
+        from boomctl.files import read_parameters
 
         return read_parameters(cls, path)
+
+
+def boom_parameters(parameters: BoomParameters | None) -> BoomParameters:
+    """Return the parameters given, those of Table 2 for None; anything else is refused."""
+    if parameters is None:
+        return BoomParameters()
+    if not isinstance(parameters, BoomParameters):
+        raise TypeError(f"parameters: expected BoomParameters, got {type(parameters).__name__}")
+    return parameters

@@ -11,7 +11,7 @@ Under a point footprint the dose is ``1/(1 + y'/V)`` times the nominal one; smal
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,9 +21,12 @@ from boomctl.boom.motion import uneven
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import finite_array, known, nonnegative, positive
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _SHAPES = ("triangle", "box")
-_MOST_CELLS = 20_000_000
-_PORTION = 2_000_000
+_MOST_CELLS = 20_000_000  # of a field: 160 MB (a choice)
+_PORTION = 2_000_000  # edges that are worked on at once: some 100 MB of arrays (a choice)
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,12 @@ class SprayResult:
     speed: float
     footprint: Footprint
 
+    def __repr__(self) -> str:
+        size = f"{self.judged.shape[0]} x {self.judged.shape[1]} cells judged"
+        doses = f"doses {self.lowest_dose:.3f} to {self.highest_dose:.3f} of the nominal one"
+        share = f"{100.0 * self.share_outside_10:.3g} % of the field outside 10 %"
+        return f"SprayResult: CV {100.0 * self.cv:.4g} %, {size}\n  {doses}, {share}"
+
     @property
     def judged(self) -> Array:
         """The cells that figures speak of."""
@@ -96,11 +105,6 @@ class SprayResult:
     def cv(self) -> float:
         """Coefficient of variation of the deposit: standard deviation over mean."""
         return float(self.judged.std() / self.judged.mean())
-
-    @property
-    def mean_dose(self) -> float:
-        """Mean deposit over the nominal one; off one by how far the boom moved ahead or back over the run."""
-        return float(self.judged.mean())
 
     @property
     def share_outside_10(self) -> float:
@@ -126,7 +130,7 @@ class SprayResult:
         """Largest deposit of a cell over the nominal one."""
         return float(self.judged.max())
 
-    def plot(self) -> Any:
+    def plot(self) -> "Figure":
         """Draw the deposit on the field; see :func:`boomctl.plotting.draw_deposit`."""
         return import_module("boomctl.plotting").draw_deposit({"deposit": self})
 

@@ -141,7 +141,7 @@ class Lti:
 
         Dots in names of signals, which python-control does not allow, become ``_``.
         """
-        import control
+        from boomctl.lti.python_control import control
 
         signals = {"inputs": self.inputs, "outputs": self.outputs}
         given = {kind: [label.replace(".", "_") for label in labels] for kind, labels in signals.items() if labels}

@@ -1,6 +1,6 @@
 """Drawing: the only part that knows matplotlib.  It draws results; it computes nothing."""
 
-from boomctl.plotting.canvas import figure_bytes, new_figure, style
+from boomctl.plotting.canvas import figure_bytes, new_figure, picture, style
 from boomctl.plotting.sigma import plot_measured, plot_sigma
 from boomctl.plotting.slew import plot_mesh_study, plot_slew, plot_slew_comparison, plot_tracking, slew_film
 from boomctl.plotting.slew_design import plot_payloads, plot_spin_ups, plot_switching
@@ -12,6 +12,7 @@ __all__ = [
     "draw_track_density",
     "figure_bytes",
     "new_figure",
+    "picture",
     "plot_measured",
     "plot_mesh_study",
     "plot_payloads",

@@ -9,6 +9,8 @@ import matplotlib as mpl
 from cycler import cycler
 from matplotlib.figure import Figure
 
+from boomctl.report import Picture
+
 COLOURS = ("#0b559f", "#c8501e", "#3a7d34", "#7b3fa0", "#8a6d00", "#444444")
 
 _LOOK: dict[Any, Any] = {
@@ -40,6 +42,11 @@ def style() -> Iterator[None]:
 def new_figure(width: float = 7.0, height: float = 4.2) -> Figure:
     """Return an empty figure of ``width`` by ``height`` inches that belongs to no window."""
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def picture(name: str, figure: Any, caption: str, *kinds: str) -> Picture:
+    """Return a figure as a picture of a report, with a file of each kind, by default SVG and PNG; the first is shown."""
+    return Picture(name, caption, {kind: figure_bytes(figure, kind) for kind in kinds or ("svg", "png")})
 
 
 def figure_bytes(figure: Any, kind: str) -> bytes:

@@ -75,8 +75,8 @@ class Panel:
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
-    """A figure: file name without ending, caption, panels, and how many of them stand in a row."""
+class Chart:
+    """Panels of curves in one figure: file name without ending, caption, panels, and how many of them stand in a row."""
 
     name: str
     caption: str
@@ -84,12 +84,12 @@ class Picture:
     columns: int = field(default=1)
 
 
-def draw(picture: Picture) -> "Figure":
-    """Draw a picture.
+def draw(chart: Chart) -> "Figure":
+    """Draw a chart.
 
     Parameters
     ----------
-    picture : Picture
+    chart : Chart
 
     Returns
     -------
@@ -97,12 +97,12 @@ def draw(picture: Picture) -> "Figure":
     """
     from matplotlib.figure import Figure
 
-    rows = -(-len(picture.panels) // picture.columns)
-    figure = Figure(figsize=(6.4 if picture.columns == 1 else 10.0, 3.1 * rows + 0.3), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(rows, picture.columns)).ravel()
-    for ax, panel in zip(axes, picture.panels, strict=False):
+    rows = -(-len(chart.panels) // chart.columns)
+    figure = Figure(figsize=(6.4 if chart.columns == 1 else 10.0, 3.1 * rows + 0.3), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(rows, chart.columns)).ravel()
+    for ax, panel in zip(axes, chart.panels, strict=False):
         _fill(ax, panel)
-    for ax in axes[len(picture.panels) :]:
+    for ax in axes[len(chart.panels) :]:
         ax.set_axis_off()
     return figure
 
@@ -138,12 +138,12 @@ def _fill(ax: "Axes", panel: Panel) -> None:
         ax.legend(fontsize=8, loc=panel.legend, framealpha=0.9)
 
 
-def picture_bytes(picture: Picture, ending: str) -> bytes:
-    """A picture as the bytes of a file.
+def chart_bytes(chart: Chart, ending: str) -> bytes:
+    """A chart as the bytes of a file.
 
     Parameters
     ----------
-    picture : Picture
+    chart : Chart
     ending : str
         "png" or "svg".
 
@@ -157,8 +157,8 @@ def picture_bytes(picture: Picture, ending: str) -> bytes:
     from matplotlib import rc_context
 
     target = io.BytesIO()
-    with rc_context({"svg.hashsalt": picture.name}):
-        draw(picture).savefig(target, format=ending, dpi=130, metadata={"Date": None} if ending == "svg" else None)
+    with rc_context({"svg.hashsalt": chart.name}):
+        draw(chart).savefig(target, format=ending, dpi=130, metadata={"Date": None} if ending == "svg" else None)
     return target.getvalue()
 
 

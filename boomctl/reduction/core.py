@@ -7,11 +7,12 @@ import numpy as np
 from boomctl.analysis.model_norm import in_modes
 from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
-from boomctl.lti.system import Lti, append, of
+from boomctl.lti.system import Lti, append
 from boomctl.reduction.tail_bounds import loads_of, modal_states, separated_damping, tail_bound
+from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.poles import project, undamped_modes
-from boomctl.structure.symmetry import half
+from boomctl.structure.response.poles import undamped_modes
+from boomctl.structure.response.realisation import realize
 
 # Ways to a core, in the order tried; a result's path names those that were taken.
 HIGH_MODES_BOUNDED = (
@@ -70,12 +71,12 @@ def core_of(system: Lti | SecondOrderModel, modes: int) -> SystemCore:
         )
     try:
         # the highest modes come first: solvers of eigenvalues keep the digits of what stands last in a graded matrix
-        V = None if system.elastic is None else undamped_modes(system)[1][:, ::-1]
+        V = None if system.structure.elastic is None else undamped_modes(system.structure)[1][:, ::-1]
     except ValueError:
         V = None
     if V is None:
-        return _statespace_core(of(system), 2 * modes, WHOLE)
-    return _statespace_core(of(in_modes(system, V)), 2 * modes, ALL_MODES)
+        return _statespace_core(realize(system.structure, system.ports), 2 * modes, WHOLE)
+    return _statespace_core(in_modes(system, V), 2 * modes, ALL_MODES)
 
 
 def _statespace_core(system: Lti, states: int, way: str) -> SystemCore:
@@ -96,18 +97,15 @@ def _statespace_core(system: Lti, states: int, way: str) -> SystemCore:
 
 def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
     """Return a core of undamped modes, or None for a structure whose other modes have no bound in closed form."""
-    halves = [half(model, parity) for parity in (1, -1)]
-    if any(part is None for part in halves):
-        parts = [(model, modes, np.eye(len(model.inputs)), np.eye(len(model.outputs)))]
+    split = halves(model.structure, model.ports)
+    if split is None:
+        parts = [(model, np.eye(len(model.inputs)), np.eye(len(model.outputs)))]
     else:
-        parts = [
-            (part.model, (modes + 1) // 2, part.W_in, part.W_out)
-            for part in halves
-            if part is not None and part.W_in.shape[1] and part.W_out.shape[1]
-        ]
+        parts = [(SecondOrderModel.of(part.structure, part.ports), part.W_in, part.W_out) for part in split]
+        modes = (modes + 1) // 2
     fast, kept, tail = [], [], 0.0
-    for part, count, W_in, W_out in parts:
-        found = _lowest_modes(part, count)
+    for part, W_in, W_out in parts:
+        found = _lowest_modes(part, modes)
         if found is None:
             return None
         system, left_out = found
@@ -140,12 +138,12 @@ def _lowest_modes(model: SecondOrderModel, modes: int) -> tuple[Lti, float] | No
     if damping is None or loads is None or modes >= _ALL_MODES * model.n:
         return None
     try:
-        frequencies, shapes = undamped_modes(model, modes + 1)
+        frequencies, shapes = undamped_modes(model.structure, modes + 1)
     except ValueError:
         return None
     V, lowest = shapes[:, :modes], float(frequencies[modes])
-    M, K, C = project(model, V)
-    core = modal_states(M, K, C, loads, V)
+    small = model.structure.projected(V)
+    core = modal_states(small.M, small.K, small.C, loads, V)
     closed = diagonalized(
         Lti(
             core.A,
@@ -156,5 +154,5 @@ def _lowest_modes(model: SecondOrderModel, modes: int) -> tuple[Lti, float] | No
     )
     if closed is None:
         return None
-    tail = tail_bound(model, loads, damping, V, lowest, (C, closed))
+    tail = tail_bound(model, loads, damping, V, lowest, (small.C, closed))
     return (Lti(core.A, core.B, core.C, model.ports.E[0]), tail) if np.isfinite(tail) else None

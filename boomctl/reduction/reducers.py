@@ -17,14 +17,15 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.gramians import band_integral, factors
 from boomctl.lti.modal import ModalSystem, residualised, spectral_parts
-from boomctl.lti.system import Lti, append, of
+from boomctl.lti.system import Lti, append
 from boomctl.reduction.core import LARGEST_DENSE, SystemCore
 from boomctl.reduction.result import ReductionError
 from boomctl.reduction.tail_bounds import Loads, loads_of, truncation_bound
 from boomctl.reduction.verify import Band, Verified, verified
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
-from boomctl.structure.response.poles import project, undamped_modes
+from boomctl.structure.response.poles import undamped_modes
+from boomctl.structure.response.realisation import realize
 
 _MINIMAL = 1e-11  # share of the largest Hankel singular value up to which a state does nothing but add rounding
 _RANK = 1e-12  # share of the largest eigenvalue of a band's load up to which one is rounding
@@ -300,7 +301,9 @@ class StrongestModes:
 
     def __init__(self, model: SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
         self.model, self.core, self.band, self.complete = model, core, band, modes >= model.n
-        self.all_frequencies, self.all_modes = undamped_modes(model, model.n if model.n <= LARGEST_DENSE else modes)
+        self.all_frequencies, self.all_modes = undamped_modes(
+            model.structure, model.n if model.n <= LARGEST_DENSE else modes
+        )
         self.frequencies, self.modes = self.all_frequencies[:modes], self.all_modes[:, :modes]
         floating = self.frequencies <= _RIGID * self.frequencies[-1]
         self.rigid, self.ranking = int(floating.sum()), self._ranking(floating)
@@ -317,7 +320,7 @@ class StrongestModes:
             raise ValueError(f"order = {order}: expected an even number, two states a coordinate, at least {least}")
         chosen = self.ranking[: order // 2]
         smaller = self._projected(chosen)
-        stable, kept = spectral_parts(of(smaller).balanced())
+        stable, kept = spectral_parts(realize(smaller.structure, smaller.ports).balanced())
         if not _same(self.core.kept, kept):
             raise ReductionError(
                 f"{len(self.core.kept.A)} unstable, undamped or rigid-body states do not come out as they went in "
@@ -329,7 +332,7 @@ class StrongestModes:
         """Return the modes, strongest first: by the height of their peak, or by the most they reach within the band."""
         model, frequencies, V = self.model, self.frequencies, self.modes
         at = frequencies if self.band is None else np.clip(frequencies, *self.band)
-        _, _, C = project(model, V)
+        C = model.structure.projected(V).C
         s = 1j * at
         acting = np.array([np.linalg.norm(b.T @ v) for b, v in zip(evaluate(model.ports.B, s), V.T, strict=True)])
         reading = np.array([np.linalg.norm(line @ v) for line, v in zip(evaluate(model.ports.L, s), V.T, strict=True)])
@@ -347,7 +350,6 @@ class StrongestModes:
         model, frequencies, V, band = self.model, self.frequencies, self.modes, self.band
         kept = np.sort(chosen)
         rest = np.setdiff1d(np.arange(self.rigid, V.shape[1]), kept)
-        M, K, C = project(model, V[:, kept])
         stiffness = frequencies[rest] ** 2
         if band is not None:
             inside = (frequencies[rest] >= band[0]) & (frequencies[rest] <= band[1])
@@ -356,7 +358,7 @@ class StrongestModes:
         ports = model.ports.congruent(V[:, kept])
         E = ports.E[0] + static, ports.E[1], ports.E[2]
         names = tuple(f"mode{i + 1}" for i in kept)
-        return SecondOrderModel.build(M, C, K, replace(ports, E=E), names, primary=model.primary)
+        return SecondOrderModel.of(model.structure.projected(V[:, kept], names), replace(ports, E=E))
 
     def _bound(self, smaller: SecondOrderModel, chosen: Array) -> float:
         """Return a bound of the error: what the other modes add at most, and the static share that stands for them.
@@ -369,7 +371,7 @@ class StrongestModes:
             return inf
         kept = np.zeros(model.n, dtype=bool)
         kept[chosen] = True
-        _, _, C = project(model, modes)
+        C = model.structure.projected(modes).C
         on_modes = Loads(modes.T @ loads.B0, modes.T @ loads.B1, loads.L @ modes)
         static = smaller.ports.E[0] - model.ports.E[0]
         return truncation_bound(self.all_frequencies**2, C, on_modes, kept) + float(np.linalg.norm(static, 2))

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
+from boomctl.printing import between
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -54,3 +55,10 @@ class ReductionResult:
     hankel_values: Array = field(repr=False)
     kept: int = 0
     path: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        inputs, outputs = (getattr(self.system, f"{kind}_labels", None) for kind in ("input", "output"))
+        ends = between(inputs or self.system.inputs, outputs or self.system.outputs)  # type: ignore[union-attr]
+        kept = f", {self.kept} unstable or rigid-body states kept" if self.kept else ""
+        error = f"error {self.measured_error:.6g}, verified; bound {self.error_bound:.6g}"
+        return f"ReductionResult: {self.order} states, {self.method}: {ends}\n  {error}{kept}"

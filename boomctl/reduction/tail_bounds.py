@@ -83,9 +83,9 @@ def separated_damping(model: SecondOrderModel) -> Damping | None:
     beta = float(np.median(c[positive] / k[positive])) if positive.any() else 0.0
     if beta <= 0.0:
         return None
-    if model.elastic is None:
+    if model.structure.elastic is None:
         return _from_matrix(model, beta)
-    rows = model.elastic
+    rows = model.structure.elastic
     gamma = rows.c - beta * rows.k
     apart = np.flatnonzero(np.abs(gamma) > _SAME * np.maximum(rows.c, beta * rows.k))
     if len(apart) > _MOST_DAMPERS:
@@ -176,7 +176,7 @@ def _at_dampers(B1: Array, damping: Damping) -> tuple[Array, Array]:
 def _compliances(model: SecondOrderModel, V: Array, lowest: float, columns: tuple[Array, ...]) -> list[float]:
     """Return the square root of the largest compliance of each group of loads, over the modes left out."""
     shift = _SHIFT * lowest**2
-    solve = model.prepared.pencil.shifted(shift)
+    solve = model.structure.pencil.shifted(shift)
     stacked = np.hstack(columns)
     for _ in range(2):
         stacked = stacked - model.M @ (V @ (V.T @ stacked))

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,7 +31,7 @@ from boomctl.rotating_beam.modal.integrals import ModalIntegrals, mass_points, m
 from boomctl.rotating_beam.modal.sfoam import sfoam
 from boomctl.rotating_beam.modal.tlam import tlam
 from boomctl.rotating_beam.motion.run import prescribed_motion, torque_driven_motion, watched_instants
-from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.parameters import HubBeamParameters, described
 from boomctl.rotating_beam.result import SimulationResult, small_deformation_until
 from boomctl.rotating_beam.validation import mode_count, state_vector, time_points
 
@@ -70,6 +70,9 @@ class HubBeam:
         object.__setattr__(self, "modes", mode_count(self.modes))
         if self.model == "cfoam" and self.modes > _MAX_MODES_CFOAM:
             raise ValueError(f"modes = {self.modes}: expected 1 to {_MAX_MODES_CFOAM} for model 'cfoam'")
+
+    def __repr__(self) -> str:
+        return described("HubBeam", self.model, self.modes, self.state_names, self.parameters)
 
     @cached_property
     def integrals(self) -> ModalIntegrals:
@@ -305,6 +308,20 @@ _EQUATIONS: dict[str, Callable[[HubBeam], Equations]] = {
 }
 
 
+@overload
+def hub_beam(
+    parameters: HubBeamParameters | None = None,
+    model: Literal["tlam", "sfoam", "sfoam-consistent", "foam", "cfoam"] = "sfoam",
+    modes: int = 5,
+) -> HubBeam: ...
+@overload
+def hub_beam(
+    parameters: HubBeamParameters | None = None, *, model: Literal["geometrically-exact"], modes: int = 5
+) -> "GeometricallyExactBeam": ...
+@overload
+def hub_beam(
+    parameters: HubBeamParameters | None = None, model: str = "sfoam", modes: int = 5
+) -> "HubBeam | GeometricallyExactBeam": ...
 def hub_beam(
     parameters: HubBeamParameters | None = None, model: str = "sfoam", modes: int = 5
 ) -> "HubBeam | GeometricallyExactBeam":

@@ -1,10 +1,10 @@
 """Physical parameters of the rotating hub-beam."""
 
-import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
 
 from boomctl.checks import nonnegative, positive
+from boomctl.printing import count, exact, exact_html, listed
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,9 @@ class HubBeamParameters:
         if nonnegative("damping_ratio", self.damping_ratio) >= 1.0:
             raise ValueError(f"damping_ratio = {self.damping_ratio!r}: expected a ratio in [0, 1)")
 
+    __repr__ = exact
+    _repr_html_ = exact_html
+
     @property
     def mass_per_length(self) -> float:
         """Mass per unit length rho A, kg/m."""
@@ -105,16 +108,22 @@ class HubBeamParameters:
 
         Raises
         ------
-        ValueError
-            If the file is not TOML, holds an unknown key, or a value is out of its range.
+        OSError
+            If the file cannot be read.
+        ValueError, TypeError
+            If the file is not TOML, holds an unknown key, or a value that is no number or out of its range.
         """
-        try:
-            table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        except tomllib.TOMLDecodeError as error:
-            raise ValueError(f"{path}: expected a TOML file; {error}") from error
-        table = table.get("hub_beam", table)
-        known = [field.name for field in fields(cls)]
-        unknown = sorted(set(table) - set(known))
-        if unknown:
-            raise ValueError(f"{path}: unknown key {unknown[0]!r}; expected some of {', '.join(known)}")
-        return cls(**table)
+        from boomctl.files import read_parameters
+
+        return read_parameters(cls, path, table="hub_beam")
+
+
+def described(kind: str, model: str, modes: int, states: tuple[str, ...], parameters: HubBeamParameters) -> str:
+    """Return what a hub-beam is, in three lines: model, size, signals, the parameters that are not those of Table 1."""
+    given = ((field, getattr(parameters, field.name)) for field in fields(parameters))
+    others = [f"{field.name} {value:.6g}" for field, value in given if value != field.default]
+    return (
+        f"{kind}: {model}, {count(modes, 'mode')}, {len(states)} states\n"
+        f"  torque -> hub_angle, hub_speed, tip_displacement\n"
+        f"  Table 1, {listed(others) if others else 'no tip mass'}"
+    )

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-import control
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import known
+from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, of
 from boomctl.simulation.plant import ModalPlant
 

@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import known, names, positive
 from boomctl.lti.hold import lifted_response
+from boomctl.printing import count, signals
 from boomctl.simulation.plant import ModalPlant, in_modal_coordinates, modal_plant, realized, truncated
 from boomctl.simulation.signals import disturbance_rows, uniform_times
+from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.symmetry import half
 
 if TYPE_CHECKING:
     import control
@@ -52,6 +53,13 @@ class ForcedResponse:
     error_estimate: float
     modes: int
 
+    def __repr__(self) -> str:
+        span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
+        return (
+            f"ForcedResponse: {span}; {count(self.modes, 'mode')}, error estimated {self.error_estimate:.1e}\n"
+            f"{signals(list(self.inputs), list(self.outputs))}"
+        )
+
     def __getitem__(self, name: str) -> Array:
         """Return an output by name."""
         return self.outputs[known("output", name, tuple(self.outputs))]
@@ -59,7 +67,7 @@ class ForcedResponse:
     @property
     def response(self) -> "control.TimeResponseData":
         """The same as python-control's named time response."""
-        import control
+        from boomctl.lti.python_control import control
 
         return control.TimeResponseData(
             self.time,
@@ -139,12 +147,13 @@ def _parts(
     if model.mirror is not None:
         ins, outs = model.mirror.completed(inputs, model.inputs), model.mirror.completed(outputs, model.outputs)
         chosen = model.select(ins, outs)
-        found = [half(chosen, parity) for parity in (1, -1)]
-        rows = disturbance_rows(signals, ins, (), n)
-        kept = [part for part in found if part is not None and part.W_in.shape[1] and part.W_out.shape[1]]
-        if all(part is not None for part in found):
+        parts, rows = halves(chosen.structure, chosen.ports), disturbance_rows(signals, ins, (), n)
+        if parts is not None:
             place = [outs.index(name) for name in outputs]
-            return [(part.model, part.W_in.T @ rows, part.W_out[place]) for part in kept]
+            return [
+                (SecondOrderModel.of(part.structure, part.ports), part.W_in.T @ rows, part.W_out[place])
+                for part in parts
+            ]
     return [(model.select(inputs, outputs), disturbance_rows(signals, inputs, (), n), np.eye(len(outputs)))]
 
 

@@ -5,17 +5,17 @@ A large structure is seen through its lowest undamped modes; the others answer a
 
 from dataclasses import dataclass, replace
 
-import control
 import numpy as np
 from scipy import linalg, sparse
 
 from boomctl.arrays import Array
 from boomctl.checks import known
 from boomctl.lti.hold import linear_hold
+from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.pencil import factorized
-from boomctl.structure.response.poles import project, undamped_modes
+from boomctl.structure.response.poles import undamped_modes
 
 _CONDITION = 1e6  # of the change to modal coordinates: ten digits are left; modes that need more stay in one block
 _MODES = 60  # of a structure: five times what its inputs shake in the band of a suspension, and a step stays cheap
@@ -146,12 +146,11 @@ def truncated(model: SecondOrderModel, modes: int) -> tuple[SecondOrderModel, Ar
     if modes >= model.n:
         return model, nothing
     try:
-        frequencies, shapes = undamped_modes(model, modes)
+        frequencies, shapes = undamped_modes(model.structure, modes)
     except ValueError:
         return model, nothing
-    M, K, C = project(model, shapes)
     labels = tuple(f"mode{k}" for k in range(modes))
-    small = SecondOrderModel.build(M, C, K, model.ports.congruent(shapes), labels)
+    small = SecondOrderModel.of(model.structure.projected(shapes, labels), model.ports.congruent(shapes))
     return small, _at_rest(model, frequencies, shapes)
 
 

@@ -2,14 +2,16 @@
 
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from boomctl.arrays import Array
 from boomctl.checks import known
+from boomctl.printing import count, listed
 from boomctl.simulation.contact.stops import StopHit
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,9 @@ class FrictionReport:
     dissipated: float
     input: str
     output: str
+
+    def __repr__(self) -> str:
+        return f"FrictionReport: stuck {100.0 * self.stuck_share:.3g} % of the time, {self.dissipated:.4g} J dissipated"
 
 
 @dataclass(frozen=True)
@@ -75,6 +80,20 @@ class LoopResult:
     delay: float
     path: str = "steps"
 
+    def __repr__(self) -> str:
+        span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
+        late = f", {self.delay:.4g} s late" if self.delay else ""
+        controls = f"controls {listed(list(self.controls), 50)}{late}" if self.controls else "no controller"
+        limited = [f"{count(len(self.stops), 'hit')} of a stop"] if self.stops else []
+        limited += [
+            f"{name} at its limit {100.0 * share:.3g} % of the time"
+            for name, share in self.saturation_share.items()
+            if share
+        ]
+        limited += [f"stuck {100.0 * self.friction.stuck_share:.3g} % of the time"] if self.friction is not None else []
+        last = f"\n  {listed(limited)}" if limited else ""
+        return f"LoopResult: {span}; {controls}\n  outputs: {listed(list(self.outputs))}{last}"
+
     def __getitem__(self, name: str) -> Array:
         """Return an output by name."""
         return self.outputs[known("output", name, tuple(self.outputs))]
@@ -87,8 +106,9 @@ class LoopResult:
     @property
     def response(self) -> "control.TimeResponseData":
         """Outputs over disturbances and controls as python-control's named time response."""
-        import control
         import numpy as np
+
+        from boomctl.lti.python_control import control
 
         moved = {name: np.zeros(len(self.time)) for name in (*self.disturbances, *self.controls)}
         for signals in (self.disturbances, self.controls):
@@ -104,6 +124,6 @@ class LoopResult:
             sysname="loop",
         )
 
-    def plot(self, outputs: tuple[str, ...] | None = None) -> Any:
+    def plot(self, outputs: tuple[str, ...] | None = None) -> "Figure":
         """Draw outputs, controls asked for and applied, stops and friction over time; return the figure."""
         return import_module("boomctl.plotting.loop").draw_loop(self, outputs)

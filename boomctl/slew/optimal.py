@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,11 @@ from boomctl.slew.reference import cheapest, effort_guess, guess_from, typical_s
 from boomctl.slew.replay import Motion, binding, end_error, other_models, played, violation
 from boomctl.slew.result import LimitsTooTight, SlewCertificate, SlewError, SlewResult
 from boomctl.slew.torque import TorqueHistory
+
+if TYPE_CHECKING:
+    import control
+
+    from boomctl.slew.plant import SlewMachine
 
 _MESHES = (50, 100, 200, 400, 800)
 _MESH_GAP = 1e-4
@@ -42,7 +48,7 @@ class _Plan:
 
 
 def optimal_slew(
-    h: object,
+    h: "SlewMachine | control.StateSpace",
     angle: float | None,
     torque_limit: float,
     objective: str = "time",

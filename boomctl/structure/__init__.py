@@ -1,10 +1,10 @@
 """Linear structural dynamics of any planar machine: rows, bodies, beams, second-order models."""
 
 from boomctl.structure.assembly import Assembly
-from boomctl.structure.beams.discretizations import DiscreteElements, FiniteElements
+from boomctl.structure.beams.elements import DiscreteElements, FiniteElements
 from boomctl.structure.displacement_input import prescribe_displacement
-from boomctl.structure.family import AffineFamily
-from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.families import AffineFamily
+from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.structure.parts import (
     GROUND,
     Beam,
@@ -21,7 +21,6 @@ from boomctl.structure.parts import (
     prismatic,
     revolute,
 )
-from boomctl.structure.symmetry import split_symmetric
 
 __all__ = [
     "GROUND",

@@ -1,6 +1,6 @@
 """Assembly: a machine's description, and its equations of motion."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,18 +8,19 @@ from scipy import linalg, sparse
 
 from boomctl.arrays import Array
 from boomctl.checks import signal_name
-from boomctl.structure.beams.discretization import BeamMesh, element_nodes, section_values
-from boomctl.structure.beams.discretizations import FiniteElements, distinct
+from boomctl.printing import count, listed, signals
 from boomctl.structure.beams.dynamic_stiffness import Segment
+from boomctl.structure.beams.elements import FiniteElements, distinct, element_nodes, section_values
 from boomctl.structure.beams.exact import ExactModel, PlacedSegment
+from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.elimination import eliminate
-from boomctl.structure.kinematics import Kinematics, attachments, kinematics
-from boomctl.structure.model import ElasticRows, SecondOrderModel
+from boomctl.structure.kinematics import Kinematics, Row, attachments, kinematics, row_matrix
+from boomctl.structure.matrices import ElasticRows, Structure
+from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
 from boomctl.structure.ports import Ports
-from boomctl.structure.rows import Row, row_matrix
 
-_UNEVEN = 0.41421356
+_UNEVEN = 0.41421356  # share of its length at which a free beam is cut in two: sqrt 2 - 1, no node of a low mode
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,12 @@ class Assembly:
         for point in self.points():
             self._require(point, there, "a link, force, output or cut joint")
 
+    def __repr__(self) -> str:
+        joints = f", {count(len(self.cuts), 'cut joint')}" if self.cuts else ""
+        ports = signals([force.name for force in self.forces], [output.name for output in self.outputs])
+        bodies = listed([body.name for body in self.bodies], 50)
+        return f"Assembly: {bodies}; {count(len(self.links), 'link')}{joints}\n{ports}"
+
     @staticmethod
     def _require(point: Point, there: set[str], user: str) -> None:
         if point.body.name not in there:
@@ -88,22 +95,82 @@ class Assembly:
         ValueError
             The joints contradict each other, or a coordinate without mass is acted upon.
         """
-        points = self.points()
-        beams = [body for body in self.bodies if isinstance(body, Beam)]
-        meshes = {beam.name: beam.discretization.mesh(beam, attachments(beam, points)) for beam in beams}
-        return _equations(self, reduced_coordinates(self, meshes))
+        free = self._free_coordinates(lambda beam, stations: beam.discretization.mesh(beam, stations))
+        n, names, ports = len(free.names), free.names, free.ports(self)
+        M = sparse.csr_array((n, n))
+        for body in self.bodies:
+            M = M + (_rigid_mass(body, free) if isinstance(body, RigidBody) else _beam_mass(body, free))
+        beams = [
+            (free.kinematics.meshes[body.name], free.local(body)) for body in self.bodies if isinstance(body, Beam)
+        ]
+        links = free.links(self)
+        elastic = ElasticRows(
+            sparse.csr_array(sparse.vstack([*(sparse.csr_array(mesh.strain @ T) for mesh, T in beams), links.R])),
+            np.concatenate([*(mesh.stiffness for mesh, _ in beams), links.k]),
+            np.concatenate([*(mesh.damping for mesh, _ in beams), links.c]),
+        )
+        massless = np.flatnonzero(M.diagonal() == 0.0)
+        if len(massless):
+            T, kept = _condensation(elastic, ports, massless, names)
+            M, elastic, ports = sparse.csr_array(T.T @ M @ T), elastic.congruent(T), ports.congruent(T)
+            names = tuple(names[i] for i in kept)
+        return SecondOrderModel.of(Structure.of(M, elastic.C, elastic.K, names, elastic=elastic), ports)
 
     def exact(self) -> ExactModel:
         """Return the structure with exact beams, forces as inputs; the beams' discretisations are not used."""
+        free = self._free_coordinates(_segment_mesh)
+        M = np.zeros((len(free.names), len(free.names)))
+        placed: list[PlacedSegment] = []
+        for body in self.bodies:
+            if isinstance(body, RigidBody):
+                M += _rigid_mass(body, free).toarray()
+                continue
+            mesh, local = free.kinematics.meshes[body.name], free.local(body).toarray()
+            section = section_values(body, mesh.nodes)
+            M += _axial_mass(body, free).toarray()
+            for e, length in enumerate(np.diff(mesh.nodes)):
+                values = (section.mass_per_length[e], section.bending_stiffness[e], section.damping[e])
+                segment = Segment(round(float(length), 13), *(float(value) for value in values))
+                placed.append(PlacedSegment(segment, local[2 * e : 2 * e + 4]))
+        links = free.links(self)
+        return ExactModel(
+            M=M,
+            C=links.C.toarray(),
+            K=links.K.toarray(),
+            placed=tuple(placed),
+            ports=free.ports(self),
+            coordinates=free.names,
+        )
+
+    def _free_coordinates(self, mesh: Callable[[Beam, list[float]], BeamMesh]) -> "FreeCoordinates":
+        """Return the coordinates that the joints and cut joints leave, beams turned into coordinates by ``mesh``."""
         points = self.points()
-        beams = [body for body in self.bodies if isinstance(body, Beam)]
-        meshes = {beam.name: _segment_mesh(beam, attachments(beam, points)) for beam in beams}
-        return _exact_equations(self, reduced_coordinates(self, meshes))
+        meshes = {body.name: mesh(body, attachments(body, points)) for body in self.bodies if isinstance(body, Beam)}
+        motion = kinematics(self.bodies, meshes, self.cuts)
+        if not motion.coordinates:
+            raise ValueError("the assembly has no coordinates: expected a body that can move or a beam")
+        index = {name: i for i, name in enumerate(motion.coordinates)}
+        if not motion.held:
+            return FreeCoordinates(motion, index, sparse.csr_array(sparse.eye_array(len(index))), motion.coordinates)
+        labels, rows = zip(*motion.held, strict=True)
+        choice = eliminate(sparse.csr_array(row_matrix(rows, index).T), labels, motion.weights)
+        return FreeCoordinates(motion, index, choice.T_q, tuple(motion.coordinates[i] for i in choice.independent))
 
 
 @dataclass(frozen=True)
-class Reduced:
-    """Kinematics, and the map from the free coordinates to all of them."""
+class FreeCoordinates:
+    """The coordinates that the joints leave, and how all others follow: where things are, not what they weigh.
+
+    Attributes
+    ----------
+    kinematics : Kinematics
+    index : mapping from name to int
+        Places of all coordinates.
+    T : sparse array
+        From the free coordinates to all of them.
+    names : tuple of str
+        Of the free coordinates.
+    """
 
     kinematics: Kinematics
     index: Mapping[str, int]
@@ -118,6 +185,12 @@ class Reduced:
         """Return the map from the free coordinates to those of a beam."""
         first = self.index[f"{beam.name}.{self.kinematics.meshes[beam.name].names[0]}"]
         return sparse.csr_array(self.T[first : first + len(self.kinematics.meshes[beam.name].names)])
+
+    def links(self, assembly: Assembly) -> ElasticRows:
+        """Return the elongations of the springs and dampers over the free coordinates."""
+        rows = self.rows([self.kinematics.relative(link.a, link.b, link.direction) for link in assembly.links])
+        stiffness = np.array([link.stiffness for link in assembly.links], dtype=float)
+        return ElasticRows(rows, stiffness, np.array([link.damping for link in assembly.links], dtype=float))
 
     def ports(self, assembly: Assembly) -> Ports:
         """Return the inputs and outputs of an assembly over the free coordinates."""
@@ -135,63 +208,23 @@ class Reduced:
         )
 
 
-def reduced_coordinates(assembly: Assembly, meshes: Mapping[str, BeamMesh]) -> Reduced:
-    """Return the free coordinates that the joints and cut joints leave."""
-    motion = kinematics(assembly.bodies, meshes, assembly.cuts)
-    if not motion.coordinates:
-        raise ValueError("the assembly has no coordinates: expected a body that can move or a beam")
-    index = {name: i for i, name in enumerate(motion.coordinates)}
-    if not motion.held:
-        return Reduced(motion, index, sparse.csr_array(sparse.eye_array(len(index))), motion.coordinates)
-    held = row_matrix(motion.held, index)
-    choice = eliminate(sparse.csr_array(held.T), motion.held_names, motion.weights)
-    return Reduced(motion, index, choice.T_q, tuple(motion.coordinates[i] for i in choice.independent))
-
-
-def _equations(assembly: Assembly, reduced: Reduced) -> SecondOrderModel:
-    """Return mass, strain rows and ports over the free coordinates, massless coordinates condensed."""
-    n = len(reduced.names)
-    M = sparse.csr_array((n, n))
-    strain, stiffness, damping = [], [], []
-    for body in assembly.bodies:
-        M = M + (_rigid_mass(body, reduced) if isinstance(body, RigidBody) else _beam_mass(body, reduced))
-        if isinstance(body, Beam):
-            mesh = reduced.kinematics.meshes[body.name]
-            strain.append(sparse.csr_array(mesh.strain @ reduced.local(body)))
-            stiffness.append(mesh.stiffness)
-            damping.append(mesh.damping)
-    links = [reduced.kinematics.relative(link.a, link.b, link.direction) for link in assembly.links]
-    strain.append(reduced.rows(links))
-    stiffness.append(np.array([link.stiffness for link in assembly.links]))
-    damping.append(np.array([link.damping for link in assembly.links]))
-    elastic = ElasticRows(sparse.csr_array(sparse.vstack(strain)), np.concatenate(stiffness), np.concatenate(damping))
-    ports = reduced.ports(assembly)
-    massless = np.flatnonzero(M.diagonal() == 0.0)
-    names = reduced.names
-    if len(massless):
-        T, kept = _condensation(elastic, ports, massless, names)
-        M, elastic, ports = sparse.csr_array(T.T @ M @ T), elastic.congruent(T), ports.congruent(T)
-        names = tuple(names[i] for i in kept)
-    return SecondOrderModel.build(sparse.csr_array(M), elastic.C, elastic.K, ports, names, elastic=elastic)
-
-
-def _rigid_mass(body: RigidBody, reduced: Reduced) -> sparse.csr_array:
+def _rigid_mass(body: RigidBody, free: FreeCoordinates) -> sparse.csr_array:
     x, y = body.centre or (body.parent.x, body.parent.y)
-    centre = reduced.kinematics.motion(body.at(x, y))
-    rows = reduced.rows([centre.x, centre.y, centre.theta])
+    centre = free.kinematics.motion(body.at(x, y))
+    rows = free.rows([centre.x, centre.y, centre.theta])
     weight = sparse.diags_array([float(body.mass), float(body.mass), float(body.inertia)])
     return sparse.csr_array(rows.T @ weight @ rows)
 
 
-def _beam_mass(beam: Beam, reduced: Reduced) -> sparse.csr_array:
-    local = reduced.local(beam)
-    bending = local.T @ reduced.kinematics.meshes[beam.name].mass @ local
-    return sparse.csr_array(bending + _axial_mass(beam, reduced))
+def _beam_mass(beam: Beam, free: FreeCoordinates) -> sparse.csr_array:
+    local = free.local(beam)
+    bending = local.T @ free.kinematics.meshes[beam.name].mass @ local
+    return sparse.csr_array(bending + _axial_mass(beam, free))
 
 
-def _axial_mass(beam: Beam, reduced: Reduced) -> sparse.csr_array:
+def _axial_mass(beam: Beam, free: FreeCoordinates) -> sparse.csr_array:
     """Return the mass matrix of a beam's motion along its axis, as a whole."""
-    axial = reduced.rows([reduced.kinematics.frames[beam.name].along(beam.angle)])
+    axial = free.rows([free.kinematics.frames[beam.name].along(beam.angle)])
     mass = sum(section.length * section.mass_per_length for section in beam.sections)
     return sparse.csr_array(mass * (axial.T @ axial))
 
@@ -230,29 +263,3 @@ def _segment_mesh(beam: Beam, stations: list[float]) -> BeamMesh:
         # the natural frequencies of a free segment are those of a clamped one, where its own stiffness is infinite
         marks = (marks[0], _UNEVEN * beam.length, marks[1])
     return FiniteElements(marks).mesh(beam, stations)
-
-
-def _exact_equations(assembly: Assembly, reduced: Reduced) -> ExactModel:
-    n = len(reduced.names)
-    M = np.zeros((n, n))
-    placed: list[PlacedSegment] = []
-    for body in assembly.bodies:
-        if isinstance(body, RigidBody):
-            M += _rigid_mass(body, reduced).toarray()
-            continue
-        mesh, local = reduced.kinematics.meshes[body.name], reduced.local(body).toarray()
-        section = section_values(body, mesh.nodes)
-        M += _axial_mass(body, reduced).toarray()
-        for e, length in enumerate(np.diff(mesh.nodes)):
-            values = (section.mass_per_length[e], section.bending_stiffness[e], section.damping[e])
-            segment = Segment(round(float(length), 13), *(float(value) for value in values))
-            placed.append(PlacedSegment(segment, local[2 * e : 2 * e + 4]))
-    links = reduced.rows([reduced.kinematics.relative(link.a, link.b, link.direction) for link in assembly.links])
-    elastic = ElasticRows(
-        links,
-        np.array([link.stiffness for link in assembly.links], dtype=float),
-        np.array([link.damping for link in assembly.links], dtype=float),
-    )
-    return ExactModel(
-        M, elastic.C.toarray(), elastic.K.toarray(), tuple(placed), reduced.ports(assembly), reduced.names
-    )

@@ -4,6 +4,7 @@ Source: Anthonis & Ramon (2003), Eqs. (2)-(12) and appendix A, with the signs me
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
@@ -11,7 +12,8 @@ from scipy import sparse
 from boomctl.arrays import Array, Matrix
 from boomctl.checks import known
 from boomctl.structure.elimination import Elimination, eliminate
-from boomctl.structure.model import ElasticRows, SecondOrderModel
+from boomctl.structure.matrices import Structure
+from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports, Triple
 
 MOTIONS = ("displacement", "velocity", "acceleration")
@@ -65,16 +67,21 @@ def prescribe_displacement(
     J = np.column_stack([model.ports.force_column(name) for name in both])
     if len(both) >= model.n:
         raise ValueError(f"{len(both)} displacements are prescribed in a model of {model.n} coordinates: nothing moves")
-    choice = eliminate(J, both)
-    ports = _ports(model, choice, moved, held, orders, reactions)
-    T_q = choice.T_q
-    elastic = model.elastic.congruent(T_q) if model.elastic is not None else None
-    M = _congruent(model.M, T_q)
-    K = elastic.K if elastic is not None else _congruent(model.K, T_q)
-    C = elastic.C if elastic is not None else _congruent(model.C, T_q)
-    mirror = model.mirror.restricted(choice) if model.mirror is not None else None
-    coordinates = tuple(model.coordinates[i] for i in choice.independent)
-    return SecondOrderModel.build(M, C, K, ports, coordinates, elastic, mirror, model.primary)
+    choice, old = eliminate(J, both), model.structure
+    T_q, elastic, mirror = choice.T_q, None, None
+    if old.elastic is not None:
+        elastic = old.elastic.congruent(T_q)
+    if old.mirror is not None:
+        mirror = old.mirror.restricted(choice)
+    structure = Structure.of(
+        _congruent(old.M, T_q),
+        _congruent(old.C, T_q) if elastic is None else elastic.C,
+        _congruent(old.K, T_q) if elastic is None else elastic.K,
+        tuple(old.coordinates[i] for i in choice.independent),
+        elastic=elastic,
+        mirror=mirror,
+    )
+    return SecondOrderModel.of(structure, _Prescribed(old, model.ports, choice, moved, held).ports(orders, reactions))
 
 
 def _orders(moved: tuple[str, ...], motion: str | Mapping[str, str]) -> dict[str, int]:
@@ -97,75 +104,76 @@ def _driven(matrix: Matrix, left: sparse.csr_array, right: sparse.csr_array) -> 
     return np.asarray((left.T @ sparse.csr_array(matrix @ right)).toarray())
 
 
-def _blocks(model: SecondOrderModel, left: sparse.csr_array, right: sparse.csr_array) -> Triple:
-    """Return the blocks of ``K, C, M`` between two groups of coordinates, rounding kept small by the strain rows."""
-    if model.elastic is None:
-        return tuple(_driven(matrix, left, right) for matrix in (model.K, model.C, model.M))  # type: ignore[return-value]
-    rows: ElasticRows = model.elastic
-    R_left, R_right = sparse.csr_array(rows.R @ left), sparse.csr_array(rows.R @ right)
+@dataclass(frozen=True)
+class _Prescribed:
+    """Which force inputs of a structure become motions (``moved``) or are held (``held``), and what is eliminated."""
 
-    def block(weight: Array) -> Array:
-        return np.asarray((R_left.T @ sparse.diags_array(weight) @ R_right).toarray())
+    structure: Structure
+    old: Ports
+    choice: Elimination
+    moved: tuple[str, ...]
+    held: tuple[str, ...]
 
-    return block(rows.k), block(rows.c), _driven(model.M, left, right)
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Inputs that stay, in their old order."""
+        return tuple(name for name in self.old.inputs if name not in self.held)
 
+    def blocks(self, left: sparse.csr_array, right: sparse.csr_array) -> Triple:
+        """Return the blocks of ``K, C, M`` between two groups of coordinates, rounding kept small by the strain rows."""
+        K, C, M, rows = self.structure.K, self.structure.C, self.structure.M, self.structure.elastic
+        if rows is None:
+            return _driven(K, left, right), _driven(C, left, right), _driven(M, left, right)
+        R_left, R_right = sparse.csr_array(rows.R @ left), sparse.csr_array(rows.R @ right)
 
-def _ports(
-    model: SecondOrderModel,
-    choice: Elimination,
-    moved: tuple[str, ...],
-    held: tuple[str, ...],
-    orders: Mapping[str, int],
-    reactions: bool,
-) -> Ports:
-    """Return the ports of the displacement-driven model, inputs in their old order."""
-    old = model.ports
-    T_d, T_q = choice.T_d, choice.T_q
-    place = {name: j for j, name in enumerate(moved)}
-    kept = tuple(name for name in old.inputs if name not in held)
-    force = old.select(kept, None).congruent(T_q)
-    B, E = [b.copy() for b in force.B], [e.copy() for e in force.E]
-    driven = _blocks(model, T_q, T_d)
-    for k in range(3):
-        for i, name in enumerate(kept):
-            if name in place:
-                B[k][:, i] = -driven[k][:, place[name]]
-                E[k][:, i] = old.L[k] @ T_d[:, [place[name]]].toarray()[:, 0]
-    L = list(force.L)
-    outputs, bandwidths = old.outputs, old.bandwidths
-    felt = old.E[0][:, [old.inputs.index(name) for name in moved + held]]
-    if reactions or felt.any():
-        force_L, force_E = _reactions(model, choice, kept, place)
-        L = [L[k] + felt @ force_L[k] for k in range(3)]
-        E = [E[k] + felt @ force_E[k] for k in range(3)]
-        if reactions:
-            L, E = ([np.vstack(pair) for pair in zip(*both, strict=True)] for both in ((L, force_L), (E, force_E)))
-            outputs = outputs + tuple(f"{name}_force" for name in moved + held)
-            bandwidths = bandwidths + (None,) * len(moved + held)
-    return Ports(
-        kept,
-        outputs,
-        (B[0], B[1], B[2]),
-        (L[0], L[1], L[2]),
-        (E[0], E[1], E[2]),
-        tuple(name in place or old.moved[old.inputs.index(name)] for name in kept),
-        tuple(orders[name] if name in place else old.integrators[old.inputs.index(name)] for name in kept),
-        bandwidths,
-    )
+        def block(weight: Array) -> Array:
+            return np.asarray((R_left.T @ sparse.diags_array(weight) @ R_right).toarray())
 
+        return block(rows.k), block(rows.c), _driven(M, left, right)
 
-def _reactions(
-    model: SecondOrderModel, choice: Elimination, kept: tuple[str, ...], place: dict[str, int]
-) -> tuple[list[Array], list[Array]]:
-    """Return the rows of Eq. (7), upper part: ``f_p = M_dd d'' + M_dq q'' + ... - F_d f``."""
-    with_d, with_q = _blocks(model, choice.T_d, choice.T_d), _blocks(model, choice.T_d, choice.T_q)
-    old = model.ports.select(kept, None)
-    L, E = [], []
-    for k in range(3):
-        feed = -(choice.T_d.T @ old.B[k])
-        for i, name in enumerate(kept):
-            if name in place:
-                feed[:, i] = with_d[k][:, place[name]]
-        L.append(with_q[k])
-        E.append(feed)
-    return L, E
+    def ports(self, orders: Mapping[str, int], reactions: bool) -> Ports:
+        """Return the ports of the displacement-driven structure, inputs in their old order."""
+        old, kept, T_d = self.old, self.kept, self.choice.T_d
+        force = old.select(kept, None).congruent(self.choice.T_q)
+        B, L, E = [b.copy() for b in force.B], list(force.L), [e.copy() for e in force.E]
+        driven = self.blocks(self.choice.T_q, T_d)
+        for k in range(3):
+            for j, name in enumerate(self.moved):
+                i = kept.index(name)
+                B[k][:, i] = -driven[k][:, j]
+                E[k][:, i] = old.L[k] @ T_d[:, [j]].toarray()[:, 0]
+        outputs, bandwidths, both = old.outputs, old.bandwidths, self.moved + self.held
+        felt = old.E[0][:, [old.inputs.index(name) for name in both]]
+        if reactions or felt.any():
+            force_L, force_E = self.reactions()
+            L = [L[k] + felt @ force_L[k] for k in range(3)]
+            E = [E[k] + felt @ force_E[k] for k in range(3)]
+            if reactions:
+                L, E = (
+                    [np.vstack(pair) for pair in zip(*pairs, strict=True)] for pairs in ((L, force_L), (E, force_E))
+                )
+                outputs = outputs + tuple(f"{name}_force" for name in both)
+                bandwidths = bandwidths + (None,) * len(both)
+        return replace(
+            old,
+            inputs=kept,
+            outputs=outputs,
+            B=(B[0], B[1], B[2]),
+            L=(L[0], L[1], L[2]),
+            E=(E[0], E[1], E[2]),
+            moved=tuple(name in self.moved for name in kept),
+            integrators=tuple(orders.get(name, 0) for name in kept),
+            bandwidths=bandwidths,
+        )
+
+    def reactions(self) -> tuple[list[Array], list[Array]]:
+        """Return the rows of Eq. (7), upper part: ``f_p = M_dd d'' + M_dq q'' + ... - F_d f``."""
+        T_d, kept = self.choice.T_d, self.kept
+        with_d, with_q = self.blocks(T_d, T_d), self.blocks(T_d, self.choice.T_q)
+        E = []
+        for k, acting in enumerate(self.old.select(kept, None).B):
+            feed = -(T_d.T @ acting)
+            for j, name in enumerate(self.moved):
+                feed[:, kept.index(name)] = with_d[k][:, j]
+            E.append(feed)
+        return list(with_q), E

@@ -12,7 +12,7 @@ from scipy import linalg, sparse
 
 from boomctl.arrays import Array
 
-_RANK_TOLERANCE = 1e-10
+_RANK_TOLERANCE = 1e-10  # of the largest pivot; conditions that differ by less depend on each other (a choice)
 
 
 @dataclass(frozen=True)

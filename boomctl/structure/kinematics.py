@@ -1,29 +1,106 @@
 """From a description to rows: which coordinates a machine has, and how every point of it moves with them."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from math import cos, pi, sin
 
 import numpy as np
+from scipy import sparse
 
 from boomctl.arrays import Array
-from boomctl.structure.beams.discretization import BeamMesh
+from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.parts import Beam, CutJoint, Ground, Point, RigidBody, direction_angle
-from boomctl.structure.rows import Frame, Row
 
 Body = RigidBody | Beam
 
 
 @dataclass(frozen=True)
-class Kinematics:
-    """Coordinates, their preference as dependent ones, the bodies' motion, and the rows that joints hold at zero."""
+class Row:
+    """A linear combination of coordinates, ``sum(terms[name] * coordinate[name])``.
 
-    coordinates: tuple[str, ...]
-    weights: Array
+    In a system of small motions everything is a row: a spring adds ``k r^T r``, a force acts through ``r^T``,
+    an output reads ``r z``.
+    """
+
+    terms: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, coordinate: str) -> "Row":
+        """Return the row that reads one coordinate."""
+        return cls({coordinate: 1.0})
+
+    def __add__(self, other: "Row") -> "Row":
+        terms = dict(self.terms)
+        for name, value in other.terms.items():
+            terms[name] = terms.get(name, 0.0) + value
+        return Row({name: value for name, value in terms.items() if value != 0.0})
+
+    def __mul__(self, factor: float) -> "Row":
+        return Row({name: factor * value for name, value in self.terms.items() if factor * value != 0.0})
+
+    __rmul__ = __mul__
+
+    def __neg__(self) -> "Row":
+        return self * -1.0
+
+    def __sub__(self, other: "Row") -> "Row":
+        return self + (-other)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The small motion of a body-fixed frame whose origin rests at ``(x0, y0)``: two displacements, one rotation."""
+
+    x0: float
+    y0: float
+    x: Row = field(default_factory=Row)
+    y: Row = field(default_factory=Row)
+    theta: Row = field(default_factory=Row)
+
+    def moved_to(self, x0: float, y0: float) -> "Frame":
+        """Return the motion of the point of the same rigid body that rests at ``(x0, y0)``."""
+        dx, dy = x0 - self.x0, y0 - self.y0
+        return Frame(x0, y0, self.x - dy * self.theta, self.y + dx * self.theta, self.theta)
+
+    def along(self, angle: float) -> Row:
+        """Return the displacement along the direction at ``angle`` (rad, from the x axis)."""
+        c, s = _direction(angle)
+        return c * self.x + s * self.y
+
+
+def row_matrix(rows: Sequence[Row], index: Mapping[str, int]) -> sparse.csr_array:
+    """Stack rows into a sparse matrix, one line a row and one column a coordinate of ``index``."""
+    data, line, column = [], [], []
+    for i, row in enumerate(rows):
+        for name, value in row.terms.items():
+            data.append(value)
+            line.append(i)
+            column.append(index[name])
+    return sparse.csr_array((np.array(data, float), (line, column)), shape=(len(rows), len(index)))
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """How a machine can move.
+
+    Attributes
+    ----------
+    frames : mapping from body to Frame
+        Motion of each body's frame at its joint.
+    meshes : mapping from beam to BeamMesh
+    coordinates : tuple of str
+        Names of all coordinates, those that joints will take away included.
+    weights : ndarray
+        Preference: a coordinate of larger weight is rather made dependent.
+    held : tuple of (str, Row)
+        What joints and cut joints hold at zero, each with what a message calls it.
+    """
+
     frames: Mapping[str, Frame]
     meshes: Mapping[str, BeamMesh]
-    held: tuple[Row, ...]
-    held_names: tuple[str, ...]
+    coordinates: tuple[str, ...] = ()
+    weights: Array = field(default_factory=lambda: np.zeros(0))
+    held: tuple[tuple[str, Row], ...] = ()
 
     def motion(self, point: Point) -> Frame:
         """Return the motion of a point of any body."""
@@ -49,6 +126,7 @@ class Kinematics:
 
 
 def _direction(angle: float) -> tuple[float, float]:
+    """Return cosine and sine, exactly zero where only rounding is left of them."""
     c, s = cos(angle), sin(angle)
     return (0.0 if abs(c) < 1e-15 else c), (0.0 if abs(s) < 1e-15 else s)
 
@@ -77,11 +155,10 @@ def kinematics(bodies: Sequence[Body], meshes: Mapping[str, BeamMesh], cuts: Seq
     frames: dict[str, Frame] = {}
     held: list[tuple[str, Row]] = []
     depth = {Ground.name: 0}
+    so_far = Kinematics(frames, meshes)
     for body in bodies:
         depth[body.name] = depth[body.parent.body.name] + 1
-        so_far = Kinematics((), np.array([]), frames, meshes, (), ())
-        parent = so_far.motion(body.parent)
-        joint_names, frame = _joint_motion(body, parent)
+        joint_names, frame = _joint_motion(body, so_far.motion(body.parent))
         if isinstance(body, Beam):
             joint_names = [name for name in joint_names if not name.endswith(".theta")]
             held += _beam_conditions(body, meshes[body.name], frame)
@@ -89,19 +166,16 @@ def kinematics(bodies: Sequence[Body], meshes: Mapping[str, BeamMesh], cuts: Seq
         weights += [100.0 * depth[body.name]] * len(joint_names)
         frames[body.name] = frame
         if isinstance(body, Beam):
-            local = [f"{body.name}.{name}" for name in meshes[body.name].names]
-            names += local
+            local = meshes[body.name].names
+            names += [f"{body.name}.{name}" for name in local]
             # slopes count by what they move over an element, so that the choice does not depend on the unit of length
             element = body.length / (len(meshes[body.name].nodes) - 1)
-            weights += [1.0 if name.startswith("w") else 1.0 / element for name in meshes[body.name].names]
-    known = Kinematics(tuple(names), np.array(weights), frames, meshes, (), ())
+            weights += [1.0 if name.startswith("w") else 1.0 / element for name in local]
     for cut in cuts:
         for direction in cut.directions:
             label = f"cut joint between {cut.a.body.name} and {cut.b.body.name} along {direction}"
-            held.append((label, known.relative(cut.a, cut.b, direction)))
-    return Kinematics(
-        known.coordinates, known.weights, frames, meshes, tuple(row for _, row in held), tuple(name for name, _ in held)
-    )
+            held.append((label, so_far.relative(cut.a, cut.b, direction)))
+    return replace(so_far, coordinates=tuple(names), weights=np.array(weights), held=tuple(held))
 
 
 def _joint_motion(body: Body, parent: Frame) -> tuple[list[str], Frame]:

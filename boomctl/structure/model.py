@@ -10,46 +10,16 @@ from scipy import sparse
 
 from boomctl.arrays import Array, Matrix
 from boomctl.checks import finite_array, frequencies, signal_name, whole
+from boomctl.printing import count, signals
+from boomctl.structure.matrices import Structure, half
 from boomctl.structure.ports import Ports
-from boomctl.structure.prepared import Prepared
+from boomctl.structure.response.direct import respond
+from boomctl.structure.response.poles import damped_poles
+from boomctl.structure.response.realisation import realize
+from boomctl.structure.symmetry import TOLERANCE, Mirror
 
 if TYPE_CHECKING:
     import control
-
-    from boomctl.structure.symmetry import Mirror
-
-DENSE_LIMIT = 64
-
-
-@dataclass(frozen=True)
-class ElasticRows:
-    """Stiffness and damping as sums over rows: ``K = R^T diag(k) R``, ``C = R^T diag(c) R``.
-
-    Kept beside the matrices because ``R v`` loses no digits where ``K v`` does: the strain of a fine mesh that moves
-    as a whole is a difference of near-equal displacements, its stiffness a difference of huge near-equal forces.
-    """
-
-    R: sparse.csr_array
-    k: Array
-    c: Array
-
-    def _sum(self, weight: Array) -> sparse.csr_array:
-        total = self.R.T @ sparse.diags_array(weight) @ self.R
-        return sparse.csr_array(0.5 * (total + total.T))
-
-    @property
-    def K(self) -> sparse.csr_array:
-        """Stiffness matrix."""
-        return self._sum(self.k)
-
-    @property
-    def C(self) -> sparse.csr_array:
-        """Damping matrix."""
-        return self._sum(self.c)
-
-    def congruent(self, T: sparse.csr_array | Array) -> "ElasticRows":
-        """Return the rows over coordinates ``z`` with ``q = T z``."""
-        return ElasticRows(sparse.csr_array(self.R @ sparse.csr_array(T)), self.k, self.c)
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -79,15 +49,8 @@ class SecondOrderModel:
     array([0.3182])
     """
 
-    M: Matrix
-    C: Matrix
-    K: Matrix
-    coordinates: tuple[str, ...]
+    structure: Structure
     ports: Ports
-    elastic: ElasticRows | None
-    mirror: "Mirror | None"
-    primary: tuple[tuple[str, ...], tuple[str, ...]] | None
-    prepared: Prepared
 
     def __init__(
         self,
@@ -109,48 +72,50 @@ class SecondOrderModel:
             raise ValueError(f"coordinates: expected {n} different names, got {len(labels)}")
         zero = np.zeros_like(lines)
         ports = Ports.of_forces(tuple(force_inputs or ()), columns.T, tuple(outputs or ()), (lines, zero, zero))
-        built = SecondOrderModel.build(matrices["M"], matrices["C"], matrices["K"], ports, labels)
-        p = built.prepared
-        self._set(matrices["M"], matrices["C"], matrices["K"], labels, ports, None, None, None, p)
+        object.__setattr__(self, "structure", Structure.of(**matrices, coordinates=labels))
+        object.__setattr__(self, "ports", ports)
 
-    def _set(self, *values: object) -> None:
-        names = ("M", "C", "K", "coordinates", "ports", "elastic", "mirror", "primary", "prepared")
-        for name, value in zip(names, values, strict=True):
-            object.__setattr__(self, name, value)
+    def __repr__(self) -> str:
+        stored = ", sparse" if sparse.issparse(self.M) else ""
+        return f"SecondOrderModel: {count(self.n, 'coordinate')}{stored}\n{signals(self.inputs, self.outputs)}"
 
     @classmethod
-    def build(
-        cls,
-        M: Matrix,
-        C: Matrix,
-        K: Matrix,
-        ports: Ports,
-        coordinates: tuple[str, ...],
-        elastic: ElasticRows | None = None,
-        mirror: "Mirror | None" = None,
-        primary: tuple[tuple[str, ...], tuple[str, ...]] | None = None,
-    ) -> "SecondOrderModel":
-        """Return a model from matrices known to be sound; small ones are stored dense, large ones sparse."""
-        M, C, K = _store(M), _store(C), _store(K)
-        return cls.of_prepared(Prepared(M, C, K, coordinates, elastic, mirror), ports, primary)
-
-    @classmethod
-    def of_prepared(
-        cls, prepared: Prepared, ports: Ports, primary: tuple[tuple[str, ...], tuple[str, ...]] | None
-    ) -> "SecondOrderModel":
-        """Return a model of a structure that others may share, with inputs and outputs of its own."""
-        model, p = cls.__new__(cls), prepared
-        model._set(p.M, p.C, p.K, p.coordinates, ports, p.elastic, p.mirror, primary, p)
+    def of(cls, structure: Structure, ports: Ports) -> "SecondOrderModel":
+        """Return the model of a structure, which others may share, with these inputs and outputs."""
+        model = cls.__new__(cls)
+        object.__setattr__(model, "structure", structure)
+        object.__setattr__(model, "ports", ports)
         return model
 
-    def with_ports(self, ports: Ports) -> "SecondOrderModel":
-        """Return the same structure with other inputs and outputs."""
-        return SecondOrderModel.of_prepared(self.prepared, ports, self.primary)
+    @property
+    def M(self) -> Array | sparse.csr_array:
+        """Mass matrix."""
+        return self.structure.M
+
+    @property
+    def C(self) -> Array | sparse.csr_array:
+        """Damping matrix."""
+        return self.structure.C
+
+    @property
+    def K(self) -> Array | sparse.csr_array:
+        """Stiffness matrix."""
+        return self.structure.K
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return self.structure.coordinates
+
+    @property
+    def mirror(self) -> Mirror | None:
+        """The reflection about ``x = 0`` that leaves the model as it is, where there is one."""
+        return self.structure.mirror
 
     @property
     def n(self) -> int:
         """Number of coordinates."""
-        return len(self.coordinates)
+        return self.structure.n
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -169,7 +134,7 @@ class SecondOrderModel:
         for what, wanted in (("inputs", inputs), ("outputs", outputs)):
             if wanted is not None and not len(wanted):
                 raise ValueError(f"{what}: expected at least one name, got none")
-        return self.with_ports(self.ports.select(inputs, outputs))
+        return SecondOrderModel.of(self.structure, self.ports.select(inputs, outputs))
 
     def eigenfrequencies_hz(self, count: int = 5) -> Array:
         """Return the lowest damped eigenfrequencies, ``Im(lambda)/2 pi > 0``, ascending [Hz].
@@ -179,9 +144,7 @@ class SecondOrderModel:
         ValueError
             The model has fewer than ``count`` of them.
         """
-        from boomctl.structure.response.poles import damped_poles
-
-        poles = damped_poles(self, whole("count", count))
+        poles = damped_poles(self.structure, whole("count", count))
         return np.sort(poles.imag)[:count] / (2.0 * np.pi)
 
     def frequency_response(
@@ -199,11 +162,11 @@ class SecondOrderModel:
         inputs, outputs : str or sequence of str, optional
             By default all.
         """
-        from boomctl.structure.response.direct import respond_selected, to_frd
+        from boomctl.lti.python_control import control
 
-        grid = frequencies("omega", omega)
-        selected = self.select(inputs, outputs)
-        return to_frd(respond_selected(self, selected.ports, grid), grid, selected.ports)
+        grid, ports = frequencies("omega", omega), self.select(inputs, outputs).ports
+        values = respond(self.structure, ports, grid, available=self.ports).values
+        return control.frd(values, grid, inputs=list(ports.inputs), outputs=list(ports.outputs), name="structure")
 
     def to_statespace(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
@@ -217,9 +180,33 @@ class SecondOrderModel:
         ValueError
             The mass matrix is singular, or an output needs a derivative of an input that is not there.
         """
-        from boomctl.structure.response.realisation import realize
+        return realize(self.structure, self.select(inputs, outputs).ports).statespace("structure")
 
-        return realize(self.select(inputs, outputs))
+
+def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOrderModel]:
+    """Split a mirror-symmetric model into its symmetric (jolt) and antisymmetric (yaw) half.
+
+    Signals that come in pairs become ``stem_sym = (right + left)/sqrt 2`` and ``stem_anti = (right - left)/sqrt 2``;
+    the transformation is orthonormal, so that the singular values of the two halves are those of the whole.
+
+    Returns
+    -------
+    jolt, yaw : SecondOrderModel
+
+    Raises
+    ------
+    ValueError
+        The mesh or the machine is not symmetric about ``x = 0``.
+    """
+    if model.mirror is None:
+        raise ValueError("the model is not symmetric about x = 0 (mesh or machine), so it does not split")
+    for name, matrix in (("M", model.M), ("C", model.C), ("K", model.K)):
+        if model.mirror.change(matrix) > TOLERANCE:
+            raise ValueError(f"the model is not symmetric about x = 0: its reflection changes {name}")
+    jolt, yaw = (half(model.structure, model.ports, parity) for parity in (1, -1))
+    if jolt is None or yaw is None:
+        raise ValueError(f"inputs {model.inputs} or outputs {model.outputs} are not pairs of mirror images")
+    return SecondOrderModel.of(jolt.structure, jolt.ports), SecondOrderModel.of(yaw.structure, yaw.ports)
 
 
 def _square(name: str, value: ArrayLike | sparse.sparray) -> Matrix:
@@ -246,9 +233,3 @@ def _lines(what: str, rows: Mapping[str, ArrayLike] | None, n: int) -> Array:
             raise ValueError(f"{what} {name!r} has {line.size} entries; expected {n}, one a coordinate")
         stacked[i] = line
     return stacked
-
-
-def _store(matrix: Matrix) -> Matrix:
-    if sparse.issparse(matrix):
-        return matrix.toarray() if matrix.shape[0] <= DENSE_LIMIT else sparse.csr_array(matrix)
-    return np.asarray(matrix)

@@ -5,14 +5,14 @@ into equations of motion.  Positions are those at rest, in the inertial frame: `
 ``theta`` about the normal.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import cos, hypot, isclose, pi, sin
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, Protocol
 
 from boomctl.checks import known, nonnegative, positive, real
-
-if TYPE_CHECKING:
-    from boomctl.structure.beams.discretization import Discretization
+from boomctl.printing import compact
+from boomctl.structure.beams.mesh import BeamMesh
 
 
 @dataclass(frozen=True)
@@ -60,12 +60,18 @@ class Point:
         if isinstance(self.body, Beam):
             self.body.station(self.x, self.y)
 
+    def __repr__(self) -> str:
+        return f"{'GROUND' if isinstance(self.body, Ground) else self.body.name}.at({self.x:g}, {self.y:g})"
+
 
 @dataclass(frozen=True)
 class Ground:
     """The inertial frame."""
 
     name: ClassVar[str] = "ground"
+
+    def __repr__(self) -> str:
+        return "GROUND"
 
     def at(self, x: float, y: float = 0.0) -> Point:
         """Return the point that stands at ``(x, y)``."""
@@ -106,6 +112,8 @@ class RigidBody:
         for value in self.centre or ():
             real(f"centre of {self.name!r}", value)
 
+    __repr__ = compact
+
     def at(self, x: float, y: float = 0.0) -> Point:
         """Return the point of the body that rests at ``(x, y)``."""
         return Point(self, x, y)
@@ -139,6 +147,14 @@ class BeamSection:
         nonnegative("damping of a beam section", self.damping)
 
 
+class Discretization(Protocol):
+    """A way to turn a beam into coordinates."""
+
+    def mesh(self, beam: "Beam", attachments: Sequence[float]) -> BeamMesh:
+        """Return the mesh of ``beam``; something is attached to it at the stations ``attachments``."""
+        ...
+
+
 @dataclass(frozen=True)
 class Beam:
     """An inextensible Euler-Bernoulli beam, straight at rest, in one or more stretches of uniform section.
@@ -166,7 +182,7 @@ class Beam:
     joint: Joint
     start: tuple[float, float]
     sections: tuple[BeamSection, ...]
-    discretization: "Discretization"
+    discretization: Discretization
     angle: float = 0.0
     length: float = field(init=False)
 
@@ -177,6 +193,8 @@ class Beam:
             real(f"start or angle of beam {self.name!r}", value)
         object.__setattr__(self, "length", float(sum(section.length for section in self.sections)))
         self.station(self.parent.x, self.parent.y)
+
+    __repr__ = compact
 
     def station(self, x: float, y: float) -> float:
         """Return how far along the beam the point at ``(x, y)`` rests; a point off the beam is an error."""
@@ -239,6 +257,8 @@ class SpringDamper:
         nonnegative("damping of a damper", self.damping)
         _check_pair(self.a, self.b, "spring or damper", self.direction)
 
+    __repr__ = compact
+
 
 @dataclass(frozen=True)
 class Force:
@@ -253,6 +273,8 @@ class Force:
         direction_angle(self.direction)
         if self.reaction is not None:
             _check_pair(self.point, self.reaction, f"force {self.name!r}", self.direction)
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True)
@@ -276,6 +298,8 @@ class Output:
             raise ValueError(f"derivative of output {self.name!r} = {self.derivative!r}: expected 0, 1 or 2")
         if self.bandwidth_hz is not None:
             positive(f"bandwidth_hz of output {self.name!r}", self.bandwidth_hz)
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True)

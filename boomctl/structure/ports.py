@@ -10,7 +10,7 @@ acceleration of a displacement input, ``integrators`` says how often the signal 
 An output may pass a second-order low-pass filter (damping ratio ``1/sqrt 2``) of a given bandwidth.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,13 +19,13 @@ from scipy import sparse
 from boomctl.arrays import Array
 from boomctl.checks import known, names
 
-FILTER_DAMPING = np.sqrt(0.5)
+FILTER_DAMPING = np.sqrt(0.5)  # of the outputs' low-pass filters: the flattest pass band (Butterworth)
 
 Triple = tuple[Array, Array, Array]
 
 
-def _map(triple: Triple, function: "object") -> Triple:
-    a, b, c = (function(matrix) for matrix in triple)  # type: ignore[operator]
+def _map(triple: Triple, function: Callable[[Array], Array]) -> Triple:
+    a, b, c = (function(matrix) for matrix in triple)
     return a, b, c
 
 
@@ -38,9 +38,25 @@ def evaluate(triple: Triple, s: Array) -> Array:
     return value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Ports:
-    """Names and matrices of inputs and outputs; ``B*`` are (n, m), ``L*`` (p, n), ``E*`` (p, m)."""
+    """Names and matrices of inputs and outputs.
+
+    Attributes
+    ----------
+    inputs, outputs : tuple of str
+        Names of ``m`` inputs and ``p`` outputs.
+    B, L, E : triple of (n, m), (p, n), (p, m) ndarray
+        As in the equations above.
+    moved : tuple of bool
+        Whether an input imposes motion.
+    integrators : tuple of int
+        How often an input is integrated before it is ``d``.
+    bandwidths : tuple of float or None
+        Of an output's low-pass filter [rad/s]; None: it has none.
+    primary : pair of tuples of str, or None
+        The inputs and outputs that are meant where nobody names any; None: all.
+    """
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -50,6 +66,7 @@ class Ports:
     moved: tuple[bool, ...]
     integrators: tuple[int, ...]
     bandwidths: tuple[float | None, ...]
+    primary: tuple[tuple[str, ...], tuple[str, ...]] | None = None
 
     @classmethod
     def of_forces(
@@ -64,21 +81,15 @@ class Ports:
         n, m, p = columns.shape[0], len(inputs), len(outputs)
         zero_B, zero_E = np.zeros((n, m)), np.zeros((p, m))
         return cls(
-            inputs,
-            outputs,
-            (columns.reshape(n, m), zero_B, zero_B),
-            lines,
-            (zero_E, zero_E, zero_E),
-            (False,) * m,
-            (0,) * m,
-            bandwidths or (None,) * p,
+            inputs=inputs,
+            outputs=outputs,
+            B=(columns.reshape(n, m), zero_B, zero_B),
+            L=lines,
+            E=(zero_E, zero_E, zero_E),
+            moved=(False,) * m,
+            integrators=(0,) * m,
+            bandwidths=bandwidths or (None,) * p,
         )
-
-    @classmethod
-    def none(cls, n: int) -> "Ports":
-        """Return no ports, of a structure of ``n`` coordinates."""
-        line = np.zeros((0, n))
-        return cls.of_forces((), np.zeros((n, 0)), (), (line, line, line))
 
     def select(self, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> "Ports":
         """Return the ports named, in the order asked for; ``None`` means all."""
@@ -87,15 +98,16 @@ class Ports:
         ins, outs = names("input", inputs, self.inputs), names("output", outputs, self.outputs)
         i = [self.inputs.index(name) for name in ins]
         o = [self.outputs.index(name) for name in outs]
-        return Ports(
-            ins,
-            outs,
-            _map(self.B, lambda b: b[:, i]),
-            _map(self.L, lambda line: line[o]),
-            _map(self.E, lambda e: e[np.ix_(o, i)]),
-            tuple(self.moved[k] for k in i),
-            tuple(self.integrators[k] for k in i),
-            tuple(self.bandwidths[k] for k in o),
+        return replace(
+            self,
+            inputs=ins,
+            outputs=outs,
+            B=_map(self.B, lambda b: b[:, i]),
+            L=_map(self.L, lambda line: line[o]),
+            E=_map(self.E, lambda e: e[np.ix_(o, i)]),
+            moved=tuple(self.moved[k] for k in i),
+            integrators=tuple(self.integrators[k] for k in i),
+            bandwidths=tuple(self.bandwidths[k] for k in o),
         )
 
     def congruent(self, T: sparse.csr_array | Array) -> "Ports":
@@ -111,15 +123,16 @@ class Ports:
     ) -> "Ports":
         """Return the ports whose inputs ``v`` and outputs are ``d = W_in v``, ``W_out^T y``."""
         first_in, first_out = np.abs(W_in).argmax(axis=0), np.abs(W_out).argmax(axis=0)
-        return Ports(
-            inputs,
-            outputs,
-            _map(self.B, lambda b: b @ W_in),
-            _map(self.L, lambda line: W_out.T @ line),
-            _map(self.E, lambda e: W_out.T @ e @ W_in),
-            tuple(self.moved[k] for k in first_in),
-            tuple(self.integrators[k] for k in first_in),
-            tuple(self.bandwidths[k] for k in first_out),
+        return replace(
+            self,
+            inputs=inputs,
+            outputs=outputs,
+            B=_map(self.B, lambda b: b @ W_in),
+            L=_map(self.L, lambda line: W_out.T @ line),
+            E=_map(self.E, lambda e: W_out.T @ e @ W_in),
+            moved=tuple(self.moved[k] for k in first_in),
+            integrators=tuple(self.integrators[k] for k in first_in),
+            bandwidths=tuple(self.bandwidths[k] for k in first_out),
         )
 
     def force_column(self, name: str) -> Array:

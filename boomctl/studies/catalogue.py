@@ -1,59 +1,116 @@
-"""Where the designs are found: by name beside the package, or in a file of the user's own."""
+"""What every kind of design offers, and where designs are found: by name beside the package, or in a user's own file."""
 
 import importlib.util
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, Protocol
 
 from boomctl.checks import known
 
-FUNCTIONS = {"suspension": "design", "slew": "slew"}
-"""Kinds of designs, and the function of a design's file that returns one."""
+if TYPE_CHECKING:
+    from boomctl.report import Report
 
-T = TypeVar("T")
+
+class Evaluation(Protocol):
+    """What a design is worth; as text, in a few lines."""
+
+    def report(self, tell: Callable[[str], None]) -> "Report":
+        """Return the report; `tell` is told in words what comes next."""
+        ...
+
+
+class Design(Protocol):
+    """What every kind of design offers: it is made by a function, judged in a scene, and reported."""
+
+    @staticmethod
+    def scene(**options: Any) -> Any:
+        """Return the scene in which designs of this kind are judged."""
+        ...
+
+    def evaluate(self, scene: Any) -> Evaluation:
+        """Judge the design."""
+        ...
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of design.
+
+    Attributes
+    ----------
+    name : str
+    function : str
+        The function of a design's file that makes one.
+    module, returns : str
+        The class of which it returns an instance, a `Design`; it is imported when a design is run, not to list names.
+    options : tuple of str
+        What can be chosen of the scene.
+    steps : int
+        What making, judging and reporting one tell of.
+    """
+
+    name: str
+    function: str
+    module: str
+    returns: str
+    options: tuple[str, ...]
+    steps: int
+
+    @property
+    def design_class(self) -> type[Design]:
+        """The class of the designs."""
+        return getattr(import_module(self.module), self.returns)
+
+
+_SCENE = ("road_class", "speed", "seed")
+KINDS = {
+    "suspension": Kind(
+        "suspension", "design", "boomctl.studies.suspension.design", "SuspensionDesign", _SCENE, steps=3
+    ),
+    "slew": Kind("slew", "slew", "boomctl.studies.slew.design", "SlewDesign", (), steps=6),
+}
 
 
 @dataclass(frozen=True)
 class DesignFile:
-    """A design before it is run.
+    """A design before it is made.
 
     Attributes
     ----------
     name : str
         As it was asked for.
-    kind : str
-        "suspension" or "slew".
+    kind : Kind
     function : callable
         Returns the design; this is where the work is done.
     """
 
     name: str
-    kind: str
+    kind: Kind
     function: Callable[[], object]
 
-    def made(self, expected: type[T]) -> T:
-        """Run the design.
+    def made(self) -> Design:
+        """Make the design.
 
         Raises
         ------
         TypeError
-            It returns something else than what is expected.
+            The function returns something else.
         """
-        found = self.function()
-        if not isinstance(found, expected):
+        found, kind = self.function(), self.kind
+        if not isinstance(found, kind.design_class):
             raise TypeError(
-                f"design {self.name!r}: {FUNCTIONS[self.kind]}() returned {type(found).__name__}, "
-                f"expected {expected.__name__}"
+                f"design {self.name!r}: {kind.function}() returned {type(found).__name__}, expected {kind.returns}"
             )
         return found
 
 
 def design_names(*kinds: str) -> tuple[str, ...]:
     """Return the names of the designs that come with boomctl, of all kinds unless some are given."""
-    marks = [f"\ndef {FUNCTIONS[kind]}(" for kind in kinds or FUNCTIONS]
+    marks = [f"\ndef {KINDS[kind].function}(" for kind in kinds or KINDS]
     texts = {path.stem: path.read_text(encoding="utf-8") for path in _folder().glob("*.py")}
     return tuple(sorted(name for name, text in texts.items() if any(mark in text for mark in marks)))
 
@@ -80,11 +137,11 @@ def design_file(name: str, *kinds: str) -> DesignFile:
     else:
         path = _folder() / f"{known('design', name, design_names(*kinds))}.py"
     module = _loaded(path)
-    for kind in kinds or FUNCTIONS:
-        function = getattr(module, FUNCTIONS[kind], None)
+    for kind in kinds or KINDS:
+        function = getattr(module, KINDS[kind].function, None)
         if callable(function):
-            return DesignFile(name, kind, function)
-    wanted = " or ".join(f"{FUNCTIONS[kind]}()" for kind in kinds or FUNCTIONS)
+            return DesignFile(name, KINDS[kind], function)
+    wanted = " or ".join(f"{KINDS[kind].function}()" for kind in kinds or KINDS)
     raise ValueError(f"design {name!r}: expected a file with a function {wanted}")
 
 

@@ -2,15 +2,14 @@
 
 from boomctl.synthesis.discretise import discretize
 from boomctl.synthesis.errors import SynthesisError
-from boomctl.synthesis.hinf.h_infinity import h_infinity
-from boomctl.synthesis.hinf.result import HInfinityCertificate, HInfinityResult
+from boomctl.synthesis.hinf.h_infinity import HInfinityCertificate, HInfinityResult, h_infinity
 from boomctl.synthesis.lq.h2 import H2Result, h2
 from boomctl.synthesis.lq.kalman import KalmanResult, kalman
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
 from boomctl.synthesis.lq.lqr import LqrResult, lqr
 from boomctl.synthesis.lq.recovery import RecoveryResult, loop_transfer_recovery
-from boomctl.synthesis.plants.closed_loop import close_loop
 from boomctl.synthesis.plants.generalized import generalized_plant, mixed_sensitivity, select_channels
+from boomctl.synthesis.plants.partition import close_loop
 from boomctl.synthesis.plants.symmetry import join_symmetric, split_controller
 from boomctl.synthesis.plants.units import from_units, in_units
 from boomctl.synthesis.plants.weights import band_pass, high_pass, low_pass, shelf

@@ -1,27 +1,25 @@
 """Controllers for a computer: a sampled version of a controller in continuous time, names kept."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy import linalg
 
-from boomctl.checks import finite_array, known, positive
-
-if TYPE_CHECKING:
-    import control
+from boomctl.arrays import Array
+from boomctl.checks import known, positive
+from boomctl.lti.python_control import control
+from boomctl.lti.system import of
 
 _METHODS = ("tustin", "zoh")
-_CORNER = 1e-6
+_CORNER = 1e-6  # relative distance from 2/T within which a pole counts as lying there: ten digits are then lost
 
 
 def discretize(
-    controller: "control.StateSpace",
+    controller: control.StateSpace,
     sample_time: float,
     method: str = "tustin",
     *,
     samples_per_period: float = 4.0,
     prewarp_omega: float | None = None,
-) -> "control.StateSpace":
+) -> control.StateSpace:
     """Return a controller that runs once a sample, refused where it is sampled too slowly for its poles.
 
     Parameters
@@ -56,38 +54,27 @@ def discretize(
     >>> discretize(lag, 0.1).A.round(4)
     array([[0.8182]])
     """
-    import control
-
-    if not isinstance(controller, control.StateSpace):
-        raise TypeError(f"controller: expected StateSpace, got {type(controller).__name__}")
-    if not controller.isctime():
-        raise ValueError(f"controller: expected continuous time, got a sampling time of {controller.dt:g} s")
-    for name in ("A", "B", "C", "D"):
-        finite_array(f"{name} of the controller", getattr(controller, name))
+    A = of(controller, "controller", "StateSpace").A
     T = positive("sample_time", sample_time)
     known("method", method, _METHODS)
     if positive("samples_per_period", samples_per_period) < 2.0:
         raise ValueError(f"samples_per_period = {samples_per_period:g}: expected at least 2, the limit of Nyquist")
-    warped = _prewarp(prewarp_omega, method, T)
-    _check_rate(controller, T, samples_per_period)
+    warped = None
+    if prewarp_omega is not None:
+        if method != "tustin":
+            raise ValueError(f"prewarp_omega: expected only with method 'tustin', got method {method!r}")
+        warped = positive("prewarp_omega", prewarp_omega)
+        if warped >= np.pi / T:
+            raise ValueError(f"prewarp_omega = {warped:g}: expected less than pi/sample_time = {np.pi / T:g} rad/s")
+    poles = linalg.eigvals(A) if len(A) else np.zeros(0, dtype=complex)
+    _check_rate(poles, T, samples_per_period)
     if method == "tustin":
-        _check_corner(controller, T if warped is None else 2.0 * np.tan(0.5 * warped * T) / warped)
+        _check_corner(poles, T if warped is None else 2.0 * np.tan(0.5 * warped * T) / warped)
     return control.sample_system(controller, T, method, prewarp_frequency=warped, name=f"{controller.name}_discrete")
 
 
-def _prewarp(omega: float | None, method: str, T: float) -> float | None:
-    if omega is None:
-        return None
-    if method != "tustin":
-        raise ValueError(f"prewarp_omega: expected only with method 'tustin', got method {method!r}")
-    if positive("prewarp_omega", omega) >= np.pi / T:
-        raise ValueError(f"prewarp_omega = {omega:g}: expected less than pi/sample_time = {np.pi / T:g} rad/s")
-    return float(omega)
-
-
-def _check_corner(controller: "control.StateSpace", T: float) -> None:
+def _check_corner(poles: Array, T: float) -> None:
     """Raise ``ValueError`` if a pole lies at ``2/T``, where the trapezoidal rule has no solution."""
-    poles = linalg.eigvals(controller.A) if controller.nstates else np.zeros(0, dtype=complex)
     for pole in poles[np.abs(poles * T - 2.0) <= _CORNER]:
         raise ValueError(
             f"sample_time: the trapezoidal rule sends the unstable pole of the controller at {pole:.4g} rad/s, twice "
@@ -95,9 +82,8 @@ def _check_corner(controller: "control.StateSpace", T: float) -> None:
         )
 
 
-def _check_rate(controller: "control.StateSpace", T: float, samples: float) -> None:
+def _check_rate(poles: Array, T: float, samples: float) -> None:
     """Raise ``ValueError`` naming the fastest pole if it sees fewer samples a period than wanted."""
-    poles = linalg.eigvals(controller.A) if controller.nstates else np.zeros(0, dtype=complex)
     if not len(poles):
         return
     fastest = complex(poles[np.argmax(np.abs(poles))])

@@ -1,5 +1,7 @@
 """A controller without the poles that are too fast to implement, their static gain kept."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy import linalg
 
@@ -21,5 +23,5 @@ def without_fast_poles(K: Lti, fastest: float) -> Lti | None:
     # with x = [I S; 0 I] v the two parts decouple
     slow_B, fast_C = B[:count] - cross @ B[count:], C[:, :count] @ cross + C[:, count:]
     gain = -fast_C @ np.linalg.solve(fast, B[count:]) if len(fast) else np.zeros_like(K.D)
-    slower = Lti(A, slow_B, C[:, :count], K.D + gain)
+    slower = replace(K, A=A, B=slow_B, C=C[:, :count], D=K.D + gain, states=())
     return slower if all(np.isfinite(part).all() for part in (slower.B, slower.C, slower.D)) else None

@@ -1,7 +1,7 @@
 """Controllers of lower order and without fast poles, accepted only after their loop was verified."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,18 +10,18 @@ from scipy import linalg
 from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
 from boomctl.checks import nonnegative, positive, whole
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, lower_lft
+from boomctl.printing import system
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.fast_poles import without_fast_poles
 from boomctl.synthesis.hinf.candidates import Candidate, judged, largest_pole
-from boomctl.synthesis.plants.closed_loop import closed, matched, named_loop
-from boomctl.synthesis.plants.partition import Plant
+from boomctl.synthesis.plants.partition import GeneralizedPlant, matched
 
 if TYPE_CHECKING:
     import control
 
-_NEGLIGIBLE = 1e-12
-_SINGULAR = 1e12
+_NEGLIGIBLE = 1e-12  # share of the largest singular value below which a state does nothing but rounding
+_SINGULAR = 1e12  # condition above which states left out have no rest to be put at: four digits would be left
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,10 @@ class ReducedController:
     fastest_pole: float
     method: str
     values: Array
+
+    def __repr__(self) -> str:
+        norms = f"norm of the closed loop {self.gamma:.6g}, verified; {self.full_gamma:.6g} with the full controller"
+        return f"ReducedController: controller of {system(self.controller)}, {self.method}\n  {norms}"
 
 
 def reduce_controller(
@@ -91,17 +95,19 @@ def reduce_controller(
         The controller does not stabilise ``P``; no smaller one stays within the tolerance.
     """
     plant, K = matched(P, controller)
-    share, limit = (
-        nonnegative("tolerance", tolerance),
-        np.inf if fastest_pole is None else positive("fastest_pole", fastest_pole),
-    )
+    share = nonnegative("tolerance", tolerance)
+    limit = np.inf if fastest_pole is None else positive("fastest_pole", fastest_pole)
     if order is not None and whole("order", order, 0) > len(K.A):
         raise ValueError(f"order = {order}: the controller has only {len(K.A)} states")
     full = judged(plant, K, np.inf)
     if isinstance(full, str):
         raise SynthesisError(f"the controller cannot be reduced: {full}")
     if largest_pole(K) > limit:
-        K = _slower(plant, K, limit)
+        slower = without_fast_poles(K, limit)
+        found = "they cannot be split off" if slower is None else judged(plant, slower, np.inf)
+        if slower is None or isinstance(found, str):  # it must stabilise, or nothing can be balanced
+            raise SynthesisError(f"the controller does not work without its poles above {limit:.3g} rad/s: {found}")
+        K = slower
     balanced, values = _balanced_in_loop(plant, K)
     most = len(balanced.A)
     orders = range(most + 1) if order is None else [min(order, most)]
@@ -112,26 +118,27 @@ def reduce_controller(
             continue
         found = judged(plant, smaller, allowed)
         if isinstance(found, Candidate):
-            return _result(plant, found, full.norm.lower, method, values)
+            return ReducedController(
+                controller=found.K.statespace("controller"),
+                closed_loop=found.loop.statespace("closed_loop"),
+                order=len(found.K.A),
+                gamma=found.norm.lower,
+                full_gamma=full.norm.lower,
+                norm=found.norm,
+                fastest_pole=largest_pole(found.K),
+                method=method,
+                values=values,
+            )
         rejected = found
     which = f"order {order}" if order is not None else "any order"
     raise SynthesisError(f"no controller of {which} keeps the norm of the loop below {allowed:.6g}: {rejected}")
 
 
-def _slower(plant: Plant, K: Lti, limit: float) -> Lti:
-    """Return a controller without its fast poles; it must stabilise, or nothing can be balanced."""
-    slower = without_fast_poles(K, limit)
-    found = "they cannot be split off" if slower is None else judged(plant, slower, np.inf)
-    if slower is None or isinstance(found, str):
-        raise SynthesisError(f"the controller does not work without its poles above {limit:.3g} rad/s: {found}")
-    return slower
-
-
-def _balanced_in_loop(plant: Plant, K: Lti) -> tuple[Lti, Array]:
+def _balanced_in_loop(plant: GeneralizedPlant, K: Lti) -> tuple[Lti, Array]:
     """Return a controller in coordinates in which its states are as much driven as seen within the loop, descending."""
-    loop, n = closed(plant, K), len(plant.A)
     if not len(K.A):
         return K, np.zeros(0)
+    loop, n = lower_lft(plant.system, K), len(plant.A)
     A, (scale, _) = linalg.matrix_balance(loop.A, permute=False, separate=True)
     B, C = loop.B / scale[:, None], loop.C * scale[None, :]
     driven = _root(linalg.solve_continuous_lyapunov(A, -B @ B.T)[n:, n:])
@@ -140,7 +147,7 @@ def _balanced_in_loop(plant: Plant, K: Lti) -> tuple[Lti, Array]:
     kept = values > _NEGLIGIBLE * values[0]
     into = (left[:, kept] / np.sqrt(values[kept])).T @ seen.T / scale[n:]
     out = scale[n:, None] * (driven @ (right[kept].T / np.sqrt(values[kept])))
-    return Lti(into @ K.A @ out, into @ K.B, K.C @ out, K.D), values
+    return replace(K, A=into @ K.A @ out, B=into @ K.B, C=K.C @ out, states=()), values
 
 
 def _root(gramian: Array) -> Array:
@@ -151,31 +158,11 @@ def _root(gramian: Array) -> Array:
 def _smaller(K: Lti, order: int) -> Iterator[tuple[str, Lti]]:
     """Yield controllers of an order: the states left out, and these at rest."""
     A, B, C = K.A[:order, :order], K.B[:order], K.C[:, :order]
-    yield "truncated", Lti(A, B, C, K.D)
+    yield "truncated", replace(K, A=A, B=B, C=C)
     rest = K.A[order:, order:]
     if len(rest) and np.linalg.cond(rest) < _SINGULAR:
         states = np.linalg.solve(rest, np.hstack([K.A[order:, :order], K.B[order:]]))
         slow, direct = states[:, :order], states[:, order:]
         side = K.A[:order, order:]
-        yield (
-            "residualised",
-            Lti(A - side @ slow, B - side @ direct, C - K.C[:, order:] @ slow, K.D - K.C[:, order:] @ direct),
-        )
-
-
-def _result(plant: Plant, found: Candidate, full: float, method: str, values: Array) -> ReducedController:
-    import control
-
-    K, ins, outs = found.K, list(plant.measurements), list(plant.controls)
-    named = control.ss(K.A, K.B, K.C, K.D, inputs=ins, outputs=outs, name="controller")
-    return ReducedController(
-        named,
-        named_loop(plant, found.loop),
-        len(K.A),
-        found.norm.lower,
-        full,
-        found.norm,
-        largest_pole(K),
-        method,
-        values,
-    )
+        A, B = A - side @ slow, B - side @ direct
+        yield "residualised", replace(K, A=A, B=B, C=C - K.C[:, order:] @ slow, D=K.D - K.C[:, order:] @ direct)

@@ -3,12 +3,13 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis import h2_norm
 from boomctl.structure import SecondOrderModel
 from tests.analysis.loop_cases import chain
+from tests.profiles import examples
 
 
 @given(st.floats(1e-6, 0.9), st.floats(0.1, 100.0))
@@ -21,7 +22,7 @@ def test_of_an_oscillator_is_its_closed_form(zeta, omega):
 
 
 @given(st.integers(0, 1000))
-@settings(max_examples=25)
+@examples(25)
 def test_does_not_depend_on_coordinates_and_order_and_follows_units(seed):
     rng = np.random.default_rng(seed)
     system = chain(seed, damping=1e-3).to_statespace()

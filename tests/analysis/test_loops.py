@@ -3,15 +3,16 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis import closed_loop_response, feedback_loop
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
+from tests.profiles import examples
 
 
 @given(st.integers(0, 1000))
-@settings(max_examples=20)
+@examples(20)
 def test_the_loop_solves_its_equations_at_each_frequency(seed):
     rng = np.random.default_rng(seed)
     plant = control.rss(4, 3, 3)

@@ -3,11 +3,12 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis import feedback_loop, margins
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
+from tests.profiles import examples
 
 
 def loop(A, B, C, gain):
@@ -16,7 +17,7 @@ def loop(A, B, C, gain):
 
 
 @given(st.floats(0.01, 100.0))
-@settings(max_examples=15)
+@examples(15)
 def test_an_integrator_has_ninety_degrees_and_the_largest_disk(gain):
     found = margins(*loop([[0.0]], [[1.0]], [[1.0]], gain))["u"]
     assert found.gain_high == np.inf
@@ -27,7 +28,7 @@ def test_an_integrator_has_ninety_degrees_and_the_largest_disk(gain):
 
 
 @given(st.floats(0.2, 7.0))
-@settings(max_examples=15)
+@examples(15)
 def test_three_equal_lags_bear_a_gain_of_eight(gain):
     A = [[-1.0, 1.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, -1.0]]
     found = margins(*loop(A, [[0.0], [0.0], [1.0]], [[1.0, 0.0, 0.0]], gain))["u"]
@@ -40,7 +41,7 @@ def test_three_equal_lags_bear_a_gain_of_eight(gain):
 
 
 @given(st.integers(0, 200), st.floats(0.05, 0.5))
-@settings(max_examples=4)
+@examples(4)
 def test_limits_are_where_the_loop_loses_stability_and_disks_lie_inside(seed, gain):
     plant, K = chain(seed), velocity_feedback(gain, 8.0)
     found = margins(plant, K)
@@ -76,7 +77,7 @@ def test_an_unstable_loop_has_none():
 
 
 @given(st.floats(0.05, 0.95))
-@settings(max_examples=10)
+@examples(10)
 def test_a_loop_that_is_lost_at_rest_is_limited_there(gain):
     """``L = gain/(s + 1)`` fed back positively is lost by a pole through zero; its response there is real."""
     found = margins(*loop([[-1.0]], [[1.0]], [[1.0]], -gain))["u"]

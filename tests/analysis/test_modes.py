@@ -3,17 +3,18 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis import hinf_norm, mode_table
 from boomctl.boom import spray_boom
 from boomctl.structure import SecondOrderModel
 from tests.analysis.loop_cases import chain
+from tests.profiles import examples
 
 
 @given(st.integers(0, 1000))
-@settings(max_examples=25)
+@examples(25)
 def test_shares_depend_neither_on_coordinates_nor_on_units(seed):
     rng = np.random.default_rng(seed)
     model = chain(seed)

@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis import hinf_norm
@@ -15,6 +15,7 @@ from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel
 from tests.analysis.loop_cases import chain
+from tests.profiles import examples
 
 
 def oscillator(zeta, omega=2.0, gain=3.0):
@@ -108,7 +109,7 @@ def test_unsymmetric_matrices_have_norms_too():
 
 
 @given(st.integers(0, 10_000), st.floats(1e-5, 1e-2))
-@settings(max_examples=20)
+@examples(20)
 def test_no_resonance_is_missed_however_light_its_damping(seed, damping):
     system = chain(seed, damping=damping).to_statespace()
     certificate, poles = hinf_norm(system), system.poles()

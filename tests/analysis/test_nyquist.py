@@ -3,16 +3,17 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis import exact_loop_stability, feedback_loop
 from boomctl.boom import BoomParameters, exact_frequency_response, spray_boom
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
+from tests.profiles import examples
 
 
 @given(st.integers(0, 1000), st.floats(-1.0, 1.0), st.floats(2.0, 30.0))
-@settings(max_examples=30)
+@examples(30)
 def test_counts_the_unstable_poles_that_eigenvalues_show(seed, gain, corner):
     plant, K = chain(seed), velocity_feedback(gain, corner)
     poles = feedback_loop(plant, K).poles()
@@ -25,7 +26,7 @@ def test_counts_the_unstable_poles_that_eigenvalues_show(seed, gain, corner):
 
 
 @given(st.integers(0, 1000))
-@settings(max_examples=15)
+@examples(15)
 def test_counts_with_an_unstable_controller(seed):
     rng = np.random.default_rng(seed)
     plant = chain(seed, damping=0.2)

@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis import robust_stability, structured_margin, worst_case
@@ -13,8 +13,9 @@ from boomctl.analysis.norm import hinf_norm
 from boomctl.boom import boom_family, yaw_family
 from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.family import AffineFamily
+from boomctl.structure.families import AffineFamily
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
+from tests.profiles import examples
 
 
 def oscillators(ranges):
@@ -30,7 +31,7 @@ def feedback(gain):
 
 
 @given(st.floats(0.2, 3.5), st.floats(0.05, 1.0))
-@settings(max_examples=20)
+@examples(20)
 def test_an_uncertain_spring_bears_what_its_closed_form_says(gain, width):
     """k + d width - gain > 0 for stability."""
     family, exact = oscillators({"k": (4.0 - width, 4.0 + width)}), (4.0 - gain) / width
@@ -49,7 +50,7 @@ def test_an_uncertain_damper_bears_what_its_closed_form_says():
 
 
 @given(st.integers(0, 500), st.floats(-0.3, 1.0))
-@settings(max_examples=20)
+@examples(20)
 def test_a_proof_is_never_contradicted_by_a_point(seed, gain):
     rng = np.random.default_rng(seed)
     base, heavy, stiff = chain(seed), np.diag(rng.uniform(0.0, 1.0, 4)), rng.standard_normal((4, 2))

@@ -33,7 +33,7 @@ def test_the_automatic_grid_resolves_every_peak():
     result = bc.sigma(model)
     assert result.certified
     assert result.sigma[0].max() == pytest.approx(result.peak, rel=1e-9)
-    for pole in damped_poles(model, 5):
+    for pole in damped_poles(model.structure, 5):
         assert (np.abs(result.omega - pole.imag) < np.abs(pole.real)).sum() >= 5
 
 

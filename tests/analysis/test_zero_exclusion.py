@@ -1,12 +1,13 @@
 """Proof over cells: bounds that hold at every point and frequency tried, and no proof where a pole crosses."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis.box import zero_exclusion
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.analysis.box.zero_exclusion import Cell, prove_cell
+from tests.profiles import examples
 
 
 def pencils(seed, n=6, size=0.3):
@@ -25,7 +26,7 @@ def pencils(seed, n=6, size=0.3):
 
 
 @given(st.integers(0, 10_000), st.floats(0.02, 1.5))
-@settings(max_examples=30)
+@examples(30)
 def test_what_is_proved_holds_at_every_point_tried(seed, reach):
     centre, slopes = pencils(seed)
     found = prove_cell(centre, slopes, Cell(np.zeros(2), np.full(2, reach)))
@@ -39,7 +40,7 @@ def test_what_is_proved_holds_at_every_point_tried(seed, reach):
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=20)
+@examples(20)
 def test_couplings_and_diagonals_are_bounded_all_along_an_interval(seed):
     rng = np.random.default_rng(seed)
     centre, slopes = pencils(seed)
@@ -62,7 +63,7 @@ def test_couplings_and_diagonals_are_bounded_all_along_an_interval(seed):
 
 
 @given(st.integers(0, 10_000), st.floats(0.5, 1.5), st.integers(1, 12))
-@settings(max_examples=30)
+@examples(30)
 def test_a_radius_is_called_below_one_only_if_it_is(seed, radius, n):
     rng = np.random.default_rng(seed)
     H = rng.uniform(0.0, 1.0, (n, n)) * (rng.uniform(size=(n, n)) < 0.6) * np.exp(3.0 * rng.standard_normal((n, n)))
@@ -83,7 +84,7 @@ def test_a_wide_cell_is_cut_where_a_pole_crosses_and_proved_where_none_does():
 
 
 @given(st.integers(0, 10_000), st.floats(0.1, 1.5))
-@settings(max_examples=15)
+@examples(15)
 def test_half_the_range_of_a_parameter_halves_its_share(seed, size):
     """Over half a range bounds are tighter; a parameter that changes nothing is never the one to cut."""
     centre, slopes = pencils(seed)

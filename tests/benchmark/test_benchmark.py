@@ -13,8 +13,6 @@ from boomctl.benchmark import BenchmarkReport, Row, Settings, run_settings
 from boomctl.benchmark.boom.scene import resonance_grid, scene
 from boomctl.benchmark.timing import Job, interleaved, one_thread, peak_memory
 
-pytestmark = pytest.mark.xdist_group("benchmark")
-
 TINY = Settings(
     points=12,
     cluster=3,

@@ -1,9 +1,12 @@
 """The benchmark of H-infinity synthesis: one referee for both sides, and a peer that hangs stalls nothing."""
 
+import pytest
+
+from boomctl.benchmark.suspension import h_infinity
 from boomctl.benchmark.suspension.h_infinity import cheap_control_plant, h_infinity_lines
-from boomctl.benchmark.suspension.run import h_infinity
 
 
+@pytest.mark.slow
 def test_ours_is_near_the_bound_and_the_peer_is_judged_by_its_loop():
     rows = h_infinity_lines(rounds=1)
     for row in rows:

@@ -17,8 +17,11 @@ def largest(a, b):
 
 @pytest.mark.parametrize("p", [bc.BoomParameters(), OTHER])
 def test_exact_beam(p):
-    ours = np.asarray(bc.exact_frequency_response(p, OMEGA, ACTUATORS, TIPS).frdata)
-    assert largest(ours, exact_response(p, OMEGA)) < 1e-9
+    ours, true = np.asarray(bc.exact_frequency_response(p, OMEGA).frdata), exact_response(p, OMEGA)
+    assert ours.shape == true.shape
+    for i, row in enumerate(true):
+        for j, values in enumerate(row):
+            assert largest(ours[i, j], values) < 1e-8
 
 
 @pytest.mark.parametrize(("p", "elements"), [(bc.BoomParameters(), 6), (OTHER, 6), (OTHER, 2), (OTHER, 24)])
@@ -31,7 +34,7 @@ def test_mesh(p, elements):
 def test_mesh_approaches_the_exact_beam_with_the_fourth_order():
     p = bc.BoomParameters(spring_distance=3.0)  # springs at nodes of 8, 16, 32 elements
     omega = OMEGA[:8]
-    exact = exact_response(p, omega)
+    exact = exact_response(p, omega)[:2, :2]
     errors = [largest(mesh_response(p, omega, n), exact) for n in (16, 32, 64)]
     assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx([4.0, 4.0], abs=0.3)
 
@@ -46,7 +49,7 @@ def test_more_digits_change_nothing():
 
 
 def test_sigma_is_that_of_numpy():
-    response = exact_response(bc.BoomParameters(), OMEGA)
+    response = exact_response(bc.BoomParameters(), OMEGA)[:2, :2]
     values = np.linalg.svd(np.moveaxis(response, 2, 0), compute_uv=False).T
     assert sigma_of(response) == pytest.approx(values, rel=1e-12)
 

@@ -12,8 +12,6 @@ from boomctl.benchmark.suspension.loop_peers import continuous_loop, sampled_loo
 from boomctl.benchmark.suspension.loop_reference import continuous_reference, extended_maps, sampled_reference
 from boomctl.boom.model import ACTUATORS, TIPS
 
-pytestmark = pytest.mark.xdist_group("loop benchmark")
-
 
 def test_the_extended_maps_are_matrix_exponentials():
     rng = np.random.default_rng(1)

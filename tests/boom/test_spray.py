@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.boom.spray import _stay_below
+from tests.profiles import examples
 from tests.strategies import seeds
 
 X = bc.nozzle_positions()
@@ -29,7 +30,7 @@ def wandering(rng, count, n, size):
 
 
 @given(seeds, st.floats(0.001, 2.0), st.sampled_from([0.0, 0.03, 0.1, 0.37]), st.sampled_from(["triangle", "box"]))
-@settings(max_examples=30)
+@examples(30)
 def test_all_that_was_sprayed_lies_on_the_ground(seed, size, thickness, shape):
     rng = np.random.default_rng(seed)
     t, moved = 0.02 * np.arange(401), wandering(rng, 6, 401, size)
@@ -44,7 +45,7 @@ def test_all_that_was_sprayed_lies_on_the_ground(seed, size, thickness, shape):
 
 
 @given(seeds, st.floats(0.01, 1.0), st.sampled_from([0.0, 1e-12, 0.05, 0.6]))
-@settings(max_examples=25)
+@examples(25)
 def test_the_time_spent_behind_an_edge_is_that_of_many_drops(seed, size, thickness):
     """Drops let fall evenly over time and over the thickness, counted."""
     rng = np.random.default_rng(seed)
@@ -80,7 +81,7 @@ def test_the_variation_of_a_sine_is_known(k):
 
 
 @given(seeds, st.floats(0.5, 4.0), st.floats(0.002, 0.02))
-@settings(max_examples=15)
+@examples(15)
 def test_small_motion_varies_by_its_speed_over_the_driving_speed(seed, speed, k):
     """Slow against cell and footprint: CV = sigma(y')/V, to first order in it."""
     rng = np.random.default_rng(seed)
@@ -112,7 +113,7 @@ def test_where_a_nozzle_goes_back_its_passes_add_up():
 
 
 @given(seeds, st.integers(-30, 30), st.floats(-100.0, 100.0))
-@settings(max_examples=15)
+@examples(15)
 def test_a_start_elsewhere_leaves_the_same_field(seed, cells, start):
     rng = np.random.default_rng(seed)
     t, moved = 0.02 * np.arange(801), wandering(rng, 24, 801, 0.05)
@@ -124,7 +125,7 @@ def test_a_start_elsewhere_leaves_the_same_field(seed, cells, start):
 
 
 @given(seeds)
-@settings(max_examples=10)
+@examples(10)
 def test_the_mirrored_boom_leaves_the_mirrored_field(seed):
     t, moved = 0.02 * np.arange(401), wandering(np.random.default_rng(seed), 24, 401, 0.1)
     found, other = bc.spray_deposit(t, moved, X, 2.0), bc.spray_deposit(t, moved[::-1], X, 2.0)

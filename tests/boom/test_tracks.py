@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
 import boomctl as bc
 from boomctl.boom import road_density, track_coherence
+from tests.profiles import examples
 
 SEEDS = range(40)
 
@@ -44,7 +45,7 @@ def test_the_classes_are_those_of_the_standard():
 
 
 @given(st.integers(0, 2**63), st.integers(0, 6))
-@settings(max_examples=10)
+@examples(10)
 def test_a_class_up_doubles_the_heights(seed, number):
     low, high = (bc.iso_track(k, 30.0, seed) for k in (number, number + 1))
     assert high.left == pytest.approx(2.0 * low.left, rel=1e-12)

@@ -4,19 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.boom import BoomParameters, boom_family, spray_boom, yaw_family
 from boomctl.boom.families import scaled_boom
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.family import AffineFamily
+from boomctl.structure.families import AffineFamily
+from tests.profiles import examples
 
 factors = st.floats(-1.0, 1.0)
 
 
 @given(factors, factors, st.sampled_from([None, 30.0]))
-@settings(max_examples=15)
+@examples(15)
 def test_the_family_is_the_boom_at_every_point(a, b, bandwidth):
     family = boom_family(accelerometer_bandwidth_hz=bandwidth)
     exact = spray_boom(scaled_boom(BoomParameters(), **family.values([a, b])), accelerometer_bandwidth_hz=bandwidth)

@@ -7,10 +7,8 @@ import pytest
 
 from boomctl.slew import switching_curve
 from boomctl.studies import catalogue
-from boomctl.studies.slew.design import SlewDesign, load_slew
+from boomctl.studies.slew import SlewDesign
 from designs import min_time_slew, robust_payload_slew, spin_up_slew
-
-pytestmark = pytest.mark.xdist_group("slew designs")
 
 RUNS = {
     "min_time_slew": lambda: min_time_slew.main(modes=1),
@@ -101,7 +99,7 @@ def test_a_slew_may_come_from_a_file(tmp_path):
         "from designs.min_time_slew import slew as other\ndef slew(): return other(modes=1)\n"
         "def helper(): return None\n"
     )
-    found = load_slew(str(path))
+    found = catalogue.design_file(str(path), "slew").made()
     assert isinstance(found, SlewDesign)
     assert found.slew.duration == pytest.approx(2.909, abs=5e-3)
 
@@ -117,7 +115,7 @@ def test_a_file_without_a_design_is_refused(tmp_path, text, error, message):
     path = tmp_path / "mine.py"
     path.write_text(text)
     with pytest.raises(error, match=message):
-        catalogue.design_file(str(path)).made(SlewDesign)
+        catalogue.design_file(str(path)).made()
 
 
 def test_an_unknown_design_is_refused_with_all_names():
@@ -126,4 +124,4 @@ def test_an_unknown_design_is_refused_with_all_names():
     for name in catalogue.design_names():
         assert name in str(refused.value)
     with pytest.raises(ValueError, match="unknown design 'lqg_suspension'"):
-        load_slew("lqg_suspension")
+        catalogue.design_file("lqg_suspension", "slew")

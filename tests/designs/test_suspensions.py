@@ -1,21 +1,14 @@
 """Each suspension of designs/ is worth what the README says, and better than the boom as it is."""
 
 import dataclasses
-from functools import cache
 
 import numpy as np
 import pytest
 
-from boomctl.studies.suspension import (
-    FieldScene,
-    SuspensionDesign,
-    design_names,
-    evaluate,
-    load_design,
-    suspension_model,
-)
+from boomctl.studies.catalogue import design_file, design_names
+from boomctl.studies.suspension import FieldScene, SuspensionDesign, suspension_model
 
-pytestmark = pytest.mark.xdist_group("suspensions")
+pytestmark = pytest.mark.early
 
 SCENE = FieldScene(duration=30.0, run_in=20.0)
 PEAKS = {
@@ -27,18 +20,24 @@ PEAKS = {
 }
 
 
-@cache
-def judged(name):
-    return evaluate(load_design(name), SCENE)
+QUICK = ("h_infinity_split", "lqr_suspension")
+"""One with sensors, one without; the others take as long again, each."""
 
 
-@pytest.fixture(params=sorted(PEAKS))
+def load_design(name):
+    return design_file(name, "suspension").made()
+
+
+@pytest.fixture(
+    scope="module",
+    params=[name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in sorted(PEAKS)],
+)
 def result(request):
-    return judged(request.param)
+    return load_design(request.param).evaluate(SCENE)
 
 
 def test_every_design_in_the_folder_is_known():
-    assert set(design_names()) == set(PEAKS)
+    assert set(design_names("suspension")) == set(PEAKS)
 
 
 def test_the_certified_peak_is_the_one_of_the_readme(result):

@@ -3,11 +3,12 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from boomctl.lti.hold import linear_hold_response, recursion
+from tests.profiles import examples
 from tests.strategies import seeds
 
 
@@ -18,7 +19,7 @@ def random_system(rng, n=4, m=2, p=3):
 
 
 @given(seeds, st.integers(1, 60))
-@settings(max_examples=20)
+@examples(20)
 def test_runs_side_by_side_are_the_recursion(seed, count):
     rng = np.random.default_rng(seed)
     Phi, f, x = 0.5 * rng.standard_normal((3, 3)), rng.standard_normal((3, count)), rng.standard_normal(3)
@@ -30,7 +31,7 @@ def test_runs_side_by_side_are_the_recursion(seed, count):
 
 
 @given(seeds)
-@settings(max_examples=5)
+@examples(5)
 def test_the_response_solves_the_differential_equation(seed):
     rng = np.random.default_rng(seed)
     system, h = random_system(rng), 0.2
@@ -45,7 +46,7 @@ def test_the_response_solves_the_differential_equation(seed):
 
 
 @given(seeds)
-@settings(max_examples=20)
+@examples(20)
 def test_samples_put_on_the_straight_lines_change_nothing(seed):
     rng = np.random.default_rng(seed)
     system, u = random_system(rng), rng.standard_normal((2, 40))

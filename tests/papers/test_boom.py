@@ -1,21 +1,92 @@
-"""The reproduction of Anthonis & Ramon (2003): its numbers beside the published ones, and the laws behind its figures."""
+"""The reproduction of Anthonis & Ramon (2003), run once: its files, its numbers beside the published ones, friction."""
 
 import json
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from boomctl.boom import BoomParameters, spray_boom
 from boomctl.files import plain, write_whole
-from boomctl.papers.anthonis_ramon.figures import compute
+from boomctl.papers.anthonis_ramon import report as boom_report
+from boomctl.papers.anthonis_ramon.figures import BoomReproduction, compute
+from boomctl.papers.anthonis_ramon.friction import BAND_HZ, BoomFriction, friction_study, matched_force
+from boomctl.papers.anthonis_ramon.friction_section import studied
 from boomctl.papers.anthonis_ramon.published import TABLE_1
-from boomctl.report import Picture, Section, Table, bound_reports, html_report
+from boomctl.plotting import boom as boom_pictures
+from boomctl.plotting import figure_bytes
+from boomctl.plotting.friction import draw_friction
+from boomctl.report import Picture, Report, Section, Table, bound_reports
+from boomctl.structure import split_symmetric
+from tests.command import Done, boomctl
+from tests.profiles import is_quick
 
-pytestmark = pytest.mark.xdist_group("reproduced boom")
+pytestmark = pytest.mark.early
+
+
+@dataclass(frozen=True)
+class Reproduced:
+    """What one run of the command line printed and wrote, and what it computed on the way."""
+
+    done: Done
+    out: Path
+    result: BoomReproduction
+    study: BoomFriction
 
 
 @pytest.fixture(scope="module")
-def result():
-    return compute()
+def reproduced(tmp_path_factory):
+    """``boomctl reproduce boom``; in the quick profile with fewer sines and a film of two frames."""
+    out, seen = tmp_path_factory.mktemp("results"), {}
+
+    def kept(name, of):
+        return lambda *given: seen.setdefault(name, of(*given))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(boom_report, "compute", kept("result", compute))
+        few = lambda p, tell: friction_study(p, points=9)  # noqa: E731
+        patch.setattr(boom_report, "studied", kept("study", few if is_quick() else studied))
+        if is_quick():
+            patch.setattr(boom_pictures, "animation_gif", partial(boom_pictures.animation_gif, frames=2))
+        done = boomctl("reproduce", "boom", "--out", str(out), "--json")
+    return Reproduced(done, out, **seen)
+
+
+@pytest.fixture(scope="module")
+def result(reproduced):
+    return reproduced.result
+
+
+@pytest.fixture(scope="module")
+def study(reproduced):
+    return reproduced.study
+
+
+# -- files ------------------------------------------------------------------------------------------------------------
+
+
+def test_reproduce_writes_a_report_that_stands_alone(reproduced):
+    out, done = reproduced.out, reproduced.done
+    assert done.returncode == 0
+    report = (out / "report.html").read_text()
+    assert "data:image/gif;base64" in report
+    assert 'src="http' not in report
+    assert "2.9316" in report
+    assert not list(out.glob(".boomctl-*"))
+    for name in ("boom_figure_3.png", "boom_figure_3.svg", "boom_modes.png", "boom_convergence.svg", "boom_motion.gif"):
+        assert (out / name).stat().st_size > 10_000
+
+
+def test_json_on_standard_output_is_the_results_file(reproduced):
+    out, done = reproduced.out, reproduced.done
+    printed = json.loads(done.stdout)
+    assert printed == json.loads((out / "results.json").read_text())
+    assert printed["table_1"]["methods"]["finite elements, 6"]["computed_hz"][0] == pytest.approx(0.2450, abs=1e-4)
+
+
+# -- frequencies and figures -----------------------------------------------------------------------------------------
 
 
 def order_of(convergence, first, last):
@@ -63,13 +134,101 @@ def test_the_peaks_of_figure_3_are_certified_and_agree_with_the_exact_curve(resu
             assert curve.peak == pytest.approx(exact.peak, rel=0.01)
 
 
+# -- the cradle's friction -------------------------------------------------------------------------------------------
+
+
+def _reading(study, name):
+    return next(reading for reading in study.readings if reading.name.startswith(name))
+
+
+def test_the_force_matches_the_damping_at_the_cradles_mode(study):
+    assert study.matched_hz == pytest.approx(0.9325, abs=1e-3)  # the exact beam's third frequency
+    bare = _reading(study, "in place of viscous").balance
+    k = int(np.abs(bare.omega / (2 * np.pi) - 1.0).argmin())
+    damping = 4.0 * study.force / (np.pi * bare.omega[k] * bare.slip[k])
+    assert 0.3 * BoomParameters().cradle_damping < damping < 1.5 * BoomParameters().cradle_damping
+
+
+@pytest.mark.parametrize("method", ["balance", "swept"])
+def test_friction_in_place_of_damping_lowers_the_lower_singular_value_between_2_5_and_3_5_hz(study, method):
+    whole, part = (
+        study.change(found.omega, found.gain)
+        for found in (getattr(_reading(study, name), method) for name in ("in place of viscous", "in place of half"))
+    )
+    assert 0.4 < whole < 0.8
+    assert whole < part < 0.95
+
+
+@pytest.mark.parametrize("method", ["balance", "swept"])
+def test_friction_beside_damping_and_a_stuck_cradle_raise_it(study, method):
+    found = getattr(_reading(study, "added"), method)
+    assert study.change(found.omega, found.gain) > 1.2
+    assert study.change(study.omega, study.stuck) > study.change(found.omega, found.gain)
+
+
+def test_above_the_band_the_lower_singular_value_is_yaw_and_does_not_feel_the_cradle(study):
+    freq_hz = study.omega / (2 * np.pi)
+    above, within = (freq_hz > 3.7) & (freq_hz < 4.5), (freq_hz > 2.0) & (freq_hz < 3.4)
+    assert (study.jolt[above] > study.yaw[above]).all()
+    assert (study.jolt[within] < study.yaw[within]).all()
+    for reading in study.readings:
+        np.testing.assert_allclose(study.ratio(study.omega, reading.balance.gain)[above], 1.0, atol=1e-12)
+
+
+def test_both_methods_agree_in_the_band(study):
+    for reading in study.readings:
+        chosen = (reading.swept.omega >= 2 * np.pi * BAND_HZ[0]) & (reading.swept.omega <= 2 * np.pi * BAND_HZ[1])
+        balance = np.interp(reading.swept.omega[chosen], reading.balance.omega, reading.balance.gain)
+        assert chosen.sum() >= 3
+        np.testing.assert_allclose(reading.swept.gain[chosen], balance, rtol=0.06)
+
+
+def test_the_force_is_in_proportion_to_the_amplitude():
+    jolt, _ = split_symmetric(spray_boom(elements=6))
+    small, large = (matched_force(jolt, 160.0, amplitude) for amplitude in (1e-3, 1e-2))
+    assert large[0] == pytest.approx(10.0 * small[0], rel=1e-9)
+    assert large[1] == small[1]
+
+
+def test_the_numbers_are_those_of_the_curves(study):
+    numbers = study.numbers()
+    assert len(numbers) == 1 + 2 * len(study.readings)
+    assert min(numbers, key=lambda name: numbers[name]).startswith("friction in place of viscous")
+    assert max(numbers, key=lambda name: numbers[name]) == "stuck"
+
+
+def test_the_picture_is_drawn(study):
+    assert figure_bytes(draw_friction(study), "png").startswith(b"\x89PNG")
+
+
+def test_bad_input():
+    with pytest.raises(ValueError, match="amplitude"):
+        friction_study(amplitude=0.0)
+    with pytest.raises(ValueError, match="points"):
+        friction_study(points=2)
+
+
+# -- reports and files in general ------------------------------------------------------------------------------------
+
+
 def test_a_report_escapes_what_it_shows_and_needs_nothing_else():
-    section = Section("a < b", ("x & y",), (Table(("head",), (("1 < 2",),)),), (Picture(b"abc", "png", "caption"),))
-    report = html_report("<title>", "lead", [section])
+    picture = Picture("p", "caption", {"png": b"abc"})
+    section = Section("a < b", ("x & y",), (Table(("head",), (("1 < 2",),)),), (picture,))
+    report = Report("<title>", ("lead",), (section,), {}).html
     assert "a &lt; b" in report
     assert "x &amp; y" in report
     assert "data:image/png;base64,YWJj" in report
     assert "<title>&lt;title&gt;</title>" in report
+
+
+def test_a_report_writes_its_pictures_in_all_kinds_and_shows_the_first(tmp_path):
+    picture = Picture("p", "caption", {"png": b"abc", "svg": b"<svg/>"})
+    report = Report("title", ("lead",), (Section("head", pictures=(picture,)),), {"x": 1.0})
+    files = report.write(tmp_path / "out")
+    assert {path.name for path in files} == {"p.png", "p.svg", "results.json", "report.html"}
+    assert all(path.is_file() for path in files)
+    assert (tmp_path / "out" / "p.svg").read_bytes() == b"<svg/>"
+    assert report.html.count("<img") == 1
 
 
 def test_bound_reports_stand_alone():

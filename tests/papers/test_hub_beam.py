@@ -6,11 +6,11 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from boomctl.files import write_json
 from boomctl.papers.bai import frequencies as hub_beam_frequencies
-from boomctl.papers.bai import run as reproduce
 from boomctl.papers.bai import spin_up as hub_beam_spin_up
 from boomctl.papers.bai import tip_mass as hub_beam_tip_mass
 from boomctl.papers.bai import torque as hub_beam_torque
@@ -19,14 +19,15 @@ from boomctl.papers.bai.comparison import (
     MET,
     NOT_REPRODUCIBLE,
     Claim,
-    Section,
+    Part,
     compare,
     judge,
 )
-from boomctl.papers.bai.report import results_json, summary
+from boomctl.papers.bai.report import reproduction, results
 from boomctl.papers.bai.validity import leaves, validity
-from boomctl.plotting.rotating_beam import Line, Panel, Picture, picture_bytes
+from boomctl.plotting.rotating_beam import Chart, Line, Panel, chart_bytes
 from boomctl.rotating_beam import HubBeamParameters, hub_beam, sine_torque
+from tests.profiles import examples
 
 # -- verdicts ---------------------------------------------------------------------------------------------------------
 
@@ -71,7 +72,7 @@ def test_critical_speeds():
 def test_neglected_terms_are_what_cfoam_has_beyond_foam():
     """Eq. (35) mended, by quadrature of the mode shape: ``int rhoA [(q^T S q)^2/4 - f1 q1 q^T S q]``."""
     section = hub_beam_spin_up.neglected_terms()
-    shown = section.pictures[0].panels[0].lines[0]
+    shown = section.charts[0].panels[0].lines[0]
     k = int(np.argmax(shown.y))
     result = hub_beam(HubBeamParameters(), "cfoam", 1).simulate(hub_beam_spin_up.spin_up(3.0, 30.0), [0.0, shown.x[k]])
     q1, q2 = result.states[1, 1:3]
@@ -104,6 +105,7 @@ def test_cfoam_and_foam_agree():
     assert hub_beam_spin_up.cfoam_and_foam().claims[0].verdict == MET
 
 
+@pytest.mark.slow
 def test_table_three():
     section = hub_beam_torque.inertia_torque()
     computed = [each.computed for each in section.comparisons[:4]]
@@ -111,6 +113,7 @@ def test_table_three():
     assert [each.verdict for each in section.comparisons] == [MET, MET, CORRECTED, NOT_REPRODUCIBLE, NOT_REPRODUCIBLE]
 
 
+@pytest.mark.slow
 def test_the_phase_lead_of_sfoam_is_not_there():
     section = hub_beam_torque.foam_and_sfoam()
     lead, smaller = section.comparisons
@@ -120,7 +123,7 @@ def test_the_phase_lead_of_sfoam_is_not_there():
     assert {claim.verdict for claim in section.claims} == {MET}
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @given(st.floats(0.1, 2), st.floats(3.0, 3.5), st.floats(-3, 3))
 def test_residual_vibration_is_recovered(amplitude, omega, phase):
     time = np.linspace(0, 30, 601)
@@ -146,6 +149,7 @@ def test_leaves_interpolates_in_logarithms():
     assert leaves(torques, np.array([1e-3, 1e-2, math.inf]), 0.2) == 1000.0
 
 
+@pytest.mark.slow
 def test_models_agree_with_the_exact_beam_for_small_torque_and_in_order():
     data = validity((5.0, 50.0))
     for errors in data.whole.values():
@@ -155,6 +159,7 @@ def test_models_agree_with_the_exact_beam_for_small_torque_and_in_order():
     assert at_50["TLAM"] > at_50["CFOAM"] > at_50["SFOAM"] > at_50["FOAM"]
 
 
+@pytest.mark.slow
 def test_residual_amplitudes_at_400_newton_metres():
     times = np.linspace(0, 30, 3001)
     tips = {
@@ -170,36 +175,36 @@ def test_residual_amplitudes_at_400_newton_metres():
 # -- files ------------------------------------------------------------------------------------------------------------
 
 
-def test_json_has_no_numbers_that_json_has_not():
-    picture = Picture("p", "", (Panel("", "", "", (Line("", np.array([0.0, 1.0]), np.array([math.inf, math.nan])),)),))
-    section = Section("s", (picture,), (compare("", "", "", 1.0, math.inf, 0.1),), (Claim("", "", "", MET, ""),))
-    data = json.loads(results_json((section,)), parse_constant=lambda name: pytest.fail(name))
+def test_json_has_no_numbers_that_json_has_not(tmp_path):
+    chart = Chart("p", "", (Panel("", "", "", (Line("", np.array([0.0, 1.0]), np.array([math.inf, math.nan])),)),))
+    part = Part("s", (chart,), (compare("", "", "", 1.0, math.inf, 0.1),), (Claim("", "", "", MET, ""),))
+    write_json(tmp_path / "results.json", results([part]))
+    data = json.loads((tmp_path / "results.json").read_text(), parse_constant=lambda name: pytest.fail(name))
     assert data["sections"][0]["comparisons"][0]["computed"] == "inf"
     assert data["sections"][0]["figures"][0]["panels"][0]["lines"][0]["y"] == ["inf", "nan"]
-    assert data["summary"] == summary((section,)) == {MET: 1, CORRECTED: 0, NOT_REPRODUCIBLE: 1}
+    assert data["summary"] == {MET: 1, CORRECTED: 0, NOT_REPRODUCIBLE: 1}
 
 
 def test_pictures_are_drawn_the_same_each_time():
     line = Line("a", np.array([1.0, 10.0]), np.array([1.0, 2.0]))
-    picture = Picture("p", "", (Panel("t", "x", "y", (line,), "xy", levels=((1.5, "level"),), xticks=(1.0, 5.0)),), 2)
-    assert picture_bytes(picture, "png").startswith(b"\x89PNG")
-    assert picture_bytes(picture, "svg") == picture_bytes(picture, "svg")
+    chart = Chart("p", "", (Panel("t", "x", "y", (line,), "xy", levels=((1.5, "level"),), xticks=(1.0, 5.0)),), 2)
+    assert chart_bytes(chart, "png").startswith(b"\x89PNG")
+    assert chart_bytes(chart, "svg") == chart_bytes(chart, "svg")
     with pytest.raises(ValueError, match="ending"):
-        picture_bytes(picture, "bmp")
+        chart_bytes(chart, "bmp")
 
 
 @pytest.mark.parametrize("torques", [(5.0,), (5.0, 5.0), (0.0, 5.0)])
-def test_bad_torques(tmp_path, torques):
+def test_bad_torques(torques):
     with pytest.raises(ValueError, match="torques"):
-        reproduce.run(tmp_path, torques=torques)
-    assert list(tmp_path.iterdir()) == []
+        reproduction(torques)
 
 
 @pytest.mark.slow
 def test_the_whole_reproduction(tmp_path):
     told = []
-    result = reproduce.run(tmp_path / "out", torques=(5.0, 50.0), progress=told.append)
-    names = {path.name for path in result.files}
+    result = reproduction(torques=(5.0, 50.0), progress=told.append)
+    names = {path.name for path in result.write(tmp_path / "out")}
     figures = {f"fig-{n:02d}.{ending}" for n in range(3, 11) for ending in ("png", "svg")}
     assert names == figures | {"validity.png", "validity.svg", "slew.gif", "results.json", "report.html"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
@@ -207,6 +212,9 @@ def test_the_whole_reproduction(tmp_path):
     assert report.count("data:image/png;base64,") == 9
     assert report.count("data:image/gif;base64,") == 1
     assert not re.findall(r'(?:src|href)="(?!data:)', report)
-    assert json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["summary"] == result.summary
-    assert result.summary == {MET: 14, CORRECTED: 17, NOT_REPRODUCIBLE: 9}
+    assert (
+        json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["summary"]
+        == result.results["summary"]
+    )
+    assert result.results["summary"] == {MET: 14, CORRECTED: 17, NOT_REPRODUCIBLE: 9}
     assert told[0] == "Table 2"

@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
@@ -15,6 +15,7 @@ from boomctl.reduction import reduce
 from boomctl.reduction.core import core_of
 from boomctl.reduction.result import ReductionError
 from boomctl.structure import SecondOrderModel
+from tests.profiles import examples
 from tests.strategies import seeds
 
 METHODS = ("balanced", "singular-perturbation", "hankel", "modal", "second-order")
@@ -86,9 +87,10 @@ def test_repeated_modes(method):
     assert red.measured_error <= red.error_bound * (1 + 1e-3)
 
 
-def test_a_thousand_states():
-    model = chain(500, 1e-3)
-    assert model.to_statespace().nstates == 1000
+@pytest.mark.parametrize("masses", [150, pytest.param(500, marks=pytest.mark.slow)])
+def test_a_long_chain(masses):
+    model = chain(masses, 1e-3)
+    assert model.to_statespace().nstates == 2 * masses
     red = reduce(model, order=20)
     seen = shown(model, red, np.geomspace(0.01, 30.0, 400)).max()
     assert seen <= red.measured_error
@@ -96,7 +98,7 @@ def test_a_thousand_states():
     assert red.measured_error < 0.3 * sigma(model).peak
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @given(seeds, st.sampled_from(METHODS))
 def test_coordinates_and_units_of_a_structure_do_not_matter(seed, method):
     rng = np.random.default_rng(seed)
@@ -114,7 +116,7 @@ def test_coordinates_and_units_of_a_structure_do_not_matter(seed, method):
     assert np.abs(shown(model, one, omega) - shown(model, two, omega)).max() <= 1e-5 * size
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(seeds, st.integers(1, 6), st.floats(0.0, 5.0), st.floats(-4.0, -0.5))
 def test_the_bound_of_modes_left_out_holds_with_dampers_between_them(seed, count, dashpot, exponent):
     model = chain(7, 10.0**exponent, seed, dashpot)

@@ -49,7 +49,7 @@ def test_parameters_from_toml(tmp_path):
     with pytest.raises(ValueError, match=r"unknown key 'tipmass'"):
         bc.HubBeamParameters.from_toml(path)
     path.write_text("tip_mass = \n")
-    with pytest.raises(ValueError, match=r"expected a TOML file"):
+    with pytest.raises(ValueError, match=r"beam.toml: not a TOML file"):
         bc.HubBeamParameters.from_toml(path)
 
 

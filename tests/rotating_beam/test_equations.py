@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.rotating_beam import hub_beam
 from boomctl.rotating_beam.modal.linearization import state_derivative
 from boomctl.rotating_beam.modal.symbolic import energy_function, residual_function
+from tests.profiles import examples
 from tests.rotating_beam.strategies import ALL_MODELS, parameters
 
 
@@ -20,7 +21,7 @@ def random_motion(beam, seed, deflection=0.05):
 
 
 @pytest.mark.parametrize("model", ALL_MODELS)
-@settings(max_examples=8, deadline=None)
+@examples(8)
 @given(p=parameters(damped=True), seed=st.integers(0, 2**20), modes=st.integers(1, 3))
 def test_closed_form_equals_the_one_derived_from_the_energies(model, p, seed, modes):
     beam = hub_beam(p, model, modes)
@@ -36,7 +37,7 @@ def test_closed_form_equals_the_one_derived_from_the_energies(model, p, seed, mo
 
 
 @pytest.mark.parametrize("model", ALL_MODELS)
-@settings(max_examples=8, deadline=None)
+@examples(8)
 @given(p=parameters(damped=True), seed=st.integers(0, 2**20))
 def test_tangents_are_the_derivatives_of_the_derived_residual(model, p, seed):
     import casadi as ca
@@ -53,7 +54,7 @@ def test_tangents_are_the_derivatives_of_the_derived_residual(model, p, seed):
 
 
 @pytest.mark.parametrize("model", ALL_MODELS)
-@settings(max_examples=8, deadline=None)
+@examples(8)
 @given(p=parameters(damped=True), seed=st.integers(0, 2**20))
 def test_power_balance(model, p, seed):
     """Torque times speed is what energy gains and damping takes; SFOAM as printed misses it by Q_theta times speed."""
@@ -71,7 +72,7 @@ def test_power_balance(model, p, seed):
     assert supplied - missing == pytest.approx(gain, rel=1e-9, abs=1e-9 * np.abs(rate[0]).max() ** 3)
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @given(p=parameters(), seed=st.integers(0, 2**20))
 def test_cfoam_is_foam_to_second_order(p, seed):
     """They differ by the cube of the deflection in the energy: relative to the equations by its first power."""
@@ -86,7 +87,7 @@ def test_cfoam_is_foam_to_second_order(p, seed):
     assert differences[1] < 0.2 * differences[0] + 1e-14
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @given(p=parameters(), seed=st.integers(0, 2**20))
 def test_margin_says_whether_the_mass_matrix_is_positive_definite(p, seed):
     beam = hub_beam(p, "foam", 3)

@@ -4,17 +4,18 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.rotating_beam import HubBeamParameters, hub_beam
+from tests.profiles import examples
 from tests.rotating_beam import references
 from tests.rotating_beam.strategies import parameters
 
 BAI = HubBeamParameters()
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(p=parameters(), slow=st.floats(0.0, 50.0), faster=st.floats(1.01, 3.0))
 def test_sfoam_never_softens(p, slow, faster):
     beam = hub_beam(p, "sfoam", 4)
@@ -23,7 +24,7 @@ def test_sfoam_never_softens(p, slow, faster):
     assert beam.critical_speed() == math.inf
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(p=parameters())
 def test_all_models_agree_at_rest(p):
     at_rest = hub_beam(p, "sfoam", 3).frequencies_hz(0.0)
@@ -33,7 +34,7 @@ def test_all_models_agree_at_rest(p):
     assert all(np.min(np.abs(both / each - 1.0)) < 1e-9 for each in at_rest)
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(p=parameters())
 def test_tlam_softens_to_nothing_at_its_critical_speed(p):
     beam = hub_beam(p, "tlam", 4)

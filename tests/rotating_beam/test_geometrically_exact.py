@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.rotating_beam import free, hold, sine_torque, spin_up
@@ -14,6 +14,7 @@ from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import Drive, Trajectory, march
 from boomctl.rotating_beam.exact.run import interpolate
+from tests.profiles import examples
 from tests.rotating_beam.exact_cases import BAI, LOADED, bent, states
 
 # -- discretisation ---------------------------------------------------------------------------------------------------
@@ -49,7 +50,7 @@ def test_uniform_curvature_is_a_circle():
 # -- energies, momenta and forces belong together ---------------------------------------------------------------------
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(states(17))
 def test_momentum_and_force_are_derivatives_of_the_energies(state):
     """By the complex step, which has no cancellation, on an independent transcription of the Lagrangian."""
@@ -74,7 +75,7 @@ def lagrangian(basis, q, v):
     return kinetic - 0.5 * np.sum(basis.stiffness * q**2)
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @given(states(17))
 def test_matrices_are_derivatives_of_momentum_and_force(state):
     dynamics = ExactBeamDynamics(strain_basis(LOADED, 4))
@@ -94,7 +95,7 @@ def test_matrices_are_derivatives_of_momentum_and_force(state):
     np.testing.assert_allclose(dynamics.convective_force(q, v), convective, rtol=1e-9, atol=1e-9)
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(states(17), st.floats(-100, 100))
 def test_nothing_depends_on_the_hub_angle(state, turn):
     dynamics = ExactBeamDynamics(strain_basis(LOADED, 4))
@@ -110,18 +111,21 @@ def test_nothing_depends_on_the_hub_angle(state, turn):
 # -- conservation -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("seconds", [5, pytest.param(60, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("parameters", [BAI, LOADED])
-def test_energy_and_angular_momentum_are_kept_for_a_minute(parameters):
+def test_energy_and_angular_momentum_are_kept_on_a_free_hub(parameters, seconds):
     """A tip swing of over a metre on a free, turning hub, released with a shock that sets off axial waves."""
     model = GeometricallyExactBeam(parameters, 3)
-    r = model.simulate(free(), np.linspace(0, 60, 601), initial=bent(model, 1.2, hub_speed=1.5), rtol=1e-4)
+    r = model.simulate(
+        free(), np.linspace(0, seconds, 10 * seconds + 1), initial=bent(model, 1.2, hub_speed=1.5), rtol=1e-4
+    )
     assert np.max(np.abs(r.tip_displacement)) > 1.0
     assert np.ptp(r.energy) < 1e-8 * r.energy[0]
     assert np.ptp(r.angular_momentum) < 1e-12 * r.angular_momentum[0]
 
 
 def test_energy_and_angular_momentum_are_kept_after_a_torque():
-    model, times = GeometricallyExactBeam(BAI, 5), np.linspace(0, 65, 651)
+    model, times = GeometricallyExactBeam(BAI, 5), np.linspace(0, 25, 251)
     r = model.simulate(sine_torque(300.0, 5.0, 5.0), times, rtol=1e-5)
     after = times >= 5.0
     assert np.max(np.abs(r.tip_displacement[after])) > 1.0
@@ -129,7 +133,7 @@ def test_energy_and_angular_momentum_are_kept_after_a_torque():
     assert np.ptp(r.angular_momentum[after]) < 1e-12 * np.max(np.abs(r.angular_momentum))
 
 
-@settings(max_examples=5, deadline=None)
+@examples(5)
 @given(states(9, strain=0.05))
 def test_angular_momentum_is_kept_by_every_step(state):
     """However long the step and violent the motion: momentum is a linear invariant of the collocation."""
@@ -158,7 +162,7 @@ def test_torque_of_a_prescribed_motion_drives_the_free_hub_the_same_way():
 
 def test_damping_takes_energy_and_leaves_momentum():
     model = GeometricallyExactBeam(replace(BAI, damping_ratio=0.05), 5)
-    r = model.simulate(free(), np.linspace(0, 4, 201), initial=bent(model, 0.5, hub_speed=1.0))
+    r = model.simulate(free(), np.linspace(0, 2, 101), initial=bent(model, 0.5, hub_speed=1.0))
     assert np.all(np.diff(r.energy) < 1e-12 * r.energy[0])
     assert np.ptp(r.angular_momentum) < 1e-11 * r.angular_momentum[0]
 
@@ -188,7 +192,7 @@ def test_collocation_has_order_eight():
 
 
 def test_modes_converge_spectrally():
-    times = np.linspace(0, 12, 241)
+    times = np.linspace(0, 4, 81)
     tips = [
         GeometricallyExactBeam(LOADED, n).simulate(sine_torque(200.0, 10.0, 10.0), times, rtol=1e-7).tip_displacement
         for n in (2, 3, 4, 8)
@@ -199,7 +203,7 @@ def test_modes_converge_spectrally():
 
 
 def test_the_error_estimate_bounds_the_error():
-    model, times = GeometricallyExactBeam(BAI, 5), np.linspace(0, 12, 601)
+    model, times = GeometricallyExactBeam(BAI, 5), np.linspace(0, 7, 351)
     loose = model.simulate(sine_torque(300.0, 6.0, 6.0), times, rtol=1e-4)
     tight = model.simulate(sine_torque(300.0, 6.0, 6.0), times, rtol=1e-8)
     error = np.max(np.abs(loose.tip_displacement - tight.tip_displacement))

@@ -254,6 +254,7 @@ def test_bad_simulation():
         model.simulate(torque(lambda t: math.nan), [0.0, 1.0])
 
 
+@pytest.mark.slow
 def test_a_tolerance_beyond_rounding_is_an_error():
     with pytest.raises(SimulationError, match="rtol"):
         GeometricallyExactBeam(BAI, 1).simulate(spin_up(2.0, 1.0), [0.0, 1.0], rtol=1e-17, atol=1e-300)

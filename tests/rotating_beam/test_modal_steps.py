@@ -1,10 +1,11 @@
 """Steps of modes in closed form: the forces between them satisfy their equations, settled or solved for."""
 
 import numpy as np
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from boomctl.rotating_beam.motion.modal_steps import STAGES, _forces, solve_steps
+from tests.profiles import examples
 
 
 def random_steps(seed, m=3, n=3):
@@ -15,7 +16,7 @@ def random_steps(seed, m=3, n=3):
     return omega, h, push, generator.normal(size=(m, STAGES)), mixed + mixed.swapaxes(1, 2)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(seed=st.integers(0, 10**6), strength=st.floats(1e-3, 30.0), drive=st.sampled_from([0.0, 1e-6, 1.0, 1e6]))
 @example(seed=0, strength=0.0, drive=1.0)
 @example(seed=0, strength=1e-3, drive=0.0)
@@ -30,7 +31,7 @@ def test_answers_superpose_and_satisfy_the_coupled_equations(seed, strength, dri
     np.testing.assert_allclose(steps.ends[..., :-1], unit.ends[..., :-1], rtol=0.0, atol=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(seed=st.integers(0, 10**6), strength=st.floats(0.0, 10.0))
 @example(seed=1, strength=0.01)
 @example(seed=1, strength=10.0)

@@ -3,13 +3,14 @@
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.benchmark.suspension.loop_reference import extended_maps
 from boomctl.lti.hold import linear_hold_response
 from boomctl.simulation import forced_response, simulate_loop
+from tests.profiles import examples
 from tests.simulation.cases import random_plant
 from tests.strategies import seeds
 
@@ -33,7 +34,7 @@ def _stepped(system, U, h):
 
 
 @given(seed=seeds, n=st.integers(1, 8), points=st.sampled_from([2, 3, 127, 128, 129, 400]))
-@settings(max_examples=25)
+@examples(25)
 def test_a_system_responds_as_it_does_step_by_step(seed, n, points):
     rng = np.random.default_rng(seed)
     plant = random_plant(rng, n)

@@ -3,12 +3,13 @@
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.simulation import CoulombFriction, simulate_loop
 from boomctl.simulation.contact.friction import Slip, friction_step
+from tests.profiles import examples
 from tests.simulation.cases import mass_on_spring
 
 
@@ -102,7 +103,7 @@ def test_break_away_under_a_growing_force(static):
     extra=st.floats(0.0, 5.0),
     stuck=st.booleans(),
 )
-@settings(max_examples=300)
+@examples(300)
 def test_the_law(velocity, free, gain, force, extra, stuck):
     law = CoulombFriction(force, force + extra)
     step = friction_step(Slip(0.0 if stuck else velocity, stuck, None), free, gain, law)
@@ -123,7 +124,7 @@ def test_the_law(velocity, free, gain, force, extra, stuck):
     freq=st.floats(2.0, 25.0),
     static=st.floats(1.0, 2.0),
 )
-@settings(max_examples=20)
+@examples(20)
 def test_the_energy_balance_closes(force, damping, freq, static):
     time = np.linspace(0.0, 6.0, 6001)
     pushed = 4.0 * np.sin(freq * time)

@@ -3,7 +3,7 @@
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
@@ -11,6 +11,7 @@ from boomctl.simulation.blocks import run_fast
 from boomctl.simulation.controller import conditioning_gain
 from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.stepping import run_smooth
+from tests.profiles import examples
 from tests.simulation.cases import mass_on_spring, random_controller, random_plant, stepped_loop
 from tests.strategies import seeds
 
@@ -46,7 +47,7 @@ def _close(a, b, tolerance=1e-9):
     slow=st.sampled_from([np.inf, 0.4]),
     delay=st.sampled_from([0.0, 0.4, 1.0, 2.7]),
 )
-@settings(max_examples=40)
+@examples(40)
 def test_the_loop_is_the_one_stepped_in_physical_coordinates(seed, share, slow, delay):
     plant, law, time, w = _scene(seed)
     free = stepped_loop(plant, law, w, _H)[1]
@@ -76,7 +77,7 @@ def test_the_loop_is_the_one_stepped_in_physical_coordinates(seed, share, slow, 
 
 
 @given(seed=seeds, delay=st.sampled_from([0.0, 0.3, 1.0, 3.6]), share=st.sampled_from([0.2, 0.7, 2.0]))
-@settings(max_examples=30)
+@examples(30)
 def test_stepping_in_blocks_changes_nothing(seed, delay, share):
     plant, law, time, w = _scene(seed, 300)
     free = stepped_loop(plant, law, w, _H)[1]
@@ -132,7 +133,7 @@ def test_the_linear_loop_is_that_of_the_sampled_plant():
 
 
 @given(seed=seeds, ratios=st.tuples(*(st.floats(1e-2, 1e2) for _ in range(3))))
-@settings(max_examples=20)
+@examples(20)
 def test_units_do_not_matter(seed, ratios):
     plant, law, time, w = _scene(seed)
     given_as, forces, lengths = ratios
@@ -192,7 +193,7 @@ def test_measurements_are_rounded_to_their_steps():
 
 
 @given(seed=seeds)
-@settings(max_examples=15)
+@examples(15)
 def test_anti_windup_does_nothing_while_no_limit_is_met(seed):
     plant, law, time, w = _scene(seed)
     plain = simulate_loop(plant, law, {"w": w}, time, sample_time=_H)
@@ -245,7 +246,7 @@ def test_the_conditioning_gain_is_that_of_hanus_where_that_is_stable():
 
 
 @given(seed=seeds)
-@settings(max_examples=25)
+@examples(25)
 def test_the_conditioned_controller_is_stable(seed):
     rng = np.random.default_rng(seed)
     A, B, C = rng.standard_normal((3, 3)), rng.standard_normal((3, 2)), rng.standard_normal((2, 3))

@@ -3,12 +3,13 @@
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg
 
 import boomctl as bc
 from boomctl.simulation.plant import modal_plant
+from tests.profiles import examples
 from tests.simulation.cases import random_plant
 from tests.strategies import seeds
 
@@ -56,7 +57,7 @@ def test_motion_of_defective_rigid_stiff_and_unstable_plants(A):
 
 
 @given(seed=seeds, n=st.integers(1, 9), h=st.floats(1e-3, 1.0))
-@settings(max_examples=30)
+@examples(30)
 def test_motion_of_random_plants(seed, n, h):
     plant = random_plant(np.random.default_rng(seed), n)
     modal = modal_plant(plant)
@@ -73,7 +74,7 @@ def test_motion_of_random_plants(seed, n, h):
 
 
 @given(seed=seeds, share=st.floats(0.05, 0.95))
-@settings(max_examples=20)
+@examples(20)
 def test_a_step_with_a_switch_is_two_steps(seed, share):
     plant = modal_plant(random_plant(np.random.default_rng(seed), 4))
     h = 0.3

@@ -6,12 +6,13 @@ from functools import partial
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.lti.frequency import singular_values
 from boomctl.simulation import CoulombFriction, describing_function, simulate_loop, sine_sigma, swept_sine
+from tests.profiles import examples
 from tests.simulation.cases import mass_on_spring
 
 _OMEGA = 2.0 * np.pi * np.array([0.8, 1.3, 2.0, 2.8, 3.3, 3.9, 4.4])
@@ -54,7 +55,7 @@ def test_only_the_ratio_of_friction_and_excitation_matters(scale):
 
 
 @given(force=st.floats(1.0, 40.0), freq_hz=st.floats(0.5, 6.0))
-@settings(max_examples=40)
+@examples(40)
 def test_the_harmonic_balance_closes(force, freq_hz):
     """Slip and friction of the describing function solve the linear model with the equivalent viscous damper."""
     omega = np.array([2.0 * np.pi * freq_hz])

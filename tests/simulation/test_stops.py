@@ -3,11 +3,12 @@
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 import boomctl as bc
 from boomctl.simulation import CoulombFriction, simulate_loop
 from boomctl.simulation.contact.stops import StopMaps, stop_step
+from tests.profiles import examples
 from tests.simulation.cases import mass_on_spring
 from tests.strategies import seeds
 
@@ -46,7 +47,7 @@ def test_a_mass_pressed_to_a_stop_rests_there_and_leaves_when_pulled():
 
 
 @given(seed=seeds)
-@settings(max_examples=15)
+@examples(15)
 def test_strokes_never_pass_and_stops_only_push_and_take_energy(seed):
     rng = np.random.default_rng(seed)
     n = 3

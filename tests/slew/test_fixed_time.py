@@ -4,11 +4,12 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.slew import mesh_study, resolve, track
+from tests.profiles import examples
 from tests.slew.systems import rigid
 
 ANGLE, LIMIT = np.pi / 2, 200.0
@@ -19,7 +20,7 @@ def beam():
     return bc.hub_beam(modes=1)
 
 
-@settings(max_examples=10)
+@examples(10)
 @given(st.floats(0.2, 2.0), st.floats(1.3, 3.0))
 def test_rigid_effort_is_the_closed_form(angle, stretch):
     inertia, limit = 50.0, 100.0
@@ -33,7 +34,7 @@ def test_rigid_effort_is_the_closed_form(angle, stretch):
     assert slew.certificate.optimality == "proved"
 
 
-@settings(max_examples=5)
+@examples(5)
 @given(st.floats(0.2, 2.0), st.floats(0.5, 3.0))
 def test_rigid_jerk_is_the_fifth_order_polynomial(angle, duration):
     slew = bc.optimal_slew(rigid(2.0), angle, 1e3, "jerk", duration, intervals=100)
@@ -89,7 +90,7 @@ def test_limits_are_kept_on_a_dense_replay(beam, name, value):
     assert slew.duration > bc.optimal_slew(beam, ANGLE, LIMIT).duration
 
 
-@settings(max_examples=6)
+@examples(6)
 @given(
     st.sampled_from([("speed_limit", 0.75), ("tip_limit", 0.75), ("moment_limit", 0.75)]),
     st.floats(0.4, 1.6),
@@ -141,6 +142,7 @@ def test_solving_again_with_other_data(beam):
         resolve(bc.optimal_slew(beam, ANGLE, LIMIT), angle=1.0)
 
 
+@pytest.mark.slow
 def test_foam_is_planned_with_its_axial_modes():
     foam = bc.hub_beam(model="foam", modes=1)
     slew = bc.optimal_slew(foam, ANGLE, LIMIT, "effort", 3.6, intervals=60)

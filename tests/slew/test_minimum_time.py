@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
@@ -11,13 +11,14 @@ from boomctl.slew.least_time.linear_start import least_time, linear_time_problem
 from boomctl.slew.least_time.switching import misfit
 from boomctl.slew.nlp.bounds import time_gap
 from boomctl.slew.problem import slew_problem
+from tests.profiles import examples
 from tests.slew.systems import rigid, two_masses, two_masses_exact
 
 angles = st.floats(0.05, 3.0)
 torques = st.floats(20.0, 400.0)
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(angles, torques, st.floats(0.1, 1e4))
 def test_rigid_body_takes_the_textbook_time(angle, torque, inertia):
     slew = bc.optimal_slew(rigid(inertia), angle, torque)
@@ -52,7 +53,7 @@ def test_linear_hub_beam_is_proved_optimal(modes):
     assert slew.duration > 2.0 * np.sqrt(bc.HubBeamParameters().rigid_inertia * np.pi / 2 / 200.0)
 
 
-@settings(max_examples=8)
+@examples(8)
 @given(st.floats(0.3, 2.5), st.floats(100.0, 400.0), st.integers(1, 3))
 def test_rest_to_rest_is_antisymmetric_in_time(angle, torque, modes):
     slew = bc.optimal_slew(bc.hub_beam(modes=modes).linearize(), angle, torque)
@@ -63,7 +64,7 @@ def test_rest_to_rest_is_antisymmetric_in_time(angle, torque, modes):
     assert slew.history(t) == pytest.approx(-slew.history(slew.duration - t))
 
 
-@settings(max_examples=8)
+@examples(8)
 @given(st.floats(0.3, 2.5), st.floats(100.0, 300.0), st.floats(1.01, 2.0))
 def test_more_torque_is_never_slower(angle, torque, factor):
     h = bc.hub_beam(modes=1).linearize()
@@ -71,10 +72,10 @@ def test_more_torque_is_never_slower(angle, torque, factor):
     assert strong.duration < weak.duration
 
 
-@settings(max_examples=2)
+@examples(2)
 @given(st.floats(1.1, 3.0))
 def test_rigid_limit_scales_with_the_root_of_the_angle(factor):
-    stiff = bc.hub_beam(bc.HubBeamParameters(youngs_modulus=6.9e16), modes=1)
+    stiff = bc.hub_beam(bc.HubBeamParameters(youngs_modulus=6.9e14), modes=1)
     one, more = (bc.optimal_slew(stiff.linearize(), angle, 200.0).duration for angle in (0.5, 0.5 * factor))
     assert more / one == pytest.approx(np.sqrt(factor), rel=1e-3)
 
@@ -167,7 +168,7 @@ def test_a_bent_beam_is_brought_to_rest(sign):
     assert slew.residual_energy < 1e-9
 
 
-@settings(max_examples=6)
+@examples(6)
 @given(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(0.3, 3.0), st.sampled_from([-1.0, 1.0]))
 def test_a_rigid_body_between_speeds(first, last, distance, side):
     """It neither starts nor ends at rest: more time is not always of use, the least is sought from below."""
@@ -219,7 +220,7 @@ def test_a_payload_twice_is_a_payload_once():
     assert twice.certificate.method == "switching times"
 
 
-@settings(max_examples=6)
+@examples(6)
 @given(st.lists(st.floats(-8.0, 8.0), min_size=4, max_size=4))
 def test_units_of_the_states_do_not_matter(decades):
     """Each state in a unit of its own, sixteen decades apart."""

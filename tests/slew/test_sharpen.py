@@ -5,7 +5,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -20,6 +20,7 @@ from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import slew_problem
 from boomctl.slew.reference import guess_from, typical_sizes
 from boomctl.slew.torque import bang_bang
+from tests.profiles import examples
 from tests.slew.systems import two_masses
 
 LOADED = bc.HubBeamParameters(tip_mass=0.1)
@@ -103,7 +104,7 @@ def _adjoint_of(plant, start, rows, history, t):
     return answer
 
 
-@settings(max_examples=4)
+@examples(4)
 @given(st.floats(0.3, 2.5), st.floats(60.0, 400.0), st.integers(1, 3))
 def test_half_the_way_is_enough(angle, torque, modes):
     problem = slew_problem(bc.hub_beam(LOADED, modes=modes), angle, torque)
@@ -148,7 +149,7 @@ def test_axial_modes_hardly_matter_to_the_time():
     assert slews[0].history.duration == pytest.approx(slews[1].history.duration, rel=1e-5)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(st.lists(st.floats(0.05, 1.0), min_size=1, max_size=6), st.sampled_from([-1.0, 1.0]), st.integers(40, 300))
 def test_a_bang_bang_torque_is_read_off_its_means(widths, sign, intervals):
     edges = np.cumsum(widths)
@@ -173,7 +174,9 @@ def test_programmes_along_the_motion_find_how_many_stretches_there_are():
     assert 2 * steered(way, first_half(first), 200).switches.size + 1 == 11
 
 
-@pytest.mark.parametrize(("model", "modes"), [("sfoam", 4), ("sfoam", 5), ("foam", 1)])
+@pytest.mark.parametrize(
+    ("model", "modes"), [("sfoam", 4), pytest.param("sfoam", 5, marks=pytest.mark.slow), ("foam", 1)]
+)
 def test_many_modes(model, modes):
     slew = bc.optimal_slew(bc.hub_beam(LOADED, model=model, modes=modes), np.pi / 2, 200.0)
     assert slew.certificate.method == "switching times"

@@ -6,7 +6,7 @@ import casadi as ca
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
@@ -14,11 +14,12 @@ from boomctl.slew.least_time.arcs import course
 from boomctl.slew.least_time.stepping import shooting_step, stumpff
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import slew_problem
+from tests.profiles import examples
 
 LOADED = bc.HubBeamParameters(tip_mass=0.1)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.floats(1e-8, 1e4))
 def test_stumpff_functions(y):
     symbol = ca.SX.sym("y")

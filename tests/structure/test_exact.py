@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.benchmark.boom.high_precision import exact_response
 from boomctl.boom.model import ACTUATORS, boom_assembly
 from boomctl.structure import (
     GROUND,
@@ -23,7 +24,7 @@ from boomctl.structure import (
 )
 from boomctl.structure.beams.dynamic_stiffness import clamped_count, end_functions
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
-from tests.references import ROOTS, exact_boom_response, natural_frequencies
+from tests.references import ROOTS, natural_frequencies
 from tests.strategies import random_stepped_beam, seeds
 
 SUPPORTS = {
@@ -153,7 +154,7 @@ def test_the_exact_boom_solves_the_beam_equation(inputs):
     """To fifty digits, from 1e-4 Hz to the hundredth mode; beside a resonance digits go as the frequency is rounded."""
     p = bc.BoomParameters()
     omega = 2 * np.pi * np.array([1e-4, 0.1, 0.4, 0.9325, 2.0, 3.5, 9.0, 60.0, 2400.0])
-    truth = exact_boom_response(p, omega)
+    truth = exact_response(p, omega)
     found = bc.exact_frequency_response(p, omega, inputs=inputs).frdata
     wanted = truth if inputs is None else truth[:, :1]
     assert (np.abs(found - wanted) < 1e-12 * np.abs(wanted).max(axis=0)).all()

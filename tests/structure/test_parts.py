@@ -21,7 +21,7 @@ from boomctl.structure import (
     prismatic,
     revolute,
 )
-from boomctl.structure.rows import Frame, Row
+from boomctl.structure.kinematics import Frame, Row
 
 SECTION = BeamSection(2.0, 1.0, 1.0)
 BODY = RigidBody("body", GROUND.at(0.0), free("y"), 1.0)

@@ -19,7 +19,7 @@ BASES = {"jolt": (1.0, "sym"), "yaw": (-1.0, "anti")}
 
 def plain(model):
     """Return the same model without its mirror: what is not known to be symmetric is not split."""
-    return SecondOrderModel.build(model.M, model.C, model.K, model.ports, model.coordinates, model.elastic)
+    return SecondOrderModel.of(replace(model.structure, mirror=None), replace(model.ports, primary=None))
 
 
 @pytest.mark.parametrize("discretization", ["finite", "high-order", "discrete-hermite", "discrete-geometric"])

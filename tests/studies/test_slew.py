@@ -2,32 +2,62 @@
 
 import json
 import re
+from dataclasses import replace
+from functools import partial
 
+import numpy as np
 import pytest
 
 from boomctl.rotating_beam import HubBeam, HubBeamParameters
-from boomctl.slew import optimal_slew
-from boomctl.studies.slew.design import SlewDesign
-from boomctl.studies.slew.report import slew_report
-from boomctl.studies.slew.study import _meshes, run
+from boomctl.slew import MeshStudy, optimal_slew
+from boomctl.slew.nlp.mesh_study import MeshLine
+from boomctl.studies.slew import SlewDesign, sections
+from boomctl.studies.slew.plan import default_meshes, evaluated_plan
+from tests.profiles import is_quick
+
+pytestmark = pytest.mark.early
 
 
-def test_report(tmp_path):
-    beam = HubBeam(HubBeamParameters(), "sfoam", 1)
-    found = run(tmp_path, beam, angle=0.6, torque_limit=120.0, meshes=(20, 40))
-    stored = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+@pytest.fixture(scope="module", autouse=True)
+def short_films():
+    """Films end early in the quick profile: the frames are what takes long."""
+    with pytest.MonkeyPatch.context() as patch:
+        if is_quick():
+            patch.setattr(sections, "slew_film", partial(sections.slew_film, seconds_after=-2.0))
+        yield
+
+
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory):
+    """The results of a plan, the folder its report was written to, and numbers and report there."""
+    folder, beam = tmp_path_factory.mktemp("slew"), HubBeam(HubBeamParameters(), "sfoam", 1)
+    report = evaluated_plan(beam, angle=0.6, torque_limit=120.0, meshes=(20, 40)).report()
+    report.write(folder)
+    stored = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    return report.results, folder, stored, (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_stored_numbers_are_those_of_the_slew(reported):
+    found, _, stored, _ = reported
     assert stored["duration"] == pytest.approx(found["duration"])
     assert stored["certificate"]["constraint_violation"] == 0.0
     assert [each["model"] for each in stored["replays"]] == ["sfoam", "foam", "geometrically-exact"]
     assert stored["replays"][0]["tip_swing"] < 1e-6 < stored["replays"][1]["tip_swing"]
     assert stored["switching_agreement"] == 1.0
     assert stored["hub_angle"][-1] == pytest.approx(0.6, abs=1e-6)
-    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert stored["comparison"][0]["name"] == "minimum time"
+
+
+def test_the_report_stands_alone_with_its_pictures_beside_it(reported):
+    _, folder, _, html = reported
     assert html.count("<img") == 6
     assert "http" not in html
     for name in ("slew.png", "comparison.png", "tracking.png", "switching.png", "mesh.png", "slew.gif"):
-        assert (tmp_path / name).stat().st_size > 5000
-    assert stored["comparison"][0]["name"] == "minimum time"
+        assert (folder / name).stat().st_size > 5000
+
+
+def test_the_report_shows_the_error_over_meshes(reported):
+    found, _, stored, html = reported
     study = stored["mesh_study"]
     assert study["intervals"] == [20, 40]
     assert study["duration"] == pytest.approx(1.1 * found["duration"])
@@ -36,24 +66,18 @@ def test_report(tmp_path):
     assert section.count("<img") == 1
     for line in study["lines"]:
         order = "not seen" if line["order"] is None else f"{line['order']:.1f}"
-        assert re.search(f"<td>{line['name']}</td>.*<td>{order}</td><td>{line['theory']:.0f}</td>", section)
+        assert re.search(f"<td class=l>{line['name']}</td>.*<td>{order}</td><td>{line['theory']:.0f}</td>", section)
 
 
 def test_report_without_meshes_and_with_gaps():
     beam = HubBeam(HubBeamParameters(), "sfoam", 1)
     slew = optimal_slew(beam, 0.6, 120.0, "effort", 2.6, method="shooting", intervals=40)
-    tracking = {"tip_mass": 0.1, "final_angle_error": 0.0, "open_final_angle_error": 0.1}
-    tracking |= {"tip_swing": 1e-12, "open_tip_swing": 1.0}
-    design = SlewDesign("slew", "A slew", beam, {"minimum effort": slew})
-    results = {"comparison": [], "replays": [], "tracking": tracking, "mesh_study": None}
-    results |= {"payloads": None, "spin_ups": []}
-    pictures = dict.fromkeys(("slew", "comparison", "tracking", "mesh"), b"")
-    html = slew_report(design, results, pictures, b"")
+    evaluation = SlewDesign("slew", "A slew", beam, {"minimum effort": slew}).evaluate()
+    html = evaluation.report().html
     assert "Minimum effort" in html
     assert "Error against mesh size" not in html
-    line = {"name": "end state", "errors": [None, 1e-3], "order": None, "theory": 4.0}
-    study = {"duration": 2.6, "intervals": [20, 40], "lines": [line]}
-    html = slew_report(design, results | {"mesh_study": study}, pictures, b"")
+    line = MeshLine("end state", np.array([np.nan, 1e-3]), np.nan, 4.0)
+    html = replace(evaluation, meshes=MeshStudy(2.6, np.array([20, 40]), (line,))).report().html
     assert "end state (20)" in html
     assert "<td>–</td><td>1.0·10⁻³</td><td>not seen</td><td>4</td>" in html
 
@@ -61,7 +85,7 @@ def test_report_without_meshes_and_with_gaps():
 @pytest.mark.parametrize(("modes", "duration"), [(1, 0.5), (1, 3.0), (3, 3.0), (8, 3.0)])
 def test_meshes_follow_the_fastest_vibration_and_stay_cheap(modes, duration):
     beam = HubBeam(HubBeamParameters(), "sfoam", modes)
-    first, second, third = _meshes(beam, duration)
+    first, second, third = default_meshes(beam, duration)
     assert (second, third) == (2 * first, 4 * first)
     assert 20 <= first <= 100
     assert third >= min(400, 10 * duration * beam.frequencies_hz().max())

@@ -93,7 +93,7 @@ def test_an_lqg_controller_of_a_fine_mesh_needs_reduction_and_a_coarse_one_runs(
     [
         ((np.eye(2), 0.1), TypeError, "controller: expected StateSpace"),
         ((control.ss([[0.5]], [[1]], [[1]], 0, 0.1), 0.1), ValueError, "sampling time of 0.1 s"),
-        ((control.ss([[np.nan]], [[1]], [[1]], 0), 0.1), ValueError, "A of the controller: expected finite"),
+        ((control.ss([[np.nan]], [[1]], [[1]], 0), 0.1), ValueError, "controller: expected finite"),
         ((control.ss([[-1]], [[1]], [[1]], 0), 0.0), ValueError, "sample_time = 0.0"),
         ((control.ss([[-1]], [[1]], [[1]], 0), 0.1, "tustn"), ValueError, "did you mean 'tustin'"),
     ],

@@ -2,11 +2,12 @@
 
 import control
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg
 
 import boomctl as bc
+from tests.profiles import examples
 from tests.synthesis.plants import random_plant
 
 _SIZES = (1, 1, 1, 1)
@@ -51,7 +52,7 @@ def seeing_everything(P: control.StateSpace, noise: float) -> control.StateSpace
     return control.ss(P.A, B, C, D)
 
 
-@settings(max_examples=12)
+@examples(12)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 5))
 def test_seeing_everything_reaches_the_full_information_level(seed, n):
     P = random_plant(seed, n, _SIZES, False)
@@ -62,7 +63,7 @@ def test_seeing_everything_reaches_the_full_information_level(seed, n):
     assert design.gamma >= level * (1.0 - 1e-4)
 
 
-@settings(max_examples=12)
+@examples(12)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 5))
 def test_seeing_less_never_helps(seed, n):
     P = random_plant(seed, n, _SIZES, False)

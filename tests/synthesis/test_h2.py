@@ -3,15 +3,15 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, lower_lft
 from boomctl.synthesis import SynthesisError
-from boomctl.synthesis.lq.quadratic_norm import quadratic_norm
-from boomctl.synthesis.plants.closed_loop import closed
+from boomctl.synthesis.lq.output_feedback import quadratic_norm
 from boomctl.synthesis.plants.partition import partition
+from tests.profiles import examples
 from tests.strategies import seeds
 from tests.synthesis.test_lqg import generalised, matrices, problem
 
@@ -49,14 +49,14 @@ def test_an_integrator_in_closed_form():
 
 
 @given(seeds)
-@settings(max_examples=50)
+@examples(50)
 def test_the_norm_is_slycots_and_the_closed_loops_own(seed):
     import slycot
 
     P = random_plant(seed)
     design = bc.h2(P, 2, 2)
     K = slycot.sb10hd(4, 5, 5, 2, 2, P.A, P.B, P.C, P.D)[:4]
-    peer = quadratic_norm(closed(partition(P, 2, 2), Lti(*K)))
+    peer = quadratic_norm(lower_lft(partition(P, 2, 2).system, Lti(*K)))
     assert design.norm == pytest.approx(peer.value, rel=1e-5)
     assert design.norm == pytest.approx(design.optimum, rel=1e-5)
     loop = P.lft(design.controller)
@@ -66,7 +66,7 @@ def test_the_norm_is_slycots_and_the_closed_loops_own(seed):
 
 
 @given(seeds)
-@settings(max_examples=40)
+@examples(40)
 def test_lqg_is_a_special_case(seed):
     system, Q, R, W, V = problem(seed)
     design = bc.h2(generalised(system, Q, R, W, V), 2, 2)
@@ -74,7 +74,7 @@ def test_lqg_is_a_special_case(seed):
 
 
 @given(seeds)
-@settings(max_examples=50)
+@examples(50)
 def test_feedthrough_from_controls_to_measurements_costs_nothing(seed):
     rng = np.random.default_rng(seed)
     D22 = 0.3 * rng.standard_normal((2, 2))
@@ -86,7 +86,7 @@ def test_feedthrough_from_controls_to_measurements_costs_nothing(seed):
 
 
 @given(seeds)
-@settings(max_examples=50)
+@examples(50)
 def test_a_direct_way_that_a_controller_can_cancel_is_cancelled(seed):
     rng = np.random.default_rng(seed)
     plain = random_plant(seed)
@@ -100,7 +100,7 @@ def test_a_direct_way_that_a_controller_can_cancel_is_cancelled(seed):
 
 
 @given(seeds)
-@settings(max_examples=30)
+@examples(30)
 def test_any_other_controller_has_a_larger_norm(seed):
     rng = np.random.default_rng(seed)
     P = random_plant(seed)
@@ -108,12 +108,12 @@ def test_any_other_controller_has_a_larger_norm(seed):
     best = matrices(design.controller)
     for size in (1e-3, 1e-2):
         parts = [m + size * rng.standard_normal(m.shape) * np.abs(m).max() for m in (best.A, best.B, best.C)]
-        other = quadratic_norm(closed(partition(P, 2, 2), Lti(*parts, best.D)))
+        other = quadratic_norm(lower_lft(partition(P, 2, 2).system, Lti(*parts, best.D)))
         assert other.value >= design.norm * (1.0 - 1e-9)
 
 
 @given(seeds)
-@settings(max_examples=30)
+@examples(30)
 def test_units_of_controls_measurements_and_states_do_not_matter(seed):
     rng = np.random.default_rng(seed)
     P = random_plant(seed)

@@ -3,12 +3,13 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg
 
 import boomctl as bc
 from boomctl.synthesis import SynthesisError
+from tests.profiles import examples
 from tests.strategies import seeds
 from tests.synthesis.riccati_cases import CASES
 from tests.synthesis.test_lqr import random_system, random_weight
@@ -36,7 +37,7 @@ def test_a_mass_pushed_by_noise(w, v):
 
 
 @given(seeds)
-@settings(max_examples=40)
+@examples(40)
 def test_the_covariance_is_that_of_the_error_and_no_other_gain_has_less(seed):
     rng = np.random.default_rng(seed)
     system, W, V = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
@@ -52,7 +53,7 @@ def test_the_covariance_is_that_of_the_error_and_no_other_gain_has_less(seed):
 
 
 @given(seeds)
-@settings(max_examples=40)
+@examples(40)
 def test_noise_fed_through_to_a_measurement_is_noise_on_both(seed):
     rng = np.random.default_rng(seed)
     bare = random_system(seed, unstable=False)
@@ -69,7 +70,7 @@ def test_noise_fed_through_to_a_measurement_is_noise_on_both(seed):
 
 
 @given(seeds)
-@settings(max_examples=40)
+@examples(40)
 def test_the_estimator_follows_a_known_input_without_error(seed):
     system = random_system(seed, unstable=False)
     design = bc.kalman(system, {"u0": 1.0}, 1.0, measurements=["y0", "y1"])

@@ -3,12 +3,13 @@
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg
 
 import boomctl as bc
 from boomctl.synthesis import SynthesisError
+from tests.profiles import examples
 from tests.strategies import seeds, structures
 from tests.synthesis.riccati_cases import CASES, plant
 
@@ -71,7 +72,7 @@ def test_poles_come_near_the_axis_and_the_solution_stays_exact(epsilon):
 
 
 @given(seeds)
-@settings(max_examples=40)
+@examples(40)
 def test_the_gain_follows_units_order_and_coordinates(seed):
     rng = np.random.default_rng(seed)
     system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
@@ -89,7 +90,7 @@ def test_the_gain_follows_units_order_and_coordinates(seed):
 
 
 @given(seeds)
-@settings(max_examples=40)
+@examples(40)
 def test_kalmans_inequality_and_the_cost_of_a_run(seed):
     system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
     design = bc.lqr(system, Q, R)
@@ -106,7 +107,7 @@ def test_kalmans_inequality_and_the_cost_of_a_run(seed):
 
 
 @given(seeds)
-@settings(max_examples=40)
+@examples(40)
 def test_any_other_gain_costs_more(seed):
     rng = np.random.default_rng(seed)
     system, Q, R = random_system(seed), random_weight(seed, 5), random_weight(seed + 1, 2)
@@ -121,7 +122,7 @@ def test_any_other_gain_costs_more(seed):
 
 
 @given(seeds)
-@settings(max_examples=40)
+@examples(40)
 def test_a_cross_weight_is_a_change_of_controls(seed):
     rng = np.random.default_rng(seed)
     system, R = random_system(seed), random_weight(seed, 2)
@@ -134,7 +135,7 @@ def test_a_cross_weight_is_a_change_of_controls(seed):
 
 
 @given(seeds)
-@settings(max_examples=40)
+@examples(40)
 def test_an_output_with_feedthrough_weighs_controls_too(seed):
     rng = np.random.default_rng(seed)
     bare = random_system(seed)
@@ -215,7 +216,7 @@ def test_the_controller_closes_the_loop_that_the_result_shows():
 
 
 @given(structures(inputs=2))
-@settings(max_examples=20)
+@examples(20)
 def test_damped_structures_can_do_without_weight(structure):
     design = bc.lqr(structure.model, 0.0, 1.0)
     assert not design.gain.any()
@@ -300,7 +301,7 @@ def test_other_systems_are_refused():
         bc.lqr(np.eye(2), 1.0, 1.0)
     with pytest.raises(ValueError, match="sampling time of"):
         bc.lqr(control.ss([[0.5]], [[1]], [[1]], 0, 0.1), 1.0, 1.0)
-    with pytest.raises(ValueError, match="A of the system: expected finite"):
+    with pytest.raises(ValueError, match="system: expected finite numbers, got A"):
         bc.lqr(control.ss([[np.nan]], [[1]], [[1]], 0), 1.0, 1.0)
     with pytest.raises(ValueError, match="at least one state"):
         bc.lqr(control.ss([], [], [], [[1.0]]), 1.0, 1.0)

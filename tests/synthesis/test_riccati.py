@@ -3,14 +3,15 @@
 import mpmath as mp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from scipy import linalg
 
 import boomctl as bc
 from boomctl.lti.system import Lti
-from boomctl.synthesis.lq.quadratic import square_root
-from boomctl.synthesis.lq.quadratic_norm import quadratic_norm
-from boomctl.synthesis.riccati import RiccatiProblem, solve_riccati
+from boomctl.synthesis.lq.output_feedback import quadratic_norm
+from boomctl.synthesis.lq.problem import square_root
+from boomctl.synthesis.lq.riccati import RiccatiProblem, solve_riccati
+from tests.profiles import examples
 from tests.strategies import seeds
 from tests.synthesis.test_lqr import random_system, random_weight
 
@@ -68,7 +69,7 @@ def test_states_without_a_way_to_the_weight_cost_exactly_nothing():
 
 
 @given(seeds)
-@settings(max_examples=40)
+@examples(40)
 def test_with_no_weight_unstable_poles_are_mirrored(seed):
     system = random_system(seed)
     found = solve_riccati(RiccatiProblem(system.A, system.B, np.zeros((5, 5)), np.eye(2), np.zeros((5, 2))))
@@ -78,7 +79,7 @@ def test_with_no_weight_unstable_poles_are_mirrored(seed):
 
 
 @given(seeds)
-@settings(max_examples=50)
+@examples(50)
 def test_a_sharp_change_of_units_changes_nothing(seed):
     rng = np.random.default_rng(seed)
     system = random_system(seed)
@@ -93,7 +94,7 @@ def test_a_sharp_change_of_units_changes_nothing(seed):
 
 
 @given(seeds)
-@settings(max_examples=40)
+@examples(40)
 def test_square_roots_of_weights_of_any_rank(seed):
     rng = np.random.default_rng(seed)
     root = rng.standard_normal((6, int(rng.integers(0, 7)))) * 10.0 ** rng.uniform(-6, 6, (6, 1))

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import boomctl as bc
+from tests.profiles import examples
 
 CORNER = st.floats(1e-2, 1e3)
 ORDER = st.sampled_from([1, 2])
@@ -17,7 +18,7 @@ def gain(weight, omega):
     return abs(weight(1j * omega))
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(g=st.floats(1e-3, 1e3), corner=CORNER, order=ORDER)
 def test_low_and_high_pass_share_the_corner(g, corner, order):
     low, high = bc.low_pass(g, corner, order), bc.high_pass(g, corner, order)
@@ -27,7 +28,7 @@ def test_low_and_high_pass_share_the_corner(g, corner, order):
     assert_allclose(gain(low, 1e3 * corner), g * 1e-3**order, rtol=1e-3)
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(a=st.floats(1e-3, 1e3), ratio=st.floats(1e-4, 1e4), corner=CORNER, order=ORDER)
 def test_shelves_go_from_one_gain_to_the_other(a, ratio, corner, order):
     weight = bc.shelf(a, a * ratio, corner, order)
@@ -37,7 +38,7 @@ def test_shelves_go_from_one_gain_to_the_other(a, ratio, corner, order):
     assert (weight.poles().real < 0.0).all()
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(g=st.floats(1e-3, 1e3), low=CORNER, ratio=st.floats(1.01, 1e3))
 def test_band_pass_is_down_by_three_decibels_at_both_ends(g, low, ratio):
     weight = bc.band_pass(g, low, low * ratio)

@@ -12,9 +12,9 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti
+from boomctl.structure.matrices import dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import FILTER_DAMPING
-from boomctl.structure.response.poles import dense
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import positive, whole
 from boomctl.lti.system import of
-from boomctl.structure.family import AffineFamily
+from boomctl.printing import sentence
+from boomctl.structure.families import AffineFamily
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -57,6 +58,9 @@ class RobustStability:
     abscissa: float
     worst: dict[str, float]
 
+    def __repr__(self) -> str:
+        return sentence("RobustStability", self.render())
+
     def render(self) -> str:
         """Return the verdict as text."""
         if self.unstable_at is not None:
@@ -94,6 +98,9 @@ class StructuredMargin:
         """Upper bound of it."""
         return 1.0 / self.stable_up_to if self.stable_up_to > 0.0 else inf
 
+    def __repr__(self) -> str:
+        return sentence("StructuredMargin", self.render())
+
     def render(self) -> str:
         """Return both bounds as text."""
         proved = f"proved stable over the box enlarged {self.stable_up_to:.4g} times"
@@ -122,6 +129,9 @@ class WorstCase:
     values: dict[str, float]
     nominal: NormCertificate
     evaluations: int
+
+    def __repr__(self) -> str:
+        return sentence("WorstCase", self.render())
 
     def render(self) -> str:
         """Return the worst case found as text."""

@@ -13,9 +13,8 @@ from boomctl.benchmark.report import Row, Sheet
 from boomctl.benchmark.timing import Job, interleaved, peak_memory
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.response.core import build_core
+from boomctl.structure.response.core import build_core, rounding_estimate
 from boomctl.structure.response.direct import AccuracyWarning
-from boomctl.structure.response.rounding import rounding_estimate
 
 _ROUNDING_TARGET = 2e-5
 _TOTAL_TARGET = 1e-4
@@ -64,8 +63,8 @@ def rounding_lines(ground: Scene, settings: Settings, tell: Progress) -> tuple[l
 def _estimate(model: SecondOrderModel, omega: Array) -> float:
     """Return the rounding estimate of a model's halves, actuators -> tips; not a number where it has no cores."""
     parts = orthonormal_parts(model.select(ACTUATORS, TIPS))
-    cores = [(part, build_core(part, omega)) for part in parts]
-    return max(np.nan if core is None else rounding_estimate(part, core, omega) for part, core in cores)
+    cores = [(part, build_core(part.structure, part.ports, omega)) for part in parts]
+    return max(np.nan if core is None else rounding_estimate(part.structure, core, omega) for part, core in cores)
 
 
 def _warned(model: SecondOrderModel, omega: Array) -> bool:

@@ -14,7 +14,7 @@ from boomctl.boom import BoomParameters, spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.simulation import forced_response, simulate_loop
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.response.poles import project, undamped_modes
+from boomctl.structure.response.poles import undamped_modes
 
 if TYPE_CHECKING:
     import control
@@ -42,10 +42,11 @@ def loop_scene(duration: float = _DURATION) -> LoopScene:
     import control
 
     model = spray_boom(BoomParameters(), elements=20)
-    _, shapes = undamped_modes(model, _MODES)
-    M, K, C = project(model, shapes)
+    _, shapes = undamped_modes(model.structure, _MODES)
     labels = tuple(f"mode{k}" for k in range(_MODES))
-    plant = SecondOrderModel.build(M, C, K, model.ports.congruent(shapes), labels).to_statespace()
+    plant = SecondOrderModel.of(
+        model.structure.projected(shapes, labels), model.ports.congruent(shapes)
+    ).to_statespace()
     corner, stiffness = 60.0, 300.0
     eye = np.eye(2)
     law = control.ss(

@@ -212,14 +212,14 @@ def _shape_model(p: BoomParameters) -> tuple[SecondOrderModel, Array]:
     )
     E = np.zeros((len(places), len(ACTUATORS)))
     ports = replace(ports, E=(E, E, E), bandwidths=(None,) * len(places))
-    return model.with_ports(ports), _attached(p, _SHAPE_ELEMENTS)
+    return SecondOrderModel.of(model.structure, ports), _attached(p, _SHAPE_ELEMENTS)
 
 
 def _mode_shapes(p: BoomParameters) -> tuple[MachineMotion, ...]:
     """Return the first five modes, platform held; shapes undamped, frequencies and damping of the damped system."""
     model, x = _shape_model(p)
-    _, shapes = undamped_modes(model, _MODES)
-    poles = damped_poles(model, _MODES)
+    _, shapes = undamped_modes(model.structure, _MODES)
+    poles = damped_poles(model.structure, _MODES)
     motions = []
     for k, pole in enumerate(poles):
         w = model.ports.L[0] @ shapes[:, k]
@@ -236,7 +236,7 @@ def _driven(p: BoomParameters, exact: Array) -> tuple[MachineMotion, ...]:
     model, x = _shape_model(p)
     motions = []
     for title, freq, sides in (("yaw", exact[0], (-1.0, 1.0)), ("jolt", exact[1], (1.0, 1.0))):
-        response = direct_response(model, np.array([2 * np.pi * freq]))[:, :, 0]
+        response = direct_response(model.structure, model.ports, np.array([2 * np.pi * freq]))[:, :, 0]
         d = np.array(sides)
         w = response @ d
         turn = (d[1] - d[0]) / p.actuator_distance

@@ -133,7 +133,7 @@ def matched_force(jolt: SecondOrderModel, damping: float, amplitude: float) -> t
     amplitude : float
         Of the input of the half model [m].
     """
-    poles = damped_poles(jolt, 2)
+    poles = damped_poles(jolt.structure, 2)
     omega = float(poles[np.argmax(-poles.real / np.abs(poles))].imag)
     slip = amplitude * abs(complex(receptances(jolt, np.array([omega]), ["actuator_sym"], ["cradle_slip"])[0, 0, 0]))
     return 0.25 * np.pi * omega * damping * slip, omega / (2.0 * np.pi)
@@ -183,7 +183,7 @@ def friction_study(
 def _frequencies(*models: SecondOrderModel) -> Array:
     """Return frequencies that resolve the resonances of some models."""
     wide = 2.0 * np.pi * np.geomspace(*_SPAN_HZ, 400)
-    poles: Array = np.concatenate([damped_poles(model, 3) for model in models])
+    poles: Array = np.concatenate([damped_poles(model.structure, 3) for model in models])
     near = (poles.imag[:, None] - poles.real[:, None] * np.linspace(-6.0, 6.0, 25)).ravel()
     both = np.unique(np.concatenate([wide, near]))
     return both[(both >= wide[0]) & (both <= wide[-1])]

@@ -25,7 +25,7 @@ def friction_numbers(study: BoomFriction) -> dict[str, Any]:
     }
 
 
-def friction_section(study: BoomFriction, picture: bytes) -> Section:
+def friction_section(study: BoomFriction, picture: Picture) -> Section:
     """Return text, table and picture."""
     low, high = BAND_HZ
     text = (
@@ -45,6 +45,5 @@ def friction_section(study: BoomFriction, picture: bytes) -> Section:
     )
     lines = tuple((name, f"{value:.2f}") for name, value in study.numbers().items())
     caption = f"Lower singular value over the linear one, mean from {low:g} to {high:g} Hz; measured: below 1."
-    shown = "Singular values of jolt and yaw. Lines: describing function; circles: stepped sine on the nonlinear model."
     table = Table(("reading of the friction", "ratio"), lines, caption)
-    return Section("Friction in the cradle", (text, verdict), (table,), (Picture(picture, "svg", shown),))
+    return Section("Friction in the cradle", (text, verdict), (table,), (picture,))

@@ -1,19 +1,16 @@
-"""The report of the boom: pictures, tables, ``results.json`` and ``report.html``."""
+"""Anthonis & Ramon (2003), reproduced: tables and pictures beside what was published."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from boomctl.analysis import MeasuredCurve
 from boomctl.boom import BoomParameters
-from boomctl.files import prepared_folder, write_json, write_whole
 from boomctl.papers.anthonis_ramon.figures import BoomReproduction, compute
 from boomctl.papers.anthonis_ramon.friction import BoomFriction
 from boomctl.papers.anthonis_ramon.friction_section import friction_numbers, friction_section, studied
-from boomctl.report import Picture, Section, Table, html_report
+from boomctl.report import Picture, Report, Section, Table
 
 _LEAD = (
     "Eigenfrequencies and singular values of the horizontal motion of a 12 m spray boom, from the parameters of Anthonis"
@@ -46,118 +43,86 @@ _CONVERGENCE = (
 )
 
 
-@dataclass(frozen=True)
-class _Files:
-    """Pictures by name, as SVG and PNG, and the animation."""
-
-    svg: dict[str, bytes]
-    png: dict[str, bytes]
-    gif: bytes
+STEPS = 6  # what `reproduction` tells of: four parts of the figures, friction, pictures
 
 
-def run(
-    out: str | Path,
+def reproduction(
     parameters: BoomParameters | None = None,
     measured: MeasuredCurve | None = None,
     progress: Callable[[str], None] | None = None,
-) -> dict[str, Any]:
-    """Compute the paper's results, write pictures, ``results.json`` and ``report.html`` into ``out``, return the results.
+) -> Report:
+    """Compute the paper's results and return their report.
 
     Parameters
     ----------
-    out : path
-        Folder; made if need be.
     parameters : BoomParameters, optional
         By default Table 2.
     measured : MeasuredCurve, optional
         A measured sigma curve, laid over Fig. 3.
     progress : callable, optional
         Told in a few words what is being done.
-
-    Raises
-    ------
-    OSError
-        ``out`` cannot be written to; nothing is computed then.
     """
-    folder = prepared_folder(out)
     p = BoomParameters() if parameters is None else parameters
     tell: Callable[[str], None] = (lambda text: None) if progress is None else progress
-    result = compute(p, progress)
+    result = compute(p, tell)
     tell("friction in the cradle")
     friction = studied(p, lambda text: None)
     tell("pictures and report")
-    files = _draw(result, p, measured, friction)
-    summary = {**_summary(result), "friction": friction_numbers(friction)}
-    for name, content in files.svg.items():
-        write_whole(folder / f"{name}.svg", content)
-    for name, content in files.png.items():
-        write_whole(folder / f"{name}.png", content)
-    write_whole(folder / "boom_motion.gif", files.gif)
-    write_json(folder / "results.json", summary)
-    report = html_report("The spray boom of Anthonis & Ramon (2003)", _LEAD, _sections(result, files, friction))
-    write_whole(folder / "report.html", report)
-    return summary
+    results = {**_results(result), "friction": friction_numbers(friction)}
+    sections = _sections(result, p, measured, friction)
+    return Report("The spray boom of Anthonis & Ramon (2003)", (_LEAD,), sections, results)
 
 
-def _draw(
+def _sections(
     result: BoomReproduction, p: BoomParameters, measured: MeasuredCurve | None, friction: BoomFriction
-) -> _Files:
-    from boomctl.plotting import figure_bytes
+) -> tuple[Section, ...]:
+    from boomctl.plotting import picture
     from boomctl.plotting.boom import animation_gif, draw_convergence, draw_figure_3, draw_modes
     from boomctl.plotting.friction import draw_friction
 
-    figures = {
-        "boom_figure_3": draw_figure_3(result.sigma, result.measured_hz, result.deviation, measured),
-        "boom_convergence": draw_convergence(result.convergence),
-        "boom_modes": draw_modes(result.modes, p),
-        "boom_friction": draw_friction(friction),
-    }
-    svg = {name: figure_bytes(figure, "svg") for name, figure in figures.items()}
-    png = {name: figure_bytes(figure, "png") for name, figure in figures.items()}
-    return _Files(svg, png, animation_gif(result.driven, p))
-
-
-def _sections(result: BoomReproduction, files: _Files, friction: BoomFriction) -> list[Section]:
-    curves = Table(
-        ("curve", "peak [m/m]", "at [Hz]", "certified", "upper bound"),
-        tuple(
-            (
-                name,
-                f"{curve.peak:.4f}",
-                f"{curve.peak_omega / (2 * np.pi):.6f}",
-                "yes" if curve.certified else "on its grid",
-                f"{curve.certificate.upper:.4f}" if curve.certified else "-",
-            )
-            for name, curve in result.sigma.items()
-        ),
-        "Largest singular value, platform actuators to tips.",
+    figure_3 = picture(
+        "boom_figure_3",
+        draw_figure_3(result.sigma, result.measured_hz, result.deviation, measured),
+        "Singular values over frequency, and their distance from exact.",
     )
-    modes = "First five modes, platform held. Shapes undamped; frequencies and damping ratios of the damped system."
-    motion = "The machine driven in yaw and in jolt at its resonances, one period, boom deflection scaled to 1 m."
-    pictures = files.svg
-    return [
+    convergence = picture("boom_convergence", draw_convergence(result.convergence), "Error over mesh size.")
+    modes = picture(
+        "boom_modes",
+        draw_modes(result.modes, p),
+        "First five modes, platform held. Shapes undamped; frequencies and damping ratios of the damped system.",
+    )
+    motion = Picture(
+        "boom_motion",
+        "The machine driven in yaw and in jolt at its resonances, one period, boom deflection scaled to 1 m.",
+        {"gif": animation_gif(result.driven, p)},
+    )
+    sines = picture(
+        "boom_friction",
+        draw_friction(friction),
+        "Singular values of jolt and yaw. Lines: describing function; circles: stepped sine on the nonlinear model.",
+    )
+    return (
         Section("Table 1: eigenfrequencies", (_TABLE_1, _GEOMETRICAL), (_table_1(result), _readings(result))),
-        Section(
-            "Fig. 3: singular values",
-            (_FIGURE_3,),
-            (curves,),
-            (
-                Picture(
-                    pictures["boom_figure_3"], "svg", "Singular values over frequency, and their distance from exact."
-                ),
-            ),
-        ),
-        Section(
-            "Convergence", (_CONVERGENCE,), (), (Picture(pictures["boom_convergence"], "svg", "Error over mesh size."),)
-        ),
-        Section(
-            "Modes and motion",
-            (),
-            (),
-            (Picture(pictures["boom_modes"], "svg", modes), Picture(files.gif, "gif", motion)),
-        ),
-        friction_section(friction, pictures["boom_friction"]),
-    ]
+        Section("Fig. 3: singular values", (_FIGURE_3,), (_peaks(result),), (figure_3,)),
+        Section("Convergence", (_CONVERGENCE,), (), (convergence,)),
+        Section("Modes and motion", (), (), (modes, motion)),
+        friction_section(friction, sines),
+    )
+
+
+def _peaks(result: BoomReproduction) -> Table:
+    lines = tuple(
+        (
+            name,
+            f"{curve.peak:.4f}",
+            f"{curve.peak_omega / (2 * np.pi):.6f}",
+            "yes" if curve.certified else "on its grid",
+            f"{curve.certificate.upper:.4f}" if curve.certified else "-",
+        )
+        for name, curve in result.sigma.items()
+    )
+    heads = ("curve", "peak [m/m]", "at [Hz]", "certified", "upper bound")
+    return Table(heads, lines, "Largest singular value, platform actuators to tips.")
 
 
 def _table_1(result: BoomReproduction) -> Table:
@@ -187,7 +152,7 @@ def _readings(result: BoomReproduction) -> Table:
     return Table(heads, tuple(lines), "Readings of the geometrical column, 20 elements [Hz].")
 
 
-def _summary(result: BoomReproduction) -> dict[str, Any]:
+def _results(result: BoomReproduction) -> dict[str, Any]:
     methods = {
         method.name: {
             "published_hz": method.published_hz,

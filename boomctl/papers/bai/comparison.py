@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from boomctl.plotting.rotating_beam import Picture
+from boomctl.plotting.rotating_beam import Chart
 
 MET = "met"
 CORRECTED = "met with corrected reading"
@@ -59,11 +59,11 @@ class Claim:
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
-    """A part of the paper: its pictures, its numbers, its statements."""
+class Part:
+    """A part of the paper: its charts, its numbers, its statements."""
 
     title: str
-    pictures: tuple[Picture, ...] = ()
+    charts: tuple[Chart, ...] = ()
     comparisons: tuple[Comparison, ...] = ()
     claims: tuple[Claim, ...] = ()
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.papers.bai.comparison import Comparison, Section, compare, judge
-from boomctl.plotting.rotating_beam import Line, Panel, Picture
+from boomctl.papers.bai.comparison import Comparison, Part, compare, judge
+from boomctl.plotting.rotating_beam import Chart, Line, Panel
 from boomctl.rotating_beam import HubBeam, HubBeamParameters, hub_beam
 
 TABLE_2 = {
@@ -26,7 +26,7 @@ LAST_DIGIT = 1.0e-4
 _MODES = 40  # clamped-free shapes converge slowly with a tip mass
 
 
-def table_2() -> Section:
+def table_2() -> Part:
     """The frequencies of the beam alone, with the factor 2 pi/6.28 that all fifteen printed ones carry."""
     rows, few = _table(_MODES), _table(5)
     slip = 2.0 * math.pi / TWO_PI_OF_THE_PAPER
@@ -44,7 +44,7 @@ def table_2() -> Section:
         for row, values in TABLE_2.items()
         for mode, printed in enumerate(values)
     ]
-    return Section("Table 2: frequencies (printed under the caption of Table 3)", comparisons=tuple(comparisons))
+    return Part("Table 2: frequencies (printed under the caption of Table 3)", comparisons=tuple(comparisons))
 
 
 def _table(modes: int) -> dict[str, Array]:
@@ -56,7 +56,7 @@ def _table(modes: int) -> dict[str, Array]:
     }
 
 
-def critical_speeds() -> Section:
+def critical_speeds() -> Part:
     """Critical speeds of TLAM, and the smallest eigenvalue of its stiffness over speed, mass and place (Fig. 9)."""
     computed = {mass: _critical(mass, None) for mass in CRITICAL_SPEEDS}
     comparisons = [_critical_speed(mass, printed, computed[mass]) for mass, printed in CRITICAL_SPEEDS.items()]
@@ -68,7 +68,7 @@ def critical_speeds() -> Section:
     by_place = tuple(
         Line(f"{mass} kg", places, np.array([_critical(mass, float(place)) for place in places])) for mass in (0.1, 0.5)
     )
-    picture = Picture(
+    chart = Chart(
         "fig-09",
         "Fig. 9. TLAM: smallest eigenvalue of its stiffness K22 over the hub speed, and the speed at which it "
         "vanishes over the place of the mass",
@@ -93,7 +93,7 @@ def critical_speeds() -> Section:
         abs(at_hub - computed[0.0]) < 1e-6 and all(bool(np.all(np.diff(line.y) < 1e-9)) for line in by_place),
         "the eigenvalue's scale depends on that of the mode shapes; its zero does not",
     )
-    return Section("Critical speeds of TLAM and Fig. 9 (section 4.4)", (picture,), tuple(comparisons), (claim,))
+    return Part("Critical speeds of TLAM and Fig. 9 (section 4.4)", (chart,), tuple(comparisons), (claim,))
 
 
 def _critical_speed(mass: float, printed: float, computed: float) -> Comparison:

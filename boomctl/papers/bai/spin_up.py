@@ -3,8 +3,8 @@
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.papers.bai.comparison import Comparison, Section, compare, judge
-from boomctl.plotting.rotating_beam import COLOURS, Line, Panel, Picture
+from boomctl.papers.bai.comparison import Comparison, Part, compare, judge
+from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
 from boomctl.rotating_beam import HubBeam, HubBeamParameters, SimulationResult, hub_beam, spin_up
 
 DURATION = 30.0
@@ -18,7 +18,7 @@ def _run(model: str, speed: float, modes: int = 5) -> SimulationResult:
     return beam.simulate(spin_up(final_speed=speed, duration=DURATION), TIME)
 
 
-def neglected_terms() -> Section:
+def neglected_terms() -> Part:
     """Fig. 3: what FOAM neglects of CFOAM, Eqs. (35) to (39) mended, with one mode at 3 rad/s."""
     full, first = (HubBeam(HubBeamParameters(), name, 1).equations for name in ("cfoam", "foam"))
     result = _run("cfoam", 3.0, modes=1)
@@ -43,7 +43,7 @@ def neglected_terms() -> Section:
         ("(f) tip displacement", "v(L) [m]", result.tip_displacement),
     )
     panels = tuple(Panel(title, "time [s]", label, (Line("", TIME, y),)) for title, label, y in curves)
-    picture = Picture(
+    chart = Chart(
         "fig-03",
         "Fig. 3. Terms of CFOAM that FOAM neglects, spin-up to 3 rad/s, one mode (scaled to 1 at the tip)",
         panels,
@@ -59,13 +59,13 @@ def neglected_terms() -> Section:
         "Eqs. (35), (36), (38), (39) as mended: the print has wrong signs and factors, and lacks terms",
         corrected=True,
     )
-    return Section("Fig. 3: neglected terms", (picture,), claims=(claim,))
+    return Part("Fig. 3: neglected terms", (chart,), claims=(claim,))
 
 
-def cfoam_and_foam() -> Section:
+def cfoam_and_foam() -> Part:
     """Fig. 4: CFOAM and FOAM agree at 3 rad/s; with the exact beam, which the paper has not."""
     runs = {"CFOAM": _run("cfoam", 3.0), "FOAM": _run("foam", 3.0), "exact": _run("geometrically-exact", 3.0)}
-    picture = Picture(
+    chart = Chart(
         "fig-04",
         "Fig. 4. Tip displacement of CFOAM and FOAM, spin-up to 3 rad/s, and their distances from the exact beam",
         (
@@ -95,14 +95,14 @@ def cfoam_and_foam() -> Section:
         gap < 1e-3,
         "equal to the width of a drawn line",
     )
-    return Section("Fig. 4: CFOAM and FOAM", (picture,), claims=(claim,))
+    return Part("Fig. 4: CFOAM and FOAM", (chart,), claims=(claim,))
 
 
-def foam_and_tlam() -> Section:
+def foam_and_tlam() -> Part:
     """Fig. 5: TLAM against FOAM at 2.8 and 3 rad/s, and below; transverse and axial."""
     foam, tlam = ({w: _run(model, w) for w in (2.0, 2.8, 3.0)} for model in ("foam", "tlam"))
     panels = tuple(panel for i, w in enumerate(foam) for panel in _pair(i + 1, w, tlam[w], foam[w]))
-    picture = Picture("fig-05", "Fig. 5. TLAM and FOAM: the tip during and after spin-up in 30 s", panels, columns=2)
+    chart = Chart("fig-05", "Fig. 5. TLAM and FOAM: the tip during and after spin-up in 30 s", panels, columns=2)
     until, far, near = tlam[3.0].small_deformation_until, *(_peak(r[3.0].tip_displacement) for r in (tlam, foam))
     claim = judge(
         "Fig. 5",
@@ -112,7 +112,7 @@ def foam_and_tlam() -> Section:
         "curves of panel (a3) leave the frame: beyond small deformation they mean nothing",
     )
     title = "Fig. 5: FOAM and TLAM (section 4.4 calls it Fig. 4)"
-    return Section(title, (picture,), _deflections(tlam[2.8], foam[2.8]), (claim,))
+    return Part(title, (chart,), _deflections(tlam[2.8], foam[2.8]), (claim,))
 
 
 def _pair(row: int, speed: float, tlam: SimulationResult, foam: SimulationResult) -> tuple[Panel, Panel]:
@@ -167,7 +167,7 @@ def _deflections(tlam: SimulationResult, foam: SimulationResult) -> tuple[Compar
     )
 
 
-def mode_by_mode() -> Section:
+def mode_by_mode() -> Part:
     """Fig. 6: the five modes of FOAM at 5 rad/s."""
     result = _run("foam", 5.0)
     tip = HubBeam(HubBeamParameters(), "foam", 5).equations.tip
@@ -185,16 +185,16 @@ def mode_by_mode() -> Section:
         bool(peaks[:2].sum() > 20.0 * peaks[2:].sum()),
         "one mode alone gives the tip to a few per cent: panel (d)",
     )
-    return Section("Fig. 6: modes of FOAM", (_fig_6(axial, transverse),), (comparison,), (claim,))
+    return Part("Fig. 6: modes of FOAM", (_fig_6(axial, transverse),), (comparison,), (claim,))
 
 
-def _fig_6(axial: Array, transverse: Array) -> Picture:
+def _fig_6(axial: Array, transverse: Array) -> Chart:
     few = tuple(
         Line(f"{n} + {n} modes", TIME, _run("foam", 5.0, modes=n).tip_displacement, style)
         for n, style in ((1, "-"), (2, "--"), (5, ":"))
     )
     sizes = _modes(np.maximum(np.abs(transverse), 1e-9))
-    return Picture(
+    return Chart(
         "fig-06",
         "Fig. 6. FOAM, spin-up to 5 rad/s: share of each mode in the tip displacement",
         (

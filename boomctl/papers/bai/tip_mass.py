@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from boomctl.papers.bai.comparison import Section, judge
-from boomctl.plotting.rotating_beam import COLOURS, Line, Panel, Picture
+from boomctl.papers.bai.comparison import Part, judge
+from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
 from boomctl.rotating_beam import HubBeamParameters, SimulationResult, hub_beam, spin_up
 
 TIME = np.linspace(0.0, 60.0, 3001)
@@ -14,7 +14,7 @@ def _run(model: str, mass: float) -> SimulationResult:
     return hub_beam(HubBeamParameters(tip_mass=mass), model, 5).simulate(spin_up(2.0, 30.0), TIME)
 
 
-def tip_mass() -> Section:
+def tip_mass() -> Part:
     """Fig. 10, at 2 rad/s: above the critical speed of TLAM with 0.5 kg, below that with 0.1 kg or none."""
     tlam, foam = ({mass: _run(model, mass) for mass in MASSES} for model in ("tlam", "foam"))
     left = tlam[0.5].small_deformation_until
@@ -44,10 +44,10 @@ def tip_mass() -> Section:
             "the mass adds a stiffness term m (r_A + l) S w^2, but it lowers the frequency in FOAM too",
         ),
     )
-    return Section("Fig. 10: tip mass", (_fig_10(tlam, foam),), claims=claims)
+    return Part("Fig. 10: tip mass", (_fig_10(tlam, foam),), claims=claims)
 
 
-def _fig_10(tlam: dict[float, SimulationResult], foam: dict[float, SimulationResult]) -> Picture:
+def _fig_10(tlam: dict[float, SimulationResult], foam: dict[float, SimulationResult]) -> Chart:
     panels = tuple(
         Panel(
             f"({letter}) tip mass {mass:g} kg",
@@ -63,7 +63,7 @@ def _fig_10(tlam: dict[float, SimulationResult], foam: dict[float, SimulationRes
         for letter, mass in zip("abc", MASSES, strict=True)
     )
     frequencies = Panel("(d) first frequency", "hub speed [rad/s]", "frequency [rad/s]", _frequency_lines())
-    return Picture(
+    return Chart(
         "fig-10",
         "Fig. 10. TLAM and FOAM with a tip mass, spin-up to 2 rad/s in 30 s; first frequency over the hub speed",
         (*panels, frequencies),

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.papers.bai.comparison import Comparison, Section, compare, judge
-from boomctl.plotting.rotating_beam import COLOURS, Line, Panel, Picture
+from boomctl.papers.bai.comparison import Comparison, Part, compare, judge
+from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
 from boomctl.rotating_beam import HubBeamParameters, SimulationResult, hub_beam, sine_torque
 
 PERIOD = 10.0
@@ -31,7 +31,7 @@ def _run(model: str, amplitude: float, modes: int = 5, tip_mass: float = 0.0) ->
     return beam.simulate(sine_torque(amplitude=amplitude, period=PERIOD, duration=PERIOD), TIME, rtol=1e-6)
 
 
-def inertia_torque() -> Section:
+def inertia_torque() -> Part:
     """Fig. 7 and Table 3: the term Q_theta that SFOAM leaves out."""
     foam = {amplitude: _run("foam", amplitude) for amplitude in TABLE_3}
     largest = {amplitude: float(np.max(np.abs(r.inertia_torque))) for amplitude, r in foam.items()}
@@ -53,7 +53,7 @@ def inertia_torque() -> Section:
         "it grows about as the cube of the torque",
     )
     title = "Table 3 (printed under the caption of Table 2) and Fig. 7"
-    return Section(title, (_fig_7(foam[400.0], largest),), (*_table_3(largest), share), (claim,))
+    return Part(title, (_fig_7(foam[400.0], largest),), (*_table_3(largest), share), (claim,))
 
 
 def _table_3(largest: dict[float, float]) -> tuple[Comparison, ...]:
@@ -72,7 +72,7 @@ def _table_3(largest: dict[float, float]) -> tuple[Comparison, ...]:
     )
 
 
-def _fig_7(foam: SimulationResult, largest: dict[float, float]) -> Picture:
+def _fig_7(foam: SimulationResult, largest: dict[float, float]) -> Chart:
     exact = _run("geometrically-exact", 400.0)
     torques = np.array(list(TABLE_3))
     published = np.array([mended or printed for printed, mended in TABLE_3.values()])
@@ -84,7 +84,7 @@ def _fig_7(foam: SimulationResult, largest: dict[float, float]) -> Picture:
         Line("FOAM", torques, np.array([largest[torque] for torque in TABLE_3]), "o-", COLOURS["FOAM"]),
         Line("published (Table 3, 3.72e-1 for 3.72e-2)", torques, published, "x", COLOURS["TLAM"]),
     )
-    return Picture(
+    return Chart(
         "fig-07",
         "Fig. 7. Q_theta at 400 N m, and its largest value over the torque",
         (
@@ -159,7 +159,7 @@ def residual_vibration(time: Array, tip: Array, after: float, guess: float) -> R
     return Residual(float(np.hypot(cosine, sine)), best, float(np.arctan2(sine, cosine)))
 
 
-def foam_and_sfoam() -> Section:
+def foam_and_sfoam() -> Part:
     """Fig. 8: FOAM and SFOAM, with the exact beam, at 50 and 200 N m."""
     runs = {
         amplitude: {name: _run(model, amplitude, n) for name, (model, n, _) in FIG_8_MODELS.items()}
@@ -183,10 +183,10 @@ def foam_and_sfoam() -> Section:
             "'exactly the same' in print",
         ),
     )
-    return Section("Fig. 8: FOAM and SFOAM", (_fig_8(runs),), _lead_and_loss(runs[200.0]), claims)
+    return Part("Fig. 8: FOAM and SFOAM", (_fig_8(runs),), _lead_and_loss(runs[200.0]), claims)
 
 
-def _fig_8(runs: dict[float, dict[str, SimulationResult]]) -> Picture:
+def _fig_8(runs: dict[float, dict[str, SimulationResult]]) -> Chart:
     panels = []
     for letter, (amplitude, by_model) in zip("ab", runs.items(), strict=True):
         foam = by_model["FOAM"].tip_displacement
@@ -199,7 +199,7 @@ def _fig_8(runs: dict[float, dict[str, SimulationResult]]) -> Picture:
         )
         panels.append(Panel(f"({letter}) {amplitude:g} N m", "time [s]", "v(L) [m]", lines, legend="lower right"))
         panels.append(Panel(f"({letter}') difference from FOAM", "time [s]", "Δv(L) [mm]", apart))
-    return Picture("fig-08", "Fig. 8. Tip displacement of FOAM and SFOAM", tuple(panels), columns=2)
+    return Chart("fig-08", "Fig. 8. Tip displacement of FOAM and SFOAM", tuple(panels), columns=2)
 
 
 def _lead_and_loss(runs: dict[str, SimulationResult]) -> tuple[Comparison, ...]:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.papers.bai.comparison import ADDED, Claim, Section
-from boomctl.plotting.rotating_beam import COLOURS, Line, Panel, Picture
+from boomctl.papers.bai.comparison import ADDED, Claim, Part
+from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
 from boomctl.rotating_beam import HubBeamParameters, SimulationError, hub_beam, sine_torque
 
 MODELS = {
@@ -104,7 +104,7 @@ def leaves(torques: Array, errors: Array, threshold: float) -> float:
     return float(np.exp(np.log(torques[k - 1]) + share * np.log(torques[k] / torques[k - 1])))
 
 
-def section(data: Validity) -> Section:
+def section(data: Validity) -> Part:
     """The picture and what it says."""
     levels = tuple((threshold, f"{100 * threshold:g} %") for threshold in THRESHOLDS)
     styles = {"SFOAM, consistent": "s--", "FOAM": "^:", "TLAM": "o-", "SFOAM": "v-", "CFOAM": "D-"}
@@ -126,7 +126,7 @@ def section(data: Validity) -> Section:
             xticks=(5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 400.0, 800.0),
         )
 
-    picture = Picture(
+    chart = Chart(
         "validity",
         "Not in the paper: where each model leaves the geometrically exact beam; sine torque of 10 s, 8 modes",
         (panel("(a) whole motion, 30 s", data.whole), panel("(b) residual vibration, 10 to 30 s", data.residual)),
@@ -142,7 +142,7 @@ def section(data: Validity) -> Section:
         )
         for label in data.whole
     )
-    return Section("Where each model stops being true", (picture,), claims=claims)
+    return Part("Where each model stops being true", (chart,), claims=claims)
 
 
 def _kinds(data: Validity) -> tuple[tuple[str, dict[str, Array]], ...]:

@@ -23,7 +23,7 @@ from boomctl.rotating_beam.exact.statics import (
     transverse_frequencies,
 )
 from boomctl.rotating_beam.manoeuvres import PrescribedMotion, Torque, TorqueDriven
-from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.parameters import HubBeamParameters, described
 from boomctl.rotating_beam.result import Details, SimulationResult, small_deformation_until
 from boomctl.rotating_beam.validation import mode_count, state_vector, time_points
 
@@ -62,6 +62,9 @@ class GeometricallyExactBeam:
     def __post_init__(self) -> None:
         if mode_count(self.modes) > MOST_MODES:
             raise ValueError(f"modes = {self.modes!r}: expected 1 to {MOST_MODES} polynomials a span")
+
+    def __repr__(self) -> str:
+        return described("GeometricallyExactBeam", self.model, self.modes, self.state_names, self.parameters)
 
     @property
     def model(self) -> str:
@@ -266,7 +269,7 @@ class GeometricallyExactBeam:
         control.StateSpace
             Input ``torque``; outputs ``hub_angle``, ``hub_speed`` and ``tip_displacement``, all as deviations.
         """
-        import control
+        from boomctl.lti.python_control import control
 
         state = self.steady_state(hub_speed)
         mass, gyroscopic, stiffness = small_motion(self.dynamics, hub_speed)
@@ -298,24 +301,24 @@ class GeometricallyExactBeam:
             Input ``torque``; outputs ``hub_angle``, ``hub_speed`` and ``tip_displacement``. Axial motion
             makes it stiff: give ``control.input_output_response`` an implicit ``solve_ivp_method``.
         """
-        import control
-
-        size, dynamics = self.basis.coordinates, self.dynamics
-
-        def rates(t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
-            return np.concatenate([x[size:], dynamics.acceleration(x[:size], x[size:], float(np.ravel(u)[0]))])
-
-        def outputs(t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
-            return np.array([x[0], x[size], np.imag(dynamics.tip(x[:size]))])
+        from boomctl.lti.python_control import control
 
         return control.nlsys(
-            rates,
-            outputs,
+            self._rates,
+            self._outputs,
             inputs=["torque"],
             outputs=["hub_angle", "hub_speed", "tip_displacement"],
             states=list(self.state_names),
             name="hub_beam_geometrically_exact",
         )
+
+    def _rates(self, t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
+        size = self.basis.coordinates
+        return np.concatenate([x[size:], self.dynamics.acceleration(x[:size], x[size:], float(np.ravel(u)[0]))])
+
+    def _outputs(self, t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
+        size = self.basis.coordinates
+        return np.array([x[0], x[size], np.imag(self.dynamics.tip(x[:size]))])
 
 
 def _drive(manoeuvre: PrescribedMotion | TorqueDriven) -> Drive:

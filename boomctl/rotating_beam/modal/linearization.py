@@ -1,6 +1,7 @@
 """The hub-beam as python-control systems: nonlinear, linearised, and a linear family over the hub speed."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,19 +31,19 @@ def to_nlsys(name: str, equations: Equations, states: tuple[str, ...]) -> "contr
     states : tuple of str
         Names of the states.
     """
-    import control
+    from boomctl.lti.python_control import control
 
+    names = {"inputs": list(INPUTS), "outputs": list(OUTPUTS), "states": list(states), "name": _system_name(name)}
+    return control.nlsys(partial(_rates, equations), partial(_outputs, equations), **names)
+
+
+def _rates(equations: Equations, t: float, x: Array, u: Array, params: dict) -> Array:
+    return state_derivative(equations, np.asarray(x, dtype=float), float(np.ravel(u)[0]))
+
+
+def _outputs(equations: Equations, t: float, x: Array, u: Array, params: dict) -> Array:
     size = equations.size
-
-    def update(t: float, x: Array, u: Array, params: dict) -> Array:
-        return state_derivative(equations, np.asarray(x, dtype=float), float(np.ravel(u)[0]))
-
-    def output(t: float, x: Array, u: Array, params: dict) -> Array:
-        return np.array([x[0], x[size], equations.tip.transverse @ np.asarray(x)[1:size]])
-
-    return control.nlsys(
-        update, output, inputs=list(INPUTS), outputs=list(OUTPUTS), states=list(states), name=_system_name(name)
-    )
+    return np.array([x[0], x[size], equations.tip.transverse @ np.asarray(x)[1:size]])
 
 
 def state_derivative(equations: Equations, x: Array, torque: float) -> Array:
@@ -67,7 +68,7 @@ def state_derivative(equations: Equations, x: Array, torque: float) -> Array:
 
 def linearize(beam: "HubBeam", speed: float) -> "control.StateSpace":
     """Linearise about steady rotation at a hub speed [rad/s]; see `HubBeam.linearize`."""
-    import control
+    from boomctl.lti.python_control import control
 
     equations = beam.equations
     if beam.has_axial_modes:
@@ -98,6 +99,9 @@ class HubSpeedFamily:
     """
 
     beam: "HubBeam"
+
+    def __repr__(self) -> str:
+        return f"HubSpeedFamily: linear models over the hub speed\n  {self.beam!r}"
 
     def at(self, hub_speed: float) -> "control.StateSpace":
         """Linear model at a hub speed [rad/s]; as `HubBeam.linearize`."""

@@ -6,7 +6,7 @@ stationary solution at the end state, whose gain also serves after the end. All 
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from boomctl.checks import nonnegative, positive
 from boomctl.slew.least_time.stepping import shooting_step
 from boomctl.slew.plant import Plant, plant_of
 from boomctl.slew.result import SlewError, SlewResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +60,12 @@ class TrackingResult:
     tip_swing: float
     open_tip_swing: float
 
-    def plot(self) -> Any:
+    def __repr__(self) -> str:
+        angle = f"final angle error {self.final_angle_error:.3g} rad, in open loop {self.open_final_angle_error:.3g}"
+        swing = f"tip swing {self.tip_swing:.3g} m, in open loop {self.open_tip_swing:.3g}"
+        return f"TrackingResult: tip mass {self.tip_mass:.4g} kg\n  {angle}\n  {swing}"
+
+    def plot(self) -> "Figure":
         """Draw angle, tip and torque over time; returns a matplotlib figure."""
         return import_module("boomctl.plotting").plot_tracking(self)
 

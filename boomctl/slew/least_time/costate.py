@@ -2,14 +2,18 @@
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.printing import count
 from boomctl.slew.least_time.arcs import course, stretches
 from boomctl.slew.reference import guess_from, typical_sizes
 from boomctl.slew.result import SlewResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _SAMPLES = 200
 _STEPS = 1500
@@ -39,12 +43,16 @@ class SwitchingCurve:
     switches: Array
     torque_limit: float
 
+    def __repr__(self) -> str:
+        agree = f"{self.agreement:.4%} of the time the torque has its sign"
+        return f"SwitchingCurve: {count(len(self.switches), 'switch', 'switches')} in {self.time[-1]:.6g} s; {agree}"
+
     @property
     def agreement(self) -> float:
         """Share of the duration on which the torque has the sign of the switching function."""
         return float(np.mean(self.values * self.torque > 0.0))
 
-    def plot(self) -> Any:
+    def plot(self) -> "Figure":
         """Draw the switching function above the torque; returns a matplotlib figure."""
         return import_module("boomctl.plotting").plot_switching(self)
 

@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.printing import compact, listed
 from boomctl.slew.nlp.programme import prepare
 from boomctl.slew.nlp.transcription import Scheme, transcribe
 from boomctl.slew.problem import SlewProblem, slew_problem
@@ -14,6 +15,9 @@ from boomctl.slew.reference import cheapest, guess_from, typical_sizes
 from boomctl.slew.replay import end_error, played
 from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueHistory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _FLOOR = 3e-9
 
@@ -40,6 +44,8 @@ class MeshLine:
     order: float
     theory: float
 
+    __repr__ = compact
+
 
 @dataclass(frozen=True, eq=False)
 class MeshStudy:
@@ -49,7 +55,12 @@ class MeshStudy:
     intervals: Array
     lines: tuple[MeshLine, ...]
 
-    def plot(self) -> Any:
+    def __repr__(self) -> str:
+        orders = [f"{line.name}: order {line.order:.3g} (in theory {line.theory:.3g})" for line in self.lines]
+        meshes = f"{self.intervals[0]} to {self.intervals[-1]} intervals"
+        return f"MeshStudy: a slew of {self.duration:.6g} s on {meshes}\n  {listed(orders, 94)}"
+
+    def plot(self) -> "Figure":
         """Draw the errors; returns a matplotlib figure."""
         return import_module("boomctl.plotting").plot_mesh_study(self)
 

@@ -83,6 +83,11 @@ class Programme:
 
     transcription: Transcription
     solver: Any
+    tolerance: float
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle what it was made of; the solver is built anew."""
+        return prepare, (self.transcription, self.tolerance)
 
     def solve(
         self,
@@ -256,4 +261,4 @@ def prepare(transcription: Transcription, tolerance: float) -> Programme:
     options = _OPTIONS | transcription.options | {"ipopt.tol": min(1e-9, 1e-3 * tolerance)}
     if transcription.scheme.objective == "effort":  # the first guess is near enough to be left where it is
         options |= {f"ipopt.warm_start_{kind}_push": 1e-9 for kind in ("bound", "mult_bound", "slack_bound")}
-    return Programme(transcription, ca.nlpsol("slew", "ipopt", transcription.nlp, options))
+    return Programme(transcription, ca.nlpsol("slew", "ipopt", transcription.nlp, options), tolerance)

@@ -1,125 +1,145 @@
-"""Beam elements: cubic Hermite interpolation, enriched with bubbles of higher order.
+"""Beam discretisations as interchangeable parts: finite elements, high-order elements, discrete elements."""
 
-Within an element of length ``h``, ``xi`` in [-1, 1], the deflection is the Hermite cubic of the end values
-``w1, phi1, w2, phi2`` plus ``h a_k B_k(xi)``, where ``B_k'' = P_k`` (Legendre) and ``B_k`` and ``B_k'`` vanish at both
-ends, ``k = 2, 3, ...``.  The curvature is then a Legendre series whose coefficients are the element's strain modes,
-so that its stiffness matrix is diagonal in them and rigid motion strains nothing, to the last digit.
-"""
-
-from functools import cache
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import legendre
-from scipy import sparse
 
 from boomctl.arrays import Array
-from boomctl.structure.beams.discretization import BeamMesh, SectionValues, element_coordinates
+from boomctl.checks import finite_array, known, whole
+from boomctl.structure.beams.mesh import BeamMesh, SectionValues, element_mesh
+from boomctl.structure.parts import Beam
 
 
-def _bubble(k: int, derivative: int) -> Array:
-    """Return the Legendre coefficients of ``B_k`` or its derivatives."""
-    series = np.zeros(k + 3)
-    if derivative == 1:
-        series[k + 1], series[k - 1] = 1.0, -1.0
-        return series / (2 * k + 1)
-    series[k + 2] += 1.0 / (2 * k + 3)
-    series[k] -= 1.0 / (2 * k + 3) + 1.0 / (2 * k - 1)
-    series[k - 2] += 1.0 / (2 * k - 1)
-    return series / (2 * k + 1)
+@dataclass(frozen=True)
+class FiniteElements:
+    """Hermite finite elements with consistent mass.
 
-
-def shape_functions(xi: Array, h: float, order: int, derivative: int) -> Array:
-    """Return deflection (``derivative`` 0) or slope (1) of ``w1, phi1, w2, phi2, bubbles`` at ``xi``, one line each.
-
-    Source: Anthonis & Ramon (2003), Eq. (13), for the first four.
-    """
-    t = 0.5 * (1.0 + xi)
-    if derivative == 0:
-        lines = [1 - 3 * t**2 + 2 * t**3, h * (t - 2 * t**2 + t**3), 3 * t**2 - 2 * t**3, h * (t**3 - t**2)]
-        lines += [h * legendre.legval(xi, _bubble(k, 0)) for k in range(2, order - 1)]
-    else:
-        lines = [(6 * t**2 - 6 * t) / h, 1 - 4 * t + 3 * t**2, (6 * t - 6 * t**2) / h, 3 * t**2 - 2 * t]
-        lines += [2.0 * legendre.legval(xi, _bubble(k, 1)) for k in range(2, order - 1)]
-    return np.array(lines)
-
-
-@cache
-def _reference_mass(order: int) -> Array:
-    xi, weight = legendre.leggauss(order + 1)
-    shapes = shape_functions(xi, 1.0, order, 0)
-    matrix = 0.5 * (shapes * weight) @ shapes.T
-    matrix[:4, :4] = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) / 420.0
-    matrix.setflags(write=False)
-    return matrix
-
-
-def reference_mass(order: int) -> Array:
-    """Return the mass matrix of an element of unit length and unit mass, consistent with its shape functions."""
-    return _reference_mass(order)
-
-
-def _scatter(blocks: Array, rows: Array, columns: Array, shape: tuple[int, int]) -> sparse.csr_array:
-    """Add blocks (element, i, j) into a sparse matrix at ``rows[element, i]``, ``columns[element, j]``."""
-    i = np.broadcast_to(rows[:, :, None], blocks.shape).ravel()
-    j = np.broadcast_to(columns[:, None, :], blocks.shape).ravel()
-    return sparse.coo_array((blocks.ravel(), (i, j)), shape=shape).tocsr()
-
-
-def _strain_blocks(h: Array, order: int) -> Array:
-    """Return, for each element, the strain modes as rows over ``w1, phi1, w2, phi2, bubbles``."""
-    modes = order - 1
-    blocks = np.zeros((len(h), modes, order + 1))
-    blocks[:, 0, [1, 3]] = -1.0, 1.0
-    blocks[:, 1, [1, 3]] = 1.0
-    blocks[:, 1, 0], blocks[:, 1, 2] = 2.0 / h, -2.0 / h
-    for k in range(2, modes):
-        blocks[:, k, k + 2] = 1.0
-    return blocks
-
-
-def element_mesh(nodes: Array, section: SectionValues, order: int, mass: str = "hermite") -> BeamMesh:
-    """Return the mesh of elements between ``nodes``.
+    What is attached inside an element acts on its interpolated displacement.
 
     Parameters
     ----------
-    nodes : ndarray
-        Node stations [m].
-    section : SectionValues
-        Section properties of each element.
+    elements : int or sequence of float
+        A number of equal elements, or node stations from the beam's start [m].
     order : int
-        3 for cubic elements, more for bubbles.
-    mass : "hermite", "linear" or "lumped"
-        Consistent mass; that of linear interpolation; half of each element concentrated at either node.
+        Polynomial order within an element: 3 (cubic, the default) to 20.
     """
-    h, count, per_node = np.diff(nodes), len(nodes) - 1, order - 1
-    size = per_node * count + 2
-    place = per_node * np.arange(count)[:, None] + element_coordinates(order)[None, :]
-    scale = np.ones((count, order + 1))
-    scale[:, [1, 3]] = h[:, None]
-    scale[:, 4:] = h[:, None]
-    if mass == "hermite":
-        reference = reference_mass(order)
-    else:
-        reference = np.zeros((order + 1, order + 1))
-        reference[np.ix_([0, 2], [0, 2])] = (
-            [[1 / 3, 1 / 6], [1 / 6, 1 / 3]] if mass == "linear" else [[0.5, 0], [0, 0.5]]
-        )
-    blocks = (section.mass_per_length * h)[:, None, None] * scale[:, :, None] * reference * scale[:, None, :]
-    line = np.arange(count * per_node).reshape(count, per_node)
-    legendre_norm = np.array([1.0, 3.0] + [16.0 / (2 * k + 1) for k in range(2, per_node)])
-    stiffness = ((section.bending_stiffness / h)[:, None] * legendre_norm).ravel()
-    names = [f"{letter}{i}" for i in range(count + 1) for letter in _letters(per_node)][:size]
-    return BeamMesh(
-        nodes=nodes,
-        names=tuple(names),
-        mass=_scatter(blocks, place, place, (size, size)),
-        strain=_scatter(_strain_blocks(h, order), line, place, (count * per_node, size)),
-        stiffness=stiffness,
-        damping=stiffness * np.repeat(section.damping, per_node),
-        massless=np.arange(1, size, 2) if mass != "hermite" else np.array([], dtype=np.intp),
-        order=order,
-    )
+
+    elements: int | tuple[float, ...] = 6
+    order: int = 3
+
+    def __post_init__(self) -> None:
+        if isinstance(self.elements, (int, np.integer)):
+            whole("elements", self.elements)
+        if not 3 <= whole("order", self.order, least=3) <= 20:
+            raise ValueError(f"order = {self.order}: expected 3 to 20")
+
+    def mesh(self, beam: Beam, attachments: Sequence[float]) -> BeamMesh:
+        """Return the mesh of ``beam``; ``attachments`` need not be nodes."""
+        nodes = element_nodes(beam, self.elements)
+        return element_mesh(nodes, section_values(beam, nodes), self.order)
 
 
-def _letters(per_node: int) -> tuple[str, ...]:
-    return ("w", "phi", *(f"b{k}_" for k in range(2, per_node)))
+@dataclass(frozen=True)
+class DiscreteElements:
+    """Discrete elements: massless cubic beam elements between mass allocation points.
+
+    Whatever is attached to the beam must be at a mass allocation point (Anthonis & Ramon 2003, section 4).
+
+    Parameters
+    ----------
+    elements : int or sequence of float
+        A number of elements, shared out among the intervals between attachments by their length, or node stations [m].
+    mass : "hermite", "linear" or "lumped"
+        How mass is allocated: through Hermitian interpolation, through linear interpolation, or geometrically,
+        half of each element to either of its ends.
+    """
+
+    elements: int | tuple[float, ...] = 6
+    mass: str = "hermite"
+
+    def __post_init__(self) -> None:
+        if isinstance(self.elements, (int, np.integer)):
+            whole("elements", self.elements)
+        known("mass allocation", self.mass, ("hermite", "linear", "lumped"))
+
+    def mesh(self, beam: Beam, attachments: Sequence[float]) -> BeamMesh:
+        """Return the mesh of ``beam``; each of ``attachments`` must be a node or becomes one.
+
+        Raises
+        ------
+        ValueError
+            An attachment is not at one of the node stations given, or there are fewer elements than intervals.
+        """
+        if isinstance(self.elements, (int, np.integer)):
+            marks = element_nodes(beam, (0.0, *distinct(attachments, beam.length), beam.length))
+            why = f"beam {beam.name!r} has {len(marks) - 1} intervals between attachments"
+            nodes = shared_out(marks, whole("elements", self.elements), why)
+        else:
+            nodes = element_nodes(beam, self.elements)
+        for station in attachments:
+            if np.abs(nodes - station).min() > 1e-9 * beam.length:
+                raise ValueError(
+                    f"discrete elements of beam {beam.name!r}: something is attached at station {station:g} m,"
+                    " which is not a mass allocation point; expected a node there"
+                )
+        return element_mesh(nodes, section_values(beam, nodes), 3, self.mass)
+
+
+def distinct(stations: Sequence[float], length: float) -> list[float]:
+    """Return the stations inside the beam, those closer than rounding counted once."""
+    kept: list[float] = []
+    for station in sorted(stations):
+        if 1e-9 * length < station < (1.0 - 1e-9) * length and (not kept or station - kept[-1] > 1e-9 * length):
+            kept.append(station)
+    return kept
+
+
+def section_values(beam: Beam, nodes: Array) -> SectionValues:
+    """Return the section properties of ``beam`` in each interval between ``nodes``."""
+    ends = np.cumsum([section.length for section in beam.sections])
+    which = np.minimum(np.searchsorted(ends, 0.5 * (nodes[1:] + nodes[:-1])), len(beam.sections) - 1)
+
+    def of(attribute: str) -> Array:
+        return np.array([getattr(section, attribute) for section in beam.sections])[which]
+
+    return SectionValues(of("mass_per_length"), of("bending_stiffness"), of("damping"))
+
+
+def element_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
+    """Return node stations: ``elements`` equal elements, or those given; section ends are nodes in any case.
+
+    On a stepped beam a number of elements is shared out among the sections by their length.
+
+    Raises
+    ------
+    ValueError
+        Fewer elements than sections; stations not ascending or not from 0 to the beam's length.
+    """
+    length = beam.length
+    ends = np.cumsum([section.length for section in beam.sections])[:-1]
+    if isinstance(elements, (int, np.integer)):
+        marks = np.concatenate([[0.0], ends, [length]])
+        return shared_out(marks, whole("elements", elements), f"beam {beam.name!r} has {len(marks) - 1} sections")
+    nodes = finite_array(f"node stations of beam {beam.name!r}", np.asarray(elements), ndim=1)
+    if len(nodes) < 2 or not (np.diff(nodes) > 0.0).all():
+        raise ValueError(f"node stations of beam {beam.name!r}: expected at least two, ascending")
+    if abs(nodes[0]) > 1e-9 * length or abs(nodes[-1] - length) > 1e-9 * length:
+        span = f"run from {nodes[0]:g} to {nodes[-1]:g} m"
+        raise ValueError(f"node stations of beam {beam.name!r} {span}; expected 0 to {length:g} m")
+    missing = [end for end in ends if np.abs(nodes - end).min() > 1e-9 * length]
+    return np.sort(np.concatenate([nodes, missing]))
+
+
+def shared_out(marks: Array, elements: int, why: str) -> Array:
+    """Return nodes of ``elements`` elements, equal between ``marks`` and as alike as can be among the intervals."""
+    widths = np.diff(marks)
+    if elements < len(widths):
+        raise ValueError(f"elements = {elements}: {why}, expected at least as many elements")
+    shares = np.ones(len(widths), dtype=int)
+    for _ in range(elements - len(widths) if len(widths) > 1 else 0):
+        shares[np.argmax(widths / shares)] += 1
+    if len(widths) == 1:
+        shares[0] = elements
+    pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(marks[:-1], marks[1:], shares, strict=True)]
+    return np.concatenate([*pieces, marks[-1:]])

@@ -1,16 +1,20 @@
 """ExactModel: rigid bodies and springs as matrices, beams as exact dynamic stiffness, at any frequency."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.structure.beams.batched import solve_symmetric
 from boomctl.structure.beams.dynamic_stiffness import Segment, clamped_count, end_functions, segment_coefficients
 from boomctl.structure.elimination import Elimination, eliminate
+from boomctl.structure.matrices import dense
 from boomctl.structure.ports import Ports
-from boomctl.structure.symmetry import Mirror
+from boomctl.structure.symmetry import TOLERANCE, Mirror
+
+_RESIDUAL = 1e-11  # of an equation's terms; where elimination leaves more, LAPACK solves anew (a choice)
+
+Entries = Mapping[tuple[int, int], Array]
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,7 @@ class ExactModel:
         S = np.zeros((len(mirror.partner), len(mirror.partner)))
         S[np.arange(len(S)), mirror.partner] = mirror.sign
         change = np.abs(S @ system.D @ S.T - system.D).max(axis=(1, 2))
-        return replace(self, mirror=mirror) if (change <= 1e-9 * np.abs(system.D).max(axis=(1, 2))).all() else bare
+        return replace(self, mirror=mirror) if (change <= TOLERANCE * np.abs(system.D).max(axis=(1, 2))).all() else bare
 
     def prepared(self, inputs: Sequence[str], outputs: Sequence[str]) -> "PreparedResponse":
         """Return what of the frequency response does not depend on frequency; symmetric structures in halves."""
@@ -87,7 +91,7 @@ class ExactModel:
             if ins is None or outs is None:
                 return replace(self, mirror=None).prepared(inputs, outputs)
             if ins[0].shape[1] and outs[0].shape[1]:
-                half = whole.half(self.mirror.basis(parity).toarray(), ins[0], outs[0])
+                half = whole.half(dense(self.mirror.basis(parity)), ins[0], outs[0])
                 parts.append((half.solver(), outs[0][: shape[0]], ins[0][: shape[1]]))
         if self.mirror is None:
             parts = [(whole.solver(), np.eye(shape[0]), np.eye(shape[1]))]
@@ -185,7 +189,7 @@ class _System:
         rows += list(np.einsum("i,fij->jf", weights, self.D))
         rows += list(np.moveaxis(self.B, 0, 2).reshape(-1, len(self.B)))
         rows += list(np.einsum("i,fim->mf", weights, self.B))
-        return _Solver(n, self.B.shape[2], places, np.array(rows), self.L, self.E)
+        return _Solver(n=n, inputs=self.B.shape[2], places=places, coefficients=np.array(rows), L=self.L, E=self.E)
 
 
 def _combined(coefficients: Array, values: Array) -> Array:
@@ -288,3 +292,74 @@ class PreparedResponse:
         for batch in self.batches:
             batch.add(functions, total)
         return total.reshape(*self.shape, -1)
+
+
+def solve_symmetric(n: int, D: Entries, B: list[Array], check: Array, check_B: Array) -> list[Array]:
+    """Solve ``D(f) X(f) = B(f)`` for each frequency ``f``.
+
+    Parameters
+    ----------
+    n : int
+        Number of equations.
+    D : mapping from (i, j), i >= j, to (N,) arrays
+        Lower triangle of a complex symmetric matrix at ``N`` frequencies; entries not there are zero.
+    B : list of (m, N) arrays
+        Right-hand sides, one item an equation.
+    check : (n, N) array
+    check_B : (m, N) array
+        A weighted sum of all equations, left and right side.
+    """
+    X = _eliminate(n, D, B)
+    bad = ~(_residual(X, check, check_B) <= _RESIDUAL)
+    if bad.any():
+        _by_lapack(n, D, X, B, bad)
+    return X
+
+
+def _eliminate(n: int, D: Entries, B: list[Array]) -> list[Array]:
+    A, rhs = dict(D), list(B)
+    inverse: list[Array] = []
+    factors: list[list[tuple[int, Array]]] = []
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for k in range(n):
+            inverse.append(1.0 / A[k, k])
+            later = [i for i in range(k + 1, n) if (i, k) in A]
+            factors.append([(i, A[i, k] * inverse[k]) for i in later])
+            for place, (i, factor) in enumerate(factors[k]):
+                for j in later[: place + 1]:
+                    update = factor * A[j, k]
+                    A[i, j] = A[i, j] - update if (i, j) in A else -update
+                rhs[i] = rhs[i] - factor * rhs[k]
+        for k in reversed(range(n)):
+            value = rhs[k] * inverse[k]
+            for i, factor in factors[k]:
+                value -= factor * rhs[i]
+            rhs[k] = value
+    return rhs
+
+
+def _residual(X: list[Array], check: Array, check_B: Array) -> Array:
+    """Return, for each frequency, by how much the weighted sum of equations is missed, relative to its terms."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        terms = np.array(X)
+        terms *= check[:, None, :]
+        size = _size(check_B) + _size(terms).sum(axis=0) + np.finfo(float).tiny
+        gap = terms.sum(axis=0)
+        gap -= check_B
+        return (_size(gap) / size).max(axis=0)
+
+
+def _size(value: Array) -> Array:
+    """Return ``|Re| + |Im|``, cheaper than the modulus."""
+    parts = np.abs(value.view(float))
+    return parts[..., ::2] + parts[..., 1::2]
+
+
+def _by_lapack(n: int, D: Entries, X: list[Array], B: list[Array], bad: Array) -> None:
+    full = np.zeros((int(bad.sum()), n, n), dtype=complex)
+    for (i, j), value in D.items():
+        full[:, i, j] = full[:, j, i] = value[bad]
+    rhs = np.array([b[:, bad] for b in B])
+    solved = np.linalg.solve(full, np.moveaxis(rhs, 2, 0))
+    for i in range(n):
+        X[i][:, bad] = solved[:, i].T

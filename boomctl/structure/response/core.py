@@ -7,7 +7,7 @@ output at any probe frequency and it has as many modes in the band as the struct
 basis is enriched by what was missing.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg, sparse
@@ -15,24 +15,26 @@ from scipy.linalg import lapack
 from scipy.sparse.linalg import splu
 
 from boomctl.arrays import Array, Matrix
-from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.ports import evaluate
-from boomctl.structure.response.pencil import Pencil, Solve
-from boomctl.structure.response.poles import project
+from boomctl.structure.matrices import Structure
+from boomctl.structure.ports import Ports, evaluate
+from boomctl.structure.response.pencil import Solve
 
-_SPACING = 16.0
-_WIDEST = 1e4
-_LEVELS = 2
-_ROUNDS = 6
-_TOLERANCE = 1e-10
-_DROP = 1e-12
+_SPACING = 16.0  # ratio of neighbouring shifts; cores of booms cost the same from 8 to 64 (measured)
+_WIDEST = 1e4  # ratio of the highest to the lowest shift; a structure answers as at rest below (a choice)
+_LEVELS = 2  # solutions in a row at each shift; one needs more enrichments, three make cores larger (measured on booms)
+_ROUNDS = 6  # enrichments before a core is given up (a choice; none or one does for booms)
+_TOLERANCE = 1e-10  # estimated error at the probes that ends enrichment: below _CORE_ERROR, above rounding (a choice)
+_DROP = 1e-12  # of the largest column; what is left of a column below it is rounding
+_SAMPLES = 24  # frequencies at which rounding is estimated (a choice)
+_EPS = np.finfo(float).eps  # unit in the last place: what operands are shaken by
 
 
 @dataclass(frozen=True)
 class Core:
-    """A small model whose response is that of a large one up to the estimate ``error``, relative."""
+    """A small structure whose response is that of a large one up to the estimate ``error``, relative."""
 
-    model: SecondOrderModel
+    structure: Structure
+    ports: Ports
     basis: Array
     error: float
 
@@ -52,9 +54,9 @@ def orthonormal(M: Matrix, block: Array, against: Array | None = None, drop: flo
     return kept
 
 
-def _sources(model: SecondOrderModel) -> Array:
+def _sources(ports: Ports) -> Array:
     """Return the columns through which inputs act and outputs read, each scaled to one."""
-    columns = np.hstack([*model.ports.B, *(line.T for line in model.ports.L)])
+    columns = np.hstack([*ports.B, *(line.T for line in ports.L)])
     size = np.abs(columns).max(axis=0, initial=0.0)
     return columns[:, size > 0] / size[size > 0]
 
@@ -83,31 +85,35 @@ def _span(M: Matrix, block: Array) -> Array:
     return Q if failed else lapack.dtrtrs(factor, Q.T, lower=0, trans=1)[0].T
 
 
-def build_core(model: SecondOrderModel, omega: Array) -> Core | None:
+def build_core(structure: Structure, ports: Ports, omega: Array) -> Core | None:
     """Return a core that is accurate over the frequencies ``omega`` [rad/s]; None where there is no small one.
 
-    The model's matrices must be symmetric, its mass matrix positive definite.  There is no small core for a structure
+    The structure's matrices must be symmetric, its mass matrix positive definite.  There is no small core for a structure
     with modes in the band that inputs and outputs do not show, or with very many.
     """
     top = max(float(omega.max()), 1e-2)
-    pencil = model.prepared.pencil
+    pencil = structure.pencil
     M, K = pencil.M, pencil.K
     bottom = max(float(omega[omega > 0].min(initial=top)), top / _WIDEST)
     count = 2 + int(np.ceil(np.log(top / bottom) / np.log(_SPACING)))
     shifts = np.geomspace(bottom, top * 1.2, count)
-    V = _krylov(M, [pencil.factorized(s) for s in shifts], _sources(model))
+    V = _krylov(M, [pencil.factorized(s) for s in shifts], _sources(ports))
+    core, ritz, missing = _judged(structure, ports, V, omega)
     for _ in range(_ROUNDS):
-        core = _project(model, V)
-        ritz = np.sqrt(np.maximum(linalg.eigh(core.K, core.M, eigvals_only=True, check_finite=False), 0.0))
-        error, missing = _defect(model, core, V, _probes(ritz, omega), pencil)
-        if error <= _TOLERANCE:
+        if core.error <= _TOLERANCE:
             break
         V = np.hstack([V, orthonormal(M, missing, V)])
-    else:
-        core = _project(model, V)
-        ritz = np.sqrt(np.maximum(linalg.eigh(core.K, core.M, eigvals_only=True, check_finite=False), 0.0))
-        error, _ = _defect(model, core, V, _probes(ritz, omega), pencil)
-    return Core(core, V, error) if int((ritz < top).sum()) == count_below(K - top**2 * M) else None
+        core, ritz, missing = _judged(structure, ports, V, omega)
+    return core if int((ritz < top).sum()) == count_below(K - top**2 * M) else None
+
+
+def _judged(structure: Structure, ports: Ports, V: Array, omega: Array) -> tuple[Core, Array, Array]:
+    """Return the core of a basis, its undamped frequencies, and the motions that the basis does not have."""
+    small, seen = structure.projected(V), ports.congruent(V)
+    ritz = np.sqrt(np.maximum(linalg.eigh(small.K, small.M, eigvals_only=True, check_finite=False), 0.0))
+    core = Core(small, seen, V, np.inf)
+    error, missing = _defect(structure, ports, core, _probes(ritz, omega))
+    return replace(core, error=error), ritz, missing
 
 
 def count_below(shifted: Matrix) -> int:
@@ -130,37 +136,51 @@ def _probes(ritz: Array, omega: Array) -> Array:
     return np.unique([*ends, *inside[:1]])
 
 
-def _project(model: SecondOrderModel, V: Array) -> SecondOrderModel:
-    M, K, C = project(model, V)
-    return SecondOrderModel.build(M, C, K, model.ports.congruent(V), tuple(f"v{i}" for i in range(V.shape[1])))
-
-
-def _defect(
-    model: SecondOrderModel, core: SecondOrderModel, V: Array, probes: Array, pencil: Pencil
-) -> tuple[float, Array]:
-    """Return how far the core's outputs are off at the probes, relative, and the motions that it lacks.
+def _defect(structure: Structure, ports: Ports, core: Core, probes: Array) -> tuple[float, Array]:
+    """Return how far the core's outputs are off at the probes, relative, and the motions that it does not have.
 
     The residual is put through the structure itself: a solution at real shifts would not do, for it is orthogonal to
     the residual by construction of the basis.
     """
     s = 1j * probes
-    D = (s**2)[:, None, None] * core.M + s[:, None, None] * core.C + core.K
-    X = np.linalg.solve(D, evaluate(core.ports.B, s))
-    L, E, B = evaluate(model.ports.L, s), evaluate(model.ports.E, s), evaluate(model.ports.B, s)
+    X = np.linalg.solve(core.structure.at(s), evaluate(core.ports.B, s))
+    L, E, B = evaluate(ports.L, s), evaluate(ports.E, s), evaluate(ports.B, s)
     count, r, m = X.shape
-    full: Array = V @ np.moveaxis(X, 1, 0).reshape(r, -1)  # a column for each probe and input
-    residual: Array = np.moveaxis(B, 1, 0).reshape(model.n, -1) - _force(model, full, np.repeat(s, m))
-    steps = [pencil.solved(value, residual[:, f * m : (f + 1) * m]) for f, value in enumerate(s)]
+    full: Array = core.basis @ np.moveaxis(X, 1, 0).reshape(r, -1)  # a column for each probe and input
+    residual: Array = np.moveaxis(B, 1, 0).reshape(structure.n, -1) - structure.force(full, np.repeat(s, m))
+    steps = [structure.pencil.solved(value, residual[:, f * m : (f + 1) * m]) for f, value in enumerate(s)]
     outputs = L @ np.moveaxis(full.reshape(-1, count, m), 1, 0) + E
     scale, moved = (np.abs(value).max(axis=1, initial=0.0) for value in (outputs, L @ np.array(steps)))
     worst = float((moved[scale > 0] / scale[scale > 0]).max(initial=0.0))
     return worst, np.hstack([part for step in steps for part in (step.real, step.imag)])
 
 
-def _force(model: SecondOrderModel, motion: Array, s: Array) -> Array:
-    """Return ``(s^2 M + s C + K) q`` of motions in columns, each with its ``s``; elastic forces through strains."""
-    inertia = s**2 * (model.M @ motion)
-    if model.elastic is None:
-        return inertia + model.K @ motion + s * (model.C @ motion)
-    rows = model.elastic
-    return inertia + rows.R.T @ ((rows.k[:, None] + rows.c[:, None] * s) * (rows.R @ motion))
+def rounding_estimate(structure: Structure, core: Core, omega: Array) -> float:
+    """Return the relative change of the largest output when operands change by one unit in the last place.
+
+    With strain rows it is the strains that are shaken, by the rounding of the displacements they are differences of;
+    otherwise the entries of the stiffness matrix.
+    """
+    V = core.basis
+    random = np.random.default_rng(0)
+    if structure.elastic is not None:
+        rows = structure.elastic
+        strain = rows.R @ V
+        noise = _EPS * (abs(rows.R) @ np.abs(V)) * random.uniform(-1, 1, strain.shape)
+        change = noise.T @ (rows.k[:, None] * strain)
+        change = change + change.T
+    else:
+        K = sparse.csr_array(structure.K)
+        shaken = sparse.csr_array((_EPS * K.data * random.uniform(-1, 1, len(K.data)), K.indices, K.indptr), K.shape)
+        change = V.T @ ((shaken + shaken.T) @ V)
+        diagonal = _EPS * K.diagonal()  # equal elements are rounded alike, so that their errors add up
+        aligned = V.T @ (diagonal[:, None] * V)
+        change = change + np.where(change < 0, -1.0, 1.0) * np.abs(aligned)
+    s = 1j * np.unique(np.quantile(omega, np.linspace(0, 1, _SAMPLES), method="nearest"))
+    D = core.structure.at(s)
+    B, L, E = evaluate(core.ports.B, s), evaluate(core.ports.L, s), evaluate(core.ports.E, s)
+    X = np.linalg.solve(D, B)
+    Y = L @ X + E
+    moved = L @ np.linalg.solve(D, change @ X)
+    size = np.abs(Y).max(axis=1)
+    return float((np.abs(moved).max(axis=1)[size > 0] / size[size > 0]).max(initial=0.0))

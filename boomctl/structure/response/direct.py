@@ -1,160 +1,168 @@
-"""Frequency response of a second-order model, straight from its matrices.
+"""Frequency response of a structure, straight from its matrices.
 
-A symmetric model is answered by its halves.  A small model is solved at each frequency; a large symmetric one through
-a verified Galerkin core; a large unsymmetric one by a sparse factorisation at each frequency.
+The ways, in the order tried; where one does not hold, the next one answers, and :attr:`Response.path` names those that
+did.
+
+==================  ============================================  ====================================================
+way                 where                                         why
+==================  ============================================  ====================================================
+halves              a mirror, signals in pairs of images          two structures of half the size; each goes on below
+core                18 coordinates and more, symmetric, verified  a few motions stand for all: small and dense from here
+undamped modes      small, over 4 frequencies a coordinate,       all frequencies at once; dampers as an update of low
+                    verified                                      rank (Woodbury)
+dense solutions     small                                         always holds
+sparse              18 coordinates and more, without a core       always holds; a factorisation at each frequency
+factorisations
+==================  ============================================  ====================================================
 """
 
 import warnings
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from boomctl.arrays import Array
-from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.matrices import Half, Structure, dense, halves
 from boomctl.structure.ports import Ports, evaluate
-from boomctl.structure.response.core import Core, build_core
+from boomctl.structure.response.core import build_core, rounding_estimate
 from boomctl.structure.response.modes import respond_by_modes
-from boomctl.structure.response.poles import dense
-from boomctl.structure.response.rounding import rounding_estimate
-from boomctl.structure.symmetry import half
 
-if TYPE_CHECKING:
-    import control
-
-_DIRECT = 4
-_CORE_FROM = 18
-_CORE_ERROR = 1e-8
-_FREE = 1e-13
-_STRAINS_HOLD = 1000  # strains lose a few times log10(n) digits: this far nothing that could be warned of
-_DENSE_CHECK = 1000
-_ROUNDING_LIMIT = 1e-4
-_ROUNDING_SEEN = 1e-3
-_GLANCES = 7
+_MODES_FROM = 5  # coordinates; of fewer, dense solutions are always faster (measured on booms)
+_MODES_PER_COORDINATE = 4  # frequencies a coordinate from which on modes pay, at 17 coordinates (measured on booms)
+_CORE_FROM = 18  # coordinates; of fewer, a core has as many itself; it pays from some 30 on (measured on booms)
+_CORE_ERROR = 1e-8  # estimated, relative; an answer with less stands: far below what a model is good for (a choice)
+_FREE = 1e-13  # smallest over largest singular value of a scaled stiffness; below it is rounding: a rigid-body mode
+_STRAINS_HOLD = 1000  # coordinates; strains lose a few times log10(n) digits, so that far there is nothing to warn of
+_DENSE_CHECK = 1000  # coordinates up to which a singular stiffness is looked for: a dense SVD of a second (a choice)
+_ROUNDING_LIMIT = 1e-4  # estimated rounding, relative, from which on a user is warned: it would show in a plot
+_ROUNDING_SEEN = 1e-3  # share of that limit from which on more than a few frequencies are looked at (a choice)
+_GLANCES = 7  # frequencies at which rounding is looked at first (a choice)
 
 
 class AccuracyWarning(UserWarning):
     """The estimated rounding error of a result exceeds what it is usually good for."""
 
 
-def to_frd(response: Array, omega: Array, ports: Ports) -> "control.FrequencyResponseData":
-    """Return a response (outputs, inputs, frequencies) as named python-control data."""
-    import control
+@dataclass(frozen=True)
+class Response:
+    """A frequency response, shape (outputs, inputs, frequencies), and the ways that led to it, first to last."""
 
-    return control.frd(response, omega, inputs=list(ports.inputs), outputs=list(ports.outputs), name="structure")
+    values: Array
+    path: tuple[str, ...]
 
 
-def respond(model: SecondOrderModel, omega: Array) -> Array:
-    """Return the response of all of a model's inputs and outputs, shape (outputs, inputs, frequencies).
+def respond(structure: Structure, ports: Ports, omega: Array, available: Ports | None = None) -> Response:
+    """Return the response of all inputs and outputs of a structure.
+
+    ``available`` are further signals of the structure: mirror images of those asked for are added from them, since two
+    halves cost less than the whole.
 
     Warns
     -----
     AccuracyWarning
         The rounding estimate exceeds 1e-4: the mesh is finer than double precision carries.
     """
-    symmetric, antisymmetric = half(model, 1), half(model, -1)
-    if symmetric is None or antisymmetric is None:
-        return respond_part(model, omega)
-    total = np.zeros((len(model.outputs), len(model.inputs), len(omega)), dtype=complex)
-    for part in (symmetric, antisymmetric):
-        if part.W_in.shape[1] and part.W_out.shape[1]:
-            small = respond_part(part.model, omega)
-            for o, u in zip(*np.nonzero(part.W_out), strict=True):
-                for i, v in zip(*np.nonzero(part.W_in), strict=True):
-                    total[o, i] += (part.W_out[o, u] * part.W_in[i, v]) * small[u, v]
-    return total
+    wanted, mirror = ports, structure.mirror
+    if available is not None and mirror is not None:
+        ins = mirror.completed(ports.inputs, available.inputs)
+        ports = available.select(ins, mirror.completed(ports.outputs, available.outputs))
+    parts = halves(structure, ports)
+    if parts is None:
+        found = respond_whole(structure, ports, omega)
+    else:
+        answers = [respond_whole(part.structure, part.ports, omega) for part in parts]
+        path = sum((answer.path for answer in answers), ("halves",))
+        total = np.zeros((len(ports.outputs), len(ports.inputs), len(omega)), dtype=complex)
+        for part, answer in zip(parts, answers, strict=True):
+            _add(total, part, answer.values)
+        found = Response(total, path)
+    return Response(found.values[: len(wanted.outputs), : len(wanted.inputs)], found.path)
 
 
-def respond_selected(model: SecondOrderModel, ports: Ports, omega: Array) -> Array:
-    """Return the response of some of a model's ports; mirror images are added where that halves the work."""
-    if model.mirror is None:
-        return respond(model.with_ports(ports), omega)
-    ins = model.mirror.completed(ports.inputs, model.inputs)
-    outs = model.mirror.completed(ports.outputs, model.outputs)
-    whole = respond(model.with_ports(model.ports.select(ins, outs)), omega)
-    return whole[: len(ports.outputs), : len(ports.inputs)]
+def _add(total: Array, part: Half, values: Array) -> None:
+    """Add a half's response to that of the whole."""
+    for o, u in zip(*np.nonzero(part.W_out), strict=True):
+        for i, v in zip(*np.nonzero(part.W_in), strict=True):
+            total[o, i] += (part.W_out[o, u] * part.W_in[i, v]) * values[u, v]
 
 
-def respond_part(model: SecondOrderModel, omega: Array) -> Array:
+def respond_whole(structure: Structure, ports: Ports, omega: Array) -> Response:
     """Return the response as :func:`respond` does, without looking for symmetry."""
-    if model.n < _CORE_FROM:
-        return _small(model, omega)
-    core = _core(model, omega)
+    if structure.n < _CORE_FROM:
+        return _small(structure, ports, omega)
+    core, why_not = None, "not symmetric"
+    if structure.symmetric:
+        try:
+            core, why_not = build_core(structure, ports, omega), "not one for all modes"
+        except (np.linalg.LinAlgError, RuntimeError):
+            why_not = "not definite"
     if core is None or core.error > _CORE_ERROR:
-        return _by_factorization(model, omega)
+        why_not = why_not if core is None else f"error {core.error:.1g}"
+        return Response(_by_factorization(structure, ports, omega), (f"sparse factorisations (no core: {why_not})",))
     rounding = 0.0
-    if model.elastic is None or model.n > _STRAINS_HOLD:
-        rounding = rounding_estimate(model, core, _few(omega))
+    if structure.elastic is None or structure.n > _STRAINS_HOLD:
+        rounding = rounding_estimate(structure, core, omega[_glances(len(omega))])
         if rounding > _ROUNDING_SEEN * _ROUNDING_LIMIT:
-            rounding = rounding_estimate(model, core, omega)
+            rounding = rounding_estimate(structure, core, omega)
     _warn(rounding)
-    return _small(core.model, omega)
+    small = _small(core.structure, core.ports, omega)
+    return Response(small.values, (f"core of {core.structure.n}", *small.path))
 
 
-def _few(omega: Array) -> Array:
-    return omega[np.linspace(0, len(omega) - 1, min(_GLANCES, len(omega))).astype(int)]
+def _glances(count: int) -> Array:
+    """Return the places of a few of ``count`` frequencies, the first and the last among them."""
+    return np.linspace(0, count - 1, min(_GLANCES, count)).astype(int)
 
 
-def _core(model: SecondOrderModel, omega: Array) -> Core | None:
-    """Return a core, or None for a structure that is not symmetric or not stable enough to have one."""
-    if not model.prepared.symmetric:
-        return None
-    try:
-        return build_core(model, omega)
-    except (np.linalg.LinAlgError, RuntimeError):
-        return None
-
-
-def _small(model: SecondOrderModel, omega: Array) -> Array:
-    """Return the response of a small dense model."""
+def _small(structure: Structure, ports: Ports, omega: Array) -> Response:
+    """Return the response of a small dense structure."""
     if (omega == 0.0).any():
-        _check_static(model)
-    if model.n > _DIRECT and len(omega) > 4 * model.n:
-        by_modes = respond_by_modes(model, omega)
+        _check_static(structure)
+    if structure.n >= _MODES_FROM and len(omega) > _MODES_PER_COORDINATE * structure.n:
+        by_modes = respond_by_modes(structure, ports, omega)
         if by_modes is not None:
-            return by_modes
-    return direct_response(model, omega)
+            return Response(by_modes, ("undamped modes",))
+    return Response(direct_response(structure, ports, omega), ("dense solutions",))
 
 
-def _check_static(model: SecondOrderModel) -> None:
+def _check_static(structure: Structure) -> None:
     """Raise if the structure can move freely, so that its static response is infinite."""
-    K = dense(model.K)
-    scale = np.sqrt(np.abs(np.diag(dense(model.M))))
+    K = dense(structure.K)
+    scale = np.sqrt(np.abs(np.diag(dense(structure.M))))
     scale[scale == 0.0] = 1.0
     size = np.linalg.svd(K / np.outer(scale, scale), compute_uv=False)
     if size[-1] <= _FREE * size[0]:
         raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its static response is infinite")
 
 
-def direct_response(model: SecondOrderModel, omega: Array) -> Array:
+def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
     """Return the response by a dense solution at each frequency.
 
     Raises
     ------
     ValueError
-        The model has an undamped resonance exactly at one of the frequencies.
+        The structure has an undamped resonance exactly at one of the frequencies.
     """
     s = 1j * omega
-    M, C, K = (dense(matrix) for matrix in (model.M, model.C, model.K))
-    D = (s**2)[:, None, None] * M + s[:, None, None] * C + K
     try:
-        X = np.linalg.solve(D, evaluate(model.ports.B, s))
+        X = np.linalg.solve(structure.at(s), evaluate(ports.B, s))
     except np.linalg.LinAlgError:
         raise ValueError(
             "omega hits an undamped resonance (or a rigid-body mode at 0): the response is infinite"
         ) from None
-    return _conditioned(model, s, evaluate(model.ports.L, s) @ X + evaluate(model.ports.E, s))
+    return _conditioned(ports, s, evaluate(ports.L, s) @ X + evaluate(ports.E, s))
 
 
-def _by_factorization(model: SecondOrderModel, omega: Array) -> Array:
+def _by_factorization(structure: Structure, ports: Ports, omega: Array) -> Array:
     s = 1j * omega
-    M, C, K = (sparse.csc_array(matrix) for matrix in (model.M, model.C, model.K))
-    L, E, B = evaluate(model.ports.L, s), evaluate(model.ports.E, s), evaluate(model.ports.B, s)
+    M, C, K = (sparse.csc_array(matrix) for matrix in (structure.M, structure.C, structure.K))
+    L, E, B = evaluate(ports.L, s), evaluate(ports.E, s), evaluate(ports.B, s)
     Y = np.empty(E.shape, dtype=complex)
-    if (omega == 0.0).any() and model.n <= _DENSE_CHECK:
-        _check_static(model)
-    glances = set(np.linspace(0, len(s) - 1, min(_GLANCES, len(s))).astype(int))
+    if (omega == 0.0).any() and structure.n <= _DENSE_CHECK:
+        _check_static(structure)
+    glances = set(_glances(len(s)))
     shaken = np.finfo(float).eps * np.abs(K.diagonal())[:, None]
     rounding = 0.0
     for f, value in enumerate(s):
@@ -169,7 +177,7 @@ def _by_factorization(model: SecondOrderModel, omega: Array) -> Array:
             moved = np.abs(L[f] @ solve(shaken * X)).max(axis=0, initial=0.0)
             rounding = max(rounding, float((moved[size > 0] / size[size > 0]).max(initial=0.0)))
     _warn(rounding)
-    return _conditioned(model, s, Y)
+    return _conditioned(ports, s, Y)
 
 
 def _warn(rounding: float) -> None:
@@ -178,6 +186,6 @@ def _warn(rounding: float) -> None:
         warnings.warn(f"{message}: the mesh is finer than double precision carries", AccuracyWarning, stacklevel=4)
 
 
-def _conditioned(model: SecondOrderModel, s: Array, Y: Array) -> Array:
-    after, before = model.ports.conditioning(s)
+def _conditioned(ports: Ports, s: Array, Y: Array) -> Array:
+    after, before = ports.conditioning(s)
     return np.moveaxis(after[:, :, None] * Y * before[:, None, :], 0, 2)

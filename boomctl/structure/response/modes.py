@@ -9,24 +9,27 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.ports import evaluate
+from boomctl.structure.matrices import Structure, dense
+from boomctl.structure.ports import Ports, evaluate
 
-_AGREEMENT = 1e-10
-_PROBES = 3
-_MOST_DAMPERS = 6
+_AGREEMENT = (  # with a dense solution, relative: what rounding takes of both, with room (a choice)
+    1e-10  # with a dense solution, relative, that is asked for: what both lose to rounding, with room (a choice)
+)
+_PROBES = 3  # frequencies checked beside the peaks: the first, the middle, the last (a choice)
+_MOST_DAMPERS = 6  # an update by more costs about as much as dense solutions (a choice)
+_SAME_DAMPING = 1e-13  # of the largest damper; a smaller one is rounding of the proportional damping
+_FLOOR = 1e-6  # of a row's largest value; smaller values are compared with it, since they matter to nobody (a choice)
 
 
-def respond_by_modes(model: SecondOrderModel, omega: Array) -> Array | None:
+def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array | None:
     """Return the response (outputs, inputs, frequencies), or None where this way is not accurate."""
     s = 1j * omega
-    ports = model.ports
     used_B = [k for k in range(3) if ports.B[k].any()]
     used_L = [k for k in range(3) if ports.L[k].any()]
     if not used_B or not used_L:
         return None
     columns, lines = np.hstack([ports.B[k] for k in used_B]), np.vstack([ports.L[k] for k in used_L])
-    sums = _receptance(model, lines, columns, s)
+    sums = _receptance(structure, lines, columns, s)
     if sums is None:
         return None
     p, m = len(ports.outputs), len(ports.inputs)
@@ -39,12 +42,12 @@ def respond_by_modes(model: SecondOrderModel, omega: Array) -> Array | None:
     return after.T[:, None, :] * Y * before.T[None, :, :]
 
 
-def _modes(model: SecondOrderModel) -> tuple[Array, Array, Array] | None:
+def _modes(structure: Structure) -> tuple[Array, Array, Array] | None:
     """Return modes with unit modal stiffness, their modal masses and their damping; None for a floating structure.
 
     Modes of unit stiffness keep the digits that count: the modal masses of high modes are small, as is their part.
     """
-    M, C, K = np.asarray(model.M), np.asarray(model.C), np.asarray(model.K)
+    M, C, K = (dense(matrix) for matrix in (structure.M, structure.C, structure.K))
     try:
         mass, V = linalg.eigh(M, K, check_finite=False)
     except linalg.LinAlgError:
@@ -53,16 +56,16 @@ def _modes(model: SecondOrderModel) -> tuple[Array, Array, Array] | None:
     return V, mass, 0.5 * (damping + damping.T)
 
 
-def _receptance(model: SecondOrderModel, lines: Array, columns: Array, s: Array) -> Array | None:
+def _receptance(structure: Structure, lines: Array, columns: Array, s: Array) -> Array | None:
     """Return ``lines (s^2 M + s C + K)^-1 columns``, (lines, columns, len(s)), or None if a probe disagrees."""
-    found = _modes(model)
+    found = _modes(structure)
     if found is None:
         return None
     V, mass, damping = found
     size, U = np.linalg.eigh(damping)
     beta = float(np.median(size))
     size = size - beta
-    large = np.abs(size) > 1e-13 * np.abs(size).max(initial=np.finfo(float).tiny)
+    large = np.abs(size) > _SAME_DAMPING * np.abs(size).max(initial=np.finfo(float).tiny)
     if large.sum() > _MOST_DAMPERS:
         return None
     left, right = np.vstack([lines @ V, U[:, large].T]), np.hstack([V.T @ columns, U[:, large]])
@@ -72,7 +75,7 @@ def _receptance(model: SecondOrderModel, lines: Array, columns: Array, s: Array)
         sums = both[: len(lines), : columns.shape[1]]
         if large.any():
             sums = sums - _update(both, len(lines), columns.shape[1], size[large], s)
-    return sums if _agrees(model, sums, lines, columns, s) else None
+    return sums if _agrees(structure, sums, lines, columns, s) else None
 
 
 def _pair(left: Array, right: Array, inverse: Array) -> Array:
@@ -101,16 +104,14 @@ def _update(both: Array, p: int, m: int, size: Array, s: Array) -> Array:
     return np.moveaxis(np.moveaxis(out, 2, 0) @ solved, 0, 2)
 
 
-def _agrees(model: SecondOrderModel, sums: Array, lines: Array, columns: Array, s: Array) -> bool:
+def _agrees(structure: Structure, sums: Array, lines: Array, columns: Array, s: Array) -> bool:
     """Compare with direct solutions at probe frequencies and where the response is largest."""
     if not np.isfinite(sums).all():
         return False
-    M, C, K = np.asarray(model.M), np.asarray(model.C), np.asarray(model.K)
     probes = np.linspace(0, len(s) - 1, _PROBES).astype(int)
     peaks = np.argmax(np.abs(sums).reshape(-1, len(s)), axis=1)
     check = np.unique(np.concatenate([probes, peaks]))
     at = s[check]
-    D = (at**2)[:, None, None] * M + at[:, None, None] * C + K
-    truth = np.moveaxis(lines @ np.linalg.solve(D, columns.astype(complex)), 0, 2)
-    floor = 1e-6 * np.abs(truth).max(axis=1, keepdims=True)
+    truth = np.moveaxis(lines @ np.linalg.solve(structure.at(at), columns.astype(complex)), 0, 2)
+    floor = _FLOOR * np.abs(truth).max(axis=1, keepdims=True)
     return bool((np.abs(sums[:, :, check] - truth) <= _AGREEMENT * np.maximum(np.abs(truth), floor)).all())

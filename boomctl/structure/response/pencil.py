@@ -13,8 +13,8 @@ from boomctl.arrays import Array, Matrix
 
 Solve = Callable[[Array], Array]
 
-_DENSE_FACTOR = 220
-_WIDEST_BAND = 24
+_DENSE_FACTOR = 220  # coordinates up to which factors are dense: sparse is faster from some 200 on (measured)
+_WIDEST_BAND = 24  # half bandwidth up to which bands are used: a boom has 3, with elements of order 12 it has 23
 
 
 def factorized(matrix: Matrix) -> Solve:

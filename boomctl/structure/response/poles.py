@@ -1,4 +1,4 @@
-"""Undamped modes and damped poles of a second-order model."""
+"""Undamped modes and damped poles of a second-order structure."""
 
 from typing import Any
 
@@ -7,16 +7,17 @@ from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from boomctl.arrays import Array, Matrix
-from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.matrices import Structure, dense, is_symmetric
+from boomctl.structure.response.core import orthonormal
+from boomctl.structure.response.pencil import factorized
 
-_DENSE_MODES = 250
-_FEW = 0.25
-_SPREAD = 1e7
-"""Of stiffnesses, from which on the softest mode counts as nearly floating."""
-_NOISE = 1e3 * float(np.finfo(float).eps)
+_DENSE_MODES = 250  # coordinates up to which modes are found densely; sparse is faster from 200 on (measured)
+_FEW = 0.25  # share of modes below which only those wanted are asked for: more cost as much as all (a choice)
+_SPREAD = 1e7  # of stiffnesses, from which on the softest mode counts as nearly floating (a choice)
+_NOISE = 1e3 * float(np.finfo(float).eps)  # of the largest stiffness over mass: rounding, with room (a choice)
 
 
-def undamped_modes(model: SecondOrderModel, count: int | None = None) -> tuple[Array, Array]:
+def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Array, Array]:
     """Return the lowest undamped angular frequencies [rad/s], ascending, and mass-normalised mode shapes (columns).
 
     The pencil is solved upside down, ``M v = mu (K + alpha M) v``, so that the low modes are the largest eigenvalues
@@ -29,30 +30,30 @@ def undamped_modes(model: SecondOrderModel, count: int | None = None) -> tuple[A
     ValueError
         ``M`` is not positive definite, ``K`` not positive semidefinite, or they are not symmetric.
     """
-    wanted = model.n if count is None else min(count, model.n)
-    M, K = model.M, model.K
+    wanted = structure.n if count is None else min(count, structure.n)
+    M, K = structure.M, structure.K
     for name, matrix in (("M", M), ("K", K)):
         if abs(matrix - matrix.T).max() > 1e-9 * abs(matrix).max():
             raise ValueError(f"undamped modes need a symmetric {name}")
     if not (M.diagonal() > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
-    solve = _dense_modes if wanted > 0.3 * model.n or model.n <= _DENSE_MODES else _sparse_modes
+    solve = _dense_modes if wanted > 0.3 * structure.n or structure.n <= _DENSE_MODES else _sparse_modes
     noise = _NOISE * float((np.abs(K.diagonal()) / M.diagonal()).max())
-    stiffness, shapes = _sorted(model, M, solve(M, K, noise, wanted))
+    stiffness, shapes = _sorted(structure, M, solve(M, K, noise, wanted))
     elastic = stiffness[stiffness > 0.1 * noise]
     uneven = len(elastic) < len(stiffness) or (len(elastic) and stiffness[-1] > _SPREAD * elastic[0])
     if len(elastic) and uneven and elastic[0] > 10.0 * noise:
-        stiffness, shapes = _sorted(model, M, solve(M, K, float(elastic[0]), wanted))
+        stiffness, shapes = _sorted(structure, M, solve(M, K, float(elastic[0]), wanted))
     return np.sqrt(np.maximum(stiffness, 0.0)), shapes
 
 
-def _sorted(model: SecondOrderModel, M: Matrix, vectors: Array) -> tuple[Array, Array]:
+def _sorted(structure: Structure, M: Matrix, vectors: Array) -> tuple[Array, Array]:
     """Return modal stiffnesses, ascending, and mass-normalised shapes."""
     mass = np.einsum("ij,ij->j", vectors, M @ vectors)
     if not (mass > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
     shapes = vectors / np.sqrt(mass)
-    stiffness = _quotients(model, shapes)
+    stiffness = _quotients(structure, shapes)
     order = np.argsort(stiffness)
     return stiffness[order], shapes[:, order]
 
@@ -76,24 +77,11 @@ def _sparse_modes(M: Matrix, K: Matrix, shift: float, count: int) -> Array:
     return vectors
 
 
-def _quotients(model: SecondOrderModel, shapes: Array) -> Array:
-    if model.elastic is not None:
-        strain = model.elastic.R @ shapes
-        return np.einsum("ij,i,ij->j", strain, model.elastic.k, strain)
-    return np.einsum("ij,ij->j", shapes, model.K @ shapes)
-
-
-def project(model: SecondOrderModel, basis: Array) -> tuple[Array, Array, Array]:
-    """Return ``V^T M V, V^T K V, V^T C V``, through the strain rows where the model has them."""
-    M = basis.T @ (model.M @ basis)
-    if model.elastic is None:
-        return 0.5 * (M + M.T), basis.T @ (model.K @ basis), basis.T @ (model.C @ basis)
-    strain = model.elastic.R @ basis
-    return (
-        0.5 * (M + M.T),
-        strain.T @ (model.elastic.k[:, None] * strain),
-        strain.T @ (model.elastic.c[:, None] * strain),
-    )
+def _quotients(structure: Structure, shapes: Array) -> Array:
+    if structure.elastic is not None:
+        strain = structure.elastic.R @ shapes
+        return np.einsum("ij,i,ij->j", strain, structure.elastic.k, strain)
+    return np.einsum("ij,ij->j", shapes, structure.K @ shapes)
 
 
 def first_order_poles(M: Array, C: Array, K: Array) -> Array:
@@ -113,7 +101,7 @@ def first_order_poles(M: Array, C: Array, K: Array) -> Array:
     return linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-scaled_K.T, -scaled_C]]))
 
 
-def damped_poles(model: SecondOrderModel, count: int) -> Array:
+def damped_poles(structure: Structure, count: int) -> Array:
     """Return the ``count`` poles of lowest positive imaginary part.
 
     Raises
@@ -121,31 +109,28 @@ def damped_poles(model: SecondOrderModel, count: int) -> Array:
     ValueError
         There are fewer.
     """
-    basis = _pole_basis(model, count) if model.n > 2 * count + 20 else None
+    basis = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
     if basis is None:
-        poles = first_order_poles(dense(model.M), dense(model.C), dense(model.K))
+        poles = first_order_poles(dense(structure.M), dense(structure.C), dense(structure.K))
     else:
-        M, K, C = project(model, basis)
-        poles = first_order_poles(M, C, K)
+        small = structure.projected(basis)
+        poles = first_order_poles(small.M, small.C, small.K)
     upper = poles[poles.imag > 1e-9 * np.abs(poles)]
     if len(upper) < count:
         raise ValueError(f"count = {count}: the model has only {len(upper)} damped eigenfrequencies")
     return upper[np.argsort(upper.imag)][:count]
 
 
-def _pole_basis(model: SecondOrderModel, count: int) -> Array | None:
+def _pole_basis(structure: Structure, count: int) -> Array | None:
     """Return a basis for the ``count`` lowest damped poles: undamped modes and static responses to the dampers.
 
     None for matrices without real modes.
     """
-    from boomctl.structure.response.core import orthonormal
-    from boomctl.structure.response.pencil import factorized
-
     try:
-        frequencies, shapes = undamped_modes(model, min(model.n, 2 * count + 12))
+        frequencies, shapes = undamped_modes(structure, min(structure.n, 2 * count + 12))
     except ValueError:
         return None
-    M, K, C = (sparse.csr_array(matrix) for matrix in (model.M, model.K, model.C))
+    M, K, C = (sparse.csr_array(matrix) for matrix in (structure.M, structure.K, structure.C))
     shift = max(1e-3 * float(frequencies[-1]) ** 2, 1e-2)
     loaded = sparse.csr_array(C - _common_damping(K, C) * K) @ shapes
     left, size, _ = linalg.svd(loaded, full_matrices=False)
@@ -159,13 +144,3 @@ def _common_damping(K: sparse.csr_array, C: sparse.csr_array) -> float:
     """Return the damping per stiffness that most of the structure shares."""
     k, c = K.diagonal(), C.diagonal()
     return float(np.median(c[k > 0] / k[k > 0])) if (k > 0).any() else 0.0
-
-
-def is_symmetric(matrix: Array) -> bool:
-    """Return whether a dense matrix is symmetric but for rounding."""
-    return bool(np.abs(matrix - matrix.T).max(initial=0.0) <= 1e-12 * np.abs(matrix).max(initial=0.0))
-
-
-def dense(matrix: object) -> Array:
-    """Return a matrix as a dense array."""
-    return matrix.toarray() if hasattr(matrix, "toarray") else np.asarray(matrix)  # type: ignore[attr-defined]

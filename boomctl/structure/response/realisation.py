@@ -6,18 +6,17 @@ For a displacement input (``u = d``) the states are those of Anthonis & Ramon (2
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.ports import FILTER_DAMPING
-from boomctl.structure.response.poles import dense, is_symmetric
+from boomctl.lti.system import Lti
+from boomctl.structure.matrices import Structure, dense, is_symmetric
+from boomctl.structure.ports import FILTER_DAMPING, Ports
 
-if TYPE_CHECKING:
-    import control
+_SINGULAR = 1e14  # condition of a scaled mass matrix from which on its inverse has no digit left: some 0.01/eps
+_FELT = 1e-12  # of its terms; a feedthrough that cancels down to this is rounding: some 1e4 eps
 
 
 @dataclass(frozen=True)
@@ -48,34 +47,32 @@ class _Dynamics:
     missing: tuple[Array, Array, Array]
 
 
-def realize(model: SecondOrderModel) -> "control.StateSpace":
-    """Return the named state-space system of a model; see :meth:`SecondOrderModel.to_statespace`."""
-    import control
+def realize(structure: Structure, ports: Ports) -> Lti:
+    """Return the state-space form of a structure with its signals, all named.
 
-    dynamics = _dynamics(model, _inverse_ready(model))
-    _check_proper(model, dynamics.missing)
-    A, B, y, filter_names = _filtered(model, dynamics.A, dynamics.B, _outputs(model, dynamics.q, dynamics.d))
-    return control.ss(
-        A,
-        B,
-        y.X,
-        y.U,
-        inputs=list(model.inputs),
-        outputs=list(model.outputs),
-        states=_state_names(model) + filter_names,
-        name="structure",
-    )
+    Raises
+    ------
+    ValueError
+        The mass matrix is singular, or an output needs a derivative of an input that is not there.
+    """
+    dynamics = _dynamics(structure, ports)
+    _check_proper(ports, dynamics.missing)
+    A, B, y, filter_states = _filtered(ports, dynamics.A, dynamics.B, _outputs(ports, dynamics.q, dynamics.d))
+    states = [f"{name}.x1" for name in structure.coordinates] + [f"{name}.x2" for name in structure.coordinates]
+    for name, count in zip(ports.inputs, ports.integrators, strict=True):
+        states += [f"{name}.displacement", f"{name}.velocity"][:count]
+    return Lti(A, B, y.X, y.U, ports.inputs, ports.outputs, (*states, *filter_states))
 
 
-def _inverse_ready(model: SecondOrderModel) -> tuple[Array, bool]:
-    mass = dense(model.M)
+def _factor(mass: Array) -> tuple[Array, bool]:
+    """Return a mass matrix ready to be solved with: Cholesky's factor if it is positive definite, else LU."""
     try:
         if not is_symmetric(mass):
             raise linalg.LinAlgError
         factor = linalg.cho_factor(mass)
     except linalg.LinAlgError:
         scale = np.sqrt(np.abs(np.diag(mass)))
-        if (scale == 0).any() or np.linalg.cond(mass / np.outer(scale, scale)) > 1e14:
+        if (scale == 0).any() or np.linalg.cond(mass / np.outer(scale, scale)) > _SINGULAR:
             raise ValueError(
                 "the mass matrix is singular: a coordinate has no inertia, so there is no state-space form"
             ) from None
@@ -89,16 +86,16 @@ def _solve(factor: tuple[Array, object], rhs: Array) -> Array:
     return linalg.lu_solve(factor, rhs)  # type: ignore[arg-type]
 
 
-def _dynamics(model: SecondOrderModel, factor: tuple[Array, bool]) -> _Dynamics:
+def _dynamics(structure: Structure, ports: Ports) -> _Dynamics:
     """Return A, B, the signals q, q', q'' and d, d', d'', and what of them is not there."""
-    n, m, ports = model.n, len(model.inputs), model.ports
+    n, m, factor = structure.n, len(ports.inputs), _factor(dense(structure.M))
     order = np.array(ports.integrators, dtype=int)
     size = 2 * n + int(order.sum())
     d = _input_signals(order, n, size)
     x1, x2 = np.zeros((n, size)), np.zeros((n, size))
     x1[:, :n], x2[:, n : 2 * n] = np.eye(n), np.eye(n)
     B0, B1, B2 = ports.B
-    K, C = dense(model.K), dense(model.C)
+    K, C = dense(structure.K), dense(structure.C)
     G = _solve(factor, B2 * (order == 0))
     H = _solve(factor, (B1 - C @ G) * (order == 0))
     G_velocity = _solve(factor, B2 * (order == 1))
@@ -139,11 +136,11 @@ def _integrators(A: Array, B: Array, order: Array, first: int) -> None:
 
 
 def _outputs(
-    model: SecondOrderModel, q: tuple[_Signal, _Signal, _Signal], d: tuple[_Signal, _Signal, _Signal]
+    ports: Ports, q: tuple[_Signal, _Signal, _Signal], d: tuple[_Signal, _Signal, _Signal]
 ) -> tuple[_Signal, _Signal, _Signal]:
     """Return the parts of the outputs with no, one and two derivatives still to be taken (by a filter)."""
-    plain = np.array([b is None for b in model.ports.bandwidths], dtype=bool)[:, None]
-    L, E = model.ports.L, model.ports.E
+    plain = np.array([b is None for b in ports.bandwidths], dtype=bool)[:, None]
+    L, E = ports.L, ports.E
     now = q[0].through(L[0] * plain) + d[0].through(E[0] * plain)
     for k in (1, 2):
         now = now + q[k].through(L[k] * plain) + d[k].through(E[k] * plain)
@@ -151,33 +148,33 @@ def _outputs(
     return now + later[0], later[1], later[2]
 
 
-def _check_proper(model: SecondOrderModel, missing: tuple[Array, Array, Array]) -> None:
+def _check_proper(ports: Ports, missing: tuple[Array, Array, Array]) -> None:
     """Raise where an unfiltered output needs a derivative of an input that the realisation does not have."""
-    ports, (G, H, G2) = model.ports, missing
+    G, H, G2 = missing
     order = np.array(ports.integrators, dtype=int)
     L1, L2, E1, E2 = ports.L[1], ports.L[2], ports.E[1] * (order < 1), ports.E[2] * (order < 2)
     moved = np.array(ports.moved, dtype=bool)
     once, twice = L1 @ G + L2 @ H + E1, L2 @ G2 + E2
     size_once = np.abs(L1) @ np.abs(G) + np.abs(L2) @ np.abs(H) + np.abs(E1)
     size_twice = np.abs(L2) @ np.abs(G2) + np.abs(E2)
-    for o, output in enumerate(model.outputs):
+    for o, output in enumerate(ports.outputs):
         if ports.bandwidths[o] is not None:
             continue
         for value, size, wanted in ((twice, size_twice, "acceleration"), (once, size_once, "velocity or acceleration")):
-            felt = np.flatnonzero((np.abs(value[o]) > 1e-12 * size[o]) & moved)
+            felt = np.flatnonzero((np.abs(value[o]) > _FELT * size[o]) & moved)
             if len(felt):
                 raise ValueError(
-                    f"output {output!r} needs a derivative of input {model.inputs[felt[0]]!r}: impose its {wanted},"
+                    f"output {output!r} needs a derivative of input {ports.inputs[felt[0]]!r}: impose its {wanted},"
                     " give the output a bandwidth, or leave one of them out"
                 )
 
 
 def _filtered(
-    model: SecondOrderModel, A: Array, B: Array, parts: tuple[_Signal, _Signal, _Signal]
+    ports: Ports, A: Array, B: Array, parts: tuple[_Signal, _Signal, _Signal]
 ) -> tuple[Array, Array, _Signal, list[str]]:
     """Append the low-pass filters of the outputs, in observer form, and return the outputs."""
     y, once, twice = parts
-    bandwidths = [(o, b) for o, b in enumerate(model.ports.bandwidths) if b is not None]
+    bandwidths = [(o, b) for o, b in enumerate(ports.bandwidths) if b is not None]
     size, names = A.shape[0], []
     A = np.block(
         [[A, np.zeros((size, 2 * len(bandwidths)))], [np.zeros((2 * len(bandwidths), size + 2 * len(bandwidths)))]]
@@ -194,12 +191,5 @@ def _filtered(
         A[z2], B[z2] = -2 * FILTER_DAMPING * b * X[o], b**2 * once.U[o] - 2 * FILTER_DAMPING * b * U[o]
         A[z2, :size] += b**2 * once.X[o]
         A[z2, z1] += 1.0
-        names += [f"{model.outputs[o]}.filter1", f"{model.outputs[o]}.filter2"]
+        names += [f"{ports.outputs[o]}.filter1", f"{ports.outputs[o]}.filter2"]
     return A, B, _Signal(X, U), names
-
-
-def _state_names(model: SecondOrderModel) -> list[str]:
-    names = [f"{name}.x1" for name in model.coordinates] + [f"{name}.x2" for name in model.coordinates]
-    for name, count in zip(model.inputs, model.ports.integrators, strict=True):
-        names += [f"{name}.displacement", f"{name}.velocity"][:count]
-    return names

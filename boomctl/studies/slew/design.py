@@ -1,15 +1,38 @@
-"""A slew of the hub-beam that is to be judged, and the judging: other slews, payloads, profiles of the hub."""
+"""A slew of the hub-beam that is to be judged, and the judging: other slews, payloads, profiles, feedback."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
+from boomctl.report import Report, Section
 from boomctl.rotating_beam import HubBeam
 from boomctl.rotating_beam.manoeuvres import SpinUp
-from boomctl.rotating_beam.result import SimulationResult
-from boomctl.slew import PayloadComparison, SlewComparison, SlewResult, compare_payloads, compare_slews
-from boomctl.studies import catalogue
+from boomctl.slew import (
+    MeshStudy,
+    PayloadComparison,
+    Replay,
+    SlewComparison,
+    SlewResult,
+    SwitchingCurve,
+    TrackingResult,
+    compare_payloads,
+    compare_slews,
+    switching_curve,
+    track,
+)
+from boomctl.studies.slew import sections
+from boomctl.studies.slew.spin_up import SpinUpMotion, spin_ups
+
+_MORE = 0.1  # by how much the tip mass of the followed beam exceeds the largest planned one [kg]; a choice
+_AFTER = 2.5  # how long motions go on after the end [s]: a little longer than the film, which ends after 2 s
+_COMPARED = (
+    "name", "duration", "vibration", "angle_error", "speed_error", "peak_moment", "effort", "vibration_low", "vibration_high",
+)  # fmt: skip
+_CARRIED = ("slew", "tip_mass", "planned", "peak_tip", "vibration", "angle_error")
+_TRACKED = ("tip_mass", "final_angle_error", "open_final_angle_error", "tip_swing", "open_tip_swing")
+_SPUN = ("name", "duration", "peak_torque", "vibration", "speed_error")
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +47,13 @@ class SlewDesign:
         What the slew was planned for.
     planned : mapping of str to SlewResult
         Slews of the beam by name: first the one designed, then others to be set beside it. All have the same angle, or
-        spin up to the same speed, under the same torque limit. Classical ones are added by `evaluate`.
+        spin up to the same speed, under the same torque limit. Judging adds classical ones.
     rival : str
         The slew that the film shows beside the designed one: planned or classical. "": a rigid body's.
     payloads : tuple of float
         Tip masses with which the planned slews are played, kg.
     profile : SpinUp or None
-        Of a spin-up, a course of the hub to be set beside it, prescribed exactly.
+        Of a spin-up, a profile of the hub to be set beside it, prescribed exactly.
     notes : tuple of str
         What a reader should know.
     """
@@ -59,32 +82,20 @@ class SlewDesign:
         """Name of the fastest torque of a rigid body with the same inertia."""
         return "constant torque" if self.slew.plan.problem.angle is None else "bang-bang"
 
+    @staticmethod
+    def scene() -> None:
+        """Return the scene of a slew: there is none to choose."""
 
-@dataclass(frozen=True, eq=False)
-class SpinUpMotion:
-    """A spin-up, as torque or as prescribed course of the hub.
-
-    Attributes
-    ----------
-    name : str
-    duration : float
-        s.
-    peak_torque : float
-        Largest torque that it takes, N m.
-    vibration : float
-        Largest tip displacement after the end, m.
-    speed_error : float
-        Largest deviation of the hub's speed after the end, rad/s.
-    motion : SimulationResult
-        On the way and afterwards.
-    """
-
-    name: str
-    duration: float
-    peak_torque: float
-    vibration: float
-    speed_error: float
-    motion: SimulationResult
+    def evaluate(self, scene: None = None) -> "SlewEvaluation":
+        """Set the slew beside the others, with all payloads, by an integrator that planning does not use."""
+        h, problem = self.beam, self.slew.plan.problem
+        comparison = compare_slews(h, problem.angle, problem.torque_limit, self.planned, problem.final_speed)
+        payloads, pair = None, ()
+        if self.payloads:
+            payloads = compare_payloads(self.planned, self.payloads, h.parameters.tip_mass)
+        if self.profile is not None:
+            pair = spin_ups(h, self.label, self.slew.history, self.profile)
+        return SlewEvaluation(self, comparison, payloads, pair)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +111,15 @@ class SlewEvaluation:
         Where the design names payloads.
     spin_ups : tuple of SpinUpMotion
         The spin-up designed, and the hub's profile; () without a profile.
+    meshes : MeshStudy or None
+        The error of planning over meshes, to be shown in the report.
     """
 
     design: SlewDesign
     comparison: SlewComparison
     payloads: PayloadComparison | None
     spin_ups: tuple[SpinUpMotion, ...]
+    meshes: MeshStudy | None = None
 
     @property
     def verdict(self) -> str:
@@ -124,6 +138,102 @@ class SlewEvaluation:
     def __str__(self) -> str:
         return f"{self.design.title}: {self.verdict}\n{self.design.slew.certificate.verdict}"
 
+    @property
+    def replays(self) -> tuple[Replay, ...]:
+        """The slew on the planning model, with the other payloads, and on other models."""
+        design, slew = self.design, self.design.slew
+        problem = slew.plan.problem
+        planned = Replay(
+            design.beam.model,
+            None,
+            0.0 if problem.angle is None else float(slew.hub_angle[-1]) - problem.angle,
+            float(slew.hub_speed[-1]) - problem.final_speed,
+            self.comparison.line(design.label).vibration,
+            slew.residual_energy,
+        )
+        return (planned, *slew.replays)
+
+    def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
+        """Replay and follow the slew and return the report; ``tell`` is told in words what comes next."""
+        design, slew, h = self.design, self.design.slew, self.design.beam
+        free = slew.plan.problem.angle is None
+        tell("other models")
+        replays = self.replays
+        tell("following with another payload")
+        following = track(slew, max(h.parameters.tip_mass, *design.payloads, 0.0) + _MORE)
+        tell("pictures")
+        switching = switching_curve(slew) if slew.certificate.switches is not None else None
+        zv = f"{design.rigid}, ZV"
+        shown = tuple(dict.fromkeys((*design.planned, design.rigid, design.rival or zv, zv)))
+        film, filmed = self._film()
+        parts = [sections.slew_section(h, slew, design.notes), film]
+        if switching is not None:
+            parts.append(sections.switching_section(switching))
+        if self.payloads is not None:
+            parts.append(sections.payload_section(h.parameters.tip_mass, self.payloads))
+        if self.spin_ups:
+            parts.append(sections.spin_up_section(self.spin_ups, slew.plan.problem))
+        parts += [
+            sections.comparison_section(self.comparison, shown),
+            sections.replay_section(replays, free),
+            sections.tracking_section(h.parameters.tip_mass, following),
+        ]
+        if self.meshes is not None:
+            parts.append(sections.mesh_section(self.meshes))
+        tell("report")
+        lead = f"{slew.title.capitalize()}: planned, replayed by another integrator, and set beside classical commands."
+        if design.name != "slew":
+            lead += f" {self.verdict[:1].upper()}{self.verdict[1:]}"
+        results = self._results(replays, following, switching) | {"film_tip_mass": filmed}
+        return Report(design.title, (lead,), tuple(parts), results)
+
+    def _film(self) -> tuple[Section, float]:
+        """The slew and its rival on the same beam, with the payload that the rival suits least; that payload, kg."""
+        design, mass = self.design, self.design.beam.parameters.tip_mass
+        if self.payloads is not None and design.rival in design.planned:
+            mass = self.payloads.worst(design.rival).tip_mass
+        beam, curves = design.beam.with_tip_mass(mass), {}
+        for name in (design.label, design.rival or design.rigid):
+            history = self.comparison.line(name).history
+            t = np.linspace(0.0, design.slew.duration + _AFTER, 601)
+            label = "rigid body's bang-bang" if name == "bang-bang" else name
+            curves[label] = (t, beam.shape(beam.simulate_torque(history, t, history.breakpoints).states))
+        return sections.film_section(design.slew, curves, mass if design.payloads else None), mass
+
+    def _results(
+        self, replays: tuple[Replay, ...], following: TrackingResult, switching: SwitchingCurve | None
+    ) -> dict[str, Any]:
+        """What results.json holds."""
+        design, slew = self.design, self.design.slew
+        return {
+            "name": design.name,
+            "title": design.title,
+            "model": design.beam.model,
+            "modes": design.beam.modes,
+            "parameters": asdict(design.beam.parameters),
+            "objective": slew.objective,
+            "duration": slew.duration,
+            "cost": slew.cost,
+            "end_error": slew.end_error,
+            "residual_energy": slew.residual_energy,
+            "switches": slew.history.switches if slew.certificate.switches is not None else None,
+            "switching_agreement": None if switching is None else switching.agreement,
+            "certificate": asdict(slew.certificate),
+            "verdict": slew.certificate.verdict,
+            "worth": self.verdict,
+            "replays": [asdict(each) for each in replays],
+            "mesh_study": None if self.meshes is None else _mesh_results(self.meshes),
+            "comparison": [_picked(line, _COMPARED) for line in self.comparison.lines],
+            "payloads": None if self.payloads is None else _payload_results(self.payloads),
+            "spin_ups": [_picked(each, _SPUN) for each in self.spin_ups],
+            "tracking": _picked(following, _TRACKED),
+            "time": slew.time,
+            "torque": slew.torque,
+            "hub_angle": slew.hub_angle,
+            "hub_speed": slew.hub_speed,
+            "tip_displacement": slew.tip_displacement,
+        }
+
 
 def _length(value: float) -> str:
     """A length [m] in words, with two digits."""
@@ -134,52 +244,26 @@ def _length(value: float) -> str:
     return f"{1e3 * value:.2g} mm" if value < 0.1 else f"{value:.2g} m"
 
 
-def evaluate(design: SlewDesign) -> SlewEvaluation:
-    """Set a slew beside the others, with all payloads, by an integrator that planning does not use."""
-    problem = design.slew.plan.problem
-    comparison = compare_slews(design.beam, problem.angle, problem.torque_limit, design.planned, problem.final_speed)
-    payloads = None
-    if design.payloads:
-        payloads = compare_payloads(design.planned, design.payloads, design.beam.parameters.tip_mass)
-    return SlewEvaluation(design, comparison, payloads, _spin_ups(design))
+def _picked(value: object, keys: tuple[str, ...]) -> dict[str, Any]:
+    return {key: getattr(value, key) for key in keys}
 
 
-def _spin_ups(design: SlewDesign) -> tuple[SpinUpMotion, ...]:
-    if design.profile is None:
-        return ()
-    h, profile, history = design.beam, design.profile, design.slew.history
-    rest = 1.5 / float(h.frequencies_hz().min())
-    t = np.linspace(0.0, max(profile.duration, history.duration) + rest, 1201)
-    t = np.unique(np.concatenate([t, [profile.duration, history.duration]]))
-    speed = profile.final_speed
-    return (
-        _motion(design.label, history.duration, speed, h.simulate_torque(history, t, history.breakpoints)),
-        _motion("profile, Eq. (43)", profile.duration, speed, h.simulate(profile, t)),
-    )
+def _payload_results(payloads: PayloadComparison) -> dict[str, Any]:
+    return {
+        "lines": [_picked(line, _CARRIED) for line in payloads.lines],
+        "tip_masses": payloads.masses,
+        "vibrations": payloads.vibrations,
+    }
 
 
-def _motion(name: str, duration: float, speed: float, motion: SimulationResult) -> SpinUpMotion:
-    late = motion.time >= duration
-    return SpinUpMotion(
-        name,
-        duration,
-        float(np.abs(motion.torque).max()),
-        float(np.abs(motion.tip_displacement[late]).max()),
-        float(np.abs(motion.hub_speed[late] - speed).max()),
-        motion,
-    )
-
-
-def load_slew(name: str) -> SlewDesign:
-    """Return the slew of a name, or of a Python file whose ``slew()`` returns a :class:`SlewDesign`.
-
-    Raises
-    ------
-    ValueError
-        No such slew; the file has no ``slew()``.
-    TypeError
-        ``slew()`` returns something else.
-    SlewError
-        It cannot be planned.
-    """
-    return catalogue.design_file(name, "slew").made(SlewDesign)
+def _mesh_results(study: MeshStudy) -> dict[str, Any]:
+    lines = [
+        {
+            "name": line.name,
+            "errors": [value if np.isfinite(value) else None for value in line.errors],
+            "order": line.order if np.isfinite(line.order) else None,
+            "theory": line.theory,
+        }
+        for line in study.lines
+    ]
+    return {"duration": study.duration, "intervals": study.intervals, "lines": lines}

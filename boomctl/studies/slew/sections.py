@@ -1,55 +1,111 @@
-"""Sections of the slew report that only some slews have: switching function, payloads, spin-ups."""
+"""The report of a slew: words, tables and pictures."""
 
+import re
 from collections.abc import Sequence
-from typing import Any
 
-from boomctl.report import Picture, Section, Table, number
-from boomctl.slew import SlewResult
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.plotting import picture, plot_slew_comparison, plot_spin_ups, slew_film
+from boomctl.report import Picture, Section, Table, number, power
+from boomctl.rotating_beam import HubBeam
+from boomctl.slew import (
+    MeshStudy,
+    PayloadComparison,
+    Replay,
+    SlewComparison,
+    SlewLine,
+    SlewResult,
+    SwitchingCurve,
+    TrackingResult,
+)
+from boomctl.slew.nlp.mesh_study import MeshLine
+from boomctl.slew.problem import SlewProblem
+from boomctl.studies.slew.spin_up import SpinUpMotion
+
+_LIMITS = {
+    "torque_limit": "torque",
+    "torque_rate_limit": "torque rate",
+    "speed_limit": "hub speed",
+    "tip_limit": "tip displacement",
+    "moment_limit": "root moment",
+}
+_MODELS = {"geometrically-exact": "geometrically exact beam", "sfoam-consistent": "SFOAM, consistent"}
 
 
-def switching_section(results: dict[str, Any], picture: bytes) -> Section:
-    """Return the section of Pontryagin's principle.
+def slew_section(h: HubBeam, slew: SlewResult, notes: tuple[str, ...]) -> Section:
+    """Return the section of the slew itself."""
+    caption = (
+        "Torque, hub angle and speed, tip displacement and bending moment at the clamp. Broken lines: limits, where they are "
+        "near."
+    )
+    return Section("The slew", (*_slew_text(h, slew), *notes), (), (picture("slew", slew.plot(), caption, "png"),))
 
-    Parameters
-    ----------
-    results : dict
-        What results.json holds.
-    picture : bytes
-        PNG.
-    """
+
+def _slew_text(h: HubBeam, slew: SlewResult) -> tuple[str, ...]:
+    c, problem = slew.certificate, slew.plan.problem
+    payload = f"a tip mass of {h.parameters.tip_mass:g} kg" if h.parameters.tip_mass else "no tip mass"
+    if problem.tip_masses:
+        payload += f", and at once {' and '.join(f'{mass:g}' for mass in problem.tip_masses)} kg"
+    modes = "1 mode" if h.modes == 1 else f"{h.modes} modes"
+    binding = ", ".join(f"{_LIMITS[name]} (from {when:.3g} s)" for name, when in c.binding.items()) or "none"
+    verdict = re.sub(r"\d+e[-+]\d+", lambda found: power(float(found[0]), 1), c.verdict)
+    kept = "no limit is exceeded"
+    if c.constraint_violation > 0.0:
+        kept = f"no limit is exceeded by more than {power(c.constraint_violation, 1)} of it"
+    text = (
+        f"{_asked(slew)} with at most {problem.torque_limit:g} N m takes {slew.duration:.7g} s. Model: {_name(h.model)} with "
+        f"{modes} and {payload}.",
+        f"Method: {c.method}. Optimality: {verdict}. In the replay the end state is missed by "
+        f"{number(c.end_error, 2)} (each part relative to its largest size on the way), "
+        f"{number(slew.residual_energy or 0.0, 2)} J remain, and {kept}. Limits reached: {binding}.",
+    )
+    if c.switches is not None:
+        switches = ", ".join(f"{t:.5f}" for t in slew.history.switches)
+        text += (f"The torque switches {c.switches} times, at {switches} s.",)
+    return text
+
+
+def _asked(slew: SlewResult) -> str:
+    """What is asked of the hub."""
+    problem = slew.plan.problem
+    if problem.angle is None:
+        return f"The spin-up to {problem.final_speed:g} rad/s, at whatever angle ({slew.hub_angle[-1]:.3g} rad here),"
+    turn = f"{problem.angle:.5g} rad ({np.degrees(problem.angle):.4g}°)".replace("-", "−")
+    return f"The slew through {turn}"
+
+
+def film_section(slew: SlewResult, curves: dict[str, tuple[Array, Array]], tip_mass: float | None) -> Section:
+    """Return the section of the film: instants and places along the beam by name, and the tip mass where it is chosen."""
+    caption = "Top view, drawn to scale, in real time."
+    if tip_mass is not None:
+        caption += f" The tip mass is {tip_mass:g} kg."
+    return Section("In motion", (), (), (Picture("slew", caption, {"gif": slew_film(slew, curves)}),))
+
+
+def switching_section(curve: SwitchingCurve) -> Section:
+    """Return the section of Pontryagin's principle."""
+    share = "all" if curve.agreement == 1.0 else f"{100.0 * curve.agreement:.2f} %"
     text = (
         "The switching function says how much time a little more torque would save at each instant. In minimum time the "
         "torque has its sign everywhere (Pontryagin's principle), which is necessary, and not sufficient where the problem "
         "is not convex. It is carried back along the nonlinear motion from the multipliers of the end conditions, and has "
-        f"the torque's sign on {_share(results['switching_agreement'])} of the duration."
+        f"the torque's sign on {share} of the duration."
     )
     caption = "Switching function over its largest size, on a scale of cube roots, and torque."
-    return Section("The switching function", (text,), (), (Picture(picture, "png", caption),))
+    return Section("The switching function", (text,), (), (picture("switching", curve.plot(), caption, "png"),))
 
 
-def _share(value: float) -> str:
-    return "all" if value == 1.0 else f"{100.0 * value:.2f} %"
-
-
-def payload_section(nominal: float, lines: Sequence[dict[str, Any]], picture: bytes) -> Section:
-    """Return the section of one torque with several payloads.
-
-    Parameters
-    ----------
-    nominal : float
-        Tip mass for which the angle is prescribed, kg.
-    lines : sequence of dict
-        Payload by payload, as results.json has them.
-    picture : bytes
-        PNG.
-    """
-    names = tuple(dict.fromkeys(line["slew"] for line in lines))
-    masses = sorted({line["tip_mass"] for line in lines})
-    by = {(line["slew"], line["tip_mass"]): line for line in lines}
+def payload_section(nominal: float, payloads: PayloadComparison) -> Section:
+    """Return the section of one torque with several payloads; the angle is prescribed for the nominal one [kg]."""
+    names = tuple(dict.fromkeys(line.slew for line in payloads.lines))
+    masses = sorted({line.tip_mass for line in payloads.lines})
+    by = {(line.slew, line.tip_mass): line for line in payloads.lines}
     columns = (("vibration [m]", "vibration"), ("largest tip [m]", "peak_tip"), ("angle error [rad]", "angle_error"))
     heads = ("payload", *(f"{head}, {name}" for head, _ in columns for name in names))
     body = tuple(
-        (f"{mass:g}\u00a0kg", *(number(by[name, mass][key]) for _, key in columns for name in names)) for mass in masses
+        (f"{mass:g}\u00a0kg", *(number(getattr(by[name, mass], key)) for _, key in columns for name in names))
+        for mass in masses
     )
     text = (
         "The torque does not know which payload there is. Largest tip: its displacement on the way; vibration: the same in "
@@ -61,31 +117,19 @@ def payload_section(nominal: float, lines: Sequence[dict[str, Any]], picture: by
         "Right: vibration left over the payload, filled markers where it was planned for; what is below 0.1 mm stands on the "
         "lower edge."
     )
-    return Section(
-        "The same torque with every payload", (text,), (Table(heads, body),), (Picture(picture, "png", caption),)
-    )
+    pictures = (picture("payloads", payloads.plot(), caption, "png"),)
+    return Section("The same torque with every payload", (text,), (Table(heads, body),), pictures)
 
 
-def spin_up_section(spin_ups: Sequence[dict[str, Any]], slew: SlewResult, picture: bytes) -> Section:
-    """Return the section of a spin-up and the profile of the hub set beside it.
-
-    Parameters
-    ----------
-    spin_ups : sequence of dict
-        As results.json has them: the planned one, and the profile.
-    slew : SlewResult
-        The planned one.
-    picture : bytes
-        PNG.
-    """
-    problem = slew.plan.problem
+def spin_up_section(pair: Sequence[SpinUpMotion], problem: SlewProblem) -> Section:
+    """Return the section of a planned spin-up, the first, and the profile of the hub set beside it."""
     columns = (
         ("duration [s]", "duration"),
         ("peak torque [N\u00a0m]", "peak_torque"),
         ("vibration [m]", "vibration"),
         ("speed error [rad/s]", "speed_error"),
     )
-    body = tuple((each["name"], *(number(each[key]) for _, key in columns)) for each in spin_ups)
+    body = tuple((each.name, *(number(getattr(each, key)) for _, key in columns)) for each in pair)
     text = (
         f"The beam ends in steady rotation at {problem.final_speed:g} rad/s, its hub free. The classical profile of Bai et "
         "al. (2009), Eq. (43), prescribes the hub's course exactly, then and afterwards, as an ideal speed loop would, "
@@ -95,4 +139,124 @@ def spin_up_section(spin_ups: Sequence[dict[str, Any]], slew: SlewResult, pictur
         "Torque, hub speed and tip displacement. Broken lines: torque limit and speed asked for; dotted: the ends."
     )
     table = Table(("", *(head for head, _ in columns)), body)
-    return Section("Into steady rotation", (text,), (table,), (Picture(picture, "png", caption),))
+    drawn = plot_spin_ups(pair, problem.torque_limit, problem.final_speed)
+    return Section("Into steady rotation", (text,), (table,), (picture("spin_up", drawn, caption, "png"),))
+
+
+def comparison_section(comparison: SlewComparison, shown: tuple[str, ...]) -> Section:
+    """Return the section that sets slews side by side; some of them, by name, are drawn over time."""
+    free = comparison.angle is None
+    caption = (
+        "Left: torques on one scale, and the tip on the way and afterwards. Right: large markers as planned, small ones "
+        "with the beam's frequencies changed. What is below 0.1 mm stands on the lower edge; markers of nearly equal "
+        "duration are set side by side."
+    )
+    text = (
+        "Vibration is the largest tip displacement in one and a half periods after the end. ZV, ZVD and EI are input "
+        "shapers, tuned to the first frequency with the hub free."
+    )
+    if free:
+        text += (
+            " The smooth torque is what the course of Eq. (43) asks of a rigid body; here it acts on the beam, whose hub is "
+            "free."
+        )
+    return Section(
+        "Beside other spin-ups" if free else "Beside other slews",
+        (text,),
+        (_comparison_table(comparison.lines, free),),
+        (picture("comparison", plot_slew_comparison(comparison, shown), caption, "png"),),
+    )
+
+
+def _comparison_table(lines: Sequence[SlewLine], free: bool) -> Table:
+    heads = (
+        "slew", "duration [s]", "vibration [m]", "vibration, −10\u00a0% [m]", "vibration, +10\u00a0% [m]",
+        "speed error [rad/s]" if free else "angle error [rad]", "peak root moment [N\u00a0m]", "effort [10³\u00a0N²m²s]",
+    )  # fmt: skip
+    keys = ("vibration", "vibration_low", "vibration_high", "speed_error" if free else "angle_error", "peak_moment")
+    body = tuple(
+        (
+            line.name.replace(" ", "\u00a0").replace("-", "\u2011"),
+            f"{line.duration:.3f}",
+            *(number(getattr(line, key)) for key in keys),
+            f"{line.effort / 1e3:.1f}",
+        )
+        for line in lines
+    )
+    return Table(heads, body, "−10 % and +10 %: with the beam's frequencies changed through its bending stiffness.")
+
+
+def replay_section(replays: Sequence[Replay], free: bool) -> Section:
+    """Return the section of replays, the planned one first; ``free``: no angle is asked for."""
+    columns = {
+        "angle_error": "angle error [rad]",
+        "speed_error": "speed error [rad/s]",
+        "tip_swing": "tip swing [m]",
+        "residual_energy": "energy left [J]",
+    }
+    if free:
+        del columns["angle_error"]
+    body = tuple(
+        (_replayed(each, k), *("–" if getattr(each, key) is None else number(getattr(each, key)) for key in columns))
+        for k, each in enumerate(replays)
+    )
+    text = "The models differ in what they neglect. The torque is open loop; errors are those at its end."
+    return Section("The same torque on other models", (text,), (Table(("model", *columns.values()), body),))
+
+
+def _replayed(replay: Replay, k: int) -> str:
+    """The model of a replay; the planned one is the first."""
+    name = _name(replay.model)
+    if replay.tip_mass is not None:
+        return f"{name}, tip mass {replay.tip_mass:g} kg"
+    return f"{name}, as planned" if k == 0 else name
+
+
+def _name(model: str) -> str:
+    return _MODELS.get(model, model.upper())
+
+
+def tracking_section(planned: float, t: TrackingResult) -> Section:
+    """Return the section of feedback with another tip mass than the planned one [kg]."""
+    text = (
+        f"The tip mass is {t.tip_mass:g} kg, planned was {planned:g} kg. The planned torque is the "
+        "feedforward; a time-varying LQR about the trajectory knows all states, and may use half as much torque again "
+        "as the plan."
+    )
+    table = Table(
+        ("", "feedforward alone", "with feedback"),
+        (
+            ("angle error at the end [rad]", number(t.open_final_angle_error), number(t.final_angle_error)),
+            ("tip swing at the end [m]", number(t.open_tip_swing), number(t.tip_swing)),
+        ),
+    )
+    caption = "Hub angle, tip displacement and torque: as planned, with the feedforward alone, and with feedback."
+    return Section("Followed with another payload", (text,), (table,), (picture("tracking", t.plot(), caption, "png"),))
+
+
+def mesh_section(study: MeshStudy) -> Section:
+    """Return the section of errors over meshes."""
+    intervals, lines = [int(n) for n in study.intervals], study.lines
+    text = [
+        f"The slew of least effort in {study.duration:.3g} s, 1.1 times the least time, planned on meshes of equal "
+        "intervals, on each of which the torque is held. The end state is that of the replay; the cost is compared with "
+        "the limit of ever finer meshes. Orders are slopes over the meshes whose error is above the replay's accuracy; a "
+        "mesh too coarse for the fastest vibration does not show the order yet.",
+    ]
+    gaps = []
+    for line in lines:
+        without = [str(n) for n, error in zip(intervals, line.errors, strict=True) if not np.isfinite(error)]
+        gaps += [f"{line.name} ({', '.join(without)})"] if without else []
+    if gaps:
+        text.append(f"No solution on these numbers of intervals, or none to compare with: {'; '.join(gaps)}.")
+    heads = ("relative error of", *(f"{n} intervals" for n in intervals), "order", "order in theory")
+    body = tuple((line.name, *_mesh_cells(line)) for line in lines)
+    caption = "Relative error over the number of intervals, and the order of each scheme."
+    pictures = (picture("mesh", study.plot(), caption, "png"),)
+    return Section("Error against mesh size", tuple(text), (Table(heads, body),), pictures)
+
+
+def _mesh_cells(line: MeshLine) -> tuple[str, ...]:
+    errors = ("–" if not np.isfinite(error) or not error else power(float(error), 2) for error in line.errors)
+    order = f"{line.order:.1f}" if np.isfinite(line.order) else "not seen"
+    return (*errors, order, f"{line.theory:.0f}")

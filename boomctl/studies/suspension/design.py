@@ -1,10 +1,17 @@
-"""What a design of a suspension hands over to be judged."""
+"""A suspension that is to be judged, and the judging: beside the boom as it is, with everything that vouches for it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from math import log10
+from typing import TYPE_CHECKING, Any
 
+from boomctl.analysis import SigmaResult
 from boomctl.boom import BoomParameters
+from boomctl.report import Report, Section
+from boomctl.studies.suspension import sections
+from boomctl.studies.suspension.assurance import Assurance, assure
+from boomctl.studies.suspension.performance import Performance, performance
+from boomctl.studies.suspension.scene import FieldScene
 
 if TYPE_CHECKING:
     import control
@@ -41,3 +48,166 @@ class SuspensionDesign:
     facts: Mapping[str, str] = field(default_factory=dict)
     weights: "Mapping[str, control.StateSpace]" = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    @staticmethod
+    def scene(**options: Any) -> FieldScene:
+        """Return the field with some of its properties changed; see :class:`FieldScene`."""
+        return FieldScene(**options)
+
+    def evaluate(self, scene: FieldScene | None = None, passive: BoomParameters | None = None) -> "SuspensionResult":
+        """Judge the design beside a passive boom.
+
+        Parameters
+        ----------
+        scene : FieldScene, optional
+        passive : BoomParameters, optional
+            The boom to compare with; by default Table 2 of Anthonis & Ramon (2003).
+
+        Raises
+        ------
+        TypeError, ValueError
+            As of :func:`boomctl.simulate_loop` and of the analyses.
+        """
+        where = FieldScene() if scene is None else scene
+        base = BoomParameters() if passive is None else passive
+        before = performance("passive, Table 2" if passive is None else "passive", where, base)
+        after = performance(self.title, where, self.parameters, self.controller, self.plant)
+        assured = None
+        if self.controller is not None and self.plant is None:
+            assured = assure(self.parameters, self.controller, where)
+        return SuspensionResult(self, where, base, before, after, assured)
+
+
+@dataclass(frozen=True)
+class SuspensionResult:
+    """What a suspension is worth.
+
+    Attributes
+    ----------
+    design : SuspensionDesign
+    scene : FieldScene
+    passive_parameters : BoomParameters
+        Of the boom it is compared with.
+    passive, active : Performance
+        Of that boom, and of the design.
+    assured : Assurance or None
+        Margins, uncertainty and the exact boom; None of a passive design or one on a plant of its own.
+    """
+
+    design: SuspensionDesign
+    scene: FieldScene
+    passive_parameters: BoomParameters
+    passive: Performance
+    active: Performance
+    assured: Assurance | None = field(repr=False)
+
+    @property
+    def yaw_reduction_db(self) -> float:
+        """By how much the certified peak of the yaw comes down [dB]."""
+        return 20.0 * log10(self.passive.yaw.lower / self.active.yaw.lower)
+
+    @property
+    def deposit_cv(self) -> float:
+        """Coefficient of variation of the deposit."""
+        return self.active.spray.cv
+
+    @property
+    def within_limits(self) -> bool:
+        """Whether the run hit no end stop and no force limit."""
+        return not self.active.run.stops and not any(self.active.run.saturation_share.values())
+
+    @property
+    def better(self) -> bool:
+        """Whether certified peak and deposit CV are below those of the passive boom, within the limits."""
+        lower = self.active.sigma.certified and self.active.sigma.peak < self.passive.sigma.peak
+        return lower and self.deposit_cv < self.passive.spray.cv and self.within_limits
+
+    @property
+    def exact_sigma(self) -> SigmaResult | None:
+        """Singular values of the closed loop on the exact boom."""
+        return None if self.assured is None else self.assured.exact_sigma
+
+    @property
+    def family_sigma(self) -> tuple[SigmaResult, ...]:
+        """Singular values of the closed loop at the corners of the uncertainty."""
+        return () if self.assured is None else self.assured.family_sigma
+
+    @property
+    def assurance(self) -> Mapping[str, str]:
+        """What was checked and found, in words."""
+        return {} if self.assured is None else self.assured.statements
+
+    @property
+    def verdict(self) -> str:
+        """The result in a sentence."""
+        a, b, scene = self.active, self.passive, self.scene
+        held = "within" if self.within_limits else "NOT within"
+        return (
+            f"Certified peak from {b.sigma.peak:.4g} to {a.sigma.peak:.4g} (the yaw by {self.yaw_reduction_db:.1f} dB),"
+            f" deposit CV from {100 * b.spray.cv:.2f} to {100 * a.spray.cv:.2f} %, {held} the limits of"
+            f" ±{1e3 * scene.stroke_limit:g} mm and {scene.force_limit:g} N."
+        )
+
+    def __str__(self) -> str:
+        """Return what a terminal shows."""
+        checks = "".join(f"\n  {name}: {found}" for name, found in {**self.design.facts, **self.assurance}.items())
+        return f"{self.design.title}: {self.verdict}{checks}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the numbers, for JSON."""
+        return {
+            "design": self.design.name,
+            "better_than_passive": self.better,
+            "yaw_reduction_db": self.yaw_reduction_db,
+            "passive": _numbers(self.passive),
+            "active": _numbers(self.active),
+            "synthesis": dict(self.design.facts),
+            "assurance": dict(self.assurance),
+        }
+
+    def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
+        """Return the report: pictures, tables, and the numbers of ``results.json``; ``tell`` is told what comes next."""
+        design, scene, before, after = self.design, self.scene, self.passive, self.active
+        tell("pictures")
+        summary = Section(
+            "What it is worth", (self.verdict, *design.notes), (sections.comparison_table(before, after),)
+        )
+        tables = (
+            sections.parameter_table(before.title, self.passive_parameters, after.title, design.parameters),
+            sections.fact_table(design.facts),
+        )
+        synthesis = Section("Plant and synthesis", (sections.plant_text(design.parameters, scene),), tables)
+        parts = [
+            summary,
+            synthesis,
+            *sections.weight_sections(design.weights),
+            sections.sigma_section(before, after, self.exact_sigma, self.family_sigma),
+            *sections.assurance_sections(self.assurance),
+            sections.run_section(before, after, scene),
+            sections.spray_section(before, after),
+        ]
+        lead = f"{design.title}: what it does to the boom's motion and to the spray, beside the boom as it is."
+        return Report(f"Suspension: {design.title}", (lead,), tuple(parts), self.as_dict())
+
+
+def _numbers(p: Performance) -> dict[str, Any]:
+    return {
+        "title": p.title,
+        "peak": p.sigma.peak,
+        "peak_upper_bound": p.sigma.certificate.upper,
+        "peak_omega": p.sigma.peak_omega,
+        "yaw_peak": p.yaw.lower,
+        "jolt_peak": p.jolt.lower,
+        "deposit_cv": p.spray.cv,
+        "deposit_cv_jolt": p.spray_by_jolt.cv,
+        "deposit_cv_yaw": p.spray_by_yaw.cv,
+        "share_outside_10": p.spray.share_outside_10,
+        "share_outside_20": p.spray.share_outside_20,
+        "worst_dose": p.spray.worst_dose,
+        "rms_tip_speed": p.spray.rms_tip_speed,
+        "stroke": p.stroke,
+        "force": p.force,
+        "force_rate": p.force_rate,
+        "end_stops_hit": len(p.run.stops),
+        "saturation_share": p.run.saturation_share,
+    }

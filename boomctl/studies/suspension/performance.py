@@ -19,8 +19,7 @@ from boomctl.synthesis import select_channels
 if TYPE_CHECKING:
     import control
 
-_HALF = np.sqrt(0.5)
-_FREQUENCIES = np.geomspace(0.15, 130.0, 400)
+_FREQUENCIES = np.geomspace(0.15, 130.0, 400)  # [rad/s], drawn beside those that resolve the peaks
 
 
 @dataclass(frozen=True)
@@ -128,9 +127,9 @@ def _grid(loop: "control.StateSpace") -> Array:
 
 def _part(loop: "control.StateSpace", parity: float) -> NormCertificate:
     """Return the certified peak of one half; inputs and outputs are left and right."""
-    import control
+    from boomctl.lti.python_control import control
 
-    half = np.array([parity, 1.0]) * _HALF
+    half = np.sqrt(0.5) * np.array([parity, 1.0])
     return hinf_norm(control.ss(loop.A, loop.B @ half[:, None], half @ loop.C, half @ loop.D @ half[:, None]))
 
 

@@ -18,9 +18,8 @@ from boomctl.structure import SecondOrderModel
 CONTROLS = ("suspension_left", "suspension_right")
 STROKES = ("stroke_left", "stroke_right")
 ACCELERATIONS = ("tip_left_acceleration", "tip_right_acceleration")
-SENSORS = (*STROKES, *ACCELERATIONS)
 _MAY_BE_ZERO = ("run_in", "delay", "stroke_step", "acceleration_step")
-_APPROACH = 10.0
+_APPROACH = 10.0  # length of track beyond the drive [m]: the tractor is longer than the way of its rear axle
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """The other end of ``boomctl.synthesis.hinf.native``: runs native synthesis where it can be killed.
 
 Requests come through standard input, answers go through what was standard output; whatever native code prints is lost.
+The file runs by itself, as a script, and imports nothing of the package, so that the process is there soon.
 """
 
 import os
@@ -10,8 +11,6 @@ import time
 from typing import BinaryIO
 
 import numpy as np
-
-from boomctl.arrays import Array
 
 REQUEST = struct.Struct("<5qd")
 ANSWER = struct.Struct("<3qd")
@@ -25,7 +24,7 @@ def _read(source: BinaryIO, count: int) -> bytes:
     return data
 
 
-def _matrix(source: BinaryIO, rows: int, columns: int) -> Array:
+def _matrix(source: BinaryIO, rows: int, columns: int) -> np.ndarray:
     return np.frombuffer(_read(source, 8 * rows * columns)).reshape(rows, columns).copy()
 
 

@@ -6,7 +6,8 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.modal import side_of_axis
 from boomctl.synthesis.errors import SynthesisError
-from boomctl.synthesis.plants.partition import Normalised, Plant
+from boomctl.synthesis.hinf.normal_form import NormalizedPlant
+from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 _RANK = 1e-10
 _HIDDEN = 1e-9
@@ -15,7 +16,7 @@ _SAME = 1e-7
 _PARALLEL = 1e-5
 
 
-def check_ranks(plant: Plant) -> None:
+def check_ranks(plant: GeneralizedPlant) -> None:
     """Refuse a control that costs nothing and a measurement without noise.
 
     Raises
@@ -56,7 +57,7 @@ def _dependent(columns: Array, names: tuple[str, ...]) -> list[str]:
     return [name for name, part in zip(names, share, strict=True) if part > 1e-3 * share.max()]
 
 
-def check_modes(plant: Plant, ready: Normalised) -> None:
+def check_modes(plant: GeneralizedPlant, ready: NormalizedPlant) -> None:
     """Refuse modes on or right of the imaginary axis that no control moves or no measurement sees.
 
     Raises
@@ -76,7 +77,7 @@ def check_modes(plant: Plant, ready: Normalised) -> None:
         )
 
 
-def check_zeros(plant: Plant, ready: Normalised) -> None:
+def check_zeros(plant: GeneralizedPlant, ready: NormalizedPlant) -> None:
     """Refuse zeros on the imaginary axis, from controls to performance signals and from disturbances to measurements.
 
     Raises
@@ -84,15 +85,15 @@ def check_zeros(plant: Plant, ready: Normalised) -> None:
     SynthesisError
         There is one; its frequency and the states involved are named.
     """
-    ncon, nmeas = ready.B2.shape[1], len(ready.C2)
-    found = _hidden(ready.A - ready.B2 @ ready.C1[len(ready.C1) - ncon :], ready.C1[: len(ready.C1) - ncon])
+    free = ready.nz - ready.ncon
+    found = _hidden(ready.A - ready.B2 @ ready.C1[free:], ready.C1[:free])
     if found is not None:
         raise SynthesisError(
             f"from the controls ({', '.join(plant.controls)}) to the performance signals nothing passes at "
             f"{_place(found[0])}, a zero on the imaginary axis ({_states(found[1], plant, ready)}): weigh a signal in "
             "which that motion shows, or damp it"
         )
-    free = ready.B1.shape[1] - nmeas
+    free = ready.nw - ready.nmeas
     found = _hidden((ready.A - ready.B1[:, free:] @ ready.C2).T, ready.B1[:, :free].T)
     if found is not None:
         raise SynthesisError(
@@ -120,7 +121,7 @@ def _hidden(A: Array, C: Array, right_half: bool = False) -> tuple[complex, Arra
     return None
 
 
-def _mode(value: complex, vector: Array, plant: Plant, ready: Normalised) -> str:
+def _mode(value: complex, vector: Array, plant: GeneralizedPlant, ready: NormalizedPlant) -> str:
     damping = "unstable" if side_of_axis(np.array([value]))[0] > 0 else "undamped"
     kind = "integrating mode" if abs(value) < 1e-12 else f"{damping} mode at {_place(value)}"
     return f"{kind} ({_states(vector, plant, ready)})"
@@ -131,9 +132,9 @@ def _place(value: complex) -> str:
     return f"{omega:.6g} rad/s ({omega / (2.0 * np.pi):.4g} Hz)"
 
 
-def _states(vector: Array, plant: Plant, ready: Normalised) -> str:
+def _states(vector: Array, plant: GeneralizedPlant, ready: NormalizedPlant) -> str:
     """Name the states that take the largest part in a mode; left and right vectors mark the same ones."""
     share = np.abs(ready.modes @ vector)
     order = np.argsort(-share)
-    main = [plant.states[i] for i in order[:3] if share[i] > 0.3 * share[order[0]]]
+    main = [plant.system.states[i] for i in order[:3] if share[i] > 0.3 * share[order[0]]]
     return "mostly in " + ", ".join(repr(name) for name in main)

@@ -8,30 +8,36 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, matrices_norm
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, lower_lft
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.fast_poles import without_fast_poles
-from boomctl.synthesis.hinf.central import controllers_of
+from boomctl.synthesis.hinf.bounds import Bounds, Deadline
 from boomctl.synthesis.hinf.native import NativeFailure, shared_worker
-from boomctl.synthesis.hinf.search import Bounds, Deadline
-from boomctl.synthesis.hinf.two_riccati import level_of
-from boomctl.synthesis.plants.closed_loop import closed, with_feedthrough
-from boomctl.synthesis.plants.partition import Normalised, Plant
+from boomctl.synthesis.hinf.normal_form import NormalizedPlant
+from boomctl.synthesis.hinf.two_riccati import controller_of, level_of
+from boomctl.synthesis.plants.partition import GeneralizedPlant, with_feedthrough
 
-_ACCEPT = 0.01
-_BELOW = 0.95
-_CLOSE = 0.05
-_FAR = (0.1, 0.2, 0.4, 0.7, 1.0)
-_ANY = (*_FAR, 3.0, 10.0, 100.0)
-_HALVINGS = 3
+_ACCEPT = (
+    0.01  # share by which a loop's norm may exceed the level its controller was computed for: rounding of the solver
+)
+
+# Levels in the order tried, as shares above the lower bound.  All are choices: a controller nearer the optimum has faster
+# poles, so that the first level takes up nearly all of the tolerance and leaves the rest to rounding.
+_FIRST = (0.95, 0.5, 1.0)  # of the tolerance
+_CLOSE = (0.02, 0.0485)  # up to 5 % with rounding: then twice the tolerance and these, where they are more than it
+_FAR = (0.1, 0.2, 0.4, 0.7, 1.0)  # then up to twice the bound, where poles may stay slow only at that cost
+_ANY = (*_FAR, 3.0, 10.0, 100.0)  # where slow poles were asked for, at whatever cost
+_HALVINGS = (
+    3  # of the ratio between the last level that failed and the first that passed: to an eighth of its logarithm
+)
 
 
 @dataclass(frozen=True)
 class Task:
     """A plant, what bounds its loops from below, and what is wanted of a controller."""
 
-    plant: Plant
-    ready: Normalised
+    plant: GeneralizedPlant
+    ready: NormalizedPlant
     bounds: Bounds
     fastest: float
     tolerance: float
@@ -41,20 +47,48 @@ class Task:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A controller that passed, the loop it passed in, and what was found of it."""
+    """A controller that passed, the loop it passed in, and what was found of it; ``path`` tells what was tried."""
 
     K: Lti
     loop: Lti
     norm: NormCertificate
     slowest: float
     level: float
+    solver: str = ""
+    path: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A controller that was tried: who computed it, for which level, and what came of it."""
+
     solver: str
+    level: float
+    outcome: str
+
+    def __str__(self) -> str:
+        return f"{self.solver} at gamma = {self.level:.6g}: {self.outcome}"
 
 
-def levels_within(task: Task, shares: Sequence[float]) -> list[float]:
-    """Return levels these shares above the lower bound, ascending from the third, none below what can be reached."""
-    base, least = task.bounds.lower or task.bounds.reached, task.bounds.reached * (1.0 + 0.1 * task.tolerance)
-    return [max(base * (1.0 + share), least) for share in shares]
+def _native(task: Task, level: float) -> Lti:
+    """Return the native controller; the plant's signals are scaled so that the level is one."""
+    ready, root = task.ready, np.sqrt(level)
+    w = np.concatenate([np.full(ready.nw, 1.0 / root), np.ones(ready.ncon)])
+    z = np.concatenate([np.full(ready.nz, 1.0 / root), np.ones(ready.nmeas)])
+    plant = Lti(ready.A, ready.system.B * w, ready.system.C * z[:, None], ready.system.D * w * z[:, None])
+    limit = 0.5 * task.deadline.left("waiting for the native solver")  # what is left must do for the other solver
+    return shared_worker().controller(plant, ready.nmeas, ready.ncon, 1.0, limit)
+
+
+def _own(task: Task, level: float) -> Lti:
+    found = level_of(task.ready, level)
+    if found.reason:
+        raise ValueError(found.reason)
+    return controller_of(task.ready, found, task.ready.from_measurements @ task.plant.D22 @ task.ready.from_controls)
+
+
+# In the order tried: the native solver is the faster one, the other works where that refuses, hangs or cannot start.
+_SOLVERS: dict[str, Callable[[Task, float], Lti]] = {"SLICOT SB10FD": _native, "two Riccati equations": _own}
 
 
 def first_accepted(task: Task, strict: bool) -> Candidate:
@@ -67,103 +101,81 @@ def first_accepted(task: Task, strict: bool) -> Candidate:
     SynthesisError
         No controller passes; why each was rejected is told.
     """
-    rejected: dict[str, str] = {}
+    tried: list[_Tried] = []
     t = task.tolerance
+    first = [share * t for share in _FIRST]
     if task.wanted is not None:
-        shares = [max(task.wanted * share, task.bounds.reached) for share in (0.9999, 0.999, 0.99)]
-        found = next(_accepted(task, sorted(set(shares), reverse=True), rejected), None)
+        levels = {max(task.wanted * share, task.bounds.reached) for share in (0.9999, 0.999, 0.99)}
+        found = _first_of(task, sorted(levels, reverse=True), tried)
     else:
-        near = levels_within(task, (_BELOW * t, 0.5 * t, t, *(s for s in (2.0 * t, 0.02, 0.97 * _CLOSE) if s > t)))
-        found = next(_accepted(task, near, rejected), None) or _farther(task, near[-1], strict, rejected)
+        near = _levels(task, (*first, *(share for share in (2.0 * t, *_CLOSE) if share > t)))
+        found = _first_of(task, near, tried) or _farther(task, near[-1], strict, tried)
     if found is None and not strict:
-        found = next(
-            _accepted(replace(task, fastest=np.inf), levels_within(task, (_BELOW * t, t, *_ANY)), rejected), None
-        )
+        found = _first_of(replace(task, fastest=np.inf), _levels(task, (first[0], t, *_ANY)), tried)
     if found is not None:
-        return found
-    told = "; ".join(f"{solver}: {why}" for solver, why in rejected.items())
+        return replace(found, path=tuple(map(str, tried)))
+    last = {one.solver: one.outcome for one in tried}
+    told = "; ".join(f"{solver}: {outcome}" for solver, outcome in last.items())
     raise SynthesisError(f"no controller passed verification, from gamma = {task.bounds.reached:.6g} on ({told})")
 
 
-def _farther(task: Task, last: float, strict: bool, rejected: dict[str, str]) -> Candidate | None:
+def _levels(task: Task, shares: Sequence[float]) -> list[float]:
+    """Return levels that lie these shares above the lower bound, none of them below what can be reached."""
+    base, least = task.bounds.lower or task.bounds.reached, task.bounds.reached * (1.0 + 0.1 * task.tolerance)
+    return [max(base * (1.0 + share), least) for share in shares]
+
+
+def _farther(task: Task, last: float, strict: bool, tried: list[_Tried]) -> Candidate | None:
     """Return a controller from farther above the bound, the level halved back towards the last that gave none."""
-    levels = [last, *(level for level in levels_within(task, _ANY if strict else _FAR) if level > last)]
+    levels = [last, *(level for level in _levels(task, _ANY if strict else _FAR) if level > last)]
     for below, above in pairwise(levels):
-        found = next(_accepted(task, [above], rejected), None)
+        found = _first_of(task, [above], tried)
         if found is None:
             continue
         for _ in range(_HALVINGS):
             middle = float(np.sqrt(below * above))
-            better = next(_accepted(task, [middle], rejected), None)
+            better = _first_of(task, [middle], tried)
             below, above, found = (below, middle, better) if better is not None else (middle, above, found)
         return found
     return None
 
 
-def _accepted(task: Task, levels: Sequence[float], rejected: dict[str, str]) -> Iterator[Candidate]:
-    """Yield the controllers that pass; why others do not goes into ``rejected``."""
+def _first_of(task: Task, levels: Sequence[float], tried: list[_Tried]) -> Candidate | None:
+    """Return the first controller of these levels that passes; all that were computed go into ``tried``."""
     for level in levels:
         limit = task.wanted if task.wanted is not None else (1.0 + _ACCEPT) * level
-        for solver, K in _controllers(task, level, rejected):
+        for solver, K in _controllers(task, level, tried):
             task.deadline.left(f"verifying a controller for gamma = {level:.6g}")
             found = judged(task.plant, K, limit)
-            if isinstance(found, str):
-                rejected[solver] = found
-            else:
-                yield replace(found, level=level, solver=solver)
+            if isinstance(found, Candidate):
+                tried.append(_Tried(solver, level, "passed"))
+                return replace(found, level=level, solver=solver)
+            tried.append(_Tried(solver, level, found))
+    return None
 
 
-def _controllers(task: Task, level: float, rejected: dict[str, str]) -> Iterator[tuple[str, Lti]]:
-    """Yield controllers of a level, one with poles that are too fast without these; refusals go into ``rejected``."""
-    solvers: dict[str, Callable[[Task, float], Lti]] = {
-        "SLICOT SB10FD": _native,
-        "two Riccati equations": _own,
-    }
-    for solver, solve in solvers.items():
+def _controllers(task: Task, level: float, tried: list[_Tried]) -> Iterator[tuple[str, Lti]]:
+    """Yield controllers of a level, one with poles that are too fast without these; refusals go into ``tried``."""
+    outward, inward = task.ready.from_controls, task.ready.from_measurements
+    for solver, solve in _SOLVERS.items():
         task.deadline.left(f"computing a controller for gamma = {level:.6g}")
         try:
-            K = _in_plant_signals(task, solve(task, level))
+            K = solve(task, level)
+            K = Lti(K.A, K.B @ inward, outward @ K.C, outward @ K.D @ inward)
+            if not all(np.isfinite(part).all() for part in (K.A, K.B, K.C, K.D)):
+                raise ValueError("a controller that is not finite")
+            K = with_feedthrough(K, task.plant.D22)
         except (NativeFailure, ValueError, np.linalg.LinAlgError) as error:
-            rejected[solver] = str(error)
+            tried.append(_Tried(solver, level, str(error)))
             continue
         speed = largest_pole(K)
         if speed <= task.fastest:
             yield solver, K
             continue
-        rejected[solver] = f"a pole at {speed:.3g} rad/s where {task.fastest:.3g} are allowed"
+        tried.append(_Tried(solver, level, f"a pole at {speed:.3g} rad/s where {task.fastest:.3g} are allowed"))
         slower = without_fast_poles(K, task.fastest)
         if slower is not None:
             yield f"{solver}, fast poles residualised", slower
-
-
-def _native(task: Task, level: float) -> Lti:
-    """Return the native controller; the plant's signals are scaled so that the level is one."""
-    ready, root = task.ready, np.sqrt(level)
-    ncon, nmeas = ready.B2.shape[1], len(ready.C2)
-    D = np.block([[ready.D11 / level, ready.D12 / root], [ready.D21 / root, np.zeros((nmeas, ncon))]])
-    B, C = np.hstack([ready.B1 / root, ready.B2]), np.vstack([ready.C1 / root, ready.C2])
-    limit = 0.5 * task.deadline.left("waiting for the native solver")
-    return shared_worker().controller(Lti(ready.A, B, C, D), nmeas, ncon, 1.0, limit)
-
-
-def _own(task: Task, level: float) -> Lti:
-    found = level_of(task.ready, level)
-    if found.reason:
-        raise ValueError(found.reason)
-    family, D22 = controllers_of(task.ready, found), task.plant.D22
-    return (
-        family.posed_for(task.ready.from_measurements @ D22 @ task.ready.from_controls)
-        if D22.any()
-        else family.member()
-    )
-
-
-def _in_plant_signals(task: Task, K: Lti) -> Lti:
-    outward, inward = task.ready.from_controls, task.ready.from_measurements
-    scaled = Lti(K.A, K.B @ inward, outward @ K.C, outward @ K.D @ inward)
-    if not all(np.isfinite(part).all() for part in (scaled.A, scaled.B, scaled.C, scaled.D)):
-        raise ValueError("a controller that is not finite")
-    return with_feedthrough(scaled, task.plant.D22)
 
 
 def largest_pole(K: Lti) -> float:
@@ -171,10 +183,10 @@ def largest_pole(K: Lti) -> float:
     return float(np.abs(linalg.eigvals(K.A)).max()) if len(K.A) else 0.0
 
 
-def judged(plant: Plant, K: Lti, limit: float) -> Candidate | str:
+def judged(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
     """Return a controller with its certificate if its loop is stable and its norm not above ``limit``; else why not."""
     try:
-        loop = _balanced(closed(plant, K))
+        loop = lower_lft(plant.system, K).balanced()
     except ValueError as error:
         return str(error)
     slowest = float(linalg.eigvals(loop.A).real.max()) if len(loop.A) else -np.inf
@@ -185,12 +197,4 @@ def judged(plant: Plant, K: Lti, limit: float) -> Candidate | str:
         return f"the norm of its loop could not be certified ({norm.method})"
     if norm.upper > limit or norm.lower == np.inf:
         return f"its loop has norm {norm.lower:.6g}, more than {limit:.6g}"
-    return Candidate(K, loop, norm, slowest, norm.upper, "")
-
-
-def _balanced(loop: Lti) -> Lti:
-    """Return a system whose states are scaled by powers of two, so that its digits survive whoever evaluates it."""
-    if not len(loop.A):
-        return loop
-    A, (scale, _) = linalg.matrix_balance(loop.A, permute=False, separate=True)
-    return Lti(A, loop.B / scale[:, None], loop.C * scale[None, :], loop.D)
+    return Candidate(K, loop, norm, slowest, level=norm.upper)

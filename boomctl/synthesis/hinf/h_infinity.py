@@ -1,26 +1,109 @@
 """``h_infinity``: controllers whose closed loop was verified, and a bound that tells how far from the best they are."""
 
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from boomctl.analysis.norm import NormCertificate
 from boomctl.checks import positive
+from boomctl.printing import sentence, system
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.hinf.assumptions import check_modes, check_ranks, check_zeros
+from boomctl.synthesis.hinf.bounds import Deadline, lowest_level
 from boomctl.synthesis.hinf.candidates import Candidate, Task, first_accepted, largest_pole
 from boomctl.synthesis.hinf.native import NativeFailure, shared_worker
-from boomctl.synthesis.hinf.result import HInfinityCertificate, HInfinityResult
-from boomctl.synthesis.hinf.search import Bounds, Deadline, lowest_level
-from boomctl.synthesis.plants.closed_loop import named_loop
-from boomctl.synthesis.plants.partition import normalised, partition
+from boomctl.synthesis.hinf.normal_form import normalised
+from boomctl.synthesis.plants.partition import partition
 
 if TYPE_CHECKING:
     import control
 
-_BAND = 1000.0
-_SEARCH = 0.25
+_BAND = 1000.0  # poles so many times faster than plant and H2 loop cannot be implemented (a choice)
+_SEARCH = 0.25  # share of the tolerance to which the lowest level is found: the rest is left to the controllers
+
+
+@dataclass(frozen=True)
+class HInfinityCertificate:
+    """What vouches for a controller, and how far from the best possible one it is.
+
+    Attributes
+    ----------
+    norm : NormCertificate
+        The closed loop's H-infinity norm between two bounds.
+    slowest_pole : float
+        Largest real part of the closed loop's poles [rad/s], negative; ``-inf`` without states.
+    lower : float
+        A norm that no controller goes below: the larger of the two bounds that follow.
+    frequency_bound, frequency_omega : float
+        What no controller beats at one frequency [rad/s], whatever it knows.
+    riccati_bound : float
+        The highest level at which a condition of the two Riccati equations was seen to fail, checked by residuals and
+        signs; below it no controller exists.
+    riccati_reason : str
+        Which condition failed there.
+    level : float
+        The level for which the controller was computed.
+    fastest_pole, fastest_pole_limit : float
+        Largest magnitude of the controller's poles and what was allowed [rad/s].
+    solver : str
+        Which solver's controller passed.
+    path : tuple of str
+        What was tried, in that order: solver, level and what came of it.
+    statement : str
+        All this in a sentence.
+    """
+
+    norm: NormCertificate
+    slowest_pole: float
+    lower: float
+    frequency_bound: float
+    frequency_omega: float
+    riccati_bound: float
+    riccati_reason: str
+    level: float
+    fastest_pole: float
+    fastest_pole_limit: float
+    solver: str
+    path: tuple[str, ...]
+    statement: str
+
+    def __repr__(self) -> str:
+        return sentence("HInfinityCertificate", self.statement)
+
+    @property
+    def distance(self) -> float:
+        """How far above the lower bound the closed loop's norm lies at most, relative to it."""
+        if self.lower > 0.0:
+            return self.norm.upper / self.lower - 1.0
+        return float("inf") if self.norm.upper > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class HInfinityResult:
+    """A controller and the closed loop it was verified in.
+
+    Attributes
+    ----------
+    controller : control.StateSpace
+        From the measurements to the controls, ``u = K y``, named as in the generalised plant.
+    closed_loop : control.StateSpace
+        From the disturbances to the performance signals, named.
+    gamma : float
+        The closed loop's H-infinity norm, verified.
+    certificate : HInfinityCertificate
+    """
+
+    controller: "control.StateSpace"
+    closed_loop: "control.StateSpace"
+    gamma: float
+    certificate: HInfinityCertificate
+
+    def __repr__(self) -> str:
+        least = f"no controller goes below {self.certificate.lower:.6g}"
+        verified = f"norm of the closed loop {self.gamma:.6g}, verified; {least}"
+        return f"HInfinityResult: controller of {system(self.controller)}\n  {verified}"
 
 
 def h_infinity(
@@ -89,34 +172,39 @@ def h_infinity(
     deadline = Deadline.after(limit)
     bounds = lowest_level(ready, _SEARCH * share, deadline)
     if wanted is not None and wanted < bounds.lower:
-        raise SynthesisError(_too_low(wanted, bounds))
+        why = (
+            f"at {bounds.omega:.4g} rad/s no controller goes below {bounds.frequency:.6g}"
+            if bounds.frequency >= bounds.riccati
+            else f"below {bounds.riccati:.6g} {bounds.reason}"
+        )
+        raise SynthesisError(f"gamma = {wanted:.6g} cannot be reached: {why}")
     fastest = allowed if allowed is not None else (_BAND * bounds.band or np.inf)
     task = Task(plant, ready, bounds, fastest, share, deadline, wanted)
     return _result(task, first_accepted(task, strict=allowed is not None))
 
 
-def _too_low(wanted: float, bounds: Bounds) -> str:
-    why = (
-        f"at {bounds.omega:.4g} rad/s no controller goes below {bounds.frequency:.6g}"
-        if bounds.frequency >= bounds.riccati
-        else f"below {bounds.riccati:.6g} {bounds.reason}"
-    )
-    return f"gamma = {wanted:.6g} cannot be reached: {why}"
-
-
 def _result(task: Task, found: Candidate) -> HInfinityResult:
-    import control
-
     task = replace(task, bounds=task.bounds.below(found.norm.upper))
-    plant, bounds, K = task.plant, task.bounds, found.K
-    controller = control.ss(
-        K.A, K.B, K.C, K.D, inputs=list(plant.measurements), outputs=list(plant.controls), name="controller"
-    )
+    plant, bounds = task.plant, task.bounds
     certificate = HInfinityCertificate(
-        found.norm, found.slowest, bounds.lower, bounds.frequency, bounds.omega, bounds.riccati, bounds.reason,
-        found.level, largest_pole(K), task.fastest, found.solver, _statement(task, found),
-    )  # fmt: skip
-    return HInfinityResult(controller, named_loop(plant, found.loop), found.norm.lower, certificate)
+        norm=found.norm,
+        slowest_pole=found.slowest,
+        lower=bounds.lower,
+        frequency_bound=bounds.frequency,
+        frequency_omega=bounds.omega,
+        riccati_bound=bounds.riccati,
+        riccati_reason=bounds.reason,
+        level=found.level,
+        fastest_pole=largest_pole(found.K),
+        fastest_pole_limit=task.fastest,
+        solver=found.solver,
+        path=found.path,
+        statement=_statement(task, found),
+    )
+    K = replace(found.K, inputs=plant.measurements, outputs=plant.controls)
+    return HInfinityResult(
+        K.statespace("controller"), found.loop.statespace("closed_loop"), found.norm.lower, certificate
+    )
 
 
 def _statement(task: Task, found: Candidate) -> str:

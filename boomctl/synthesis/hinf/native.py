@@ -17,9 +17,10 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
+from boomctl.synthesis.hinf import _worker
 from boomctl.synthesis.hinf._worker import ANSWER, READY, REQUEST
 
-_START = 120.0
+_START = 120.0  # seconds a child may take to start: a second on an idle machine, much more on a crowded one
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 
@@ -83,10 +84,9 @@ class Worker:
         if self._process is not None and self._process.poll() is None:
             return self._process
         self._drop()
-        home = str(Path(__file__).resolve().parents[3])
-        paths = [home, *filter(None, [os.environ.get("PYTHONPATH")])]
-        environment = os.environ | dict.fromkeys(_THREADS, "1") | {"PYTHONPATH": os.pathsep.join(paths)}
-        command = [sys.executable, "-P", "-m", "boomctl.synthesis.hinf._worker"]
+        # by its file: so it runs from a source tree as well as installed, and imports nothing of this package
+        command = [sys.executable, "-P", str(Path(_worker.__file__).resolve())]
+        environment = os.environ | dict.fromkeys(_THREADS, "1")
         pipe, nothing = subprocess.PIPE, subprocess.DEVNULL
         try:
             self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=nothing, env=environment)

@@ -1,6 +1,7 @@
-"""The two Riccati equations of H-infinity synthesis (Glover & Doyle 1988), solved apart from any native solver.
+"""The two Riccati equations of H-infinity synthesis, solved apart from any native solver.
 
-They tell whether a level can be reached, and where it cannot, why.
+They tell whether a level can be reached (Glover & Doyle 1988), where it cannot, why, and all controllers that reach it
+(Zhou, Doyle & Glover, Robust and Optimal Control, 1996, theorem 17.1).
 """
 
 from dataclasses import dataclass
@@ -10,58 +11,51 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.synthesis.plants.partition import Normalised
+from boomctl.lti.system import Lti, lower_lft, static
+from boomctl.synthesis.hinf.normal_form import NormalizedPlant
+from boomctl.synthesis.plants.partition import GeneralizedPlant
 
-_NEGATIVE = 1e-8
-_MARGIN = 10.0
+_NEGATIVE = 1e-8  # share of the largest eigenvalue of X that rounding may have made negative: half of all digits
+_MARGIN = 10.0  # a solution is taken to be wrong by so many Newton steps: a choice, since one step only estimates it
 COUPLING = "control and estimation together do not reach it (rho(XY) >= gamma^2)"
 
 
 @dataclass(frozen=True)
-class _Side:
-    """One equation, ``F'X + X F - X G X + Q = 0``, of state feedback; estimation is the same of the transposed plant.
+class _StateFeedback:
+    """The equation ``F'X + X F - X G X + Q = 0`` of a level; estimation is state feedback of the dual plant.
 
-    ``weight`` is ``(gamma^2 I - D'D)^-1`` with ``D`` what the performance signals beyond the controls take directly.
+    ``weight`` is ``(gamma^2 I - D'D)^-1``, with ``D`` the direct way from the disturbances to the performance signals that
+    weigh no control; ``direct`` is that to those which do.  By ``entry`` the disturbances drive the states, and
+    ``through`` is ``D'C``.
     """
 
-    B1: Array
-    B2: Array
-    direct: Array
+    plant: GeneralizedPlant
+    entry: Array
     weight: Array
     through: Array
+    direct: Array
     F: Array
     G: Array
     Q: Array
 
-    def residual(self, X: Array) -> Array:
-        """Return what remains of the equation."""
-        return self.F.T @ X + X @ self.F - X @ self.G @ X + self.Q
-
-    def gain(self, X: Array, C12: Array) -> Array:
+    def gain(self, X: Array) -> Array:
         """Return the worst disturbance and the best control, as rows over the states."""
-        worst = self.weight @ (self.through + self.B1.T @ X)
-        return np.vstack([worst, -C12 - self.B2.T @ X - self.direct @ worst])
+        C12 = self.plant.C1[self.plant.nz - self.plant.ncon :]
+        worst = self.weight @ (self.through + self.entry.T @ X)
+        return np.vstack([worst, -C12 - self.plant.B2.T @ X - self.direct @ worst])
 
 
-def _side(A: Array, B1: Array, B2: Array, C1: Array, D11: Array, gamma: float) -> _Side:
-    """Return the equation's data; ``D12`` is ``[0; I]``.  An infinite level gives those of H2."""
-    free = len(C1) - B2.shape[1]
-    D, direct, C, C12 = D11[:free], D11[free:], C1[:free], C1[free:]
-    size = B1.shape[1]
-    weight = np.zeros((size, size)) if np.isinf(gamma) else np.linalg.inv(gamma**2 * np.eye(size) - D.T @ D)
-    entry = B1 - B2 @ direct
+def _state_feedback(plant: GeneralizedPlant, gamma: float) -> _StateFeedback:
+    """Return the equation of a plant with ``D12 = [0; I]``.  An infinite level gives that of H2."""
+    free, B2 = plant.nz - plant.ncon, plant.B2
+    D, direct, C, C12 = plant.D11[:free], plant.D11[free:], plant.C1[:free], plant.C1[free:]
+    identity = np.eye(plant.nw)
+    weight = np.zeros_like(identity) if np.isinf(gamma) else np.linalg.inv(gamma**2 * identity - D.T @ D)
+    entry = plant.B1 - B2 @ direct
     through = D.T @ C
-    F = A - B2 @ C12 + entry @ weight @ through
+    F = plant.A - B2 @ C12 + entry @ weight @ through
     G = B2 @ B2.T - entry @ weight @ entry.T
-    return _Side(entry, B2, direct, weight, through, F, G, C.T @ C + through.T @ weight @ through)
-
-
-def _control_side(ready: Normalised, gamma: float) -> _Side:
-    return _side(ready.A, ready.B1, ready.B2, ready.C1, ready.D11, gamma)
-
-
-def _filter_side(ready: Normalised, gamma: float) -> _Side:
-    return _side(ready.A.T, ready.C1.T, ready.C2.T, ready.B1.T, ready.D11.T, gamma)
+    return _StateFeedback(plant, entry, weight, through, direct, F, G, C.T @ C + through.T @ weight @ through)
 
 
 @dataclass(frozen=True)
@@ -82,7 +76,7 @@ class Level:
     gamma: float
     reason: str
     radius: float
-    ready: Normalised
+    ready: NormalizedPlant
     X: Array | None = None
     Y: Array | None = None
 
@@ -94,10 +88,10 @@ class Level:
         that is reached bounds the lowest one, and so does a level at which a solution is indefinite.
         """
         errors = [0.0, 0.0]
-        for k, (X, side) in enumerate(((self.X, _control_side), (self.Y, _filter_side))):
+        for k, (X, plant) in enumerate(((self.X, self.ready), (self.Y, self.ready.dual))):
             if X is None:
                 continue
-            errors[k] = _MARGIN * _error(side(self.ready, self.gamma), X)
+            errors[k] = _MARGIN * _error(_state_feedback(plant, self.gamma), X)
             if np.isfinite(self.gamma) and len(X) and linalg.eigvalsh(X)[0] < -max(errors[k], 1e-14 * np.abs(X).max()):
                 return self.gamma
         if self.X is None or self.Y is None or not np.isfinite(self.radius):
@@ -108,23 +102,23 @@ class Level:
         return min(radius, self.gamma)
 
 
-def level_of(ready: Normalised, gamma: float) -> Level:
+def level_of(ready: NormalizedPlant, gamma: float) -> Level:
     """Return what the two Riccati equations say of a level; ``inf`` gives those of H2."""
-    X = _stabilising(_control_side(ready, gamma))
+    X = _stabilising(_state_feedback(ready, gamma))
     if X is None:
         return Level(gamma, "with all states known no controller reaches it (no stabilising X)", np.nan, ready)
     if _indefinite(X):
-        return Level(gamma, "with all states known no controller reaches it (X is indefinite)", np.nan, ready, X)
-    Y = _stabilising(_filter_side(ready, gamma))
+        return Level(gamma, "with all states known no controller reaches it (X is indefinite)", np.nan, ready, X=X)
+    Y = _stabilising(_state_feedback(ready.dual, gamma))
     if Y is None:
         reason = "with all states driven at will no controller reaches it (no stabilising Y)"
         return Level(gamma, reason, np.nan, ready)
     if _indefinite(Y):
         reason = "with all states driven at will no controller reaches it (Y is indefinite)"
-        return Level(gamma, reason, np.nan, ready, None, Y)
+        return Level(gamma, reason, np.nan, ready, Y=Y)
     values = linalg.eigvals(X @ Y).real if len(X) else np.zeros(1)
     radius = float(np.sqrt(max(values.max(), 0.0)))
-    return Level(gamma, COUPLING if radius >= gamma else "", radius, ready, X, Y)
+    return Level(gamma, COUPLING if radius >= gamma else "", radius, ready, X=X, Y=Y)
 
 
 def _indefinite(X: Array) -> bool:
@@ -134,14 +128,14 @@ def _indefinite(X: Array) -> bool:
     return bool(values[0] < -_NEGATIVE * max(abs(values[-1]), abs(values[0]), np.finfo(float).tiny))
 
 
-def _stabilising(side: _Side) -> Array | None:
+def _stabilising(equation: _StateFeedback) -> Array | None:
     """Return the stabilising solution from the stable subspace of the Hamiltonian matrix; None if there is none."""
-    n = len(side.F)
+    n = len(equation.F)
     if n == 0:
         return np.zeros((0, 0))
-    size_g, size_q = np.linalg.norm(side.G), np.linalg.norm(side.Q)
+    size_g, size_q = np.linalg.norm(equation.G), np.linalg.norm(equation.Q)
     scale = np.sqrt(size_q / size_g) if size_g > 0.0 and size_q > 0.0 else 1.0
-    hamiltonian = np.block([[side.F, -side.G * scale], [-side.Q / scale, -side.F.T]])
+    hamiltonian = np.block([[equation.F, -equation.G * scale], [-equation.Q / scale, -equation.F.T]])
     if not np.isfinite(hamiltonian).all():
         return None
     try:
@@ -154,21 +148,22 @@ def _stabilising(side: _Side) -> Array | None:
     return 0.5 * (X + X.T) if np.isfinite(X).all() else None
 
 
-def _error(side: _Side, X: Array) -> float:
+def _error(equation: _StateFeedback, X: Array) -> float:
     """Return the size of the Newton step from a solution; infinite if it does not stabilise."""
-    closed = side.F - side.G @ X
     if not len(X):
         return 0.0
+    closed = equation.F - equation.G @ X
+    residual = equation.F.T @ X + X @ equation.F - X @ equation.G @ X + equation.Q
     if linalg.eigvals(closed).real.max() >= 0.0:
         return np.inf
     try:
-        step = linalg.solve_continuous_lyapunov(closed.T, -side.residual(X))
+        step = linalg.solve_continuous_lyapunov(closed.T, -residual)
     except np.linalg.LinAlgError:
         return np.inf
     return float(np.linalg.norm(step, 2)) if np.isfinite(step).all() else np.inf
 
 
-def gains(ready: Normalised, level: Level) -> tuple[Array, Array]:
+def gains(ready: NormalizedPlant, level: Level) -> tuple[Array, Array]:
     """Return the state feedback and the output injection of a level's Riccati solutions.
 
     Raises
@@ -178,6 +173,64 @@ def gains(ready: Normalised, level: Level) -> tuple[Array, Array]:
     """
     if level.X is None or level.Y is None:
         raise ValueError(f"gamma = {level.gamma:g}: {level.reason}")
-    F = _control_side(ready, level.gamma).gain(level.X, ready.C1[len(ready.C1) - ready.B2.shape[1] :])
-    L = _filter_side(ready, level.gamma).gain(level.Y, ready.B1[:, ready.B1.shape[1] - len(ready.C2) :].T).T
-    return F, L
+    F = _state_feedback(ready, level.gamma).gain(level.X)
+    return F, _state_feedback(ready.dual, level.gamma).gain(level.Y).T
+
+
+def controller_of(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:
+    """Return a controller of a level in normalised signals: the central one, if ``D22`` is zero.
+
+    Otherwise it is the one, of three, with which ``I + D_K D22`` is farthest from singular.
+
+    Raises
+    ------
+    ValueError
+        The level has no Riccati solutions.
+    """
+    family = controllers_of(ready, level)
+    at_rest = np.zeros((family.ncon, family.nmeas))
+    if not D22.any():
+        return lower_lft(family.system, static(at_rest))
+    left, _, right = linalg.svd(family.D21 @ D22 @ family.D12, full_matrices=False)
+    aligned = 0.5 * level.gamma * (left @ right).T
+    members = [lower_lft(family.system, static(Q)) for Q in (at_rest, aligned, -aligned)]
+
+    def farness(K: Lti) -> float:
+        values = linalg.svdvals(np.eye(len(K.D)) + K.D @ D22)
+        return float(values[-1] / max(1.0, values[0]))
+
+    return max(members, key=farness)
+
+
+def controllers_of(ready: NormalizedPlant, level: Level) -> GeneralizedPlant:
+    """Return all controllers of a level, from its Riccati solutions.
+
+    Closed by ``q = Q p`` with any stable ``Q`` smaller than the level, what comes back is a controller of the level,
+    ``u = K y``: its first input is ``y``, its first output ``u``.
+
+    Raises
+    ------
+    ValueError
+        The level has no Riccati solutions.
+    """
+    F, L = gains(ready, level)
+    m1, p1 = ready.nw, ready.nz
+    m, p, g2 = m1 - ready.nmeas, p1 - ready.ncon, level.gamma**2
+    F12, F2, L12, L2 = F[m:m1], F[m1:], L[:, p:p1], L[:, p1:]
+    D = ready.D11
+    D11, D12, D21, D22 = D[:p, :m], D[:p, m:], D[p:, :m], D[p:, m:]
+    tall = np.linalg.inv(g2 * np.eye(p) - D11 @ D11.T)
+    wide = np.linalg.inv(g2 * np.eye(m) - D11.T @ D11)
+    E11 = -D21 @ D11.T @ tall @ D12 - D22
+    E12 = linalg.cholesky(np.eye(len(D22)) - D21 @ wide @ D21.T, lower=True)
+    E21 = linalg.cholesky(np.eye(D22.shape[1]) - D12.T @ tall @ D12)
+    X, Y = np.asarray(level.X), np.asarray(level.Y)
+    coupling = np.linalg.inv(np.eye(len(X)) - Y @ X / g2)
+    B2 = coupling @ (ready.B2 + L12) @ E12
+    C2 = -E21 @ (ready.C2 + F12)
+    B1 = -coupling @ L2 + B2 @ np.linalg.solve(E12, E11)
+    inner = np.linalg.solve(E21, C2)
+    A = ready.A + ready.system.B @ F + B1 @ inner
+    through = np.block([[E11, E12], [E21, np.zeros((len(E21), len(E12)))]])
+    family = Lti(A, np.hstack([B1, B2]), np.vstack([F2 + E11 @ inner, C2]), through)
+    return GeneralizedPlant(family, nmeas=ready.nmeas, ncon=ready.ncon)

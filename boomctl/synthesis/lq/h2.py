@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, lower_lft
+from boomctl.printing import system
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.hinf.assumptions import check_modes, check_ranks, check_zeros
+from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.lq.output_feedback import FeedbackCertificate, certify, least_cost, observer
-from boomctl.synthesis.plants.closed_loop import closed, with_feedthrough
-from boomctl.synthesis.plants.named import named_statespace
-from boomctl.synthesis.plants.partition import Plant, normalised, partition
-from boomctl.synthesis.riccati import RiccatiProblem, RiccatiSolution, solve_riccati
+from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, solve_riccati
+from boomctl.synthesis.plants.partition import GeneralizedPlant, partition, with_feedthrough
 
 if TYPE_CHECKING:
     import control
 
-_FEEDTHROUGH = 1e-10
+_FEEDTHROUGH = 1e-10  # share of D11 that rounding may leave of a direct way that the controller cancels
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,10 @@ class H2Result:
     optimum: float
     poles: Array = field(repr=False)
     certificate: FeedbackCertificate
+
+    def __repr__(self) -> str:
+        norms = f"H2 norm of the closed loop {self.norm:.6g}, verified; least possible {self.optimum:.6g}"
+        return f"H2Result: controller of {system(self.controller)}\n  {norms}"
 
 
 def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
@@ -84,30 +88,31 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
     >>> round(h2(P, 1, 1).norm ** 2, 6)
     2.0
     """
-    parts = partition(P, nmeas, ncon)
-    if not parts.states:
+    plant = partition(P, nmeas, ncon)
+    if not len(plant.A):
         raise ValueError("P: expected at least one state, got a static gain")
-    check_ranks(parts)
-    direct = _cancelling(parts)
-    shifted = _with_direct(parts, direct)
+    check_ranks(plant)
+    direct = _cancelling(plant)
+    shifted = _with_direct(plant, direct)
     ready = normalised(shifted)
     check_modes(shifted, ready)
     check_zeros(shifted, ready)
-    regulator, estimator = _solve(shifted)
-    K = _completed(shifted, regulator, estimator, direct, parts)
-    loop = _without_rounding(closed(parts, K), parts)
+    regulator = _solved(shifted, "the Riccati equation of the H2 regulator")
+    estimator = _solved(shifted.dual, "the Riccati equation of the H2 filter")
+    way = Lti(shifted.A, shifted.B2, shifted.C2, shifted.D22, plant.controls, plant.measurements, plant.system.states)
+    K = observer(way, regulator.gain, estimator.gain.T)
+    try:
+        K = with_feedthrough(replace(K, D=K.D + direct), plant.D22)
+    except ValueError as error:
+        raise SynthesisError(f"feedthrough from controls to measurements: {error}") from None
+    loop = lower_lft(plant.system, K)
+    if np.abs(loop.D).max(initial=0.0) <= 10.0 * _FEEDTHROUGH * np.abs(plant.D11).max(initial=0.0):
+        loop = replace(loop, D=np.zeros_like(loop.D))  # what rounding leaves of the direct way that is cancelled
     R, W = shifted.D12.T @ shifted.D12, shifted.B1 @ shifted.B1.T
     certificate = certify(loop, least_cost(W, R, regulator, estimator), regulator, estimator)
-    states = [f"estimate.{s}" for s in parts.states]
     return H2Result(
-        controller=named_statespace((K.A, K.B, K.C, K.D), parts.measurements, parts.controls, "h2", states),
-        closed_loop=named_statespace(
-            (loop.A, loop.B, loop.C, loop.D),
-            parts.disturbances,
-            parts.performance,
-            "closed_loop",
-            [*parts.states, *states],
-        ),
+        controller=K.statespace("h2"),
+        closed_loop=loop.statespace("closed_loop"),
         norm=certificate.norm.value,
         optimum=certificate.least_norm,
         poles=np.concatenate([regulator.poles, estimator.poles]),
@@ -115,7 +120,7 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
     )
 
 
-def _cancelling(parts: Plant) -> Array:
+def _cancelling(parts: GeneralizedPlant) -> Array:
     """Return the direct gain from measurements to controls that cancels the direct way to the performance signals."""
     D11 = parts.D11
     if not D11.any():
@@ -131,43 +136,15 @@ def _cancelling(parts: Plant) -> Array:
     return direct
 
 
-def _with_direct(parts: Plant, direct: Array) -> Plant:
+def _with_direct(parts: GeneralizedPlant, direct: Array) -> GeneralizedPlant:
     """Return the generalised plant with ``u = direct y + v``, ``v`` in place of ``u``, and without its ``D22``."""
-    return replace(
-        parts,
-        A=parts.A + parts.B2 @ direct @ parts.C2,
-        B1=parts.B1 + parts.B2 @ direct @ parts.D21,
-        C1=parts.C1 + parts.D12 @ direct @ parts.C2,
-        D11=np.zeros_like(parts.D11),
-        D22=np.zeros_like(parts.D22),
-    )
+    p = parts
+    B = np.hstack([p.B1 + p.B2 @ direct @ p.D21, p.B2])
+    C = np.vstack([p.C1 + p.D12 @ direct @ p.C2, p.C2])
+    D = np.block([[np.zeros_like(p.D11), p.D12], [p.D21, np.zeros_like(p.D22)]])
+    return replace(p, system=replace(p.system, A=p.A + p.B2 @ direct @ p.C2, B=B, C=C, D=D))
 
 
-def _solve(shifted: Plant) -> tuple[RiccatiSolution, RiccatiSolution]:
-    """Return regulator and filter; the filter is the regulator of the transposed plant."""
-    p = shifted
-    regulator = RiccatiProblem(p.A, p.B2, p.C1.T @ p.C1, p.D12.T @ p.D12, p.C1.T @ p.D12)
-    estimator = RiccatiProblem(p.A.T, p.C2.T, p.B1 @ p.B1.T, p.D21 @ p.D21.T, p.B1 @ p.D21.T)
-    return (
-        solve_riccati(regulator, "the Riccati equation of the H2 regulator"),
-        solve_riccati(estimator, "the Riccati equation of the H2 filter"),
-    )
-
-
-def _completed(
-    shifted: Plant, regulator: RiccatiSolution, estimator: RiccatiSolution, direct: Array, parts: Plant
-) -> Lti:
-    """Return the controller of the plant given, from the regulator and the filter of the shifted one."""
-    inner = Lti(shifted.A, shifted.B2, shifted.C2, shifted.D22)
-    K = observer(inner, regulator.gain, estimator.gain.T)
-    try:
-        return with_feedthrough(replace(K, D=K.D + direct), parts.D22)
-    except ValueError as error:
-        raise SynthesisError(f"feedthrough from controls to measurements: {error}") from None
-
-
-def _without_rounding(loop: Lti, parts: Plant) -> Lti:
-    """Return the loop without what rounding leaves of the direct way that the controller cancels."""
-    scale = float(np.abs(parts.D11).max(initial=0.0))
-    small = np.abs(loop.D).max(initial=0.0) <= 10.0 * _FEEDTHROUGH * scale
-    return replace(loop, D=np.zeros_like(loop.D)) if small else loop
+def _solved(p: GeneralizedPlant, what: str) -> RiccatiSolution:
+    """Return the regulator of a plant; the filter is the regulator of the dual one."""
+    return solve_riccati(RiccatiProblem(p.A, p.B2, p.C1.T @ p.C1, p.D12.T @ p.D12, p.C1.T @ p.D12), what)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.system import Lti
+from boomctl.printing import system
 from boomctl.synthesis.hidden_modes import check_detectable, check_excited
-from boomctl.synthesis.lq.noise import Noise, noise_of
-from boomctl.synthesis.lq.quadratic import Weight, square_root
-from boomctl.synthesis.plants.named import NamedMatrices, named_matrices, named_statespace
-from boomctl.synthesis.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
+from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of, square_root
+from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
 
 if TYPE_CHECKING:
     import control
@@ -42,6 +42,11 @@ class KalmanResult:
     estimator: "control.StateSpace" = field(repr=False)
     poles: Array = field(repr=False)
     certificate: RiccatiCertificate
+
+    def __repr__(self) -> str:
+        slowest = f"slowest pole of the estimator {self.poles.real.max(initial=-np.inf):.4g} rad/s"
+        checked = f"Riccati residual {self.certificate.residual:.1e}"
+        return f"KalmanResult: estimator of {system(self.estimator)}\n  {slowest}; {checked}"
 
 
 def kalman(
@@ -88,34 +93,30 @@ def kalman(
     >>> kalman(mass, {"force": 4.0}, 1.0).gain.round(4).T
     array([[2., 2.]])
     """
-    plant = named_matrices(system)
-    measured = plant.chosen_outputs("measurements", measurements)
-    noise = noise_of(plant, process_noise, measurement_noise, measured, disturbances)
+    plant = plant_of(system)
+    measured = chosen("measurements", measurements, plant.outputs)
+    noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
     solution = solved_filter(plant, noise, measured)
-    gain = solution.gain.T
+    L, n = solution.gain.T, len(plant.A)
+    known = tuple(name for name in plant.inputs if name not in noise.inputs)
+    way = plant.select(known, measured)
+    B = np.hstack([L, way.B - L @ way.D])
+    inputs, states = (*measured, *known), plant.states
+    estimator = Lti(plant.A - L @ way.C, B, np.eye(n), np.zeros(B.shape), inputs, states, states)
     return KalmanResult(
-        gain=gain,
+        gain=L,
         covariance=solution.X,
-        estimator=_estimator(plant, gain, measured, tuple(name for name in plant.inputs if name not in noise.inputs)),
+        estimator=estimator.statespace("estimator"),
         poles=solution.poles,
         certificate=solution.certificate,
     )
 
 
-def solved_filter(plant: NamedMatrices, noise: Noise, measurements: Sequence[str]) -> RiccatiSolution:
+def solved_filter(plant: Lti, noise: Noise, measurements: Sequence[str]) -> RiccatiSolution:
     """Return the solution of a filter's problem, its gain transposed; refuse modes in the way of one by name."""
-    C, _ = plant.rows(measurements)
+    C = plant.select(outputs=measurements).C
     problem = RiccatiProblem(plant.A.T, C.T, noise.W, noise.V, noise.S)
     check_detectable(plant.A, C, measurements, plant.states)
     shifted, _, W = problem.shifted
     check_excited(shifted.T, square_root(W), "any process noise", plant.states)
     return solve_riccati(problem, "the Riccati equation of the filter")
-
-
-def _estimator(
-    plant: NamedMatrices, gain: Array, measurements: Sequence[str], known: Sequence[str]
-) -> "control.StateSpace":
-    way, n = plant.block(measurements, known), len(plant.A)
-    A, into = plant.A - gain @ way.C, np.hstack([gain, way.B - gain @ way.D])
-    matrices = (A, into, np.eye(n), np.zeros((n, into.shape[1])))
-    return named_statespace(matrices, (*measurements, *known), plant.states, "estimator", plant.states)

@@ -8,16 +8,13 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import nonnegative
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, lower_lft
+from boomctl.printing import system
 from boomctl.synthesis.lq.kalman import solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
-from boomctl.synthesis.lq.noise import Noise, noise_of
 from boomctl.synthesis.lq.output_feedback import FeedbackCertificate, certify, least_cost, observer
-from boomctl.synthesis.lq.quadratic import Weight, square_root
-from boomctl.synthesis.plants.closed_loop import closed
-from boomctl.synthesis.plants.named import NamedMatrices, named_matrices, named_statespace
-from boomctl.synthesis.plants.partition import Plant
-from boomctl.synthesis.riccati import RiccatiProblem
+from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of, square_root
+from boomctl.synthesis.lq.riccati import RiccatiProblem
 
 if TYPE_CHECKING:
     import control
@@ -52,6 +49,12 @@ class LqgResult:
     poles: Array = field(repr=False)
     cost: float
     certificate: FeedbackCertificate
+
+    def __repr__(self) -> str:
+        norms = (
+            f"cost {self.cost:.6g}, two Gramians and the Riccati equations agree to {self.certificate.disagreement:.0e}"
+        )
+        return f"LqgResult: controller of {system(self.controller)}\n  {norms}"
 
 
 def lqg(
@@ -104,22 +107,21 @@ def lqg(
     >>> round(design.cost, 4)
     8.4853
     """
-    plant = named_matrices(system)
-    driven = plant.chosen_inputs("controls", controls)
-    measured = plant.chosen_outputs("measurements", measurements)
+    plant = plant_of(system)
+    driven = chosen("controls", controls, plant.inputs)
+    measured = chosen("measurements", measurements, plant.outputs)
     problem = regulator_problem(plant, driven, Q, R, output_weight)
-    noise = noise_of(plant, process_noise, measurement_noise, measured, disturbances)
-    noise = _with_recovery(noise, plant, driven, measured, nonnegative("ltr", ltr))
+    noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
+    way = plant.select(driven, measured)
+    noise = _with_recovery(noise, way, nonnegative("ltr", ltr))
     regulator = solved_regulator(problem, driven, plant.states)
     estimator = solved_filter(plant, noise, measured)
-    K = observer(plant.block(measured, driven), regulator.gain, estimator.gain.T)
-    loop = closed(_weighted(plant, problem, noise, driven, measured), K)
+    K = observer(way, regulator.gain, estimator.gain.T)
+    loop = lower_lft(_weighted(way, problem, noise), K)
     certificate = certify(loop, least_cost(noise.W, problem.R, regulator, estimator), regulator, estimator)
     return LqgResult(
-        controller=named_statespace(
-            (K.A, K.B, K.C, K.D), measured, driven, "lqg", [f"estimate.{s}" for s in plant.states]
-        ),
-        closed_loop=_closed_loop(plant, K, driven, measured),
+        controller=K.statespace("lqg"),
+        closed_loop=lower_lft(_between_all(plant, driven, measured), K).statespace("closed_loop"),
         regulator_gain=regulator.gain,
         filter_gain=estimator.gain.T,
         poles=np.concatenate([regulator.poles, estimator.poles]),
@@ -128,45 +130,27 @@ def lqg(
     )
 
 
-def _with_recovery(
-    noise: Noise, plant: NamedMatrices, controls: Sequence[str], measured: Sequence[str], q: float
-) -> Noise:
+def _with_recovery(noise: Noise, way: Lti, q: float) -> Noise:
+    """Return the noise with fictitious noise of intensity ``q`` at each control."""
     if q == 0.0:
         return noise
-    way = plant.block(measured, controls)
     B, D = way.B, way.D
     return Noise(noise.W + q * B @ B.T, noise.V + q * D @ D.T, noise.S + q * B @ D.T, noise.inputs)
 
 
-def _weighted(
-    plant: NamedMatrices, problem: RiccatiProblem, noise: Noise, controls: Sequence[str], measured: Sequence[str]
-) -> Plant:
+def _weighted(way: Lti, problem: RiccatiProblem, noise: Noise) -> Lti:
     """Return the generalised plant whose H2 norm squared is the cost: unit noise in, weighted states and controls out."""
-    way, n = plant.block(measured, controls), len(plant.A)
+    n = len(way.A)
     weight = square_root(np.block([[problem.Q, problem.N], [problem.N.T, problem.R]])).T
     drive = square_root(np.block([[noise.W, noise.S], [noise.S.T, noise.V]]))
-    return Plant(
-        A=plant.A,
-        B1=drive[:n],
-        B2=way.B,
-        C1=weight[:, :n],
-        C2=way.C,
-        D11=np.zeros((len(weight), drive.shape[1])),
-        D12=weight[:, n:],
-        D21=drive[n:],
-        D22=way.D,
-        disturbances=tuple(f"noise{i}" for i in range(drive.shape[1])),
-        controls=tuple(controls),
-        performance=tuple(f"weighted{i}" for i in range(len(weight))),
-        measurements=tuple(measured),
-        states=plant.states,
-    )
+    B, C = np.hstack([drive[:n], way.B]), np.vstack([weight[:, :n], way.C])
+    return Lti(way.A, B, C, np.block([[np.zeros((len(weight), drive.shape[1])), weight[:, n:]], [drive[n:], way.D]]))
 
 
-def _closed_loop(
-    plant: NamedMatrices, K: Lti, controls: Sequence[str], measured: Sequence[str]
-) -> "control.StateSpace":
-    entering = plant.other_inputs(controls) or tuple(controls)
-    loop = closed(plant.partitioned(entering, controls, plant.outputs, measured), K)
-    states = (*plant.states, *(f"estimate.{s}" for s in plant.states))
-    return named_statespace((loop.A, loop.B, loop.C, loop.D), entering, plant.outputs, "closed_loop", states)
+def _between_all(plant: Lti, controls: Sequence[str], measured: Sequence[str]) -> Lti:
+    """Return the generalised plant from the inputs that are no controls to all outputs; a signal may stand on both sides."""
+    entering = tuple(name for name in plant.inputs if name not in controls) or tuple(controls)
+    inputs, outputs = (*entering, *controls), (*plant.outputs, *measured)
+    columns, rows = [plant.inputs.index(name) for name in inputs], [plant.outputs.index(name) for name in outputs]
+    D = plant.D[np.ix_(rows, columns)]
+    return Lti(plant.A, plant.B[:, columns], plant.C[rows], D, inputs, outputs, plant.states)

@@ -1,7 +1,7 @@
 """Linear-quadratic regulators: the state feedback of least cost, with integral action and output weighting."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,18 +13,18 @@ from boomctl.checks import finite_array
 from boomctl.lti.frequency import largest_gain
 from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.lti.system import Lti
+from boomctl.printing import between, compact, count
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.hidden_modes import check_stabilizable, check_weighted
-from boomctl.synthesis.lq.quadratic import Weight, definite, semidefinite, square_root
-from boomctl.synthesis.plants.named import NamedMatrices, named_matrices, named_statespace, static_gain
-from boomctl.synthesis.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
+from boomctl.synthesis.lq.problem import Weight, chosen, definite, plant_of, semidefinite, square_root
+from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
 
 if TYPE_CHECKING:
     import control
 
     from boomctl.structure.model import SecondOrderModel
 
-_RETURN_DIFFERENCE = 1e-2
+_RETURN_DIFFERENCE = 1e-2  # how far rounding on fine meshes may take the return difference below 1 (a choice)
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,8 @@ class LqrCertificate:
 
     riccati: RiccatiCertificate
     return_difference: float
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,13 @@ class LqrResult:
     poles: Array = field(repr=False)
     unmoved: tuple[HiddenMode, ...]
     certificate: LqrCertificate
+
+    def __repr__(self) -> str:
+        left = f", {count(len(self.unmoved), 'mode')} not moved" if self.unmoved else ""
+        slowest = f"slowest pole of the closed loop {self.poles.real.max(initial=-np.inf):.4g} rad/s"
+        checked = f"Riccati residual {self.certificate.riccati.residual:.1e}"
+        between_signals = between(self.controller.input_labels, self.controller.output_labels)
+        return f"LqrResult: state feedback, {between_signals}{left}\n  {slowest}; {checked}"
 
 
 def lqr(
@@ -130,43 +139,62 @@ def lqr(
     >>> lqr(mass, None, 1.0, output_weight={"place": 1.0}).gain.round(4)
     array([[1.    , 1.4142]])
     """
-    bare = named_matrices(system)
-    chosen = bare.chosen_inputs("controls", controls)
-    integrals = dict(integral) if isinstance(integral, Mapping) else dict.fromkeys(_listed(integral), 1.0)
-    integrated = bare.chosen_outputs("integral", tuple(integrals)) if integrals else ()
-    problem = regulator_problem(bare, chosen, Q, R, output_weight, N)
-    plant = bare.with_integrators(integrated)
+    bare = plant_of(system)
+    driven = chosen("controls", controls, bare.inputs)
+    listed = (integral,) if isinstance(integral, str) else integral
+    integrals = dict(listed) if isinstance(listed, Mapping) else dict.fromkeys(listed, 1.0)
+    integrated = chosen("integral", tuple(integrals), bare.outputs) if integrals else ()
+    problem = regulator_problem(bare, driven, Q, R, output_weight, N=N)
+    plant = bare
     if integrated:
-        problem = _with_integrals(problem, plant, chosen, semidefinite("integral", integrals, integrated))
-    solution = solved_regulator(problem, chosen, plant.states)
+        plant = _with_integrators(bare, integrated)
+        weights = linalg.block_diag(problem.Q, semidefinite("integral", integrals, integrated))
+        cross = np.vstack([problem.N, np.zeros((len(integrated), len(driven)))])
+        problem = RiccatiProblem(plant.A, plant.select(driven).B, weights, problem.R, cross)
+    solution = solved_regulator(problem, driven, plant.states)
     certificate = LqrCertificate(solution.certificate, return_difference(problem, solution))
     if not problem.N.any() and certificate.return_difference < 1.0 - _RETURN_DIFFERENCE:
         raise SynthesisError(
             f"the return difference of the regulator falls to {certificate.return_difference:.6g}, below 1: not optimal"
         )
-    closed_loop, effort = _loops(plant, chosen, solution.gain)
+    closed_loop, effort = _loops(plant, driven, solution.gain)
     return LqrResult(
         gain=solution.gain,
         cost=solution.X,
-        controller=_controller(bare, chosen, integrated, solution.gain),
-        closed_loop=closed_loop,
-        effort=effort,
+        controller=_controller(plant, driven, integrated, solution.gain).statespace("regulator"),
+        closed_loop=closed_loop.statespace("closed_loop"),
+        effort=effort.statespace("effort"),
         poles=solution.poles,
         unmoved=unmoved(plant.A, problem.B, plant.states, stable=True),
         certificate=certificate,
     )
 
 
+def _with_integrators(plant: Lti, integrated: Sequence[str]) -> Lti:
+    """Return the plant with the integral of each output named as a further state, ``integral.NAME``."""
+    k, n = len(integrated), len(plant.A)
+    read = plant.select(outputs=integrated)
+    return replace(
+        plant,
+        A=np.block([[plant.A, np.zeros((n, k))], [read.C, np.zeros((k, k))]]),
+        B=np.vstack([plant.B, read.D]),
+        C=np.hstack([plant.C, np.zeros((len(plant.C), k))]),
+        states=(*plant.states, *(f"integral.{name}" for name in integrated)),
+    )
+
+
 def regulator_problem(
-    plant: NamedMatrices,
+    plant: Lti,
     controls: Sequence[str],
     Q: Weight | None,
     R: Weight,
     output_weight: Weight | None,
+    *,
     N: ArrayLike | None = None,
 ) -> RiccatiProblem:
     """Return the Riccati problem of a regulator, its weights checked."""
-    B, D = plant.columns(controls)
+    driven = plant.select(controls)
+    B, D = driven.B, driven.D
     n, m = B.shape
     if Q is None and output_weight is None:
         raise ValueError("Q, output_weight: expected at least one of them")
@@ -202,45 +230,25 @@ def return_difference(problem: RiccatiProblem, solution: RiccatiSolution) -> flo
     L = linalg.cholesky(problem.R, lower=True)
     B = linalg.solve_triangular(L, problem.B.T, lower=True).T
     F = L.T @ solution.gain
-    inverse = Lti(problem.A - B @ F, B, -F, np.eye(len(F)))
-    peak, _ = largest_gain(inverse.balanced())
+    inverse = Lti(problem.A - B @ F, B, -F, np.eye(len(F))).balanced()
+    peak, _ = largest_gain(inverse)
     return 1.0 / peak if peak > 1.0 else 1.0
 
 
-def _with_integrals(
-    problem: RiccatiProblem, plant: NamedMatrices, controls: Sequence[str], weight: Array
-) -> RiccatiProblem:
-    B, _ = plant.columns(controls)
-    Q = linalg.block_diag(problem.Q, weight)
-    N = np.vstack([problem.N, np.zeros((len(weight), problem.N.shape[1]))])
-    return RiccatiProblem(plant.A, B, Q, problem.R, N)
-
-
-def _controller(
-    plant: NamedMatrices, controls: Sequence[str], integrated: Sequence[str], gain: Array
-) -> "control.StateSpace":
-    n, k = len(plant.A), len(integrated)
-    if not k:
-        return static_gain(-gain, plant.states, controls, "regulator")
+def _controller(plant: Lti, controls: Sequence[str], integrated: Sequence[str], gain: Array) -> Lti:
+    """Return ``u = -F x`` that reads the plant's states and integrates the outputs named by itself."""
+    k = len(integrated)
+    n = len(plant.A) - k
     reads = np.hstack([np.zeros((k, n)), np.eye(k)])
     direct = np.hstack([-gain[:, :n], np.zeros((len(gain), k))])
-    matrices = (np.zeros((k, k)), reads, -gain[:, n:], direct)
-    states = [f"integral.{name}" for name in integrated]
-    return named_statespace(matrices, (*plant.states, *integrated), controls, "regulator", states)
+    inputs = (*plant.states[:n], *integrated)
+    return Lti(np.zeros((k, k)), reads, -gain[:, n:], direct, inputs, tuple(controls), plant.states[n:])
 
 
-def _loops(
-    plant: NamedMatrices, controls: Sequence[str], gain: Array
-) -> tuple["control.StateSpace", "control.StateSpace"]:
+def _loops(plant: Lti, controls: Sequence[str], gain: Array) -> tuple[Lti, Lti]:
     """Return the loop closed by ``u = -F x``: to the outputs, and to the controls."""
-    B, D = plant.columns(controls)
-    entering = plant.other_inputs(controls) or tuple(controls)
-    E, through = plant.columns(entering)
-    A = plant.A - B @ gain
-    loop = named_statespace((A, E, plant.C - D @ gain, through), entering, plant.outputs, "closed_loop", plant.states)
-    still = np.zeros((len(gain), len(entering)))
-    return loop, named_statespace((A, E, -gain, still), entering, controls, "effort", plant.states)
-
-
-def _listed(integral: str | Sequence[str]) -> tuple[str, ...]:
-    return (integral,) if isinstance(integral, str) else tuple(integral)
+    driven = plant.select(controls)
+    entering = plant.select(tuple(name for name in plant.inputs if name not in controls) or controls)
+    loop = replace(entering, A=plant.A - driven.B @ gain, C=plant.C - driven.D @ gain)
+    still = np.zeros((len(gain), len(entering.inputs)))
+    return loop, replace(loop, C=-gain, D=still, outputs=tuple(controls))

@@ -12,16 +12,16 @@ from boomctl.arrays import Array
 from boomctl.checks import finite_array, frequencies, positive
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import Lti, of
+from boomctl.printing import count, listed
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
-from boomctl.synthesis.lq.quadratic import Weight
-from boomctl.synthesis.plants.named import named_matrices
+from boomctl.synthesis.lq.problem import Weight, chosen, plant_of
 
 if TYPE_CHECKING:
     import control
 
     from boomctl.structure.model import SecondOrderModel
 
-_POINTS = 400
+_POINTS = 400  # frequencies at which loops are compared, spread evenly in the logarithm (a choice)
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,16 @@ class RecoveryResult:
     recovered: Array = field(repr=False)
     zeros: Array
     designs: tuple[LqgResult, ...] = field(repr=False)
+
+    def __repr__(self) -> str:
+        pairs = zip(self.strengths, self.gaps, strict=True)
+        gaps = listed([f"{gap:.3g} at {strength:.3g}" for strength, gap in pairs])
+        zeros = (
+            f"\n  {count(len(self.zeros), 'zero')} in the right half-plane: it stays incomplete"
+            if len(self.zeros)
+            else ""
+        )
+        return f"RecoveryResult: relative gap to the regulator's loop, by strength of the noise\n  {gaps}{zeros}"
 
 
 def loop_transfer_recovery(
@@ -91,19 +101,25 @@ def loop_transfer_recovery(
     SynthesisError
         As :func:`lqg`.
     """
-    plant = named_matrices(system)
-    driven = plant.chosen_inputs("controls", controls)
-    measured = plant.chosen_outputs("measurements", measurements)
+    plant = plant_of(system)
+    driven = chosen("controls", controls, plant.inputs)
+    measured = chosen("measurements", measurements, plant.outputs)
     if len(measured) < len(driven):
         raise ValueError(
             f"measurements: expected at least as many as controls ({len(driven)}) to recover a loop, got {len(measured)}"
         )
-    omega = _grid(band)
-    levels = _levels(strengths)
+    ends = frequencies("band", band)
+    if ends.shape != (2,) or not 0.0 < ends[0] < ends[1]:
+        raise ValueError(f"band = {band!r}: expected two frequencies above zero, ascending [rad/s]")
+    omega = np.geomspace(ends[0], ends[1], _POINTS)
+    given = np.atleast_1d(finite_array("strengths", strengths))
+    if given.ndim != 1 or not given.size:
+        raise ValueError(f"strengths: expected one number or more, got shape {given.shape}")
+    levels = [positive("strengths", float(q)) for q in given]
     noise = (process_noise, measurement_noise, measured, driven)
     options = {"disturbances": disturbances, "output_weight": output_weight}
     designs = tuple(lqg(system, Q, R, *noise, **options, ltr=level) for level in levels)  # type: ignore[arg-type]
-    inner, F = plant.block(measured, driven), designs[0].regulator_gain
+    inner, F = plant.select(driven, measured), designs[0].regulator_gain
     target = singular_values(Lti(plant.A, inner.B, F, np.zeros((len(F), len(F)))).response(omega))
     if not target.all():
         at = float(omega[np.flatnonzero((target == 0.0).any(axis=0))[0]])
@@ -115,20 +131,6 @@ def loop_transfer_recovery(
     loops = [singular_values(_at_input(design, response, omega)) for design in designs]
     gaps = np.array([float((np.abs(loop - target) / target).max()) for loop in loops])
     return RecoveryResult(np.array(levels), gaps, omega, target, loops[-1], right_zeros(inner), designs)
-
-
-def _levels(strengths: ArrayLike) -> list[float]:
-    given = np.atleast_1d(finite_array("strengths", strengths))
-    if given.ndim != 1 or not given.size:
-        raise ValueError(f"strengths: expected one number or more, got shape {given.shape}")
-    return [positive("strengths", float(q)) for q in given]
-
-
-def _grid(band: tuple[float, float]) -> Array:
-    ends = frequencies("band", band)
-    if ends.shape != (2,) or not 0.0 < ends[0] < ends[1]:
-        raise ValueError(f"band = {band!r}: expected two frequencies above zero, ascending [rad/s]")
-    return np.geomspace(ends[0], ends[1], _POINTS)
 
 
 def _at_input(design: LqgResult, plant: Array, omega: Array) -> Array:
@@ -154,8 +156,8 @@ def right_zeros(system: Lti) -> Array:
 
 def _square_zeros(system: Lti, mix: Array) -> Array:
     n, m = system.B.shape
-    A, (scale, _) = linalg.matrix_balance(system.A, permute=False, separate=True)
-    B, C, D = system.B / scale[:, None], mix @ (system.C * scale), mix @ system.D
+    s = system.balanced()
+    A, B, C, D = s.A, s.B, mix @ s.C, mix @ s.D
     size = max(float(np.linalg.norm(A)), 1e-300)
     B, C = B * (size / max(float(np.linalg.norm(B)), 1e-300)), C / max(float(np.linalg.norm(C)), 1e-300)
     pencil = np.block([[A, B], [C, D]])

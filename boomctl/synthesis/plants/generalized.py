@@ -1,40 +1,31 @@
-"""Generalised plants put together from named pieces, in state space; every name survives."""
+"""Generalised plants put together from a plant and weights at its signals, in state space; every name survives."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from boomctl.checks import finite_array, names
-from boomctl.lti.system import Lti
+from boomctl.arrays import Array
+from boomctl.checks import known, names, real
+from boomctl.lti.modal import side_of_axis
+from boomctl.lti.python_control import control
+from boomctl.lti.system import Lti, append, of, series, static
 from boomctl.structure.model import SecondOrderModel
-from boomctl.synthesis.plants.blocks import (
-    diagonal,
-    named_system,
-    rows_of,
-    series,
-    states_of,
-    statespace,
-    through,
-    weighed,
-)
 
-if TYPE_CHECKING:
-    import control
-
-    Weight = float | control.StateSpace
+Weight = float | control.StateSpace
 
 
 def generalized_plant(
-    plant: "control.StateSpace | SecondOrderModel",
+    plant: control.StateSpace | SecondOrderModel,
     *,
-    disturbances: "Mapping[str, Weight]",
-    performance: "Mapping[str, Weight]",
-    effort: "Mapping[str, Weight] | None" = None,
-    noises: "Mapping[str, Weight] | None" = None,
+    disturbances: Mapping[str, Weight],
+    performance: Mapping[str, Weight],
+    effort: Mapping[str, Weight] | None = None,
+    noises: Mapping[str, Weight] | None = None,
     measurements: str | Sequence[str],
     controls: str | Sequence[str],
-) -> "control.StateSpace":
+) -> control.StateSpace:
     """Return a plant with weighted disturbances and noises, weighted outputs and efforts, measurements and controls.
 
     A weight is a number or a stable system with one input and one output (`low_pass`, `high_pass`, `band_pass`,
@@ -66,49 +57,48 @@ def generalized_plant(
         Another kind of system; unknown or repeated signals; a weight that is not a number or a stable system with one
         input and one output, in continuous time; nothing to disturb or nothing that shall be small.
     """
-    system = statespace(plant)
-    ins, outs = list(system.input_labels), list(system.output_labels)
+    system = of(plant, "plant")
+    ins, outs = system.inputs, system.outputs
     read, set_ = names("measurement", measurements, outs), names("control", controls, ins)
-    w = weighed("disturbance", "w_", disturbances, ins)
-    n = weighed("noise of measurement", "n_", {} if noises is None else noises, read)
-    z = weighed("performance output", "z_", performance, outs)
-    e = weighed("effort of control", "z_", {} if effort is None else effort, set_)
+    w = _weighted("disturbance", "w_", disturbances, ins)
+    n = _weighted("noise of measurement", "n_", {} if noises is None else noises, read)
+    z = _weighted("performance output", "z_", performance, outs)
+    e = _weighted("effort of control", "z_", {} if effort is None else effort, set_)
     for what, found in (
-        ("disturbance or noise", w + n),
-        ("performance output or effort", z + e),
+        ("disturbance or noise", w | n),
+        ("performance output or effort", z | e),
         ("measurement", read),
+        ("control", set_),
     ):
         if not found:
             raise ValueError(f"expected at least one {what}")
-    if not set_:
-        raise ValueError("expected at least one control")
-    core = Lti(system.A, system.B, system.C, system.D)
-    first = diagonal([*(p.system for p in w + n), through(len(set_))])
-    entry = np.hstack([rows_of(ins, [p.signal for p in w]), np.zeros((len(ins), len(n))), rows_of(ins, set_)])
-    aside = np.hstack([np.zeros((len(n) + len(set_), len(w))), np.eye(len(n) + len(set_))])
-    middle = diagonal([core, through(len(n) + len(set_))])
-    shown = rows_of(outs, [p.signal for p in z]).T
-    costs = rows_of(list(set_), [p.signal for p in e]).T
-    noisy = rows_of(list(read), [p.signal for p in n])
-    leave = np.block(
+    # disturbances and noises pass their weights; the plant takes its inputs, beside it pass noises and controls;
+    # what is shown, costs and is read is picked and passes its weights
+    first = append(*w.values(), *n.values(), _through(set_))
+    middle = append(system, _through((*n, *set_)))
+    last = append(*z.values(), *e.values(), _through(read))
+    entry = np.block(
         [
-            [shown, np.zeros((len(z), len(n) + len(set_)))],
-            [np.zeros((len(e), len(outs) + len(n))), costs],
-            [rows_of(outs, read).T, noisy, np.zeros((len(read), len(set_)))],
+            [_picked(ins, w).T, np.zeros((len(ins), len(n))), _picked(ins, set_).T],
+            [np.zeros((len(n) + len(set_), len(w))), np.eye(len(n) + len(set_))],
         ]
     )
-    last = diagonal([*(p.system for p in z + e), through(len(read))])
-    joined = series(series(first, np.vstack([entry, aside]), middle), leave, last)
-    states = [*states_of(w + n), *system.state_labels, *states_of(z + e)]
-    return named_system(joined, [p.name for p in w + n] + list(set_), [p.name for p in z + e] + list(read), states)
+    leave = np.block(
+        [
+            [_picked(outs, z), np.zeros((len(z), len(n) + len(set_)))],
+            [np.zeros((len(e), len(outs) + len(n))), _picked(set_, e)],
+            [_picked(outs, read), _picked(read, n).T, np.zeros((len(read), len(set_)))],
+        ]
+    )
+    return _joined(first, entry, middle, leave, last)
 
 
 def mixed_sensitivity(
-    plant: "control.StateSpace | SecondOrderModel",
-    W1: "Weight | None" = None,
-    W2: "Weight | None" = None,
-    W3: "Weight | None" = None,
-) -> "control.StateSpace":
+    plant: control.StateSpace | SecondOrderModel,
+    W1: Weight | None = None,
+    W2: Weight | None = None,
+    W3: Weight | None = None,
+) -> control.StateSpace:
     """Return the generalised plant of mixed sensitivity: weighted control error, control and output, per reference.
 
     The controller reads the control errors ``e = r - y``.  The closed loop is ``[W1 S; W2 K S; W3 T]``, with
@@ -132,32 +122,78 @@ def mixed_sensitivity(
     TypeError, ValueError
         Another kind of system or weight, as of `generalized_plant`; no weight at all.
     """
-    system = statespace(plant)
-    ins, outs = list(system.input_labels), list(system.output_labels)
-    errors = [f"error_{name}" for name in outs]
-    parts = [
-        *([] if W1 is None else weighed("error", "z_", dict.fromkeys(errors, W1), errors)),
-        *([] if W2 is None else weighed("control", "z_", dict.fromkeys(ins, W2), ins)),
-        *([] if W3 is None else weighed("output", "z_", dict.fromkeys(outs, W3), outs)),
+    system = of(plant, "plant")
+    ins, outs = system.inputs, system.outputs
+    errors = tuple(f"error_{name}" for name in outs)
+    weights = [
+        *([] if W1 is None else _weighted("error", "z_", dict.fromkeys(errors, W1), errors).values()),
+        *([] if W2 is None else _weighted("control", "z_", dict.fromkeys(ins, W2), ins).values()),
+        *([] if W3 is None else _weighted("output", "z_", dict.fromkeys(outs, W3), outs).values()),
     ]
-    if not parts:
+    if not weights:
         raise ValueError("W1, W2, W3: expected at least one weight")
     p, m = len(outs), len(ins)
-    core = diagonal([through(p), Lti(system.A, system.B, system.C, system.D), through(m)])
+    first = _through((*(f"r_{name}" for name in outs), *ins))
+    middle = append(_through(outs), system, _through(ins))
     entry = np.block([[np.eye(p), np.zeros((p, m))], [np.zeros((m, p)), np.eye(m)], [np.zeros((m, p)), np.eye(m)]])
     error = np.hstack([np.eye(p), -np.eye(p), np.zeros((p, m))])
     output = np.hstack([np.zeros((p, p)), np.eye(p), np.zeros((p, m))])
-    control_rows = np.hstack([np.zeros((m, 2 * p)), np.eye(m)])
-    shown = [rows for rows, weight in ((error, W1), (control_rows, W2), (output, W3)) if weight is not None]
-    last = diagonal([*(part.system for part in parts), through(p)])
-    joined = series(series(through(p + m), entry, core), np.vstack([*shown, error]), last)
-    inputs, outputs = [f"r_{name}" for name in outs] + ins, [part.name for part in parts] + errors
-    return named_system(joined, inputs, outputs, [*system.state_labels, *states_of(parts)])
+    effort = np.hstack([np.zeros((m, 2 * p)), np.eye(m)])
+    shown = [rows for rows, weight in ((error, W1), (effort, W2), (output, W3)) if weight is not None]
+    return _joined(first, entry, middle, np.vstack([*shown, error]), append(*weights, _through(errors)))
+
+
+def _joined(first: Lti, entry: Array, middle: Lti, leave: Array, last: Lti) -> control.StateSpace:
+    """Return what is driven by weights, mixed into the plant, mixed again and weighed; no name may come twice."""
+    joined = series(series(series(series(first, static(entry)), middle), static(leave)), last)
+    for what, listed in (("input", joined.inputs), ("output", joined.outputs)):
+        twice = [name for name in listed if listed.count(name) > 1]
+        if twice:
+            raise ValueError(f"{what} {twice[0]!r} would exist twice")
+    return joined.statespace("generalized_plant")
+
+
+def _weighted(what: str, prefix: str, given: Mapping[str, Weight], choices: Sequence[str]) -> dict[str, Lti]:
+    """Return the weight of each signal in ``given``, named as outside; signals unknown and weights that fail are refused."""
+    if not isinstance(given, Mapping):
+        raise TypeError(f"{what}: expected a mapping from signal to weight, got {type(given).__name__}")
+    found = {}
+    for name, weight in given.items():
+        outside = prefix + known(what, name, choices)
+        system = _weight(f"weight of {what} {name!r}", weight)
+        states = tuple(f"{outside}[{k}]" for k in range(len(system.A)))
+        found[name] = replace(system, inputs=(outside,), outputs=(outside,), states=states)
+    return found
+
+
+def _weight(what: str, weight: Any) -> Lti:
+    if not isinstance(weight, control.InputOutputSystem):
+        return static(np.array([[real(what, weight)]]))
+    system = of(weight, what, "a number or a StateSpace")
+    outputs, inputs = system.D.shape
+    if (outputs, inputs) != (1, 1):
+        shape = f"{inputs} input(s) and {outputs} output(s)"
+        raise ValueError(f"{what}: expected a system with one input and one output, got {shape}")
+    if len(system.A):
+        worst = system.poles[np.argmax(system.poles.real)]
+        if (side_of_axis(system.poles) >= 0).any():
+            raise ValueError(f"{what}: expected a stable system, this one has a pole at {worst:.6g} rad/s")
+    return system
+
+
+def _through(signals: Sequence[str]) -> Lti:
+    """Return signals that pass unchanged."""
+    return static(np.eye(len(signals)), signals, signals)
+
+
+def _picked(choices: Sequence[str], wanted: Iterable[str]) -> Array:
+    """Return the matrix that picks the wanted signals, its rows, from all."""
+    return np.eye(len(choices))[[choices.index(name) for name in wanted]]
 
 
 def select_channels(
-    system: "control.StateSpace", inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
-) -> "control.StateSpace":
+    system: control.StateSpace, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+) -> control.StateSpace:
     """Return a system between some of its signals, by name; the states and the sampling time stay.
 
     Raises
@@ -165,17 +201,8 @@ def select_channels(
     TypeError, ValueError
         Another kind of system, not finite; an unknown signal, one asked for twice, or none on a side.
     """
-    import control
-
-    if not isinstance(system, control.StateSpace):
-        raise TypeError(f"system: expected a StateSpace, got {type(system).__name__}")
-    for name in "ABCD":
-        finite_array(f"{name} of the system", getattr(system, name))
-    ins, outs = list(system.input_labels), list(system.output_labels)
-    chosen_in, chosen_out = names("input", inputs, ins), names("output", outputs, outs)
-    for what, chosen in (("input", chosen_in), ("output", chosen_out)):
-        if not chosen:
+    plain = of(system, expected="StateSpace", any_time=True)
+    for what, wanted, choices in (("input", inputs, plain.inputs), ("output", outputs, plain.outputs)):
+        if not names(what, wanted, choices):
             raise ValueError(f"{what}s: expected at least one")
-    columns, rows = [ins.index(name) for name in chosen_in], [outs.index(name) for name in chosen_out]
-    part = Lti(system.A, system.B[:, columns], system.C[rows], system.D[np.ix_(rows, columns)])
-    return named_system(part, list(chosen_in), list(chosen_out), list(system.state_labels), system.dt)
+    return plain.select(inputs, outputs).statespace(system.name)

@@ -1,171 +1,196 @@
-"""A generalised plant cut into its blocks, in coordinates that solvers can work with."""
+"""A generalised plant and its partition: disturbances and controls, performance signals and measurements."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, whole
-from boomctl.lti.system import Lti
+from boomctl.checks import whole
+from boomctl.lti.system import Lti, lower_lft, of, static
 
 if TYPE_CHECKING:
     import control
 
-_INDEPENDENT = 1e5
-
 
 @dataclass(frozen=True)
-class Plant:
-    """``x' = A x + B1 w + B2 u``, ``z = C1 x + D11 w + D12 u``, ``y = C2 x + D21 w + D22 u``, every signal named."""
+class GeneralizedPlant:
+    """``x' = A x + B1 w + B2 u``, ``z = C1 x + D11 w + D12 u``, ``y = C2 x + D21 w + D22 u``.
 
-    A: Array
-    B1: Array
-    B2: Array
-    C1: Array
-    C2: Array
-    D11: Array
-    D12: Array
-    D21: Array
-    D22: Array
-    disturbances: tuple[str, ...]
-    controls: tuple[str, ...]
-    performance: tuple[str, ...]
-    measurements: tuple[str, ...]
-    states: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Normalised:
-    """A plant with ``D12 = [0; I]``, ``D21 = [0, I]``, ``D22 = 0`` and modes of like size.
-
-    The controller of the plant is ``from_controls @ K @ from_measurements``, its ``D22`` apart; the states of the plant
-    are ``modes`` times those in here.  Disturbances and performance signals are only rotated, so no norm changes.
+    Attributes
+    ----------
+    system : Lti
+        Its last inputs are the controls ``u``, its last outputs the measurements ``y``.
+    nmeas, ncon : int
+        Numbers of measurements and controls.
     """
 
-    A: Array
-    B1: Array
-    B2: Array
-    C1: Array
-    C2: Array
-    D11: Array
-    from_controls: Array
-    from_measurements: Array
-    modes: Array
+    system: Lti
+    nmeas: int
+    ncon: int
+
+    @property
+    def dual(self) -> "GeneralizedPlant":
+        """The transposed plant: controls become measurements, disturbances performance signals, and the other way."""
+        s = self.system
+        transposed = Lti(s.A.T, s.C.T, s.B.T, s.D.T, s.outputs, s.inputs, s.states)
+        return GeneralizedPlant(transposed, self.ncon, self.nmeas)
+
+    @property
+    def nw(self) -> int:
+        """Number of disturbances."""
+        return self.system.B.shape[1] - self.ncon
+
+    @property
+    def nz(self) -> int:
+        """Number of performance signals."""
+        return len(self.system.C) - self.nmeas
+
+    @property
+    def A(self) -> Array:
+        """Dynamics of the states."""
+        return self.system.A
+
+    @property
+    def B1(self) -> Array:
+        """States from disturbances."""
+        return self.system.B[:, : self.nw]
+
+    @property
+    def B2(self) -> Array:
+        """States from controls."""
+        return self.system.B[:, self.nw :]
+
+    @property
+    def C1(self) -> Array:
+        """Performance signals from states."""
+        return self.system.C[: self.nz]
+
+    @property
+    def C2(self) -> Array:
+        """Measurements from states."""
+        return self.system.C[self.nz :]
+
+    @property
+    def D11(self) -> Array:
+        """Performance signals from disturbances."""
+        return self.system.D[: self.nz, : self.nw]
 
     @property
     def D12(self) -> Array:
-        """Performance signals of the controls."""
-        count = self.B2.shape[1]
-        return np.vstack([np.zeros((len(self.C1) - count, count)), np.eye(count)])
+        """Performance signals from controls."""
+        return self.system.D[: self.nz, self.nw :]
 
     @property
     def D21(self) -> Array:
-        """Measurements of the disturbances."""
-        count = len(self.C2)
-        return np.hstack([np.zeros((count, self.B1.shape[1] - count)), np.eye(count)])
+        """Measurements from disturbances."""
+        return self.system.D[self.nz :, : self.nw]
+
+    @property
+    def D22(self) -> Array:
+        """Measurements from controls."""
+        return self.system.D[self.nz :, self.nw :]
+
+    @property
+    def disturbances(self) -> tuple[str, ...]:
+        """Names of the first inputs."""
+        return self.system.inputs[: self.nw]
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """Names of the last inputs."""
+        return self.system.inputs[self.nw :]
+
+    @property
+    def performance(self) -> tuple[str, ...]:
+        """Names of the first outputs."""
+        return self.system.outputs[: self.nz]
+
+    @property
+    def measurements(self) -> tuple[str, ...]:
+        """Names of the last outputs."""
+        return self.system.outputs[self.nz :]
 
 
-def partition(P: "control.StateSpace", nmeas: int, ncon: int) -> Plant:
-    """Return the blocks of a generalised plant whose last outputs are measured and whose last inputs are controls.
+def partition(P: "control.StateSpace", nmeas: int, ncon: int) -> GeneralizedPlant:
+    """Return a generalised plant whose last outputs are measured and whose last inputs are controls.
 
     Raises
     ------
     TypeError, ValueError
         Another kind of system, discrete time, not finite; counts that leave no disturbance or no performance signal.
     """
-    import control
-
-    if not isinstance(P, control.StateSpace):
-        raise TypeError(f"P: expected a StateSpace, got {type(P).__name__}")
-    if not P.isctime():
-        raise ValueError(f"P: expected continuous time, got a sampling time of {P.dt:g} s")
-    if whole("nmeas", nmeas) >= P.noutputs:
-        raise ValueError(
-            f"nmeas = {nmeas}: P has {P.noutputs} output(s), and at least one must be a performance signal"
-        )
-    if whole("ncon", ncon) >= P.ninputs:
-        raise ValueError(f"ncon = {ncon}: P has {P.ninputs} input(s), and at least one must be a disturbance")
-    m, p = P.ninputs - ncon, P.noutputs - nmeas
-    A, B, C, D = (finite_array(f"{name} of P", getattr(P, name), 2) for name in "ABCD")
-    ins, outs = tuple(P.input_labels), tuple(P.output_labels)
-    return Plant(
-        A, B[:, :m], B[:, m:], C[:p], C[p:], D[:p, :m], D[:p, m:], D[p:, :m], D[p:, m:],
-        ins[:m], ins[m:], outs[:p], outs[p:], tuple(P.state_labels),
-    )  # fmt: skip
+    system = of(P, "P", "StateSpace")
+    p, m = system.D.shape
+    if whole("nmeas", nmeas) >= p:
+        raise ValueError(f"nmeas = {nmeas}: P has {p} output(s), and at least one must be a performance signal")
+    if whole("ncon", ncon) >= m:
+        raise ValueError(f"ncon = {ncon}: P has {m} input(s), and at least one must be a disturbance")
+    return GeneralizedPlant(system, nmeas, ncon)
 
 
-def normalised(plant: Plant) -> Normalised:
-    """Return the plant in normalised signals and, where its eigenvectors allow, in real modal coordinates.
+def matched(P: "control.StateSpace", controller: "control.StateSpace") -> tuple[GeneralizedPlant, Lti]:
+    """Return a plant partitioned as a controller demands, and the controller with the plant's signals, in their order.
 
-    ``D12`` must have full column rank and ``D21`` full row rank.
+    Raises
+    ------
+    TypeError, ValueError
+        Other kinds of system, discrete time, not finite, too many signals.
     """
-    left, columns, right = linalg.svd(plant.D12)
-    ncon, nmeas = len(columns), len(plant.D21)
-    rotate_z = np.hstack([left[:, ncon:], left[:, :ncon]]).T
-    from_controls = right.T / columns
-    left, rows, right = linalg.svd(plant.D21)
-    rotate_w = np.vstack([right[nmeas:], right[:nmeas]]).T
-    from_measurements = left.T / rows[:, None]
-    B1, B2 = plant.B1 @ rotate_w, plant.B2 @ from_controls
-    C1, C2 = rotate_z @ plant.C1, from_measurements @ plant.C2
-    modes = modal_basis(plant.A, np.hstack([B1, B2]), np.vstack([C1, C2]))
-    inverse: Any = linalg.inv(modes) if len(modes) else modes
-    return Normalised(
-        inverse @ plant.A @ modes, inverse @ B1, inverse @ B2, C1 @ modes, C2 @ modes,
-        rotate_z @ plant.D11 @ rotate_w, from_controls, from_measurements, modes,
-    )  # fmt: skip
+    K = of(controller, "controller", "StateSpace")
+    plant = partition(P, K.B.shape[1], len(K.C))
+    columns = _places("output", plant.measurements, K.inputs, plant.system.outputs)
+    rows = _places("input", plant.controls, K.outputs, plant.system.inputs)
+    return plant, Lti(K.A, K.B[:, columns], K.C[rows], K.D[np.ix_(rows, columns)], plant.measurements, plant.controls)
 
 
-def modal_basis(A: Array, B: Array, C: Array) -> Array:
-    """Return real columns that span the modes of ``A``, each scaled so that it is driven as much as it is seen.
+def _places(what: str, wanted: Sequence[str], names: Sequence[str], there: Sequence[str]) -> list[int]:
+    """Return where the wanted names stand; in their order where all names are strange to the plant."""
+    listed = list(names)
+    if set(listed) == set(wanted):
+        return [listed.index(name) for name in wanted]
+    for name in listed:
+        if name in there:
+            raise ValueError(
+                f"controller: its signal {name!r} is an {what} of P, but the last {len(wanted)} {what}(s) of P are "
+                f"{', '.join(wanted)}, and its own are {', '.join(listed)}; name all of them, or none"
+            )
+    return list(range(len(listed)))
 
-    Modes whose eigenvectors hardly differ (integrator chains, double poles) stay together in a block.
+
+def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "control.StateSpace":
+    """Return a generalised plant closed by a controller from its measurements to its controls.
+
+    The controller's inputs are the last outputs of ``P`` and its outputs the last inputs: found by name where the
+    controller bears their names, in that order where all of its names are strange to ``P``.
+
+    Returns
+    -------
+    control.StateSpace
+        From the disturbances to the performance signals, named as in ``P``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Other kinds of system, discrete time, too many signals; names of which some are signals of ``P`` but not those
+        last ones; the loop is not well-posed.
     """
-    if not len(A):
-        return np.zeros((0, 0))
-    values, vectors = linalg.eig(A)
-    blocks = [
-        [v.real, v.imag] if value.imag > 0.0 else [v.real]
-        for value, v in zip(values, vectors.T, strict=True)
-        if value.imag >= 0.0
-    ]
-    basis = np.array([column for block in blocks for column in block]).T
-    widths = [len(block) for block in blocks]
-    if basis.shape != A.shape or np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > _INDEPENDENT:
-        basis, widths = _blocks(A)
-    return basis * _even(np.linalg.solve(basis, B), C @ basis, widths)
+    plant, K = matched(P, controller)
+    return lower_lft(plant.system, K).statespace("closed_loop")
 
 
-def _blocks(A: Array) -> tuple[Array, list[int]]:
-    """Return columns that bring ``A`` to diagonal blocks without being near to dependent, and the blocks' widths."""
-    import control
+def with_feedthrough(K: Lti, D22: Array) -> Lti:
+    """Return the controller that does with ``D22`` what ``K`` does without it: ``K`` reads ``y - D22 u``.
 
-    balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
-    blocks, columns, widths = control.bdschur(balanced, condmax=_INDEPENDENT)
-    basis, start = np.asarray(scale)[:, None] * np.asarray(columns), 0
-    for width in map(int, widths):
-        part = slice(start, start + width)
-        _, (inner, _) = linalg.matrix_balance(blocks[part, part], permute=False, separate=True)
-        basis[:, part] *= inner
-        start += width
-    return basis, [int(width) for width in widths]
-
-
-def _even(B: Array, C: Array, widths: list[int]) -> Array:
-    """Return a factor for each state, one for each block, with which its input and output have the same size."""
-    factors, start = np.ones(len(B)), 0
-    for width in widths:
-        block = slice(start, start + width)
-        driven, seen = np.linalg.norm(B[block]), np.linalg.norm(C[:, block])
-        if driven > 0.0 and seen > 0.0:
-            factors[block] = np.sqrt(driven / seen)
-        start += width
-    return factors
-
-
-def blocks_of(plant: Plant) -> Lti:
-    """Return the plant's matrices, unpartitioned."""
-    D = np.block([[plant.D11, plant.D12], [plant.D21, plant.D22]])
-    return Lti(plant.A, np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1, plant.C2]), D)
+    Raises
+    ------
+    ValueError
+        That loop is not well-posed.
+    """
+    if not D22.any():
+        return K
+    twice = Lti(
+        K.A, np.hstack([K.B, K.B]), np.vstack([K.C, K.C]), np.tile(K.D, (2, 2)), K.inputs * 2, K.outputs * 2, K.states
+    )
+    return lower_lft(twice, static(-D22))

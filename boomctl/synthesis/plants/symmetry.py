@@ -1,28 +1,28 @@
 """Controllers of a symmetric machine: one of each half joined into one, and one split into those of the halves."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array
 from boomctl.lti.modal import spectral_parts
-from boomctl.lti.system import Lti, of
+from boomctl.lti.python_control import control
+from boomctl.lti.system import Lti, append, of
+from boomctl.reduction import reduce
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
 
-if TYPE_CHECKING:
-    import control
-
-_SPLIT = 1e-7
-_BESIDE = 1e-3
-_SAME = 1e-6
+_SPLIT = (
+    1e-7  # share of a half's gain that its reduction may drop, of a state's size that is rounding: half of all digits
+)
+_BESIDE = 1e-3  # relative distance kept from undamped poles, where a response has no end (a choice)
+_SAME = (
+    1e-6  # relative distance of eigenvalues that belong together: a double one is split by rounding to its root, 1e-8
+)
 
 
 def join_symmetric(
-    model: SecondOrderModel, symmetric: "control.StateSpace", antisymmetric: "control.StateSpace"
-) -> "control.StateSpace":
+    model: SecondOrderModel, symmetric: control.StateSpace, antisymmetric: control.StateSpace
+) -> control.StateSpace:
     """Return the controller of the whole machine whose halves are controlled apart.
 
     Parameters
@@ -43,40 +43,25 @@ def join_symmetric(
         Another kind of model or controller, one with entries that are not finite; the model has no mirror symmetry; the
         halves' controllers differ in sampling time; a signal that is no half of a pair of the machine's.
     """
-    import control
-
-    if not isinstance(model, SecondOrderModel):
-        raise TypeError(f"model: expected SecondOrderModel, got {type(model).__name__}")
-    for what, half in (("symmetric", symmetric), ("antisymmetric", antisymmetric)):
-        if not isinstance(half, control.StateSpace):
-            raise TypeError(f"{what}: expected control.StateSpace, got {type(half).__name__}")
-        for name in "ABCD":
-            finite_array(f"{name} of the {what} controller", getattr(half, name))
-    mirror = model.mirror
-    if mirror is None:
-        raise ValueError("model: expected one with mirror symmetry, such as spray_boom with a symmetric mesh")
+    mirror = _mirror(model)
+    halves = [
+        (of(symmetric, "symmetric", "StateSpace", any_time=True), 1),
+        (of(antisymmetric, "antisymmetric", "StateSpace", any_time=True), -1),
+    ]
     if symmetric.dt != antisymmetric.dt:
         raise ValueError(f"sampling times {symmetric.dt} and {antisymmetric.dt} s: expected the same in both halves")
-    halves = ((symmetric, 1), (antisymmetric, -1))
-    measured = _whole(mirror, [(half.input_labels, parity) for half, parity in halves], model.outputs, "output")
-    driven = _whole(mirror, [(half.output_labels, parity) for half, parity in halves], model.inputs, "input")
-    reads = [_matrix(mirror, measured, half.input_labels, parity) for half, parity in halves]
-    drives = [_matrix(mirror, driven, half.output_labels, parity) for half, parity in halves]
-    return control.ss(
-        linalg.block_diag(symmetric.A, antisymmetric.A),
-        np.vstack([half.B @ W.T for (half, _), W in zip(halves, reads, strict=True)]),
-        np.hstack([W @ half.C for (half, _), W in zip(halves, drives, strict=True)]),
-        sum(W @ half.D @ V.T for (half, _), W, V in zip(halves, drives, reads, strict=True)),
-        symmetric.dt,
-        inputs=list(measured),
-        outputs=list(driven),
-        name="controller",
-    )
+    measured = _whole(mirror, [(half.inputs, parity) for half, parity in halves], model.outputs, "output")
+    driven = _whole(mirror, [(half.outputs, parity) for half, parity in halves], model.inputs, "input")
+    read = np.hstack([_matrix(mirror, measured, half.inputs, parity) for half, parity in halves])
+    drive = np.hstack([_matrix(mirror, driven, half.outputs, parity) for half, parity in halves])
+    both = append(*(half for half, _ in halves))
+    B, C, D = both.B @ read.T, drive @ both.C, drive @ both.D @ read.T
+    return Lti(both.A, B, C, D, tuple(measured), tuple(driven), dt=both.dt).statespace("controller")
 
 
 def split_controller(
-    model: SecondOrderModel, controller: "control.StateSpace"
-) -> tuple["control.StateSpace", "control.StateSpace", float]:
+    model: SecondOrderModel, controller: control.StateSpace
+) -> tuple[control.StateSpace, control.StateSpace, float]:
     """Return the controllers of the halves that a controller of a symmetric machine amounts to, and what they miss.
 
     Parameters
@@ -102,43 +87,35 @@ def split_controller(
         Another kind of model or controller, discrete time, not finite; the model has no mirror symmetry; a signal
         without its mirror image.
     """
-    if not isinstance(model, SecondOrderModel):
-        raise TypeError(f"model: expected SecondOrderModel, got {type(model).__name__}")
-    _continuous(controller)
-    mirror = model.mirror
-    if mirror is None:
-        raise ValueError("model: expected one with mirror symmetry, such as spray_boom with a symmetric mesh")
+    mirror, K = _mirror(model), of(controller, "controller", "StateSpace").balanced()
+    grid = _around(K)
     halves, entries, leaves = [], [], []
     for parity in (1, -1):
-        read, drive = mirror.signals(controller.input_labels, parity), mirror.signals(controller.output_labels, parity)
+        read, drive = mirror.signals(K.inputs, parity), mirror.signals(K.outputs, parity)
         if read is None or drive is None:
             raise ValueError("controller: expected both signals of each pair, left and right")
-        entries.append(read)
-        leaves.append(drive)
-        halves.append(_reached(controller, read, drive))
-    grid = _around(controller)
-    response = np.moveaxis(np.asarray(controller(1j * grid, squeeze=False)), 2, 0)
+        entries.append(read[0])
+        leaves.append(drive[0])
+        halves.append(_half(K, grid, read, drive))
+    response = np.moveaxis(K.response(grid), 2, 0)
     unit = np.abs(response).max(axis=(0, 1))
     response = response / np.where(unit > 0.0, unit, 1.0)
-    gains = {(i, j): np.abs(leaves[i][0].T @ response @ entries[j][0]).max(initial=0.0) for i in (0, 1) for j in (0, 1)}
+    gains = {(i, j): np.abs(leaves[i].T @ response @ entries[j]).max(initial=0.0) for i in (0, 1) for j in (0, 1)}
     kept = max(gains[0, 0], gains[1, 1])
     return halves[0], halves[1], float(max(gains[0, 1], gains[1, 0]) / kept) if kept else 0.0
 
 
-def _continuous(controller: "control.StateSpace") -> None:
-    import control
-
-    if not isinstance(controller, control.StateSpace):
-        raise TypeError(f"controller: expected control.StateSpace, got {type(controller).__name__}")
-    if not controller.isctime():
-        raise ValueError(f"controller: expected continuous time, got a sampling time of {controller.dt:g} s")
-    for name in "ABCD":
-        finite_array(f"{name} of the controller", getattr(controller, name))
+def _mirror(model: SecondOrderModel) -> Mirror:
+    if not isinstance(model, SecondOrderModel):
+        raise TypeError(f"model: expected SecondOrderModel, got {type(model).__name__}")
+    if model.mirror is None:
+        raise ValueError("model: expected one with mirror symmetry, such as spray_boom with a symmetric mesh")
+    return model.mirror
 
 
-def _around(controller: "control.StateSpace") -> Array:
+def _around(K: Lti) -> Array:
     """Return frequencies at a controller's poles and around, beside those that are undamped."""
-    poles = linalg.eigvals(controller.A) if controller.nstates else -np.ones(1)
+    poles = linalg.eigvals(K.A) if len(K.A) else -np.ones(1)
     size = np.abs(poles)
     poles, size = poles[size > 0.0], size[size > 0.0]
     low, high = (float(size.min()), float(size.max())) if len(size) else (1.0, 1.0)
@@ -148,34 +125,33 @@ def _around(controller: "control.StateSpace") -> Array:
     return grid
 
 
-def _reached(
-    controller: "control.StateSpace", read: tuple[Array, tuple[str, ...]], drive: tuple[Array, tuple[str, ...]]
-) -> "control.StateSpace":
+def _half(
+    K: Lti, grid: Array, read: tuple[Array, tuple[str, ...]], drive: tuple[Array, tuple[str, ...]]
+) -> control.StateSpace:
     """Return the channels between signals of one half, reduced to the states that they reach and see."""
-    import control
-
-    from boomctl.reduction import reduce
-
-    rest, lasting = spectral_parts(of(controller).balanced())
-    lasting = _lasting(lasting, read[0], drive[0])
-    half = control.ss(
-        linalg.block_diag(rest.A, lasting.A).reshape(2 * (len(rest.A) + len(lasting.A),)),
-        np.vstack([rest.B @ read[0], lasting.B]),
-        np.hstack([drive[0].T @ rest.C, lasting.C]),
-        drive[0].T @ rest.D @ read[0],
-        inputs=list(read[1]),
-        outputs=list(drive[1]),
+    rest, lasting = spectral_parts(K)
+    (entry, inputs), (leave, outputs) = read, drive
+    lasting = _lasting(lasting, entry, leave)
+    states = len(rest.A) + len(lasting.A)
+    half = Lti(
+        linalg.block_diag(rest.A, lasting.A).reshape(states, states),
+        np.vstack([rest.B @ entry, lasting.B]),
+        np.hstack([leave.T @ rest.C, lasting.C]),
+        leave.T @ rest.D @ entry,
+        inputs,
+        outputs,
     )
-    size = float(np.abs(np.asarray(half(1j * _around(controller), squeeze=False))).max(initial=0.0))
-    if not half.nstates or size == 0.0:
-        return half
-    return reduce(half, error=_SPLIT * size).system
+    size = float(np.abs(half.response(grid)).max(initial=0.0))
+    named = half.statespace("controller")
+    return named if not states or size == 0.0 else reduce(named, error=_SPLIT * size).system
 
 
 def _lasting(part: Lti, read: Array, drive: Array) -> Lti:
     """Return, of unstable and undamped states, those that one half reaches and sees; no reduction takes the others."""
-    found = [_met(Lti(rows @ part.A @ columns, rows @ part.B, part.C @ columns, part.D), read, drive)
-             for columns, rows in _clusters(part.A)]  # fmt: skip
+    found = [
+        _minimal(Lti(rows @ part.A @ columns, rows @ part.B, part.C @ columns, part.D), read, drive)
+        for columns, rows in _clusters(part.A)
+    ]
     count = sum(len(one.A) for one in found)
     return Lti(
         linalg.block_diag(*(one.A for one in found)).reshape(count, count),
@@ -187,8 +163,6 @@ def _lasting(part: Lti, read: Array, drive: Array) -> Lti:
 
 def _clusters(A: Array) -> list[tuple[Array, Array]]:
     """Return the columns, and the rows of their inverse, that split a matrix by its eigenvalues, equal ones together."""
-    import control
-
     if not len(A):
         return []
     blocks, columns, widths = control.bdschur(A)
@@ -207,7 +181,7 @@ def _clusters(A: Array) -> list[tuple[Array, Array]]:
     return found
 
 
-def _met(part: Lti, read: Array, drive: Array) -> Lti:
+def _minimal(part: Lti, read: Array, drive: Array) -> Lti:
     """Return the states that one half reaches and sees, of those with about the same eigenvalue."""
     entry, leave = part.B @ read, drive.T @ part.C
     sizes = np.sqrt((np.linalg.norm(part.B, axis=0) ** 2) @ read**2), np.sqrt(drive.T**2 @ (part.C**2).sum(axis=1))
@@ -228,7 +202,9 @@ def _spanned(A: Array, start: Array) -> Array:
     return basis
 
 
-def _whole(mirror: Mirror, halves: list[tuple[list[str], int]], available: tuple[str, ...], what: str) -> list[str]:
+def _whole(
+    mirror: Mirror, halves: list[tuple[tuple[str, ...], int]], available: tuple[str, ...], what: str
+) -> list[str]:
     """Return the machine's signals that make up those of the halves, in the machine's order."""
     found = set()
     for labels, parity in halves:
@@ -251,7 +227,7 @@ def _sources(mirror: Mirror, label: str, parity: int) -> set[str] | None:
     return None
 
 
-def _matrix(mirror: Mirror, names: list[str], labels: list[str], parity: int) -> Array:
+def _matrix(mirror: Mirror, names: list[str], labels: tuple[str, ...], parity: int) -> Array:
     """Return the columns that make the machine's signals of a half's."""
     found = mirror.signals(names, parity)
     if found is None:

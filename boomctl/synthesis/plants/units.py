@@ -1,17 +1,19 @@
 """Signals in units of their own: what counts as one of each, so that a design weighs like with like."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, positive
-from boomctl.structure.model import SecondOrderModel
-from boomctl.synthesis.plants.blocks import statespace
+from boomctl.lti.system import Lti, of
 
 if TYPE_CHECKING:
     import control
+
+    from boomctl.structure.model import SecondOrderModel
 
 
 def in_units(system: "control.StateSpace | SecondOrderModel", units: Mapping[str, float]) -> "control.StateSpace":
@@ -28,11 +30,12 @@ def in_units(system: "control.StateSpace | SecondOrderModel", units: Mapping[str
     TypeError, ValueError
         Another kind of system; a unit that is not a number above zero or of an unknown signal.
     """
-    plain = statespace(system)
+    plain = of(system)
     _check(units)
     for name in units:
-        known("signal in units", name, (*plain.input_labels, *plain.output_labels))
-    return _scaled(plain, _sizes(units, plain.input_labels), _inverse(units, plain.output_labels))
+        known("signal in units", name, (*plain.inputs, *plain.outputs))
+    scaled = _scaled(plain, _sizes(units, plain.inputs), _inverse(units, plain.outputs))
+    return scaled.statespace(getattr(system, "name", "plant"))
 
 
 def from_units(controller: "control.StateSpace", units: Mapping[str, float]) -> "control.StateSpace":
@@ -50,12 +53,9 @@ def from_units(controller: "control.StateSpace", units: Mapping[str, float]) -> 
     TypeError, ValueError
         Another kind of system, entries that are not finite; a unit that is not a number above zero.
     """
-    import control
-
-    if not isinstance(controller, control.StateSpace):
-        raise TypeError(f"controller: expected control.StateSpace, got {type(controller).__name__}")
+    plain = of(controller, "controller", "StateSpace", any_time=True)
     _check(units)
-    return _scaled(controller, _inverse(units, controller.input_labels), _sizes(units, controller.output_labels))
+    return _scaled(plain, _inverse(units, plain.inputs), _sizes(units, plain.outputs)).statespace(controller.name)
 
 
 def _check(units: Mapping[str, float]) -> None:
@@ -74,21 +74,9 @@ def _inverse(units: Mapping[str, float], labels: Sequence[str]) -> Array:
         return 1.0 / _sizes(units, labels)
 
 
-def _scaled(system: "control.StateSpace", entry: Array, leave: Array) -> "control.StateSpace":
-    import control
-
+def _scaled(system: Lti, entry: Array, leave: Array) -> Lti:
     with np.errstate(over="ignore", invalid="ignore"):
         B, C, D = system.B * entry, leave[:, None] * system.C, leave[:, None] * system.D * entry
-    for name, matrix in (("A", system.A), ("B", B), ("C", C), ("D", D)):
+    for name, matrix in (("B", B), ("C", C), ("D", D)):
         finite_array(f"{name} in these units", matrix)
-    return control.ss(
-        system.A,
-        B,
-        C,
-        D,
-        system.dt,
-        inputs=list(system.input_labels),
-        outputs=list(system.output_labels),
-        states=list(system.state_labels),
-        name=system.name,
-    )
+    return replace(system, B=B, C=C, D=D)

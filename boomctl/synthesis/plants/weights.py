@@ -1,21 +1,15 @@
 """Weights for generalised plants: small stable filters in state space, corner frequencies in rad/s."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.checks import positive, real, whole
+from boomctl.lti.python_control import control
 
-if TYPE_CHECKING:
-    import control
-
-_BUTTERWORTH = float(np.sqrt(0.5))
+_BUTTERWORTH = float(np.sqrt(0.5))  # damping ratio of the flattest second-order filter: gain/sqrt(2) at the corner
 
 
-def _filter(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: float) -> "control.StateSpace":
-    import control
-
+def _filter(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: float) -> control.StateSpace:
     return control.ss(A, B, C, [[D]], inputs="in", outputs="out")
 
 
@@ -31,7 +25,7 @@ def _second(corner: float, damping: float) -> tuple[list[list[float]], list[list
     return [[0.0, corner], [-corner, -2.0 * damping * corner]], [[0.0], [corner]]
 
 
-def low_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTERWORTH) -> "control.StateSpace":
+def low_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTERWORTH) -> control.StateSpace:
     """Return a filter with ``gain`` below ``corner`` [rad/s] that rolls off above.
 
     Parameters
@@ -55,7 +49,7 @@ def low_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTE
     return _filter(*_second(w, zeta), [[g, 0.0]], 0.0)
 
 
-def high_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTERWORTH) -> "control.StateSpace":
+def high_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTERWORTH) -> control.StateSpace:
     """Return a filter with ``gain`` above ``corner`` [rad/s] that vanishes at zero frequency.
 
     Parameters and errors as of `low_pass`; ``gain`` is that at high frequency.
@@ -66,7 +60,7 @@ def high_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTT
     return _filter(*_second(w, zeta), [[-g, -2.0 * g * zeta]], g)
 
 
-def band_pass(gain: float, low: float, high: float) -> "control.StateSpace":
+def band_pass(gain: float, low: float, high: float) -> control.StateSpace:
     """Return a second-order filter between two corner frequencies [rad/s]: platform motion from a track, for instance.
 
     Parameters
@@ -89,7 +83,7 @@ def band_pass(gain: float, low: float, high: float) -> "control.StateSpace":
     return _filter(*_second(centre, damping), [[0.0, 2.0 * g * damping]], 0.0)
 
 
-def shelf(low_gain: float, high_gain: float, corner: float, order: int = 1) -> "control.StateSpace":
+def shelf(low_gain: float, high_gain: float, corner: float, order: int = 1) -> control.StateSpace:
     """Return a filter that goes from one gain to another: lag or lead, performance weight or roll-off of the effort.
 
     Parameters

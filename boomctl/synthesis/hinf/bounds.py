@@ -1,21 +1,36 @@
-"""The search for the lowest level that can be reached, with a bound from below that goes with it."""
+"""The lowest level that can be reached, and levels that no controller beats.
+
+Whatever the controller, the closed loop at one frequency is ``P11 + P12 Q P21`` with some matrix ``Q``.  The least
+norm over all matrices is the larger of ``P11`` without what the controls reach and ``P11`` without what the
+measurements see (Parrott 1978; Davis, Kahan & Weinberger 1982).  State feedback changes neither what the controls
+reach nor the rest, and the H2-optimal one makes what they reach orthonormal (Zhou, Doyle & Glover 1996, theorem 13.34),
+so that an undamped mode does no harm to the digits.  Where rounding leaves the feedback short of optimal, the bound
+holds nevertheless.
+"""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
 
+from boomctl.arrays import Array
+from boomctl.lti.system import Lti
 from boomctl.synthesis.errors import SynthesisError
-from boomctl.synthesis.hinf.frequency_bound import frequency_bound
+from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import COUPLING, Level, gains, level_of
-from boomctl.synthesis.plants.partition import Normalised
+from boomctl.synthesis.plants.partition import GeneralizedPlant
 
+_POINTS = 90  # first grid of the frequency bound, spread evenly in the logarithm beside the poles (a choice)
+_ZOOMS, _ZOOM = 4, 9  # narrowings around its peak, and points of each: to 4^-4 of a gap of the grid (a choice)
+
+# Levels tried upwards, as multiples of the first guess: tight where it is a bound, wide where it only has the right unit.
 _GROWTH = (1.01, 1.1, 1.5, 3.0, 10.0, 100.0, 1e4, 1e6, 1e9)
-_STEPS = 60
-_NOTHING = 1e-8
-_ABOVE = 1e-3
-_REFUTED = 1e-6
+_STEPS = 60  # levels looked at: every third halves the span, and 20 halvings take a ratio of 1e9 to 1 + 2e-5
+_NOTHING = 1e-8  # share of the plant's own size below which a level counts as zero
+_ABOVE = 1e-3  # how far above the radius of a level that only the coupling refuses another one can be reached
+_REFUTED = 1e-6  # a verified norm below a bound by more than this share refutes it: norms are certified to as much
 
 
 @dataclass(frozen=True)
@@ -82,7 +97,7 @@ class Bounds:
         return replace(self, frequency=frequency, riccati=riccati, reason=self.reason if riccati > 0.0 else "")
 
 
-def lowest_level(ready: Normalised, tolerance: float, deadline: Deadline) -> Bounds:
+def lowest_level(ready: NormalizedPlant, tolerance: float, deadline: Deadline) -> Bounds:
     """Return the lowest level that can be reached, to within ``tolerance`` of what bounds it from below.
 
     Raises
@@ -94,7 +109,7 @@ def lowest_level(ready: Normalised, tolerance: float, deadline: Deadline) -> Bou
     if relaxed.X is None or relaxed.Y is None:
         raise SynthesisError(f"the Riccati equations of H2 synthesis could not be solved: {relaxed.reason}")
     F, L = gains(ready, relaxed)
-    F2, L2 = F[ready.B1.shape[1] :], L[:, len(ready.C1) :]
+    F2, L2 = F[ready.nw :], L[:, ready.nz :]
     frequency, omega = frequency_bound(ready, F2, L2)
     parts = (ready.A, ready.A + ready.B2 @ F2, ready.A + L2 @ ready.C2)
     band = max((float(np.abs(linalg.eigvals(part)).max()) for part in parts if len(part)), default=0.0)
@@ -132,7 +147,7 @@ class _Span:
         return _Span(max(self.low, level.radius), min(self.high, level.gamma))
 
 
-def _narrowed(span: _Span, ready: Normalised, tolerance: float, deadline: Deadline) -> tuple[_Span, list[Level]]:
+def _narrowed(span: _Span, ready: NormalizedPlant, tolerance: float, deadline: Deadline) -> tuple[_Span, list[Level]]:
     """Return a span as narrow as asked for, and the levels that were looked at."""
     levels = _reached(ready, span.low if span.low > 0.0 else _size(ready), deadline)
     for level in levels:
@@ -147,7 +162,7 @@ def _narrowed(span: _Span, ready: Normalised, tolerance: float, deadline: Deadli
     return span, levels
 
 
-def _reached(ready: Normalised, base: float, deadline: Deadline) -> list[Level]:
+def _reached(ready: NormalizedPlant, base: float, deadline: Deadline) -> list[Level]:
     """Return levels that grow until the last can be reached; where only the coupling fails, its radius can be."""
     levels: list[Level] = []
     enough = np.inf
@@ -176,8 +191,57 @@ def _next(span: _Span, levels: list[Level], tolerance: float) -> float:
     return float(guess) if span.low < guess < span.high else _middle(span)
 
 
-def _size(ready: Normalised) -> float:
+def _size(ready: NormalizedPlant) -> float:
     """Return a level to start from where nothing bounds it from below."""
     B1, C1 = np.linalg.norm(ready.B1), np.linalg.norm(ready.C1)
     rate = np.linalg.norm(ready.A) + C1 * np.linalg.norm(ready.B2) + B1 * np.linalg.norm(ready.C2)
     return float(np.linalg.norm(ready.D11) + C1 * B1 / max(rate, np.finfo(float).tiny)) or 1.0
+
+
+def frequency_bound(ready: NormalizedPlant, F: Array, L: Array) -> tuple[float, float]:
+    """Return a norm that no controller goes below, and the frequency at which that is so [rad/s], infinity included.
+
+    ``F`` and ``L`` are H2-optimal: state feedback to the controls, output injection from the measurements.
+    """
+    return max(_out_of_reach(ready, F), _out_of_reach(ready.dual, L.T))
+
+
+def _out_of_reach(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
+    """Return the peak over frequency of what no control reaches, and its frequency."""
+    free, nw = plant.nz - plant.ncon, plant.nw
+    if free == 0:
+        return 0.0, np.inf
+    last = float(np.linalg.norm(plant.D11[:free], 2))
+    if not len(plant.A):
+        return last, np.inf
+    closed = plant.A + plant.B2 @ F
+    system = Lti(closed, plant.system.B, plant.C1 + plant.D12 @ F, plant.system.D[: plant.nz])
+
+    def rest(omega: Array) -> Array:
+        G = np.moveaxis(system.response(omega), 2, 0)
+        inputs, reached = G[:, :, :nw], G[:, :, nw:]
+        basis = np.linalg.qr(reached)[0]  # orthonormal but for rounding, which light damping and long chains magnify
+        left = inputs - basis @ (np.conj(np.swapaxes(basis, 1, 2)) @ inputs)
+        return np.linalg.norm(left, 2, axis=(1, 2)) if min(left.shape[1:]) > 1 else np.linalg.norm(left, axis=(1, 2))
+
+    peak, omega = _peak(rest, np.concatenate([np.linalg.eigvals(closed), np.linalg.eigvals(plant.A)]))
+    return (peak, omega) if peak >= last else (last, np.inf)
+
+
+def _peak(rest: Callable[[Array], Array], poles: Array) -> tuple[float, float]:
+    size = np.abs(poles)
+    size = size[size > 1e-9 * size.max()]
+    low, high = (size.min(), size.max()) if len(size) else (1.0, 1.0)
+    grid = np.unique(np.concatenate([[0.0], np.geomspace(low / 10.0, high * 10.0, _POINTS), np.abs(poles)]))
+    values = rest(grid)
+    best = int(np.argmax(values))
+    peak, at = float(values[best]), float(grid[best])
+    a, b = float(grid[max(best - 1, 0)]), float(grid[min(best + 1, len(grid) - 1)])
+    for _ in range(_ZOOMS):
+        fine = np.linspace(a, b, _ZOOM)
+        values = rest(fine)
+        best = int(np.argmax(values))
+        if values[best] > peak:
+            peak, at = float(values[best]), float(fine[best])
+        a, b = float(fine[max(best - 1, 0)]), float(fine[min(best + 1, _ZOOM - 1)])
+    return peak, at

@@ -9,10 +9,12 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array, Matrix
 from boomctl.checks import finite_array, known, real, signal_name
+from boomctl.printing import listed, signals
+from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports, Triple
 
-_EXACT = 1e-9
+_EXACT = 1e-9  # of the largest entry; a corner missed by less is rounding of the assembly (a choice)
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,13 @@ class AffineFamily:
     high: Array
     centre: SecondOrderModel
     slopes: tuple[Slope, ...]
+
+    def __repr__(self) -> str:
+        box = (
+            f"{name} {low:.6g} to {high:.6g}" for name, low, high in zip(self.names, self.low, self.high, strict=True)
+        )
+        ports = signals(self.centre.inputs, self.centre.outputs)
+        return f"AffineFamily: {self.centre.n} coordinates; {listed(list(box), 50)}\n{ports}"
 
     @classmethod
     def through(
@@ -112,7 +121,7 @@ class AffineFamily:
         )
         B = tuple(sum((x * s.B[k] for x, s in zip(d, self.slopes, strict=True)), c.ports.B[k]) for k in range(3))
         ports = replace(c.ports, B=(B[0], B[1], B[2]))
-        return SecondOrderModel.build(M, C, K, ports, c.coordinates, None, c.mirror, c.primary)
+        return SecondOrderModel.of(Structure.of(M, C, K, c.coordinates, mirror=c.mirror), ports)
 
     def _delta(self, delta: ArrayLike) -> Array:
         d = finite_array("delta", delta, ndim=1)

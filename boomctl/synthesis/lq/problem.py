@@ -1,6 +1,7 @@
-"""Weights and noise intensities: numbers, vectors, matrices or mappings by name become symmetric matrices."""
+"""What a linear-quadratic design is given, checked: a plant, weights by signal, intensities of noise."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -8,12 +9,38 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, known, real
+from boomctl.checks import finite_array, known, names, real
+from boomctl.lti.system import Lti, of
 
 Weight: TypeAlias = ArrayLike | Mapping[str, float]
 """A number (the same for each signal), one number a signal, a symmetric matrix, or numbers by signal name."""
 
-_NOISE = 1e-12
+_ROUNDING = (
+    1e-12  # eigenvalue of a weight with unit diagonal, by row, that rounding may have made; a choice, far above eps
+)
+_ASYMMETRY = 1e-10  # share of the largest entry by which a symmetric matrix may be off: products computed by the user
+
+
+def plant_of(system: object) -> Lti:
+    """Return the matrices and names of a plant.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system, in discrete time, not finite, or without states.
+    """
+    plant = of(system)
+    if not len(plant.A):
+        raise ValueError("system: expected at least one state, got a static gain")
+    return plant
+
+
+def chosen(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str]) -> tuple[str, ...]:
+    """Return names of signals, each known, none twice, at least one; all if ``wanted`` is None."""
+    found = names(what, wanted, choices)
+    if not found:
+        raise ValueError(f"{what}: expected at least one name, got none")
+    return found
 
 
 def semidefinite(what: str, value: Weight, signals: Sequence[str]) -> Array:
@@ -26,7 +53,7 @@ def semidefinite(what: str, value: Weight, signals: Sequence[str]) -> Array:
     """
     matrix = _matrix(what, value, signals)
     lowest = _scaled_lowest(matrix)
-    if lowest < -_NOISE * max(len(matrix), 1):
+    if lowest < -_ROUNDING * max(len(matrix), 1):
         raise ValueError(
             f"{what}: expected a positive semidefinite weight, got an eigenvalue of {_lowest(matrix, lowest):.4g}"
         )
@@ -47,7 +74,7 @@ def definite(what: str, value: Weight, signals: Sequence[str]) -> Array:
                 raise ValueError(f"{what}: expected a weight for each of {', '.join(signals)}; {name!r} has none")
     matrix = _matrix(what, value, signals)
     lowest = _scaled_lowest(matrix)
-    if lowest <= _NOISE:
+    if lowest <= _ROUNDING:
         raise ValueError(
             f"{what}: expected a positive definite weight, got an eigenvalue of {_lowest(matrix, lowest):.4g}"
         )
@@ -77,7 +104,7 @@ def _matrix(what: str, value: Weight, signals: Sequence[str]) -> Array:
         return np.diag(array)
     if array.shape != (n, n):
         raise ValueError(f"{what}: expected a number, {n} numbers or a {n} by {n} matrix, got shape {array.shape}")
-    if np.abs(array - array.T).max(initial=0.0) > 1e-10 * np.abs(array).max(initial=0.0):
+    if np.abs(array - array.T).max(initial=0.0) > _ASYMMETRY * np.abs(array).max(initial=0.0):
         i, j = (int(k) for k in np.unravel_index(np.argmax(np.abs(array - array.T)), array.shape))
         raise ValueError(
             f"{what}: expected a symmetric matrix, got {array[i, j]:.6g} at ({i}, {j}) and {array[j, i]:.6g} at ({j}, {i})"
@@ -98,3 +125,43 @@ def _scaled_lowest(matrix: Array) -> float:
 def _lowest(matrix: Array, scaled: float) -> float:
     plain = float(linalg.eigvalsh(matrix)[0])
     return plain if (plain < 0.0) == (scaled < 0.0) else scaled
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise as intensities (two-sided spectral densities).
+
+    ``W`` is that on ``x'``, ``V`` that on the measurements, ``S`` between the two; ``inputs`` are those it enters by.
+    """
+
+    W: Array
+    V: Array
+    S: Array
+    inputs: tuple[str, ...] = ()
+
+
+def noise_of(
+    plant: Lti,
+    process_noise: Weight,
+    measurement_noise: Weight,
+    *,
+    measurements: Sequence[str],
+    disturbances: str | Sequence[str] | None,
+) -> Noise:
+    """Return the noise of a plant, checked.
+
+    ``process_noise`` is over the inputs named in ``disturbances``; without these, a mapping is over the inputs that
+    it names, and a number, vector or matrix over the states.
+    """
+    if isinstance(process_noise, Mapping) and disturbances is None:
+        disturbances = chosen("process_noise", tuple(process_noise), plant.inputs)
+    V = definite("measurement_noise", measurement_noise, measurements)
+    if disturbances is None:
+        array = finite_array("process_noise", process_noise)  # type: ignore[arg-type]
+        W = semidefinite("process_noise", array, plant.states)
+        return Noise(W, V, W[:, :0] @ V[:0])
+    entering = chosen("disturbances", disturbances, plant.inputs)
+    intensity = semidefinite("process_noise", process_noise, entering)
+    way = plant.select(entering, measurements)
+    W, V = way.B @ intensity @ way.B.T, V + way.D @ intensity @ way.D.T
+    return Noise(0.5 * (W + W.T), 0.5 * (V + V.T), way.B @ intensity @ way.D.T, entering)

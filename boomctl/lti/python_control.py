@@ -1,0 +1,29 @@
+"""python-control, imported in one place so that its state-space systems can be pickled.
+
+A ``control.StateSpace`` keeps two functions that its constructor makes (python-control 0.10.2), which pickle refuses.
+Once this module is imported, and boomctl imports python-control only here, pickle and copy rebuild such a system from its
+matrices, names and sampling time instead: in the whole process, for systems that boomctl did not make too.
+"""
+
+import copyreg
+from typing import Any
+
+import control
+
+
+def _state_space(matrices: tuple[Any, ...], dt: float | bool | None, names: dict[str, Any]) -> control.StateSpace:
+    """Return the system again; the process that unpickles finds this function by name, and with it this module."""
+    return control.StateSpace(*matrices, dt=dt, remove_useless_states=False, **names)
+
+
+def _parts(system: control.StateSpace) -> tuple[Any, tuple[Any, ...]]:
+    names = {
+        "name": system.name,
+        "inputs": system.input_labels,
+        "outputs": system.output_labels,
+        "states": system.state_labels,
+    }
+    return _state_space, ((system.A, system.B, system.C, system.D), system.dt, names)
+
+
+copyreg.pickle(control.StateSpace, _parts)

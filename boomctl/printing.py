@@ -1,0 +1,132 @@
+"""How models and results print: a few lines that say what it is, its size, its signals and its certified figure."""
+
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from html import escape
+from typing import Any
+
+WIDTH = 98  # columns of a line at most: fits a notebook's cell and half a screen
+LINES = 5  # of a repr at most, so that a list of results can still be read
+
+
+def listed(names: Sequence[str], width: int = 78) -> str:
+    """Return names in a row, as many as fit into the width, and how many there are where some are left out."""
+    whole = ", ".join(names)
+    if len(whole) <= width:
+        return whole or "none"
+    end = f", ... ({len(names)})"
+    count = len(names)
+    while count > 1 and len(", ".join(names[:count]) + end) > width:
+        count -= 1
+    return ", ".join(names[:count]) + end
+
+
+def count(number: int, word: str, words: str = "") -> str:
+    """Return "1 mode", "2 modes"."""
+    return f"{number} {word}" if number == 1 else f"{number} {words or word + 's'}"
+
+
+def signals(inputs: Sequence[str], outputs: Sequence[str]) -> str:
+    """Return two lines that name inputs and outputs."""
+    return f"  inputs: {listed(inputs)}\n  outputs: {listed(outputs)}"
+
+
+def between(inputs: Sequence[str], outputs: Sequence[str]) -> str:
+    """Return "inputs -> outputs" for part of a line."""
+    return f"{listed(inputs, 30)} -> {listed(outputs, 30)}"
+
+
+def system(given: Any) -> str:
+    """Return a python-control system's size and signals in part of a line."""
+    return f"{count(given.nstates, 'state')}, {between(given.input_labels, given.output_labels)}"
+
+
+def value(given: Any) -> str:
+    """Return a field's value in a few words: numbers to six digits, an array's shape and range."""
+    if isinstance(given, bool) or given is None:
+        return str(given)
+    if isinstance(given, complex):
+        return f"{given:.6g}"
+    if isinstance(given, float):
+        return f"{given:.6g}"
+    if isinstance(given, str):
+        return repr(given) if len(given) <= 60 else repr(given[:57] + "...")
+    if isinstance(given, Mapping):
+        return "{" + ", ".join(f"{key}: {value(entry)}" for key, entry in list(given.items())[:6]) + "}"
+    if isinstance(given, (tuple, list)):
+        inside = [value(entry) for entry in given[:6]] + ([f"... ({len(given)})"] if len(given) > 6 else [])
+        return "(" + ", ".join(inside) + ")"
+    if hasattr(given, "shape") and hasattr(given, "dtype"):
+        return array(given)
+    return repr(given)
+
+
+def array(given: Any) -> str:
+    """Return a small array's numbers, a large one's shape and range."""
+    if given.ndim == 0:
+        return value(given.item())
+    if given.ndim == 1 and given.size <= 6:
+        return "[" + ", ".join(value(entry.item()) for entry in given) + "]"
+    shape = " x ".join(map(str, given.shape)) if given.ndim > 1 else f"{given.size} values"
+    if given.dtype.kind not in "fiu" or not given.size:
+        return f"[{shape}]"
+    return f"[{shape}, {given.min():.4g} to {given.max():.4g}]"
+
+
+def compact(self: Any) -> str:
+    """Return a dataclass's name and fields, floats rounded, arrays by shape and range.  A ``__repr__`` for records."""
+    words = [f"{field.name}={value(getattr(self, field.name))}" for field in fields(self) if field.repr]
+    return wrapped(type(self).__name__, words)
+
+
+def exact(self: Any) -> str:
+    """Return a dataclass of numbers as Python code that makes it again.  A ``__repr__`` for parameters.
+
+    Where that takes too many lines, what is at its default is left out.
+    """
+    words = {}
+    for field in fields(self):
+        given = getattr(self, field.name)
+        short = f"{given:g}" if isinstance(given, float) else repr(given)
+        words[field] = f"{field.name}={short if not isinstance(given, float) or float(short) == given else repr(given)}"
+    whole = wrapped(type(self).__name__, words.values())
+    if whole.count("\n") < LINES:
+        return whole
+    return wrapped(
+        type(self).__name__, (word for field, word in words.items() if getattr(self, field.name) != field.default)
+    )
+
+
+def exact_html(self: Any) -> str:
+    """Return a dataclass of numbers as an HTML table, what is not at its default in bold.  A ``_repr_html_``."""
+    rows = []
+    for field in fields(self):
+        cells = (field.name, escape(repr(getattr(self, field.name))))
+        changed = getattr(self, field.name) != field.default
+        rows.append("".join(f"<td>{f'<b>{cell}</b>' if changed else cell}</td>" for cell in cells))
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    return f"<table><caption>{type(self).__name__}</caption><tbody>{body}</tbody></table>"
+
+
+def sentence(name: str, text: str) -> str:
+    """Return "name: text", each part between semicolons on a line of its own."""
+    parts = f"{name}: {text}".split("; ")
+    lines = [
+        textwrap.wrap(part, WIDTH, initial_indent="  " if k else "", subsequent_indent="    ")
+        for k, part in enumerate(parts)
+    ]
+    return "\n".join(line for part in lines for line in part)
+
+
+def wrapped(name: str, words: Iterable[str]) -> str:
+    """Return "name(words)", further lines indented."""
+    text = f"{name}({', '.join(words)})"
+    return "\n".join(textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_long_words=False))
+
+
+def table_html(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in HTML."""
+    head = "".join(f"<th>{escape(cell)}</th>" for cell in heads)
+    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    return f"<table><caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

@@ -1,0 +1,167 @@
+"""The report of a suspension: words, tables and pictures."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from boomctl.analysis import SigmaResult
+from boomctl.boom import BoomParameters
+from boomctl.report import Section, Table
+from boomctl.studies.suspension.performance import Performance
+from boomctl.studies.suspension.scene import FieldScene
+
+if TYPE_CHECKING:
+    import control
+
+_SPAN = 15.0  # of the run that is drawn [s]: some periods of the slowest motion, each of them still to be seen
+_FIELD = 60.0  # length of field that is drawn [m]: its cells of 0.1 m are still to be seen
+
+
+def weight_sections(weights: "Mapping[str, control.StateSpace]") -> tuple[Section, ...]:
+    """Return the section of the weights, of a design that has some."""
+    if not weights:
+        return ()
+    from boomctl.plotting import picture
+    from boomctl.plotting.suspension import draw_weights
+
+    drawn = draw_weights(weights, np.geomspace(0.05, 500.0, 400))
+    caption = "Weights over frequency, in the units of the design."
+    return (Section("Weights", pictures=(picture("weights", drawn, caption),)),)
+
+
+def sigma_section(
+    before: Performance, after: Performance, exact: SigmaResult | None, family: tuple[SigmaResult, ...]
+) -> Section:
+    """Return the section of singular values, with those of the exact boom and of others of the family where there are."""
+    from boomctl.plotting import picture
+    from boomctl.plotting.suspension import draw_suspension_sigma
+
+    caption = (
+        "Singular values from the two platform actuators to the two tips, before and after; circles mark certified peaks:"
+        " no singular value exceeds them at any frequency."
+    )
+    if exact is not None:
+        caption += " Dots: the same controller on the exact Euler-Bernoulli boom, without discretisation."
+    if family:
+        caption += " Faint: springs and boom mass at corners and middles of the edges of their uncertainty."
+    drawn = draw_suspension_sigma(before.sigma, after.sigma, (before.title, after.title), exact, family)
+    return Section("Singular values", pictures=(picture("sigma", drawn, caption),))
+
+
+def assurance_sections(found: Mapping[str, str]) -> tuple[Section, ...]:
+    """Return the section of what was checked, of a design that can be."""
+    text = "Stability and margins; each line is computed apart from the synthesis."
+    return (Section("Assurance", (text,), (fact_table(found, "check", "found"),)),) if found else ()
+
+
+def run_section(before: Performance, after: Performance, scene: FieldScene) -> Section:
+    """Return the section of the run over the field."""
+    from boomctl.plotting import picture
+    from boomctl.plotting.suspension import draw_run
+
+    start = scene.run_in + 0.25 * scene.duration
+    drawn = draw_run(
+        before.run,
+        after.run,
+        labels=(before.title, after.title),
+        limits=(scene.force_limit, scene.stroke_limit),
+        span=(start, start + min(_SPAN, 0.75 * scene.duration)),
+    )
+    caption = f"Platform, left tip, left stroke and forces, {_SPAN:g} s of {scene.duration:g} s."
+    tables, pictures = (_limit_table(before, after, scene),), (picture("run", drawn, caption),)
+    return Section("A run over the field", (_scene_text(scene),), tables, pictures)
+
+
+def spray_section(before: Performance, after: Performance) -> Section:
+    """Return the section of the deposit, whose map has so many cells that it is shown as PNG."""
+    from boomctl.plotting import draw_deposit, picture
+
+    text = (
+        "Deposit relative to the nominal dose, in cells of 0.1 m by 0.1 m. The footprint of a nozzle is a triangle of 1 m"
+        " along the boom, nozzles 0.5 m apart, and an even 0.1 m along the drive; both are assumptions, and so is the track."
+    )
+    drawn = draw_deposit({before.title: before.spray, after.title: after.spray}, length=_FIELD)
+    pictures = (picture("deposit", drawn, "Deposit, passive and active.", "png", "svg"),)
+    return Section("Spray on the field", (text,), pictures=pictures)
+
+
+def comparison_table(before: Performance, after: Performance) -> Table:
+    """Return what a suspension does beside what the boom does as it is."""
+    lines = [
+        ("certified peak, platform to tips", f"{before.sigma.peak:.4g}", f"{after.sigma.peak:.4g}"),
+        ("certified peak of the yaw", f"{before.yaw.lower:.4g}", f"{after.yaw.lower:.4g}"),
+        ("certified peak of the jolt", f"{before.jolt.lower:.4g}", f"{after.jolt.lower:.4g}"),
+    ]
+    for name, pick in (
+        ("deposit CV [%]", lambda s: f"{100 * s.cv:.2f}"),
+        ("share outside ±10 % [%]", lambda s: f"{100 * s.share_outside_10:.2f}"),
+        ("share outside ±20 % [%]", lambda s: f"{100 * s.share_outside_20:.2f}"),
+        ("doses", lambda s: f"{s.lowest_dose:.2f} to {s.highest_dose:.2f}"),
+        ("RMS tip speed over driving speed [%]", lambda s: f"{100 * s.relative_tip_speed:.2f}"),
+    ):
+        lines.append((name, pick(before.spray), pick(after.spray)))
+    lines += [
+        ("deposit CV by jolt alone [%]", f"{100 * before.spray_by_jolt.cv:.2f}", f"{100 * after.spray_by_jolt.cv:.2f}"),
+        ("deposit CV by yaw alone [%]", f"{100 * before.spray_by_yaw.cv:.2f}", f"{100 * after.spray_by_yaw.cv:.2f}"),
+        ("largest stroke [mm]", f"{1e3 * before.stroke:.1f}", f"{1e3 * after.stroke:.1f}"),
+        ("largest force [N]", "-", f"{after.force:.1f}" if after.run.controls else "-"),
+    ]
+    return Table(("", before.title, after.title), tuple(lines))
+
+
+def plant_text(p: BoomParameters, scene: FieldScene) -> str:
+    """Return what the machine is, in words."""
+    return (
+        f"The boom of Anthonis & Ramon (2003), Table 2: {p.length:g} m, hinged on a cradle that slides on a platform driven"
+        f" by two actuators; {scene.elements} finite elements here. Sensors: strokes of the suspension and tip"
+        f" accelerometers of {scene.accelerometer_hz:g} Hz. Static gain from yaw of the platform to the tips:"
+        f" {p.length / p.actuator_distance:.3f}; a suspension that centres the boom behind the tractor cannot go below that"
+        " at zero frequency."
+    )
+
+
+def parameter_table(before: str, base: BoomParameters, after: str, chosen: BoomParameters) -> Table:
+    """Return the passive parts of two booms, each under its title."""
+    rows = (
+        ("spring stiffness k_s [N/m]", "spring_stiffness"),
+        ("cradle damping c_g [N s/m]", "cradle_damping"),
+        ("hinge damping c_t [N m s/rad]", "hinge_damping"),
+        ("boom mass m_3 [kg]", "boom_mass"),
+    )
+    lines = tuple((label, f"{getattr(base, key):g}", f"{getattr(chosen, key):g}") for label, key in rows)
+    return Table(("passive parts", before, after), lines)
+
+
+def fact_table(facts: Mapping[str, str], *heads: str) -> Table:
+    """Return facts in words, by what they are about."""
+    return Table(heads or ("synthesis", "says"), tuple(facts.items()), align="l")
+
+
+def _scene_text(s: FieldScene) -> str:
+    return (
+        f"Track of class {s.road_class} (ISO 8608), seed {s.seed}, driven at {s.speed:g} m/s for {s.duration:g} s after"
+        f" {s.run_in:g} s of run-in, through the stated tractor model to jolt and yaw of the platform. Controller sampled"
+        f" every {1e3 * s.sample_time:g} ms, its forces {1e3 * s.delay:g} ms late; strokes resolved to"
+        f" {1e3 * s.stroke_step:g} mm, accelerations to {s.acceleration_step:g} m/s². Force limit {s.force_limit:g} N, stroke"
+        f" ±{1e3 * s.stroke_limit:g} mm (a design assumption)."
+    )
+
+
+def _limit_table(before: Performance, after: Performance, scene: FieldScene) -> Table:
+    lines = []
+    for each in (before, after):
+        saturated = max(each.run.saturation_share.values(), default=0.0)
+        force = f"{each.force:.1f} of {scene.force_limit:g} N" if each.run.controls else "no actuator"
+        lines.append(
+            (
+                each.title,
+                f"{1e3 * each.stroke:.1f} of {1e3 * scene.stroke_limit:g} mm",
+                str(len(each.run.stops)),
+                force,
+                f"{100 * saturated:.2f} %",
+                f"{each.force_rate:.0f} N/s" if each.run.controls else "-",
+            )
+        )
+    heads = ("", "largest stroke", "end stops hit", "largest force", "time at the force limit", "largest force rate")
+    return Table(heads, tuple(lines))

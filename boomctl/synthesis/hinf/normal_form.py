@@ -1,0 +1,91 @@
+"""Generalised plants in the signals and states that H-infinity solvers work with."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.lti.python_control import control
+from boomctl.lti.system import Lti
+from boomctl.synthesis.plants.partition import GeneralizedPlant
+
+_INDEPENDENT = 1e5  # condition of a basis above which its columns count as dependent: half of all digits are then left
+
+
+@dataclass(frozen=True)
+class NormalizedPlant(GeneralizedPlant):
+    """A plant with ``D12 = [0; I]``, ``D21 = [0, I]``, ``D22 = 0`` and modes of like size.
+
+    The controller of the plant is ``from_controls @ K @ from_measurements``, its ``D22`` apart; the states of the plant
+    are ``modes`` times those in here.  Disturbances and performance signals are only rotated, so no norm changes.
+    """
+
+    from_controls: Array
+    from_measurements: Array
+    modes: Array
+
+
+def normalised(plant: GeneralizedPlant) -> NormalizedPlant:
+    """Return the plant in normalised signals and, where its eigenvectors allow, in real modal coordinates.
+
+    ``D12`` must have full column rank and ``D21`` full row rank.
+    """
+    ncon, nmeas = plant.ncon, plant.nmeas
+    left, columns, right = linalg.svd(plant.D12)
+    rotate_z = np.hstack([left[:, ncon:], left[:, :ncon]]).T
+    from_controls = right.T / columns
+    left, rows, right = linalg.svd(plant.D21)
+    rotate_w = np.vstack([right[nmeas:], right[:nmeas]]).T
+    from_measurements = left.T / rows[:, None]
+    B = np.hstack([plant.B1 @ rotate_w, plant.B2 @ from_controls])
+    C = np.vstack([rotate_z @ plant.C1, from_measurements @ plant.C2])
+    D = np.zeros((len(C), B.shape[1]))
+    D[: plant.nz, : plant.nw] = rotate_z @ plant.D11 @ rotate_w
+    D[plant.nz - ncon : plant.nz, plant.nw :] = np.eye(ncon)
+    D[plant.nz :, plant.nw - nmeas : plant.nw] = np.eye(nmeas)
+    modes = _modal_basis(plant.A, B, C)
+    inverse = linalg.inv(modes) if len(modes) else modes
+    system = Lti(inverse @ plant.A @ modes, inverse @ B, C @ modes, D)
+    return NormalizedPlant(system, nmeas, ncon, from_controls, from_measurements, modes)
+
+
+def _modal_basis(A: Array, B: Array, C: Array) -> Array:
+    """Return real columns that span the modes of ``A``, each scaled so that it is driven as much as it is seen.
+
+    Modes whose eigenvectors hardly differ (integrator chains, double poles) stay together in a block.
+    """
+    if not len(A):
+        return np.zeros((0, 0))
+    values, vectors = linalg.eig(A)
+    blocks = [
+        [v.real, v.imag] if value.imag > 0.0 else [v.real]
+        for value, v in zip(values, vectors.T, strict=True)
+        if value.imag >= 0.0
+    ]
+    basis = np.array([column for block in blocks for column in block]).T
+    widths = [len(block) for block in blocks]
+    if basis.shape != A.shape or np.linalg.cond(basis / np.linalg.norm(basis, axis=0)) > _INDEPENDENT:
+        basis, widths = _blocks(A)
+    B, C = np.linalg.solve(basis, B), C @ basis
+    start = 0
+    for width in widths:
+        block = slice(start, start + width)
+        driven, seen = np.linalg.norm(B[block]), np.linalg.norm(C[:, block])
+        if driven > 0.0 and seen > 0.0:
+            basis[:, block] *= np.sqrt(driven / seen)
+        start += width
+    return basis
+
+
+def _blocks(A: Array) -> tuple[Array, list[int]]:
+    """Return columns that bring ``A`` to diagonal blocks without being near to dependent, and the blocks' widths."""
+    balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
+    blocks, columns, widths = control.bdschur(balanced, condmax=_INDEPENDENT)
+    basis, start = np.asarray(scale)[:, None] * np.asarray(columns), 0
+    for width in map(int, widths):
+        part = slice(start, start + width)
+        _, (inner, _) = linalg.matrix_balance(blocks[part, part], permute=False, separate=True)
+        basis[:, part] *= inner
+        start += width
+    return basis, [int(width) for width in widths]

@@ -1,0 +1,139 @@
+"""One of every kind of object that users are handed: small ones, made in a moment."""
+
+import functools
+
+import numpy as np
+
+import boomctl as bc
+from boomctl.slew import compare_payloads, compare_slews
+from boomctl.structure import (
+    GROUND,
+    Assembly,
+    Beam,
+    BeamSection,
+    FiniteElements,
+    Force,
+    Output,
+    RigidBody,
+    SecondOrderModel,
+    SpringDamper,
+    free,
+    revolute,
+)
+
+OMEGA = np.array([1.0, 2.0, 5.0])
+UNITS = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
+
+
+@functools.cache
+def boom():
+    return bc.spray_boom(elements=6, accelerometer_bandwidth_hz=20.0)
+
+
+@functools.cache
+def yaw():
+    return bc.split_symmetric(boom())[1]
+
+
+@functools.cache
+def mass():
+    """Return a mass on a spring: the smallest plant that every method takes."""
+    return SecondOrderModel([[1.0]], [[0.1]], [[4.0]], {"force": [1.0]}, {"position": [1.0]})
+
+
+@functools.cache
+def generalized():
+    return bc.generalized_plant(
+        mass(),
+        disturbances={"force": 1.0},
+        performance={"position": 1.0},
+        effort={"force": 0.1},
+        noises={"position": 0.1},
+        measurements=["position"],
+        controls=["force"],
+    )
+
+
+@functools.cache
+def h_infinity():
+    return bc.h_infinity(generalized(), 1, 1)
+
+
+@functools.cache
+def machine():
+    base = RigidBody("base", GROUND.at(0), free("y"), mass=20.0)
+    beam = Beam("beam", base.at(0), revolute(), (0.0, 0.0), (BeamSection(3.0, 2.0, 500.0),), FiniteElements(4))
+    return Assembly(
+        bodies=(base, beam),
+        links=(SpringDamper(beam.at(1.0), base.at(1.0), "y", stiffness=900.0, damping=3.0),),
+        forces=(Force("drive", base.at(0)), Force("tip_force", beam.at(3.0))),
+        outputs=(Output("tip", beam.at(3.0)),),
+    )
+
+
+@functools.cache
+def family():
+    return bc.boom_family(half="yaw")
+
+
+@functools.cache
+def suspension():
+    """Return a weak damper between boom and platform, as a controller of the boom's yaw."""
+    filtered = bc.low_pass(20.0, 50.0)
+    filtered.input_labels, filtered.output_labels = ["stroke_anti"], ["suspension_anti"]
+    return filtered
+
+
+@functools.cache
+def track():
+    return bc.iso_track("C", 50.0, seed=1)
+
+
+@functools.cache
+def motion():
+    return bc.platform_motion(track(), speed=3.0, duration=4.0, sample_time=0.01)
+
+
+@functools.cache
+def hub_beam():
+    return bc.hub_beam(model="sfoam", modes=2)
+
+
+@functools.cache
+def loop():
+    signals = {"actuator_left": motion().left, "actuator_right": motion().right}
+    friction = bc.CoulombFriction(8.0)
+    return bc.simulate_loop(
+        boom(), None, signals, motion().time, sample_time=0.01, stroke_limit=0.005, friction=friction
+    )
+
+
+@functools.cache
+def slew():
+    return bc.optimal_slew(hub_beam(), np.pi / 2, 200.0, "effort", duration=4.0, intervals=20)
+
+
+@functools.cache
+def linear_slew():
+    return bc.optimal_slew(hub_beam().linearize(), 1.0, 200.0)
+
+
+@functools.cache
+def comparison():
+    return compare_slews(hub_beam(), np.pi / 2, 200.0)
+
+
+@functools.cache
+def payloads():
+    return compare_payloads({"effort": slew()}, [0.0, 0.1])
+
+
+def exact_loop():
+    opened = yaw().select("suspension_anti", "stroke_anti")
+    return bc.exact_loop_stability(opened.frequency_response, suspension(), np.linalg.eigvals(yaw().to_statespace().A))
+
+
+def spray():
+    return bc.spray_deposit(
+        loop().time, [loop()["tip_left"], loop()["tip_right"]], [-6.0, 6.0], 3.0, nozzles=bc.nozzle_positions(6.0, 1.0)
+    )

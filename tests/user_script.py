@@ -1,0 +1,165 @@
+"""A user's script that uses every public name.  It is not run: a type checker reads it (`test_typed.py`).
+
+What `reveal_type` is asked for here must be known: neither Any nor Unknown.
+"""
+
+from typing import reveal_type
+
+import numpy as np
+
+import boomctl as bc
+from boomctl.structure import AffineFamily, SecondOrderModel, prescribe_displacement
+
+reveal_type(bc.__version__)
+omega = np.geomspace(0.6, 60.0, 100)
+
+# the boom
+p = bc.BoomParameters(spring_stiffness=900.0)
+reveal_type(p.length)
+m = bc.spray_boom(p, discretization="finite", elements=6)
+reveal_type(m)
+reveal_type(m.M)
+reveal_type(m.inputs)
+reveal_type(m.eigenfrequencies_hz(5))
+reveal_type(m.frequency_response(omega))
+reveal_type(m.select("actuator_left", "tip_left"))
+plant = m.to_statespace()
+reveal_type(plant)
+jolt, yaw = bc.split_symmetric(m)
+reveal_type(yaw)
+reveal_type(bc.exact_frequency_response(p, omega))
+reveal_type(bc.exact_eigenfrequencies_hz(p, 5, damped=False))
+reveal_type(bc.boom_family(half="yaw"))
+family: AffineFamily = bc.yaw_family(half="yaw")
+reveal_type(family.at(np.zeros(family.size)))
+
+# any structure
+g = SecondOrderModel(np.eye(2), np.eye(2), np.eye(2), {"f1": [1.0, 0.0], "f2": [0.0, 1.0]}, {"y": [1.0, 1.0]})
+reveal_type(prescribe_displacement(g, ["f1"], hold=["f2"]))
+
+# tracks, tractor, spray
+track = bc.iso_track("C", 200.0, seed=1)
+reveal_type(track)
+reveal_type(bc.bump_track(0.1, 1.0))
+reveal_type(bc.Track(0.1, np.zeros(10), np.zeros(10), 1.8).heights(0.3))
+tractor = bc.TractorParameters(mass=5000.0)
+reveal_type(bc.tractor_system(tractor, speed=2.5))
+motion: bc.PlatformMotion = bc.platform_motion(track, tractor, speed=2.5)
+reveal_type(motion.left)
+reveal_type(bc.platform_density(omega))
+reveal_type(bc.track_filter(tractor))
+reveal_type(bc.sine_sweep(0.1, 5.0, 30.0, 0.01))
+bc.write_motion("motion.csv", motion)
+reveal_type(bc.read_motion("motion.csv"))
+footprint = bc.Footprint(width=1.0)
+tips = bc.split_motion(np.zeros((10, 2)), [-6.0, 6.0])
+reveal_type(tips)
+reveal_type(bc.nozzle_positions())
+spray = bc.spray_deposit(motion.time, np.zeros((2, 10)), [-6.0, 6.0], 3.0, footprint=footprint)
+reveal_type(spray)
+reveal_type(spray.cv)
+reveal_type(spray.plot())
+reveal_type(bc.spray_by_motion(motion.time, np.zeros((2, 10)), [-6.0, 6.0], 3.0))
+
+# analysis
+s = bc.sigma(m)
+reveal_type(s)
+reveal_type(s.omega)
+reveal_type(s.peak)
+reveal_type(s.certified)
+reveal_type(s.plot())
+reveal_type(bc.read_measured_curve("curve.csv"))
+reveal_type(bc.hinf_norm(plant))
+reveal_type(bc.h2_norm(plant).value)
+reveal_type(bc.mode_table(m).rows[0].damping)
+
+# reduction
+red = bc.reduce(m, order=10, method="balanced", band=(0.0, 80.0))
+reveal_type(red)
+reveal_type(red.system)
+reveal_type(red.measured_error)
+
+# synthesis
+units = {"actuator_anti": 0.03}
+small = bc.in_units(yaw, units)
+reveal_type(small)
+P = bc.generalized_plant(
+    small,
+    disturbances={"actuator_anti": bc.low_pass(1.0, 2.0)},
+    performance={"tip_anti": bc.band_pass(1.0, 2.0, 3.0)},
+    effort={"suspension_anti": bc.shelf(2.0, 7200.0, 39.0, order=2)},
+    noises={"stroke_anti": bc.high_pass(1.0, 20.0)},
+    measurements=["stroke_anti"],
+    controls=["suspension_anti"],
+)
+reveal_type(P)
+reveal_type(bc.mixed_sensitivity(plant, W1=1.0))
+d = bc.h_infinity(P, nmeas=1, ncon=1)
+reveal_type(d)
+reveal_type(d.controller)
+reveal_type(d.gamma)
+reveal_type(d.certificate.statement)
+reveal_type(bc.h2(P, 1, 1))
+reveal_type(bc.lqr(plant, {"tip_left": 1.0}, np.eye(1)).gain)
+reveal_type(bc.kalman(plant, np.eye(1), np.eye(1)).estimator)
+reveal_type(bc.lqg(plant, None, np.eye(1), np.eye(1), np.eye(1), ["tip_left"], ["cradle"]).controller)
+reveal_type(bc.loop_transfer_recovery(plant, None, 1.0, 1.0, 1.0, strengths=[1.0], band=(0.1, 1.0)))
+K = bc.from_units(d.controller, units)
+reveal_type(K)
+reveal_type(bc.close_loop(P, d.controller))
+reveal_type(bc.reduce_controller(P, d.controller, order=4))
+Kd = bc.discretize(K, 0.002)
+reveal_type(Kd)
+reveal_type(bc.select_channels(plant, "cradle", "tip_left"))
+K_jolt, K_yaw, error = bc.split_controller(m, K)
+reveal_type(K_yaw)
+reveal_type(bc.join_symmetric(m, K_jolt, K_yaw))
+reveal_type(bc.margins(yaw, K))
+reveal_type(bc.feedback_loop(yaw, K))
+reveal_type(bc.closed_loop_response(yaw.frequency_response(omega), K))
+reveal_type(bc.robust_stability(family, K).proved)
+reveal_type(bc.structured_margin(family, K).stable_up_to)
+reveal_type(bc.worst_case(family, K, ["actuator_anti"], ["tip_anti"]).norm)
+try:
+    exact = bc.exact_loop_stability(lambda w: bc.exact_frequency_response(p, w), K, poles=[-1.0])
+    reveal_type(exact)
+except bc.SynthesisError as refused:
+    reveal_type(refused)
+
+# simulation
+friction = bc.CoulombFriction(8.0)
+run = bc.simulate_loop(m, Kd, {"actuator_left": motion.left}, motion.time, sample_time=0.002, friction=friction)
+reveal_type(run)
+reveal_type(run["tip_left"])
+reveal_type(run.plot())
+reveal_type(bc.forced_response(m, {"actuator_left": motion.left}, motion.time))
+reveal_type(bc.describing_function(m, friction, omega, "actuator_left", 0.01))
+reveal_type(bc.swept_sine(m, friction, omega, "actuator_left", 0.01))
+reveal_type(bc.sine_sigma(m, friction, omega, [{"actuator_left": 1.0}], 0.01))
+
+# the hub-beam
+q = bc.HubBeamParameters(tip_mass=0.1)
+h = bc.hub_beam(q, model="sfoam", modes=5)
+reveal_type(h)
+reveal_type(bc.hub_beam(q, model="geometrically-exact"))
+reveal_type(h.frequencies_hz(hub_speed=1.0, coupled=False))
+reveal_type(h.critical_speed())
+r = h.simulate(bc.spin_up(final_speed=2.8, duration=30.0), np.linspace(0, 60, 601))
+reveal_type(r)
+reveal_type(r.tip_displacement)
+reveal_type(h.simulate(bc.sine_torque(amplitude=200.0, period=10.0, duration=10.0), [0.0, 1.0]).energy)
+for manoeuvre in (bc.hold(), bc.free(), bc.torque(np.sin), bc.hub_profile(np.sin, np.cos, np.sin)):
+    reveal_type(h.simulate(manoeuvre, [0.0, 1.0]).hub_angle)
+reveal_type(h.to_nlsys())
+reveal_type(h.linearize(hub_speed=1.0))
+try:
+    slew = bc.optimal_slew(h, angle=np.pi / 2, torque_limit=200.0)
+    reveal_type(slew)
+    reveal_type(slew.duration)
+    reveal_type(slew.certificate)
+    reveal_type(slew.history.switches)
+    reveal_type(slew.plot())
+    planned: bc.SlewResult = bc.optimal_slew(h.linearize(), 1.0, 200.0)
+    reveal_type(planned.residual_energy)
+except bc.SlewError as refused:
+    reveal_type(refused)
