@@ -11,7 +11,7 @@ import boomctl as bc
 from boomctl.lti.modal import UNDAMPED, side_of_axis
 from boomctl.reduction import ReductionError
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.family import AffineFamily
+from boomctl.structure.families import AffineFamily
 
 OMEGA = 2.0
 DAMPINGS = [sign * size for size in (5e-11, 5e-10, 5e-9) for sign in (1.0, -1.0)]
