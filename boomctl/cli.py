@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from math import tau
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -308,14 +309,14 @@ def slew(
 ) -> None:
     """Plan an optimal slew of the hub-beam, certify it and set it beside classical ones."""
     from boomctl.files import plain, prepared_folder
-    from boomctl.rotating_beam import HubBeam, HubBeamParameters
+    from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
     from boomctl.studies.slew.plan import STEPS, evaluated_plan
 
     folder = prepared_folder(out)
     given = {"torque_rate_limit": torque_rate_limit, "speed_limit": speed_limit, "tip_limit": tip_limit}
     given |= {"moment_limit": moment_limit}
     asked = {name: value for name, value in given.items() if value is not None}
-    beam = HubBeam(HubBeamParameters(tip_mass=tip_mass), model, modes)
+    beam = AssumedModesBeam(HubBeamParameters(tip_mass=tip_mass), model, modes)
     with _progress(STEPS) as progress:
         evaluation = evaluated_plan(
             beam,
@@ -338,27 +339,26 @@ def slew(
     print(f"Report: {out / 'report.html'}")
 
 
+_BENCHMARKS = {
+    "boom": "boomctl.benchmark.boom.run",
+    "hub-beam": "boomctl.benchmark.rotating_beam.run",
+    "suspension": "boomctl.benchmark.suspension.run",
+    "slew": "boomctl.benchmark.slew.run",
+}
+
+
 @app.command()
 def benchmark(
-    what: Annotated[str, typer.Argument(help="boom, hub-beam, suspension or slew")] = "boom",
+    what: Annotated[str, typer.Argument(help=", ".join(_BENCHMARKS))] = "boom",
     full: Annotated[bool, typer.Option(help="Include what takes minutes.")] = False,
     as_json: Json = False,
 ) -> None:
     """Measure run time and error side by side, against other programs."""
     from boomctl.checks import known
 
-    known("benchmark", what, ("boom", "hub-beam", "suspension", "slew"))
-    if what == "hub-beam":
-        from boomctl.benchmark.rotating_beam.run import run
-    elif what == "suspension":
-        from boomctl.benchmark.suspension.run import run
-    elif what == "slew":
-        from boomctl.benchmark.slew.run import run
-    else:
-        from boomctl.benchmark.boom.run import run
-
+    known("benchmark", what, tuple(_BENCHMARKS))
     with _progress(12) as progress:
-        report = run(full, progress)
+        report = import_module(_BENCHMARKS[what]).run(full, progress)
     if as_json:
         _print_json(report.as_dict())
         return

@@ -1,13 +1,13 @@
 """The fastest rest-to-rest slew of a flexible beam, and what it gains over shaped commands.
 
-A quarter turn of the paper's beam under 200 N m: the minimum-time torque, bang-bang with switching times sharpened on the
+A quarter turn of the paper's beam under 200 N m: the minimum-time torque, bang-bang with switching times refined on the
 nonlinear model, against a rigid body's bang-bang and classical input shapers. It is open loop and leans on the model: with
 the beam's frequencies a tenth off it leaves some three times the vibration of a ZV-shaped bang-bang, which takes 29 % longer.
 """
 
 import numpy as np
 
-from boomctl.rotating_beam import HubBeam, HubBeamParameters
+from boomctl.rotating_beam import HubBeamParameters, hub_beam
 from boomctl.slew import optimal_slew
 from boomctl.studies.slew import SlewDesign, SlewEvaluation
 
@@ -16,7 +16,7 @@ ANGLE, LIMIT = np.pi / 2, 200.0
 
 def slew(modes: int = 2) -> SlewDesign:
     """Plan the slew."""
-    beam = HubBeam(HubBeamParameters(), "sfoam", modes)
+    beam = hub_beam(HubBeamParameters(), "sfoam", modes)
     return SlewDesign(
         "min_time_slew",
         "The fastest quarter turn",

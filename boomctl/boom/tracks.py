@@ -13,6 +13,7 @@ slope -2, and the cross density of two lines ``b`` apart is its cosine transform
 with the modified Bessel function ``K1``: one for waves much longer than ``b``, nought for shorter ones.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -254,3 +255,46 @@ def bump_track(
     level = np.zeros_like(raised)
     left = raised if side != "right" else level
     return Track(spacing, left, raised if side != "left" else level, positive("width", width))
+
+
+def averaged_density(tracks: Sequence[Track], band: tuple[float, float], name: str = "tracks") -> tuple[Array, Array]:
+    """Return wave numbers and the one-sided density of random tracks, averaged over them and over near wave numbers.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        Periodic ones of equal length and step; both sides count.
+    band : (float, float)
+        Of wave numbers [1/m].
+    name : str
+        Of the tracks, for messages.
+
+    Returns
+    -------
+    wave_number, density : (n,) ndarray
+        Means over a twelfth of an octave each, of the density times the squared wave number [1/m], [m^3].
+
+    Raises
+    ------
+    ValueError
+        No tracks; tracks that do not go round, or differ in length or step; none of their waves in the band.
+    """
+    if not tracks:
+        raise ValueError(f"{name}: expected at least one")
+    if not all(track.periodic for track in tracks):
+        raise ValueError(f"{name}: expected tracks that go round, such as iso_track makes")
+    sizes = sorted({(len(track.left), track.step) for track in tracks})
+    if len(sizes) > 1:
+        raise ValueError(f"{name}: expected equal numbers of points and steps, got {sizes[0]} and {sizes[1]}")
+    count, step = sizes[0]
+    sides = np.array([side for track in tracks for side in (track.left, track.right)])
+    density = 2.0 * step / count * (np.abs(np.fft.rfft(sides, axis=1)) ** 2).mean(axis=0)[1:]
+    n = np.fft.rfftfreq(count, step)[1:]
+    inside = (n >= band[0] * (1.0 - 1e-9)) & (n <= band[1] * (1.0 + 1e-9))
+    if not inside.any():
+        raise ValueError(f"band = ({band[0]:g}, {band[1]:g}): the tracks have no wave in it ({n[0]:g} to {n[-1]:g} /m)")
+    n, level = n[inside], density[inside] * n[inside] ** 2
+    _, group = np.unique(np.floor(12.0 * np.log2(n / band[0]) + 1e-6), return_inverse=True)
+    members = np.bincount(group)
+    middle = np.exp(np.bincount(group, np.log(n)) / members)
+    return middle, np.bincount(group, level) / members / middle**2

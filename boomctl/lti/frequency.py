@@ -128,11 +128,11 @@ def highest_peak(
     return peak, at
 
 
-def largest_gain(system: Lti, respond: Response | None = None) -> tuple[float, float]:
+def largest_gain(system: Lti, respond: Response | None = None, refined: int = _REFINED) -> tuple[float, float]:
     """Return the largest singular value near the poles and at the ends of the axis, and its frequency.
 
     ``respond`` may be a more accurate response of a system.  Without one, a large system is asked in the coordinates of
-    its eigenvectors where its peak is, and anew around that.
+    its eigenvectors where its peak is, and anew around that; a small one around ``refined`` points of a grid.
     """
     poles, exact = system.poles, partial(system.response, quiet=True) if respond is None else respond
 
@@ -149,7 +149,7 @@ def largest_gain(system: Lti, respond: Response | None = None) -> tuple[float, f
         also=[0.0] if seen.all() else (),
     )
     if respond is not None or len(system.A) <= _SCREENED:
-        return highest_peak(value, grid)
+        return highest_peak(value, grid, refined=refined)
     quick = partial_fractions(system)
     return highest_peak(value, grid, lambda omega: singular_values(quick.response(omega))[0], refined=1)
 

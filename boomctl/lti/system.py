@@ -21,13 +21,11 @@ if TYPE_CHECKING:
     import control
 
 _BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
-_BESIDE = (
-    1e-9  # where a pole is hit exactly, the response is taken so far beside it, relative to the frequency (a choice)
-)
+# Where a pole is hit exactly, the response is taken so far beside it, relative to the frequency (a choice)
+_BESIDE = 1e-9
 _BESIDE_ZERO = 1e-12  # and this [rad/s] on top, for a pole at zero (a choice)
-_WELL_POSED = (
-    1e-12  # least singular value of I - D_K D22, balanced, as a share of its largest: below, no digits are left
-)
+# Least singular value of I - D_K D22 relative to its largest: below it, four digits are left or fewer
+_WELL_POSED = 1e-12
 
 
 class SingularFrequencyWarning(UserWarning):

@@ -3,7 +3,7 @@
 from boomctl.slew.classical.comparison import SlewComparison, SlewLine, compare_slews
 from boomctl.slew.classical.shapers import Shaper, classical_spin_up, classical_torque, shaper
 from boomctl.slew.classical.tracking import TrackingResult, track
-from boomctl.slew.least_time.costate import SwitchingCurve, switching_curve
+from boomctl.slew.least_time.arcs import SwitchingCurve, switching_curve
 from boomctl.slew.nlp.mesh_study import MeshStudy, mesh_study
 from boomctl.slew.optimal import optimal_slew, resolve
 from boomctl.slew.payloads import PayloadComparison, PayloadLine, compare_payloads

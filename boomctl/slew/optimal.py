@@ -1,23 +1,33 @@
-"""Optimal slews: the best torque for a problem, played back and certified."""
+"""Optimal slews: the best torque for a problem, by the first way that finds one, played back and certified.
 
+The ways, in the order in which they are tried; the path of a result names those that ran:
+
+1. Switching times of a linear plant, for the least time under the torque's limit alone: the problem is convex, the times
+   are exact, and weak duality proves that they are optimal.
+2. Durations of arcs of a nonlinear plant, for the same: a few unknowns, started from the linear part's, accurate to the
+   tolerance. Halved or without axial modes where that is the same slew, or nearly.
+3. A programme on a mesh, for all else and where the durations lead nowhere; a bang-bang torque that it finds is handed to
+   the durations of its arcs once more.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.slew.least_time.arc_count import stretched
-from boomctl.slew.least_time.linear_start import least_time, linear_time_problem
-from boomctl.slew.least_time.newton import Sharpened, sharpened
-from boomctl.slew.nlp.bounds import effort_gap, time_gap
-from boomctl.slew.nlp.dynamics import hub_jerk
-from boomctl.slew.nlp.programme import Programme, Solution, prepare
-from boomctl.slew.nlp.transcription import Scheme, transcribe
-from boomctl.slew.problem import SlewProblem, changed, slew_problem
-from boomctl.slew.reference import cheapest, effort_guess, guess_from, typical_sizes
+from boomctl.slew.dynamics import hub_jerk
+from boomctl.slew.least_time.arc_count import arcs_behind
+from boomctl.slew.least_time.newton import least_time_arcs
+from boomctl.slew.least_time.switching import Extremal, least_time, linear_time_problem, time_gap
+from boomctl.slew.linear import effort_gap
+from boomctl.slew.nlp.programme import Programme, Solution
+from boomctl.slew.nlp.refinement import refined, solved_again
+from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem
 from boomctl.slew.replay import Motion, binding, end_error, other_models, played, violation
-from boomctl.slew.result import LimitsTooTight, SlewCertificate, SlewError, SlewResult
+from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
 from boomctl.slew.torque import TorqueHistory
 
 if TYPE_CHECKING:
@@ -25,26 +35,65 @@ if TYPE_CHECKING:
 
     from boomctl.slew.plant import SlewMachine
 
-_MESHES = (50, 100, 200, 400, 800)
-_MESH_GAP = 1e-4
-_TOO_MUCH = 0.05
-_ROUNDS = 10
-_WRONG = 1e-4
-_EXCESS = 1e-9
-_HIGHEST = 9  # order for which collocation points are tabulated
+_EXTREMAL = 1e-4  # time that durations of arcs may leave to be gained, relative: more, and there are too few arcs
+_ROUNDING = 1e-12  # error of the end, relative, that no tolerance forbids
 
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """A torque before it is judged; what is known of its optimality."""
+    """A torque before it is judged; what is known of its optimality, and how it was found."""
 
     history: TorqueHistory
     method: str
     gap: float
     optimality: str
-    intervals: int | None = None
     programme: Programme | None = None
     solution: Solution | None = None
+    path: tuple[str, ...] = ()
+
+
+_Found: TypeAlias = tuple[_Plan | None, tuple[str, ...]]
+"""A plan, or none, and what was done."""
+
+
+def _switching_times(problem: SlewProblem, least: Extremal) -> _Found:
+    gap = time_gap(linear_time_problem(problem), least)
+    optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
+    return _Plan(least.history, "switching times", gap, optimality), ()
+
+
+def _arc_durations(problem: SlewProblem, least: Extremal) -> _Found:
+    return _extremal(problem, least.history)
+
+
+def _extremal(problem: SlewProblem, first: TorqueHistory) -> _Found:
+    """Durations of a bang-bang torque's arcs, from a first torque; None where they are no extremal."""
+    found = least_time_arcs(problem, first)
+    if found is None or found.gain >= _EXTREMAL:
+        return None, ("durations of arcs: none found",)
+    return _Plan(found.history, "switching times", found.gain, "extremal"), ("durations of arcs", *found.path)
+
+
+def _programme(problem: SlewProblem, least: Extremal | None) -> _Found:
+    found = refined(problem, None if least is None else least.history)
+    history, path, limit = found.solution.history, found.path, problem.limits.torque
+    if problem.fastest:
+        plan, ran = _extremal(problem, arcs_behind(history.left / limit, history.duration, limit))
+        path += ran
+        if plan is not None:
+            return plan, path
+    plan = _Plan(history, problem.method, found.gap, "stationary", found.programme, found.solution)
+    if problem.linear and problem.objective == "effort" and not problem.limits.beside_torque:
+        plan = replace(plan, gap=effort_gap(problem, history), optimality="proved")
+    return plan, path
+
+
+_WAYS: tuple[tuple[Callable[[SlewProblem], bool], Callable[..., _Found]], ...] = (
+    (lambda problem: problem.fastest and problem.linear, _switching_times),
+    (lambda problem: problem.fastest and not problem.linear, _arc_durations),
+    (lambda problem: not (problem.fastest and problem.linear), _programme),
+)
+"""When a way serves, and what plans; no plan, and what was tried in vain, where the next way is to be taken."""
 
 
 def optimal_slew(
@@ -103,10 +152,28 @@ def optimal_slew(
         Of a bad argument; of an infeasible ask, naming the limits, since when they bind and what would do.
     """
     problem = slew_problem(
-        h, angle, torque_limit, objective, duration, torque_rate_limit, speed_limit, tip_limit, moment_limit,
-        final_speed, initial_state, final_state, tip_masses, method, tolerance, intervals,
-    )  # fmt: skip
-    return _judged(problem, _planned(problem))
+        h,
+        angle,
+        Limits(torque_limit, torque_rate_limit, speed_limit, tip_limit, moment_limit),
+        objective,
+        duration,
+        final_speed=final_speed,
+        initial_state=initial_state,
+        final_state=final_state,
+        tip_masses=tip_masses,
+        method=method,
+        tolerance=tolerance,
+        intervals=intervals,
+    )
+    least = least_time(problem) if problem.objective == "time" else None  # of the linear part: where every way starts
+    path = () if least is None else least.path
+    for serves, planned in _WAYS:
+        if serves(problem):
+            plan, ran = planned(problem, least)
+            path += ran
+            if plan is not None:
+                return _certified(problem, replace(plan, path=path))
+    raise AssertionError("the last way finds a plan or says why there is none")
 
 
 def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: float | None = None) -> SlewResult:
@@ -130,38 +197,16 @@ def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: flo
     SlewError
         As `optimal_slew`.
     """
-    planned = _known(result).plan
-    if planned is None or planned.programme is None or planned.solution is None:
-        raise ValueError("result: expected a slew planned by collocation or shooting; plan this one anew")
-    problem = changed(planned.problem, angle, torque_limit)
-    solution = _kept(problem, planned.programme, planned.solution)
-    intervals = planned.programme.transcription.scheme.intervals
-    plan = _Plan(solution.history, problem.method, np.nan, "stationary", intervals, planned.programme, solution)
-    return _judged(problem, replace(plan, gap=result.certificate.optimality_gap))
-
-
-def _known(result: SlewResult) -> SlewResult:
     if not isinstance(result, SlewResult):
         raise TypeError(f"result = {type(result).__name__}: expected what optimal_slew returns")
-    return result
-
-
-def _kept(problem: SlewProblem, programme: Programme, before: Solution) -> Solution:
-    """Solve again, the limits tightened until the replay keeps them."""
-    backoff, worst = dict.fromkeys(problem.limits, 1.0), np.inf
-    for _ in range(_ROUNDS):
-        before = programme.solve(problem, None, before, backoff)
-        excess = violation(problem, before.history, played(problem, before.history))
-        worst = max((excess[kind] for kind in problem.limits), default=0.0)
-        if worst <= _EXCESS:
-            return before
-        backoff = _tightened(backoff, excess)
-    raise SlewError(f"result: solved again on its mesh a limit is exceeded by {worst:.1e}; plan this one anew")
-
-
-def _tightened(backoff: dict[str, float], excess: dict[str, float]) -> dict[str, float]:
-    """Factors of the limits, smaller where one is exceeded."""
-    return {kind: factor / (1.0 + 1.1 * excess[kind] + 1e-6 * (excess[kind] > 0.0)) for kind, factor in backoff.items()}
+    before = result.plan
+    if before is None or before.programme is None or before.solution is None:
+        raise ValueError("result: expected a slew planned by collocation or shooting; plan this one anew")
+    problem = changed(before.problem, angle, torque_limit)
+    solution = solved_again(problem, before.programme, before.solution)
+    gap = result.certificate.optimality_gap
+    plan = _Plan(solution.history, problem.method, gap, "stationary", before.programme, solution)
+    return _certified(problem, replace(plan, path=(f"{problem.method}, solved again on its mesh",)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,161 +218,28 @@ class Planned:
     solution: Solution | None
 
 
-def _planned(problem: SlewProblem) -> _Plan:
-    if problem.objective != "time" or problem.limits:
-        return _programmed(problem)
-    extremal, history = least_time(problem)
-    if problem.linear:
-        linear = linear_time_problem(problem)
-        gap = time_gap(linear, extremal)
-        return _Plan(history, "switching times", gap, "proved" if problem.waits and gap < 1.0 else "extremal")
-    found = _sharp(problem, history)
-    if found is None:
-        plan = _programmed(problem, history)
-        bold = stretched(plan.history.left / problem.torque_limit, plan.history.duration, problem.torque_limit)
-        found = _sharp(problem, bold)
-        if found is None:
-            return plan
-    return _Plan(found.history, "switching times", found.gain, "extremal")
-
-
-def _sharp(problem: SlewProblem, history: TorqueHistory) -> Sharpened | None:
-    found = sharpened(problem, history)
-    return found if found is not None and found.gain < _WRONG else None
-
-
-def _first(problem: SlewProblem, start: TorqueHistory | None, intervals: int) -> TorqueHistory:
-    """A torque to start from."""
-    if start is not None:
-        return start
-    if problem.objective != "time":
-        assert problem.duration is not None
-        return cheapest(problem, problem.duration, intervals).history
-    history = least_time(problem)[1]
-    stretch = 1.5 if problem.limits else 1.05
-    return cheapest(problem, stretch * history.duration, intervals).history
-
-
-def _programmed(problem: SlewProblem, start: TorqueHistory | None = None) -> _Plan:
-    """Refine mesh and order until replay and halved mesh agree."""
-    ramp = problem.objective in ("jerk", "torque-rate", "tip") or "rate" in problem.limits
-    if problem.intervals is None:
-        plan = _refined(problem, start, ramp)
-    else:
-        programme, solution = _solved(problem, problem.intervals, ramp, start)
-        other = _companion(problem, ramp, solution)
-        gap = abs(solution.cost - other.cost) / max(abs(solution.cost), 1e-300)
-        plan = _Plan(solution.history, problem.method, gap, "stationary", problem.intervals, programme, solution)
-    if problem.linear and problem.objective == "effort" and not problem.limits:
-        return replace(plan, gap=effort_gap(problem, plan.history), optimality="proved")
-    return plan
-
-
-def _refined(problem: SlewProblem, start: TorqueHistory | None, ramp: bool) -> _Plan:
-    """Halve the intervals until that changes the cost by little; a mesh too coarse for any slew is passed over.
-
-    Limits that a mesh exceeds by much, or by no less than a mesh half as fine did, are too tight on any mesh.
-    """
-    cost, failure, before = np.inf, SlewError("no mesh was tried"), np.inf
-    for intervals in _MESHES:
-        last = intervals == _MESHES[-1]
-        try:
-            programme, solution = _solved(problem, intervals, ramp, start, rough=not last)
-            gap = abs(solution.cost - cost) / max(abs(solution.cost), 1e-300)
-            if gap < _MESH_GAP and not last:
-                programme, solution = _solved(problem, intervals, ramp, solution.history)
-        except LimitsTooTight as error:
-            if error.excess > min(_TOO_MUCH, 0.5 * before):
-                raise
-            failure, before = error, error.excess
-            continue
-        except SlewError as error:
-            failure = error
-            continue
-        cost, start = solution.cost, solution.history
-        if gap < _MESH_GAP or last:
-            return _Plan(solution.history, problem.method, gap, "stationary", intervals, programme, solution)
-    raise failure
-
-
-def _companion(problem: SlewProblem, ramp: bool, solution: Solution) -> Solution:
-    """The solution on a mesh half as fine, or twice as fine where that one allows none."""
-    assert problem.intervals is not None
-    if problem.intervals >= 4 * problem.ends.shape[0]:
-        try:
-            return _solved(problem, problem.intervals // 2, ramp, solution.history)[1]
-        except SlewError:
-            pass
-    return _solved(problem, 2 * problem.intervals, ramp, solution.history)[1]
-
-
-def _solved(
-    problem: SlewProblem, intervals: int, ramp: bool, start: TorqueHistory | None, rough: bool = False
-) -> tuple[Programme, Solution]:
-    """Solve on a mesh, with the order raised and the limits tightened until the replay keeps what was asked.
-
-    A rough solution is not replayed: it tells the cost, and where to start on the next mesh.
-    """
-    if problem.objective == "effort" and not problem.limits and problem.duration is not None:
-        guess = effort_guess(problem, problem.duration, intervals)
-    else:
-        guess = guess_from(problem, _first(problem, start, intervals), intervals, ramp)
-    time = problem.duration or guess.duration
-    order, backoff = 1 if problem.method == "shooting" else 3, dict.fromkeys(problem.limits, 1.0)
-    programme, before, missed, worst = None, None, np.inf, np.inf
-    for _ in range(_ROUNDS):
-        if programme is None:
-            scheme = Scheme(
-                problem.method, problem.objective, intervals, order, ramp, problem.duration is None,
-                tuple(sorted(problem.limits)),
-            )  # fmt: skip
-            units = typical_sizes(guess)
-            programme = prepare(
-                transcribe(problem.plants, scheme, units, problem.torque_limit, time, problem.ends), problem.tolerance
-            )
-        solution = programme.solve(problem, guess, before, backoff)
-        if rough:
-            return programme, solution
-        motions = played(problem, solution.history)
-        excess = violation(problem, solution.history, motions)
-        worst = max((excess[kind] for kind in problem.limits), default=0.0)
-        missed = end_error(problem, motions)
-        if missed > problem.tolerance:
-            if order >= _HIGHEST and problem.method != "shooting":
-                break
-            order, programme, before = 2 * order if problem.method == "shooting" else order + 1, None, None
-        elif worst > _EXCESS:
-            backoff, before = _tightened(backoff, excess), solution
-        else:
-            return programme, solution
-    raise SlewError(
-        f"intervals = {intervals}: the replay misses the end by {missed:.1e} or exceeds a limit by "
-        f"{worst:.1e}; expected {problem.tolerance:.1e}. More intervals may help"
-    )
-
-
-def _judged(problem: SlewProblem, plan: _Plan) -> SlewResult:
+def _certified(problem: SlewProblem, plan: _Plan) -> SlewResult:
     """Play a plan back and put the result together."""
     history = plan.history
     motions = played(problem, history)
     error, excess = end_error(problem, motions), violation(problem, history, motions)
-    if error > max(problem.tolerance, 1e-12):
+    if error > max(problem.tolerance, _ROUNDING):
         raise SlewError(
             f"the replay ends {error:.1e} off the end state; expected {problem.tolerance:.1e}. "
             "A larger tolerance, or the objective 'effort' with a given duration, may do"
         )
     certificate = SlewCertificate(
-        plan.method,
-        error,
-        max(excess.values()),
-        binding(problem, history, motions),
-        plan.gap,
-        plan.optimality,
-        int(history.switches.size) if plan.method == "switching times" else None,
-        plan.intervals,
+        method=plan.method,
+        end_error=error,
+        constraint_violation=max(excess.values()),
+        binding=binding(problem, history, motions),
+        optimality_gap=plan.gap,
+        optimality=plan.optimality,
+        switches=int(history.switches.size) if plan.method == "switching times" else None,
+        intervals=None if plan.programme is None else plan.programme.transcription.scheme.intervals,
     )
-    first, plant = motions[0], problem.plants[0]
-    rows = {name: first.places @ row for name, row in plant.rows.items()}
+    first = motions[0]
+    rows = {name: first.coordinates @ row for name, row in problem.plants[0].rows.items()}
     return SlewResult(
         objective=problem.objective,
         duration=history.duration,
@@ -345,6 +257,7 @@ def _judged(problem: SlewProblem, plan: _Plan) -> SlewResult:
         history=history,
         replay=partial(other_models, problem, history),
         plan=Planned(problem, plan.programme, plan.solution),
+        path=plan.path,
     )
 
 
@@ -358,7 +271,7 @@ def _cost(problem: SlewProblem, history: TorqueHistory, motions: tuple[Motion, .
         return float(np.sum((history.right - history.left) ** 2 / np.diff(history.edges)))
     if problem.objective == "tip":
         pairs = zip(motions, problem.plants, strict=True)
-        return max(float(np.abs(motion.places @ plant.rows["tip"]).max()) for motion, plant in pairs)
+        return max(float(np.abs(motion.coordinates @ plant.rows["tip"]).max()) for motion, plant in pairs)
     return _jerk_squared(problem, history, motions[0])
 
 
@@ -368,7 +281,7 @@ def _jerk_squared(problem: SlewProblem, history: TorqueHistory, motion: Motion) 
     k = np.clip(np.searchsorted(history.edges, middle) - 1, 0, history.left.size - 1)
     slope = ((history.right - history.left) / np.diff(history.edges))[k]
     jerk, squares = hub_jerk(problem.plants[0]).map(middle.size), []
-    for t, places in ((motion.time[:-1], motion.places[:-1]), (motion.time[1:], motion.places[1:])):
+    for t, z in ((motion.time[:-1], motion.coordinates[:-1]), (motion.time[1:], motion.coordinates[1:])):
         torque = history.left[k] + slope * (t - history.edges[k])
-        squares.append(np.array(jerk(places.T, torque[None, :], slope[None, :])).ravel() ** 2)
+        squares.append(np.array(jerk(z.T, torque[None, :], slope[None, :])).ravel() ** 2)
     return float(0.5 * np.sum((squares[0] + squares[1]) * np.diff(motion.time)))

@@ -16,8 +16,10 @@ from boomctl.slew.result import SlewResult
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_SWEEP = 21
-_COARSE = (1e-5, 1e-6)  # a tenth of what a picture shows
+_SWEEP = 21  # payloads of a curve of vibrations: it is drawn
+_COARSE = {"rtol": 1e-5, "atol": 1e-6}  # a tenth of what a picture shows
+# instants on the way, after the end, and after the end in a sweep: all are drawn
+_DURING, _AFTER, _SWEPT = 301, 121, 61
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,43 +139,30 @@ def compare_payloads(
     machine = next(iter(slews.values())).plan.problem.plants[0].machine
     if machine is None:
         raise TypeError("slews: expected those of a hub-beam")
-    frequencies = plant_of(machine.with_tip_mass(max(masses))).frequencies
-    assert frequencies is not None
-    rest = 3.0 * np.pi / float(frequencies[1])
+    rest = 1.5 * plant_of(machine.with_tip_mass(max(masses))).period
     lines = tuple(
-        _line(name, slew, machine, mass, mass in (nominal, *slew.plan.problem.tip_masses), rest)
+        _line(name, slew, machine, mass, planned=mass in (nominal, *slew.plan.problem.tip_masses), rest=rest)
         for name, slew in slews.items()
         for mass in masses
     )
     sweep = np.linspace(min(masses), max(masses), _SWEEP)
-    vibrations = {name: _vibrations(slew, machine, sweep, rest) for name, slew in slews.items()}
+    vibrations = {}
+    for name, slew in slews.items():
+        after, history = slew.duration + np.linspace(0.0, rest, _SWEPT), slew.history
+        loaded = (machine.with_tip_mass(float(mass)) for mass in sweep)
+        motions = (each.simulate_torque(history, after, history.breakpoints, **_COARSE) for each in loaded)
+        vibrations[name] = np.array([np.abs(motion.tip_displacement).max() for motion in motions])
     return PayloadComparison(lines, {name: slew.duration for name, slew in slews.items()}, sweep, vibrations)
 
 
-def _line(name: str, slew: SlewResult, machine: SlewMachine, mass: float, planned: bool, rest: float) -> PayloadLine:
+def _line(name: str, slew: SlewResult, machine: SlewMachine, mass: float, *, planned: bool, rest: float) -> PayloadLine:
     """Play one slew with one payload, and watch it for a time after its end [s]."""
     history, angle = slew.history, slew.plan.problem.angle
-    t = np.concatenate([np.linspace(0.0, slew.duration, 301)[:-1], slew.duration + np.linspace(0.0, rest, 121)])
+    t = np.concatenate([np.linspace(0.0, slew.duration, _DURING)[:-1], slew.duration + np.linspace(0.0, rest, _AFTER)])
     r = machine.with_tip_mass(mass).simulate_torque(history, t, history.breakpoints)
     late, tip = t >= slew.duration, np.abs(r.tip_displacement)
     angles = r.hub_angle[late]
     error = 0.0 if angle is None else float(0.5 * (angles.max() + angles.min()) - angle)
     return PayloadLine(
         name, mass, planned, float(tip[~late].max()), float(tip[late].max()), error, t, r.tip_displacement
-    )
-
-
-def _vibrations(slew: SlewResult, machine: SlewMachine, masses: Array, rest: float) -> Array:
-    """Largest tip displacement after the end over payloads, m."""
-    after, history = slew.duration + np.linspace(0.0, rest, 61), slew.history
-    rtol, atol = _COARSE
-    return np.array(
-        [
-            np.abs(
-                machine.with_tip_mass(float(mass))
-                .simulate_torque(history, after, history.breakpoints, rtol=rtol, atol=atol)
-                .tip_displacement
-            ).max()
-            for mass in masses
-        ]
     )

@@ -6,15 +6,20 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import matrix_balance
 
 from boomctl.arrays import Array
+from boomctl.lti import system as lti
 
 if TYPE_CHECKING:
     import casadi
     import control
 
-_NOTHING = 1e-12
-_SPLIT = 1e-6
+_NOTHING = 1e-12  # share of a norm at which a push is rounding: a choice, between 1e-16 and any coupling
+_SPLIT = 1e-6  # share of |A| below which an eigenvalue is zero: a double zero splits by the root of rounding, 1e-8
+_STILL = 1e-9  # share of |A| |z| below which nothing moves: a choice
+_CONTROLLABLE = 1e-11  # least singular value of a PBH pencil with unit columns, relative: a choice above rounding
+_CONSISTENT = 1e-9  # residual of an equation for a state of rest that counts as solved, relative: a choice
 
 
 @runtime_checkable
@@ -80,8 +85,8 @@ class SlewMachine(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Plant:
-    """A plant in coordinates z, states ``x = to_state z``.
+class SlewPlant:
+    """What a torque slews, in coordinates z with states ``x = to_state z``.
 
     Attributes
     ----------
@@ -94,7 +99,7 @@ class Plant:
     frequencies : ndarray or None
         For a second-order plant in modal coordinates (m positions, rigid one first, then their rates): undamped
         frequencies, rad/s. None: coordinates as given.
-    reach : ndarray of bool, n
+    controllable : ndarray of bool, n
         Which coordinates the torque moves in the linear part; the others' end is not prescribed, but reported.
     machine : SlewMachine or None
         The nonlinear beam behind it; None for a linear system.
@@ -106,7 +111,7 @@ class Plant:
     from_state: Array
     rows: dict[str, Array]
     frequencies: Array | None
-    reach: Array
+    controllable: Array
     machine: SlewMachine | None
 
     @property
@@ -132,6 +137,12 @@ class Plant:
         return abs(turning / float(left @ self.B))  # whichever way the angle is counted
 
     @property
+    def period(self) -> float:
+        """Period of a beam's slowest vibration, s."""
+        assert self.frequencies is not None
+        return 2.0 * np.pi / float(self.frequencies[1])
+
+    @property
     def slowest(self) -> float:
         """Least size of an eigenvalue that is not zero, 1/s; infinite if there is none. A double zero splits by rounding."""
         sizes = np.abs(np.linalg.eigvals(self.A))
@@ -139,7 +150,7 @@ class Plant:
 
     def still(self, z: Array) -> bool:
         """Whether nothing moves at z without torque."""
-        return bool(np.abs(self.A @ z).max() <= 1e-9 * max(1.0, np.abs(self.A).max() * np.abs(z).max()))
+        return bool(np.abs(self.A @ z).max() <= _STILL * max(1.0, np.abs(self.A).max() * np.abs(z).max()))
 
     def rest(self, angle: float, speed: float) -> Array:
         """Coordinates z at an angle [rad] in steady rotation at a speed [rad/s].
@@ -164,7 +175,7 @@ class Plant:
         return angle * unit + speed * turn
 
 
-def plant_of(h: object) -> Plant:
+def plant_of(h: object) -> SlewPlant:
     """Return the plant that a hub-beam or a linear system is.
 
     Parameters
@@ -181,13 +192,12 @@ def plant_of(h: object) -> Plant:
         If the system is discrete, its angle feels the torque directly, or its numbers are not finite.
     """
     if isinstance(h, SlewMachine):
-        return _machine_plant(h)
-    if all(hasattr(h, name) for name in ("A", "B", "C", "D", "input_labels")):
-        return _linear_plant(h)
-    raise TypeError(f"h = {type(h).__name__}: expected a hub-beam with an equation of motion, or a control.StateSpace")
+        return _beam(h)
+    return _linear(lti.of(h, "h", "a hub-beam with an equation of motion, or a control.StateSpace"))
 
 
-def _machine_plant(h: SlewMachine) -> Plant:
+def _beam(h: SlewMachine) -> SlewPlant:
+    """The beam in modal coordinates of its linear part about rest."""
     system = h.linearize()
     A, B, C = (np.asarray(each, dtype=float) for each in (system.A, system.B, system.C))
     size = A.shape[0] // 2
@@ -198,7 +208,7 @@ def _machine_plant(h: SlewMachine) -> Plant:
     shapes[:, 0], squares[0] = np.eye(size)[0], 0.0
     inverse = np.linalg.inv(shapes)
     push = inverse @ B[size:, 0]
-    felt = np.abs(push) * np.linalg.norm(shapes, axis=0) > 1e-12 * np.linalg.norm(B)
+    felt = np.abs(push) * np.linalg.norm(shapes, axis=0) > _NOTHING * np.linalg.norm(B)
     scale = np.where(felt, push / push[0], 1.0)
     shapes, inverse, push = shapes * scale, inverse / scale[:, None], np.where(felt, push / scale, 0.0)
     to_state, from_state = (np.kron(np.eye(2), each) for each in (shapes, inverse))
@@ -206,50 +216,51 @@ def _machine_plant(h: SlewMachine) -> Plant:
     modal[:size, :size], modal[:size, size:] = 0.0, np.eye(size)
     modal[size:, :size] = -np.diag(squares)
     rows = {"angle": C[0], "speed": C[1], "tip": C[2], "moment": np.asarray(h.root_moment_row)}
-    rows = {name: row @ to_state for name, row in rows.items()}
-    reach = np.concatenate([felt, felt])
-    push = np.concatenate([np.zeros(size), push])
-    return Plant(modal, push, to_state, from_state, rows, np.sqrt(np.abs(squares)), reach, h)
+    return SlewPlant(
+        A=modal,
+        B=np.concatenate([np.zeros(size), push]),
+        to_state=to_state,
+        from_state=from_state,
+        rows={name: row @ to_state for name, row in rows.items()},
+        frequencies=np.sqrt(np.abs(squares)),
+        controllable=np.concatenate([felt, felt]),
+        machine=h,
+    )
 
 
-def _linear_plant(h: Any) -> Plant:
-    if getattr(h, "dt", 0) not in (0, None):
-        raise ValueError(f"h: expected a continuous-time system, got one with sample time {h.dt}")
-    A, B, C, D = (np.atleast_2d(np.asarray(each, dtype=float)) for each in (h.A, h.B, h.C, h.D))
-    if not all(np.isfinite(each).all() for each in (A, B, C, D)):
-        raise ValueError("h: expected finite matrices A, B, C, D")
-    if A.shape[0] == 0 or D[0, 0] != 0.0 or abs(C[0] @ B[:, 0]) > 0.0:
+def _linear(system: lti.Lti) -> SlewPlant:
+    """The linear system from its first input to its outputs, states in units that suit it."""
+    A, b, C = system.A, system.B[:, 0], system.C
+    if not b.size or system.D[0, 0] != 0.0 or abs(C[0] @ b) > 0.0:
         raise ValueError("h: expected an angle that follows the torque with two integrations (C B = 0 and D = 0)")
-    unit = _units(A, B[:, 0], C[0])
-    A, b, C = A * unit / unit[:, None], B[:, 0] / unit, C * unit
+    # powers of two in which states are measured, such that it does not matter which units they came in
+    whole = np.block([[A, b[:, None]], [C[:1], np.zeros((1, 1))]])
+    scale = matrix_balance(whole, permute=False, separate=True)[1][0]
+    unit = scale[:-1] / scale[-1]
+    A, b, C = A * unit / unit[:, None], b / unit, C * unit
+    for value in np.linalg.eigvals(A):  # Popov, Belevitch, Hautus: every eigenvector of A^T feels b
+        pencil = np.column_stack([A - value * np.eye(b.size), b])
+        size = np.linalg.norm(pencil, axis=0)
+        s = np.linalg.svd(pencil / np.where(size > 0.0, size, 1.0), compute_uv=False)
+        if s[-1] < _CONTROLLABLE * s[0]:
+            raise ValueError(f"h: the torque does not move the mode at {value:.4g} 1/s; expected a controllable system")
     rows = {"angle": C[0], "speed": C[0] @ A}
     for name, output in (("tip", "tip_displacement"), ("moment", "root_moment")):
-        if output in h.output_labels:
-            rows[name] = C[h.output_labels.index(output)]
-    _check_controllable(A, b)
-    return Plant(A, b, np.diag(unit), np.diag(1.0 / unit), rows, None, np.ones(A.shape[0], dtype=bool), None)
-
-
-def _units(A: Array, b: Array, c: Array) -> Array:
-    """Powers of two in which states are measured, such that it does not matter which units they came in."""
-    from scipy.linalg import matrix_balance
-
-    whole = np.block([[A, b[:, None]], [c[None, :], np.zeros((1, 1))]])
-    scale = matrix_balance(whole, permute=False, separate=True)[1][0]
-    return scale[:-1] / scale[-1]
-
-
-def _check_controllable(A: Array, b: Array) -> None:
-    """Every eigenvector of A^T feels b (Popov, Belevitch, Hautus)."""
-    for value in np.linalg.eigvals(A):
-        pencil = np.column_stack([A - value * np.eye(A.shape[0]), b])
-        scale = np.linalg.norm(pencil, axis=0)
-        s = np.linalg.svd(pencil / np.where(scale > 0.0, scale, 1.0), compute_uv=False)
-        if s[-1] < 1e-11 * s[0]:
-            raise ValueError(f"h: the torque does not move the mode at {value:.4g} 1/s; expected a controllable system")
+        if output in system.outputs:
+            rows[name] = C[system.outputs.index(output)]
+    return SlewPlant(
+        A=A,
+        B=b,
+        to_state=np.diag(unit),
+        from_state=np.diag(1.0 / unit),
+        rows=rows,
+        frequencies=None,
+        controllable=np.ones(b.size, dtype=bool),
+        machine=None,
+    )
 
 
 def _solved(matrix: Array, right: Array) -> Array | None:
     x = np.linalg.lstsq(matrix, right, rcond=None)[0]
     scale = max(np.abs(right).max(), np.abs(matrix).max() * np.abs(x).max())
-    return x if np.abs(matrix @ x - right).max() <= 1e-9 * scale else None
+    return x if np.abs(matrix @ x - right).max() <= _CONSISTENT * scale else None

@@ -1,31 +1,72 @@
 """What is asked of a slew, checked at the boundary, and refused where no torque can do it."""
 
+import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag, expm
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, nonnegative, positive, real, whole
-from boomctl.slew.least_time.flow import LinearFlow
-from boomctl.slew.plant import Plant, SlewMachine, plant_of
+from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
 from boomctl.slew.result import SlewError
 
 OBJECTIVES = ("time", "effort", "jerk", "torque-rate", "tip")
 METHODS = ("collocation", "radau", "shooting")
-LIMITS = {
-    "rate": "torque_rate_limit",
-    "speed": "speed_limit",
-    "tip": "tip_limit",
-    "moment": "moment_limit",
-}
-"""Kinds of limits, and the arguments that give them."""
-UNITS = {"torque": "N m", "rate": "N m/s", "speed": "rad/s", "tip": "m", "moment": "N m"}
-"""Of the limits."""
-_STILL = 1e-9
-_SHARE = 0.1
+UNITS = {"torque": "N m", "torque_rate": "N m/s", "speed": "rad/s", "tip": "m", "moment": "N m"}
+"""Of the limits, by kind."""
+_STILL = 1e-9  # share of a state's size that counts as nothing: a choice, far above rounding and below any tolerance
+_SHARE = 0.1  # of the slowest time constant: what bringing a state to rest takes at least, as a first guess; a choice
+_SLACK = 1e-9  # share of a limit by which given states may exceed it: rounding of what users print and read again
+_SHORTER = 0.9  # share of the rigid body's time that a beam is left: bent, it has a little less inertia; a choice
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a slew may not exceed; None where there is no limit.
+
+    Attributes
+    ----------
+    torque : float
+        N m.
+    torque_rate : float or None
+        Of the torque's slope, N m/s.
+    speed : float or None
+        Of the hub, rad/s.
+    tip : float or None
+        Displacement, m.
+    moment : float or None
+        Bending moment at the clamp, N m.
+    """
+
+    torque: float
+    torque_rate: float | None = None
+    speed: float | None = None
+    tip: float | None = None
+    moment: float | None = None
+
+    def __post_init__(self) -> None:
+        for kind, value in vars(self).items():
+            if value is not None or kind == "torque":
+                object.__setattr__(self, kind, positive(f"{kind}_limit", value))
+
+    @property
+    def given(self) -> dict[str, float]:
+        """The limits that there are, by kind, the torque's first."""
+        return {kind: value for kind, value in vars(self).items() if value is not None}
+
+    @property
+    def beside_torque(self) -> dict[str, float]:
+        """The limits that there are beside the torque's, by kind."""
+        return {kind: value for kind, value in self.given.items() if kind != "torque"}
+
+    def most(self, kind: str) -> float:
+        """Return the limit of a kind; infinite where there is none."""
+        return self.given.get(kind, math.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,15 +75,12 @@ class SlewProblem:
 
     Attributes
     ----------
-    plants : tuple of Plant
+    plants : tuple of SlewPlant
         The one that is to arrive, then the same with other payloads, which are to come to rest.
     objective : str
     duration : float or None
         s; None of minimum time.
-    torque_limit : float
-        N m.
-    limits : dict of str to float
-        By kind: "rate", "speed", "tip", "moment".
+    limits : Limits
     angle : float or None
         Turned through, rad; None if free.
     final_speed : float
@@ -60,11 +98,10 @@ class SlewProblem:
         Of the other payloads, kg.
     """
 
-    plants: tuple[Plant, ...]
+    plants: tuple[SlewPlant, ...]
     objective: str
     duration: float | None
-    torque_limit: float
-    limits: dict[str, float]
+    limits: Limits
     angle: float | None
     final_speed: float
     start: Array
@@ -76,6 +113,17 @@ class SlewProblem:
     intervals: int | None
     tip_masses: tuple[float, ...] = ()
 
+    @cached_property
+    def parts(self) -> tuple[tuple[SlewPlant, slice], ...]:
+        """Plants with their places in the coordinates of all."""
+        lasts = itertools.accumulate(plant.n for plant in self.plants)
+        return tuple((plant, slice(last - plant.n, last)) for plant, last in zip(self.plants, lasts, strict=True))
+
+    @property
+    def fastest(self) -> bool:
+        """Whether the least time is asked for under the torque's limit alone: the torque is bang-bang then."""
+        return self.objective == "time" and not self.limits.beside_torque
+
     @property
     def linear(self) -> bool:
         """Whether all plants are linear."""
@@ -84,8 +132,6 @@ class SlewProblem:
     @property
     def A(self) -> Array:
         """Linear part of all plants."""
-        from scipy.linalg import block_diag
-
         return block_diag(*[plant.A for plant in self.plants])
 
     @property
@@ -97,8 +143,8 @@ class SlewProblem:
     def rigid_time(self) -> float:
         """A time scale, s: the least time of the rigid body with this inertia for this turn, or for this speed.
 
-        A plant without inertia has its own pace; a vibration at the start takes at least a part of its period. Where the
-        plant can wait neither at start nor target, more time may be of no use: a time that is hardly enough.
+        A plant without inertia has a time constant of its own; a vibration at the start takes at least a part of its period.
+        Where the plant can wait neither at start nor target, more time may be of no use: a time that is hardly enough.
         """
         first, own = self.plants[0], slice(0, self.plants[0].n)
         if first.inertia is None:
@@ -107,7 +153,7 @@ class SlewProblem:
         turn, change = (abs(float(first.rows[name] @ (end - start))) for name in ("angle", "speed"))
         if not np.any(np.abs(self.ends[:, own] @ first.rest(1.0, 0.0)) > _STILL):
             turn = 0.0
-        torque = self.torque_limit / first.inertia
+        torque = self.limits.torque / first.inertia
         if self.waits:
             rigid = max(2.0 * math.sqrt(turn / torque), change / torque)
             return rigid if first.still(start) else max(rigid, _SHARE / first.slowest, 1e-9)
@@ -119,13 +165,10 @@ class SlewProblem:
 def slew_problem(
     h: object,
     angle: float | None,
-    torque_limit: float,
+    limits: Limits,
     objective: str = "time",
     duration: float | None = None,
-    torque_rate_limit: float | None = None,
-    speed_limit: float | None = None,
-    tip_limit: float | None = None,
-    moment_limit: float | None = None,
+    *,
     final_speed: float = 0.0,
     initial_state: ArrayLike | None = None,
     final_state: ArrayLike | None = None,
@@ -137,34 +180,36 @@ def slew_problem(
     """Check and put together what is asked; the arguments are those of `optimal_slew`."""
     known("objective", objective, OBJECTIVES)
     known("method", method, METHODS)
-    given = {"rate": torque_rate_limit, "speed": speed_limit, "tip": tip_limit, "moment": moment_limit}
-    limits = {kind: positive(LIMITS[kind], value) for kind, value in given.items() if value is not None}
     if (duration is None) != (objective == "time"):
         raise ValueError(
             f"duration = {duration!r}: expected none with objective 'time'"
             if objective == "time"
             else f"duration = None: expected a number of seconds with objective {objective!r}"
         )
-    masses = _payloads(tip_masses)
+    if isinstance(tip_masses, str) or not isinstance(tip_masses, Iterable):
+        raise TypeError(f"tip_masses = {tip_masses!r}: expected numbers of kilograms in a tuple")
+    masses = tuple(nonnegative("tip_masses", mass) for mass in tip_masses)
     plants = _plants(h, masses)
-    for kind in ("tip", "moment"):
-        if (kind in limits or objective == kind) and kind not in plants[0].rows:
-            name = {"tip": "tip_displacement", "moment": "root_moment"}[kind]
-            raise ValueError(f"{LIMITS[kind]}: the system has no output {name!r}; name one so, or leave the limit out")
-    turn = None if angle is None else real("angle", angle)
+    for kind, output in (("tip", "tip_displacement"), ("moment", "root_moment")):
+        if (kind in limits.given or objective == kind) and kind not in plants[0].rows:
+            raise ValueError(f"{kind}_limit: the system has no output {output!r}; name one so, or leave the limit out")
+    turn, speed = None if angle is None else real("angle", angle), real("final_speed", final_speed)
+    start, target, ends, waits = end_conditions(plants, turn, speed, initial_state, final_state)
     problem = SlewProblem(
-        plants,
-        objective,
-        None if duration is None else positive("duration", duration),
-        positive("torque_limit", torque_limit),
-        limits,
-        turn,
-        real("final_speed", final_speed),
-        *end_conditions(plants, turn, real("final_speed", final_speed), initial_state, final_state),
-        method,
-        positive("tolerance", tolerance),
-        None if intervals is None else whole("intervals", intervals, 4),
-        masses,
+        plants=plants,
+        objective=objective,
+        duration=None if duration is None else positive("duration", duration),
+        limits=limits,
+        angle=turn,
+        final_speed=speed,
+        start=start,
+        target=target,
+        ends=ends,
+        waits=waits,
+        method=method,
+        tolerance=positive("tolerance", tolerance),
+        intervals=None if intervals is None else whole("intervals", intervals, 4),
+        tip_masses=masses,
     )
     _refuse(problem)
     return problem
@@ -188,18 +233,12 @@ def changed(problem: SlewProblem, angle: float | None, torque_limit: float | Non
         gaps = [plant.rest(shift, 0.0) for plant in problem.plants]
         new = replace(new, angle=float(angle), target=problem.target + np.concatenate(gaps))
     if torque_limit is not None:
-        new = replace(new, torque_limit=positive("torque_limit", torque_limit))
+        new = replace(new, limits=replace(new.limits, torque=torque_limit))
     _refuse(new)
     return new
 
 
-def _payloads(masses: Iterable[float]) -> tuple[float, ...]:
-    if isinstance(masses, str) or not isinstance(masses, Iterable):
-        raise TypeError(f"tip_masses = {masses!r}: expected numbers of kilograms in a tuple")
-    return tuple(nonnegative("tip_masses", mass) for mass in masses)
-
-
-def _plants(h: object, masses: tuple[float, ...]) -> tuple[Plant, ...]:
+def _plants(h: object, masses: tuple[float, ...]) -> tuple[SlewPlant, ...]:
     """The plant and its like with other payloads; one that is there already would come to rest by itself."""
     first = plant_of(h)
     if not masses:
@@ -213,15 +252,8 @@ def _plants(h: object, masses: tuple[float, ...]) -> tuple[Plant, ...]:
     return tuple(plants)
 
 
-def _state(name: str, plant: Plant, value: ArrayLike) -> Array:
-    x = finite_array(name, value, 1)
-    if x.size != plant.n:
-        raise ValueError(f"{name}: expected {plant.n} numbers, one a state, got {x.size}")
-    return plant.from_state @ x
-
-
 def end_conditions(
-    plants: tuple[Plant, ...],
+    plants: tuple[SlewPlant, ...],
     angle: float | None,
     final_speed: float,
     initial: ArrayLike | None = None,
@@ -231,41 +263,37 @@ def end_conditions(
     first = plants[0]
     if final is not None and final_speed != 0.0:
         raise ValueError("final_state: expected None beside final_speed; give one of the two")
-    start = first.rest(0.0, 0.0) if initial is None else _state("initial_state", first, initial)
+
+    def given(name: str, value: ArrayLike) -> Array:
+        x = finite_array(name, value, 1)
+        if x.size != first.n:
+            raise ValueError(f"{name}: expected {first.n} numbers, one a state, got {x.size}")
+        return first.from_state @ x
+
+    start = first.rest(0.0, 0.0) if initial is None else given("initial_state", initial)
     begin = float(first.rows["angle"] @ start)
     rested = first.rest(begin + (angle or 0.0), final_speed)
-    target = rested if final is None else _state("final_state", first, final)
+    target = rested if final is None else given("final_state", final)
     led = float(first.rows["angle"] @ target) - begin
-    if final is not None and angle is not None and abs(led - angle) > 1e-9 * max(abs(led), abs(angle)):
+    if final is not None and angle is not None and abs(led - angle) > _SLACK * max(abs(led), abs(angle)):
         raise ValueError(
             f"angle = {angle!r}: expected None or the {led:.9g} rad to the final_state; it is given by both"
         )
-    rest = first.rest(1.0, 0.0)
-    free = angle is None and final is None
-    ends = [_rows(first.n, first.reach, rest if free else None)]
-    starts, targets = [start], [target]
+    rows = np.eye(first.n)[first.controllable]
+    if angle is None and final is None:  # the angle is free: rows across the direction of rest
+        along = rows @ first.rest(1.0, 0.0)
+        rows = np.linalg.svd(along[None, :])[2][1:] @ rows
+    ends, starts, targets = [rows], [start], [target]
     for plant in plants[1:]:
         if initial is not None or final is not None:
             raise ValueError("tip_masses: expected none beside initial_state or final_state")
-        elastic = plant.reach.copy()
+        elastic = plant.controllable.copy()
         elastic[[0, plant.n // 2]] = False
-        ends.append(_rows(plant.n, elastic, None))
+        ends.append(np.eye(plant.n)[elastic])
         starts.append(plant.rest(0.0, 0.0))
         targets.append(plant.rest(angle or 0.0, final_speed))
-    from scipy.linalg import block_diag
-
     still = first.still(start) or first.still(target)
     return np.concatenate(starts), np.concatenate(targets), block_diag(*ends), still
-
-
-def _rows(n: int, reach: Array, free: Array | None) -> Array:
-    """Rows of the coordinates within reach, across a direction that is free."""
-    rows = np.eye(n)[reach]
-    if free is None:
-        return rows
-    along = rows @ free
-    kept = np.linalg.svd(along[None, :])[2][1:]
-    return kept @ rows
 
 
 def _refuse(problem: SlewProblem) -> None:
@@ -279,7 +307,7 @@ def _refuse(problem: SlewProblem) -> None:
     own = slice(0, plant.n)
     gap = (problem.target - problem.start)[own]
     turn, change = (abs(float(plant.rows[name] @ gap)) for name in ("angle", "speed"))
-    most = problem.limits.get("speed", np.inf)
+    most = problem.limits.most("speed")
     if abs(problem.final_speed) > most:
         raise SlewError(f"final_speed = {problem.final_speed:g}: expected at most speed_limit = {most:g} rad/s")
     _refuse_states(problem)
@@ -299,7 +327,7 @@ def _coasts(problem: SlewProblem, duration: float) -> bool:
     """Whether no torque at all leads to the end: a linear plant's own motion, or steady rotation."""
     start, plant = problem.start, problem.plants[0]
     if problem.linear:
-        end = LinearFlow(problem.A, problem.B).step(duration)[0] @ start
+        end = expm(duration * problem.A) @ start
     else:
         first = start[: plant.n]
         angle, speed = (float(plant.rows[name] @ first) for name in ("angle", "speed"))
@@ -315,11 +343,11 @@ def _refuse_states(problem: SlewProblem) -> None:
     own = slice(0, problem.plants[0].n)
     for name, state, t in (("initial_state", problem.start, "0"), ("final_state", problem.target, "t_f")):
         for kind in ("speed", "tip", "moment"):
-            limit, row = problem.limits.get(kind, np.inf), problem.plants[0].rows.get(kind)
+            limit, row = problem.limits.most(kind), problem.plants[0].rows.get(kind)
             size = 0.0 if row is None else abs(float(row @ state[own]))
-            if size > limit * (1.0 + 1e-9):
+            if size > limit * (1.0 + _SLACK):
                 raise SlewError(
-                    f"{LIMITS[kind]} = {limit:g} {UNITS[kind]}: the {name} has {size:.4g} {UNITS[kind]} at t = {t}; "
+                    f"{kind}_limit = {limit:g} {UNITS[kind]}: the {name} has {size:.4g} {UNITS[kind]} at t = {t}; "
                     "expected states within the limit"
                 )
 
@@ -327,27 +355,19 @@ def _refuse_states(problem: SlewProblem) -> None:
 def _refuse_short(problem: SlewProblem, inertia: float, turn: float, change: float) -> None:
     """A beam that bends may have a little less inertia than the rigid one: a tenth of the time is left to it."""
     assert problem.duration is not None
-    margin = 1.0 - 1e-12 if problem.linear else 0.9
-    torque, rate = problem.torque_limit, problem.limits.get("rate", np.inf)
-    for what, least, needed in (
-        (f"{turn:g} rad", (32.0 * turn * inertia / rate) ** (1 / 3), 32.0 * inertia * turn / problem.duration**3),
-        (
-            f"a change of {change:g} rad/s",
-            2.0 * math.sqrt(inertia * change / rate),
-            4.0 * inertia * change / problem.duration**2,
-        ),
+    margin = 1.0 - 1e-12 if problem.linear else _SHORTER  # rounding alone where the plant is what it seems
+    T, torque, rate = problem.duration, problem.limits.torque, problem.limits.most("torque_rate")
+    around, faster = f"{turn:g} rad", f"a change of {change:g} rad/s"
+    # a rigid body's least times under a limited slope of the torque, then under a limited torque
+    for what, least, limited in (
+        (around, (32.0 * turn * inertia / rate) ** (1 / 3), (rate, 32.0 * inertia * turn / T**3, "torque_rate")),
+        (faster, 2.0 * math.sqrt(inertia * change / rate), (rate, 4.0 * inertia * change / T**2, "torque_rate")),
+        (around, 2.0 * math.sqrt(turn * inertia / torque), (torque, 4.0 * inertia * turn / T**2, "torque")),
+        (faster, inertia * change / torque, (torque, inertia * change / T, "torque")),
     ):
-        if problem.duration < margin * least:
+        if margin * least > T:
+            limit, needed, kind = limited
             raise SlewError(
-                f"duration = {problem.duration:g} s: too short for {what}; a rigid body of {inertia:.4g} kg m^2 takes "
-                f"{least:.6g} s at torque_rate_limit = {rate:g} N m/s, or needs {needed:.4g} N m/s"
-            )
-    for what, least, needed in (
-        (f"{turn:g} rad", 2.0 * math.sqrt(turn * inertia / torque), 4.0 * inertia * turn / problem.duration**2),
-        (f"a change of {change:g} rad/s", inertia * change / torque, inertia * change / problem.duration),
-    ):
-        if problem.duration < margin * least:
-            raise SlewError(
-                f"duration = {problem.duration:g} s: too short for {what}; a rigid body of {inertia:.4g} kg m^2 takes "
-                f"{least:.6g} s at torque_limit = {torque:g} N m, or needs {needed:.4g} N m"
+                f"duration = {T:g} s: too short for {what}; a rigid body of {inertia:.4g} kg m^2 takes "
+                f"{least:.6g} s at {kind}_limit = {limit:g} {UNITS[kind]}, or needs {needed:.4g} {UNITS[kind]}"
             )

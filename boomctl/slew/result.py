@@ -149,6 +149,8 @@ class SlewResult:
         Computes `replays`.
     plan : object
         What `resolve` and `track` start from.
+    path : tuple of str
+        The ways that were tried to find it, in order, each in words; the last one found it.
     """
 
     objective: str
@@ -167,6 +169,7 @@ class SlewResult:
     history: TorqueHistory = field(repr=False)
     replay: Callable[[], tuple[Replay, ...]] = field(repr=False, default=tuple)
     plan: Any = field(repr=False, default=None)
+    path: tuple[str, ...] = field(repr=False, default=())
 
     def __repr__(self) -> str:
         turned = f"{self.hub_angle[-1] - self.hub_angle[0]:.6g} rad in {self.duration:.6g} s"

@@ -1,4 +1,4 @@
-"""A torque as a function of time: pieces that are constant or straight lines."""
+"""A torque as a function of time: constant or a straight line on each of its intervals."""
 
 from dataclasses import dataclass
 
@@ -26,15 +26,15 @@ class TorqueHistory:
     right: Array
 
     def __repr__(self) -> str:
-        pieces = f"{count(len(self.left), 'interval')}, {count(len(self.switches), 'switch', 'switches')}"
-        return f"TorqueHistory: {self.duration:.6g} s, up to {self.peak:.6g} N m; {pieces}"
+        parts = f"{count(len(self.left), 'interval')}, {count(len(self.switches), 'switch', 'switches')}"
+        return f"TorqueHistory: {self.duration:.6g} s, up to {self.peak:.6g} N m; {parts}"
 
     def __call__(self, t: ArrayLike) -> Array:
         """Torque at instants t [s], N m; where it jumps, the value after the jump, and at the end the last one."""
         t = np.asarray(t, dtype=float)
         k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, self.left.size - 1)
-        share = (t - self.edges[k]) / (self.edges[k + 1] - self.edges[k])
-        value = self.left[k] + share * (self.right[k] - self.left[k])
+        along = (t - self.edges[k]) / (self.edges[k + 1] - self.edges[k])
+        value = self.left[k] + along * (self.right[k] - self.left[k])
         return np.where((t >= 0.0) & (t <= self.edges[-1]), value, 0.0)
 
     @property
@@ -81,9 +81,9 @@ class TorqueHistory:
         widths = np.diff(self.edges)
         whole = np.concatenate([[0.0], np.cumsum(0.5 * widths * (self.left + self.right))])
         k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, widths.size - 1)
-        gone = t - self.edges[k]
+        since = t - self.edges[k]
         slope = (self.right[k] - self.left[k]) / widths[k]
-        return np.diff(whole[k] + gone * (self.left[k] + 0.5 * slope * gone)) / np.diff(t)
+        return np.diff(whole[k] + since * (self.left[k] + 0.5 * slope * since)) / np.diff(t)
 
 
 def held(edges: Array, values: Array) -> TorqueHistory:
@@ -102,13 +102,13 @@ def bang_bang(switches: Array, duration: float, limit: float, sign: float) -> To
     Parameters
     ----------
     switches : ndarray, m
-        Ascending, within the duration.
+        Ascending, within the duration; between them are the arcs.
     duration : float
         s.
     limit : float
         The size, N m.
     sign : float
-        Of the first stretch.
+        Of the first arc.
     """
     values = sign * limit * (-1.0) ** np.arange(switches.size + 1)
     return held(np.concatenate([[0.0], switches, [duration]]), values)

@@ -3,15 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known, positive, real
 from boomctl.printing import compact, table_html
-from boomctl.slew.classical.shapers import Shaper, classical_spin_up, classical_torque, shaper
-from boomctl.slew.plant import Plant, SlewMachine, plant_of
+from boomctl.slew.classical.shapers import classical_spin_up, classical_torque, shaper
+from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
 from boomctl.slew.result import SlewResult
 from boomctl.slew.torque import TorqueHistory
 
@@ -35,7 +35,9 @@ SPIN_UPS = (
     ("constant", "EI"),
     ("smooth", "ZV"),
 )
-_CHANGES = (0.9, 1.1)
+_CHANGES = (0.9, 1.1)  # of the beam's frequencies: what shapers are usually tried at
+# instants on the way, and in one and a half of the slowest periods after the end: they are drawn
+_DURING, _AFTER = 401, 121
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,89 +150,63 @@ def compare_slews(
         Of a bad argument.
     """
     plant = plant_of(h)
-    if plant.frequencies is None or plant.inertia is None or plant.machine is None:
+    if plant.machine is None:
         raise TypeError(f"h = {type(h).__name__}: expected a hub-beam")
     limit = positive("torque_limit", torque_limit)
-    if not all(isinstance(each, SlewResult) for each in _listed(optimal)):
+    if optimal is not None and not isinstance(optimal, dict):
+        raise TypeError(f"optimal = {optimal!r}: expected a dict of what optimal_slew returns")
+    if not all(isinstance(each, SlewResult) for each in (optimal or {}).values()):
         raise TypeError("optimal: expected a dict of what optimal_slew returns")
     torques = {name: result.history for name, result in (optimal or {}).items()}
     torques |= _classical(plant, angle, real("final_speed", final_speed), limit)
-    others = tuple(plant.machine.with_stiffness(factor**2) for factor in _CHANGES)
-    lines = tuple(_line(name, history, plant, others, angle, final_speed) for name, history in torques.items())
-    return SlewComparison(angle, limit, lines, final_speed)
+    others = [plant.machine.with_stiffness(factor**2) for factor in _CHANGES]
+    lines = []
+    for name, history in torques.items():
+        after = history.duration + np.linspace(0.0, 1.5 * plant.period, _AFTER)
+        t = np.concatenate([np.linspace(0.0, history.duration, _DURING)[:-1], after])
+        r = plant.machine.simulate_torque(history, t, history.breakpoints)
+        low, high = (
+            float(np.abs(each.simulate_torque(history, after, history.breakpoints).tip_displacement).max())
+            for each in others
+        )
+        late = t >= after[0]
+        lines.append(
+            SlewLine(
+                name=name,
+                duration=history.duration,
+                vibration=float(np.abs(r.tip_displacement[late]).max()),
+                angle_error=0.0 if angle is None else _middle(r.hub_angle[late]) - angle,
+                speed_error=_middle(r.hub_speed[late]) - final_speed,
+                peak_moment=float(np.abs(r.states @ plant.machine.root_moment_row).max()),
+                effort=history.effort,
+                vibration_low=low,
+                vibration_high=high,
+                history=history,
+                time=t,
+                tip_displacement=r.tip_displacement,
+            )
+        )
+    return SlewComparison(angle, limit, tuple(lines), final_speed)
 
 
-def _classical(plant: Plant, angle: float | None, final_speed: float, limit: float) -> dict[str, TorqueHistory]:
+def _classical(plant: SlewPlant, angle: float | None, final_speed: float, limit: float) -> dict[str, TorqueHistory]:
     """Classical torques by name: slews through an angle, or spin-ups where it is None."""
     if (angle is None) == (final_speed == 0.0):
         raise ValueError(f"final_speed = {final_speed:g}: expected an angle, or a speed not zero with angle None")
     assert plant.frequencies is not None
     assert plant.inertia is not None
+    half, frequency = plant.n // 2, float(plant.frequencies[1])
+    damping = float(-0.5 * plant.A[half + 1, half + 1] / frequency)  # ratio of the first flexible mode
+    bodies = {"smoothed": "smoothed bang-bang", "constant": "constant torque", "smooth": "smooth torque"}
     torques = {}
     for shape, name in SPIN_UPS if angle is None else CLASSICAL:
-        train = shaper(name, float(plant.frequencies[1]), _damping(plant))
+        train, body = shaper(name, frequency, damping), bodies.get(shape, shape)
         if angle is None:
             history = classical_spin_up(shape, train, final_speed, plant.inertia, limit)
         else:
             history = classical_torque(shape, train, real("angle", angle), plant.inertia, limit)
-        torques[_label(shape, train)] = history
+        torques[body if name == "none" else f"{body}, {name}"] = history
     return torques
-
-
-def _label(shape: str, train: Shaper) -> str:
-    body = {"smoothed": "smoothed bang-bang", "constant": "constant torque", "smooth": "smooth torque"}.get(
-        shape, shape
-    )
-    return body if train.name == "none" else f"{body}, {train.name}"
-
-
-def _listed(optimal: object) -> list[object]:
-    if optimal is not None and not isinstance(optimal, dict):
-        raise TypeError(f"optimal = {optimal!r}: expected a dict of what optimal_slew returns")
-    return list((optimal or {}).values())
-
-
-def _damping(plant: Plant) -> float:
-    """Damping ratio of the first flexible mode."""
-    assert plant.frequencies is not None
-    half = plant.n // 2
-    return float(-0.5 * plant.A[half + 1, half + 1] / plant.frequencies[1])
-
-
-def _line(
-    name: str,
-    history: TorqueHistory,
-    plant: Plant,
-    others: tuple[Any, ...],
-    angle: float | None,
-    final_speed: float,
-) -> SlewLine:
-    assert plant.machine is not None
-    assert plant.frequencies is not None
-    during = np.linspace(0.0, history.duration, 401)
-    after = history.duration + np.linspace(0.0, 3.0 * np.pi / plant.frequencies[1], 121)
-    t = np.concatenate([during[:-1], after])
-    r = plant.machine.simulate_torque(history, t, history.breakpoints)
-    late = t >= after[0]
-    left = [
-        float(np.abs(each.simulate_torque(history, after, history.breakpoints).tip_displacement).max())
-        for each in others
-    ]
-    moment = np.abs(r.states @ plant.machine.root_moment_row)
-    return SlewLine(
-        name=name,
-        duration=history.duration,
-        vibration=float(np.abs(r.tip_displacement[late]).max()),
-        angle_error=0.0 if angle is None else _middle(r.hub_angle[late]) - angle,
-        speed_error=_middle(r.hub_speed[late]) - final_speed,
-        peak_moment=float(moment.max()),
-        effort=history.effort,
-        vibration_low=left[0],
-        vibration_high=left[1],
-        history=history,
-        time=t,
-        tip_displacement=r.tip_displacement,
-    )
 
 
 def _middle(values: Array) -> float:

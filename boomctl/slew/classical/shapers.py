@@ -16,8 +16,8 @@ from boomctl.checks import known, nonnegative, positive, real
 from boomctl.printing import compact
 from boomctl.slew.torque import TorqueHistory, held
 
-_RISE = 0.1
-_VERSINE_PIECES = 200
+_RISE = 0.1  # share of the duration in which a smoothed bang-bang rises: as Junkins, Rahman and Bang (1991)
+_INTERVALS = 200  # on which a smooth torque is held: its steps are a hundredth of the limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,28 +45,13 @@ class Shaper:
         return float(abs(np.sum(self.amplitudes * np.exp(s * (self.times[-1] - self.times)))))
 
 
-def _none(half: float, K: float, level: float) -> tuple[list[float], list[float]]:
-    return [0.0], [1.0]
-
-
-def _zv(half: float, K: float, level: float) -> tuple[list[float], list[float]]:
-    return [0.0, half], [1.0, K]
-
-
-def _zvd(half: float, K: float, level: float) -> tuple[list[float], list[float]]:
-    return [0.0, half, 2.0 * half], [1.0, 2.0 * K, K**2]
-
-
-def _ei(half: float, K: float, level: float) -> tuple[list[float], list[float]]:
-    return [0.0, half, 2.0 * half], [0.25 * (1.0 + level), 0.5 * (1.0 - level) * K, 0.25 * (1.0 + level) * K**2]
-
-
-SHAPERS: dict[str, Callable[[float, float, float], tuple[list[float], list[float]]]] = {
-    "none": _none,
-    "ZV": _zv,
-    "ZVD": _zvd,
-    "EI": _ei,
+_TRAINS: dict[str, Callable[[float, float], list[float]]] = {
+    "none": lambda K, level: [1.0],
+    "ZV": lambda K, level: [1.0, K],
+    "ZVD": lambda K, level: [1.0, 2.0 * K, K**2],
+    "EI": lambda K, level: [0.25 * (1.0 + level), 0.5 * (1.0 - level) * K, 0.25 * (1.0 + level) * K**2],
 }
+"""Amplitudes of impulses half a damped period apart, K the decay in that time; before they are scaled to a sum of one."""
 
 
 def shaper(name: str, frequency: float, damping_ratio: float = 0.0, level: float = 0.05) -> Shaper:
@@ -89,7 +74,7 @@ def shaper(name: str, frequency: float, damping_ratio: float = 0.0, level: float
     ValueError
         If the name is unknown or a number out of its range.
     """
-    known("shaper", name, tuple(SHAPERS))
+    known("shaper", name, _TRAINS)
     zeta = nonnegative("damping_ratio", damping_ratio)
     if zeta >= 1.0:
         raise ValueError(f"damping_ratio = {damping_ratio!r}: expected a number below 1")
@@ -97,8 +82,8 @@ def shaper(name: str, frequency: float, damping_ratio: float = 0.0, level: float
     K = math.exp(-zeta * math.pi / math.sqrt(1.0 - zeta**2))
     if positive("level", level) >= 1.0:
         raise ValueError(f"level = {level!r}: expected a number below 1")
-    times, amplitudes = SHAPERS[name](half, K, level)
-    return Shaper(name, np.array(times), np.array(amplitudes) / np.sum(amplitudes))
+    amplitudes = _TRAINS[name](K, level)
+    return Shaper(name, half * np.arange(len(amplitudes)), np.array(amplitudes) / np.sum(amplitudes))
 
 
 def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, torque_limit: float) -> TorqueHistory:
@@ -108,8 +93,7 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
     ----------
     shape : str
         "bang-bang"; "smoothed", a bang-bang that rises, turns and falls by cubics, the rise a tenth of the duration
-        (Junkins, Rahman and Bang 1991); or "versine": ``sin(2 pi t / T)``, of which the angle's course is a versine's
-        integral.
+        (Junkins, Rahman and Bang 1991); or "versine": ``sin(2 pi t / T)``, under which the speed is a versine.
     train : Shaper
     angle : float
         rad.
@@ -139,9 +123,9 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
         edges = T * edges
     else:
         T = math.sqrt(2.0 * math.pi * turn * positive("inertia", inertia) / limit)
-        edges = np.linspace(0.0, T, _VERSINE_PIECES + 1)
-        course = -np.cos(2.0 * np.pi * edges / T) / (2.0 * np.pi / T)
-        values = np.diff(course) / np.diff(edges)  # means: the impulse is kept
+        edges = np.linspace(0.0, T, _INTERVALS + 1)
+        impulse = -np.cos(2.0 * np.pi * edges / T) / (2.0 * np.pi / T)
+        values = np.diff(impulse) / np.diff(edges)  # means: the impulse is kept
         values *= turn * inertia / (limit * _turned(edges, values))
     return _convolved(edges, sign * limit * values, train)
 
@@ -152,7 +136,7 @@ def classical_spin_up(shape: str, train: Shaper, speed: float, inertia: float, t
     Parameters
     ----------
     shape : str
-        "constant"; or "smooth", ``1 - cos(2 pi t / T)``: what the hub's course of Bai et al. (2009), Eq. (43), asks of a
+        "constant"; or "smooth", ``1 - cos(2 pi t / T)``: what the hub's motion of Bai et al. (2009), Eq. (43), asks of a
         rigid body.
     train : Shaper
     speed, inertia, torque_limit : float
@@ -169,15 +153,15 @@ def classical_spin_up(shape: str, train: Shaper, speed: float, inertia: float, t
     if shape == "constant":
         edges, values = np.array([0.0, least]), np.array([1.0])
     else:
-        edges = np.linspace(0.0, 2.0 * least, _VERSINE_PIECES + 1)
+        edges = np.linspace(0.0, 2.0 * least, _INTERVALS + 1)
         phase = np.pi * edges / least
         values = 0.5 * np.diff(phase - np.sin(phase)) / np.diff(phase)  # means: the impulse is kept
     return _convolved(edges, math.copysign(limit, speed) * values, train)
 
 
 def _smoothed() -> tuple[Array, Array]:
-    """A smoothed bang-bang of unit duration and limit, held on equal pieces."""
-    edges = np.linspace(0.0, 1.0, _VERSINE_PIECES + 1)
+    """A smoothed bang-bang of unit duration and limit, held on equal intervals."""
+    edges = np.linspace(0.0, 1.0, _INTERVALS + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
 
     def risen(x: Array) -> Array:

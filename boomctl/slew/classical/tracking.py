@@ -8,16 +8,23 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+import casadi as ca
 import numpy as np
+from scipy.linalg import solve_discrete_are
 
 from boomctl.arrays import Array
 from boomctl.checks import nonnegative, positive
-from boomctl.slew.least_time.stepping import shooting_step
-from boomctl.slew.plant import Plant, plant_of
+from boomctl.slew.dynamics import explicit_step
+from boomctl.slew.plant import SlewPlant, plant_of
 from boomctl.slew.result import SlewError, SlewResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_FEWEST = 8  # samples of a slew at least: fewer would not follow it
+_SETTLE = 4.0  # slowest periods for which the plant is followed after the end
+_FINE = 20  # instants of a sample whose mean is the torque that is held
+_SUBSTEPS = 2  # of the plant that follows; one is what the feedback was designed with
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,124 +122,101 @@ def track(
     if plant.machine is None:
         raise TypeError("result: expected a slew of a hub-beam")
     true = plant_of(plant.machine.with_tip_mass(nonnegative("tip_mass", tip_mass)))
-    count = max(8, round(result.duration / positive("sample_time", sample_time)))
+    count = max(_FEWEST, round(result.duration / positive("sample_time", sample_time)))
     step = result.duration / count
-    places, torques = _reference(result, plant, count)
-    rest = 8.0 * np.pi / float(plant.frequencies[1]) if settle is None else nonnegative("settle", settle)  # pyright: ignore
+    rest = _SETTLE * plant.period if settle is None else nonnegative("settle", settle)
     after = int(np.ceil(rest / step))
-    Q = positive("error_weight", error_weight) * _weights(plant, places)
-    gains, last = _gains(plant, places, torques, step, Q, problem.torque_limit)
-    ends = np.array([_turned(plant, places[-1], k * step, problem.final_speed) for k in range(1, after + 1)])
-    places = np.vstack([places, ends]) if after else places
-    torques = np.concatenate([torques, np.zeros(after)])
-    every = np.concatenate([gains, np.repeat(last[None], after, axis=0)]) @ plant.from_state
-    limit = positive("torque_margin", torque_margin) * problem.torque_limit
-    states = places @ plant.to_state.T
-    closed = _followed(true, states, torques, every, step, limit)
-    free = _followed(true, states, torques, 0.0 * every, step, np.inf)
-    return _result(tip_mass, step, plant, places, gains @ plant.from_state, closed, free)
-
-
-def _reference(result: SlewResult, plant: Plant, count: int) -> tuple[Array, Array]:
-    """Planned coordinates at the samples, and the mean torque between them."""
-    step = result.duration / count
+    fine = np.linspace(0.0, result.duration, _FINE * count + 1)
+    torques = result.history(0.5 * (fine[1:] + fine[:-1])).reshape(count, _FINE).mean(axis=1)
     edges = step * np.arange(count + 1)
-    machine = plant.machine
-    assert machine is not None
-    fine = np.linspace(0.0, result.duration, 20 * count + 1)
-    torques = result.history(0.5 * (fine[1:] + fine[:-1])).reshape(count, 20).mean(axis=1)
-    start = result.states[0]
-    r = machine.simulate_torque(result.history, edges, result.history.breakpoints, start)
-    return r.states @ plant.from_state.T, torques
+    planned = plant.machine.simulate_torque(result.history, edges, result.history.breakpoints, result.states[0])
+    z = planned.states @ plant.from_state.T
+    Q = positive("error_weight", error_weight) * _weights(plant, z)
+    gains, last = _gains(plant, z, torques, step, Q, problem.limits.torque)
+    gains, last = gains @ plant.from_state, last @ plant.from_state
+    # after the end the plant is to turn on steadily, without torque
+    z = np.vstack([z, *(z[-1] + plant.rest(problem.final_speed * k * step, 0.0) for k in range(1, after + 1))])
+    torques = np.concatenate([torques, np.zeros(after)])
+    every = np.concatenate([gains, np.repeat(last[None], after, axis=0)])
+    limit = positive("torque_margin", torque_margin) * problem.limits.torque
+    states = z @ plant.to_state.T
+    torque, closed = _followed(true, states, torques, every, step, limit)
+    open_torque, free = _followed(true, states, torques, 0.0 * every, step, np.inf)
+    rows = {name: row @ plant.from_state for name, row in plant.rows.items()}
+    t, reference = step * np.arange(len(z)), z @ plant.rows["angle"]
+    late = t >= t[-1] - plant.period
+    angle, tip = closed @ rows["angle"], closed @ rows["tip"]
+    open_angle, open_tip = free @ rows["angle"], free @ rows["tip"]
+    return TrackingResult(
+        tip_mass=tip_mass,
+        time=t,
+        gains=gains,
+        reference_angle=reference,
+        reference_tip=z @ plant.rows["tip"],
+        torque=torque,
+        hub_angle=angle,
+        tip_displacement=tip,
+        open_torque=open_torque,
+        open_hub_angle=open_angle,
+        open_tip_displacement=open_tip,
+        final_angle_error=float(abs(angle[-1] - reference[-1])),
+        open_final_angle_error=float(abs(open_angle[-1] - reference[-1])),
+        tip_swing=float(np.abs(tip[late]).max()),
+        open_tip_swing=float(np.abs(open_tip[late]).max()),
+    )
 
 
-def _weights(plant: Plant, places: Array) -> Array:
+def _weights(plant: SlewPlant, planned: Array) -> Array:
     """Angle, tip, and their rates, each over its largest size on the way, squared."""
     half, total = plant.n // 2, np.zeros((plant.n, plant.n))
     for name in ("angle", "tip"):
         row = plant.rows[name]
         for each in (row, np.concatenate([np.zeros(half), row[:half]])):
-            scaled = each / max(float(np.abs(places @ each).max()), 1e-12)
+            scaled = each / max(float(np.abs(planned @ each).max()), 1e-12)
             total += np.outer(scaled, scaled)
     return total
 
 
-def _gains(plant: Plant, places: Array, torques: Array, step: float, Q: Array, limit: float) -> tuple[Array, Array]:
+def _gains(
+    plant: SlewPlant, planned: Array, torques: Array, step: float, Q: Array, limit: float
+) -> tuple[Array, Array]:
     """Gains of all samples and of the time after, in the plant's coordinates."""
-    import casadi as ca
-    from scipy.linalg import solve_discrete_are
-
     z, u, h = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h")
-    following = shooting_step(plant, 1)(z, u, u, h)
-    slopes = ca.Function("slopes", [z, u, h], [ca.densify(ca.jacobian(following, ca.vertcat(z, u)))])
-    count, n, R = torques.size, plant.n, 1.0 / limit**2
-    every = np.array(slopes.map(count)(places[:-1].T, torques[None, :], np.full((1, count), step)))
+    jacobian = ca.densify(ca.jacobian(explicit_step(plant, 1)(z, u, u, h), ca.vertcat(z, u)))
+    sampled = ca.Function("sampled", [z, u, h], [jacobian])
+    count, n, R = torques.size, plant.n, step / limit**2
+    every = np.array(sampled.map(count)(planned[:-1].T, torques[None, :], np.full((1, count), step)))
     every = every.reshape(n, count, n + 1).transpose(1, 0, 2)
-    rest = np.array(slopes(places[-1], 0.0, step))
-    keep = plant.reach
-    P = np.zeros((n, n))
-    P[np.ix_(keep, keep)] = solve_discrete_are(
-        rest[:, :n][np.ix_(keep, keep)], rest[keep, n:], step * Q[np.ix_(keep, keep)], np.array([[step * R]])
-    )
-    last = _gain(rest, P, step * R)
-    gains = np.empty((count, n))
+    rest, keep = np.array(sampled(planned[-1], 0.0, step)), plant.controllable
+    inner, P = np.ix_(keep, keep), np.zeros((n, n))
+    P[inner] = solve_discrete_are(rest[:, :n][inner], rest[keep, n:], step * Q[inner], np.array([[R]]))
+
+    def gain(AB: Array) -> Array:
+        A, b = AB[:, :n], AB[:, n]
+        return -(b @ P @ A) / (R + b @ P @ b)
+
+    last, gains = gain(rest), np.empty((count, n))
     for k in range(count - 1, -1, -1):
-        gains[k] = _gain(every[k], P, step * R)
+        gains[k] = gain(every[k])
         closed = every[k][:, :n] + np.outer(every[k][:, n], gains[k])
-        P = step * Q + closed.T @ P @ closed + step * R * np.outer(gains[k], gains[k])
+        P = step * Q + closed.T @ P @ closed + R * np.outer(gains[k], gains[k])
         P = 0.5 * (P + P.T)
         P[~keep], P[:, ~keep] = 0.0, 0.0
     return gains, last
 
 
-def _gain(slopes: Array, P: Array, R: float) -> Array:
-    A, b = slopes[:, :-1], slopes[:, -1]
-    return -(b @ P @ A) / (R + b @ P @ b)
-
-
-def _turned(plant: Plant, place: Array, time: float, speed: float) -> Array:
-    """Where steady rotation has come after a time."""
-    return place + plant.rest(speed * time, 0.0)
-
-
 def _followed(
-    true: Plant, states: Array, torques: Array, gains: Array, step: float, limit: float
+    true: SlewPlant, states: Array, torques: Array, gains: Array, step: float, limit: float
 ) -> tuple[Array, Array]:
     """Torque and states of the true plant."""
-    import casadi as ca
-
     z, u, h = ca.SX.sym("z", true.n), ca.SX.sym("u"), ca.SX.sym("h")
-    advance = ca.Function("advance", [z, u, h], [shooting_step(true, 2)(z, u, u, h)])
-    place, used, seen = true.from_state @ states[0], [], [states[0]]
+    advance = ca.Function("advance", [z, u, h], [explicit_step(true, _SUBSTEPS)(z, u, u, h)])
+    now, used, seen = true.from_state @ states[0], [], [states[0]]
     for k in range(torques.size):
         torque = float(np.clip(torques[k] + gains[k] @ (seen[-1] - states[k]), -limit, limit))
-        place = np.array(advance(place, torque, step)).ravel()
-        if not np.isfinite(place).all():
+        now = np.array(advance(now, torque, step)).ravel()
+        if not np.isfinite(now).all():
             raise SlewError(f"tip_mass: the motion with feedback overflows at t = {k * step:.4g} s")
         used.append(torque)
-        seen.append(true.to_state @ place)
+        seen.append(true.to_state @ now)
     return np.append(used, used[-1]), np.array(seen)
-
-
-def _result(
-    tip_mass: float,
-    step: float,
-    plant: Plant,
-    places: Array,
-    gains: Array,
-    closed: tuple[Array, Array],
-    free: tuple[Array, Array],
-) -> TrackingResult:
-    rows = {name: row @ plant.from_state for name, row in plant.rows.items()}
-    t = step * np.arange(places.shape[0])
-    assert plant.frequencies is not None
-    late = t >= t[-1] - 2.0 * np.pi / plant.frequencies[1]
-    reference = places @ plant.rows["angle"]
-    angle, tip = closed[1] @ rows["angle"], closed[1] @ rows["tip"]
-    open_angle, open_tip = free[1] @ rows["angle"], free[1] @ rows["tip"]
-    return TrackingResult(
-        tip_mass, t, gains, reference, places @ plant.rows["tip"],
-        closed[0], angle, tip, free[0], open_angle, open_tip,
-        float(abs(angle[-1] - reference[-1])), float(abs(open_angle[-1] - reference[-1])),
-        float(np.abs(tip[late]).max()), float(np.abs(open_tip[late]).max()),
-    )  # fmt: skip

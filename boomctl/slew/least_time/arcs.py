@@ -1,165 +1,275 @@
-"""All steps of a slew's plants under a torque that is held on each, and what moves the end: first and second derivatives."""
+"""The end of a slew as a function of its steps, on each of which the torque is held: value, sensitivity and Hessian.
 
+A bang-bang torque consists of arcs, on which it is at its limit; every arc is cut into equal steps. The end's sensitivity
+to the torques, weighted by the multipliers of the end conditions, is the switching function.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
 from typing import TYPE_CHECKING
 
+import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.least_time.stepping import shooting_step
-from boomctl.slew.plant import Plant
+from boomctl.printing import count
+from boomctl.slew.dynamics import explicit_step
+from boomctl.slew.linear import guess_from
+from boomctl.slew.plant import SlewPlant
 from boomctl.slew.problem import SlewProblem
+from boomctl.slew.result import SlewResult
+from boomctl.slew.torque import TorqueHistory
 
 if TYPE_CHECKING:
-    import casadi
+    from matplotlib.figure import Figure
+
+_FOLLOWED = 0.5  # steps a radian for a mode that the torque does not move: its own scheme is exact in the linear part
+_CURVE = 1500  # steps at least of a switching curve: it is drawn
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
-    """Where steps lead, in m rows over the end state, and how that depends on the K steps.
+class Steps:
+    """K steps: torques u [N m], widths h [s], and how the widths follow q durations of arcs, K x q."""
+
+    u: Array
+    h: Array
+    moved: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """Where steps lead, in m rows over the end state, and how that depends on them.
 
     Attributes
     ----------
+    steps : Steps
     end : ndarray, m
     by_torque, by_width : ndarray, m x K
         Derivatives by the torque [N m] and the width [s] of each step.
-    passed : tuple of (ndarray, ndarray)
-        Of each plant, the states n x (K + 1) and the derivatives K x n x (n + 2) of the steps.
+    motions : tuple of (ndarray, ndarray)
+        Of each plant, the states n x (K + 1) and the Jacobians K x n x (n + 2) of the steps.
     """
 
+    steps: Steps
     end: Array
     by_torque: Array
     by_width: Array
-    passed: tuple[tuple[Array, Array], ...]
+    motions: tuple[tuple[Array, Array], ...]
 
-    def weights(self, moved: Array) -> Array:
-        """Multipliers of the end conditions with which all parameters, that move the widths by K x q, cost no time."""
-        return np.linalg.lstsq((self.by_width @ moved).T, -moved.sum(axis=0), rcond=None)[0]
+    @cached_property
+    def by_duration(self) -> Array:
+        """Derivatives by the durations of the arcs, m x q."""
+        return self.by_width @ self.steps.moved
+
+    @cached_property
+    def multipliers(self) -> Array:
+        """Multipliers of the end conditions with which the duration of every arc saves as much time as it takes."""
+        return np.linalg.lstsq(self.by_duration.T, -self.steps.moved.sum(axis=0), rcond=None)[0]
+
+    @cached_property
+    def switching_function(self) -> Array:
+        """Time that a unit of torque saves in a unit of time, K."""
+        return -(self.multipliers @ self.by_torque) / self.steps.h
+
+    @property
+    def wrong(self) -> float:
+        """Time that the torque turned round where the switching function has the other sign promises, s."""
+        return 2.0 * float(np.sum(np.maximum((self.multipliers @ self.by_torque) * self.steps.u, 0.0)))
 
 
 @dataclass(frozen=True, eq=False)
 class _Stepper:
-    """A plant's step ``(z, u, h) -> z``, its derivatives n x (n + 2), and second derivatives of l^T z by (z, h)."""
+    """A plant's step ``(z, u, h) -> z``, its Jacobian n x (n + 2), and the Hessian of l^T z by (z, h)."""
 
-    plant: Plant
-    step: "casadi.Function"
-    first: "casadi.Function"
-    second: "casadi.Function"
+    plant: SlewPlant
+    step: ca.Function
+    jacobian: ca.Function
+    hessian: ca.Function
 
     def motion(self, start: Array, u: Array, h: Array) -> Array:
         """States before and after all steps, n x (K + 1)."""
         return np.column_stack([start, np.array(self.step.mapaccum(u.size)(start, u[None, :], h[None, :]))])
 
-    def slopes(self, z: Array, u: Array, h: Array) -> Array:
+    def jacobians(self, z: Array, u: Array, h: Array) -> Array:
         """K x n x (n + 2)."""
-        each = np.array(self.first.map(u.size)(z[:, :-1], u[None, :], h[None, :]))
+        each = np.array(self.jacobian.map(u.size)(z[:, :-1], u[None, :], h[None, :]))
         return each.reshape(self.plant.n, u.size, self.plant.n + 2).transpose(1, 0, 2)
 
-    def bends(self, z: Array, u: Array, h: Array, after: Array) -> Array:
+    def hessians(self, z: Array, u: Array, h: Array, after: Array) -> Array:
         """K x (n + 1) x (n + 1), of the costates K x n after the steps."""
         size = self.plant.n + 1
-        each = np.array(self.second.map(u.size)(z[:, :-1], u[None, :], h[None, :], after.T))
+        each = np.array(self.hessian.map(u.size)(z[:, :-1], u[None, :], h[None, :], after.T))
         return each.reshape(size, u.size, size).transpose(1, 0, 2)
 
 
+def _stepper(plant: SlewPlant) -> _Stepper:
+    z, u, h, l = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h"), ca.SX.sym("l", plant.n)
+    after = explicit_step(plant, 1)(z, u, u, h)
+    jacobian = ca.densify(ca.jacobian(after, ca.vertcat(z, u, h)))
+    hessian = ca.densify(ca.hessian(ca.dot(l, after), ca.vertcat(z, h))[0])
+    return _Stepper(
+        plant,
+        ca.Function("step", [z, u, h], [after]),
+        ca.Function("jacobian", [z, u, h], [jacobian]),
+        ca.Function("hessian", [z, u, h, l], [hessian]),
+    )
+
+
 @dataclass(frozen=True, eq=False)
-class Course:
-    """The plants of a problem on their way."""
+class EndMap:
+    """What a problem prescribes of the end, as a function of the steps.
+
+    Attributes
+    ----------
+    problem : SlewProblem
+    rows : ndarray, m x n
+        Those of the prescribed end, each scaled to about one.
+    """
 
     problem: SlewProblem
-    steppers: tuple[_Stepper, ...]
     rows: Array
+    _steppers: Sequence[_Stepper]
 
-    @property
-    def pace(self) -> float:
+    @cached_property
+    def target(self) -> Array:
+        """Where the rows are to lead."""
+        return self.rows @ self.problem.target
+
+    @cached_property
+    def step_frequency(self) -> float:
         """Frequency that steps are to turn by about one radian, rad/s.
 
         That of the fastest mode that the torque moves; of the others the slowest is followed in steps of two.
         """
-        return max(_pace(stepper.plant) for stepper in self.steppers)
+        fastest = 0.0
+        for plant in self.problem.plants:
+            moved = plant.controllable
+            fastest = max(fastest, float(np.abs(np.linalg.eigvals(plant.A[np.ix_(moved, moved)])).max()))
+            if plant.frequencies is not None and not moved.all():
+                fastest = max(fastest, _FOLLOWED * float(plant.frequencies[~moved[: plant.n // 2]].min()))
+        return fastest
 
-    def _parts(self) -> list[tuple[_Stepper, slice]]:
-        parts, first = [], 0
-        for stepper in self.steppers:
-            parts.append((stepper, slice(first, first + stepper.plant.n)))
-            first += stepper.plant.n
-        return parts
+    def steps(self, sign: float, durations: Array, counts: Array) -> Steps:
+        """Cut arcs into equal steps: the sign of the first torque, and of each arc its duration [s] and how many steps."""
+        torques = sign * self.problem.limits.torque * (-1.0) ** np.arange(durations.size)
+        moved = np.repeat(np.eye(durations.size) / counts, counts, axis=0)
+        return Steps(np.repeat(torques, counts), moved @ durations, moved)
 
-    def lack(self, u: Array, h: Array) -> Array:
-        """What torques u [N m] held for times h [s] lack at the end."""
-        end = -self.rows @ self.problem.target
-        for stepper, own in self._parts():
-            end += self.rows[:, own] @ stepper.motion(self.problem.start[own], u, h)[:, -1]
+    def defect(self, steps: Steps) -> Array:
+        """The end that steps lead to less the target."""
+        end = -self.target
+        for stepper, (_, own) in zip(self._steppers, self.problem.parts, strict=True):
+            end += self.rows[:, own] @ stepper.motion(self.problem.start[own], steps.u, steps.h)[:, -1]
         return end
 
-    def reach(self, u: Array, h: Array) -> Reach:
-        """Where torques u [N m] held for times h [s] lead."""
-        m = self.rows.shape[0]
-        end, by_torque, by_width, passed = np.zeros(m), np.zeros((m, u.size)), np.zeros((m, u.size)), []
-        for stepper, own in self._parts():
+    def sensitivity(self, steps: Steps) -> Sensitivity:
+        """Where steps lead, with first derivatives."""
+        u, h, m = steps.u, steps.h, self.rows.shape[0]
+        end, by_torque, by_width, motions = np.zeros(m), np.zeros((m, u.size)), np.zeros((m, u.size)), []
+        for stepper, (plant, own) in zip(self._steppers, self.problem.parts, strict=True):
             z = stepper.motion(self.problem.start[own], u, h)
-            steep = stepper.slopes(z, u, h)
-            after = _costates(steep, self.rows[:, own])
+            jacobians = stepper.jacobians(z, u, h)
+            after = _carried_back(jacobians, self.rows[:, own])
             end += self.rows[:, own] @ z[:, -1]
-            by_torque += np.einsum("kmn,kn->mk", after, steep[:, :, -2])
-            by_width += np.einsum("kmn,kn->mk", after, steep[:, :, -1])
-            passed.append((z, steep))
-        return Reach(end, by_torque, by_width, tuple(passed))
+            by_torque += np.einsum("kmi,ki->mk", after, jacobians[:, :, plant.n])
+            by_width += np.einsum("kmi,ki->mk", after, jacobians[:, :, plant.n + 1])
+            motions.append((z, jacobians))
+        return Sensitivity(steps, end, by_torque, by_width, tuple(motions))
 
-    def curvature(self, u: Array, h: Array, reach: Reach, weights: Array, moved: Array) -> Array:
-        """Second derivatives of the weighted end by q parameters that move the widths: `moved` is K x q."""
+    def hessian(self, found: Sensitivity, weights: Array) -> Array:
+        """Second derivatives of the weighted end by the durations of the arcs, q x q."""
+        u, h, moved = found.steps.u, found.steps.h, found.steps.moved
         total = np.zeros((moved.shape[1], moved.shape[1]))
-        for (stepper, own), (z, steep) in zip(self._parts(), reach.passed, strict=True):
-            n = stepper.plant.n
-            after = _costates(steep, weights[None, :] @ self.rows[:, own])[:, 0, :]
+        parts = zip(self._steppers, self.problem.parts, found.motions, strict=True)
+        for stepper, (plant, own), (z, jacobians) in parts:
+            n = plant.n
+            after = _carried_back(jacobians, weights[None, :] @ self.rows[:, own])[:, 0, :]
             shifted = np.zeros((u.size, n + 1, moved.shape[1]))
             shifted[:, n, :] = moved
             for k in range(u.size - 1):
-                shifted[k + 1, :n] = steep[k, :, :n] @ shifted[k, :n] + np.outer(steep[k, :, -1], moved[k])
-            total += np.einsum("kiq,kir->qr", shifted, stepper.bends(z, u, h, after) @ shifted)
+                shifted[k + 1, :n] = jacobians[k, :, :n] @ shifted[k, :n] + np.outer(jacobians[k, :, -1], moved[k])
+            total += np.einsum("kiq,kir->qr", shifted, stepper.hessians(z, u, h, after) @ shifted)
         return 0.5 * (total + total.T)
 
 
-def _pace(plant: Plant) -> float:
-    reach = plant.reach
-    size = float(np.abs(np.linalg.eigvals(plant.A[np.ix_(reach, reach)])).max())
-    if plant.frequencies is None or reach.all():
-        return size
-    return max(size, 0.5 * float(plant.frequencies[~reach[: plant.n // 2]].min()))
-
-
-def stretches(torques: Array, durations: Array, steps: Array) -> tuple[Array, Array, Array]:
-    """Torques and widths of all steps of stretches, and how the widths follow the durations, K x q."""
-    moved = np.repeat(np.eye(durations.size) / steps, steps, axis=0)
-    return np.repeat(torques, steps), moved @ durations, moved
-
-
-def _costates(steep: Array, rows: Array) -> Array:
-    """Rows carried back to the ends of the steps, K x m x n."""
+def _carried_back(jacobians: Array, rows: Array) -> Array:
+    """Costates: rows over the end carried back to the ends of the steps, K x m x n."""
     n = rows.shape[1]
-    after = np.empty((steep.shape[0], *rows.shape))
-    for k in range(steep.shape[0] - 1, -1, -1):
+    after = np.empty((jacobians.shape[0], *rows.shape))
+    for k in range(jacobians.shape[0] - 1, -1, -1):
         after[k] = rows
-        rows = rows @ steep[k, :, :n]
+        rows = rows @ jacobians[k, :, :n]
     return after
 
 
-def course(problem: SlewProblem, sizes: Array) -> Course:
-    """Prepare the steps of a problem; rows of its end are scaled by typical sizes of the states."""
-    rows = problem.ends / np.abs(problem.ends * sizes).max(axis=1, keepdims=True)
-    return Course(problem, tuple(_stepper(plant) for plant in problem.plants), rows)
+def end_map(problem: SlewProblem, first: TorqueHistory) -> EndMap:
+    """Prepare the steps of a problem; rows of its end are scaled by the sizes of the states under a first torque."""
+    rows = problem.ends / np.abs(problem.ends * guess_from(problem, first).sizes).max(axis=1, keepdims=True)
+    return EndMap(problem, rows, [_stepper(plant) for plant in problem.plants])
 
 
-def _stepper(plant: Plant) -> _Stepper:
-    import casadi as ca
+@dataclass(frozen=True, eq=False)
+class SwitchingCurve:
+    """Time that a unit of torque saves, over the largest it saves: Pontryagin's principle asks for the torque's sign.
 
-    z, u, h, l = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h"), ca.SX.sym("l", plant.n)
-    after = shooting_step(plant, 1)(z, u, u, h)
-    slopes = ca.densify(ca.jacobian(after, ca.vertcat(z, u, h)))
-    bends = ca.densify(ca.hessian(ca.dot(l, after), ca.vertcat(z, h))[0])
-    return _Stepper(
-        plant,
-        ca.Function("step", [z, u, h], [after]),
-        ca.Function("first", [z, u, h], [slopes]),
-        ca.Function("second", [z, u, h, l], [bends]),
-    )
+    Attributes
+    ----------
+    time : ndarray, k
+        s.
+    values : ndarray, k
+        Between -1 and 1.
+    torque : ndarray, k
+        N m.
+    switches : ndarray
+        Instants at which the torque changes its sign, s.
+    torque_limit : float
+        N m.
+    """
+
+    time: Array
+    values: Array
+    torque: Array
+    switches: Array
+    torque_limit: float
+
+    def __repr__(self) -> str:
+        agree = f"{self.agreement:.4%} of the time the torque has its sign"
+        return f"SwitchingCurve: {count(len(self.switches), 'switch', 'switches')} in {self.time[-1]:.6g} s; {agree}"
+
+    @property
+    def agreement(self) -> float:
+        """Share of the duration on which the torque has the sign of the switching function."""
+        return float(np.mean(self.values * self.torque > 0.0))
+
+    def plot(self) -> "Figure":
+        """Draw the switching function above the torque; returns a matplotlib figure."""
+        return import_module("boomctl.plotting").plot_switching(self)
+
+
+def switching_curve(result: SlewResult) -> SwitchingCurve:
+    """Carry the costate of a minimum-time slew back along its motion.
+
+    Parameters
+    ----------
+    result : SlewResult
+        With a bang-bang torque.
+
+    Raises
+    ------
+    ValueError
+        The torque is not bang-bang.
+    """
+    history, problem = result.history, result.plan.problem
+    if result.certificate.switches is None:
+        raise ValueError(
+            "result: expected a slew with a bang-bang torque; plan one of minimum time without other limits"
+        )
+    durations, ends = np.diff(history.edges), end_map(problem, history)
+    frequency = max(ends.step_frequency, _CURVE / history.duration)
+    counts = np.maximum(2, np.ceil(durations * frequency)).astype(int)
+    steps = ends.steps(float(np.sign(history.left[0])), durations, counts)
+    values = ends.sensitivity(steps).switching_function
+    middle = np.cumsum(steps.h) - 0.5 * steps.h
+    return SwitchingCurve(middle, values / np.abs(values).max(), steps.u, history.switches, problem.limits.torque)

@@ -1,8 +1,8 @@
-"""Minimum time of a nonlinear plant: the durations of a bang-bang torque's stretches, to the accuracy of the integration.
+"""Minimum time of a nonlinear plant: the durations of a bang-bang torque's arcs, to the accuracy of the integration.
 
-``min sum d_i`` such that the end conditions hold, with the durations d_i of the stretches as only unknowns. Its multipliers
-give the costate; carried back along the motion it gives the switching function, whose sign must be the torque's. Where it
-is not, the torque has too few stretches: linear programmes along the motion then tell how many there are.
+``min sum d_i`` such that the end conditions hold, with the durations d_i of the arcs as only unknowns. Its multipliers give
+the costate; carried back along the motion it gives the switching function, whose sign must be the torque's. Where it is
+not, the torque has too few arcs: linear programmes along the motion then tell how many there are.
 """
 
 from dataclasses import dataclass, field, replace
@@ -10,221 +10,222 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.least_time.arc_count import Overflows, steered
-from boomctl.slew.least_time.arcs import Course, Reach, course, stretches
+from boomctl.slew.least_time.arc_count import Overflows, counted
+from boomctl.slew.least_time.arcs import EndMap, end_map
 from boomctl.slew.least_time.reductions import doubled, first_half, halved, without_axial_modes
 from boomctl.slew.problem import SlewProblem
-from boomctl.slew.reference import guess_from, typical_sizes
 from boomctl.slew.torque import TorqueHistory, bang_bang
 
-_GRIDS = (200, 600, 1800)  # intervals on which stretches are looked for
-_MOST_STEPS = 20000
-_NEWTON = 40
-_PATIENCE = 5  # turns without nearing the end, as long as it is _FAR
-_FAR = 1e-3
-_EMPTY = 3e-6  # share of the duration below which a stretch is left out; _NOTHING where the end needs it
-_NOTHING = 1e-11
+_GRIDS = (200, 600, 1800)  # intervals on which arcs are counted, the next where the switching function is still wrong
+_MOST_STEPS = 20000  # of a motion: a safeguard, for rounding grows with them
+_NEWTON = 40  # steps of Newton's method at most; a safeguard
+_PATIENCE = 5  # steps without nearing the end, as long as it is _FAR
+_FAR = 1e-3  # defect of the scaled end from which Newton's method may still be given up
+_NEARER = 0.7  # factor by which the defect has to fall to count as nearing the end
+_EMPTY = 3e-6  # share of the duration below which an arc is left out; _NOTHING where the end needs it
+_NOTHING = 1e-11  # share of the duration that is rounding
 _STEP_SHARE = 0.5  # of the tolerance, for what half as long steps change; what remains is a sixteenth of it
-_CHORDS = 6
-_FOLLOWED = 2
-_SERVES = 0.2  # shrinking of the moves by which second derivatives that are kept still serve
-_SETTLED = 1e-11
+_FOURTH_ORDER = 15.0  # 2^4 - 1: halved steps change the end by so many times what they leave in error
+_CHORDS = 6  # corrections with derivatives of coarser steps at most: with more Newton's method is as fast
+_FINER = 2  # times the usual steps for durations taken over from the beam without axial modes; a choice
+_SERVES = 0.2  # shrinking of the moves by which a Hessian that is kept still serves
+_SETTLED = 1e-11  # scaled defect of the end, and move over the duration, at which durations are exact: rounding
 _FLAT = 1e-12  # share of the duration that other durations may promise; _ROUGH with axial vibration
-_ROUGH = 1e-8
+_ROUGH = 1e-8  # axial vibration ripples second derivatives: no smaller promise is met
 _ENOUGH = 0.1  # of the tolerance, for what a switching function of the wrong sign promises
-_SAMPLES = 200
+_POSITIVE, _ROOM = 0.8, 0.1  # share of an arc that a move may take away; share of the duration that it may change
+_CURVED = 1e-8  # least curvature over the largest: keeps flat directions finite
 
 
 @dataclass(frozen=True, eq=False)
-class Sharpened:
+class ArcSlew:
     """A bang-bang slew of a nonlinear plant.
 
     Attributes
     ----------
     history : TorqueHistory
     gain : float
-        Time that the switching function says could be gained where its sign is not the torque's, that what the end lacks
+        Time that the switching function says could be gained where its sign is not the torque's, that the end's defect
         is worth, and that other durations promise, over the duration.
     step_error : float
-        What the end lacks when the steps are halved, relative.
+        Defect of the end when the steps are halved, relative.
+    path : tuple of str
+        What was done, in words.
     """
 
     history: TorqueHistory
     gain: float
     step_error: float
+    path: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class _Stretches:
-    """Durations of a bang-bang torque [s] and the sign of the first; what is known of its optimality.
+class _Arcs:
+    """Durations of a bang-bang torque's arcs [s] and the sign of the first; what is known of its optimality.
 
-    Derivatives of the end by the durations, weights of the end conditions in the costate, second derivatives of the
-    weighted end, what time these still promise, and what a switching function of the wrong sign does [s].
+    Sensitivity of the end to the durations, multipliers of the end conditions, Hessian of the weighted end, what time these
+    still promise, and what a switching function of the wrong sign does [s].
     """
 
     durations: Array
     sign: float
     slope: Array = field(default_factory=lambda: np.zeros((0, 0)))
     weights: Array = field(default_factory=lambda: np.zeros(0))
-    curvature: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    hessian: Array = field(default_factory=lambda: np.zeros((0, 0)))
     promised: float = np.inf
     wrong: float = np.inf
 
+    @staticmethod
+    def of(history: TorqueHistory) -> "_Arcs":
+        return _Arcs(np.diff(history.edges), float(np.sign(history.left[0])))
 
-def sharpened(problem: SlewProblem, first: TorqueHistory) -> Sharpened | None:
-    """Sharpen a bang-bang torque; None if none is found that leads to the end; `Overflows` if the motion has no bounds."""
-    quick = without_axial_modes(problem)
-    near = None if quick is None else sharpened(quick, first)
-    first, half = first if near is None else near.history, halved(problem)
-    way = course(half or problem, typical_sizes(guess_from(problem, first, _SAMPLES, False)))
+    def history(self, limit: float) -> TorqueHistory:
+        edges = np.cumsum(self.durations)
+        return bang_bang(edges[:-1], float(edges[-1]), limit, self.sign)
+
+    def without_shortest(self) -> "_Arcs":
+        """Leave out the shortest arc; its neighbours become one."""
+        d, k = self.durations, int(np.argmin(self.durations))
+        if k == 0:
+            return replace(self, durations=d[1:], sign=-self.sign)
+        if k == d.size - 1:
+            return replace(self, durations=d[:-1])
+        return replace(self, durations=np.concatenate([d[: k - 1], [d[k - 1] + d[k + 1]], d[k + 2 :]]))
+
+
+def least_time_arcs(problem: SlewProblem, first: TorqueHistory) -> ArcSlew | None:
+    """Lead a bang-bang torque to the end in least time; None if none is found; `Overflows` if the motion has no bounds.
+
+    Beams with axial modes start from the answer without them, which serves as it is where it is accurate enough. Where the
+    second half of the slew mirrors the first, only that is sought.
+    """
+    smaller = without_axial_modes(problem)
+    near = None if smaller is None else least_time_arcs(smaller, first)
+    path: tuple[str, ...] = ()
     if near is not None:
-        found = _finished(way, _weighed(way, _stretches(first), _FOLLOWED), half=False, finer=_FOLLOWED, exact=False)
+        first, path = near.history, ("started from the beam without axial modes", *near.path)
+    half = halved(problem)
+    ends = end_map(half or problem, first)
+    if near is not None:
+        found = _refined(ends, _weighed(ends, _Arcs.of(first), _FINER), finer=_FINER, exact=False)
         if found is not None and found.gain < problem.tolerance:
-            return found
-    start = first_half(first) if half else first
+            return replace(found, path=(*path, "durations led to the end, not to the least sum"))
+    start, path = (first_half(first), (*path, "first half")) if half else (first, path)
     best, gain, overflow = None, np.inf, None
     for intervals in (0, *_GRIDS):
         try:
-            torque = start if intervals == 0 else steered(way, start, intervals)
+            torque = start if intervals == 0 else counted(ends, start, intervals)
         except Overflows as error:
             overflow = error
             continue
-        found = None if torque is None else _settled(way, _stretches(torque), 1)
-        if found is not None:
-            now = found.wrong / float(found.durations.sum())
-            if now < gain:
-                best, gain, start = found, now, _history(problem, found)
+        found = None if torque is None else _stationary(ends, _Arcs.of(torque), 1)
+        if found is not None and found.wrong / float(found.durations.sum()) < gain:
+            best, gain = found, found.wrong / float(found.durations.sum())
+            start = found.history(problem.limits.torque)
+        path = (*path, f"arcs counted on {intervals} intervals") if intervals else path
         if gain < _ENOUGH * problem.tolerance:
             break
     if best is None and overflow is not None:
         raise overflow
-    return None if best is None else _finished(way, best, half is not None)
+    answer = None if best is None else _refined(ends, best)
+    if answer is None:
+        return None
+    return replace(answer, history=doubled(answer.history) if half else answer.history, path=path)
 
 
-def _finished(way: Course, found: _Stretches, half: bool, finer: int = 1, exact: bool = True) -> Sharpened | None:
+def _refined(ends: EndMap, found: _Arcs, finer: int = 1, exact: bool = True) -> ArcSlew | None:
     """Halve the steps until the end stays where it is; if not exact, durations are led to the end, not to the least sum."""
-    error = np.inf
-    while error > _STEP_SHARE * way.problem.tolerance and finer * _steps(way, found.durations).sum() < _MOST_STEPS:
+    tolerance, error = ends.problem.tolerance, np.inf
+    while error > _STEP_SHARE * tolerance and finer * _counts(ends, found.durations).sum() < _MOST_STEPS:
         finer *= 2
-        near, error = _corrected(way, found, finer)
+        near, error = _corrected(ends, found, finer)
         if near is None and exact:
-            near = _settled(way, found, finer)
+            near = _stationary(ends, found, finer)
         if near is None:
             return None
         found = near
-    settled = _settled(way, found, finer) if exact else _weighed(way, found, finer)
+    settled = _stationary(ends, found, finer) if exact else _weighed(ends, found, finer)
     if settled is None:
         return None
-    history = _history(way.problem, settled)
-    worth = float(np.abs(settled.weights).sum()) * error / 15.0  # the scheme is of fourth order
-    gain = (settled.wrong + settled.promised + worth) / history.duration
-    return Sharpened(doubled(history) if half else history, gain, error)
+    history = settled.history(ends.problem.limits.torque)
+    worth = float(np.abs(settled.weights).sum()) * error / _FOURTH_ORDER
+    return ArcSlew(history, (settled.wrong + settled.promised + worth) / history.duration, error, ())
 
 
-def _weighed(way: Course, found: _Stretches, finer: int) -> _Stretches:
-    """Derivatives and weights of durations that are all but the best; the switching function tells what others promise.
+def _weighed(ends: EndMap, found: _Arcs, finer: int) -> _Arcs:
+    """Multipliers of durations that are all but the best; the switching function tells what others promise.
 
     Where it is p at a switch, and p' its slope, the switch moved to its zero would gain the time ``limit p^2 / |p'|``.
     """
-    u, h, moved = _course_of(way, found, finer * _steps(way, found.durations))
-    reach = way.reach(u, h)
-    slope, weights = reach.by_width @ moved, reach.weights(moved)
-    p, k = -(weights @ reach.by_torque) / h, np.flatnonzero(np.diff(u))
+    steps = ends.steps(found.sign, found.durations, finer * _counts(ends, found.durations))
+    reached = ends.sensitivity(steps)
+    h, p, k = steps.h, reached.switching_function, np.flatnonzero(np.diff(steps.u))
     middle, change = 0.5 * (p[k] + p[k + 1]), 2.0 * (p[k + 1] - p[k]) / (h[k] + h[k + 1])
-    promised = way.problem.torque_limit * float(np.sum(middle**2 / np.maximum(np.abs(change), 1e-300)))
-    return replace(found, slope=slope, weights=weights, promised=promised, wrong=_wrong(weights, reach, u))
+    promised = ends.problem.limits.torque * float(np.sum(middle**2 / np.maximum(np.abs(change), 1e-300)))
+    slope, weights = reached.by_duration, reached.multipliers
+    return replace(found, slope=slope, weights=weights, promised=promised, wrong=reached.wrong)
 
 
-def _corrected(way: Course, found: _Stretches, finer: int) -> tuple[_Stretches | None, float]:
-    """Lead to the end with finer steps by the derivatives of the coarser; None if they do not; what the end lacked."""
-    steps, d, errors = finer * _steps(way, found.durations), found.durations, []
+def _corrected(ends: EndMap, found: _Arcs, finer: int) -> tuple[_Arcs | None, float]:
+    """Lead to the end with finer steps by the derivatives of the coarser; None if they do not; the defect at first."""
+    counts, d, errors = finer * _counts(ends, found.durations), found.durations, []
     for _ in range(_CHORDS):
-        u, h, _moved = _course_of(way, replace(found, durations=d), steps)
-        lack = way.lack(u, h)
-        errors.append(float(np.abs(lack).max()))
-        d = d - np.linalg.lstsq(found.slope, lack, rcond=None)[0]
-        if not errors[-1] <= errors[0] or d.min() <= _least(way, d):
+        defect = ends.defect(ends.steps(found.sign, d, counts))
+        errors.append(float(np.abs(defect).max()))
+        d = d - np.linalg.lstsq(found.slope, defect, rcond=None)[0]
+        if not errors[-1] <= errors[0] or d.min() <= _shortest(ends, d):
             return None, errors[0]
         if errors[-1] < _SETTLED:
             break
     return replace(found, durations=d), errors[0]
 
 
-def _stretches(history: TorqueHistory) -> _Stretches:
-    return _Stretches(np.diff(history.edges), float(np.sign(history.left[0])))
+def _counts(ends: EndMap, durations: Array) -> Array:
+    """How many steps each arc is cut into."""
+    return np.maximum(2, np.ceil(durations * ends.step_frequency)).astype(int)
 
 
-def _history(problem: SlewProblem, found: _Stretches) -> TorqueHistory:
-    edges = np.cumsum(found.durations)
-    return bang_bang(edges[:-1], float(edges[-1]), problem.torque_limit, found.sign)
+def _shortest(ends: EndMap, d: Array) -> float:
+    """Duration below which an arc is left out; where the end needs every one, only next to nothing is too short."""
+    return float(d.sum()) * (_EMPTY if d.size >= ends.rows.shape[0] + 2 else _NOTHING)
 
 
-def _steps(way: Course, durations: Array) -> Array:
-    return np.maximum(2, np.ceil(durations * way.pace)).astype(int)
-
-
-def _settled(way: Course, found: _Stretches, finer: int) -> _Stretches | None:
-    """Stationary durations, stretches of no length left out; None where there are too few, or Newton's method fails."""
-    while found.durations.size >= way.rows.shape[0]:
-        steps = finer * _steps(way, found.durations)
-        answer = _durations(way, found, steps)
-        if answer is None:
-            return None
-        if answer.durations.min() > _least(way, answer.durations):
+def _stationary(ends: EndMap, found: _Arcs, finer: int) -> _Arcs | None:
+    """Stationary durations, arcs of no length left out; None where there are too few, or Newton's method fails."""
+    while found.durations.size >= ends.rows.shape[0]:
+        answer = _newton(ends, found, finer * _counts(ends, found.durations))
+        if answer is None or answer.durations.min() > _shortest(ends, answer.durations):
             return answer
-        found = _without_empty(answer)
+        found = answer.without_shortest()
     return None
 
 
-def _least(way: Course, d: Array) -> float:
-    """Duration below which a stretch is left out; where the end needs every one, only next to nothing is too short."""
-    return float(d.sum()) * (_EMPTY if d.size >= way.rows.shape[0] + 2 else _NOTHING)
+def _newton(ends: EndMap, found: _Arcs, counts: Array) -> _Arcs | None:
+    """Durations of least sum: Newton's method. An arc that would vanish is returned as it vanishes.
 
-
-def _without_empty(found: _Stretches) -> _Stretches:
-    """Leave out the shortest stretch; its neighbours become one."""
-    d, k = found.durations, int(np.argmin(found.durations))
-    if k == 0:
-        return replace(found, durations=d[1:], sign=-found.sign)
-    if k == d.size - 1:
-        return replace(found, durations=d[:-1])
-    return replace(found, durations=np.concatenate([d[: k - 1], [d[k - 1] + d[k + 1]], d[k + 2 :]]))
-
-
-def _course_of(way: Course, found: _Stretches, steps: Array) -> tuple[Array, Array, Array]:
-    """Torques and widths of all steps, and how the widths follow the durations, K x q."""
-    torques = found.sign * way.problem.torque_limit * (-1.0) ** np.arange(found.durations.size)
-    return stretches(torques, found.durations, steps)
-
-
-def _durations(way: Course, found: _Stretches, steps: Array) -> _Stretches | None:
-    """Durations of least sum: Newton's method. A stretch that would vanish is returned as it vanishes.
-
-    Second derivatives are kept as long as they serve. Axial vibration ripples them: there a small promise is enough.
+    The Hessian is kept as long as it serves. Axial vibration ripples it: there a small promise is enough.
     """
-    smooth = all(plant.reach.all() for plant in way.problem.plants)
+    smooth = all(plant.controllable.all() for plant in ends.problem.plants)
     size, before, total, count = np.inf, np.inf, float(found.durations.sum()), found.durations.size
     least, patience = np.inf, _PATIENCE
     for _ in range(_NEWTON):
-        u, h, moved = _course_of(way, found, steps)
-        reach = way.reach(u, h)
-        lack, slope = reach.end - way.rows @ way.problem.target, reach.by_width @ moved
-        patience = _PATIENCE if np.abs(lack).max() < 0.7 * least else patience - 1
-        least = min(least, float(np.abs(lack).max()))
+        reached = ends.sensitivity(ends.steps(found.sign, found.durations, counts))
+        defect, slope = reached.end - ends.target, reached.by_duration
+        patience = _PATIENCE if np.abs(defect).max() < _NEARER * least else patience - 1
+        least = min(least, float(np.abs(defect).max()))
         if not np.isfinite(slope).all() or (patience == 0 and least > _FAR):
             return None
-        weights = reach.weights(moved)
-        found = replace(found, slope=slope, weights=weights)
-        if count > lack.size and (found.curvature.shape[0] != count or size > _SERVES * before):
-            found = replace(found, curvature=way.curvature(u, h, reach, weights, moved))
-        onto, beside, promised = _newton_step(lack, slope, found.curvature)
+        found = replace(found, slope=slope, weights=reached.multipliers)
+        if count > defect.size and (found.hessian.shape[0] != count or size > _SERVES * before):
+            found = replace(found, hessian=ends.hessian(reached, reached.multipliers))
+        onto, beside, promised = _newton_step(defect, slope, found.hessian)
         before, size = size, float(np.abs(onto + beside).max() / total)
         flat = promised < (_FLAT if smooth else _ROUGH) * total
         if flat and np.abs(onto).max() < _SETTLED * total:
-            return replace(found, promised=promised, wrong=_wrong(weights, reach, u))
+            return replace(found, promised=promised, wrong=reached.wrong)
         d = _moved(found.durations, onto)
         found = replace(found, durations=d if flat else _moved(d, beside))
-        if found.durations.min() < _least(way, found.durations):
+        if found.durations.min() < _shortest(ends, found.durations):
             return found
     return None
 
@@ -233,23 +234,18 @@ def _moved(d: Array, move: Array) -> Array:
     """Durations changed by as much of a move as keeps them positive, and changes none by more than a tenth of all."""
     shrink = float(np.max(np.maximum(-move, 0.0) / d))
     far = float(np.abs(move).max() / d.sum())
-    return d + move * min(1.0, 0.8 / max(shrink, 0.8), 0.1 / max(far, 0.1))
+    return d + move * min(1.0, _POSITIVE / max(shrink, _POSITIVE), _ROOM / max(far, _ROOM))
 
 
-def _newton_step(lack: Array, slope: Array, curvature: Array) -> tuple[Array, Array, float]:
+def _newton_step(defect: Array, slope: Array, hessian: Array) -> tuple[Array, Array, float]:
     """Changes of the durations that lead to the end, and beside it to the least sum; what the latter promises, s."""
     m, q = slope.shape
     whole, triangle = np.linalg.qr(slope.T, mode="complete")
-    onto = whole[:, :m] @ np.linalg.lstsq(triangle[:m].T, -lack, rcond=1e-14)[0]
+    onto = whole[:, :m] @ np.linalg.lstsq(triangle[:m].T, -defect, rcond=1e-14)[0]
     if q == m:
         return onto, np.zeros(q), 0.0
     free = whole[:, m:]
-    values, vectors = np.linalg.eigh(free.T @ curvature @ free)
-    values = np.maximum(np.abs(values), 1e-8 * np.abs(values).max() + 1e-300)
-    downhill = vectors.T @ (free.T @ (np.ones(q) + curvature @ onto))
+    values, vectors = np.linalg.eigh(free.T @ hessian @ free)
+    values = np.maximum(np.abs(values), _CURVED * np.abs(values).max() + 1e-300)
+    downhill = vectors.T @ (free.T @ (np.ones(q) + hessian @ onto))
     return onto, -free @ (vectors @ (downhill / values)), 0.5 * float(np.sum(downhill**2 / values))
-
-
-def _wrong(weights: Array, reach: Reach, u: Array) -> float:
-    """Time that the torque turned round where the switching function has the other sign promises, s."""
-    return 2.0 * float(np.sum(np.maximum((weights @ reach.by_torque) * u, 0.0)))

@@ -10,17 +10,30 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import brentq, linprog
 
 from boomctl.arrays import Array
-from boomctl.slew.least_time.flow import LinearFlow
+from boomctl.slew.linear import LinearFlow, flow
+from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import SlewError
+from boomctl.slew.torque import TorqueHistory, bang_bang
 
-_GRIDS = (200, 600, 2000, 6000)
-_NEWTON = 60
-_STRETCH = 0.1
-_HOPELESS = 1e9
-_PARTS = 2000
+_GRIDS = (200, 600, 2000, 6000)  # intervals, the next where the one before shows no arcs that Newton's method takes
 _BLIND, _SEEN = 3.0, 0.3  # rad that the fastest vibration turns in an interval of the grid
+_BESIDE = (0.999, 1.001, 0.99, 1.01)  # factors of the torque limit from which Newton's method starts, the nearest first
+_BRACKET = 0.1  # steps of the logarithm of the time, in which the least is bracketed; a choice
+_BRACKETS = 200  # such steps: e^20 times the guess either way
+_EXACT = 1e-11  # relative accuracy of the least time on a grid, far below what the grid itself costs
+_HOPELESS = 1e9  # torque over its limit that stands for "in no time like this one"
+_AT_LIMIT = 0.999  # share of the limit from which a torque on a grid counts as at it; HiGHS keeps bounds to 1e-7
+_DECIDED = 0.5  # share of the limit from which a torque on a grid shows its sign
+_NEWTON = 60  # steps of Newton's method at most; from where arcs are about to appear it is damped and slow
+_CONVERGED, _ROUNDED = 1e-9, 1e-11  # largest last step of a time over the duration: to be believed; to be left at once
+_SHORTEST = 1e-4  # of a step of Newton's method; below it switching times cross
+_TOGETHER = 1e-7  # share of the duration below which two switching times are one: the arc between them does nothing
+_AGREE = 1e-6  # size of a switching function of the wrong sign, over its largest, that is rounding at the switches
+_SAMPLES = 4000  # instants at which the signs of torque and switching function are compared; a choice
+_PARTS = 2000  # of the duration, in which the integral of |p| is summed: |p| is smooth between switches
 
 
 class SwitchesNotFound(SlewError):
@@ -29,13 +42,13 @@ class SwitchesNotFound(SlewError):
 
 @dataclass(frozen=True, eq=False)
 class LinearTimeProblem:
-    """From z = start to ``wanted z(T) = target`` in least time.
+    """From z = start to ``ends z(T) = target`` in least time.
 
     Attributes
     ----------
     flow : LinearFlow
     start : ndarray, n
-    wanted : ndarray, m x n
+    ends : ndarray, m x n
         Rows of the end state that are prescribed, independent.
     target : ndarray, m
     limit : float
@@ -44,7 +57,7 @@ class LinearTimeProblem:
 
     flow: LinearFlow
     start: Array
-    wanted: Array
+    ends: Array
     target: Array
     limit: float
 
@@ -60,31 +73,71 @@ class Extremal:
     duration : float
         s.
     sign : float
-        Of the first stretch.
+        Of the first arc.
+    limit : float
+        Of the torque, N m.
     costate : ndarray, n
         At the end, such that the Hamiltonian is 1.
     residual : float
-        What the conditions lack, relative.
+        Last step of Newton's method, over the duration.
+    path : tuple of str
+        What was done beside the usual, in words.
     """
 
     switches: Array
     duration: float
     sign: float
+    limit: float
     costate: Array
     residual: float
+    path: tuple[str, ...] = ("linear switching times",)
+
+    @property
+    def history(self) -> TorqueHistory:
+        """The torque."""
+        return bang_bang(self.switches, self.duration, self.limit, self.sign)
 
 
-def fastest(problem: LinearTimeProblem, guess: float) -> Extremal:
-    """Return the least time from a guess of it [s].
+def linear_time_problem(problem: SlewProblem) -> LinearTimeProblem:
+    """Minimum time of the linear part under the torque's limit alone."""
+    target = problem.ends @ problem.target
+    return LinearTimeProblem(flow(problem), problem.start, problem.ends, target, problem.limits.torque)
+
+
+def least_time(problem: SlewProblem) -> Extremal:
+    """Minimum-time slew of the linear part: where nonlinear plants start, and for linear ones the answer itself.
 
     Raises
     ------
     SlewError
-        If no torque within the limit leads there, or the switching times are not found.
+        If no torque within the limit leads to the end, or the switching times are not found.
     """
-    best, quickest = None, _quickest(problem.flow)
+    linear, guess = linear_time_problem(problem), problem.rigid_time
+    try:
+        return _fastest(linear, guess)
+    except SwitchesNotFound as failure:
+        # where an arc is about to appear, no grid shows how many there are; a torque limit beside the given one may
+        for factor in _BESIDE:
+            try:
+                near = replace(_fastest(replace(linear, limit=factor * linear.limit), guess), limit=linear.limit)
+            except SlewError:
+                continue
+            found = _merged(linear, _newton(linear, _fitted(linear, near)))
+            if found is not None and misfit(linear, found) < _AGREE:
+                return replace(found, path=(*found.path, f"started from {factor:g} of the torque limit"))
+        raise failure
+
+
+def time_gap(problem: LinearTimeProblem, found: Extremal) -> float:
+    """Time that might still be gained, relative: by weak duality, and where the torque has the wrong sign; at most all."""
+    return min(1.0, max(1.0 - lower_bound(problem, found) / found.duration, misfit(problem, found)))
+
+
+def _fastest(problem: LinearTimeProblem, guess: float) -> Extremal:
+    """The least time from a guess of it [s]."""
+    best, vibration = None, _fastest_vibration(problem.flow)
     for intervals in _GRIDS:
-        turn = quickest * guess / intervals
+        turn = vibration * guess / intervals
         if turn > _BLIND and intervals != _GRIDS[-1]:
             continue
         try:
@@ -96,21 +149,15 @@ def fastest(problem: LinearTimeProblem, guess: float) -> Extremal:
         guess = duration
         for count_from in (_from_costate, _from_values):
             first = count_from(problem, duration, values, costate)
-            found = None if first is None else _merged(problem, _sharpened(problem, first))
-            if found is not None and _agrees(problem, found):
+            found = None if first is None else _merged(problem, _newton(problem, first))
+            if found is not None and misfit(problem, found) < _AGREE:
                 return found
             best = found or best
     missing = "none converged" if best is None else f"conditions are missed by {best.residual:.1e}"
     raise SwitchesNotFound(f"minimum time: the switching times could not be found; {missing}")
 
 
-def polished(problem: LinearTimeProblem, near: Extremal) -> Extremal | None:
-    """The least time from that of a problem nearby; None if its switches do not lead there."""
-    found = _merged(problem, _sharpened(problem, _fitted(problem, near)))
-    return found if found is not None and _agrees(problem, found) else None
-
-
-def _quickest(flow: LinearFlow) -> float:
+def _fastest_vibration(flow: LinearFlow) -> float:
     """Frequency of the fastest vibration that the torque moves, rad/s."""
     values, left = np.linalg.eig(flow.A.T)
     felt = np.abs(left.T @ flow.B) > 1e-12 * np.linalg.norm(left, axis=0) * np.linalg.norm(flow.B)
@@ -136,41 +183,40 @@ def lower_bound(problem: LinearTimeProblem, found: Extremal) -> float:
 
     With ``c`` the costate, any torque that leads from start to target in the time T has
     ``c^T (target - exp(A T) start) = int p u dt <= limit int |p| dt``. At the time found the two sides differ by rounding
-    and by what the switching times lack; that difference over the Hamiltonian (1 at the end) is a time. Where the plant
+    and by what the switching times miss; that difference over the Hamiltonian (1 at the end) is a time. Where the plant
     can wait at its start or its target, less time than that is impossible too.
     """
     row, most = found.costate, 0.0
-    for stretch in np.diff(np.concatenate([[0.0], found.switches, [found.duration]]))[::-1]:
-        parts = math.ceil(_PARTS * stretch / found.duration)
-        E, push = problem.flow.step(stretch / parts)
+    for arc in np.diff(np.concatenate([[0.0], found.switches, [found.duration]]))[::-1]:
+        parts = math.ceil(_PARTS * arc / found.duration)
+        Phi, push = problem.flow.step(arc / parts)
         for _ in range(parts):
             most += problem.limit * abs(float(row @ push))
-            row = row @ E
-    weights = np.linalg.lstsq(problem.wanted.T, found.costate, rcond=None)[0]
+            row = row @ Phi
+    weights = np.linalg.lstsq(problem.ends.T, found.costate, rcond=None)[0]
     needed = float(weights @ problem.target - row @ problem.start)
     return found.duration - abs(needed - most)
 
 
 def _grid_solution(problem: LinearTimeProblem, guess: float, intervals: int) -> tuple[float, Array, Array]:
     """Least time [s] of torques held on equal intervals, the torque over its limit, and the costate."""
-    from scipy.optimize import brentq
 
     def excess(logarithm: float) -> float:
         return math.log(_least_peak(problem, math.exp(logarithm), intervals)[0])
 
     low = high = math.log(guess)
     value = excess(low)
-    for _ in range(200):
+    for _ in range(_BRACKETS):
         if value == 0.0:
             break
-        further = (high if value > 0.0 else low) + math.copysign(_STRETCH, value)
+        further = (high if value > 0.0 else low) + math.copysign(_BRACKET, value)
         last, value = value, excess(further)
         low, high = (high, further) if last > 0.0 else (further, low)
         if last * value <= 0.0:
             break
     else:
         raise SlewError("torque_limit: no torque within it leads to the end state in any time tried")
-    found = brentq(excess, low, high, xtol=1e-11, rtol=1e-11) if low < high else low
+    found = brentq(excess, low, high, xtol=_EXACT, rtol=_EXACT) if low < high else low
     duration = math.exp(float(found))
     _, values, costate = _least_peak(problem, duration, intervals)
     return duration, values, costate
@@ -178,11 +224,9 @@ def _grid_solution(problem: LinearTimeProblem, guess: float, intervals: int) -> 
 
 def _least_peak(problem: LinearTimeProblem, duration: float, intervals: int) -> tuple[float, Array, Array]:
     """Least peak of the torque over its limit, the torque over its limit, and the costate, for a given time."""
-    from scipy.optimize import linprog
-
-    G = problem.wanted @ problem.flow.responses(duration, intervals) * problem.limit
-    E = problem.flow.step(duration)[0]
-    d = problem.target - problem.wanted @ (E @ problem.start)
+    G = problem.ends @ problem.flow.responses(duration, intervals) * problem.limit
+    Phi = problem.flow.step(duration)[0]
+    d = problem.target - problem.ends @ (Phi @ problem.start)
     scale = np.linalg.norm(G, axis=1)
     if not np.any(d):
         raise SlewError("angle: the plant is at its end state already; expected a slew that leads somewhere")
@@ -200,27 +244,31 @@ def _least_peak(problem: LinearTimeProblem, duration: float, intervals: int) -> 
         )
         if answer.status == 0:
             break
-    # no torque at all, and none of the way, is always a solution: what fails is arithmetic, in times far too short
+    # no torque, which leads nowhere, is always a solution: what fails is arithmetic, in times far too short
     if answer is None or answer.status != 0 or answer.x[-1] <= 1.0 / _HOPELESS:
         return _HOPELESS, np.zeros(intervals), np.zeros(problem.start.size)
-    costate = (-answer.eqlin.marginals / scale) @ problem.wanted
+    costate = (-answer.eqlin.marginals / scale) @ problem.ends
     return 1.0 / float(answer.x[-1]), answer.x[:-1], costate
 
 
 def _from_costate(problem: LinearTimeProblem, duration: float, values: Array, costate: Array) -> Extremal | None:
     """Switches where the grid's costate has its switching function change sign."""
-    if values[np.abs(values) > 0.5].size == 0:
+    if values[np.abs(values) > _DECIDED].size == 0:
         return None
-    rough = Extremal(np.zeros(0), duration, 1.0, costate, np.inf)
+    rough = Extremal(np.zeros(0), duration, 1.0, problem.limit, costate, np.inf)
     t = np.linspace(0.0, duration, 2 * values.size + 1)
     p = switching_function(problem, rough, t)
-    sign = np.sign(values[np.abs(values) > 0.5][0])
+    sign = np.sign(values[np.abs(values) > _DECIDED][0])
     if np.sign(np.sum(p[:-1:2] * values)) < 0.0:
         costate, p = -costate, -p
     change = np.flatnonzero(np.sign(p[:-1]) * np.sign(p[1:]) < 0)
     share = p[change] / (p[change] - p[change + 1])
     switches = t[change] + share * (t[1] - t[0])
-    return _normalised(problem, replace(rough, switches=switches, costate=costate, sign=float(sign)))
+    rough = replace(rough, switches=switches, sign=float(sign))
+    hamiltonian = float(costate @ _end(problem, rough)[1])
+    if not np.isfinite(hamiltonian) or hamiltonian == 0.0:
+        return None
+    return replace(rough, costate=costate / hamiltonian)
 
 
 def _from_values(problem: LinearTimeProblem, duration: float, values: Array, costate: Array) -> Extremal | None:
@@ -228,14 +276,14 @@ def _from_values(problem: LinearTimeProblem, duration: float, values: Array, cos
     h = duration / values.size
     switches, sign = [], 0.0
     for k, value in enumerate(values):
-        if abs(value) < 0.999:
+        if abs(value) < _AT_LIMIT:
             before = values[k - 1] if k else -(values[k + 1] if k + 1 < values.size else -1.0)
             if k + 1 < values.size and before * values[k + 1] < 0.0:
                 switches.append((k + 0.5 * (1.0 + value * np.sign(before))) * h)
-        elif k and abs(values[k - 1]) >= 0.999 and value * values[k - 1] < 0.0:
+        elif k and abs(values[k - 1]) >= _AT_LIMIT and value * values[k - 1] < 0.0:
             switches.append(k * h)
-        sign = sign or float(np.sign(value) if abs(value) > 0.999 else 0.0)
-    rough = Extremal(np.array(switches), duration, sign or 1.0, costate, np.inf)
+        sign = sign or float(np.sign(value) if abs(value) > _AT_LIMIT else 0.0)
+    rough = Extremal(np.array(switches), duration, sign or 1.0, problem.limit, costate, np.inf)
     return _fitted(problem, rough)
 
 
@@ -243,21 +291,16 @@ def _fitted(problem: LinearTimeProblem, rough: Extremal) -> Extremal:
     """The costate whose switching function vanishes at the switches, its Hamiltonian 1; the grid's may not be unique."""
     _, rate = _end(problem, rough)
     later = [problem.flow.step(rough.duration - float(t))[0] @ problem.flow.B for t in rough.switches]
-    lines = np.array([*later, rate]) @ problem.wanted.T
-    columns = np.maximum(np.abs(lines).max(axis=0), 1e-300)
-    sizes = np.maximum(np.abs(lines / columns).max(axis=1), 1e-300)
-    right = np.append(np.zeros(rough.switches.size), 1.0) / sizes
-    weights = np.linalg.lstsq(lines / columns / sizes[:, None], right, rcond=1e-12)[0] / columns
-    return replace(rough, costate=weights @ problem.wanted)
+    lines = np.array([*later, rate]) @ problem.ends.T
+    weights = _least_squares(lines, np.append(np.zeros(rough.switches.size), 1.0), 1e-12)
+    return replace(rough, costate=weights @ problem.ends)
 
 
-def _normalised(problem: LinearTimeProblem, rough: Extremal) -> Extremal | None:
-    """The costate scaled and turned such that the Hamiltonian at the end is 1."""
-    _, rate = _end(problem, rough)
-    size = float(rough.costate @ rate)
-    if not np.isfinite(size) or size == 0.0:
-        return None
-    return replace(rough, costate=rough.costate / size)
+def _least_squares(matrix: Array, right: Array, rcond: float) -> Array:
+    """Solve equations of any sizes and units: columns and rows are brought to the size one first."""
+    columns = np.maximum(np.abs(matrix).max(axis=0), 1e-300)
+    lines = np.maximum(np.abs(matrix / columns).max(axis=1), 1e-300)
+    return np.linalg.lstsq(matrix / columns / lines[:, None], right / lines, rcond=rcond)[0] / columns
 
 
 def _end(problem: LinearTimeProblem, found: Extremal) -> tuple[Array, Array]:
@@ -265,41 +308,39 @@ def _end(problem: LinearTimeProblem, found: Extremal) -> tuple[Array, Array]:
     edges = np.concatenate([[0.0], found.switches, [found.duration]])
     z, value = problem.start, found.sign * problem.limit
     for k, h in enumerate(np.diff(edges)):
-        E, push = problem.flow.step(float(h))
-        z = E @ z + push * value * (-1.0) ** k
+        Phi, push = problem.flow.step(float(h))
+        z = Phi @ z + push * value * (-1.0) ** k
     last = value * (-1.0) ** found.switches.size
     return z, problem.flow.A @ z + problem.flow.B * last
 
 
 def _merged(problem: LinearTimeProblem, found: Extremal | None) -> Extremal | None:
-    """Leave out pairs of switches that coincide, and sharpen the rest again."""
+    """Leave out pairs of switches that coincide, and solve for the rest again."""
     while found is not None and found.switches.size > 1:
         gaps = np.diff(found.switches)
         k = int(np.argmin(gaps))
-        if gaps[k] > 1e-7 * found.duration:
+        if gaps[k] > _TOGETHER * found.duration:
             break
-        found = _sharpened(problem, replace(found, switches=np.delete(found.switches, [k, k + 1])))
+        found = _newton(problem, replace(found, switches=np.delete(found.switches, [k, k + 1])))
     return found
 
 
-def _sharpened(problem: LinearTimeProblem, first: Extremal) -> Extremal | None:
+def _newton(problem: LinearTimeProblem, first: Extremal) -> Extremal | None:
     """Newton's method on all of Pontryagin's conditions; None if the switches cross or it does not converge."""
-    found, wanted = first, problem.wanted
-    weights = np.linalg.lstsq(wanted.T, first.costate, rcond=None)[0]
+    found, ends = first, problem.ends
+    weights = np.linalg.lstsq(ends.T, first.costate, rcond=None)[0]
     best, size = None, np.inf
     for _ in range(_NEWTON):
         residual, slope = _conditions(problem, found, weights)
-        columns = np.maximum(np.abs(slope).max(axis=0), 1e-300)
-        lines = np.maximum(np.abs(slope / columns).max(axis=1), 1e-300)
-        move = np.linalg.lstsq(slope / columns / lines[:, None], -residual / lines, rcond=1e-14)[0] / columns
+        move = _least_squares(slope, -residual, 1e-14)
         count = found.switches.size
         step = float(np.abs(move[: count + 1]).max() / found.duration)
         if step < size:
-            best, size = replace(found, costate=weights @ wanted, residual=float(step)), step
-        elif size < 1e-11:
+            best, size = replace(found, costate=weights @ ends, residual=float(step)), step
+        elif size < _ROUNDED:
             break
         damping = 1.0
-        while damping > 1e-4:
+        while damping > _SHORTEST:
             times = np.append(found.switches, found.duration) + damping * move[: count + 1]
             if np.all(np.diff(np.concatenate([[0.0], times])) > 0.0):
                 break
@@ -308,13 +349,13 @@ def _sharpened(problem: LinearTimeProblem, first: Extremal) -> Extremal | None:
             return None
         found = replace(found, switches=times[:-1], duration=float(times[-1]))
         weights = weights + damping * move[count + 1 :]
-    return best if size < 1e-9 else None
+    return best if size < _CONVERGED else None
 
 
 def _conditions(problem: LinearTimeProblem, found: Extremal, weights: Array) -> tuple[Array, Array]:
-    """What end conditions, switching function and Hamiltonian lack, and the derivatives (switches, time, weights)."""
-    A, B, wanted = problem.flow.A, problem.flow.B, problem.wanted
-    m, k = wanted.shape[0], found.switches.size
+    """Defects of end conditions, switching function and Hamiltonian, and their derivatives (switches, time, weights)."""
+    A, B, ends = problem.flow.A, problem.flow.B, problem.ends
+    m, k = ends.shape[0], found.switches.size
     z, rate = _end(problem, found)
     moved = np.empty((B.size, k + 1))  # d z(T) / d (switches, T)
     later = np.empty((B.size, k))  # exp(A (T - t_i)) B
@@ -322,24 +363,19 @@ def _conditions(problem: LinearTimeProblem, found: Extremal, weights: Array) -> 
         later[:, i] = problem.flow.step(found.duration - float(t))[0] @ B
         moved[:, i] = later[:, i] * 2.0 * found.sign * problem.limit * (-1.0) ** i
     moved[:, k] = rate
-    row = weights @ wanted
-    residual = np.concatenate([wanted @ z - problem.target, row @ later, [row @ rate - 1.0]])
+    row = weights @ ends
+    residual = np.concatenate([ends @ z - problem.target, row @ later, [row @ rate - 1.0]])
     slope = np.zeros((m + k + 1, k + 1 + m))
-    slope[:m, : k + 1] = wanted @ moved
+    slope[:m, : k + 1] = ends @ moved
     turn = row @ A @ later
-    slope[m : m + k, :k], slope[m : m + k, k], slope[m : m + k, k + 1 :] = -np.diag(turn), turn, (wanted @ later).T
-    slope[-1, : k + 1], slope[-1, k + 1 :] = row @ A @ moved, wanted @ rate
+    slope[m : m + k, :k], slope[m : m + k, k], slope[m : m + k, k + 1 :] = -np.diag(turn), turn, (ends @ later).T
+    slope[-1, : k + 1], slope[-1, k + 1 :] = row @ A @ moved, ends @ rate
     return residual, slope
 
 
-def _agrees(problem: LinearTimeProblem, found: Extremal) -> bool:
-    """Whether the torque has the sign of the switching function everywhere."""
-    return misfit(problem, found) < 1e-6
-
-
-def misfit(problem: LinearTimeProblem, found: Extremal, samples: int = 4000) -> float:
+def misfit(problem: LinearTimeProblem, found: Extremal) -> float:
     """Largest size of the switching function where the torque has the other sign, over its largest size."""
-    t = (np.arange(samples) + 0.5) * found.duration / samples
+    t = (np.arange(_SAMPLES) + 0.5) * found.duration / _SAMPLES
     p = switching_function(problem, found, t)
     sign = found.sign * (-1.0) ** np.searchsorted(found.switches, t, side="right")
     return float(max(0.0, (-p * sign).max()) / np.abs(p).max())

@@ -8,18 +8,18 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.printing import compact, listed
+from boomctl.slew.linear import guess_from, least_effort
 from boomctl.slew.nlp.programme import prepare
-from boomctl.slew.nlp.transcription import Scheme, transcribe
-from boomctl.slew.problem import SlewProblem, slew_problem
-from boomctl.slew.reference import cheapest, guess_from, typical_sizes
+from boomctl.slew.nlp.transcription import Scheme
+from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.replay import end_error, played
 from boomctl.slew.result import SlewError
-from boomctl.slew.torque import TorqueHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_FLOOR = 3e-9
+_FLOOR = 3e-9  # error below which a replay, to 1e-10, does not tell schemes apart
+_TOLERANCE = 1e-9  # of the end, for which IPOPT is to leave nothing of its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,39 +92,29 @@ def mesh_study(
     """
     lines, cost = [], np.zeros(len(intervals))
     for method, order in schemes:
-        problem = slew_problem(h, angle, torque_limit, "effort", duration, method=method)
+        problem = slew_problem(h, angle, Limits(torque_limit), "effort", duration, method=method)
         errors = np.full(len(intervals), np.nan)
         cost = np.full(len(intervals), np.nan)
         for k, count in enumerate(intervals):
-            history = _solved(problem, duration, count, order)
-            if history is not None:
-                errors[k], cost[k] = end_error(problem, played(problem, history, 3)), history.effort
-        lines.append(MeshLine(_label(method, order), errors, _slope(intervals, errors), _theory(method, order)))
+            guess = guess_from(problem, least_effort(problem, duration, count).history, count)
+            programme = prepare(problem, Scheme(method, "effort", count, order), guess, _TOLERANCE)
+            try:
+                history = programme.solve(problem, guess).history
+            except SlewError:
+                continue
+            errors[k], cost[k] = end_error(problem, played(problem, history, 3)), history.effort
+        theory = {"shooting": 4.0, "collocation": 2.0 * order, "radau": 2.0 * order - 1.0}[method]
+        lines.append(MeshLine(_label(method, order), errors, _slope(intervals, errors), theory))
     best = cost[-1] - (cost[-2] - cost[-1]) / 3.0
     held = np.append(np.abs(cost / best - 1.0)[:-1], 0.0)
     lines.append(MeshLine("least effort, torque held on each interval", held, _slope(intervals, held), 2.0))
     return MeshStudy(duration, np.array(intervals), tuple(lines))
 
 
-def _solved(problem: SlewProblem, duration: float, count: int, order: int) -> TorqueHistory | None:
-    """The torque on one mesh; None where a coarse one has no solution."""
-    guess = guess_from(problem, cheapest(problem, duration, count).history, count, False)
-    scheme = Scheme(problem.method, "effort", count, order, False, False, ())
-    parts = transcribe(problem.plants, scheme, typical_sizes(guess), problem.torque_limit, duration, problem.ends)
-    try:
-        return prepare(parts, 1e-9).solve(problem, guess).history
-    except SlewError:
-        return None
-
-
 def _label(method: str, order: int) -> str:
     rule = {"shooting": "shooting", "collocation": "Gauss collocation", "radau": "Radau collocation"}[method]
     part = "substep" if method == "shooting" else "point"
     return f"end state, {rule}, {order} {part}{'s' if order > 1 else ''}"
-
-
-def _theory(method: str, order: int) -> float:
-    return {"shooting": 4.0, "collocation": 2.0 * order, "radau": 2.0 * order - 1.0}[method]
 
 
 def _slope(intervals: tuple[int, ...], errors: Array) -> float:

@@ -1,23 +1,24 @@
 """A slew as a nonlinear programme: one stage function, mapped over equal intervals, with its exact derivatives.
 
-Unknowns, stage after stage: states z_k of all plants, torque u_k, stage rates of the collocation; then the last states
+Unknowns, stage after stage: states z_k of all plants, torque u_k, rates at the collocation points; then the last states
 (and torque), the duration and the bound of the tip. All are scaled to about one. Jacobian and Hessian of the Lagrangian
 are put together from those of one stage, so that nothing is differentiated twice and building costs next to nothing.
 """
 
-import itertools
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
+import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.least_time.stepping import shooting_step
-from boomctl.slew.nlp.dynamics import collocation_defects, rates
-from boomctl.slew.plant import Plant
+from boomctl.gauss import gauss_method
+from boomctl.slew.dynamics import explicit_step, rates
+from boomctl.slew.plant import SlewPlant
 
-if TYPE_CHECKING:
-    import casadi
+_AT_NODES = ("speed", "tip", "moment")
+"""Limits that are kept at the nodes; that of the torque is a bound, that of its slope a condition of each interval."""
+_CHATTER = 1e-6  # price of the torque and its changes beside the tip's bound: too small to be seen, enough to decide
 
 
 @dataclass(frozen=True)
@@ -36,21 +37,31 @@ class Scheme:
         Whether the torque is continuous and straight between nodes; else it is constant on each interval.
     free_time : bool
     limits : tuple of str
-        Which of "rate", "speed", "tip", "moment" are limited.
+        Which of "torque_rate", "speed", "tip", "moment" are limited.
     """
 
     method: str
     objective: str
     intervals: int
     order: int
-    ramp: bool
-    free_time: bool
-    limits: tuple[str, ...]
+    ramp: bool = False
+    free_time: bool = False
+    limits: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Units:
+    """Typical sizes, by which unknowns and conditions are divided: of all states, torque [N m], time [s], tip [m]."""
+
+    states: Array
+    torque: float
+    time: float
+    tip: float
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where what stands among the unknowns, and units.
+    """Where what stands among the unknowns.
 
     Attributes
     ----------
@@ -59,10 +70,6 @@ class Layout:
     rates : ndarray of int, N x (n d)
     duration, bound : int or None
     size : int
-    unit : ndarray, n
-        Of the states.
-    torque_unit, time_unit : float
-    tip_unit : float
     """
 
     states: Array
@@ -71,114 +78,147 @@ class Layout:
     duration: int | None
     bound: int | None
     size: int
-    unit: Array
-    torque_unit: float
-    time_unit: float
-    tip_unit: float
+
+    @property
+    def local(self) -> Array:
+        """Unknowns of each stage, N x local: z, u, rates, next z, next u where it ramps, duration, bound."""
+        N = self.rates.shape[0]
+        parts = [self.states[:-1], self.torques[:N, None], self.rates, self.states[1:]]
+        if self.torques.size > N:
+            parts.append(self.torques[1:, None])
+        return np.hstack([*parts, *(np.full((N, 1), i) for i in (self.duration, self.bound) if i is not None)])
+
+    @property
+    def last(self) -> Array:
+        """Unknowns of the last node: z, bound."""
+        return np.append(self.states[-1], [] if self.bound is None else self.bound).astype(int)
 
 
 @dataclass(frozen=True, eq=False)
 class Transcription:
     """A nonlinear programme ready to be solved with any data.
 
-    Parameters of the programme: duration over its unit, limits of rate, speed, tip and moment.
-    Constraints: (defects, paths) of each stage, paths of the last, end conditions.
+    Attributes
+    ----------
+    scheme : Scheme
+    units : Units
+    layout : Layout
+    nlp : casadi.Function
+        ``(x, p) -> f, g``. Parameters: duration over its unit, then the limits of the scheme. Conditions: of each stage the
+        defects, which are zero, and the inequalities, which are at most zero; inequalities of the last node; the end.
+    derivatives : dict of str to casadi.Function
+        As options of CasADi's solvers.
+    defects : int
+        Of a stage.
+    names : tuple of str
+        What the inequalities of a stage are.
+    last : int
+        Inequalities of the last node.
+    ends : ndarray, m x n
+        Rows of the prescribed end, over scaled states.
+    blocks : tuple of slice
+        Places of the plants in the states.
+    made_of : tuple
+        What `transcribe` was given.
     """
 
     scheme: Scheme
+    units: Units
     layout: Layout
-    nlp: "casadi.Function"
-    options: dict[str, Any]
+    nlp: ca.Function
+    derivatives: dict[str, Any]
     defects: int
-    paths: int
-    ends: Array
-    count: int
-    blocks: tuple[slice, ...]
     names: tuple[str, ...]
+    last: int
+    ends: Array
+    blocks: tuple[slice, ...]
     made_of: tuple[Any, ...] = field(repr=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle what it was made of: a few kilobytes and 0.1 s, in place of megabytes of CasADi functions."""
         return transcribe, self.made_of
 
+    @property
+    def stage_rows(self) -> int:
+        """Conditions of a stage."""
+        return self.defects + len(self.names)
 
-def transcribe(
-    plants: tuple[Plant, ...], scheme: Scheme, units: Array, torque: float, time: float, ends: Array
-) -> "Transcription":
+    @property
+    def stages_end(self) -> int:
+        """Where the conditions of all stages end."""
+        return self.stage_rows * self.scheme.intervals
+
+
+Parts: TypeAlias = tuple[tuple[SlewPlant, slice], ...]
+"""Plants, which the one torque drives, with their places in the states."""
+
+
+def transcribe(parts: Parts, ends: Array, scheme: Scheme, units: Units) -> Transcription:
     """Build the programme.
 
     Parameters
     ----------
-    plants : tuple of Plant
-        All are driven by the one torque.
-    scheme : Scheme
-    units : ndarray, n
-        Typical sizes of all states.
-    torque, time : float
-        Typical torque [N m] and duration [s].
+    parts : tuple of (SlewPlant, slice)
     ends : ndarray, m x n
         Rows over all states that are prescribed at the end.
+    scheme : Scheme
+    units : Units
     """
-    import casadi as ca
+    N, layout = scheme.intervals, _layout(scheme, units.states.size)
+    stage, local = _stage(parts, scheme, units, layout), layout.local
+    x, p = ca.MX.sym("x", layout.size), ca.MX.sym("p", 1 + len(scheme.limits))
+    every, data = ca.reshape(x[local.ravel().tolist()], local.shape[1], N), ca.repmat(p, 1, N)
+    last = ca.vertcat(*[x[int(i)] for i in layout.last])
+    values, costs = stage.value.map(N)(every, data)
+    paths = stage.path(last, p)
+    scaled = ends * units.states / np.maximum(np.abs(ends * units.states).max(axis=1, keepdims=True), 1e-300)
+    g = ca.vertcat(ca.vec(values), paths, ca.mtimes(ca.DM(scaled), x[layout.states[-1].tolist()]))
+    total, rows, last_rows = ca.sum2(costs), int(stage.value.size1_out(0)), int(paths.shape[0])
 
-    n = sum(plant.n for plant in plants)
-    layout = _layout(scheme, n, units, torque, time, _tip_unit(plants, units))
-    stage = _stage(plants, scheme, layout)
-    N, local = scheme.intervals, _local_indices(scheme, layout)
-    x, p = ca.MX.sym("x", layout.size), ca.MX.sym("p", 5)
-    every = _gather(x, local)
-    values, costs = stage.value.map(N)(every, ca.repmat(p, 1, N))
-    last = ca.vertcat(*[x[int(i)] for i in _last_indices(layout)])
-    end_rows = ca.DM(ends * units / np.maximum(np.abs(ends * units).max(axis=1, keepdims=True), 1e-300))
-    final_paths = stage.paths(last, p)
-    g = ca.vertcat(ca.vec(values), final_paths, ca.mtimes(end_rows, x[layout.states[-1].tolist()]))
-    total = ca.sum2(costs)
-    nlp = ca.Function("nlp", [x, p], [total, g], ["x", "p"], ["f", "g"])
-    shape = (int(stage.value.size1_out(0)), int(final_paths.shape[0]))
-    options = _derivatives(stage, scheme, layout, local, x, p, end_rows, shape, (total, g))
-    scaled_ends = np.array(end_rows)
-    defects = shape[0] - shape[1] - _rate_rows(scheme)
-    firsts = np.cumsum([0, *(plant.n for plant in plants)])
-    blocks = tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(firsts))
-    names = _names(plants, scheme)
-    made_of = (plants, scheme, units, torque, time, ends)
+    gradients = ca.vec(stage.gradient.map(N)(every, data)[1])
+    gradient = ca.densify(_assembled([local.ravel()], [np.zeros(local.size, int)], (layout.size, 1), gradients))
+    r, c = (np.array(each) for each in stage.jacobian_pattern.get_triplet())
+    pr, pc = (np.array(each) for each in stage.path_pattern.get_triplet())
+    er, ec = np.nonzero(scaled)
+    g_rows = [np.arange(N)[:, None] * rows + r, N * rows + pr, N * rows + last_rows + er]
+    g_columns = [
+        local[:, c] if c.size else np.zeros((N, 0), int),
+        layout.last[pc] if pc.size else pc,
+        layout.states[-1][ec],
+    ]
+    entries = ca.vertcat(
+        ca.vec(stage.jacobian.map(N)(every, data)[2]),
+        stage.path_jacobian(x[layout.last.tolist()], p),
+        ca.DM(scaled[er, ec]),
+    )
+    jacobian = _assembled(g_rows, g_columns, (int(g.shape[0]), layout.size), entries)
+    weight, multipliers = ca.MX.sym("w"), ca.MX.sym("m", g.shape[0])
+    per_stage = ca.reshape(multipliers[: N * rows], rows, N)
+    nonzeros = stage.hessian.map(N)(every, data, ca.repmat(weight, 1, N), per_stage)
+    hr, hc = (np.array(each) for each in stage.hessian_pattern.get_triplet())
+    a, b = local[:, hr], local[:, hc]
+    hessian = _assembled([np.minimum(a, b)], [np.maximum(a, b)], (layout.size, layout.size), ca.vec(nonzeros))
+    given = ["x", "p", "lam_f", "lam_g"]
     return Transcription(
-        scheme, layout, nlp, options, defects, shape[1], scaled_ends, int(g.shape[0]), blocks, names, made_of
+        scheme=scheme,
+        units=units,
+        layout=layout,
+        nlp=ca.Function("nlp", [x, p], [total, g], ["x", "p"], ["f", "g"]),
+        derivatives={
+            "grad_f": ca.Function("grad_f", [x, p], [total, gradient], ["x", "p"], ["f", "grad_f_x"]),
+            "jac_g": ca.Function("jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+            "hess_lag": ca.Function("hess_lag", [x, p, weight, multipliers], [hessian], given, ["triu_hess_gamma_x_x"]),
+        },
+        defects=rows - len(stage.names),
+        names=stage.names,
+        last=last_rows,
+        ends=scaled,
+        blocks=tuple(own for _, own in parts),
+        made_of=(parts, ends, scheme, units),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Stage:
-    value: "casadi.Function"
-    paths: "casadi.Function"
-    jacobian: "casadi.Function"
-    gradient: "casadi.Function"
-    hessian: "casadi.Function"
-    jacobian_pattern: Any
-    hessian_pattern: Any
-    path_jacobian: "casadi.Function"
-    path_pattern: Any
-
-
-def _names(plants: tuple[Plant, ...], scheme: Scheme) -> tuple[str, ...]:
-    """What the inequalities of a stage are."""
-    one = [f"{kind}_limit" for kind in ("speed", "tip", "moment") if kind in scheme.limits for _ in range(2)]
-    one += ["the bound of the tip"] * (2 if scheme.objective == "tip" else 0)
-    return (*(one * len(plants)), *(["torque_rate_limit"] * _rate_rows(scheme)))
-
-
-def _rate_rows(scheme: Scheme) -> int:
-    return 2 if "rate" in scheme.limits else 0
-
-
-def _tip_unit(plants: tuple[Plant, ...], units: Array) -> float:
-    if "tip" not in plants[0].rows:
-        return 1.0
-    row = np.concatenate([plant.rows["tip"] for plant in plants])
-    return float(max(np.abs(row * units).max(), 1e-12))
-
-
-def _layout(scheme: Scheme, n: int, units: Array, torque: float, time: float, tip: float) -> Layout:
+def _layout(scheme: Scheme, n: int) -> Layout:
     N, extra = scheme.intervals, 0 if scheme.method == "shooting" else n * scheme.order
     width = n + 1 + extra
     first = np.arange(N) * width
@@ -192,205 +232,171 @@ def _layout(scheme: Scheme, n: int, units: Array, torque: float, time: float, ti
         duration, size = size, size + 1
     if scheme.objective == "tip":
         bound, size = size, size + 1
-    inner = first[:, None] + n + 1 + np.arange(extra)
-    return Layout(states, torques, inner, duration, bound, size, units, torque, time, tip)
+    return Layout(states, torques, first[:, None] + n + 1 + np.arange(extra), duration, bound, size)
 
 
-def _local_indices(scheme: Scheme, layout: Layout) -> Array:
-    """Unknowns of each stage, N x local: z, u, rates, next z, next u, duration, bound."""
-    N = scheme.intervals
-    parts = [layout.states[:-1], layout.torques[:N, None], layout.rates, layout.states[1:]]
-    if scheme.ramp:
-        parts.append(layout.torques[1:, None])
-    parts += [np.full((N, 1), i) for i in (layout.duration, layout.bound) if i is not None]
-    return np.hstack(parts)
+@dataclass(frozen=True, eq=False)
+class _Stage:
+    """Functions of the unknowns of a stage and the parameters: conditions and cost with their derivatives, by nonzeros."""
+
+    value: ca.Function
+    jacobian: ca.Function
+    gradient: ca.Function
+    hessian: ca.Function
+    path: ca.Function
+    path_jacobian: ca.Function
+    jacobian_pattern: Any
+    hessian_pattern: Any
+    path_pattern: Any
+    names: tuple[str, ...]
 
 
-def _last_indices(layout: Layout) -> Array:
-    return np.append(layout.states[-1], [] if layout.bound is None else layout.bound).astype(int)
+@dataclass(frozen=True, eq=False)
+class _Unknowns:
+    """Of a stage, scaled: states, torque and rates, next states and torque, width of the interval [s], bound of the tip."""
+
+    z: ca.SX
+    u: ca.SX
+    k: ca.SX
+    z1: ca.SX
+    u1: ca.SX
+    h: ca.SX
+    bound: ca.SX | None
 
 
-def _gather(x: "casadi.MX", local: Array) -> "casadi.MX":
-    import casadi as ca
-
-    return ca.reshape(x[local.ravel().tolist()], local.shape[1], local.shape[0])
-
-
-def _stage(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout) -> _Stage:
+def _stage(parts: Parts, scheme: Scheme, units: Units, layout: Layout) -> _Stage:
     """The stage function, scaled, and its derivatives."""
-    import casadi as ca
-
-    n, extra = layout.unit.size, layout.rates.shape[1]
-    count = 2 * n + 1 + extra + scheme.ramp + scheme.free_time + (scheme.objective == "tip")
-    v, p = ca.SX.sym("v", count), ca.SX.sym("p", 5)
-    z, u, k, z1 = v[:n], v[n], v[n + 1 : n + 1 + extra], v[n + 1 + extra : 2 * n + 1 + extra]
+    n, extra = units.states.size, layout.rates.shape[1]
+    v, p = ca.SX.sym("v", layout.local.shape[1]), ca.SX.sym("p", 1 + len(scheme.limits))
     at = 2 * n + 1 + extra
-    u1 = v[at] if scheme.ramp else u
-    at += scheme.ramp
-    time = (v[at] if scheme.free_time else p[0]) * layout.time_unit
-    bound = v[count - 1] if scheme.objective == "tip" else None
-    h = time / scheme.intervals
-    value = [_defects(plants, scheme, layout, (z, k, u, u1, h, z1))]
-    path = _paths(plants, scheme, layout, z, p, bound)
-    value.append(path)
-    if "rate" in scheme.limits:
-        change, most = u1 - u, p[1] * h / layout.torque_unit
+    limits = {kind: p[1 + i] for i, kind in enumerate(scheme.limits)}
+    time = (v[at + scheme.ramp] if scheme.free_time else p[0]) * units.time
+    s = _Unknowns(
+        z=v[:n],
+        u=v[n],
+        k=v[n + 1 : n + 1 + extra],
+        z1=v[n + 1 + extra : at],
+        u1=v[at] if scheme.ramp else v[n],
+        h=time / scheme.intervals,
+        bound=v[layout.local.shape[1] - 1] if scheme.objective == "tip" else None,
+    )
+    path, names = _path(parts, units, s, limits)
+    value = [_defects(parts, scheme, units, s), path]
+    if "torque_rate" in limits:
+        change, most = s.u1 - s.u, limits["torque_rate"] * s.h / units.torque
         value += [change - most, -change - most]
-    value = ca.vertcat(*value)
-    cost = _cost(plants, scheme, layout, (z, u, u1, z1, h, bound))
+        names += ["torque_rate_limit"] * 2
+    value, cost = ca.vertcat(*value), _cost(parts, scheme, units, s)
     multipliers, weight = ca.SX.sym("m", value.shape[0]), ca.SX.sym("w")
     jacobian = ca.jacobian(value, v)
-    lagrangian = weight * cost + ca.dot(multipliers, value)
-    hessian = ca.triu(ca.hessian(lagrangian, v)[0])
-    ends = v[:n] if bound is None else ca.vertcat(v[:n], bound)
-    path_jacobian = ca.jacobian(path, ends)
+    hessian = ca.triu(ca.hessian(weight * cost + ca.dot(multipliers, value), v)[0])
+    node = s.z if s.bound is None else ca.vertcat(s.z, s.bound)
+    path_jacobian = ca.jacobian(path, node)
+
+    def nonzeros(matrix: ca.SX) -> ca.SX:
+        return ca.sparsity_cast(matrix, ca.Sparsity.dense(matrix.nnz(), 1))
+
     return _Stage(
-        ca.Function("stage", [v, p], [value, cost]),
-        ca.Function("paths", [ends, p], [path]),
-        ca.Function("jacobian", [v, p], [value, cost, _nonzeros(jacobian)]),
-        ca.Function("gradient", [v, p], [cost, ca.gradient(cost, v)]),
-        ca.Function("hessian", [v, p, weight, multipliers], [_nonzeros(hessian)]),
-        jacobian.sparsity(),
-        hessian.sparsity(),
-        ca.Function("path_jacobian", [ends, p], [_nonzeros(path_jacobian)]),
-        path_jacobian.sparsity(),
+        value=ca.Function("stage", [v, p], [value, cost]),
+        jacobian=ca.Function("jacobian", [v, p], [value, cost, nonzeros(jacobian)]),
+        gradient=ca.Function("gradient", [v, p], [cost, ca.gradient(cost, v)]),
+        hessian=ca.Function("hessian", [v, p, weight, multipliers], [nonzeros(hessian)]),
+        path=ca.Function("path", [node, p], [path]),
+        path_jacobian=ca.Function("path_jacobian", [node, p], [nonzeros(path_jacobian)]),
+        jacobian_pattern=jacobian.sparsity(),
+        hessian_pattern=hessian.sparsity(),
+        path_pattern=path_jacobian.sparsity(),
+        names=tuple(names),
     )
 
 
-def _nonzeros(matrix: "casadi.SX") -> "casadi.SX":
-    import casadi as ca
-
-    pattern = ca.Sparsity.dense(matrix.nnz(), 1)
-    return ca.sparsity_cast(matrix, pattern)
-
-
-def _defects(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout, parts: tuple[Any, ...]) -> "casadi.SX":
-    import casadi as ca
-
-    z, k, u, u1, h, z1 = parts
-    torque, torque1 = u * layout.torque_unit, u1 * layout.torque_unit
-    defects, first, inner = [], 0, 0
-    for plant in plants:
-        own = slice(first, first + plant.n)
-        unit = ca.DM(layout.unit[own])
-        place, place1 = z[own] * unit, z1[own] * unit
+def _defects(parts: Parts, scheme: Scheme, units: Units, s: _Unknowns) -> ca.SX:
+    """By how much the next states, and the rates at the collocation points, miss the equations of motion."""
+    u, u1, order = s.u * units.torque, s.u1 * units.torque, scheme.order
+    defects, first = [], 0
+    for plant, own in parts:
+        unit = ca.DM(units.states[own])
+        z, z1 = s.z[own] * unit, s.z1[own] * unit
         if scheme.method == "shooting":
-            step = shooting_step(plant, scheme.order)
-            defects.append(step(place, torque, torque1, h) / unit - z1[own])
-        else:
-            whole = ca.repmat(unit / layout.time_unit, scheme.order, 1)
-            rate = k[inner : inner + plant.n * scheme.order] * whole
-            lack = collocation_defects(plant, scheme.order, scheme.method)(place, rate, torque, torque1, h, place1)
-            defects.append(lack / ca.vertcat(whole, unit))
-            inner += plant.n * scheme.order
-        first += plant.n
+            defects.append(explicit_step(plant, order)(z, u, u1, s.h) / unit - s.z1[own])
+            continue
+        whole = ca.repmat(unit / units.time, order, 1)
+        k = s.k[first : first + plant.n * order] * whole
+        defects.append(collocation_defects(plant, order, scheme.method)(z, k, u, u1, s.h, z1) / ca.vertcat(whole, unit))
+        first += plant.n * order
     return ca.vertcat(*defects)
 
 
-def _paths(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout, z: Any, p: Any, bound: Any) -> "casadi.SX":
-    """What is to be <= 0 at the nodes."""
-    import casadi as ca
+def collocation_coefficients(method: str, points: int) -> tuple[Array, Array, Array]:
+    """Nodes c, matrix a and weights b on [0, 1] of the Gauss-Legendre ("collocation") or Radau IIA ("radau") scheme."""
+    if method == "collocation":
+        gauss = gauss_method(points)
+        return gauss.nodes, gauss.A, gauss.weights
+    c = np.array(ca.collocation_points(points, "radau"))
+    powers = np.arange(1, points + 1)
+    inverse = np.linalg.inv(c[:, None] ** (powers - 1))
+    return c, (c[:, None] ** powers / powers) @ inverse, (1.0 / powers) @ inverse
 
-    lines, first = [], 0
-    for plant in plants:
-        own = slice(first, first + plant.n)
-        for index, name in ((2, "speed"), (3, "tip"), (4, "moment")):
-            if name in scheme.limits:
-                row = plant.rows[name] * layout.unit[own]
+
+def collocation_defects(plant: SlewPlant, points: int, method: str = "collocation") -> ca.Function:
+    """``(z, k, u0, u1, h, z1) -> defects`` of a collocation scheme; k (n x points) are the rates at its points.
+
+    With d points: Gauss-Legendre, of order 2 d, or Radau IIA, of order 2 d - 1 and stiffly accurate. The torque is a
+    straight line on a step. The explicit steps of shooting are an independent scheme.
+    """
+    c, a, b = collocation_coefficients(method, points)
+    z, z1 = ca.SX.sym("z", plant.n), ca.SX.sym("z1", plant.n)
+    k = ca.SX.sym("k", plant.n, points)
+    u0, u1, h = ca.SX.sym("u0"), ca.SX.sym("u1"), ca.SX.sym("h")
+    f, defects = rates(plant), []
+    for i in range(points):
+        inner = z + h * ca.mtimes(k, ca.DM(a[i]))
+        defects.append(f(inner, u0 + c[i] * (u1 - u0)) - k[:, i])
+    defects.append(z + h * ca.mtimes(k, ca.DM(b)) - z1)
+    return ca.Function("defects", [z, ca.vec(k), u0, u1, h, z1], [ca.vertcat(*defects)])
+
+
+def _path(parts: Parts, units: Units, s: _Unknowns, limits: dict[str, ca.SX]) -> tuple[ca.SX, list[str]]:
+    """What is to be <= 0 at the nodes, and what it is called."""
+    lines, names = [], []
+    for plant, own in parts:
+        for kind in _AT_NODES:
+            if kind in limits:
+                row = plant.rows[kind] * units.states[own]
                 size = float(np.abs(row).max())
-                value = ca.dot(ca.DM(row / size), z[own])
-                lines += [value - p[index] / size, -value - p[index] / size]
-        if bound is not None:
-            value = ca.dot(ca.DM(plant.rows["tip"] * layout.unit[own] / layout.tip_unit), z[own])
-            lines += [value - bound, -value - bound]
-        first += plant.n
-    return ca.vertcat(*lines) if lines else ca.SX(0, 1)
+                value = ca.dot(ca.DM(row / size), s.z[own])
+                lines += [value - limits[kind] / size, -value - limits[kind] / size]
+                names += [f"{kind}_limit"] * 2
+        if s.bound is not None:
+            value = ca.dot(ca.DM(plant.rows["tip"] * units.states[own] / units.tip), s.z[own])
+            lines += [value - s.bound, -value - s.bound]
+            names += ["the bound of the tip"] * 2
+    return ca.vertcat(*lines) if lines else ca.SX(0, 1), names
 
 
-def _cost(plants: tuple[Plant, ...], scheme: Scheme, layout: Layout, parts: tuple[Any, ...]) -> "casadi.SX":
-    import casadi as ca
-
-    z, u, u1, z1, h, bound = parts
-    N, share = scheme.intervals, h / layout.time_unit
-    effort = share * (u**2 + u * u1 + u1**2) / 3.0
+def _cost(parts: Parts, scheme: Scheme, units: Units, s: _Unknowns) -> ca.SX:
+    share = s.h / units.time
+    effort = share * (s.u**2 + s.u * s.u1 + s.u1**2) / 3.0
     if scheme.objective == "time":
-        return share + 0.0 * u
+        return share + 0.0 * s.u
     if scheme.objective == "effort":
         return effort
     if scheme.objective == "tip":
         # where the tip stays at its bound the torque is free to chatter; a small price on its changes keeps it from that
-        return bound / N + 1e-6 * (effort + (u1 - u) ** 2)
+        assert s.bound is not None
+        return s.bound / scheme.intervals + _CHATTER * (effort + (s.u1 - s.u) ** 2)
     if scheme.objective == "torque-rate":
-        return (u1 - u) ** 2 / share
-    first, total = 0, ca.SX(0)
-    for plant in plants:
-        own = slice(first, first + plant.n)
-        unit, f = ca.DM(layout.unit[own]), rates(plant)
-        row = ca.DM(plant.rows["speed"])
-        turning = [
-            ca.dot(row, f(place[own] * unit, torque * layout.torque_unit)) for place, torque in ((z, u), (z1, u1))
-        ]
-        inertia = plant.inertia or 1.0
-        total += ((turning[1] - turning[0]) * (inertia / layout.torque_unit)) ** 2 / share
-        first += plant.n
+        return (s.u1 - s.u) ** 2 / share
+    total = ca.SX(0)
+    for plant, own in parts:
+        unit, f, row = ca.DM(units.states[own]), rates(plant), ca.DM(plant.rows["speed"])
+        turning, turning1 = (ca.dot(row, f(z[own] * unit, u * units.torque)) for z, u in ((s.z, s.u), (s.z1, s.u1)))
+        total += ((turning1 - turning) * ((plant.inertia or 1.0) / units.torque)) ** 2 / share
     return total
 
 
-def _derivatives(
-    stage: _Stage,
-    scheme: Scheme,
-    layout: Layout,
-    local: Array,
-    x: "casadi.MX",
-    p: "casadi.MX",
-    end_rows: "casadi.DM",
-    shape: tuple[int, int],
-    values: tuple["casadi.MX", "casadi.MX"],
-) -> dict[str, "casadi.Function"]:
-    """Gradient, Jacobian and Hessian as CasADi's solvers take them."""
-    import casadi as ca
-
-    N, rows = scheme.intervals, shape[0]
-    every, data = _gather(x, local), ca.repmat(p, 1, N)
-    last = x[_last_indices(layout).tolist()]
-    r, c = (np.array(each) for each in stage.jacobian_pattern.get_triplet())
-    pr, pc = (np.array(each) for each in stage.path_pattern.get_triplet())
-    er, ec = np.nonzero(np.array(end_rows))
-    g_rows = [np.arange(N)[:, None] * rows + r, N * rows + pr, N * rows + shape[1] + er]
-    g_cols = [
-        local[:, c] if c.size else np.zeros((N, 0), int),
-        _last_indices(layout)[pc] if pc.size else pc,
-        layout.states[-1][ec],
-    ]
-    entries = ca.vertcat(
-        ca.vec(stage.jacobian.map(N)(every, data)[2]),
-        stage.path_jacobian(last, p),
-        ca.DM(np.array(end_rows)[er, ec]),
-    )
-    total_rows = N * rows + shape[1] + end_rows.shape[0]
-    J = _assembled(g_rows, g_cols, (total_rows, layout.size), entries)
-    gradients = ca.vec(stage.gradient.map(N)(every, data)[1])
-    where = [local.ravel()], [np.zeros(local.size, int)]
-    gradient = ca.densify(_assembled(where[0], where[1], (layout.size, 1), gradients))
-    weight, multipliers = ca.MX.sym("w"), ca.MX.sym("m", total_rows)
-    per_stage = ca.reshape(multipliers[: N * rows], rows, N)
-    nonzeros = stage.hessian.map(N)(every, data, ca.repmat(weight, 1, N), per_stage)
-    hr, hc = (np.array(each) for each in stage.hessian_pattern.get_triplet())
-    a, b = local[:, hr], local[:, hc]
-    H = _assembled([np.minimum(a, b)], [np.maximum(a, b)], (layout.size, layout.size), ca.vec(nonzeros))
-    total, g = values
-    names = ["x", "p", "lam_f", "lam_g"]
-    return {
-        "grad_f": ca.Function("grad_f", [x, p], [total, gradient], ["x", "p"], ["f", "grad_f_x"]),
-        "jac_g": ca.Function("jac_g", [x, p], [g, J], ["x", "p"], ["g", "jac_g_x"]),
-        "hess_lag": ca.Function("hess_lag", [x, p, weight, multipliers], [H], names, ["triu_hess_gamma_x_x"]),
-    }
-
-
-def _assembled(rows: list[Array], columns: list[Array], shape: tuple[int, int], entries: "casadi.MX") -> "casadi.MX":
+def _assembled(rows: list[Array], columns: list[Array], shape: tuple[int, int], entries: ca.MX) -> ca.MX:
     """A sparse matrix with entries at (rows, columns), those of one place added."""
-    import casadi as ca
-
     row = np.concatenate([np.ravel(each) for each in rows]).astype(np.int64)
     column = np.concatenate([np.ravel(each) for each in columns]).astype(np.int64)
     place, inverse = np.unique(column * shape[0] + row, return_inverse=True)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.report import Report, Section
-from boomctl.rotating_beam import HubBeam
+from boomctl.rotating_beam import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SpinUp
 from boomctl.slew import (
     MeshStudy,
@@ -43,7 +43,7 @@ class SlewDesign:
     ----------
     name, title : str
         In one word, and in a line.
-    beam : HubBeam
+    beam : AssumedModesBeam
         What the slew was planned for.
     planned : mapping of str to SlewResult
         Slews of the beam by name: first the one designed, then others to be set beside it. All have the same angle, or
@@ -60,7 +60,7 @@ class SlewDesign:
 
     name: str
     title: str
-    beam: HubBeam
+    beam: AssumedModesBeam
     planned: Mapping[str, SlewResult]
     rival: str = ""
     payloads: tuple[float, ...] = ()
@@ -89,7 +89,7 @@ class SlewDesign:
     def evaluate(self, scene: None = None) -> "SlewEvaluation":
         """Set the slew beside the others, with all payloads, by an integrator that planning does not use."""
         h, problem = self.beam, self.slew.plan.problem
-        comparison = compare_slews(h, problem.angle, problem.torque_limit, self.planned, problem.final_speed)
+        comparison = compare_slews(h, problem.angle, problem.limits.torque, self.planned, problem.final_speed)
         payloads, pair = None, ()
         if self.payloads:
             payloads = compare_payloads(self.planned, self.payloads, h.parameters.tip_mass)
@@ -144,12 +144,12 @@ class SlewEvaluation:
         design, slew = self.design, self.design.slew
         problem = slew.plan.problem
         planned = Replay(
-            design.beam.model,
-            None,
-            0.0 if problem.angle is None else float(slew.hub_angle[-1]) - problem.angle,
-            float(slew.hub_speed[-1]) - problem.final_speed,
-            self.comparison.line(design.label).vibration,
-            slew.residual_energy,
+            model=design.beam.model,
+            tip_mass=None,
+            angle_error=0.0 if problem.angle is None else float(slew.hub_angle[-1]) - problem.angle,
+            speed_error=float(slew.hub_speed[-1]) - problem.final_speed,
+            tip_swing=self.comparison.line(design.label).vibration,
+            residual_energy=slew.residual_energy,
         )
         return (planned, *slew.replays)
 

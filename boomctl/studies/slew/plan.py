@@ -4,18 +4,18 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from boomctl.rotating_beam import HubBeam
+from boomctl.rotating_beam import AssumedModesBeam
 from boomctl.slew import SlewResult, mesh_study, optimal_slew
 from boomctl.studies.slew.design import SlewDesign, SlewEvaluation
 
 STEPS = 7  # what `evaluated_plan` (3) and the report (4) tell of
 _SCHEMES = (("shooting", 1), ("collocation", 3), ("radau", 3))
-"""Ways to plan whose errors are shown over meshes: each with as many substeps or points as it has by default."""
+"""Ways to plan whose errors are shown over meshes, and the substeps or collocation points of each."""
 _ROOM = 1.1  # duration of the cheapest slew over the least time; with less room its torque is nearly bang-bang
 
 
 def evaluated_plan(
-    h: HubBeam,
+    h: AssumedModesBeam,
     *,
     angle: float,
     torque_limit: float,
@@ -27,7 +27,7 @@ def evaluated_plan(
 
     Parameters
     ----------
-    h : HubBeam
+    h : AssumedModesBeam
     angle, torque_limit : float
         rad, N m.
     meshes : tuple of int
@@ -50,16 +50,16 @@ def evaluated_plan(
         return evaluation
     # axial vibrations are too fast for shooting on any of these meshes
     schemes = tuple(scheme for scheme in _SCHEMES if scheme[0] != "shooting" or not h.has_axial_modes)
-    return replace(evaluation, meshes=mesh_study(h, angle, torque_limit, roomy, schemes, counts))
+    return replace(evaluation, meshes=mesh_study(h, angle, torque_limit, roomy, schemes=schemes, intervals=counts))
 
 
 def _title(slew: SlewResult) -> str:
     """Return what sets a slew apart from others of the same beam."""
-    limited = ", with limits" if slew.plan.problem.limits else ""
+    limited = ", with limits" if slew.plan.problem.limits.beside_torque else ""
     return f"{slew.title}{limited}" if slew.objective == "time" else f"{slew.title}, {slew.duration:.3g} s{limited}"
 
 
-def _beside(h: HubBeam, slew: SlewResult, angle: float, torque_limit: float) -> dict[str, SlewResult]:
+def _beside(h: AssumedModesBeam, slew: SlewResult, angle: float, torque_limit: float) -> dict[str, SlewResult]:
     """Return the slew asked for, the fastest one, and the cheapest in a little more than the least time."""
     named = {_title(slew): slew}
     if "minimum time" not in named:
@@ -70,9 +70,9 @@ def _beside(h: HubBeam, slew: SlewResult, angle: float, torque_limit: float) -> 
     return named
 
 
-def default_meshes(h: HubBeam, duration: float) -> tuple[int, ...]:
+def default_meshes(h: AssumedModesBeam, duration: float) -> tuple[int, ...]:
     """Return three meshes, the coarsest with four intervals a period of the fastest bending mode, or what is cheap."""
-    bending = HubBeam(h.parameters, "sfoam", h.modes)
+    bending = AssumedModesBeam(h.parameters, "sfoam", h.modes)
     needed = 4.0 * duration * float(bending.frequencies_hz().max())
     first = 10 * min(max(round(needed / 10.0), 2), 10)
     return (first, 2 * first, 4 * first)

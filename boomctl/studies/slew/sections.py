@@ -8,7 +8,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.plotting import picture, plot_slew_comparison, plot_spin_ups, slew_film
 from boomctl.report import Picture, Section, Table, number, power
-from boomctl.rotating_beam import HubBeam
+from boomctl.rotating_beam import AssumedModesBeam
 from boomctl.slew import (
     MeshStudy,
     PayloadComparison,
@@ -33,7 +33,7 @@ _LIMITS = {
 _MODELS = {"geometrically-exact": "geometrically exact beam", "sfoam-consistent": "SFOAM, consistent"}
 
 
-def slew_section(h: HubBeam, slew: SlewResult, notes: tuple[str, ...]) -> Section:
+def slew_section(h: AssumedModesBeam, slew: SlewResult, notes: tuple[str, ...]) -> Section:
     """Return the section of the slew itself."""
     caption = (
         "Torque, hub angle and speed, tip displacement and bending moment at the clamp. Broken lines: limits, where they are "
@@ -42,7 +42,7 @@ def slew_section(h: HubBeam, slew: SlewResult, notes: tuple[str, ...]) -> Sectio
     return Section("The slew", (*_slew_text(h, slew), *notes), (), (picture("slew", slew.plot(), caption, "png"),))
 
 
-def _slew_text(h: HubBeam, slew: SlewResult) -> tuple[str, ...]:
+def _slew_text(h: AssumedModesBeam, slew: SlewResult) -> tuple[str, ...]:
     c, problem = slew.certificate, slew.plan.problem
     payload = f"a tip mass of {h.parameters.tip_mass:g} kg" if h.parameters.tip_mass else "no tip mass"
     if problem.tip_masses:
@@ -54,8 +54,8 @@ def _slew_text(h: HubBeam, slew: SlewResult) -> tuple[str, ...]:
     if c.constraint_violation > 0.0:
         kept = f"no limit is exceeded by more than {power(c.constraint_violation, 1)} of it"
     text = (
-        f"{_asked(slew)} with at most {problem.torque_limit:g} N m takes {slew.duration:.7g} s. Model: {_name(h.model)} with "
-        f"{modes} and {payload}.",
+        f"{_asked(slew)} with at most {problem.limits.torque:g} N m takes {slew.duration:.7g} s. Model: "
+        f"{_name(h.model)} with {modes} and {payload}.",
         f"Method: {c.method}. Optimality: {verdict}. In the replay the end state is missed by "
         f"{number(c.end_error, 2)} (each part relative to its largest size on the way), "
         f"{number(slew.residual_energy or 0.0, 2)} J remain, and {kept}. Limits reached: {binding}.",
@@ -132,14 +132,14 @@ def spin_up_section(pair: Sequence[SpinUpMotion], problem: SlewProblem) -> Secti
     body = tuple((each.name, *(number(getattr(each, key)) for _, key in columns)) for each in pair)
     text = (
         f"The beam ends in steady rotation at {problem.final_speed:g} rad/s, its hub free. The classical profile of Bai et "
-        "al. (2009), Eq. (43), prescribes the hub's course exactly, then and afterwards, as an ideal speed loop would, "
+        "al. (2009), Eq. (43), prescribes the hub's motion exactly, then and afterwards, as an ideal speed loop would, "
         "whatever torque that takes. Vibration and speed error are the largest after the end."
     )
     caption = (
         "Torque, hub speed and tip displacement. Broken lines: torque limit and speed asked for; dotted: the ends."
     )
     table = Table(("", *(head for head, _ in columns)), body)
-    drawn = plot_spin_ups(pair, problem.torque_limit, problem.final_speed)
+    drawn = plot_spin_ups(pair, problem.limits.torque, problem.final_speed)
     return Section("Into steady rotation", (text,), (table,), (picture("spin_up", drawn, caption, "png"),))
 
 
@@ -157,7 +157,7 @@ def comparison_section(comparison: SlewComparison, shown: tuple[str, ...]) -> Se
     )
     if free:
         text += (
-            " The smooth torque is what the course of Eq. (43) asks of a rigid body; here it acts on the beam, whose hub is "
+            " The smooth torque is what the profile of Eq. (43) asks of a rigid body; here it acts on the beam, whose hub is "
             "free."
         )
     return Section(

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boomctl.rotating_beam import HubBeam, SimulationResult
+from boomctl.rotating_beam import AssumedModesBeam, SimulationResult
 from boomctl.rotating_beam.manoeuvres import SpinUp
 from boomctl.slew import TorqueHistory
 
@@ -36,12 +36,14 @@ class SpinUpMotion:
     motion: SimulationResult
 
 
-def spin_ups(h: HubBeam, label: str, history: TorqueHistory, profile: SpinUp) -> tuple[SpinUpMotion, SpinUpMotion]:
+def spin_ups(
+    h: AssumedModesBeam, label: str, history: TorqueHistory, profile: SpinUp
+) -> tuple[SpinUpMotion, SpinUpMotion]:
     """Return the motion under a planned torque, and that under a profile of the hub.
 
     Parameters
     ----------
-    h : HubBeam
+    h : AssumedModesBeam
     label : str
         Name of the planned spin-up.
     history : TorqueHistory
@@ -62,10 +64,10 @@ def spin_ups(h: HubBeam, label: str, history: TorqueHistory, profile: SpinUp) ->
 def _motion(name: str, duration: float, speed: float, motion: SimulationResult) -> SpinUpMotion:
     late = motion.time >= duration
     return SpinUpMotion(
-        name,
-        duration,
-        float(np.abs(motion.torque).max()),
-        float(np.abs(motion.tip_displacement[late]).max()),
-        float(np.abs(motion.hub_speed[late] - speed).max()),
-        motion,
+        name=name,
+        duration=duration,
+        peak_torque=float(np.abs(motion.torque).max()),
+        vibration=float(np.abs(motion.tip_displacement[late]).max()),
+        speed_error=float(np.abs(motion.hub_speed[late] - speed).max()),
+        motion=motion,
     )

@@ -174,10 +174,10 @@ def _weight(what: str, weight: Any) -> Lti:
     if (outputs, inputs) != (1, 1):
         shape = f"{inputs} input(s) and {outputs} output(s)"
         raise ValueError(f"{what}: expected a system with one input and one output, got {shape}")
-    if len(system.A):
-        worst = system.poles[np.argmax(system.poles.real)]
-        if (side_of_axis(system.poles) >= 0).any():
-            raise ValueError(f"{what}: expected a stable system, this one has a pole at {worst:.6g} rad/s")
+    lasting = system.poles[side_of_axis(system.poles) >= 0]
+    if len(lasting):
+        worst = lasting[np.argmax(lasting.real)]
+        raise ValueError(f"{what}: expected a stable system, this one has a pole at {worst:.6g} rad/s")
     return system
 
 

@@ -10,42 +10,43 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import boomctl as bc
-from boomctl.slew.least_time.arc_count import steered, stretched
-from boomctl.slew.least_time.arcs import course
-from boomctl.slew.least_time.linear_start import least_time
-from boomctl.slew.least_time.newton import sharpened
+from boomctl.slew.dynamics import rates
+from boomctl.slew.least_time.arc_count import arcs_behind, counted
+from boomctl.slew.least_time.arcs import end_map
+from boomctl.slew.least_time.newton import least_time_arcs
 from boomctl.slew.least_time.reductions import doubled, first_half, halved, without_axial_modes
-from boomctl.slew.nlp.dynamics import rates
+from boomctl.slew.least_time.switching import least_time
 from boomctl.slew.plant import plant_of
-from boomctl.slew.problem import slew_problem
-from boomctl.slew.reference import guess_from, typical_sizes
+from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.torque import bang_bang
 from tests.profiles import examples
 from tests.slew.systems import two_masses
+
+pytestmark = pytest.mark.early
 
 LOADED = bc.HubBeamParameters(tip_mass=0.1)
 
 
 def _rigid(problem):
-    return bang_bang(np.array([0.5 * problem.rigid_time]), problem.rigid_time, problem.torque_limit, 1.0)
+    return bang_bang(np.array([0.5 * problem.rigid_time]), problem.rigid_time, problem.limits.torque, 1.0)
 
 
 @pytest.mark.parametrize("modes", [1, 2, 3])
 def test_linear_plants_take_the_time_that_is_proved(modes):
     """From the rigid body's torque, by steps, to the switching times that matrix exponentials give."""
-    problem = slew_problem(bc.hub_beam(LOADED, modes=modes).linearize(), 1.0, 150.0)
-    exact, history = least_time(problem)
-    found = sharpened(problem, _rigid(problem))
+    problem = slew_problem(bc.hub_beam(LOADED, modes=modes).linearize(), 1.0, Limits(150.0))
+    exact = least_time(problem)
+    found = least_time_arcs(problem, _rigid(problem))
     assert found is not None
     assert found.history.duration == pytest.approx(exact.duration, rel=1e-8)
-    assert found.history.switches == pytest.approx(history.switches, abs=1e-4)  # the time is flat there
+    assert found.history.switches == pytest.approx(exact.switches, abs=1e-4)  # the time is flat there
 
 
 def test_two_masses_and_a_spring_from_the_rigid_torque():
-    problem = slew_problem(two_masses(), 1.0, 1.0)
-    found = sharpened(problem, _rigid(problem))
+    problem = slew_problem(two_masses(), 1.0, Limits(1.0))
+    found = least_time_arcs(problem, _rigid(problem))
     assert found is not None
-    assert found.history.duration == pytest.approx(least_time(problem)[0].duration, rel=1e-8)
+    assert found.history.duration == pytest.approx(least_time(problem).duration, rel=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -54,8 +55,8 @@ def test_two_masses_and_a_spring_from_the_rigid_torque():
 )
 def test_pontryagin_integrated_anew(model, modes, payloads):
     """The costate by an independent integrator: its switching function vanishes at the switches and has the torque's sign."""
-    problem = slew_problem(bc.hub_beam(LOADED, model=model, modes=modes), 1.2, 180.0, tip_masses=payloads)
-    found = sharpened(problem, least_time(problem)[1])
+    problem = slew_problem(bc.hub_beam(LOADED, model=model, modes=modes), 1.2, Limits(180.0), tip_masses=payloads)
+    found = least_time_arcs(problem, least_time(problem).history)
     assert found is not None
     history = found.history
     t = np.linspace(0.0, history.duration, 1501)
@@ -72,12 +73,8 @@ def test_pontryagin_integrated_anew(model, modes, payloads):
 
 def _adjoint(problem, history, t):
     """For every row of the prescribed end, what a torque at instants t does to it."""
-    first, out = 0, np.zeros((problem.ends.shape[0], t.size))
-    for plant in problem.plants:
-        own = slice(first, first + plant.n)
-        out += _adjoint_of(plant, problem.start[own], problem.ends[:, own], history, t)
-        first += plant.n
-    return out
+    parts = problem.parts
+    return sum(_adjoint_of(plant, problem.start[own], problem.ends[:, own], history, t) for plant, own in parts)
 
 
 def _adjoint_of(plant, start, rows, history, t):
@@ -107,28 +104,29 @@ def _adjoint_of(plant, start, rows, history, t):
 @examples(4)
 @given(st.floats(0.3, 2.5), st.floats(60.0, 400.0), st.integers(1, 3))
 def test_half_the_way_is_enough(angle, torque, modes):
-    problem = slew_problem(bc.hub_beam(LOADED, modes=modes), angle, torque)
+    problem = slew_problem(bc.hub_beam(LOADED, modes=modes), angle, Limits(torque))
     half = halved(problem)
     assert half is not None
     assert half.ends.shape[0] == problem.ends.shape[0] // 2
-    found = sharpened(problem, least_time(problem)[1])
+    found = least_time_arcs(problem, least_time(problem).history)
     assert found is not None
-    way = course(problem, typical_sizes(guess_from(problem, found.history, 200, False)))
-    fine = [np.maximum(40, np.ceil(600 * d)).astype(int) for d in np.diff(found.history.edges)]
-    h = np.concatenate([np.full(n, d / n) for n, d in zip(fine, np.diff(found.history.edges), strict=True)])
-    assert np.abs(way.lack(np.repeat(found.history.left, fine), h)).max() < 1e-6
+    ends = end_map(problem, found.history)
+    durations = np.diff(found.history.edges)
+    counts = np.maximum(40, np.ceil(600 * durations)).astype(int)
+    steps = ends.steps(np.sign(found.history.left[0]), durations, counts)
+    assert np.abs(ends.defect(steps)).max() < 1e-6
     switches = found.history.switches
     assert switches + switches[::-1] == pytest.approx(found.history.duration, rel=1e-12)
 
 
 def test_halves_are_refused_where_the_mirror_image_is_no_slew():
     h, system = bc.hub_beam(LOADED, modes=1), bc.hub_beam(LOADED, modes=1).linearize()
-    spin = slew_problem(h, None, 100.0, final_speed=1.0)
-    axial = slew_problem(bc.hub_beam(LOADED, model="foam", modes=1), 1.0, 100.0)
-    still = slew_problem(system, 1.0, 100.0)
+    spin = slew_problem(h, None, Limits(100.0), final_speed=1.0)
+    axial = slew_problem(bc.hub_beam(LOADED, model="foam", modes=1), 1.0, Limits(100.0))
+    still = slew_problem(system, 1.0, Limits(100.0))
     A = system.A.copy()
     A[3, 3] = -0.1
-    damped = slew_problem(type(system)(A, system.B, system.C, system.D), 1.0, 100.0)
+    damped = slew_problem(type(system)(A, system.B, system.C, system.D), 1.0, Limits(100.0))
     assert halved(still) is not None
     assert [halved(problem) for problem in (spin, axial, damped)] == [None] * 3
 
@@ -141,11 +139,11 @@ def test_a_half_doubled_is_the_whole():
 
 
 def test_axial_modes_hardly_matter_to_the_time():
-    foam = slew_problem(bc.hub_beam(LOADED, model="foam", modes=1), np.pi / 2, 200.0)
+    foam = slew_problem(bc.hub_beam(LOADED, model="foam", modes=1), np.pi / 2, Limits(200.0))
     quick = without_axial_modes(foam)
     assert quick is not None
     assert without_axial_modes(quick) is None
-    slews = [sharpened(problem, least_time(problem)[1]) for problem in (foam, quick)]
+    slews = [least_time_arcs(problem, least_time(problem).history) for problem in (foam, quick)]
     assert slews[0].history.duration == pytest.approx(slews[1].history.duration, rel=1e-5)
 
 
@@ -155,7 +153,7 @@ def test_a_bang_bang_torque_is_read_off_its_means(widths, sign, intervals):
     edges = np.cumsum(widths)
     first = bang_bang(edges[:-1], float(edges[-1]), 20.0, sign)
     means = first.means(np.linspace(0.0, first.duration, intervals + 1)) / 20.0
-    found = stretched(means, first.duration, 20.0)
+    found = arcs_behind(means, first.duration, 20.0)
     coarse = first.duration / intervals
     assert found.duration == pytest.approx(first.duration)
     assert found.angular_momentum == pytest.approx(first.angular_momentum, abs=1e-9 * first.duration * 20.0)
@@ -163,15 +161,15 @@ def test_a_bang_bang_torque_is_read_off_its_means(widths, sign, intervals):
         assert found.switches == pytest.approx(first.switches, abs=1e-3 * coarse)
 
 
-def test_programmes_along_the_motion_find_how_many_stretches_there_are():
+def test_programmes_along_the_motion_find_how_many_arcs_there_are():
     """Three modes and a payload: the linear part switches 7 times, the beam 11 times."""
-    problem = slew_problem(bc.hub_beam(LOADED, modes=3), np.pi / 2, 200.0)
-    first = least_time(problem)[1]
+    problem = slew_problem(bc.hub_beam(LOADED, modes=3), np.pi / 2, Limits(200.0))
+    first = least_time(problem).history
     half = halved(problem)
     assert half is not None
-    way = course(half, typical_sizes(guess_from(problem, first, 200, False)))
+    ends = end_map(half, first)
     assert first.switches.size == 7
-    assert 2 * steered(way, first_half(first), 200).switches.size + 1 == 11
+    assert 2 * counted(ends, first_half(first), 200).switches.size + 1 == 11
 
 
 @pytest.mark.parametrize(
@@ -205,5 +203,5 @@ def test_bodies_with_a_payload_more_are_slower():
 
 def test_plants_tell_what_they_follow():
     axial = plant_of(bc.hub_beam(LOADED, model="foam", modes=1))
-    assert axial.reach.sum() == 4
+    assert axial.controllable.sum() == 4
     assert axial.n == 6

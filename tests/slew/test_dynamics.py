@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.slew.least_time.arcs import course
-from boomctl.slew.least_time.stepping import shooting_step, stumpff
+from boomctl.slew.dynamics import explicit_step, stumpff
+from boomctl.slew.least_time.arcs import Steps, end_map
 from boomctl.slew.plant import plant_of
-from boomctl.slew.problem import slew_problem
+from boomctl.slew.problem import Limits, slew_problem
+from boomctl.slew.torque import held
 from tests.profiles import examples
 
 LOADED = bc.HubBeamParameters(tip_mass=0.1)
@@ -33,7 +34,7 @@ def test_stumpff_functions(y):
 
 def _end(plant, steps, torque=150.0, duration=0.8):
     z, u, h = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h")
-    one = ca.Function("one", [z, u, h], [shooting_step(plant, 1)(z, u, u, h)])
+    one = ca.Function("one", [z, u, h], [explicit_step(plant, 1)(z, u, u, h)])
     widths = np.full((1, steps), duration / steps)
     return np.array(one.mapaccum("all", steps)(np.zeros(plant.n), np.full((1, steps), torque), widths))[:, -1]
 
@@ -54,7 +55,7 @@ def test_steps_are_of_fourth_order(parameters, model, modes, torque, steps):
     h = bc.hub_beam(parameters, model=model, modes=modes)
     plant = plant_of(h)
     exact = _exact(h, plant, torque)
-    errors = [np.abs(_end(plant, count, torque) - exact)[plant.reach].max() for count in (steps, 2 * steps)]
+    errors = [np.abs(_end(plant, count, torque) - exact)[plant.controllable].max() for count in (steps, 2 * steps)]
     assert 12.0 < errors[0] / errors[1] < 22.0
 
 
@@ -62,28 +63,34 @@ def test_axial_modes_need_not_be_followed():
     """Steps that turn the slowest axial mode by four radians keep what the torque moves to a millionth."""
     h = bc.hub_beam(LOADED, model="foam", modes=2)
     plant = plant_of(h)
-    axial = plant.frequencies[~plant.reach[: plant.n // 2]].min()
+    axial = plant.frequencies[~plant.controllable[: plant.n // 2]].min()
     steps = int(0.8 * axial / 4.0)
-    error = np.abs(_end(plant, steps) - _exact(h, plant))[plant.reach]
+    error = np.abs(_end(plant, steps) - _exact(h, plant))[plant.controllable]
     assert error.max() < 1e-6
 
 
 @pytest.mark.parametrize(("model", "payloads"), [("sfoam", ()), ("foam", ()), ("sfoam", (0.3,))])
 def test_derivatives_are_differences(model, payloads):
-    problem = slew_problem(bc.hub_beam(LOADED, model=model, modes=1), 1.0, 100.0, tip_masses=payloads)
-    way = course(problem, np.ones(problem.start.size))
+    problem = slew_problem(bc.hub_beam(LOADED, model=model, modes=1), 1.0, Limits(100.0), tip_masses=payloads)
+    ends = end_map(problem, held(np.array([0.0, 1.0]), np.array([10.0])))
     random = np.random.default_rng(3)
     u, h = random.uniform(-100.0, 100.0, 12), random.uniform(0.5e-3, 1.5e-3, 12)
-    reach = way.reach(u, h)
-    weights = random.standard_normal(reach.end.size)
-    bent = way.curvature(u, h, reach, weights, np.eye(12))
-    assert reach.end == pytest.approx(way.lack(u, h) + way.rows @ problem.target, abs=1e-12)
+
+    def steps(du=0.0, dh=0.0):
+        return Steps(u + du, h + dh, np.eye(12))
+
+    found = ends.sensitivity(steps())
+    weights = random.standard_normal(found.end.size)
+    bent = ends.hessian(found, weights)
+    assert found.end == pytest.approx(ends.defect(steps()) + ends.target, abs=1e-12)
     for k in (0, 5, 11):
         step = np.eye(12)[k]
-        for by, aside in ((reach.by_torque, (1e-2 * step, 0.0 * step)), (reach.by_width, (0.0 * step, 1e-7 * step))):
-            size = aside[0][k] + aside[1][k]
-            ends = [way.lack(u + sign * aside[0], h + sign * aside[1]) for sign in (1.0, -1.0)]
-            assert by[:, k] == pytest.approx((ends[0] - ends[1]) / (2.0 * size), rel=1e-5, abs=1e-6 * np.abs(by).max())
-        slopes = [weights @ way.reach(u, h + sign * 1e-7 * step).by_width for sign in (1.0, -1.0)]
+        for by, aside, size in (
+            (found.by_torque, {"du": 1e-2 * step}, 1e-2),
+            (found.by_width, {"dh": 1e-7 * step}, 1e-7),
+        ):
+            both = [ends.defect(steps(**{name: sign * move for name, move in aside.items()})) for sign in (1.0, -1.0)]
+            assert by[:, k] == pytest.approx((both[0] - both[1]) / (2.0 * size), rel=1e-5, abs=1e-6 * np.abs(by).max())
+        slopes = [weights @ ends.sensitivity(steps(dh=sign * 1e-7 * step)).by_width for sign in (1.0, -1.0)]
         assert bent[:, k] == pytest.approx((slopes[0] - slopes[1]) / 2e-7, rel=1e-4, abs=1e-6 * np.abs(bent).max())
     assert bent == pytest.approx(bent.T)

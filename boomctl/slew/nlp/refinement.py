@@ -1,0 +1,175 @@
+"""A slew by a nonlinear programme: mesh, order and limits are refined until a replay keeps what was asked."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from boomctl.slew.linear import Guess, effort_guess, guess_from, least_effort
+from boomctl.slew.nlp.programme import Programme, Solution, prepare
+from boomctl.slew.nlp.transcription import Scheme
+from boomctl.slew.problem import Limits, SlewProblem
+from boomctl.slew.replay import end_error, played, violation
+from boomctl.slew.result import LimitsTooTight, SlewError
+from boomctl.slew.torque import TorqueHistory
+
+_MESHES = (50, 100, 200, 400, 800)  # intervals, the coarsest and the finest a choice; each halves those before
+_MESH_GAP = 1e-4  # relative change of the cost by a halved mesh that is accepted: what a user would see
+_TOO_MUCH = 0.05  # by which a coarse mesh may exceed a limit and a finer still keep it; a choice
+_ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
+_EXCESS = 1e-9  # relative, over a limit, in a replay: rounding of the integrator
+_TIGHTER, _AT_LEAST = 1.1, 1e-6  # by how many times an excess, and how much more, a limit is tightened
+_HIGHEST = 9  # collocation points: for more CasADi tabulates none
+_LONGER = 1.5  # times the linear part's least time: what a first guess takes within more limits than the torque's
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """A programme and its solution, which a replay confirms.
+
+    Attributes
+    ----------
+    programme : Programme
+    solution : Solution
+    gap : float
+        Change of the cost when the mesh is halved, relative.
+    path : tuple of str
+        The meshes that were tried, in words.
+    """
+
+    programme: Programme
+    solution: Solution
+    gap: float
+    path: tuple[str, ...]
+
+
+def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
+    """Solve on the mesh asked for, or on finer ones until halving the intervals changes the cost by little.
+
+    A mesh too coarse for any slew is passed over. Limits that a mesh exceeds by much, or by no less than a mesh half as fine
+    did, are too tight on any mesh.
+
+    Parameters
+    ----------
+    problem : SlewProblem
+    least : TorqueHistory or None
+        The linear part's slew of least time, from which a slew of free duration starts.
+
+    Raises
+    ------
+    SlewError
+        If no mesh has a solution that a replay confirms.
+    """
+    if problem.intervals is not None:
+        programme, solution = _solved(problem, _guess(problem, least, None, problem.intervals), problem.intervals)
+        gap = _gap(solution.cost, _companion(problem, problem.intervals, solution).cost)
+        return Refined(programme, solution, gap, (f"{problem.method} on {problem.intervals} intervals",))
+    cost, failure, before, path, coarser = np.inf, SlewError("no mesh was tried"), np.inf, (), None
+    for intervals in _MESHES:
+        last, path = intervals == _MESHES[-1], (*path, f"{problem.method} on {intervals} intervals")
+        try:
+            guess = _guess(problem, least, coarser, intervals)
+            programme, solution = _solved(problem, guess, intervals, rough=not last)
+            gap = _gap(solution.cost, cost)
+            if gap < _MESH_GAP and not last:
+                guess = _guess(problem, least, solution.history, intervals)
+                programme, solution = _solved(problem, guess, intervals)
+        except LimitsTooTight as error:
+            if error.excess > min(_TOO_MUCH, 0.5 * before):
+                raise
+            failure, before = error, error.excess
+            continue
+        except SlewError as error:
+            failure = error
+            continue
+        cost, coarser = solution.cost, solution.history
+        if gap < _MESH_GAP or last:
+            return Refined(programme, solution, gap, path)
+    raise failure
+
+
+def _gap(cost: float, other: float) -> float:
+    return abs(cost - other) / max(abs(cost), 1e-300)
+
+
+def _companion(problem: SlewProblem, intervals: int, solution: Solution) -> Solution:
+    """The solution on a mesh half as fine, or twice as fine where that one allows none."""
+    if intervals >= 4 * problem.ends.shape[0]:  # fewer than two an end condition would leave nothing to choose
+        try:
+            return _solved(problem, _guess(problem, None, solution.history, intervals // 2), intervals // 2)[1]
+        except SlewError:
+            pass
+    return _solved(problem, _guess(problem, None, solution.history, 2 * intervals), 2 * intervals)[1]
+
+
+def _ramps(problem: SlewProblem) -> bool:
+    """Whether the torque is to be continuous."""
+    return problem.objective in ("jerk", "torque-rate", "tip") or problem.limits.torque_rate is not None
+
+
+def _guess(problem: SlewProblem, least: TorqueHistory | None, before: TorqueHistory | None, intervals: int) -> Guess:
+    """Where to start: from the torque of another mesh; else from the linear part's least time, or least effort."""
+    if problem.objective == "effort" and not problem.limits.beside_torque and problem.duration is not None:
+        return effort_guess(problem, problem.duration, intervals)
+    if before is None and problem.fastest:
+        before = least
+    if before is None:
+        duration = problem.duration or (0.0 if least is None else _LONGER * least.duration)
+        before = least_effort(problem, duration, intervals).history
+    return guess_from(problem, before, intervals, _ramps(problem))
+
+
+def _solved(problem: SlewProblem, guess: Guess, intervals: int, rough: bool = False) -> tuple[Programme, Solution]:
+    """Solve on a mesh, with the order raised and the limits tightened until the replay keeps what was asked.
+
+    A rough solution is not replayed: it tells the cost, and where to start on the next mesh.
+    """
+    order, limits = 1 if problem.method == "shooting" else 3, problem.limits
+    programme, before, missed, worst = None, guess, np.inf, np.inf
+    for _ in range(_ROUNDS):
+        if programme is None:
+            kinds = tuple(limits.beside_torque)
+            scheme = Scheme(
+                problem.method, problem.objective, intervals, order, _ramps(problem), problem.duration is None, kinds
+            )
+            programme = prepare(problem, scheme, guess, problem.tolerance)
+        solution = programme.solve(problem, before, limits)
+        if rough:
+            return programme, solution
+        motions = played(problem, solution.history)
+        excess = violation(problem, solution.history, motions)
+        worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
+        missed = end_error(problem, motions)
+        if missed > problem.tolerance:
+            if order >= _HIGHEST and problem.method != "shooting":
+                break
+            order, programme, before = 2 * order if problem.method == "shooting" else order + 1, None, guess
+        elif worst > _EXCESS:
+            limits, before = _tightened(limits, excess), solution
+        else:
+            return programme, solution
+    raise SlewError(
+        f"intervals = {intervals}: the replay misses the end by {missed:.1e} or exceeds a limit by "
+        f"{worst:.1e}; expected {problem.tolerance:.1e}. More intervals may help"
+    )
+
+
+def _tightened(limits: Limits, excess: dict[str, float]) -> Limits:
+    """Limits beside the torque's, smaller where one is exceeded."""
+    smaller = {
+        kind: limit / (1.0 + _TIGHTER * excess[kind] + _AT_LEAST * (excess[kind] > 0.0))
+        for kind, limit in limits.beside_torque.items()
+    }
+    return replace(limits, **smaller)
+
+
+def solved_again(problem: SlewProblem, programme: Programme, before: Solution) -> Solution:
+    """Solve a programme with other data, the limits tightened until the replay keeps them."""
+    limits, worst = problem.limits, np.inf
+    for _ in range(_ROUNDS):
+        before = programme.solve(problem, before, limits)
+        excess = violation(problem, before.history, played(problem, before.history))
+        worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
+        if worst <= _EXCESS:
+            return before
+        limits = _tightened(limits, excess)
+    raise SlewError(f"result: solved again on its mesh a limit is exceeded by {worst:.1e}; plan this one anew")
