@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from math import tau
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -338,27 +339,26 @@ def slew(
     print(f"Report: {out / 'report.html'}")
 
 
+_BENCHMARKS = {
+    "boom": "boomctl.benchmark.boom.run",
+    "hub-beam": "boomctl.benchmark.rotating_beam.run",
+    "suspension": "boomctl.benchmark.suspension.run",
+    "slew": "boomctl.benchmark.slew.run",
+}
+
+
 @app.command()
 def benchmark(
-    what: Annotated[str, typer.Argument(help="boom, hub-beam, suspension or slew")] = "boom",
+    what: Annotated[str, typer.Argument(help=", ".join(_BENCHMARKS))] = "boom",
     full: Annotated[bool, typer.Option(help="Include what takes minutes.")] = False,
     as_json: Json = False,
 ) -> None:
     """Measure run time and error side by side, against other programs."""
     from boomctl.checks import known
 
-    known("benchmark", what, ("boom", "hub-beam", "suspension", "slew"))
-    if what == "hub-beam":
-        from boomctl.benchmark.rotating_beam.run import run
-    elif what == "suspension":
-        from boomctl.benchmark.suspension.run import run
-    elif what == "slew":
-        from boomctl.benchmark.slew.run import run
-    else:
-        from boomctl.benchmark.boom.run import run
-
+    known("benchmark", what, tuple(_BENCHMARKS))
     with _progress(12) as progress:
-        report = run(full, progress)
+        report = import_module(_BENCHMARKS[what]).run(full, progress)
     if as_json:
         _print_json(report.as_dict())
         return

@@ -1,6 +1,6 @@
 """The fastest rest-to-rest slew of a flexible beam, and what it gains over shaped commands.
 
-A quarter turn of the paper's beam under 200 N m: the minimum-time torque, bang-bang with switching times sharpened on the
+A quarter turn of the paper's beam under 200 N m: the minimum-time torque, bang-bang with switching times refined on the
 nonlinear model, against a rigid body's bang-bang and classical input shapers. It is open loop and leans on the model: with
 the beam's frequencies a tenth off it leaves some three times the vibration of a ZV-shaped bang-bang, which takes 29 % longer.
 """

@@ -1,16 +1,21 @@
-"""What a benchmark found, for people and for programs."""
+"""What benchmarks are made of: subjects that return rows and sheets, and the report of all of them."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
+from boomctl.benchmark.timing import environment, one_thread
 from boomctl.files import plain
 
 if TYPE_CHECKING:
     from rich.console import Group
     from rich.table import Table
 
+Tell = Callable[[str], None]
+"""Told in words what comes next."""
+
+# head, width in characters (together 100, which a terminal shows) and side of each column
 _COLUMNS: tuple[tuple[str, int, Literal["left", "right"]], ...] = (
     ("job", 32, "left"),
     ("ours \\[ms]", 7, "right"),
@@ -73,6 +78,25 @@ class Sheet:
     title: str
     columns: tuple[str, ...]
     lines: tuple[tuple[str | float | int | None, ...], ...]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Processor time [s] and error of one side of a race; NaN where there is none."""
+
+    seconds: float = math.nan
+    error: float = math.nan
+
+
+def race(section: str, job: str, ours: Measured, peer: Measured, target: str = "", met: bool | None = None) -> Row:
+    """Return the row of a job that was done on both sides."""
+    numbers = (ours.seconds, peer.seconds, ours.error, peer.error)
+    mine, theirs, error, peer_error = (None if math.isnan(value) else value for value in numbers)
+    return Row(section, job, mine, theirs, target, error=error, peer_error=peer_error, met=met)
+
+
+Subject = Callable[[Tell], Iterable[Row | Sheet]]
+"""Measures what belongs to one subject."""
 
 
 @dataclass(frozen=True)
@@ -139,6 +163,17 @@ class BenchmarkReport:
         if self.missed:
             summary += "; missed: " + ", ".join(row.name for row in self.missed)
         return Group(*parts, Text(), Text(summary, style="bold"))
+
+
+def measured(
+    title: str, subjects: Sequence[Subject], notes: Sequence[str], tell: Tell | None = None
+) -> BenchmarkReport:
+    """Measure one subject after another, on one thread."""
+    with one_thread():
+        found = [line for subject in subjects for line in subject(tell or (lambda text: None))]
+    rows = tuple(line for line in found if isinstance(line, Row))
+    sheets = tuple(line for line in found if isinstance(line, Sheet))
+    return BenchmarkReport(rows, sheets, tuple(notes), environment(), f"boomctl benchmark {title}")
 
 
 def _cells(row: Row) -> tuple[str, ...]:

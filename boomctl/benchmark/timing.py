@@ -14,10 +14,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from math import ceil
 from typing import Any
 
 import numpy as np
 
+_TURN = 0.05  # least duration of a turn [s]: two hundred times the resolution of the processor's clock or more
+_MOST_CALLS = 100  # in a turn: what is called so often has its caches warm
 _PACKAGES = ("boomctl", "numpy", "scipy", "control", "slycot", "mpmath")
 
 
@@ -68,6 +71,36 @@ def interleaved(jobs: Mapping[str, Job], repeats: int, warm: bool = True) -> dic
     gc.collect()
     rounds = [{name: _once(job) for name, job in jobs.items()} for _ in range(repeats)]
     return {name: float(np.median([turn[name] for turn in rounds])) for name in jobs}
+
+
+def in_turns(runs: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
+    """Return the median processor time of a call [s], the runs taking turns of at least 50 ms.
+
+    A short run is called again and again in its turn, as it is in use; called once, it would first of all pay for the
+    caches that its neighbours, which keep them warm by themselves, have filled.
+
+    Parameters
+    ----------
+    runs : mapping from name to callable
+    repeats : int
+        Number of turns of each.
+    """
+    calls = {name: min(_MOST_CALLS, ceil(_TURN / max(_called_again(run), 1e-6))) for name, run in runs.items()}
+    jobs = {name: Job(lambda _, run=run, name=name: _repeat(run, calls[name])) for name, run in runs.items()}
+    return {name: taken / calls[name] for name, taken in interleaved(jobs, repeats, warm=False).items()}
+
+
+def _called_again(run: Callable[[], object]) -> float:
+    """Processor time of a call after a first one, s."""
+    run()
+    start = time.process_time()
+    run()
+    return time.process_time() - start
+
+
+def _repeat(run: Callable[[], object], calls: int) -> None:
+    for _ in range(calls):
+        run()
 
 
 def peak_memory(job: Job) -> int:

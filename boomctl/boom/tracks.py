@@ -13,6 +13,7 @@ slope -2, and the cross density of two lines ``b`` apart is its cosine transform
 with the modified Bessel function ``K1``: one for waves much longer than ``b``, nought for shorter ones.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,9 +24,9 @@ from boomctl.checks import finite_array, frequencies, known, positive, real, who
 
 ROAD_CLASSES = "ABCDEFGH"
 COHERENCES = ("isotropic", "full", "none")
-REFERENCE_WAVE_NUMBER = 0.1
-BAND = (0.01, 3.0)
-MOST_POINTS = 50_000_000
+REFERENCE_WAVE_NUMBER = 0.1  # 1/m, at which ISO 8608 states the densities of its classes
+BAND = (0.01, 3.0)  # 1/m: waves of 100 m to 0.33 m, 0.025 to 7.5 Hz at 2.5 m/s; tyres smooth shorter ones (a choice)
+_MOST_STEPS = 50_000_000  # of a track or a motion: 400 MB a signal (a choice)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +187,7 @@ def iso_track(
     low, high = wave_band(band)
     if high >= 0.5 / spacing:
         raise ValueError(f"step = {spacing:g}: expected less than {0.5 / high:g} m, half the shortest wave of the band")
-    count = _points("length", longest, spacing)
+    count = step_count("length", longest, spacing, "m")
     if count < 2 or count * spacing * high < 1.0:
         raise ValueError(f"length = {longest:g}: expected at least the shortest wave of the band, {1 / high:g} m")
     n = np.arange(1, count // 2 + 1) / (count * spacing)
@@ -205,11 +206,11 @@ def iso_track(
     return Track(spacing, parts[0] - parts[1], parts[0] + parts[1], float(width), periodic=True)
 
 
-def _points(name: str, length: float, spacing: float) -> int:
-    """Return the number of steps in a length, if memory holds them."""
-    if length / spacing > MOST_POINTS:
-        raise ValueError(f"{name} = {length:g}: expected at most {MOST_POINTS:g} steps of {spacing:g} m")
-    return round(length / spacing)
+def step_count(name: str, extent: float, step: float, unit: str) -> int:
+    """Return the number of steps in a length or a duration, if memory holds them."""
+    if extent / step > _MOST_STEPS:
+        raise ValueError(f"{name} = {extent:g}: expected at most {_MOST_STEPS:g} steps of {step:g} {unit}")
+    return round(extent / step)
 
 
 def bump_track(
@@ -249,8 +250,51 @@ def bump_track(
         raise ValueError(f"position = {begin:g}: expected the bump to end before the track does, at {whole_length:g} m")
     if extent < 10.0 * spacing:
         raise ValueError(f"bump_length = {extent:g}: expected at least ten steps, {10 * spacing:g} m")
-    s = (spacing * np.arange(_points("length", whole_length, spacing) + 1) - begin) / extent
+    s = (spacing * np.arange(step_count("length", whole_length, spacing, "m") + 1) - begin) / extent
     raised = np.where((s > 0.0) & (s < 1.0), 0.5 * peak * (1.0 - np.cos(2.0 * np.pi * s)), 0.0)
     level = np.zeros_like(raised)
     left = raised if side != "right" else level
     return Track(spacing, left, raised if side != "left" else level, positive("width", width))
+
+
+def averaged_density(tracks: Sequence[Track], band: tuple[float, float], name: str = "tracks") -> tuple[Array, Array]:
+    """Return wave numbers and the one-sided density of random tracks, averaged over them and over near wave numbers.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        Periodic ones of equal length and step; both sides count.
+    band : (float, float)
+        Of wave numbers [1/m].
+    name : str
+        Of the tracks, for messages.
+
+    Returns
+    -------
+    wave_number, density : (n,) ndarray
+        Means over a twelfth of an octave each, of the density times the squared wave number [1/m], [m^3].
+
+    Raises
+    ------
+    ValueError
+        No tracks; tracks that do not go round, or differ in length or step; none of their waves in the band.
+    """
+    if not tracks:
+        raise ValueError(f"{name}: expected at least one")
+    if not all(track.periodic for track in tracks):
+        raise ValueError(f"{name}: expected tracks that go round, such as iso_track makes")
+    sizes = sorted({(len(track.left), track.step) for track in tracks})
+    if len(sizes) > 1:
+        raise ValueError(f"{name}: expected equal numbers of points and steps, got {sizes[0]} and {sizes[1]}")
+    count, step = sizes[0]
+    sides = np.array([side for track in tracks for side in (track.left, track.right)])
+    density = 2.0 * step / count * (np.abs(np.fft.rfft(sides, axis=1)) ** 2).mean(axis=0)[1:]
+    n = np.fft.rfftfreq(count, step)[1:]
+    inside = (n >= band[0] * (1.0 - 1e-9)) & (n <= band[1] * (1.0 + 1e-9))
+    if not inside.any():
+        raise ValueError(f"band = ({band[0]:g}, {band[1]:g}): the tracks have no wave in it ({n[0]:g} to {n[-1]:g} /m)")
+    n, level = n[inside], density[inside] * n[inside] ** 2
+    _, group = np.unique(np.floor(12.0 * np.log2(n / band[0]) + 1e-6), return_inverse=True)
+    members = np.bincount(group)
+    middle = np.exp(np.bincount(group, np.log(n)) / members)
+    return middle, np.bincount(group, level) / members / middle**2

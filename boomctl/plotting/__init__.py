@@ -2,8 +2,16 @@
 
 from boomctl.plotting.canvas import figure_bytes, new_figure, picture, style
 from boomctl.plotting.sigma import plot_measured, plot_sigma
-from boomctl.plotting.slew import plot_mesh_study, plot_slew, plot_slew_comparison, plot_tracking, slew_film
-from boomctl.plotting.slew_design import plot_payloads, plot_spin_ups, plot_switching
+from boomctl.plotting.slew import (
+    plot_mesh_study,
+    plot_payloads,
+    plot_slew,
+    plot_slew_comparison,
+    plot_spin_ups,
+    plot_switching,
+    plot_tracking,
+    slew_film,
+)
 from boomctl.plotting.spray import draw_deposit, draw_motion, draw_track_density
 
 __all__ = [

@@ -1,6 +1,10 @@
-"""Pictures of the spray boom: Fig. 3, convergence, mode shapes on the machine, the machine in motion."""
+"""Pictures of the spray boom: Fig. 3, convergence, mode shapes, the machine in motion, friction in its cradle.
 
-import io
+What they draw are the records of :mod:`boomctl.papers.anthonis_ramon`, taken by their attributes.
+"""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +16,6 @@ from boomctl.plotting.sigma import plot_measured, plot_sigma
 if TYPE_CHECKING:
     from boomctl.analysis import MeasuredCurve, SigmaResult
     from boomctl.boom import BoomParameters
-    from boomctl.papers.anthonis_ramon.figures import Convergence, Deviation, MachineMotion
 
 _LINES = {"finite": "--", "discrete": ":", "exact": "-"}
 
@@ -20,7 +23,7 @@ _LINES = {"finite": "--", "discrete": ":", "exact": "-"}
 def draw_figure_3(
     curves: "dict[str, SigmaResult]",
     measured_hz: Array,
-    deviation: "dict[str, Deviation]",
+    deviation: dict[str, Any],
     measured: "MeasuredCurve | None" = None,
 ) -> Any:
     """Draw the singular values from platform actuators to tips, line styles as in Anthonis & Ramon (2003), Fig. 3."""
@@ -45,7 +48,7 @@ def draw_figure_3(
     return figure
 
 
-def _draw_deviation(ax: Any, deviation: "dict[str, Deviation]") -> None:
+def _draw_deviation(ax: Any, deviation: dict[str, Any]) -> None:
     """Draw how far singular values lie from the exact ones, the larger one of both solid."""
     for name, item in deviation.items():
         linestyle, color = ("--", COLOURS[0]) if name.startswith("finite") else (":", COLOURS[1])
@@ -55,7 +58,7 @@ def _draw_deviation(ax: Any, deviation: "dict[str, Deviation]") -> None:
     ax.set_xlabel("frequency [Hz]")
 
 
-def draw_convergence(convergence: "tuple[Convergence, ...]") -> Any:
+def draw_convergence(convergence: tuple[Any, ...]) -> Any:
     """Draw the relative error of the first five eigenfrequencies over the mesh, one panel a method."""
     with style():
         figure = new_figure(9.0, 6.0)
@@ -81,7 +84,7 @@ def draw_convergence(convergence: "tuple[Convergence, ...]") -> Any:
     return figure
 
 
-def _slope(ax: Any, item: "Convergence", order: int) -> None:
+def _slope(ax: Any, item: Any, order: int) -> None:
     """Draw a line of the expected order beside the second frequency's error."""
     n = np.array([item.sizes[1], item.sizes[len(item.sizes) * 2 // 3]], dtype=float)
     start = 8.0 * item.error[1].max()
@@ -89,12 +92,12 @@ def _slope(ax: Any, item: "Convergence", order: int) -> None:
     ax.annotate(f"order {order}", (n[1], start * (n[1] / n[0]) ** -order), fontsize=8, ha="left", va="bottom")
 
 
-def draw_modes(modes: "tuple[MachineMotion, ...]", p: "BoomParameters") -> Any:
+def draw_modes(modes: tuple[Any, ...], p: "BoomParameters") -> Any:
     """Draw each mode shape on the machine, seen from above, platform held."""
     with style():
         figure = new_figure(7.4, 1.65 * len(modes))
         for k, (ax, mode) in enumerate(zip(figure.subplots(len(modes), 1, sharex=True), modes, strict=True)):
-            _machine(ax, p, mode.x, np.real(mode.boom), float(np.real(mode.cradle)), 0.0, 0.0, 0.8)
+            _machine(ax, p, mode, 1.0, 0.8)
             ax.set_ylim(-1.35, 1.1)
             ax.set_yticks([])
             ax.grid(visible=False)
@@ -104,10 +107,11 @@ def draw_modes(modes: "tuple[MachineMotion, ...]", p: "BoomParameters") -> Any:
     return figure
 
 
-def _machine(
-    ax: Any, p: "BoomParameters", x: Array, w: Array, cradle: float, platform: float, turn: float, scale: float
-) -> None:
-    """Draw platform, cradle, springs and boom, displacements ``scale`` times as large; driving direction up."""
+def _machine(ax: Any, p: "BoomParameters", motion: Any, phase: complex, scale: float) -> None:
+    """Draw platform, cradle, springs and boom at a phase, displacements ``scale`` times as large; driving direction up."""
+    x, w = motion.x, np.real(motion.boom * phase)
+    amplitudes = (motion.cradle, motion.platform, motion.platform_turn)
+    cradle, platform, turn = (float(np.real(value * phase)) for value in amplitudes)
     half, spring = 0.5 * p.actuator_distance, 0.5 * p.spring_distance
     depth = 1.0
     across = np.array([-half, half])
@@ -129,7 +133,7 @@ def _spring(ax: Any, x: float, low: float, high: float) -> None:
     ax.plot(x + zigzag, np.linspace(low, high, len(zigzag)), color="#3a7d34", linewidth=0.9)
 
 
-def animation_gif(motions: "tuple[MachineMotion, ...]", p: "BoomParameters", frames: int = 36) -> bytes:
+def animation_gif(motions: tuple[Any, ...], p: "BoomParameters", frames: int = 36) -> bytes:
     """Return a GIF of one period of each motion, side by side, drawn with its largest deflection at one metre."""
     from matplotlib.animation import FuncAnimation, PillowWriter
 
@@ -141,10 +145,8 @@ def animation_gif(motions: "tuple[MachineMotion, ...]", p: "BoomParameters", fra
             turn = np.exp(2j * np.pi * frame / frames)
             for ax, motion in zip(axes, motions, strict=True):
                 scale = 1.0 / float(np.abs(motion.boom).max())
-                parts = (motion.cradle, motion.platform, motion.platform_turn)
-                cradle, platform, rotation = (float(np.real(value * turn)) for value in parts)
                 ax.clear()
-                _machine(ax, p, motion.x, np.real(motion.boom * turn), cradle, platform, rotation, scale)
+                _machine(ax, p, motion, turn, scale)
                 ax.set_ylim(-1.6, 1.3)
                 ax.set_yticks([])
                 ax.grid(visible=False)
@@ -155,15 +157,60 @@ def animation_gif(motions: "tuple[MachineMotion, ...]", p: "BoomParameters", fra
                 ax.set_xlabel("x along the boom [m]")
             return []
 
-        animation = FuncAnimation(figure, draw, frames=frames, blit=False)
-        return _gif(animation, PillowWriter(fps=18))
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "motion.gif"
+            FuncAnimation(figure, draw, frames=frames, blit=False).save(path, writer=PillowWriter(fps=18), dpi=90)
+            return path.read_bytes()
 
 
-def _gif(animation: Any, writer: Any) -> bytes:
-    import tempfile
-    from pathlib import Path
+def draw_friction(study: Any, band_hz: tuple[float, float] = (2.5, 3.5)) -> Any:
+    """Draw the singular values of jolt and yaw, linear and with friction, and the lower one over the linear one."""
+    freq_hz = study.omega / (2.0 * np.pi)
+    with style():
+        figure = new_figure(7.4, 7.6)
+        top, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.7, 1.0))
+        for ax in (top, below):
+            ax.axvspan(*band_hz, color="#999999", alpha=0.15, linewidth=0)
+        top.loglog(freq_hz, study.yaw, color="#999999", linewidth=1.0, label="yaw (not touched by cradle friction)")
+        top.loglog(freq_hz, study.jolt, color="#000000", label="jolt, linear (Table 2)")
+        top.loglog(freq_hz, study.stuck, "--", color="#000000", linewidth=1.0, label="jolt, cradle stuck to platform")
+        below.axhline(1.0, color="#000000", linewidth=1.4)
+        below.loglog(freq_hz, study.ratio(study.omega, study.stuck), "--", color="#000000", linewidth=1.0)
+        for color, reading in zip(COLOURS, study.readings, strict=False):
+            _reading(top, below, study, reading, color)
+        top.set_ylim(0.05, 100.0)
+        top.set_ylabel("singular values,\nplatform actuators to tips [m/m]")
+        top.set_title(f"Platform moved by {1e3 * study.amplitude:g} mm; lines with friction: describing function")
+        below.set_ylim(0.4, 8.0)
+        below.set_yticks([0.5, 1.0, 2.0, 4.0], ["0.5", "1", "2", "4"])
+        below.set_ylabel("lower singular value\nover the linear one")
+        below.set_xlabel("frequency [Hz]")
+        top.annotate(
+            "measured below\ncomputed here", (np.sqrt(band_hz[0] * band_hz[1]), 0.055), ha="center", fontsize=7
+        )
+        _ticks(below, freq_hz)
+        top.plot(
+            [], [], "o", color="#444444", markersize=3.2, fillstyle="none", label="stick-slip simulated, stepped sine"
+        )
+        figure.legend(*top.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure
 
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "motion.gif"
-        animation.save(path, writer=writer, dpi=90)
-        return io.BytesIO(path.read_bytes()).getvalue()
+
+def _reading(top: Any, below: Any, study: Any, reading: Any, color: str) -> None:
+    """Draw one reading: the describing function as a line, the simulated sines as circles."""
+    balance, swept = reading.balance, reading.swept
+    name = f"jolt, {reading.force:.2g} N friction {reading.name}"
+    top.plot(balance.omega / (2 * np.pi), balance.gain, color=color, linewidth=1.2, label=name)
+    below.plot(balance.omega / (2 * np.pi), study.ratio(balance.omega, balance.gain), color=color, linewidth=1.2)
+    look: dict[str, Any] = {"color": color, "markersize": 3.2, "fillstyle": "none"}
+    top.plot(swept.omega / (2 * np.pi), swept.gain, "o", **look)
+    below.plot(swept.omega / (2 * np.pi), study.ratio(swept.omega, swept.gain), "o", **look)
+
+
+def _ticks(ax: Any, freq_hz: Any) -> None:
+    ticks = [
+        f for f in (0.4, 0.6, 1, 1.5, 2, 2.5, 3, 3.5, 4, 5, 6) if freq_hz[0] <= f * 1.001 and f <= freq_hz[-1] * 1.001
+    ]
+    ax.set_xlim(freq_hz[0], freq_hz[-1])
+    ax.set_xticks(ticks, [f"{f:g}" for f in ticks])
+    ax.minorticks_off()

@@ -11,7 +11,7 @@ from boomctl.plotting.canvas import COLOURS, new_figure, style
 if TYPE_CHECKING:
     from boomctl.simulation import LoopResult
 
-_MOST = 6
+_MOST = 6  # outputs that are drawn unless some are named: as many as there are colours
 
 
 def draw_loop(result: "LoopResult", outputs: str | Sequence[str] | None = None) -> Any:

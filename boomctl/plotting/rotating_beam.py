@@ -219,8 +219,8 @@ def _stage(figure: "Figure", film: Film) -> "tuple[list[Artist], Callable[[int],
 
     ax = figure.subplots()
     figure.subplots_adjust(left=0.17, right=0.97, bottom=0.11, top=0.93)
-    reach = 1.06 * max(float(np.max(np.abs(shape))) for _, shape in film.shapes)
-    ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    extent = 1.06 * max(float(np.max(np.abs(shape))) for _, shape in film.shapes)
+    ax.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal", xlabel="x [m]", ylabel="y [m]")
     ax.add_patch(Circle((0.0, 0.0), film.hub_radius, color="0.75"))
     (spoke,) = ax.plot([], [], ":", color="0.6", linewidth=1.0, label="hub's axis", animated=True)
     lines = [

@@ -10,9 +10,9 @@ from boomctl.checks import finite_array, positive, real
 from boomctl.plotting.canvas import COLOURS, new_figure, style
 
 if TYPE_CHECKING:
-    from boomctl.arrays import Array
     from boomctl.boom import PlatformMotion, SprayResult, Track
 
+# doses at which the colour changes: ±2, 5, 10 and 20 % as deposits are judged by, then coarser
 _STEPS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0)
 _SHADES = (
     "#67001f",
@@ -182,18 +182,16 @@ def draw_track_density(tracks: "Mapping[str, Sequence[Track]]", band: tuple[floa
     ValueError
         A class without tracks; tracks that do not go round, or differ in length or step; none of their waves in the band.
     """
-    from boomctl.boom import road_density
+    from boomctl.boom.tracks import averaged_density, road_density
 
-    for letter, several in tracks.items():
-        _check_alike(letter, several)
+    densities = {letter: averaged_density(several, band, f"tracks[{letter!r}]") for letter, several in tracks.items()}
     with style():
         figure = new_figure(6.4, 4.4)
         ax = figure.subplots()
         line = np.geomspace(*band, 50)
-        for i, (letter, several) in enumerate(tracks.items()):
-            n, density = _density(several)
+        for i, (letter, points) in enumerate(densities.items()):
             colour = COLOURS[i % len(COLOURS)]
-            ax.loglog(*_averaged(n, density, band), ".-", color=colour, linewidth=0.7, markersize=3, alpha=0.8)
+            ax.loglog(*points, ".-", color=colour, linewidth=0.7, markersize=3, alpha=0.8)
             ax.loglog(line, road_density(letter, line), color=colour, linewidth=1.6, label=f"class {letter}")
         ax.loglog([], [], ".-", color="#555555", linewidth=0.7, markersize=3, label="tracks")
         ax.set_xlabel("wave number n [1/m]")
@@ -201,35 +199,3 @@ def draw_track_density(tracks: "Mapping[str, Sequence[Track]]", band: tuple[floa
         ax.legend()
         figure.suptitle("Random tracks beside ISO 8608", x=0.01, ha="left", fontsize=10, fontweight="bold")
     return figure
-
-
-def _check_alike(letter: str, tracks: "Sequence[Track]") -> None:
-    if not tracks:
-        raise ValueError(f"tracks[{letter!r}]: expected at least one")
-    if not all(track.periodic for track in tracks):
-        raise ValueError(f"tracks[{letter!r}]: expected tracks that go round, such as iso_track makes")
-    sizes = sorted({(len(track.left), track.step) for track in tracks})
-    if len(sizes) > 1:
-        raise ValueError(
-            f"tracks[{letter!r}]: expected equal numbers of points and steps, got {sizes[0]} and {sizes[1]}"
-        )
-
-
-def _density(tracks: "Sequence[Track]") -> "tuple[Array, Array]":
-    """Return wave numbers and the mean one-sided density of the tracks' sides."""
-    sides = np.array([side for track in tracks for side in (track.left, track.right)])
-    count, step = sides.shape[1], tracks[0].step
-    power = 2.0 * step / count * (np.abs(np.fft.rfft(sides, axis=1)) ** 2).mean(axis=0)
-    return np.fft.rfftfreq(count, step)[1:], power[1:]
-
-
-def _averaged(n: "Array", density: "Array", band: tuple[float, float]) -> "tuple[Array, Array]":
-    """Return mean wave numbers and densities over a twelfth of an octave, these as means of ``n^2 G(n)``."""
-    inside = (n >= band[0] * (1.0 - 1e-9)) & (n <= band[1] * (1.0 + 1e-9))
-    if not inside.any():
-        raise ValueError(f"band = ({band[0]:g}, {band[1]:g}): the tracks have no wave in it ({n[0]:g} to {n[-1]:g} /m)")
-    n, level = n[inside], density[inside] * n[inside] ** 2
-    _, group = np.unique(np.floor(12.0 * np.log2(n / band[0]) + 1e-6), return_inverse=True)
-    members = np.bincount(group)
-    middle = np.exp(np.bincount(group, np.log(n)) / members)
-    return middle, np.bincount(group, level) / members / middle**2

@@ -89,7 +89,7 @@ def draw_run(
     passive, active : LoopResult
     labels : (str, str)
     limits : (float, float)
-        Of force [N] and stroke [m]; drawn where they are within reach of the curves.
+        Of force [N] and stroke [m]; drawn where the curves come near them.
     span : (float, float)
         Times to show [s].
 

@@ -66,7 +66,7 @@ class Kind:
         return getattr(import_module(self.module), self.returns)
 
 
-_SCENE = ("road_class", "speed", "seed")
+_SCENE = ("road_class", "speed", "seed")  # options of the suspensions' field
 KINDS = {
     "suspension": Kind(
         "suspension", "design", "boomctl.studies.suspension.design", "SuspensionDesign", _SCENE, steps=3

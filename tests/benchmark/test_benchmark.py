@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from boomctl.benchmark import BenchmarkReport, Row, Settings, run_settings
-from boomctl.benchmark.boom.scene import resonance_grid, scene
+from boomctl.benchmark.boom.run import run_settings
+from boomctl.benchmark.boom.scene import Settings, resonance_grid, scene
+from boomctl.benchmark.report import BenchmarkReport, Row
 from boomctl.benchmark.timing import Job, interleaved, one_thread, peak_memory
 
 TINY = Settings(

@@ -7,9 +7,14 @@ import pytest
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.benchmark.suspension.loop import loop_scene
-from boomctl.benchmark.suspension.loop_peers import continuous_loop, sampled_loop
-from boomctl.benchmark.suspension.loop_reference import continuous_reference, extended_maps, sampled_reference
+from boomctl.benchmark.suspension.loop import (
+    continuous_loop,
+    continuous_reference,
+    extended_maps,
+    loop_scene,
+    sampled_loop,
+    sampled_reference,
+)
 from boomctl.boom.model import ACTUATORS, TIPS
 
 

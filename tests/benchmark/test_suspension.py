@@ -3,7 +3,7 @@
 import json
 
 from boomctl.benchmark.report import Row
-from boomctl.benchmark.suspension.run import run as suspension
+from boomctl.benchmark.suspension import run as suspension
 
 
 def test_subjects_follow_one_another(monkeypatch):
@@ -17,7 +17,7 @@ def test_subjects_follow_one_another(monkeypatch):
 
         return rows
 
-    monkeypatch.setattr(suspension, "_LINES", (lines("first"), lines("second")))
+    monkeypatch.setattr(suspension, "_SUBJECTS", (lines("first"), lines("second")))
     quick, full = suspension.run(progress=told.append), suspension.run(full=True)
     assert told == [row.section for row in quick.rows] == ["first", "second"]
     assert asked[0] < asked[-1]

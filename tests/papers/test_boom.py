@@ -11,13 +11,11 @@ import pytest
 from boomctl.boom import BoomParameters, spray_boom
 from boomctl.files import plain, write_whole
 from boomctl.papers.anthonis_ramon import report as boom_report
-from boomctl.papers.anthonis_ramon.figures import BoomReproduction, compute
+from boomctl.papers.anthonis_ramon.figures import TABLE_1, BoomReproduction, compute
 from boomctl.papers.anthonis_ramon.friction import BAND_HZ, BoomFriction, friction_study, matched_force
-from boomctl.papers.anthonis_ramon.friction_section import studied
-from boomctl.papers.anthonis_ramon.published import TABLE_1
 from boomctl.plotting import boom as boom_pictures
 from boomctl.plotting import figure_bytes
-from boomctl.plotting.friction import draw_friction
+from boomctl.plotting.boom import draw_friction
 from boomctl.report import Picture, Report, Section, Table, bound_reports
 from boomctl.structure import split_symmetric
 from tests.command import Done, boomctl
@@ -42,12 +40,12 @@ def reproduced(tmp_path_factory):
     out, seen = tmp_path_factory.mktemp("results"), {}
 
     def kept(name, of):
-        return lambda *given: seen.setdefault(name, of(*given))
+        return lambda *given, **named: seen.setdefault(name, of(*given, **named))
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(boom_report, "compute", kept("result", compute))
-        few = lambda p, tell: friction_study(p, points=9)  # noqa: E731
-        patch.setattr(boom_report, "studied", kept("study", few if is_quick() else studied))
+        points = 9 if is_quick() else boom_report.POINTS
+        patch.setattr(boom_report, "friction_study", kept("study", lambda p, **_: friction_study(p, points=points)))
         if is_quick():
             patch.setattr(boom_pictures, "animation_gif", partial(boom_pictures.animation_gif, frames=2))
         done = boomctl("reproduce", "boom", "--out", str(out), "--json")

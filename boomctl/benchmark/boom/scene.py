@@ -1,6 +1,5 @@
 """The common ground of all lines of the boom's benchmark: parameters, frequencies, and the truth in fifty digits."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +9,6 @@ from boomctl.benchmark.boom.high_precision import damped_eigenvalues, exact_resp
 from boomctl.boom import BoomParameters, spray_boom
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)

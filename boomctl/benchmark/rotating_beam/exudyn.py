@@ -19,7 +19,7 @@ from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
 NEWTON_TOLERANCE = 1e-6
 """Relative and absolute; 1e-8 is often missed in a prescribed motion, and then takes 20 times longer."""
 
-SPECTRAL_RADIUS = 0.5
+SPECTRAL_RADIUS = 0.5  # of generalised alpha: damps what the time step does not resolve, and keeps second order
 
 
 def exudyn_available() -> bool:

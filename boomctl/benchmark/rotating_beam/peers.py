@@ -1,56 +1,20 @@
-"""The hub-beam's equations in SciPy's and CasADi's integrators, and how the runs take turns."""
+"""The hub-beam's equations in SciPy's and CasADi's integrators."""
 
-import time
-from collections.abc import Callable, Mapping
-from math import ceil
+from collections.abc import Callable
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.benchmark.timing import Job, interleaved
 from boomctl.rotating_beam import HubBeam
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
 from boomctl.rotating_beam.modal.linearization import state_derivative
 
-SPIN_UP = SpinUp(2.8, 30.0)
-TORQUE = SineTorque(200.0, 10.0, 10.0)
-INSTANTS = np.linspace(0.0, 60.0, 601)
+SPIN_UP = SpinUp(2.8, 30.0)  # rad/s, s: of Bai et al. (2009), Fig. 5, near the critical speed of TLAM
+TORQUE = SineTorque(200.0, 10.0, 10.0)  # N m, s, s: of Fig. 8
+INSTANTS = np.linspace(0.0, 60.0, 601)  # of the output [s]; the paper's figures end at 60 s
 
 Motion = Callable[[], Array]
 """Returns the tip's displacement at all `INSTANTS`, m."""
-
-_TURN = 0.05
-_MOST_CALLS = 100
-
-
-def in_turns(runs: Mapping[str, Motion], repeats: int) -> dict[str, float]:
-    """Return the median processor time of a call [s], the runs taking turns of at least 50 ms.
-
-    A short run is called again and again in its turn, as it is in use; called once, it would first of all pay for the
-    caches that its neighbours, which keep them warm by themselves, have filled.
-
-    Parameters
-    ----------
-    runs : mapping from name to callable
-    repeats : int
-        Number of turns of each.
-    """
-    calls = {name: min(_MOST_CALLS, ceil(_TURN / max(_once(run), 1e-6))) for name, run in runs.items()}
-    jobs = {name: Job(lambda _, run=run, name=name: _repeat(run, calls[name])) for name, run in runs.items()}
-    return {name: taken / calls[name] for name, taken in interleaved(jobs, repeats, warm=False).items()}
-
-
-def _once(run: Motion) -> float:
-    """Processor time of a call after a first one, s."""
-    run()
-    start = time.process_time()
-    run()
-    return time.process_time() - start
-
-
-def _repeat(run: Motion, calls: int) -> None:
-    for _ in range(calls):
-        run()
 
 
 def scipy_spin_up(beam: HubBeam, method: str) -> Callable[[float], Motion]:

@@ -1,14 +1,15 @@
 """Run time and error of the hub-beam's simulations, beside general-purpose integrators on the same equations."""
 
+import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.benchmark.boom.scene import Progress
-from boomctl.benchmark.report import BenchmarkReport, Row
-from boomctl.benchmark.rotating_beam import exact as hub_beam_exact
+from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Tell, measured, race
+from boomctl.benchmark.rotating_beam.exudyn import exudyn_available, exudyn_tip
 from boomctl.benchmark.rotating_beam.peers import (
     INSTANTS,
     SPIN_UP,
@@ -16,19 +17,43 @@ from boomctl.benchmark.rotating_beam.peers import (
     Motion,
     casadi_spin_up,
     casadi_torque,
-    in_turns,
     scipy_spin_up,
     scipy_torque,
 )
-from boomctl.benchmark.timing import Job, environment, interleaved, one_thread
-from boomctl.rotating_beam import HubBeam, HubBeamParameters
+from boomctl.benchmark.timing import Job, in_turns, interleaved
+from boomctl.rotating_beam import HubBeam, HubBeamParameters, hub_beam
+from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
 
-LADDER = tuple(10.0**-k for k in range(4, 13))
+LADDER = tuple(
+    10.0**-k for k in range(4, 13)
+)  # tolerances of a peer, of which the loosest that is exact enough is timed
 SCIPY_METHODS = ("Radau", "DOP853", "RK45", "LSODA", "BDF")
 """Of solve_ivp; the first is the fastest one known at 1e-6."""
 
-_ERROR, _RESIDUAL_ERROR = 1e-6, 1e-5
-_SCIPY_RATIO, _IDAS_RATIO, _RESIDUAL_COST, _FOAM_COST = 100.0, 15.0, 2.0, 10.0
+# targets are what this package promised itself
+_ERROR, _RESIDUAL_ERROR = 1e-6, 1e-5  # of the tip: whole motion, and what is left after the spin-up
+_SCIPY_RATIO, _IDAS_RATIO = 100.0, 15.0  # processor time of the peer over ours
+_RESIDUAL_COST, _FOAM_COST = 2.0, 10.0  # processor time over that of a motion to 1e-6, and over that of SFOAM
+
+SCENES: dict[str, tuple[SpinUp | SineTorque, Array]] = {
+    "Against the exact beam: spin-up 60 s": (SpinUp(2.8, 30.0), np.linspace(0.0, 60.0, 1501)),
+    "Against the exact beam: 200 N m, 30 s": (SineTorque(200.0, 10.0, 10.0), np.linspace(0.0, 30.0, 751)),
+}
+"""Manoeuvres and the instants of the output."""
+
+EXACT_SETTINGS = ((3, 1e-3), (4, 1e-5), (6, 1e-7), (8, 1e-8))
+"""Polynomials and relative tolerance of the geometrically exact beam."""
+
+EXUDYN_SETTINGS = ((4, 0.04), (4, 0.02), (8, 0.01), (8, 0.005), (16, 0.0025))
+"""Elements and time step [s], from fast to exact."""
+
+EXUDYN_ERROR = 1e-3
+"""Exudyn is refined until its error is below this."""
+
+SFOAM = "SFOAM, 5 modes"
+
+EXUDYN_RATIO = 300.0
+"""How many times faster SFOAM's spin-up is to be; the torque-driven motion is shown without a target."""
 
 Judge = Callable[[Array], float]
 
@@ -41,13 +66,7 @@ class _Entry:
     judge: Judge
 
 
-@dataclass(frozen=True)
-class _Measured:
-    seconds: float
-    error: float
-
-
-def run(full: bool = False, progress: Progress | None = None) -> BenchmarkReport:
+def run(full: bool = False, progress: Tell | None = None) -> BenchmarkReport:
     """Measure all scenes, the jobs of a scene in turns in one process on one thread.
 
     A method with a tolerance gets the loosest one of a ladder at which it is as exact as the scene asks for.
@@ -63,18 +82,35 @@ def run(full: bool = False, progress: Progress | None = None) -> BenchmarkReport
     -------
     BenchmarkReport
     """
-    tell: Progress = progress if progress is not None else lambda text: None
-    repeats = 15 if full else 5
-    with one_thread():
-        tell("spin-up")
-        entries = _spin_up_entries(full)
-        rows = _spin_up_rows(_measure(entries, repeats))
-        rows.append(_single_calls(entries, rows[0], repeats))
-        tell("torque-driven")
-        rows += _torque_rows(_measure(_torque_entries(full), repeats))
-        tell("geometrically exact")
-        rows += hub_beam_exact.rows(3 if full else 1)
-    return BenchmarkReport(tuple(rows), (), _NOTES, environment(), "boomctl benchmark hub-beam")
+    subjects = [partial(each, full) for each in (spin_up_rows, torque_rows, exact_rows)]
+    return measured("hub-beam", subjects, _NOTES, progress)
+
+
+def spin_up_rows(full: bool, tell: Tell) -> list[Row]:
+    """Race the spin-up of SFOAM."""
+    tell("spin-up")
+    repeats, entries = _repeats(full), _spin_up_entries(full)
+    rows = _spin_up_rows(_measure(entries, repeats))
+    return [*rows, _single_calls(entries, rows[0], repeats)]
+
+
+def torque_rows(full: bool, tell: Tell) -> list[Row]:
+    """Race the torque-driven motion of SFOAM and FOAM."""
+    tell("torque-driven")
+    return _torque_rows(_measure(_torque_entries(full), _repeats(full)))
+
+
+def exact_rows(full: bool, tell: Tell) -> list[Row]:
+    """Measure run time and distance from the converged exact beam: of that beam itself, and of the models.
+
+    The error of SFOAM and FOAM is that of the model, for they are solved ten thousand times more exactly.
+    """
+    tell("geometrically exact")
+    return [row for scene in SCENES for row in _against_exact(scene, 3 if full else 1)]
+
+
+def _repeats(full: bool) -> int:
+    return 15 if full else 5
 
 
 _NOTES = (
@@ -88,9 +124,9 @@ _NOTES = (
 )
 
 
-def _measure(entries: Mapping[str, _Entry], repeats: int) -> dict[str, _Measured]:
+def _measure(entries: Mapping[str, _Entry], repeats: int) -> dict[str, Measured]:
     times = in_turns({name: entry.run for name, entry in entries.items()}, repeats)
-    return {name: _Measured(times[name], entry.judge(entry.run())) for name, entry in entries.items()}
+    return {name: Measured(times[name], entry.judge(entry.run())) for name, entry in entries.items()}
 
 
 def _single_calls(entries: Mapping[str, _Entry], row: Row, repeats: int) -> Row:
@@ -100,16 +136,10 @@ def _single_calls(entries: Mapping[str, _Entry], row: Row, repeats: int) -> Row:
     times = interleaved(jobs, repeats)
     met = bool(row.error is not None and row.error <= _ERROR and times["peer"] >= _SCIPY_RATIO * times["ours"])
     job, target = f"{names['peer']}, one call a turn", f">= {_SCIPY_RATIO:g}x"
-    return Row(row.section, f"peer: {job}", times["ours"], times["peer"], target, row.error, row.peer_error, met)
+    return replace(row, job=f"peer: {job}", ours=times["ours"], peer=times["peer"], target=target, met=met)
 
 
-def _row(section: str, job: str, ours: _Measured, peer: _Measured | None, target: str = "", met: bool | None = None):
-    if peer is None:
-        return Row(section, job, ours.seconds, None, target, ours.error, None, met)
-    return Row(section, job, ours.seconds, peer.seconds, target, ours.error, peer.error, met)
-
-
-def _spin_up_rows(found: Mapping[str, _Measured]) -> list[Row]:
+def _spin_up_rows(found: Mapping[str, Measured]) -> list[Row]:
     section = "Spin-up 60 s, SFOAM, 5 modes, 1e-6"
     ours, residual = found["ours"], found["residual"]
     exact = ours.error <= _ERROR
@@ -120,25 +150,25 @@ def _spin_up_rows(found: Mapping[str, _Measured]) -> list[Row]:
         if name == best or name == "CasADi IDAS":
             wanted = _SCIPY_RATIO if name == best else _IDAS_RATIO
             met = exact and peer.seconds >= wanted * ours.seconds
-            rows.append(_row(section, f"peer: {name}", ours, peer, f">= {wanted:g}x", met))
+            rows.append(race(section, f"peer: {name}", ours, peer, target=f">= {wanted:g}x", met=met))
         elif name not in ("ours", "residual", "default"):
-            rows.append(_row(section, f"peer: {name}", ours, peer))
+            rows.append(race(section, f"peer: {name}", ours, peer))
     cheap = residual.error <= _RESIDUAL_ERROR and residual.seconds < _RESIDUAL_COST * ours.seconds
-    rows.append(_row(section, "residual to 1e-5; peer: 1e-6", residual, ours, "< 2x the cost", cheap))
-    rows.append(_row(section, "default tolerance 1e-8", found["default"], None))
+    rows.append(race(section, "residual to 1e-5; peer: 1e-6", residual, ours, target="< 2x the cost", met=cheap))
+    rows.append(Row(section, "default tolerance 1e-8", found["default"].seconds, error=found["default"].error))
     return rows
 
 
-def _torque_rows(found: Mapping[str, _Measured]) -> list[Row]:
+def _torque_rows(found: Mapping[str, Measured]) -> list[Row]:
     section = "Torque-driven 60 s, 200 N m, 5 modes, 1e-6"
     sfoam, foam = found["SFOAM"], found["FOAM"]
     rows = []
     for name, peer in found.items():
         if name not in ("SFOAM", "FOAM"):
             model = name.split(",")[0]
-            rows.append(_row(section, f"{model}; peer:{name.split(',')[1]}", found[model], peer))
+            rows.append(race(section, f"{model}; peer:{name.split(',')[1]}", found[model], peer))
     met = max(sfoam.error, foam.error) <= _ERROR and foam.seconds <= _FOAM_COST * sfoam.seconds
-    rows.append(_row(section, "FOAM; peer: SFOAM, ours", foam, sfoam, "<= 10x the cost", met))
+    rows.append(race(section, "FOAM; peer: SFOAM, ours", foam, sfoam, target="<= 10x the cost", met=met))
     return rows
 
 
@@ -193,3 +223,43 @@ def _torque_entries(full: bool) -> dict[str, _Entry]:
         if model == "SFOAM" and full:
             entries["SFOAM, solve_ivp DOP853"] = _loosest(scipy_torque(beam, TORQUE), judge, _ERROR)
     return entries
+
+
+def _against_exact(scene: str, repeats: int) -> list[Row]:
+    manoeuvre, timepts = SCENES[scene]
+    true = _tip("geometrically-exact", 10, 1e-9, manoeuvre, timepts)
+    runs = {SFOAM: ("sfoam", 5, 1e-7), "FOAM, 5 + 5 modes": ("foam", 5, 1e-7)}
+    for modes, rtol in EXACT_SETTINGS:
+        runs[f"exact, {modes} + {modes}, rtol {rtol:.0e}"] = ("geometrically-exact", modes, rtol)
+    times = in_turns({job: lambda run=run: _tip(*run, manoeuvre, timepts) for job, run in runs.items()}, repeats)
+    errors = {job: _error_of(_tip(*run, manoeuvre, timepts), true) for job, run in runs.items()}
+    found = [Row(scene, job, times[job], error=errors[job]) for job in runs]
+    target = f">= {EXUDYN_RATIO:g}x exudyn" if isinstance(manoeuvre, SpinUp) else ""
+    found[0] = replace(found[0], target=target, note="absent")
+    if exudyn_available():
+        found[0] = _beside_exudyn(found[0], manoeuvre, timepts, true)
+    return found
+
+
+def _tip(model: str, modes: int, rtol: float, manoeuvre: SpinUp | SineTorque, timepts: Array) -> Array:
+    return hub_beam(HubBeamParameters(), model, modes).simulate(manoeuvre, timepts, rtol=rtol).tip_displacement
+
+
+def _error_of(tip: Array, true: Array) -> float:
+    """Largest error over the largest displacement."""
+    return float(np.max(np.abs(tip - true)) / np.max(np.abs(true)))
+
+
+def _beside_exudyn(row: Row, manoeuvre: SpinUp | SineTorque, timepts: Array, true: Array) -> Row:
+    """Exudyn, refined until it is as exact as is asked of it; each setting is run once."""
+    for elements, step in EXUDYN_SETTINGS:
+        start = time.process_time()
+        tip = exudyn_tip(HubBeamParameters(), manoeuvre, timepts, elements, step)
+        taken, error = time.process_time() - start, _error_of(tip, true)
+        job = f"{SFOAM}; peer: exudyn, {elements} elements"
+        fast = row.ours is not None and taken >= EXUDYN_RATIO * row.ours
+        met = fast if row.target else None
+        row = replace(row, job=job, peer=taken, peer_error=error, met=met, note="")
+        if error <= EXUDYN_ERROR:
+            break
+    return row

@@ -10,6 +10,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.rotating_beam import HubBeam
 
+# IPOPT's options: silent, and solved until the objective no longer limits what errors are compared
 _QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
 
 

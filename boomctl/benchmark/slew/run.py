@@ -1,14 +1,15 @@
 """Run time and error of optimal slews, beside exact solutions and programmes written by hand."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.benchmark.boom.scene import Progress
-from boomctl.benchmark.report import BenchmarkReport, Row, Sheet
+from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Sheet, Tell, measured, race
 from boomctl.benchmark.slew.peers import Effort, Failed, has_rockit, opti_fastest, opti_slew, rockit_slew
-from boomctl.benchmark.timing import Job, environment, interleaved, one_thread
+from boomctl.benchmark.timing import Job, interleaved
+from boomctl.lti.python_control import control
 from boomctl.rotating_beam import HubBeam, HubBeamParameters
 from boomctl.slew import TorqueHistory, mesh_study, optimal_slew
 from boomctl.slew.nlp.programme import Programme, Solution, prepare
@@ -18,12 +19,13 @@ from boomctl.slew.reference import effort_guess, typical_sizes
 from boomctl.slew.torque import held
 
 _EFFORT = Effort(HubBeam(HubBeamParameters(), "sfoam", 3), np.pi / 2, 200.0, 3.0, 200)
-_COARSE = 40
+"""A quarter turn in 3 s, a little more than the least time; intervals so short that RK4 is stable on them."""
+_COARSE = 40  # intervals so long that RK4 is unstable in the third mode
 _FINE = 8
 """Substeps with which a peer is as exact as ours, for the comparison of optima."""
 
 
-def run(full: bool = False, progress: Progress | None = None) -> BenchmarkReport:
+def run(full: bool = False, progress: Tell | None = None) -> BenchmarkReport:
     """Measure all scenes, the jobs of a scene in turns in one process on one thread.
 
     Parameters
@@ -37,20 +39,12 @@ def run(full: bool = False, progress: Progress | None = None) -> BenchmarkReport
     -------
     BenchmarkReport
     """
-    tell: Progress = progress if progress is not None else lambda text: None
-    repeats = 7 if full else 3
-    with one_thread():
-        tell("minimum time")
-        rows = _minimum_time(repeats)
-        tell("minimum time of nonlinear beams")
-        rows += _nonlinear_rows(repeats, full)
-        tell("minimum effort")
-        rows += _effort_rows(repeats)
-        tell("a coarse mesh")
-        rows.append(_coarse_row())
-        tell("error against mesh size")
-        sheet = _mesh_sheet()
-    return BenchmarkReport(tuple(rows), (sheet,), _NOTES, environment(), "boomctl benchmark slew")
+    subjects = (minimum_time_rows, nonlinear_rows, effort_rows, coarse_rows, mesh_sheets)
+    return measured("slew", [partial(each, full) for each in subjects], _NOTES, progress)
+
+
+def _repeats(full: bool) -> int:
+    return 7 if full else 3
 
 
 _NOTES = (
@@ -68,8 +62,9 @@ _NOTES = (
 )
 
 
-def _minimum_time(repeats: int) -> list[Row]:
-    import control
+def minimum_time_rows(full: bool, tell: Tell) -> list[Row]:
+    """Linear plants: proved optimal, and beside exact solutions where there are any."""
+    tell("minimum time")
 
     rigid = control.ss([[0, 1], [0, 0]], [[0], [1 / 241.0]], [[1, 0]], 0)
     masses = [[0, 0, 1, 0], [0, 0, 0, 1], [-1, 1, 0, 0], [1, -1, 0, 0]]
@@ -82,19 +77,20 @@ def _minimum_time(repeats: int) -> list[Row]:
         beam = HubBeam(HubBeamParameters(), "sfoam", modes).linearize()
         scenes[f"linear hub-beam, modes: {modes}"] = (beam, np.pi / 2, 200.0, None, 1e-6)
     jobs = {name: Job(lambda _, s=scene: optimal_slew(s[0], s[1], s[2])) for name, scene in scenes.items()}
-    times = interleaved(jobs, repeats)
+    times = interleaved(jobs, _repeats(full))
     rows = []
     for name, (system, angle, limit, exact, wanted) in scenes.items():
         found = optimal_slew(system, angle, limit)
         error = abs(found.certificate.optimality_gap) if exact is None else abs(found.duration / exact - 1.0)
         job = f"{name}; switches: {found.certificate.switches}"
         met = error <= wanted and found.certificate.optimality == "proved"
-        rows.append(Row("Minimum time", job, times[name], None, f"<= {wanted:g}", error, None, met))
+        rows.append(Row("Minimum time", job, ours=times[name], target=f"<= {wanted:g}", error=error, met=met))
     return rows
 
 
-def _nonlinear_rows(repeats: int, full: bool) -> list[Row]:
+def nonlinear_rows(full: bool, tell: Tell) -> list[Row]:
     """Switching times to the accuracy of a replay, against a torque that is held on a mesh."""
+    tell("minimum time of nonlinear beams")
     rows, section = [], "Minimum time, nonlinear beam"
     scenes = [("sfoam", 1, 200), ("sfoam", 3, 200), ("foam", 1, 0)]
     if full:
@@ -105,16 +101,18 @@ def _nonlinear_rows(repeats: int, full: bool) -> list[Row]:
         jobs = {"ours": Job(lambda _, beam=beam: optimal_slew(beam, np.pi / 2, 200.0))}
         if intervals:
             jobs["Opti"] = Job(lambda _, effort=effort: opti_fastest(effort))
-        times = interleaved(jobs, 1 if modes > 3 else repeats)
+        times = interleaved(jobs, 1 if modes > 3 else _repeats(full))
         found = optimal_slew(beam, np.pi / 2, 200.0)
-        error, theirs, share = _end_error(effort, found.history), None, ""
+        mine, theirs, share = Measured(times["ours"], _end_error(effort, found.history)), Measured(), ""
         if intervals:
             duration, torques = opti_fastest(effort)
-            theirs = _end_error(effort, held(np.linspace(0.0, duration, intervals + 1), torques))
+            history = held(np.linspace(0.0, duration, intervals + 1), torques)
+            theirs = Measured(times["Opti"], _end_error(effort, history))
             share = f"; share {duration / found.duration:.7f}"
         job = f"{model}, modes: {modes}; switches: {found.certificate.switches}{share}"
-        met = error <= 1e-6 and found.certificate.optimality == "extremal" and found.certificate.optimality_gap <= 1e-6
-        rows.append(Row(section, job, times["ours"], times.get("Opti"), "<= 1e-06", error, theirs, met))
+        certificate = found.certificate
+        met = mine.error <= 1e-6 and certificate.optimality == "extremal" and certificate.optimality_gap <= 1e-6
+        rows.append(race(section, job, mine, theirs, "<= 1e-06", met))
     return rows
 
 
@@ -160,7 +158,9 @@ def _history(effort: Effort, torques: Array) -> TorqueHistory:
     return held(np.linspace(0.0, effort.duration, effort.intervals + 1), torques)
 
 
-def _effort_rows(repeats: int) -> list[Row]:
+def effort_rows(full: bool, tell: Tell) -> list[Row]:
+    """Least effort on one mesh, beside the same programme written by hand."""
+    tell("minimum effort")
     effort, section = _EFFORT, "Minimum effort, 3 modes, 200 intervals"
     programme, solution = ours(effort)
     jobs = {
@@ -171,50 +171,44 @@ def _effort_rows(repeats: int) -> list[Row]:
     }
     if has_rockit():
         jobs["rockit"] = Job(lambda _: rockit_slew(effort))
-    times = interleaved(jobs, repeats)
-    mine, error = times["ours"], _end_error(effort, solution.history)
+    times = interleaved(jobs, _repeats(full))
+    mine, again = Measured(times["ours"], _end_error(effort, solution.history)), times["again"]
     theirs = _end_error(effort, _history(effort, opti_slew(effort)))
-    met = bool(times["Opti"] >= 5.0 * mine and theirs >= 50.0 * error)
+    met = times["Opti"] >= 5.0 * mine.seconds and theirs >= 50.0 * mine.error
+    opti, mapped = Measured(times["Opti"], theirs), Measured(times["mapped"], theirs)
+    first = "new data; peer: first solve, ours"
     rows = [
-        Row(section, "peer: Opti, RK4 in a loop", mine, times["Opti"], ">= 5x, 50x exact", error, theirs, met),
-        Row(section, "peer: Opti, RK4 mapped", mine, times["mapped"], "", error, theirs),
-        Row(
-            section,
-            "new data; peer: first solve, ours",
-            times["again"],
-            mine,
-            ">= 2x",
-            None,
-            None,
-            bool(mine >= 2.0 * times["again"]),
-        ),
+        race(section, "peer: Opti, RK4 in a loop", mine, opti, ">= 5x, 50x exact", met),
+        race(section, "peer: Opti, RK4 mapped", mine, mapped),
+        race(section, first, Measured(again), Measured(mine.seconds), ">= 2x", mine.seconds >= 2.0 * again),
     ]
     if not has_rockit():
         return [*rows, Row(section, "peer: rockit", note="not installed")]
     gap = abs(solution.history.effort / _history(effort, rockit_slew(effort, _FINE)).effort - 1.0)
-    coarse = _end_error(effort, _history(effort, rockit_slew(effort)))
-    met = bool(times["rockit"] > mine and gap <= 1e-6)
-    rows.append(
-        Row(section, "peer: rockit, RK4", mine, times["rockit"], "faster", error, coarse, times["rockit"] > mine)
-    )
-    rows.append(Row(section, "same optimum as rockit, RK4 refined", None, None, "<= 1e-06", gap, None, met))
-    return rows
+    rockit = Measured(times["rockit"], _end_error(effort, _history(effort, rockit_slew(effort))))
+    faster = rockit.seconds > mine.seconds
+    rows.append(race(section, "peer: rockit, RK4", mine, rockit, "faster", faster))
+    same = "same optimum as rockit, RK4 refined"
+    return [*rows, Row(section, same, target="<= 1e-06", error=gap, met=faster and gap <= 1e-6)]
 
 
-def _coarse_row() -> Row:
+def coarse_rows(full: bool, tell: Tell) -> list[Row]:
     """A mesh on which RK4 is unstable: it takes a feasible slew for an infeasible one."""
+    tell("a coarse mesh")
     effort = replace(_EFFORT, intervals=_COARSE)
-    error = _end_error(effort, ours(effort)[1].history)
+    mine, theirs = Measured(error=_end_error(effort, ours(effort)[1].history)), Measured()
     try:
-        theirs, found = _end_error(effort, _history(effort, opti_slew(effort))), "solved"
+        theirs, found = Measured(error=_end_error(effort, _history(effort, opti_slew(effort)))), "solved"
     except Failed as failure:
-        theirs, found = None, str(failure)
+        found = str(failure)
     job = f"{_COARSE} intervals; peer, Opti, RK4: {found}"
-    return Row("Minimum effort on a coarse mesh", job, None, None, "solvable, 1e-3", error, theirs, error < 1e-3)
+    return [race("Minimum effort on a coarse mesh", job, mine, theirs, "solvable, 1e-3", mine.error < 1e-3)]
 
 
-def _mesh_sheet() -> Sheet:
+def mesh_sheets(full: bool, tell: Tell) -> list[Sheet]:
+    """Errors of our schemes over the number of intervals."""
+    tell("error against mesh size")
     study = mesh_study(_EFFORT.beam, _EFFORT.angle, _EFFORT.torque_limit, 3.2)
     columns = ("scheme", *(str(int(n)) for n in study.intervals), "order")
     lines = tuple((line.name, *(float(e) for e in line.errors), line.order) for line in study.lines)
-    return Sheet("Error against the number of intervals", columns, lines)
+    return [Sheet("Error against the number of intervals", columns, lines)]

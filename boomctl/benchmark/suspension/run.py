@@ -1,20 +1,30 @@
 """The benchmark of what suspensions are designed with: run time and error in one run, beside general-purpose tools."""
 
 from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
 
-from boomctl.benchmark.boom.scene import Progress
-from boomctl.benchmark.report import BenchmarkReport, Row
+import numpy as np
+
+from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Tell, measured, race
 from boomctl.benchmark.suspension.h_infinity import h_infinity_lines
 from boomctl.benchmark.suspension.loop import loop_lines
-from boomctl.benchmark.suspension.reduction import reduction_lines
-from boomctl.benchmark.timing import environment, one_thread
+from boomctl.benchmark.timing import Job, interleaved
+from boomctl.boom import BoomParameters, spray_boom
+from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.lti.python_control import control
+from boomctl.lti.system import Lti, state_matrices
+from boomctl.reduction import reduce
+from boomctl.reduction.core import structure_core
+from boomctl.reduction.verify import verified_norm
+from boomctl.structure import SecondOrderModel
 
-Lines = Callable[[int, Progress], list[Row]]
-"""Returns the rows of a subject, given the number of rounds and who is told what comes next."""
-
-_LINES: tuple[Lines, ...] = (reduction_lines, h_infinity_lines, loop_lines)
-_ROUNDS, _ROUNDS_FULL = 3, 9
-
+_REDUCTION = "Reduction of the boom, actuators -> tips, verification included; peers do not verify"
+_RATIO = 50.0  # of balred's processor time over ours, which this package promised itself
+_REFEREE_MODES = 60  # of the core that judges errors; the bound of all other modes is added to each
+_ROUNDS, _ROUNDS_FULL = 3, 9  # turns of each job, of which the median counts
 _NOTES = (
     "Time: median processor time of jobs that take turns in one process, one BLAS thread. Ratio: peer over ours.",
     "Reduction: the error is the H-infinity norm of the difference from the full model over that of the full model, "
@@ -23,7 +33,7 @@ _NOTES = (
 )
 
 
-def run(full: bool = False, progress: Progress | None = None) -> BenchmarkReport:
+def run(full: bool = False, progress: Tell | None = None) -> BenchmarkReport:
     """Measure all jobs.
 
     Parameters
@@ -37,8 +47,66 @@ def run(full: bool = False, progress: Progress | None = None) -> BenchmarkReport
     -------
     BenchmarkReport
     """
-    tell: Progress = progress if progress is not None else lambda text: None
     rounds = _ROUNDS_FULL if full else _ROUNDS
-    with one_thread():
-        rows = [row for lines in _LINES for row in lines(rounds, tell)]
-    return BenchmarkReport(tuple(rows), (), _NOTES, environment(), "boomctl benchmark suspension")
+    return measured("suspension", [partial(lines, rounds) for lines in _SUBJECTS], _NOTES, progress)
+
+
+def reduction_lines(rounds: int, tell: Tell, elements: int = 200, order: int = 10) -> list[Row]:
+    """Race ``reduce`` against ``control.balred`` and, where it is installed, pyMOR's balanced truncation.
+
+    The error of each is the H-infinity norm of its difference from the full model, relative to that of the full model:
+    verified against a core of more modes than ours reduces, whose own bound is added.
+    """
+
+    def fresh() -> SecondOrderModel:
+        return spray_boom(BoomParameters(), elements=elements).select(ACTUATORS, TIPS)
+
+    model = fresh()
+    system = model.to_statespace()
+    answers: dict[str, Any] = {}
+
+    def ours(given: SecondOrderModel) -> None:
+        answers["ours"] = reduce(given, order=order).system
+
+    def balred(_: object) -> None:
+        answers["control.balred"] = control.balred(system, order)
+
+    jobs = {"ours": Job(ours, fresh), "control.balred": Job(balred)}
+    if find_spec("pymor") is not None:
+        jobs["pyMOR"] = Job(lambda given: answers.update({"pyMOR": _pymor(given, order)}), fresh)
+    tell(f"reduction of {elements} elements to order {order}")
+    times = interleaved(jobs, rounds)
+    errors = {name: _error(model, answer) for name, answer in answers.items()}
+    best = min(error for name, error in errors.items() if name != "ours")
+    rows = []
+    for name in (name for name in jobs if name != "ours"):
+        wanted = name == "control.balred"
+        met = times[name] >= _RATIO * times["ours"] and errors["ours"] <= best if wanted else None
+        target = f">= {_RATIO:g}x, error" if wanted else ""
+        job = f"{name}: {elements} elements to order {order}"
+        mine, theirs = Measured(times["ours"], errors["ours"]), Measured(times[name], errors[name])
+        rows.append(race(_REDUCTION, job, mine, theirs, target, met))
+    return rows
+
+
+def _error(model: SecondOrderModel, reduced: control.StateSpace) -> float:
+    """Return the verified error of a reduced system, relative to the norm of the full one."""
+    core = structure_core(model, _REFEREE_MODES)
+    if core is None:
+        raise ValueError("the referee's core of the boom has no bound")
+    nothing = Lti(core.kept.A[:0, :0], core.stable.B[:0], core.stable.C[:, :0], 0.0 * core.stable.D)
+    size = verified_norm(core.stable, core.modal, nothing).lower
+    return (verified_norm(core.stable, core.modal, state_matrices(reduced)).upper + core.tail) / size
+
+
+def _pymor(model: SecondOrderModel, order: int) -> control.StateSpace:
+    """Return pyMOR's balanced truncation of the first-order form."""
+    full = model.to_statespace()
+    import_module("pymor.core.logger").set_log_levels({"pymor": "ERROR"})
+    form = import_module("pymor.models.iosys").LTIModel.from_matrices(full.A, full.B, full.C, full.D)
+    A, B, C, D, E = import_module("pymor.reductors.bt").BTReductor(form).reduce(order).to_matrices(format="dense")
+    small = (A, B) if E is None else (np.linalg.solve(E, A), np.linalg.solve(E, B))
+    return control.ss(*small, C, 0.0 * full.D if D is None else D)
+
+
+_SUBJECTS: tuple[Callable[[int, Tell], list[Row]], ...] = (reduction_lines, h_infinity_lines, loop_lines)

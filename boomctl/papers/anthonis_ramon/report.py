@@ -8,8 +8,7 @@ import numpy as np
 from boomctl.analysis import MeasuredCurve
 from boomctl.boom import BoomParameters
 from boomctl.papers.anthonis_ramon.figures import BoomReproduction, compute
-from boomctl.papers.anthonis_ramon.friction import BoomFriction
-from boomctl.papers.anthonis_ramon.friction_section import friction_numbers, friction_section, studied
+from boomctl.papers.anthonis_ramon.friction import POINTS, BoomFriction, friction_section, friction_study
 from boomctl.report import Picture, Report, Section, Table
 
 _LEAD = (
@@ -66,19 +65,25 @@ def reproduction(
     tell: Callable[[str], None] = (lambda text: None) if progress is None else progress
     result = compute(p, tell)
     tell("friction in the cradle")
-    friction = studied(p, lambda text: None)
+    friction = friction_study(p, points=POINTS)
     tell("pictures and report")
-    results = {**_results(result), "friction": friction_numbers(friction)}
+    numbers = {
+        "platform_amplitude": friction.amplitude,
+        "force": friction.force,
+        "matched_hz": friction.matched_hz,
+        "lower_over_linear": friction.numbers(),
+    }
     sections = _sections(result, p, measured, friction)
-    return Report("The spray boom of Anthonis & Ramon (2003)", (_LEAD,), sections, results)
+    return Report(
+        "The spray boom of Anthonis & Ramon (2003)", (_LEAD,), sections, {**_results(result), "friction": numbers}
+    )
 
 
 def _sections(
     result: BoomReproduction, p: BoomParameters, measured: MeasuredCurve | None, friction: BoomFriction
 ) -> tuple[Section, ...]:
     from boomctl.plotting import picture
-    from boomctl.plotting.boom import animation_gif, draw_convergence, draw_figure_3, draw_modes
-    from boomctl.plotting.friction import draw_friction
+    from boomctl.plotting.boom import animation_gif, draw_convergence, draw_figure_3, draw_friction, draw_modes
 
     figure_3 = picture(
         "boom_figure_3",

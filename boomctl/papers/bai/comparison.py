@@ -115,7 +115,15 @@ def compare(
     deviation = f"differs by {100.0 * abs(computed / against - 1.0):.2g} %" if against else ""
     reading = mended if slipped is None else slipped
     return Comparison(
-        where, what, unit, published, computed, reading, tolerance, verdict, "; ".join(w for w in (why, deviation) if w)
+        where=where,
+        what=what,
+        unit=unit,
+        published=published,
+        computed=computed,
+        reading=reading,
+        tolerance=tolerance,
+        verdict=verdict,
+        why="; ".join(w for w in (why, deviation) if w),
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.papers.bai import frequencies, spin_up, tip_mass, torque
+from boomctl.papers.bai import frequencies, spin_up, torque
 from boomctl.papers.bai.comparison import CORRECTED, MET, NOT_REPRODUCIBLE, Part
 from boomctl.papers.bai.validity import TORQUES, section, validity
 from boomctl.plotting.rotating_beam import Chart, Film, chart_bytes, film_bytes
@@ -25,7 +25,7 @@ PARTS: dict[str, Callable[[], Part]] = {
     "Table 3, Fig. 7": torque.inertia_torque,
     "Fig. 8": torque.foam_and_sfoam,
     "critical speeds, Fig. 9": frequencies.critical_speeds,
-    "Fig. 10": tip_mass.tip_mass,
+    "Fig. 10": spin_up.tip_mass,
 }
 """Parts of the paper in its order, each computed by one function."""
 

@@ -144,12 +144,12 @@ class SlewEvaluation:
         design, slew = self.design, self.design.slew
         problem = slew.plan.problem
         planned = Replay(
-            design.beam.model,
-            None,
-            0.0 if problem.angle is None else float(slew.hub_angle[-1]) - problem.angle,
-            float(slew.hub_speed[-1]) - problem.final_speed,
-            self.comparison.line(design.label).vibration,
-            slew.residual_energy,
+            model=design.beam.model,
+            tip_mass=None,
+            angle_error=0.0 if problem.angle is None else float(slew.hub_angle[-1]) - problem.angle,
+            speed_error=float(slew.hub_speed[-1]) - problem.final_speed,
+            tip_swing=self.comparison.line(design.label).vibration,
+            residual_energy=slew.residual_energy,
         )
         return (planned, *slew.replays)
 

@@ -10,7 +10,7 @@ from boomctl.studies.slew.design import SlewDesign, SlewEvaluation
 
 STEPS = 7  # what `evaluated_plan` (3) and the report (4) tell of
 _SCHEMES = (("shooting", 1), ("collocation", 3), ("radau", 3))
-"""Ways to plan whose errors are shown over meshes: each with as many substeps or points as it has by default."""
+"""Ways to plan whose errors are shown over meshes, and the substeps or collocation points of each."""
 _ROOM = 1.1  # duration of the cheapest slew over the least time; with less room its torque is nearly bang-bang
 
 
@@ -50,7 +50,7 @@ def evaluated_plan(
         return evaluation
     # axial vibrations are too fast for shooting on any of these meshes
     schemes = tuple(scheme for scheme in _SCHEMES if scheme[0] != "shooting" or not h.has_axial_modes)
-    return replace(evaluation, meshes=mesh_study(h, angle, torque_limit, roomy, schemes, counts))
+    return replace(evaluation, meshes=mesh_study(h, angle, torque_limit, roomy, schemes=schemes, intervals=counts))
 
 
 def _title(slew: SlewResult) -> str:

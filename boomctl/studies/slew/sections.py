@@ -132,7 +132,7 @@ def spin_up_section(pair: Sequence[SpinUpMotion], problem: SlewProblem) -> Secti
     body = tuple((each.name, *(number(getattr(each, key)) for _, key in columns)) for each in pair)
     text = (
         f"The beam ends in steady rotation at {problem.final_speed:g} rad/s, its hub free. The classical profile of Bai et "
-        "al. (2009), Eq. (43), prescribes the hub's course exactly, then and afterwards, as an ideal speed loop would, "
+        "al. (2009), Eq. (43), prescribes the hub's motion exactly, then and afterwards, as an ideal speed loop would, "
         "whatever torque that takes. Vibration and speed error are the largest after the end."
     )
     caption = (
@@ -157,7 +157,7 @@ def comparison_section(comparison: SlewComparison, shown: tuple[str, ...]) -> Se
     )
     if free:
         text += (
-            " The smooth torque is what the course of Eq. (43) asks of a rigid body; here it acts on the beam, whose hub is "
+            " The smooth torque is what the profile of Eq. (43) asks of a rigid body; here it acts on the beam, whose hub is "
             "free."
         )
     return Section(

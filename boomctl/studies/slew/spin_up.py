@@ -62,10 +62,10 @@ def spin_ups(h: HubBeam, label: str, history: TorqueHistory, profile: SpinUp) ->
 def _motion(name: str, duration: float, speed: float, motion: SimulationResult) -> SpinUpMotion:
     late = motion.time >= duration
     return SpinUpMotion(
-        name,
-        duration,
-        float(np.abs(motion.torque).max()),
-        float(np.abs(motion.tip_displacement[late]).max()),
-        float(np.abs(motion.hub_speed[late] - speed).max()),
-        motion,
+        name=name,
+        duration=duration,
+        peak_torque=float(np.abs(motion.torque).max()),
+        vibration=float(np.abs(motion.tip_displacement[late]).max()),
+        speed_error=float(np.abs(motion.hub_speed[late] - speed).max()),
+        motion=motion,
     )

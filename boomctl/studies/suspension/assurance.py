@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,20 +24,18 @@ from boomctl.arrays import Array
 from boomctl.boom import BoomParameters, boom_family, exact_frequency_response, yaw_family
 from boomctl.boom.families import scaled_boom
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.lti.python_control import control
 from boomctl.structure import split_symmetric
 from boomctl.studies.suspension.performance import loop_between
 from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScene, suspension_model
 from boomctl.synthesis import split_controller
 
-if TYPE_CHECKING:
-    import control
-
-SPRING = (0.7, 1.3)  # springs over those of Table 2: soft after years in the field, or stiff in the cold; an assumption
-MASS = (0.8, 1.2)  # beam's mass over that of Table 2: of hoses and liquid that the paper does not weigh; an assumption
+SPRING = (0.7, 1.3)  # springs over those of Table 2; an assumption, for the paper gives no spread
+MASS = (0.8, 1.2)  # boom's mass over that of Table 2; an assumption, for hoses and liquid are not weighed there
 MEASURED_YAW_HZ = 0.34  # the first frequency that the paper measured, where its Table 2 gives 0.245 Hz
-_FAMILY_ELEMENTS = 6  # of the paper's own mesh: frequencies within 0.4 %, far less than what the family spans
+_FAMILY_ELEMENTS = 6  # of the paper's own mesh, whose frequencies are within 0.4 %: far less than the family spans
 _FREQUENCIES = np.geomspace(0.15, 130.0, 260)  # [rad/s], drawn: from below the slow yaw to beyond the accelerometers
-_MIXED = 1e-6  # share of a controller between the halves that rounding leaves; a thousandth of it would be seen
+_MIXED = 1e-6  # share of a controller between the halves that passes for rounding
 
 
 @dataclass(frozen=True)
@@ -93,11 +90,6 @@ class Assurance:
         return self.jolt.box.proved and self.yaw.box.proved and self.measured_yaw.proved and self.exact.stable
 
     @property
-    def worst_peak(self) -> float:
-        """The largest peak from platform to tips found over the uncertainty."""
-        return max(self.jolt.worst.norm.lower, self.yaw.worst.norm.lower)
-
-    @property
     def statements(self) -> Mapping[str, str]:
         """All of it in words."""
         said: dict[str, str] = {}
@@ -116,7 +108,7 @@ class Assurance:
         return said
 
 
-def assure(p: BoomParameters, K: "control.StateSpace", scene: FieldScene) -> Assurance:
+def assure(p: BoomParameters, K: control.StateSpace, scene: FieldScene) -> Assurance:
     """Examine the closed loop of a boom and a controller.
 
     Raises
@@ -132,17 +124,17 @@ def assure(p: BoomParameters, K: "control.StateSpace", scene: FieldScene) -> Ass
     band = scene.accelerometer_hz
     stiffer = yaw_family(p, MEASURED_YAW_HZ, half="yaw", elements=_FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
     return Assurance(
-        _half("jolt", jolt, symmetric, p, band),
-        _half("yaw", yaw, antisymmetric, p, band),
-        robust_stability(stiffer, antisymmetric),
-        _exact(p, K, band),
-        _exact_sigma(p, K, band),
-        _family_sigma(p, K, scene),
-        mixed,
+        jolt=_half("jolt", jolt, symmetric, p, band),
+        yaw=_half("yaw", yaw, antisymmetric, p, band),
+        measured_yaw=robust_stability(stiffer, antisymmetric),
+        exact=_exact(p, K, band),
+        exact_sigma=_exact_sigma(p, K, band),
+        family_sigma=_family_sigma(p, K, scene),
+        mixed=mixed,
     )
 
 
-def _half(name: str, model: object, controller: "control.StateSpace", p: BoomParameters, band: float) -> HalfAssurance:
+def _half(name: str, model: object, controller: control.StateSpace, p: BoomParameters, band: float) -> HalfAssurance:
     family = boom_family(p, SPRING, MASS, half=name, elements=_FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
     side = {"jolt": "sym", "yaw": "anti"}[name]
     worst = worst_case(family, controller, [f"actuator_{side}"], [f"tip_{side}"])
@@ -151,7 +143,7 @@ def _half(name: str, model: object, controller: "control.StateSpace", p: BoomPar
 
 def _exact_plant(
     parameters: BoomParameters, accelerometer_hz: float
-) -> "Callable[[Array], control.FrequencyResponseData]":
+) -> Callable[[Array], control.FrequencyResponseData]:
     """Return the frequency response of the exact boom to platform and suspension, as a function of frequency [rad/s].
 
     Signals as of :func:`suspension_model`; an accelerometer is the second derivative of a tip behind a
@@ -159,9 +151,7 @@ def _exact_plant(
     """
     corner = 2.0 * np.pi * accelerometer_hz
 
-    def at(omega: Array) -> "control.FrequencyResponseData":
-        from boomctl.lti.python_control import control
-
+    def at(omega: Array) -> control.FrequencyResponseData:
         found = exact_frequency_response(parameters, omega, (*ACTUATORS, *CONTROLS), (*TIPS, *STROKES))
         s = 1j * np.asarray(omega, dtype=float)
         reads = s**2 * corner**2 / (s**2 + np.sqrt(2.0) * corner * s + corner**2)
@@ -178,18 +168,18 @@ def _exact_plant(
     return at
 
 
-def _exact(p: BoomParameters, K: "control.StateSpace", band: float) -> ExactLoopStability:
+def _exact(p: BoomParameters, K: control.StateSpace, band: float) -> ExactLoopStability:
     poles = suspension_model(p, 40, band).to_statespace().poles()
     lowest = poles[np.argsort(np.abs(poles))][:60]
     return exact_loop_stability(_exact_plant(p, band), K, lowest)
 
 
-def _exact_sigma(p: BoomParameters, K: "control.StateSpace", band: float) -> SigmaResult:
+def _exact_sigma(p: BoomParameters, K: control.StateSpace, band: float) -> SigmaResult:
     response = closed_loop_response(_exact_plant(p, band), K, _FREQUENCIES)
     return sigma(response, inputs=list(ACTUATORS), outputs=list(TIPS))
 
 
-def _family_sigma(p: BoomParameters, K: "control.StateSpace", scene: FieldScene) -> tuple[SigmaResult, ...]:
+def _family_sigma(p: BoomParameters, K: control.StateSpace, scene: FieldScene) -> tuple[SigmaResult, ...]:
     """Return singular values at corners and middles of the edges; the nominal boom itself is left out."""
     found = []
     for spring, mass in product((*SPRING, 1.0), (*MASS, 1.0)):

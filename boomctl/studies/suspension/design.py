@@ -75,7 +75,9 @@ class SuspensionDesign:
         assured = None
         if self.controller is not None and self.plant is None:
             assured = assure(self.parameters, self.controller, where)
-        return SuspensionResult(self, where, base, before, after, assured)
+        return SuspensionResult(
+            design=self, scene=where, passive_parameters=base, passive=before, active=after, assured=assured
+        )
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,13 +10,11 @@ from boomctl.analysis.norm import NormCertificate, hinf_norm
 from boomctl.arrays import Array
 from boomctl.boom import BoomParameters, PlatformMotion, SprayResult, nozzle_positions, spray_by_motion
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.lti.python_control import control
 from boomctl.simulation import CoulombFriction, LoopResult, simulate_loop
 from boomctl.structure import SecondOrderModel
 from boomctl.studies.suspension.scene import CONTROLS, STROKES, FieldScene, suspension_model
 from boomctl.synthesis import select_channels
-
-if TYPE_CHECKING:
-    import control
 
 _FREQUENCIES = np.geomspace(0.15, 130.0, 400)  # [rad/s], drawn beside those that resolve the peaks
 
@@ -69,8 +66,8 @@ def performance(
     title: str,
     scene: FieldScene,
     parameters: BoomParameters,
-    controller: "control.StateSpace | None" = None,
-    plant: "control.StateSpace | None" = None,
+    controller: control.StateSpace | None = None,
+    plant: control.StateSpace | None = None,
     friction: CoulombFriction | None = None,
 ) -> Performance:
     """Return what a suspension does in a scene.
@@ -107,11 +104,11 @@ def performance(
 
 
 def loop_between(
-    model: "SecondOrderModel | control.StateSpace",
-    controller: "control.StateSpace | None",
+    model: SecondOrderModel | control.StateSpace,
+    controller: control.StateSpace | None,
     outputs: Sequence[str],
     inputs: Sequence[str] = ACTUATORS,
-) -> "control.StateSpace":
+) -> control.StateSpace:
     """Return the closed loop from inputs to outputs, or the plant alone without a controller; forces count as outputs."""
     if controller is not None:
         whole = feedback_loop(model, controller)
@@ -120,22 +117,20 @@ def loop_between(
     return select_channels(whole, list(inputs), list(outputs))
 
 
-def _grid(loop: "control.StateSpace") -> Array:
-    """Return frequencies that resolve the loop's peaks and reach from slow yaw to where the boom no longer follows."""
+def _grid(loop: control.StateSpace) -> Array:
+    """Return frequencies that resolve the loop's peaks, from slow yaw to where the boom no longer follows."""
     return np.union1d(sigma(loop).omega, _FREQUENCIES)
 
 
-def _part(loop: "control.StateSpace", parity: float) -> NormCertificate:
+def _part(loop: control.StateSpace, parity: float) -> NormCertificate:
     """Return the certified peak of one half; inputs and outputs are left and right."""
-    from boomctl.lti.python_control import control
-
     half = np.sqrt(0.5) * np.array([parity, 1.0])
     return hinf_norm(control.ss(loop.A, loop.B @ half[:, None], half @ loop.C, half @ loop.D @ half[:, None]))
 
 
 def _run(
-    model: "SecondOrderModel | control.StateSpace",
-    controller: "control.StateSpace | None",
+    model: SecondOrderModel | control.StateSpace,
+    controller: control.StateSpace | None,
     scene: FieldScene,
     motion: PlatformMotion,
     friction: CoulombFriction | None,

@@ -19,7 +19,7 @@ CONTROLS = ("suspension_left", "suspension_right")
 STROKES = ("stroke_left", "stroke_right")
 ACCELERATIONS = ("tip_left_acceleration", "tip_right_acceleration")
 _MAY_BE_ZERO = ("run_in", "delay", "stroke_step", "acceleration_step")
-_APPROACH = 10.0  # length of track beyond the drive [m]: the tractor is longer than the way of its rear axle
+_APPROACH = 10.0  # length of track beyond the drive [m], so that no wheel meets the beginning again
 
 
 @dataclass(frozen=True)
