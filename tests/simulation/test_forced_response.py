@@ -3,11 +3,11 @@
 import control as ct
 import numpy as np
 import pytest
+from boomctl.benchmark.suspension.loop_reference import extended_maps
 from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.benchmark.suspension.loop_reference import extended_maps
 from boomctl.lti.hold import linear_hold_response
 from boomctl.simulation import forced_response, simulate_loop
 from tests.profiles import examples
