@@ -22,9 +22,9 @@ def listed(names: Sequence[str], width: int = 78) -> str:
     return ", ".join(names[:count]) + end
 
 
-def count(number: int, word: str) -> str:
+def count(number: int, word: str, words: str = "") -> str:
     """Return "1 mode", "2 modes"."""
-    return f"{number} {word}" if number == 1 else f"{number} {word}s"
+    return f"{number} {word}" if number == 1 else f"{number} {words or word + 's'}"
 
 
 def signals(inputs: Sequence[str], outputs: Sequence[str]) -> str:
@@ -35,6 +35,11 @@ def signals(inputs: Sequence[str], outputs: Sequence[str]) -> str:
 def between(inputs: Sequence[str], outputs: Sequence[str]) -> str:
     """Return "inputs -> outputs" for part of a line."""
     return f"{listed(inputs, 30)} -> {listed(outputs, 30)}"
+
+
+def system(given: Any) -> str:
+    """Return a python-control system's size and signals in part of a line."""
+    return f"{count(given.nstates, 'state')}, {between(given.input_labels, given.output_labels)}"
 
 
 def value(given: Any) -> str:

@@ -5,6 +5,7 @@ import functools
 import numpy as np
 
 import boomctl as bc
+from boomctl.slew import compare_payloads, compare_slews
 from boomctl.structure import (
     GROUND,
     Assembly,
@@ -110,6 +111,26 @@ def loop():
 @functools.cache
 def slew():
     return bc.optimal_slew(hub_beam(), np.pi / 2, 200.0, "effort", duration=4.0, intervals=20)
+
+
+@functools.cache
+def linear_slew():
+    return bc.optimal_slew(hub_beam().linearize(), 1.0, 200.0)
+
+
+@functools.cache
+def comparison():
+    return compare_slews(hub_beam(), np.pi / 2, 200.0)
+
+
+@functools.cache
+def payloads():
+    return compare_payloads({"effort": slew()}, [0.0, 0.1])
+
+
+def exact_loop():
+    opened = yaw().select("suspension_anti", "stroke_anti")
+    return bc.exact_loop_stability(opened.frequency_response, suspension(), np.linalg.eigvals(yaw().to_statespace().A))
 
 
 def spray():

@@ -12,13 +12,13 @@ from dataclasses import replace
 from scipy import optimize
 
 from boomctl.boom.model import spray_boom
-from boomctl.boom.parameters import BoomParameters
+from boomctl.boom.parameters import BoomParameters, boom_parameters
 from boomctl.checks import known, positive
 from boomctl.structure.families import AffineFamily, interval
 from boomctl.structure.model import SecondOrderModel, split_symmetric
 
 _HALVES = ("jolt", "yaw")
-_STIFFEST = 1e4
+_STIFFEST = 1e4  # times the present stiffness and its inverse: where the search for a spring ends (a choice)
 
 
 def scaled_boom(parameters: BoomParameters, spring: float = 1.0, mass: float = 1.0) -> BoomParameters:
@@ -32,14 +32,6 @@ def scaled_boom(parameters: BoomParameters, spring: float = 1.0, mass: float = 1
         boom_inertia=mass * parameters.boom_inertia,
         density=mass * parameters.density,
     )
-
-
-def _given(parameters: BoomParameters | None) -> BoomParameters:
-    if parameters is None:
-        return BoomParameters()
-    if not isinstance(parameters, BoomParameters):
-        raise TypeError(f"parameters: expected BoomParameters, got {type(parameters).__name__}")
-    return parameters
 
 
 def _part(model: SecondOrderModel, half: str | None) -> SecondOrderModel:
@@ -74,7 +66,7 @@ def boom_family(
     TypeError, ValueError
         As of :func:`boomctl.spray_boom`; ranges not positive or not ascending.
     """
-    p = _given(parameters)
+    p = boom_parameters(parameters)
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:
         scaled = scaled_boom(p, **values)
@@ -100,7 +92,7 @@ def yaw_family(
     It runs from the stiffness given to the one that brings the yaw frequency to ``stiffest_hz``, by default the
     measured 0.34 Hz of Anthonis & Ramon (2003), Table 1, where their model has 0.245 Hz.
     """
-    p = _given(parameters)
+    p = boom_parameters(parameters)
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:
         changed = replace(p, **values)
@@ -120,7 +112,7 @@ def spring_for_yaw(
     ValueError
         No stiffness up to ten thousand times the present one does it.
     """
-    parameters, wanted = _given(parameters), positive("frequency_hz", frequency_hz)
+    parameters, wanted = boom_parameters(parameters), positive("frequency_hz", frequency_hz)
 
     def excess(factor: float) -> float:
         changed = scaled_boom(parameters, spring=factor)

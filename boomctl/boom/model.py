@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.boom.parameters import BoomParameters
+from boomctl.boom.parameters import BoomParameters, boom_parameters
 from boomctl.checks import finite_array, known, positive, whole
 from boomctl.structure import (
     GROUND,
@@ -141,9 +141,7 @@ def spray_boom(
     TypeError, ValueError
         Unknown discretisation or excitation; fewer than one element; nodes unsorted or not covering the boom.
     """
-    p = BoomParameters() if parameters is None else parameters
-    if not isinstance(p, BoomParameters):
-        raise TypeError(f"parameters: expected BoomParameters, got {type(p).__name__}")
+    p = boom_parameters(parameters)
     known("excitation", excitation, (*MOTIONS, "force"))
     mesh = boom_discretization(p, discretization, elements, order)
     sprayed = () if nozzles is None else _nozzle_places(p, nozzles)

@@ -2,23 +2,21 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters
-from boomctl.boom.tracks import Track
-from boomctl.boom.tractor import TractorParameters, tractor_system
+from boomctl.boom.tracks import Track, step_count
+from boomctl.boom.tractor import TractorParameters, tractor_lti, tractor_parameters
 from boomctl.checks import finite_array, known, positive, real
-
-if TYPE_CHECKING:
-    import control
+from boomctl.files import read_numbers, write_whole
+from boomctl.lti.hold import linear_hold, linear_hold_response, recursion
+from boomctl.lti.system import Lti
 
 _DISTANCE = BoomParameters.actuator_distance
-_SETTLED = 1e-6
-_DRIFTING = 1e-9
-_MOST_SAMPLES = 50_000_000
+_SETTLED = 1e-6  # share of the motion at the start that is left when the record begins (a choice)
+_DRIFTING = 1e-9  # decay [1/s] below which nothing holds the heading: it would take 30 years (a choice)
 _SIDES = ("time_s", "left_m", "right_m")
 _MOTIONS = ("time_s", "jolt_m", "yaw_rad")
 
@@ -104,13 +102,6 @@ def uneven(time: Array) -> tuple[int, str] | None:
     return None
 
 
-def _samples(duration: float, step: float) -> int:
-    """Return the number of steps in a duration, if memory holds them."""
-    if duration / step > _MOST_SAMPLES:
-        raise ValueError(f"sample_time = {step:g}: expected at most {_MOST_SAMPLES:g} samples in {duration:g} s")
-    return round(duration / step)
-
-
 def _of_motions(time: Array, jolt: Array, yaw: Array, distance: float) -> PlatformMotion:
     half = 0.5 * distance * yaw
     return PlatformMotion(time, jolt - half, jolt + half, distance)
@@ -153,9 +144,9 @@ def platform_motion(
     """
     if not isinstance(track, Track):
         raise TypeError(f"track: expected Track, got {type(track).__name__}")
-    p = TractorParameters() if tractor is None else tractor
-    system = tractor_system(p, speed, actuator_distance)
-    V, h = float(speed), positive("sample_time", sample_time)
+    p, V = tractor_parameters(tractor), positive("speed", speed)
+    system = tractor_lti(p, V, positive("actuator_distance", actuator_distance))
+    h = positive("sample_time", sample_time)
     if not np.isclose(track.width, p.track_width, rtol=1e-6):
         raise ValueError(
             f"track: its sides are {track.width:g} m apart; expected track_width, {p.track_width:g} m, of the tractor"
@@ -166,7 +157,7 @@ def platform_motion(
     wanted = reach / V if duration is None else positive("duration", duration)
     if not track.periodic and wanted * V > reach * (1.0 + 1e-9):
         raise ValueError(f"duration = {wanted:g}: expected at most {reach / V:g} s, where the track ends")
-    count = _samples(wanted, h)
+    count = step_count("duration", wanted, h, "s")
     if count < 1:
         raise ValueError(f"sample_time = {h:g}: expected less than the duration, {wanted:g} s")
     finest = max(0.25 * p.contact_length, track.step)
@@ -178,8 +169,6 @@ def platform_motion(
     ground = _ground(track, V * h * np.arange(-before, count + 1), p.wheelbase)
     if rest is None:
         rest = -np.linalg.lstsq(system.A, system.B @ ground[:, 0], rcond=None)[0]
-    from boomctl.lti.hold import linear_hold_response
-
     moved = linear_hold_response(system, ground, h, rest)[:, before:]
     return PlatformMotion(h * np.arange(count + 1), moved[0], moved[1], float(actuator_distance))
 
@@ -189,9 +178,7 @@ def _ground(track: Track, distance: Array, wheelbase: float) -> Array:
     return np.vstack([track.heights(distance + wheelbase), track.heights(distance)])
 
 
-def _driven_before(
-    system: "control.StateSpace", track: Track, speed: float, h: float, wheelbase: float
-) -> tuple[int, Array | None]:
+def _driven_before(system: Lti, track: Track, speed: float, h: float, wheelbase: float) -> tuple[int, Array | None]:
     """Return how many samples to drive before the record for the motion to be stationary, and the state to begin with.
 
     Where it would take more than a round, the state is that of the motion that repeats itself round by round, found with
@@ -203,8 +190,6 @@ def _driven_before(
     settling, steps = -np.log(_SETTLED) / (slowest * h), int(np.ceil(track.length / (speed * h)))
     if settling <= steps:
         return int(np.ceil(settling)), None
-    from boomctl.lti.hold import linear_hold, recursion
-
     step = track.length / (speed * steps)
     ground = _ground(track, -steps * speed * h + speed * step * np.arange(steps + 1), wheelbase)
     Phi, G, H = linear_hold(system.A, system.B, step)
@@ -252,7 +237,7 @@ def sine_sweep(
         raise ValueError(
             f"sample_time = {h:g}: expected less than {0.5 / max(low, high):g} s, half the shortest period"
         )
-    time = h * np.arange(_samples(T, h) + 1)
+    time = h * np.arange(step_count("duration", T, h, "s") + 1)
     if len(time) < 2:
         raise ValueError(f"sample_time = {h:g}: expected less than the duration, {T:g} s")
     if logarithmic and low != high:
@@ -282,8 +267,6 @@ def read_motion(path: str | Path, actuator_distance: float = _DISTANCE) -> Platf
         A column is missing, unknown or there twice; a value missing or not finite; times that do not ascend, have a gap
         or are not equally spaced; the message names file and line.
     """
-    from boomctl.files import read_numbers
-
     distance = positive("actuator_distance", actuator_distance)
     table = read_numbers(path)
     found = set(table.header)
@@ -315,8 +298,6 @@ def write_motion(path: str | Path, motion: PlatformMotion) -> None:
     """
     if not isinstance(motion, PlatformMotion):
         raise TypeError(f"motion: expected PlatformMotion, got {type(motion).__name__}")
-    from boomctl.files import write_whole
-
     rows = np.column_stack([motion.time, motion.left, motion.right]).tolist()
     lines = [",".join(_SIDES), *(",".join(map(repr, row)) for row in rows)]
     write_whole(Path(path), "\n".join(lines) + "\n")

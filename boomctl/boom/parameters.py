@@ -139,3 +139,12 @@ class BoomParameters:
         from boomctl.files import read_parameters
 
         return read_parameters(cls, path)
+
+
+def boom_parameters(parameters: BoomParameters | None) -> BoomParameters:
+    """Return the parameters given, those of Table 2 for None; anything else is refused."""
+    if parameters is None:
+        return BoomParameters()
+    if not isinstance(parameters, BoomParameters):
+        raise TypeError(f"parameters: expected BoomParameters, got {type(parameters).__name__}")
+    return parameters

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SHAPES = ("triangle", "box")
-_MOST_CELLS = 20_000_000
-_PORTION = 2_000_000
+_MOST_CELLS = 20_000_000  # of a field: 160 MB (a choice)
+_PORTION = 2_000_000  # edges that are worked on at once: some 100 MB of arrays (a choice)
 
 
 @dataclass(frozen=True)
@@ -105,11 +105,6 @@ class SprayResult:
     def cv(self) -> float:
         """Coefficient of variation of the deposit: standard deviation over mean."""
         return float(self.judged.std() / self.judged.mean())
-
-    @property
-    def mean_dose(self) -> float:
-        """Mean deposit over the nominal one; off one by how far the boom moved ahead or back over the run."""
-        return float(self.judged.mean())
 
     @property
     def share_outside_10(self) -> float:

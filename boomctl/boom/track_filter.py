@@ -1,6 +1,6 @@
 """Spectra of the platform's motion on a random track, and shaping filters with these spectra for controller design."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,17 +10,18 @@ from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import BAND, class_number, road_density, track_coherence, wave_band
-from boomctl.boom.tractor import TractorParameters, tractor_system
-from boomctl.checks import frequencies, whole
+from boomctl.boom.tractor import TractorParameters, tractor_lti, tractor_parameters
+from boomctl.checks import frequencies, positive, whole
+from boomctl.lti.system import Lti, append, series, static
 from boomctl.printing import compact
 
 if TYPE_CHECKING:
     import control
 
-_FITTED_HZ = (0.04, 6.0)
-_PER_OCTAVE = 12
-_SMOOTHED_OCTAVES = 1.0 / 3.0
-_DAMPING = (0.02, 1.5)
+_FITTED_HZ = (0.04, 6.0)  # band of the fit: from far below a boom's first yaw mode to above its first bending modes
+_PER_OCTAVE = 12  # points of the fit: four within the width of the smoothing (a choice)
+_SMOOTHED_OCTAVES = 1.0 / 3.0  # over which the comb of front and rear wheels is averaged: a third, as acousticians do
+_DAMPING = (0.02, 1.5)  # range of the fitted damping ratios: narrower peaks would follow single teeth of the comb
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +71,9 @@ def platform_density(
         As these do; a frequency of zero; numbers so far out that the densities are not finite.
     """
     low, high = wave_band(band)
-    p = TractorParameters() if tractor is None else tractor
-    system = tractor_system(p, speed, actuator_distance)
-    f, V = frequencies("freq_hz", freq_hz), float(speed)
+    p, V = tractor_parameters(tractor), positive("speed", speed)
+    system = tractor_lti(p, V, positive("actuator_distance", actuator_distance))
+    f = frequencies("freq_hz", freq_hz)
     wave = f / V
     if (wave <= 0.0).any():
         raise ValueError(f"freq_hz: expected frequencies above zero, got {f.min():g} at a speed of {V:g} m/s")
@@ -83,7 +84,7 @@ def platform_density(
     else:
         class_number(road_class)
     common = track_coherence(wave, p.track_width, coherence)
-    response = np.asarray(system(2j * np.pi * f, squeeze=False))
+    response = system.response(2.0 * np.pi * f)
     ahead = np.exp(2j * np.pi * f * p.wheelbase / V)
     left, right = (response[:, 0 + i] * ahead + response[:, 2 + i] for i in (0, 1))
     jolt = 0.5 * (left[0] + left[1] + right[0] + right[1])
@@ -148,16 +149,20 @@ def track_filter(
         wide, tractor, speed, road_class, coherence=coherence, actuator_distance=actuator_distance, band=(1e-9, 1e9)
     )
     parts = []
-    for density in (exact.jolt, exact.difference):
+    for name, density in (("jolt", exact.jolt), ("yaw", exact.difference)):
         if not density.any():
-            parts.append((np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))))
+            parts.append(static(np.zeros((1, 1))))
             continue
-        parts.append(_fitted(wide, density, f, count))
-    return _assembled(parts[0], parts[1])
+        fitted = _fitted(wide, density, f, count)
+        parts.append(replace(fitted, states=tuple(f"{name}_{i + 1}" for i in range(len(fitted.A)))))
+    both = append(*parts)
+    sides = np.array([[1.0, -1.0], [1.0, 1.0]])  # left and right actuator of half sum and half difference
+    mixed = replace(both, C=sides @ both.C, inputs=("track_jolt", "track_yaw"), outputs=ACTUATORS)
+    return mixed.statespace("track_filter")
 
 
-def _fitted(wide: Array, density: Array, f: Array, sections: int) -> tuple[Array, Array, Array]:
-    """Return A, B, C of a minimum-phase filter whose squared magnitude follows a density."""
+def _fitted(wide: Array, density: Array, f: Array, sections: int) -> Lti:
+    """Return a minimum-phase filter whose squared magnitude follows a density."""
     from scipy.optimize import least_squares
 
     octaves = np.log2(f[-1] / f[0])
@@ -242,38 +247,15 @@ def _bounds(grid: Array, sections: int) -> tuple[Array, Array]:
     return low, high
 
 
-def _realized(x: Array) -> tuple[Array, Array, Array]:
-    """Return A, B, C of the cascade: first the pair of poles without zeros, then a pair of zeros with each."""
+def _realized(x: Array) -> Lti:
+    """Return the cascade: first the pair of poles without zeros, then a pair of zeros with each."""
     gain, poles, zeros = _split(x)
     poles = poles[:, np.argsort(poles[0])]
     zeros = zeros[:, np.argsort(zeros[0])]
-    A, B = np.zeros((0, 0)), np.zeros((0, 1))
-    C, D = np.zeros((1, 0)), np.full((1, 1), gain)
+    cascade = static(np.full((1, 1), gain))
     for i, (w, z) in enumerate(poles.T):
-        a = np.array([[0.0, w], [-w, -2.0 * z * w]])
-        b = np.array([[0.0], [w]])
         ratio, damping = (0.0, 0.0) if i == 0 else (w / zeros[0, i - 1], zeros[1, i - 1])
-        d = ratio**2
-        c = np.array([[1.0 - d, 2.0 * damping * ratio - 2.0 * z * d]])
-        A = np.block([[A, np.zeros((len(A), 2))], [b @ C, a]])
-        B, C, D = np.vstack([B, b @ D]), np.hstack([d * C, c]), d * D
-    return A, B, C
-
-
-def _assembled(jolt: tuple[Array, Array, Array], yaw: tuple[Array, Array, Array]) -> "control.StateSpace":
-    """Return the filter of jolt and half difference as one of the left and right actuators."""
-    from boomctl.lti.python_control import control
-
-    n, m = len(jolt[0]), len(yaw[0])
-    A = np.zeros((n + m, n + m))
-    A[:n, :n], A[n:, n:] = jolt[0], yaw[0]
-    B = np.zeros((n + m, 2))
-    B[:n, :1], B[n:, 1:] = jolt[1], yaw[1]
-    C = np.array([[1.0, -1.0], [1.0, 1.0]]) @ np.vstack(
-        [np.hstack([jolt[2], np.zeros((1, m))]), np.hstack([np.zeros((1, n)), yaw[2]])]
-    )
-    states = [f"jolt_{i + 1}" for i in range(n)] + [f"yaw_{i + 1}" for i in range(m)]
-    return control.ss(
-        A, B, C, np.zeros((2, 2)), inputs=["track_jolt", "track_yaw"], outputs=list(ACTUATORS), states=states,
-        name="track_filter",
-    )  # fmt: skip
+        c = np.array([[1.0 - ratio**2, 2.0 * damping * ratio - 2.0 * z * ratio**2]])
+        section = Lti(np.array([[0.0, w], [-w, -2.0 * z * w]]), np.array([[0.0], [w]]), c, np.full((1, 1), ratio**2))
+        cascade = series(cascade, section)
+    return cascade

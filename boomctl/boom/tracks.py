@@ -24,9 +24,9 @@ from boomctl.checks import finite_array, frequencies, known, positive, real, who
 
 ROAD_CLASSES = "ABCDEFGH"
 COHERENCES = ("isotropic", "full", "none")
-REFERENCE_WAVE_NUMBER = 0.1
-BAND = (0.01, 3.0)
-MOST_POINTS = 50_000_000
+REFERENCE_WAVE_NUMBER = 0.1  # 1/m, at which ISO 8608 states the densities of its classes
+BAND = (0.01, 3.0)  # 1/m: waves of 100 m to 0.33 m, 0.025 to 7.5 Hz at 2.5 m/s; tyres smooth shorter ones (a choice)
+_MOST_STEPS = 50_000_000  # of a track or a motion: 400 MB a signal (a choice)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +187,7 @@ def iso_track(
     low, high = wave_band(band)
     if high >= 0.5 / spacing:
         raise ValueError(f"step = {spacing:g}: expected less than {0.5 / high:g} m, half the shortest wave of the band")
-    count = _points("length", longest, spacing)
+    count = step_count("length", longest, spacing, "m")
     if count < 2 or count * spacing * high < 1.0:
         raise ValueError(f"length = {longest:g}: expected at least the shortest wave of the band, {1 / high:g} m")
     n = np.arange(1, count // 2 + 1) / (count * spacing)
@@ -206,11 +206,11 @@ def iso_track(
     return Track(spacing, parts[0] - parts[1], parts[0] + parts[1], float(width), periodic=True)
 
 
-def _points(name: str, length: float, spacing: float) -> int:
-    """Return the number of steps in a length, if memory holds them."""
-    if length / spacing > MOST_POINTS:
-        raise ValueError(f"{name} = {length:g}: expected at most {MOST_POINTS:g} steps of {spacing:g} m")
-    return round(length / spacing)
+def step_count(name: str, extent: float, step: float, unit: str) -> int:
+    """Return the number of steps in a length or a duration, if memory holds them."""
+    if extent / step > _MOST_STEPS:
+        raise ValueError(f"{name} = {extent:g}: expected at most {_MOST_STEPS:g} steps of {step:g} {unit}")
+    return round(extent / step)
 
 
 def bump_track(
@@ -250,7 +250,7 @@ def bump_track(
         raise ValueError(f"position = {begin:g}: expected the bump to end before the track does, at {whole_length:g} m")
     if extent < 10.0 * spacing:
         raise ValueError(f"bump_length = {extent:g}: expected at least ten steps, {10 * spacing:g} m")
-    s = (spacing * np.arange(_points("length", whole_length, spacing) + 1) - begin) / extent
+    s = (spacing * np.arange(step_count("length", whole_length, spacing, "m") + 1) - begin) / extent
     raised = np.where((s > 0.0) & (s < 1.0), 0.5 * peak * (1.0 - np.cos(2.0 * np.pi * s)), 0.0)
     level = np.zeros_like(raised)
     left = raised if side != "right" else level

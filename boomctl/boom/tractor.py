@@ -31,15 +31,16 @@ from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import nonnegative, positive
+from boomctl.lti.system import Lti
 from boomctl.printing import exact, exact_html
 
 if TYPE_CHECKING:
     import control
 
-GRAVITY = 9.81
+GRAVITY = 9.81  # m/s^2, the standard acceleration of free fall to three digits
+_BODY = ("x", "z", "pitch", "roll", "yaw")
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 _MAY_BE_ZERO = ("contact_length", "rolling_resistance", "tyre_damping_front", "tyre_damping_rear", "steering_corner_hz")
-_X, _Z, _PITCH, _ROLL, _YAW = range(5)
 
 
 @dataclass(frozen=True)
@@ -146,6 +147,15 @@ class TractorParameters:
         return read_parameters(cls, path)
 
 
+def tractor_parameters(tractor: TractorParameters | None) -> TractorParameters:
+    """Return the tractor given, the usual one for None; anything else is refused."""
+    if tractor is None:
+        return TractorParameters()
+    if not isinstance(tractor, TractorParameters):
+        raise TypeError(f"tractor: expected TractorParameters, got {type(tractor).__name__}")
+    return tractor
+
+
 @dataclass(frozen=True)
 class _Wheel:
     """A wheel over the coordinates x, z, pitch, roll, yaw: rows of its vertical and its fore-and-aft motion."""
@@ -159,11 +169,7 @@ class _Wheel:
 
 def _row(**values: float) -> Array:
     """Return a row over x, z, pitch (nose up), roll (right side up) and yaw (right side ahead)."""
-    places = {"x": _X, "z": _Z, "pitch": _PITCH, "roll": _ROLL, "yaw": _YAW}
-    row = np.zeros(5)
-    for name, value in values.items():
-        row[places[name]] = value
-    return row
+    return np.array([values.get(name, 0.0) for name in _BODY])
 
 
 def _wheels(p: TractorParameters) -> tuple[_Wheel, ...]:
@@ -220,9 +226,13 @@ def tractor_system(
     TypeError, ValueError
         Not a tractor; a speed or distance not above zero.
     """
-    if not isinstance(tractor, TractorParameters):
-        raise TypeError(f"tractor: expected TractorParameters, got {type(tractor).__name__}")
-    p, V, span = tractor, positive("speed", speed), positive("actuator_distance", actuator_distance)
+    return tractor_lti(
+        tractor_parameters(tractor), positive("speed", speed), positive("actuator_distance", actuator_distance)
+    ).statespace("tractor")
+
+
+def tractor_lti(p: TractorParameters, V: float, span: float) -> Lti:
+    """Return the system of :func:`tractor_system`, its speed and its actuators' distance checked."""
     M, C, K = _body(p, V)
     felt, felt_rate, slope_force = np.zeros((5, 4)), np.zeros((5, 4)), np.zeros((5, 4))
     for i, wheel in enumerate(_wheels(p)):
@@ -245,14 +255,10 @@ def tractor_system(
     B[14:] = np.eye(4) / tau**2
     for i, side in enumerate((-0.5, 0.5)):
         Cy[i, :5] = _row(x=1.0, pitch=p.centre_height - p.boom_height, yaw=side * span)
-    return _named(A, B, Cy)
-
-
-def _named(A: Array, B: Array, C: Array) -> "control.StateSpace":
-    from boomctl.lti.python_control import control
-
-    body = ("x", "z", "pitch", "roll", "yaw")
-    states = [*body, *(f"{name}_rate" for name in body), *(f"{w}_felt" for w in WHEELS), *(f"{w}_rate" for w in WHEELS)]
-    return control.ss(
-        A, B, C, np.zeros((2, 4)), inputs=list(WHEELS), outputs=list(ACTUATORS), states=states, name="tractor"
+    states = (
+        *_BODY,
+        *(f"{name}_rate" for name in _BODY),
+        *(f"{w}_felt" for w in WHEELS),
+        *(f"{w}_rate" for w in WHEELS),
     )
+    return Lti(A, B, Cy, np.zeros((2, 4)), inputs=WHEELS, outputs=ACTUATORS, states=states)

@@ -31,7 +31,7 @@ from boomctl.rotating_beam.modal.integrals import ModalIntegrals, mass_points, m
 from boomctl.rotating_beam.modal.sfoam import sfoam
 from boomctl.rotating_beam.modal.tlam import tlam
 from boomctl.rotating_beam.motion.run import prescribed_motion, torque_driven_motion, watched_instants
-from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.parameters import HubBeamParameters, described
 from boomctl.rotating_beam.result import SimulationResult, small_deformation_until
 from boomctl.rotating_beam.validation import mode_count, state_vector, time_points
 
@@ -70,6 +70,9 @@ class HubBeam:
         object.__setattr__(self, "modes", mode_count(self.modes))
         if self.model == "cfoam" and self.modes > _MAX_MODES_CFOAM:
             raise ValueError(f"modes = {self.modes}: expected 1 to {_MAX_MODES_CFOAM} for model 'cfoam'")
+
+    def __repr__(self) -> str:
+        return described("HubBeam", self.model, self.modes, self.state_names, self.parameters)
 
     @cached_property
     def integrals(self) -> ModalIntegrals:

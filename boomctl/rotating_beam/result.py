@@ -81,6 +81,14 @@ class SimulationResult:
     steps: int
     details: Callable[[], Details] = field(repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} instants"
+        error = f"{self.steps} steps, error estimated {self.error_estimate:.1e}"
+        tip = f"largest tip displacement {np.abs(self.tip_displacement).max():.6g} m"
+        if np.isfinite(self.small_deformation_until):
+            tip += f", beyond a tenth of the length after {self.small_deformation_until:.4g} s"
+        return f"SimulationResult: {self.model}, {span}\n  {tip}\n  {error}"
+
     @cached_property
     def _details(self) -> Details:
         return self.details()

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import known, names, positive
 from boomctl.lti.hold import lifted_response
+from boomctl.printing import count, signals
 from boomctl.simulation.plant import ModalPlant, in_modal_coordinates, modal_plant, realized, truncated
 from boomctl.simulation.signals import disturbance_rows, uniform_times
 from boomctl.structure.matrices import halves
@@ -51,6 +52,13 @@ class ForcedResponse:
     inputs: dict[str, Array] = field(repr=False)
     error_estimate: float
     modes: int
+
+    def __repr__(self) -> str:
+        span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
+        return (
+            f"ForcedResponse: {span}; {count(self.modes, 'mode')}, error estimated {self.error_estimate:.1e}\n"
+            f"{signals(list(self.inputs), list(self.outputs))}"
+        )
 
     def __getitem__(self, name: str) -> Array:
         """Return an output by name."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from boomctl.arrays import Array
 from boomctl.checks import known
+from boomctl.printing import count, listed
 from boomctl.simulation.contact.stops import StopHit
 
 if TYPE_CHECKING:
@@ -34,6 +35,9 @@ class FrictionReport:
     dissipated: float
     input: str
     output: str
+
+    def __repr__(self) -> str:
+        return f"FrictionReport: stuck {100.0 * self.stuck_share:.3g} % of the time, {self.dissipated:.4g} J dissipated"
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,20 @@ class LoopResult:
     sample_time: float
     delay: float
     path: str = "steps"
+
+    def __repr__(self) -> str:
+        span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
+        late = f", {self.delay:.4g} s late" if self.delay else ""
+        controls = f"controls {listed(list(self.controls), 50)}{late}" if self.controls else "no controller"
+        limited = [f"{count(len(self.stops), 'hit')} of a stop"] if self.stops else []
+        limited += [
+            f"{name} at its limit {100.0 * share:.3g} % of the time"
+            for name, share in self.saturation_share.items()
+            if share
+        ]
+        limited += [f"stuck {100.0 * self.friction.stuck_share:.3g} % of the time"] if self.friction is not None else []
+        last = f"\n  {listed(limited)}" if limited else ""
+        return f"LoopResult: {span}; {controls}\n  outputs: {listed(list(self.outputs))}{last}"
 
     def __getitem__(self, name: str) -> Array:
         """Return an output by name."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import nonnegative
+from boomctl.printing import compact, table_html
 from boomctl.slew.plant import SlewMachine, plant_of
 from boomctl.slew.result import SlewResult
 
@@ -50,6 +51,8 @@ class PayloadLine:
     time: Array
     tip_displacement: Array
 
+    __repr__ = compact
+
 
 @dataclass(frozen=True, eq=False)
 class PayloadComparison:
@@ -70,6 +73,30 @@ class PayloadComparison:
     durations: dict[str, float]
     masses: Array
     vibrations: dict[str, Array]
+
+    def __repr__(self) -> str:
+        lines = []
+        for name, duration in list(self.durations.items())[:3]:
+            worst = self.worst(name)
+            lines.append(
+                f"  {name}: {duration:.4g} s, vibration up to {worst.vibration:.3g} m (at {worst.tip_mass:.4g} kg)"
+            )
+        more = [f"  ... {len(self.durations) - 3} more"] if len(self.durations) > 3 else []
+        masses = ", ".join(f"{mass:.4g}" for mass in sorted({line.tip_mass for line in self.lines}))
+        return "\n".join([f"PayloadComparison: tip masses {masses} kg", *lines, *more])
+
+    def _repr_html_(self) -> str:
+        heads = ("slew", "tip mass [kg]", "planned for", "peak tip [m]", "vibration [m]", "angle error [rad]")
+        rows = [
+            (
+                x.slew,
+                f"{x.tip_mass:.4g}",
+                "yes" if x.planned else "no",
+                *(f"{y:.4g}" for y in (x.peak_tip, x.vibration, x.angle_error)),
+            )
+            for x in self.lines
+        ]
+        return table_html("Slews with several payloads", heads, rows)
 
     def worst(self, slew: str, planned: bool | None = None) -> PayloadLine:
         """Return the payload that a slew leaves with most vibration; of those planned for or not, if that is said."""

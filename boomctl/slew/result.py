@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from boomctl.arrays import Array
+from boomctl.printing import compact
 from boomctl.slew.torque import TorqueHistory
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ class Replay:
     tip_swing: float
     residual_energy: float | None
 
+    __repr__ = compact
+
 
 @dataclass(frozen=True)
 class SlewCertificate:
@@ -95,6 +98,11 @@ class SlewCertificate:
     optimality: str
     switches: int | None
     intervals: int | None
+
+    def __repr__(self) -> str:
+        met = f"; limits met: {', '.join(self.binding)}" if self.binding else ""
+        errors = f"end error {self.end_error:.1e}, limits exceeded by {self.constraint_violation:.1e}{met}"
+        return f"SlewCertificate: {self.method}\n  {self.verdict}\n  {errors}"
 
     @property
     def verdict(self) -> str:
@@ -159,6 +167,16 @@ class SlewResult:
     history: TorqueHistory = field(repr=False)
     replay: Callable[[], tuple[Replay, ...]] = field(repr=False, default=tuple)
     plan: Any = field(repr=False, default=None)
+
+    def __repr__(self) -> str:
+        turned = f"{self.hub_angle[-1] - self.hub_angle[0]:.6g} rad in {self.duration:.6g} s"
+        tip = f", tip up to {abs(self.tip_displacement).max():.4g} m" if self.tip_displacement is not None else ""
+        left = f", {self.residual_energy:.1e} J left" if self.residual_energy is not None else ""
+        torque = f"torque up to {self.history.peak:.6g} N m{tip}"
+        return (
+            f"SlewResult: {self.title}, {turned}\n  {torque}\n"
+            f"  end error {self.end_error:.1e}{left}\n  {self.certificate.verdict}"
+        )
 
     @property
     def title(self) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
+from boomctl.printing import count
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +24,10 @@ class TorqueHistory:
     edges: Array
     left: Array
     right: Array
+
+    def __repr__(self) -> str:
+        pieces = f"{count(len(self.left), 'interval')}, {count(len(self.switches), 'switch', 'switches')}"
+        return f"TorqueHistory: {self.duration:.6g} s, up to {self.peak:.6g} N m; {pieces}"
 
     def __call__(self, t: ArrayLike) -> Array:
         """Torque at instants t [s], N m; where it jumps, the value after the jump, and at the end the last one."""

@@ -5,7 +5,7 @@ which it is driven and read.  Models that differ only in inputs and outputs shar
 once: the pencil ready to be factorised, the symmetric and the antisymmetric half.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -93,6 +93,10 @@ class Structure:
             for matrix in (M, C, K)
         )
         return cls(M, C, K, coordinates, elastic, mirror)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Pickle what it is made of; what was computed when asked for can be computed again."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
     def n(self) -> int:

@@ -88,17 +88,17 @@ class SecondOrderModel:
         return model
 
     @property
-    def M(self) -> Matrix:
+    def M(self) -> Array | sparse.csr_array:
         """Mass matrix."""
         return self.structure.M
 
     @property
-    def C(self) -> Matrix:
+    def C(self) -> Array | sparse.csr_array:
         """Damping matrix."""
         return self.structure.C
 
     @property
-    def K(self) -> Matrix:
+    def K(self) -> Array | sparse.csr_array:
         """Stiffness matrix."""
         return self.structure.K
 

@@ -1,11 +1,11 @@
 """Controllers for a computer: a sampled version of a controller in continuous time, names kept."""
 
-import control
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import known, positive
+from boomctl.lti.python_control import control
 from boomctl.lti.system import of
 
 _METHODS = ("tustin", "zoh")

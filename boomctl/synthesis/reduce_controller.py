@@ -11,6 +11,7 @@ from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
 from boomctl.checks import nonnegative, positive, whole
 from boomctl.lti.system import Lti, lower_lft
+from boomctl.printing import system
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.fast_poles import without_fast_poles
 from boomctl.synthesis.hinf.candidates import Candidate, judged, largest_pole
@@ -53,6 +54,10 @@ class ReducedController:
     fastest_pole: float
     method: str
     values: Array
+
+    def __repr__(self) -> str:
+        norms = f"norm of the closed loop {self.gamma:.6g}, verified; {self.full_gamma:.6g} with the full controller"
+        return f"ReducedController: controller of {system(self.controller)}, {self.method}\n  {norms}"
 
 
 def reduce_controller(

@@ -17,6 +17,9 @@ from boomctl.rotating_beam.exact.run import interpolate
 from tests.profiles import examples
 from tests.rotating_beam.exact_cases import BAI, LOADED, bent, states
 
+pytestmark = pytest.mark.early
+
+
 # -- discretisation ---------------------------------------------------------------------------------------------------
 
 

@@ -30,6 +30,8 @@ from tests.profiles import examples
 from tests.rotating_beam import references
 from tests.rotating_beam.strategies import ALL_MODELS, parameters
 
+pytestmark = pytest.mark.early
+
 BAI = HubBeamParameters()
 SLENDER = HubBeamParameters(
     1.0, 1000.0, 8.999324226054214e-05, 1e10, 1e-8, hub_inertia=0.0, hub_radius=0.0

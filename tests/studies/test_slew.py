@@ -2,12 +2,12 @@
 
 import json
 import re
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 
+from boomctl.report import Report
 from boomctl.rotating_beam import HubBeam, HubBeamParameters
 from boomctl.slew import MeshStudy, optimal_slew
 from boomctl.slew.nlp.mesh_study import MeshLine
@@ -69,15 +69,20 @@ def test_the_report_shows_the_error_over_meshes(reported):
         assert re.search(f"<td class=l>{line['name']}</td>.*<td>{order}</td><td>{line['theory']:.0f}</td>", section)
 
 
-def test_report_without_meshes_and_with_gaps():
+@pytest.mark.slow
+def test_a_report_without_meshes_and_switching_times():
     beam = HubBeam(HubBeamParameters(), "sfoam", 1)
     slew = optimal_slew(beam, 0.6, 120.0, "effort", 2.6, method="shooting", intervals=40)
     evaluation = SlewDesign("slew", "A slew", beam, {"minimum effort": slew}).evaluate()
     html = evaluation.report().html
     assert "Minimum effort" in html
     assert "Error against mesh size" not in html
+
+
+def test_a_mesh_without_solution_is_a_gap_in_the_table():
     line = MeshLine("end state", np.array([np.nan, 1e-3]), np.nan, 4.0)
-    html = replace(evaluation, meshes=MeshStudy(2.6, np.array([20, 40]), (line,))).report().html
+    section = sections.mesh_section(MeshStudy(2.6, np.array([20, 40]), (line,)))
+    html = Report("errors", (), (section,), {}).html
     assert "end state (20)" in html
     assert "<td>–</td><td>1.0·10⁻³</td><td>not seen</td><td>4</td>" in html
 

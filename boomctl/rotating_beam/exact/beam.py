@@ -23,7 +23,7 @@ from boomctl.rotating_beam.exact.statics import (
     transverse_frequencies,
 )
 from boomctl.rotating_beam.manoeuvres import PrescribedMotion, Torque, TorqueDriven
-from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.parameters import HubBeamParameters, described
 from boomctl.rotating_beam.result import Details, SimulationResult, small_deformation_until
 from boomctl.rotating_beam.validation import mode_count, state_vector, time_points
 
@@ -62,6 +62,9 @@ class GeometricallyExactBeam:
     def __post_init__(self) -> None:
         if mode_count(self.modes) > MOST_MODES:
             raise ValueError(f"modes = {self.modes!r}: expected 1 to {MOST_MODES} polynomials a span")
+
+    def __repr__(self) -> str:
+        return described("GeometricallyExactBeam", self.model, self.modes, self.state_names, self.parameters)
 
     @property
     def model(self) -> str:

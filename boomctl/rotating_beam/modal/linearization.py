@@ -100,6 +100,9 @@ class HubSpeedFamily:
 
     beam: "HubBeam"
 
+    def __repr__(self) -> str:
+        return f"HubSpeedFamily: linear models over the hub speed\n  {self.beam!r}"
+
     def at(self, hub_speed: float) -> "control.StateSpace":
         """Linear model at a hub speed [rad/s]; as `HubBeam.linearize`."""
         return self.beam.linearize(hub_speed)

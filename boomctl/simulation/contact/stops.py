@@ -13,6 +13,7 @@ from itertools import chain, combinations, product
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.printing import compact
 
 _ROUNDING = 1e-9  # of a stroke: what may be left over where a stop is met
 _DEPENDENT = 1e10  # condition of the stops' equations from which they count as one: six digits of a force are left
@@ -47,6 +48,8 @@ class StopHit:
     speed: float
     impulse: float
     largest_force: float
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names, positive
 from boomctl.lti.frequency import singular_values
+from boomctl.printing import between
 from boomctl.simulation.contact.friction import CoulombFriction, friction_law
 from boomctl.structure.model import SecondOrderModel
 
@@ -56,6 +57,14 @@ class SineResponse:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     settled: Array
+
+    def __repr__(self) -> str:
+        grid = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
+        state = f"stuck at {int(self.stuck.sum())} of them"
+        return (
+            f"SineResponse: {between(self.inputs, self.outputs)}, amplitude {self.amplitude:.4g}\n"
+            f"  {grid}; {state}\n  largest gain {self.gain.max():.6g}"
+        )
 
     @property
     def gain(self) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known, positive, real
+from boomctl.printing import compact, table_html
 from boomctl.slew.classical.shapers import Shaper, classical_spin_up, classical_torque, shaper
 from boomctl.slew.plant import Plant, SlewMachine, plant_of
 from boomctl.slew.result import SlewResult
@@ -76,6 +77,8 @@ class SlewLine:
     time: Array
     tip_displacement: Array
 
+    __repr__ = compact
+
 
 @dataclass(frozen=True, eq=False)
 class SlewComparison:
@@ -85,6 +88,20 @@ class SlewComparison:
     torque_limit: float
     lines: tuple[SlewLine, ...]
     final_speed: float = 0.0
+
+    def __repr__(self) -> str:
+        what = f"{self.angle:.6g} rad" if self.angle is not None else f"spin-ups to {self.final_speed:.6g} rad/s"
+        lines = [f"  {x.name}: {x.duration:.4g} s, vibration left {x.vibration:.3g} m" for x in self.lines[:3]]
+        more = [f"  ... {len(self.lines) - 3} more"] if len(self.lines) > 3 else []
+        return "\n".join([f"SlewComparison: {what}, {self.torque_limit:.6g} N m", *lines, *more])
+
+    def _repr_html_(self) -> str:
+        heads = ("slew", "duration [s]", "vibration [m]", "10 % softer", "10 % stiffer", "root moment [N m]")
+        rows = [
+            (x.name, *(f"{y:.4g}" for y in (x.duration, x.vibration, x.vibration_low, x.vibration_high, x.peak_moment)))
+            for x in self.lines
+        ]
+        return table_html(repr(self).partition("\n")[0], heads, rows)
 
     def line(self, name: str) -> SlewLine:
         """Return the slew of a name."""

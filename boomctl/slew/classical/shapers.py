@@ -13,6 +13,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known, nonnegative, positive, real
+from boomctl.printing import compact
 from boomctl.slew.torque import TorqueHistory, held
 
 _RISE = 0.1
@@ -35,6 +36,8 @@ class Shaper:
     name: str
     times: Array
     amplitudes: Array
+
+    __repr__ = compact
 
     def residual(self, frequency: float, damping_ratio: float = 0.0) -> float:
         """Vibration that is left of that after one impulse, at an angular frequency [rad/s]."""

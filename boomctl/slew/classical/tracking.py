@@ -60,6 +60,11 @@ class TrackingResult:
     tip_swing: float
     open_tip_swing: float
 
+    def __repr__(self) -> str:
+        angle = f"final angle error {self.final_angle_error:.3g} rad, in open loop {self.open_final_angle_error:.3g}"
+        swing = f"tip swing {self.tip_swing:.3g} m, in open loop {self.open_tip_swing:.3g}"
+        return f"TrackingResult: tip mass {self.tip_mass:.4g} kg\n  {angle}\n  {swing}"
+
     def plot(self) -> "Figure":
         """Draw angle, tip and torque over time; returns a matplotlib figure."""
         return import_module("boomctl.plotting").plot_tracking(self)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.printing import count
 from boomctl.slew.least_time.arcs import course, stretches
 from boomctl.slew.reference import guess_from, typical_sizes
 from boomctl.slew.result import SlewResult
@@ -41,6 +42,10 @@ class SwitchingCurve:
     torque: Array
     switches: Array
     torque_limit: float
+
+    def __repr__(self) -> str:
+        agree = f"{self.agreement:.4%} of the time the torque has its sign"
+        return f"SwitchingCurve: {count(len(self.switches), 'switch', 'switches')} in {self.time[-1]:.6g} s; {agree}"
 
     @property
     def agreement(self) -> float:

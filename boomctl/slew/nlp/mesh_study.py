@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.printing import compact, listed
 from boomctl.slew.nlp.programme import prepare
 from boomctl.slew.nlp.transcription import Scheme, transcribe
 from boomctl.slew.problem import SlewProblem, slew_problem
@@ -43,6 +44,8 @@ class MeshLine:
     order: float
     theory: float
 
+    __repr__ = compact
+
 
 @dataclass(frozen=True, eq=False)
 class MeshStudy:
@@ -51,6 +54,11 @@ class MeshStudy:
     duration: float
     intervals: Array
     lines: tuple[MeshLine, ...]
+
+    def __repr__(self) -> str:
+        orders = [f"{line.name}: order {line.order:.3g} (in theory {line.theory:.3g})" for line in self.lines]
+        meshes = f"{self.intervals[0]} to {self.intervals[-1]} intervals"
+        return f"MeshStudy: a slew of {self.duration:.6g} s on {meshes}\n  {listed(orders, 94)}"
 
     def plot(self) -> "Figure":
         """Draw the errors; returns a matplotlib figure."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from boomctl.analysis.norm import NormCertificate
 from boomctl.checks import positive
+from boomctl.printing import sentence, system
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.hinf.assumptions import check_modes, check_ranks, check_zeros
 from boomctl.synthesis.hinf.bounds import Deadline, lowest_level
@@ -68,6 +69,9 @@ class HInfinityCertificate:
     path: tuple[str, ...]
     statement: str
 
+    def __repr__(self) -> str:
+        return sentence("HInfinityCertificate", self.statement)
+
     @property
     def distance(self) -> float:
         """How far above the lower bound the closed loop's norm lies at most, relative to it."""
@@ -95,6 +99,11 @@ class HInfinityResult:
     closed_loop: "control.StateSpace"
     gamma: float
     certificate: HInfinityCertificate
+
+    def __repr__(self) -> str:
+        least = f"no controller goes below {self.certificate.lower:.6g}"
+        verified = f"norm of the closed loop {self.gamma:.6g}, verified; {least}"
+        return f"HInfinityResult: controller of {system(self.controller)}\n  {verified}"
 
 
 def h_infinity(

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-import control
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 

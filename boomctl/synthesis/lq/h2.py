@@ -10,6 +10,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti, lower_lft
+from boomctl.printing import system
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.hinf.assumptions import check_modes, check_ranks, check_zeros
 from boomctl.synthesis.hinf.normal_form import normalised
@@ -48,6 +49,10 @@ class H2Result:
     optimum: float
     poles: Array = field(repr=False)
     certificate: FeedbackCertificate
+
+    def __repr__(self) -> str:
+        norms = f"H2 norm of the closed loop {self.norm:.6g}, verified; least possible {self.optimum:.6g}"
+        return f"H2Result: controller of {system(self.controller)}\n  {norms}"
 
 
 def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:

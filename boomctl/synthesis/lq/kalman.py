@@ -8,6 +8,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
+from boomctl.printing import system
 from boomctl.synthesis.hidden_modes import check_detectable, check_excited
 from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of, square_root
 from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
@@ -41,6 +42,11 @@ class KalmanResult:
     estimator: "control.StateSpace" = field(repr=False)
     poles: Array = field(repr=False)
     certificate: RiccatiCertificate
+
+    def __repr__(self) -> str:
+        slowest = f"slowest pole of the estimator {self.poles.real.max(initial=-np.inf):.4g} rad/s"
+        checked = f"Riccati residual {self.certificate.residual:.1e}"
+        return f"KalmanResult: estimator of {system(self.estimator)}\n  {slowest}; {checked}"
 
 
 def kalman(

@@ -9,6 +9,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import nonnegative
 from boomctl.lti.system import Lti, lower_lft
+from boomctl.printing import system
 from boomctl.synthesis.lq.kalman import solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
 from boomctl.synthesis.lq.output_feedback import FeedbackCertificate, certify, least_cost, observer
@@ -48,6 +49,12 @@ class LqgResult:
     poles: Array = field(repr=False)
     cost: float
     certificate: FeedbackCertificate
+
+    def __repr__(self) -> str:
+        norms = (
+            f"cost {self.cost:.6g}, two Gramians and the Riccati equations agree to {self.certificate.disagreement:.0e}"
+        )
+        return f"LqgResult: controller of {system(self.controller)}\n  {norms}"
 
 
 def lqg(

@@ -12,6 +12,7 @@ from boomctl.analysis.norm import Response, refined_peak
 from boomctl.arrays import Array
 from boomctl.checks import finite_array
 from boomctl.lti.system import Lti
+from boomctl.printing import between, compact, count
 from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.hidden_modes import HiddenMode, check_stabilizable, check_weighted, unmoved
 from boomctl.synthesis.lq.problem import Weight, chosen, definite, plant_of, semidefinite, square_root
@@ -43,6 +44,8 @@ class LqrCertificate:
 
     riccati: RiccatiCertificate
     return_difference: float
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,13 @@ class LqrResult:
     poles: Array = field(repr=False)
     unmoved: tuple[HiddenMode, ...]
     certificate: LqrCertificate
+
+    def __repr__(self) -> str:
+        left = f", {count(len(self.unmoved), 'mode')} not moved" if self.unmoved else ""
+        slowest = f"slowest pole of the closed loop {self.poles.real.max(initial=-np.inf):.4g} rad/s"
+        checked = f"Riccati residual {self.certificate.riccati.residual:.1e}"
+        between_signals = between(self.controller.input_labels, self.controller.output_labels)
+        return f"LqrResult: state feedback, {between_signals}{left}\n  {slowest}; {checked}"
 
 
 def lqr(

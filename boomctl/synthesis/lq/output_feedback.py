@@ -64,6 +64,11 @@ class FeedbackCertificate:
     norm: QuadraticNorm
     least_norm: float
 
+    def __repr__(self) -> str:
+        norms = f"H2 norm {self.norm.value:.6g}, least possible {self.least_norm:.6g}, apart by {self.disagreement:.0e}"
+        residuals = f"Riccati residuals {self.regulator.residual:.1e} and {self.filter.residual:.1e}"
+        return f"FeedbackCertificate: {norms}\n  slowest pole {self.abscissa:.4g} rad/s; {residuals}"
+
     @property
     def disagreement(self) -> float:
         """Largest relative difference of the three norms."""

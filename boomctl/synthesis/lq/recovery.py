@@ -12,6 +12,7 @@ from boomctl.arrays import Array
 from boomctl.checks import finite_array, frequencies, positive
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import Lti, state_matrices
+from boomctl.printing import count, listed
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
 from boomctl.synthesis.lq.problem import Weight, chosen, plant_of
 
@@ -51,6 +52,16 @@ class RecoveryResult:
     recovered: Array = field(repr=False)
     zeros: Array
     designs: tuple[LqgResult, ...] = field(repr=False)
+
+    def __repr__(self) -> str:
+        pairs = zip(self.strengths, self.gaps, strict=True)
+        gaps = listed([f"{gap:.3g} at {strength:.3g}" for strength, gap in pairs])
+        zeros = (
+            f"\n  {count(len(self.zeros), 'zero')} in the right half-plane: it stays incomplete"
+            if len(self.zeros)
+            else ""
+        )
+        return f"RecoveryResult: relative gap to the regulator's loop, by strength of the noise\n  {gaps}{zeros}"
 
 
 def loop_transfer_recovery(

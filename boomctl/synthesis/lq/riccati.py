@@ -12,6 +12,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.printing import compact
 from boomctl.synthesis.errors import SynthesisError
 
 _CONDITION = 1e10
@@ -90,6 +91,8 @@ class RiccatiCertificate:
     backward_error: float
     cost_error: float
     abscissa: float
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import control
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import known, names, real
+from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, append, of, series, static
 from boomctl.structure.model import SecondOrderModel
 

@@ -1,11 +1,11 @@
 """Controllers of a symmetric machine: one of each half joined into one, and one split into those of the halves."""
 
-import control
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import spectral_parts
+from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, append, of
 from boomctl.reduction import reduce
 from boomctl.structure.model import SecondOrderModel

@@ -1,10 +1,10 @@
 """Weights for generalised plants: small stable filters in state space, corner frequencies in rad/s."""
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.checks import positive, real, whole
+from boomctl.lti.python_control import control
 
 _BUTTERWORTH = float(np.sqrt(0.5))  # damping ratio of the flattest second-order filter: gain/sqrt(2) at the corner
 
