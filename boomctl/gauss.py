@@ -1,7 +1,7 @@
-"""Gauss-Legendre collocation: coefficients, and the polynomials that continue a step between its nodes."""
+"""Collocation in Gauss and in Radau points: coefficients, and the polynomials that continue a step between its nodes."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -9,47 +9,74 @@ from numpy.polynomial import legendre
 from boomctl.arrays import Array
 
 
-@dataclass(frozen=True)
-class GaussMethod:
-    """Collocation in the s Gauss points of a step, of order 2 s (Hairer & Wanner 1996, IV.5).
+@dataclass(frozen=True, eq=False)
+class CollocationMethod:
+    """Collocation of ``x' = f`` in s nodes of a step (Hairer & Wanner 1996, IV.5).
 
     Attributes
     ----------
     nodes : ndarray, s
         Of the step [0, 1].
     weights : ndarray, s
-    A, A_inverse : ndarray, s x s
-        Integrals of the Lagrange polynomials from 0 to each node, and their inverse.
-    carry : ndarray, s
-        ``weights A^-1``: the end value of what has the stage values V and starts at 0 is ``carry V``.
-    coefficients : ndarray, (s + 2) x (s + 2)
-        From the values at 0, at the nodes and at 1 to Legendre coefficients on [-1, 1].
+        Integrals of the Lagrange polynomials over the step.
+    A : ndarray, s x s
+        Integrals of the Lagrange polynomials from 0 to each node.
     """
 
     nodes: Array
     weights: Array
     A: Array
-    A_inverse: Array
-    carry: Array
-    coefficients: Array
 
     @property
     def stages(self) -> int:
         """Number of nodes s."""
         return self.nodes.size
 
+    @cached_property
+    def A_inverse(self) -> Array:
+        """Inverse of A: derivatives at the nodes of what has given values there and starts at 0, s x s."""
+        return np.linalg.inv(self.A)
 
-@lru_cache(maxsize=16)
-def gauss_method(stages: int) -> GaussMethod:
-    """Return the collocation method with a number of stages."""
+    @cached_property
+    def carry(self) -> Array:
+        """``weights A^-1``: the end value of what has the stage values V and starts at 0 is ``carry V``, s."""
+        return self.weights @ self.A_inverse
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """From the values at 0, at the nodes and at 1 to Legendre coefficients on [-1, 1], (s + 2) x (s + 2)."""
+        points = np.concatenate([[-1.0], 2.0 * self.nodes - 1.0, [1.0]])
+        return np.linalg.inv(legendre.legvander(points, self.stages + 1))
+
+    @cached_property
+    def onward(self) -> Array:
+        """From the values at the nodes to those of the same polynomial at the nodes of the next step, s x s."""
+        points, degree = 2.0 * self.nodes - 1.0, self.stages - 1
+        return legendre.legvander(points + 2.0, degree) @ np.linalg.inv(legendre.legvander(points, degree))
+
+
+@lru_cache(maxsize=64)
+def gauss_method(stages: int) -> CollocationMethod:
+    """Return collocation in the Gauss points, of order 2 s; nodes and weights are those of Gauss-Legendre quadrature."""
     points, weights = legendre.leggauss(stages)
-    values = legendre.legvander(points, stages - 1)
-    to_coefficients = np.linalg.inv(values)
-    A = 0.5 * integrated_legendre(points, stages - 1) @ to_coefficients
-    A_inverse = np.linalg.inv(A)
-    everywhere = np.concatenate([[-1.0], points, [1.0]])
-    coefficients = np.linalg.inv(legendre.legvander(everywhere, stages + 1))
-    return GaussMethod(0.5 * (points + 1.0), 0.5 * weights, A, A_inverse, 0.5 * weights @ A_inverse, coefficients)
+    return CollocationMethod(0.5 * (points + 1.0), 0.5 * weights, 0.5 * lagrange_integrals(points, points))
+
+
+@lru_cache(maxsize=64)
+def radau_method(stages: int) -> CollocationMethod:
+    """Return collocation in the Radau points, Radau IIA: of order 2 s - 1; the last node is the end of the step."""
+    inner = np.zeros(stages + 1)
+    inner[-2:] = -1.0, 1.0
+    points = np.sort(np.real(legendre.legroots(inner)))
+    points[-1] = 1.0
+    A = 0.5 * lagrange_integrals(points, points)
+    return CollocationMethod(0.5 * (points + 1.0), A[-1], A)
+
+
+def lagrange_integrals(nodes: Array, at: Array) -> Array:
+    """Integrals from -1 to each of m places of the Lagrange polynomials through n nodes on [-1, 1], m x n."""
+    degree = nodes.size - 1
+    return integrated_legendre(at, degree) @ np.linalg.inv(legendre.legvander(nodes, degree))
 
 
 def integrated_legendre(x: Array, degree: int) -> Array:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import positive, real
+from boomctl.gauss import gauss_method
 from boomctl.rotating_beam.validation import function_of_time
 
 TimeFunction = Callable[..., object]
@@ -146,12 +147,12 @@ class HubProfile:
         """
         if end <= 0.0:
             return
-        places, weights = np.polynomial.legendre.leggauss(6)
+        method = gauss_method(6)
         edges = np.unique(np.concatenate([np.linspace(0.0, end, 65), [b for b in self.breakpoints if 0.0 < b < end]]))
-        half = 0.5 * np.diff(edges)[:, None]
-        t = edges[:-1, None] + half * (1.0 + places)
+        h = np.diff(edges)
+        t = edges[:-1, None] + h[:, None] * method.nodes
         for name, slope in (("angle", "speed"), ("speed", "acceleration")):
-            values = half[:, 0] * (getattr(self, slope)(t) @ weights)
+            values = h * (getattr(self, slope)(t) @ method.weights)
             gained = np.diff(getattr(self, name)(edges))
             if np.abs(gained - values).max() > 1e-2 * max(np.abs(values).max(), np.abs(gained).max()):
                 raise ValueError(f"{slope}: expected the derivative of the {name}")

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.rotating_beam import free, hold, sine_torque, spin_up
-from boomctl.rotating_beam.exact.basis import cumulative_integration, strain_basis
+from boomctl.rotating_beam.exact.basis import strain_basis
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import Drive, Trajectory, march
@@ -18,16 +18,6 @@ from tests.profiles import examples
 from tests.rotating_beam.exact_cases import BAI, LOADED, bent, states
 
 # -- discretisation ---------------------------------------------------------------------------------------------------
-
-
-def test_cumulative_integration_is_exact_for_polynomials():
-    nodes, weights = np.polynomial.legendre.leggauss(7)
-    at = np.linspace(-1, 1, 5)
-    rows = cumulative_integration(nodes, weights, at)
-    for degree in range(7):
-        np.testing.assert_allclose(
-            rows @ nodes**degree, (at ** (degree + 1) - (-1) ** (degree + 1)) / (degree + 1), atol=1e-14
-        )
 
 
 @pytest.mark.parametrize("parameters", [BAI, LOADED, replace(BAI, tip_mass=0.3), replace(LOADED, tip_position=0.0)])

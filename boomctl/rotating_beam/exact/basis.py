@@ -16,6 +16,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
 from boomctl.arrays import Array
+from boomctl.gauss import integrated_legendre, lagrange_integrals
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
 EXTRA_NODES = 10
@@ -72,37 +73,6 @@ class StrainBasis:
         return slice(1 + (self.coordinates - 1) // 2, self.coordinates)
 
 
-def cumulative_integration(nodes: Array, weights: Array, at: Array) -> Array:
-    """Integrals from -1 to ``at`` of the polynomial through Gauss-Legendre ``nodes``.
-
-    Parameters
-    ----------
-    nodes, weights
-        Of a Gauss-Legendre rule on [-1, 1], shape ``(n,)``.
-    at
-        Upper limits, shape ``(m,)``.
-
-    Returns
-    -------
-    ndarray
-        Shape ``(m, n)``; exact for polynomials of degree below n.
-    """
-    n = nodes.size
-    degree = 2 * np.arange(n) + 1
-    coefficients = (degree / 2)[:, None] * (legvander(nodes, n - 1).T * weights)
-    return legendre_integrals(at, n) @ coefficients
-
-
-def legendre_integrals(at: Array, count: int) -> Array:
-    """``int_{-1}^{at} P_j`` for ``j < count``, shape ``(len(at), count)``: ``(P_{j+1} - P_{j-1})/(2j + 1)``."""
-    values = legvander(at, count)
-    integrals = np.empty((np.size(at), count))
-    integrals[:, 0] = at + 1.0
-    if count > 1:
-        integrals[:, 1:] = (values[:, 2:] - values[:, :-2]) / (2 * np.arange(1, count) + 1)
-    return integrals
-
-
 def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
     """Discretise the beam with ``modes`` Legendre polynomials of curvature and of stretch on each span.
 
@@ -123,7 +93,7 @@ def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
     halves = 0.5 * np.diff(ends)
     rotation, stretch = _strain_rows(halves, nodes, modes)
     integration = np.array([_row_to(parameters, halves, weights, k) for k in range(halves.size) for _ in nodes])
-    within = cumulative_integration(nodes, weights, nodes)
+    within = lagrange_integrals(nodes, nodes)
     for k, half in enumerate(halves):
         start, end = k * nodes.size, (k + 1) * nodes.size
         integration[start:end, start + 1 : end + 1] = half * within
@@ -160,8 +130,8 @@ def _strain_rows(halves: Array, nodes: Array, modes: int) -> tuple[Array, Array]
         scale = np.sqrt((2 * np.arange(modes) + 1) / (2.0 * half))
         own = 1 + k * modes + np.arange(modes)
         start, end = 1 + k * per_span, 1 + (k + 1) * per_span
-        rotation[start:end, own] = half * legendre_integrals(nodes, modes) * scale
-        rotation[end:, own] = half * legendre_integrals(np.ones(1), modes) * scale
+        rotation[start:end, own] = half * integrated_legendre(nodes, modes - 1) * scale
+        rotation[end:, own] = half * integrated_legendre(np.ones(1), modes - 1) * scale
         stretch[start:end, bending + own] = legvander(nodes, modes - 1) * scale
     return rotation, stretch
 

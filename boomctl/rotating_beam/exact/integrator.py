@@ -11,13 +11,11 @@ The steps are of equal length between the instants at which the drive is not smo
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss
 
 from boomctl.arrays import Array
-from boomctl.rotating_beam.exact.basis import cumulative_integration
+from boomctl.gauss import CollocationMethod, gauss_method
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 
 STAGES = 4
@@ -62,26 +60,6 @@ class Trajectory:
     v: Array
 
 
-@dataclass(frozen=True, eq=False)
-class GaussRule:
-    """Nodes ``c`` in [0, 1], matrix ``a``, weights ``b``, and the matrix that continues stage values one step on."""
-
-    c: Array
-    a: Array
-    b: Array
-    onward: Array
-
-
-@cache
-def gauss_rule(stages: int = STAGES) -> GaussRule:
-    """The Gauss-Legendre collocation rule of order ``2 stages``."""
-    nodes, weights = leggauss(stages)
-    vandermonde = np.vander(nodes, increasing=True)
-    onward = np.linalg.solve(vandermonde.T, np.vander(nodes + 2.0, increasing=True).T).T
-    a = 0.5 * cumulative_integration(nodes, weights, nodes)
-    return GaussRule(0.5 * (nodes + 1.0), a, 0.5 * weights, onward)
-
-
 def march(
     dynamics: ExactBeamDynamics, drive: Drive, start: float, end: float, steps: int, q: Array, v: Array
 ) -> Trajectory:
@@ -110,12 +88,12 @@ def march(
     StepFailedError
         A step's equations did not converge.
     """
-    rule, h = gauss_rule(), (end - start) / steps
+    rule, h = gauss_method(STAGES), (end - start) / steps
     times = start + h * np.arange(steps + 1)
-    instants = times[:-1, None] + h * rule.c
+    instants = times[:-1, None] + h * rule.nodes
     driven = [np.asarray(f(instants)) if f is not None else None for f in (drive.torque, drive.angle, drive.speed)]
     p = dynamics.momentum_and_force(q, v)[0]
-    guess = np.tile(v, (rule.c.size, 1))
+    guess = np.tile(v, (rule.nodes.size, 1))
     states, momenta = np.tile(q, (steps + 1, 1)), np.tile(p, (steps + 1, 1))
     frozen: _Frozen | None = None
     for k in range(steps):
@@ -125,7 +103,7 @@ def march(
         if solved is None:
             raise StepFailedError(f"a step of {h:.3g} s at t = {times[k]:.6g} s did not converge")
         frozen = frozen if solved.contraction < _SLOW else None
-        q, p = q + h * (rule.b @ solved.velocities), p + h * (rule.b @ solved.force)
+        q, p = q + h * (rule.weights @ solved.velocities), p + h * (rule.weights @ solved.force)
         states[k + 1], momenta[k + 1] = q, p
         guess = rule.onward @ solved.velocities
     if drive.angle is not None:
@@ -155,7 +133,7 @@ class _Step:
     """The nonlinear equations of one step; ``q`` and ``p`` at its start, the drive at its stages."""
 
     dynamics: ExactBeamDynamics
-    rule: GaussRule
+    rule: CollocationMethod
     h: float
     first: int
     q: Array
@@ -167,9 +145,9 @@ class _Step:
     def stages(self, velocities: Array) -> tuple[Array, Array]:
         """Coordinates and velocities at the stages, the prescribed ones as prescribed."""
         if self.angle is None:
-            return self.q + self.h * (self.rule.a @ velocities), velocities
+            return self.q + self.h * (self.rule.A @ velocities), velocities
         velocities[:, 0] = self.speed
-        q = self.q + self.h * (self.rule.a @ velocities)
+        q = self.q + self.h * (self.rule.A @ velocities)
         q[:, 0] = self.angle
         return q, velocities
 
@@ -178,7 +156,7 @@ class _Step:
         momentum, force = self.dynamics.momentum_and_force(*self.stages(velocities))
         if self.torque is not None:
             force[:, 0] += self.torque
-        return (momentum - self.p - self.h * (self.rule.a @ force))[:, self.first :], force
+        return (momentum - self.p - self.h * (self.rule.A @ force))[:, self.first :], force
 
     def solve(self, guess: Array, frozen: _Frozen | None) -> _Solved | None:
         """Newton's method from ``guess``, with a frozen Jacobian or a fresh one each time; None if it fails."""
@@ -205,14 +183,14 @@ class _Step:
         """The Jacobian with the same matrices at all stages: those in the middle of the step."""
         middle = guess.mean(axis=0)
         one = self.dynamics.linearisation(self.q + 0.5 * self.h * middle, middle)
-        return _Frozen(self._inverse(*(np.broadcast_to(m, (self.rule.c.size, *m.shape)) for m in one)))
+        return _Frozen(self._inverse(*(np.broadcast_to(m, (self.rule.nodes.size, *m.shape)) for m in one)))
 
     def jacobian_inverse(self, velocities: Array) -> Array:
         """Inverse of the exact Jacobian over all stages."""
         return self._inverse(*self.dynamics.linearisation(*self.stages(velocities)))
 
     def _inverse(self, mass: Array, coupling: Array, stiffness: Array) -> Array:
-        a, h, own = self.rule.a, self.h, slice(self.first, None)
+        a, h, own = self.rule.A, self.h, slice(self.first, None)
         back = np.swapaxes(coupling, -1, -2)
         if self.dynamics.damping is not None:
             back = back - self.dynamics.damping
@@ -226,7 +204,7 @@ class _Step:
     def calm_guess(self) -> Array:
         """The velocity at the start of the step, at every stage."""
         speed = None if self.speed is None else self.speed[:1]
-        return np.tile(_velocities(self.dynamics, speed, self.q[None], self.p[None]), (self.rule.c.size, 1))
+        return np.tile(_velocities(self.dynamics, speed, self.q[None], self.p[None]), (self.rule.nodes.size, 1))
 
 
 def _size(dynamics: ExactBeamDynamics, velocities: Array, first: int) -> float:

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.gauss import GaussMethod
+from boomctl.gauss import CollocationMethod
 from boomctl.rotating_beam.modal.equations import Tangents
 from boomctl.rotating_beam.motion.trajectory import Trajectory
 
@@ -63,7 +63,7 @@ class StepTooSmall(Exception):
 
 def march(
     problem: Problem,
-    method: GaussMethod,
+    method: CollocationMethod,
     edges: Array,
     start: tuple[Array, Array],
     guess: Trajectory | None,
@@ -77,7 +77,7 @@ def march(
     Parameters
     ----------
     problem : Problem
-    method : GaussMethod
+    method : CollocationMethod
     edges : ndarray, m + 1
         Ends of the steps, s.
     start : pair of ndarray, n
@@ -114,7 +114,7 @@ def march(
     return _join(method, ends, pieces)
 
 
-def _join(method: GaussMethod, ends: list[Array], pieces: list[_Window]) -> Trajectory:
+def _join(method: CollocationMethod, ends: list[Array], pieces: list[_Window]) -> Trajectory:
     q = np.concatenate([pieces[0].q[:1], *(piece.q[1:] for piece in pieces)])
     v = np.concatenate([pieces[0].v[:1], *(piece.v[1:] for piece in pieces)])
     return Trajectory(method, np.concatenate(ends), q, v, np.concatenate([piece.stages for piece in pieces]))
@@ -122,7 +122,7 @@ def _join(method: GaussMethod, ends: list[Array], pieces: list[_Window]) -> Traj
 
 def _solve_window(
     problem: Problem,
-    method: GaussMethod,
+    method: CollocationMethod,
     edges: Array,
     start: tuple[Array, Array],
     guess: Trajectory | None,
@@ -142,7 +142,7 @@ def _solve_window(
     return None
 
 
-def _continued(method: GaussMethod, h: Array, start: tuple[Array, Array], stages: Array) -> _Window:
+def _continued(method: CollocationMethod, h: Array, start: tuple[Array, Array], stages: Array) -> _Window:
     """Ends of the steps that follow from the rates at the nodes."""
     q = start[0] + np.concatenate(
         [np.zeros((1, stages.shape[2])), np.cumsum(h[:, None] * (method.weights @ stages), 0)]
@@ -155,7 +155,7 @@ def _continued(method: GaussMethod, h: Array, start: tuple[Array, Array], stages
 
 
 def _newton(
-    problem: Problem, method: GaussMethod, nodes: Array, h: Array, current: _Window
+    problem: Problem, method: CollocationMethod, nodes: Array, h: Array, current: _Window
 ) -> Iterator[tuple[float, _Window]]:
     """Iterates of Newton's method, each with the largest change that the next one is expected to make."""
     previous = np.inf
@@ -175,7 +175,7 @@ def _newton(
         previous = change
 
 
-def _newton_step(problem: Problem, method: GaussMethod, nodes: Array, h: Array, current: _Window) -> _Window:
+def _newton_step(problem: Problem, method: CollocationMethod, nodes: Array, h: Array, current: _Window) -> _Window:
     """Changes of ends and nodes that satisfy the linearised equations of all steps."""
     m, s, n = current.stages.shape
     each = h[:, None, None]
@@ -190,7 +190,7 @@ def _newton_step(problem: Problem, method: GaussMethod, nodes: Array, h: Array, 
 
 
 def _stage_responses(
-    tangents: Tangents, residual: Array, method: GaussMethod, h: Array, shape: tuple[int, int, int]
+    tangents: Tangents, residual: Array, method: CollocationMethod, h: Array, shape: tuple[int, int, int]
 ) -> Array:
     """Changes of a step's nodes by its start's coordinates, its start's rates and the residual, m x s n x (2 n + 1)."""
     m, s, n = shape
@@ -208,7 +208,7 @@ def _stage_responses(
     return np.linalg.solve(system.reshape(m, s * n, s * n), right.reshape(m, s * n, 2 * n + 1))
 
 
-def _run_through(responses: Array, method: GaussMethod, h: Array) -> tuple[Array, Array]:
+def _run_through(responses: Array, method: CollocationMethod, h: Array) -> tuple[Array, Array]:
     """Changes at the ends of the steps, from none at the start."""
     m, n = responses.shape[0], (responses.shape[2] - 1) // 2
     stages = responses.reshape(m, method.stages, n, 2 * n + 1)

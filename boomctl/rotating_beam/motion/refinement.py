@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.gauss import GaussMethod
+from boomctl.gauss import CollocationMethod
 from boomctl.rotating_beam.motion.collocation import Problem, march
 from boomctl.rotating_beam.motion.trajectory import Trajectory
 
@@ -66,7 +66,7 @@ class NotConverged(Exception):
 
 def refine(
     problem: Problem,
-    method: GaussMethod,
+    method: CollocationMethod,
     edges: Array,
     start: tuple[Array, Array],
     accuracy: Accuracy,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from boomctl.arrays import Array
-from boomctl.gauss import GaussMethod, integrated_legendre
+from boomctl.gauss import CollocationMethod, integrated_legendre
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class Trajectory:
 
     Attributes
     ----------
-    method : GaussMethod
+    method : CollocationMethod
     edges : ndarray, m + 1
         Ends of the steps, s.
     q, v : ndarray, (m + 1) x n
@@ -24,7 +24,7 @@ class Trajectory:
         Rates at the nodes.
     """
 
-    method: GaussMethod
+    method: CollocationMethod
     edges: Array
     q: Array
     v: Array
