@@ -309,14 +309,14 @@ def slew(
 ) -> None:
     """Plan an optimal slew of the hub-beam, certify it and set it beside classical ones."""
     from boomctl.files import plain, prepared_folder
-    from boomctl.rotating_beam import HubBeam, HubBeamParameters
+    from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
     from boomctl.studies.slew.plan import STEPS, evaluated_plan
 
     folder = prepared_folder(out)
     given = {"torque_rate_limit": torque_rate_limit, "speed_limit": speed_limit, "tip_limit": tip_limit}
     given |= {"moment_limit": moment_limit}
     asked = {name: value for name, value in given.items() if value is not None}
-    beam = HubBeam(HubBeamParameters(tip_mass=tip_mass), model, modes)
+    beam = AssumedModesBeam(HubBeamParameters(tip_mass=tip_mass), model, modes)
     with _progress(STEPS) as progress:
         evaluation = evaluated_plan(
             beam,

@@ -7,7 +7,7 @@ the beam's frequencies a tenth off it leaves some three times the vibration of a
 
 import numpy as np
 
-from boomctl.rotating_beam import HubBeam, HubBeamParameters
+from boomctl.rotating_beam import HubBeamParameters, hub_beam
 from boomctl.slew import optimal_slew
 from boomctl.studies.slew import SlewDesign, SlewEvaluation
 
@@ -16,7 +16,7 @@ ANGLE, LIMIT = np.pi / 2, 200.0
 
 def slew(modes: int = 2) -> SlewDesign:
     """Plan the slew."""
-    beam = HubBeam(HubBeamParameters(), "sfoam", modes)
+    beam = hub_beam(HubBeamParameters(), "sfoam", modes)
     return SlewDesign(
         "min_time_slew",
         "The fastest quarter turn",

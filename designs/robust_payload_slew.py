@@ -7,7 +7,7 @@ too. The hub's angle is prescribed for the middle payload only: the others come 
 
 import numpy as np
 
-from boomctl.rotating_beam import HubBeam, HubBeamParameters
+from boomctl.rotating_beam import HubBeamParameters, hub_beam
 from boomctl.slew import optimal_slew
 from boomctl.studies.slew import SlewDesign, SlewEvaluation
 
@@ -18,7 +18,7 @@ ROBUST, PLAIN = "planned for 0, 0.1 and 0.2 kg", "planned for 0.1 kg alone"
 
 def slew(modes: int = 2, intervals: int = 200) -> SlewDesign:
     """Plan for three payloads, and for one."""
-    beam = HubBeam(HubBeamParameters(tip_mass=NOMINAL), "sfoam", modes)
+    beam = hub_beam(HubBeamParameters(tip_mass=NOMINAL), "sfoam", modes)
     robust, plain = (
         optimal_slew(beam, ANGLE, LIMIT, "effort", DURATION, tip_masses=masses, method="shooting", intervals=intervals)
         for masses in (OTHERS, ())

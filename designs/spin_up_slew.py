@@ -5,7 +5,7 @@ would need the same peak torque for it; it then takes longer, leaves a vibration
 that of the rigid body.
 """
 
-from boomctl.rotating_beam import HubBeam, HubBeamParameters, spin_up
+from boomctl.rotating_beam import HubBeamParameters, hub_beam, spin_up
 from boomctl.slew import optimal_slew
 from boomctl.studies.slew import SlewDesign, SlewEvaluation
 
@@ -15,7 +15,7 @@ SPEED, LIMIT = 1.0, 200.0
 def slew(modes: int = 2) -> SlewDesign:
     """Plan the spin-up."""
     q = HubBeamParameters()
-    beam = HubBeam(q, "sfoam", modes)
+    beam = hub_beam(q, "sfoam", modes)
     return SlewDesign(
         "spin_up_slew",
         "Spun up to 1 rad/s in the least time",

@@ -89,13 +89,13 @@ def test_help_lists_all_designs():
 
 
 SLEW = """
-from boomctl.rotating_beam import HubBeam, HubBeamParameters
+from boomctl.rotating_beam import HubBeamParameters, hub_beam
 from boomctl.studies.slew.design import SlewDesign
 from boomctl.slew import optimal_slew
 
 
 def slew():
-    beam = HubBeam(HubBeamParameters(), "sfoam", 1)
+    beam = hub_beam(HubBeamParameters(), "sfoam", 1)
     return SlewDesign("mine", "A slew of mine", beam, {"fastest": optimal_slew(beam, 0.6, 120.0, WHAT)})
 """
 

@@ -74,8 +74,10 @@ FACTORIES = {
         one.boom(), bc.CoulombFriction(8.0), one.OMEGA, "actuator_left", 0.01
     ),
     "HubBeamParameters": bc.HubBeamParameters,
-    "HubBeam": one.hub_beam,
-    "HubBeam, changed": lambda: bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1, damping_ratio=0.01), "cfoam", 1),
+    "AssumedModesBeam": one.hub_beam,
+    "AssumedModesBeam, changed": lambda: bc.hub_beam(
+        bc.HubBeamParameters(tip_mass=0.1, damping_ratio=0.01), "cfoam", 1
+    ),
     "HubSpeedFamily": lambda: one.hub_beam().lpv(),
     "GeometricallyExactBeam": lambda: bc.hub_beam(model="geometrically-exact", modes=2),
     "SimulationResult": lambda: one.hub_beam().simulate(bc.spin_up(0.5, 5.0), np.linspace(0.0, 6.0, 50)),
@@ -107,8 +109,14 @@ SYSTEMS = {
 }
 
 
+SLOW = ("SlewComparison",)  # ten slews played back on three beams: 4 s
+
+
 def _parametrised(factories):
-    return pytest.mark.parametrize("make", [pytest.param(make, id=name) for name, make in factories.items()])
+    marks = dict.fromkeys(SLOW, pytest.mark.slow)
+    return pytest.mark.parametrize(
+        "make", [pytest.param(make, id=name, marks=marks.get(name, ())) for name, make in factories.items()]
+    )
 
 
 def alike(a, b):

@@ -11,10 +11,9 @@ from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.analysis.model_norm import modal_realization
-from boomctl.analysis.norm import grows_towards
+from boomctl.analysis.norm import unbounded_pole
 from boomctl.arrays import Array
 from boomctl.lti.gramians import factors
 from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
@@ -24,8 +23,7 @@ from boomctl.structure.model import SecondOrderModel
 if TYPE_CHECKING:
     import control
 
-_AXIS = 1e-10
-_AGREEMENT = 1e-6
+_AGREEMENT = 1e-6  # relative distance of bounds and of independent values up to which a norm is certified (a choice)
 _EPS = float(np.finfo(float).eps)
 
 
@@ -72,45 +70,23 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     TypeError, ValueError
         Another kind of system, discrete time, not finite; an output of a structure that needs a derivative of an input.
     """
-    from boomctl.lti.python_control import control
-
-    if isinstance(system, SecondOrderModel):
-        realized = modal_realization(system)
-    elif isinstance(system, control.StateSpace):
-        realized = of(system, expected="StateSpace")
-    else:
-        raise TypeError(f"system: expected SecondOrderModel or StateSpace, got {type(system).__name__}")
-    return matrices_h2(realized.balanced(), realized.inputs, realized.outputs)
-
-
-def matrices_h2(system: Lti, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> H2Certificate:
-    """Return the certified H2 norm of ``A, B, C, D``; the names serve the message of an infinite one."""
-    if system.D.any():
-        o, i = np.unravel_index(int(np.argmax(np.abs(system.D))), system.D.shape)
-        names = (outputs[int(o)] if outputs else f"output {o}", inputs[int(i)] if inputs else f"input {i}")
-        return _infinite(f"a feedthrough to {names[0]!r} from {names[1]!r}")
-    if not len(system.A) or min(system.D.shape) == 0:
+    given = modal_realization(system) if isinstance(system, SecondOrderModel) else of(system)
+    if given.D.any():
+        o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
+        return _infinite(f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")
+    if not len(given.A) or min(given.D.shape) == 0:
         return H2Certificate(0.0, 0.0, 0.0, 0.0, "no response")
-    poles = linalg.eigvals(system.A)
-    size = np.abs(poles).max()
-    unstable = poles.real > _AXIS * np.maximum(np.abs(poles), 1e-3 * size)
-    if unstable.any():
-        return _infinite(f"an unstable pole at {_written(poles[unstable][0])} rad/s")
-    axis = poles[np.abs(poles.real) <= _AXIS * np.maximum(np.abs(poles), 1e-6)]
-    for omega in np.unique(np.abs(axis.imag)):
-        others = np.abs(poles[np.abs(np.abs(poles.imag) - omega) > 1e-6 * size])
-        scale = float(omega) if omega > 0.0 else float(others.min(initial=1.0))
-        if grows_towards(system.response, float(omega), scale):
-            return _infinite(f"a pole on the imaginary axis, at {omega:.6g} rad/s")
-    return _finite(spectral_parts(system)[0] if len(axis) else system)
+    balanced = given.balanced()
+    pole = unbounded_pole(balanced.poles, balanced.response)
+    if pole is not None and pole.real > 0.0:
+        return _infinite(f"an unstable pole at {pole.real:.4g}{pole.imag:+.4g}j rad/s")
+    if pole is not None:
+        return _infinite(f"a pole on the imaginary axis, at {pole.imag:.6g} rad/s")
+    return _finite(spectral_parts(balanced)[0])
 
 
 def _infinite(why: str) -> H2Certificate:
     return H2Certificate(inf, inf, inf, 0.0, why)
-
-
-def _written(pole: complex) -> str:
-    return f"{pole.real:.4g}{pole.imag:+.4g}j"
 
 
 def _finite(system: Lti) -> H2Certificate:
@@ -124,7 +100,12 @@ def _finite(system: Lti) -> H2Certificate:
     values = [by_control, by_observation] + ([] if modal is None else [_by_modes(modal)])
     largest = max(values)
     gap = (largest - min(values)) / largest if largest > 0.0 else 0.0
-    margin = _leftover(used, F, H)
+    A, B, P, Q = used.A, used.B, F @ F.T, H @ H.T
+    AP, BB = A @ P, B @ B.T
+    rounding = 2.0 * len(A) * _EPS * (2.0 * (np.abs(A) @ np.abs(P)) + np.abs(BB))
+    margin = float(
+        np.sum((np.abs(AP + AP.T + BB) + rounding + rounding.T) * np.abs(Q))
+    )  # of |tr(R Q)|, R's own rounding too
     square = by_control**2
     return H2Certificate(
         by_control,
@@ -142,13 +123,3 @@ def _by_modes(modal: ModalSystem) -> float:
     reading: Array = modal.C.conj().T @ modal.C
     square = -np.sum(reading.T * acting / (p[:, None] + p.conj()[None, :]))
     return float(np.sqrt(max(float(square.real), 0.0)))
-
-
-def _leftover(system: Lti, F: Array, H: Array) -> float:
-    """Return a bound of ``|tr(R Q)|``, the rounding of ``R`` itself included."""
-    A, B = system.A, system.B
-    P = F @ F.T
-    AP, BB = A @ P, B @ B.T
-    rounding = 2.0 * len(A) * _EPS * (2.0 * (np.abs(A) @ np.abs(P)) + np.abs(BB))
-    Q = H @ H.T
-    return float(np.sum((np.abs(AP + AP.T + BB) + rounding + rounding.T) * np.abs(Q)))

@@ -1,16 +1,15 @@
 """Feedback loops ``u = K y`` closed by name, with signals added at controls and measurements."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names
-from boomctl.lti.system import Lti, lower_lft, state_matrices
+from boomctl.lti.system import Lti, is_frequency_response, lower_lft, of
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -21,18 +20,14 @@ if TYPE_CHECKING:
 class Loop:
     """A plant and a controller, ``u = K y``, as one system with every signal around the loop at hand.
 
-    ``system`` has the plant's remaining inputs, then what is added to each control, then what is added to each
-    measurement; its outputs are the plant's, then the controls as the plant feels them, then the measurements as the
-    controller reads them.
-
     Attributes
     ----------
     disturbances, controls, measurements, outputs : tuple of str
         Names; ``outputs`` are all of the plant's.
     system : Lti
-        Plant states first, then the controller's.
-    states : tuple of str
-        Their names.
+        From the disturbances, what is added to each control, and what is added to each measurement, to the plant's
+        outputs, the controls as the plant feels them, and the measurements as the controller reads them.  Plant states
+        come first, then the controller's.
     """
 
     disturbances: tuple[str, ...]
@@ -40,50 +35,30 @@ class Loop:
     measurements: tuple[str, ...]
     outputs: tuple[str, ...]
     system: Lti
-    states: tuple[str, ...]
-
-    @property
-    def poles(self) -> Array:
-        """Poles of the closed loop [rad/s]."""
-        return linalg.eigvals(self.system.A) if len(self.system.A) else np.zeros(0, complex)
-
-    def balanced(self, rows: Sequence[int], columns: Sequence[int]) -> Lti:
-        """Return the system between some of its signals, states balanced."""
-        s = self.system
-        B, C, D = s.B[:, list(columns)], s.C[list(rows)], s.D[np.ix_(list(rows), list(columns))]
-        if not len(s.A):
-            return Lti(s.A, B, C, D)
-        A, (scale, _) = linalg.matrix_balance(s.A, permute=False, separate=True)
-        return Lti(A, B / scale[:, None], C * scale, D)
 
     @property
     def sensitivity(self) -> Lti:
         """From what is added to controls and measurements to controls and measurements: ``(I - [0 K; G 0])^-1``."""
-        first, size = len(self.disturbances), len(self.controls) + len(self.measurements)
-        last = len(self.outputs)
-        return self.balanced(range(last, last + size), range(first, first + size))
+        first, last, size = len(self.disturbances), len(self.outputs), len(self.controls) + len(self.measurements)
+        return self.system.between(range(first, first + size), range(last, last + size)).balanced()
 
+    def closed(self, added: str | Sequence[str] = ()) -> Lti:
+        """Return the loop from the disturbances and what is added to some signals to the plant's outputs and the controls.
 
-def plant_of(plant: "SecondOrderModel | control.StateSpace") -> "control.StateSpace":
-    """Return a plant as a continuous-time state-space system, refused if it is neither that nor a structure."""
-    from boomctl.lti.python_control import control
-
-    if isinstance(plant, SecondOrderModel):
-        return plant.to_statespace()
-    if not isinstance(plant, control.StateSpace):
-        raise TypeError(f"plant: expected SecondOrderModel or StateSpace, got {type(plant).__name__}")
-    state_matrices(plant)
-    return plant
-
-
-def controller_of(controller: "control.StateSpace") -> "control.StateSpace":
-    """Return a controller, refused if it is not a continuous-time state-space system."""
-    from boomctl.lti.python_control import control
-
-    if not isinstance(controller, control.StateSpace):
-        raise TypeError(f"controller: expected StateSpace, got {type(controller).__name__}")
-    state_matrices(controller)
-    return controller
+        Raises
+        ------
+        ValueError
+            Unknown names; nothing drives the loop.
+        """
+        around = self.controls + self.measurements
+        extra, first = names("control or measurement", added, around), len(self.disturbances)
+        if not first and not extra:
+            raise ValueError(
+                "the controller drives every input of the plant, and nothing drives the loop: "
+                f"name in added some of {around}"
+            )
+        inputs = [*range(first), *(first + around.index(name) for name in extra)]
+        return self.system.between(inputs, range(len(self.outputs) + len(self.controls)))
 
 
 def joined(plant: "SecondOrderModel | control.StateSpace", controller: "control.StateSpace") -> Loop:
@@ -95,44 +70,42 @@ def joined(plant: "SecondOrderModel | control.StateSpace", controller: "control.
         Other kinds of system, discrete time; a controller's input that is no output of the plant, or its output no
         input of it; a loop that is not well-posed.
     """
-    P, K = plant_of(plant), controller_of(controller)
-    for label in K.input_labels:
-        known("plant output (it is an input of the controller)", label, P.output_labels)
-    for label in K.output_labels:
-        known("plant input (it is an output of the controller)", label, P.input_labels)
-    measured = [P.output_labels.index(label) for label in K.input_labels]
-    acting = [P.input_labels.index(label) for label in K.output_labels]
-    others = [i for i in range(P.ninputs) if i not in acting]
-    return Loop(
-        tuple(P.input_labels[i] for i in others),
-        tuple(K.output_labels),
-        tuple(K.input_labels),
-        tuple(P.output_labels),
-        _closed(_matrices(P), _matrices(K), (others, acting), measured),
-        tuple(P.state_labels) + tuple(f"controller_{label}" for label in K.state_labels),
-    )
-
-
-def _matrices(system: "control.StateSpace") -> Lti:
-    return Lti(*(np.asarray(getattr(system, name), dtype=float) for name in ("A", "B", "C", "D")))
-
-
-def _closed(P: Lti, K: Lti, inputs: tuple[Sequence[int], Sequence[int]], measured: Sequence[int]) -> Lti:
-    """Return the loop ``u = v + K (y + n)``, from what drives it, ``v`` and ``n`` to the outputs, ``u`` and ``y + n``."""
-    others, acting = list(inputs[0]), list(inputs[1])
+    P, K = of(plant, "plant"), of(controller, "controller", "StateSpace")
+    K = replace(K, states=tuple(f"controller_{label}" for label in K.states))
+    acting, measured = signals_of(K, P.inputs, P.outputs)
+    others = [i for i in range(len(P.inputs)) if i not in acting]
     m, p, outputs = len(acting), len(measured), len(P.C)
-    B1, B2, C2 = P.B[:, others], P.B[:, acting], P.C[measured]
-    driven, read = P.D[:, acting], [P.D[np.ix_(measured, others)], P.D[np.ix_(measured, acting)], np.eye(p)]
-    D = np.block(
+    driven, between = P.D[:, acting], P.D[np.ix_(measured, acting)]
+    read = np.hstack([P.D[np.ix_(measured, others)], between, np.eye(p), between])
+    D = np.vstack(
         [
-            [P.D[:, others], driven, np.zeros((outputs, p)), driven],
-            [np.zeros((m, len(others))), np.eye(m), np.zeros((m, p)), np.eye(m)],
-            [*read, read[1]],
-            [*read, read[1]],
+            np.hstack([P.D[:, others], driven, np.zeros((outputs, p)), driven]),
+            np.hstack([np.zeros((m, len(others))), np.eye(m), np.zeros((m, p)), np.eye(m)]),
+            read,
+            read,
         ]
     )
-    B, C = np.hstack([B1, B2, np.zeros((len(P.A), p)), B2]), np.vstack([P.C, np.zeros((m, len(P.A))), C2, C2])
-    return lower_lft(Lti(P.A, B, C, D), K)
+    B = np.hstack([P.B[:, others], P.B[:, acting], np.zeros((len(P.A), p)), P.B[:, acting]])
+    C = np.vstack([P.C, np.zeros((m, len(P.A))), P.C[measured], P.C[measured]])
+    disturbances = tuple(P.inputs[i] for i in others)
+    inputs = (*disturbances, *(f"{name}_added" for name in K.outputs + K.inputs), *K.outputs)
+    open_loop = Lti(P.A, B, C, D, inputs, P.outputs + K.outputs + K.inputs + K.inputs, P.states)
+    return Loop(disturbances, K.outputs, K.inputs, P.outputs, lower_lft(open_loop, K))
+
+
+def signals_of(controller: Lti, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[list[int], list[int]]:
+    """Return which inputs of a plant a controller drives and which of its outputs it reads, by name.
+
+    Raises
+    ------
+    ValueError
+        One is not there.
+    """
+    for label in controller.inputs:
+        known("plant output (it is an input of the controller)", label, outputs)
+    for label in controller.outputs:
+        known("plant input (it is an output of the controller)", label, inputs)
+    return [inputs.index(label) for label in controller.outputs], [outputs.index(label) for label in controller.inputs]
 
 
 def feedback_loop(
@@ -163,29 +136,7 @@ def feedback_loop(
         Other kinds of system, discrete time; names that do not meet; nothing left to drive the loop; a loop that is
         not well-posed.
     """
-    from boomctl.lti.python_control import control
-
-    loop = joined(plant, controller)
-    around = loop.controls + loop.measurements
-    extra = names("control or measurement", added, around)
-    if not loop.disturbances and not extra:
-        raise ValueError(
-            f"the controller drives every input of the plant, and nothing drives the loop: name in added some of {around}"
-        )
-    columns = [*range(len(loop.disturbances)), *(len(loop.disturbances) + around.index(name) for name in extra)]
-    rows = range(len(loop.outputs) + len(loop.controls))
-    s = loop.system
-    return control.ss(
-        s.A,
-        s.B[:, columns],
-        s.C[list(rows)],
-        s.D[np.ix_(list(rows), columns)],
-        inputs=[*loop.disturbances, *(f"{name}_added" for name in extra)],
-        outputs=[*loop.outputs, *loop.controls],
-        states=list(loop.states),
-        name="closed loop",
-        remove_useless_states=False,
-    )
+    return joined(plant, controller).closed(added).statespace("closed loop")
 
 
 def closed_loop_response(
@@ -219,20 +170,13 @@ def closed_loop_response(
     from boomctl.lti.python_control import control
 
     data = named_response(plant, omega)
-    K = controller_of(controller)
+    K = of(controller, "controller", "StateSpace").balanced()
     grid, G = np.asarray(data.omega, dtype=float), np.moveaxis(np.asarray(data.frdata), 2, 0)
-    measured = [
-        data.output_labels.index(known("plant output (it is an input of the controller)", label, data.output_labels))
-        for label in K.input_labels
-    ]
-    acting = [
-        data.input_labels.index(known("plant input (it is an output of the controller)", label, data.input_labels))
-        for label in K.output_labels
-    ]
+    acting, measured = signals_of(K, data.input_labels, data.output_labels)
     others = [i for i in range(data.ninputs) if i not in acting]
     if not others:
         raise ValueError("the controller drives every input of the plant, and nothing drives the loop")
-    Kw = np.moveaxis(state_matrices(K).response(grid), 2, 0)
+    Kw = np.moveaxis(K.response(grid), 2, 0)
     loop = np.eye(len(acting)) - Kw @ G[:, measured][:, :, acting]
     try:
         u = np.linalg.solve(loop, Kw @ G[:, measured][:, :, others])
@@ -243,7 +187,7 @@ def closed_loop_response(
         np.moveaxis(np.concatenate([z, u], axis=1), 0, 2),
         grid,
         inputs=[data.input_labels[i] for i in others],
-        outputs=[*data.output_labels, *K.output_labels],
+        outputs=[*data.output_labels, *K.outputs],
         name="closed loop",
     )
 
@@ -253,9 +197,7 @@ def named_response(
     omega: ArrayLike | None,
 ) -> "control.FrequencyResponseData":
     """Return the frequency response of a plant, whether it is data or a function of frequency; refused if not finite."""
-    from boomctl.lti.python_control import control
-
-    if isinstance(plant, control.FrequencyResponseData):
+    if is_frequency_response(plant):
         if omega is not None:
             raise ValueError("omega: frequency response data have their own frequencies; leave it out")
         data: Any = plant
@@ -263,7 +205,7 @@ def named_response(
         if omega is None:
             raise ValueError("omega: expected frequencies at which to ask the plant's response")
         data = plant(frequencies("omega", omega))
-        if not isinstance(data, control.FrequencyResponseData):
+        if not is_frequency_response(data):
             raise TypeError(f"plant: expected a function that returns FrequencyResponseData, got {type(data).__name__}")
     else:
         kind = type(plant).__name__

@@ -15,11 +15,12 @@ import numpy as np
 from scipy import optimize
 
 from boomctl.analysis.loops import joined
-from boomctl.analysis.norm import Response, axis_eigenvalues, matrices_norm
-from boomctl.analysis.sigma import resolved_grid
+from boomctl.analysis.norm import axis_eigenvalues, matrices_norm
+from boomctl.analysis.sigma import NARROWEST
 from boomctl.arrays import Array
-from boomctl.lti.frequency import singular_values
-from boomctl.lti.schur import Triangular, triangular
+from boomctl.checks import known
+from boomctl.lti.frequency import DRAWN, Response, Triangular, resonance_grid, singular_values, triangular
+from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti
 from boomctl.printing import listed, table_html
 
@@ -28,12 +29,21 @@ if TYPE_CHECKING:
 
     from boomctl.structure.model import SecondOrderModel
 
-_ONE = 1e-9
-_REST = 1e-9
+_ONE = 1e-9  # relative distance from one within which a gain or a disk counts as one: rounding of the response
+_AT_ONE = 1e-6  # distance from a gain of one within which a Hamiltonian eigenvalue is a crossing, not another level's
+_REAL = 1e-6  # share of its size that the imaginary part of a real value may have, at a crossing found by its sign
+_REST = 1e-9  # share of the fastest pole up to which a slow one is at rest, and not what a grid begins at (a choice)
+_POINTS = 240  # of the grid, beside those at the resonances (a choice)
+_BEYOND = 100.0  # how far the grid reaches below the slowest pole and above the fastest (a choice)
+_INTEGRATING = (1e-3, 1e3)  # [rad/s], the grid of a loop all poles of which are at zero (a choice)
 _ROUNDING = 1e-12  # of L = 1 - 1/S; a factor above 1e12 is none
-_POLE = 1e-12
-_ACTIVE = 24
-_ROUNDS = 12
+_POLE = 1e-12  # a sensitivity below this is a pole of the loop, of infinite gain
+_ACTIVE = 24  # frequencies at which a scaling is made good, those of the largest values found so far (a choice)
+_ROUNDS = 12  # of adding those where it is not; two or three do
+_LEVELLED = 1e-6  # how much larger the values elsewhere may be, relative
+_SWEEPS = 50  # over rows and columns, to make them alike; few do, for the start of a search
+_SEARCH = {"xatol": 1e-4, "fatol": 1e-6}  # of the logarithm of a scaling, and of the value: alpha to six digits
+_EVALUATIONS = 80  # of the search, a row of the response (a choice)
 
 
 @dataclass(frozen=True)
@@ -125,11 +135,8 @@ class Margins:
     everywhere: DiskMargin
 
     def __getitem__(self, signal: str) -> LoopMargin:
-        from boomctl.checks import known
-
-        return self.loops[
-            [loop.signal for loop in self.loops].index(known("loop", signal, [x.signal for x in self.loops]))
-        ]
+        signals = [loop.signal for loop in self.loops]
+        return self.loops[signals.index(known("loop", signal, signals))]
 
     def render(self) -> str:
         """Return the margins as text."""
@@ -171,9 +178,10 @@ def margins(plant: "SecondOrderModel | control.StateSpace", controller: "control
         Other kinds of system, names that do not meet, a loop that is not well-posed, or not stable.
     """
     loop = joined(plant, controller)
-    poles = loop.poles
-    if len(poles) and poles.real.max() >= 0.0:
-        worst = poles[int(np.argmax(poles.real))]
+    poles = loop.system.poles
+    bad = poles[side_of_axis(poles) >= 0]
+    if len(bad):
+        worst = bad[int(np.argmax(bad.real))]
         raise ValueError(f"the loop is not stable (pole at {worst:.4g} rad/s): it has no margins")
     S = loop.sensitivity
     quick, grid = triangular(S), _grid(S)
@@ -181,29 +189,22 @@ def margins(plant: "SecondOrderModel | control.StateSpace", controller: "control
     m, total = len(loop.controls), len(S.D)
     places = ["control"] * m + ["measurement"] * (total - m)
     loops = tuple(
-        _loop_margin(name, place, _only(S, [i]), quick.only([i]), (grid, G[i, i]))
+        _loop_margin(name, place, S.between([i], [i]), quick.only([i]), (grid, G[i, i]))
         for i, (name, place) in enumerate(zip(loop.controls + loop.measurements, places, strict=True))
     )
     first, second, every = (
-        _disk(_only(S, rows), G[np.ix_(rows, rows)])
+        _disk(S.between(rows, rows), G[np.ix_(rows, rows)])
         for rows in (list(range(m)), list(range(m, total)), list(range(total)))
     )
     return Margins(loops, first, second, every)
 
 
-def _only(S: Lti, chosen: list[int]) -> Lti:
-    return Lti(S.A, S.B[:, chosen], S.C[chosen], S.D[np.ix_(chosen, chosen)])
-
-
 def _disk(S: Lti, G: Array) -> DiskMargin:
     """Return the disk margin of a sensitivity of response ``G`` on a grid; ``S - T = 2 S - 1``."""
     eye = np.eye(len(S.D))
-    balanced = Lti(S.A, S.B, 2.0 * S.C, 2.0 * S.D - eye)
     scale = _scaling(2.0 * G - eye[:, :, None])
-    scaled = Lti(S.A, balanced.B / scale, scale[:, None] * balanced.C, scale[:, None] * balanced.D / scale)
-    norm = matrices_norm(scaled)
-    bound = norm.upper if norm.upper < inf else inf
-    return DiskMargin(min(2.0 / bound, 2.0), norm.omega, norm.certified)
+    norm = matrices_norm(Lti(S.A, S.B / scale, scale[:, None] * 2.0 * S.C, scale[:, None] * (2.0 * S.D - eye) / scale))
+    return DiskMargin(min(2.0 / norm.upper, 2.0), norm.omega, norm.certified)
 
 
 def _scaling(G: Array) -> Array:
@@ -224,7 +225,7 @@ def _scaling(G: Array) -> Array:
         values = _scaled_values(log, G)
         if values.max() < lowest:
             lowest, best = float(values.max()), log
-        if values.max() <= reached * (1.0 + 1e-6):
+        if values.max() <= reached * (1.0 + _LEVELLED):
             break
         active = np.union1d(active, np.argsort(-values)[:_ACTIVE])
     return np.exp(np.append(best, 0.0))
@@ -233,7 +234,7 @@ def _scaling(G: Array) -> Array:
 def _levelled(G: Array) -> Array:
     """Return the logarithm of a scaling that makes rows and columns alike, all but the last, whose is zero."""
     size, log = np.abs(G).max(axis=2), np.zeros(len(G))
-    for _ in range(50):
+    for _ in range(_SWEEPS):
         for i in range(len(G)):
             scaled = np.exp(log)[:, None] * size / np.exp(log)
             row, column = (np.delete(x, i).max() for x in (scaled[i], scaled[:, i]))
@@ -252,20 +253,19 @@ def _least(G: Array, start: Array) -> tuple[Array, float]:
         lambda log: float(_scaled_values(log, G).max()),
         start,
         method="Nelder-Mead",
-        options={"maxiter": 80 * len(G), "xatol": 1e-4, "fatol": 1e-6},
+        options={"maxiter": _EVALUATIONS * len(G), **_SEARCH},
     )
     return found.x, float(found.fun)
 
 
 def _grid(system: Lti) -> Array:
-    poles: Array = np.linalg.eigvals(system.A) if len(system.A) else np.zeros(0, complex)
+    poles = system.poles
     if not len(poles):
         return np.array([0.0])
     upper = poles[(poles.imag >= 0.0) & (np.abs(poles) > _REST * np.abs(poles).max())]
     size = np.abs(upper)
-    if not len(upper):
-        return np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 240)])
-    return np.concatenate([[0.0], resolved_grid(upper, 0.01 * float(size.min()), 100.0 * float(size.max()), np.nan)])
+    low, high = (size.min() / _BEYOND, size.max() * _BEYOND) if len(upper) else _INTEGRATING
+    return resonance_grid(upper, low, high, points=_POINTS, places=DRAWN, narrowest=NARROWEST, also=[0.0])
 
 
 def _loop_margin(signal: str, place: str, S: Lti, quick: Triangular, known: tuple[Array, Array]) -> LoopMargin:
@@ -338,7 +338,7 @@ def _gain_limits(
 
 def _positive(value: complex) -> bool:
     """Return whether a value is a positive real number, not the other side of a pole, and not rounding."""
-    return bool(np.isfinite(value)) and value.real > _ROUNDING and abs(value.imag) < 1e-6 * abs(value)
+    return bool(np.isfinite(value)) and value.real > _ROUNDING and abs(value.imag) < _REAL * abs(value)
 
 
 def _phase_limits(
@@ -346,9 +346,9 @@ def _phase_limits(
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the least angle [degrees] and the least delay [s] from ``L`` to one, where ``|L| = 1``."""
     crossings = _crossings(response, grid, values, lambda x: np.abs(x) - 1.0)
-    if abs(abs(float(L.D[0, 0])) - 1.0) > 1e-9 and len(L.A):
+    if abs(abs(float(L.D[0, 0])) - 1.0) > _ONE and len(L.A):
         extra = axis_eigenvalues(L, 1.0)
-        crossings += [float(w) for w in extra if abs(abs(response(np.array([w]))[0]) - 1.0) < 1e-6]
+        crossings += [float(w) for w in extra if abs(abs(response(np.array([w]))[0]) - 1.0) < _AT_ONE]
     phase, delay = (inf, float("nan")), (inf, float("nan"))
     for omega in crossings:
         angle = float(np.angle(response(np.array([omega]))[0]))

@@ -5,7 +5,6 @@ frequency it was built for; above it, dissipation bounds the response: with ``D 
 positive definite, ``|L D^-1 B(omega)| <= |C^-1/2 L^T| |C^-1/2 B(omega)|/omega``.
 """
 
-from dataclasses import dataclass
 from math import inf
 
 import numpy as np
@@ -13,7 +12,7 @@ from scipy import linalg, sparse
 
 from boomctl.analysis.norm import NormCertificate, grows_towards, matrices_norm
 from boomctl.arrays import Array
-from boomctl.lti.frequency import singular_values
+from boomctl.lti.frequency import Resonances, singular_values
 from boomctl.lti.system import Lti
 from boomctl.structure.matrices import dense, halves
 from boomctl.structure.model import SecondOrderModel
@@ -23,21 +22,21 @@ from boomctl.structure.response.pencil import factorized
 from boomctl.structure.response.poles import damped_poles, first_order_poles, undamped_modes
 from boomctl.structure.response.realisation import realize
 
-_CORE_FROM = 40
-_CORE_ERROR = 1e-7
-_BAND = 8
-_REACH = 4.0
-_RIGID = 1e-8
-_LARGEST_DENSE = 400
-
-
-@dataclass(frozen=True)
-class Resonances:
-    """Poles of a model in its band, and the band [rad/s]."""
-
-    poles: Array
-    low: float
-    high: float
+_CORE_FROM = 40  # coordinates from which on a core is worth its building (a choice)
+_CORE_ERROR = (
+    1e-7  # verified error of a core, relative, that a norm may be certified with: a hundredth of what that allows
+)
+_CORE_POINTS = 16  # frequencies at which a core is built (a choice)
+_BAND = 8  # elastic modes that a picture shows and a core speaks for (a choice)
+_SPARE = 3  # modes asked for beyond these, so that as many are left without the rigid ones of a plane body
+_REACH = 4.0  # how far above those modes a core reaches, so that above it dissipation bounds the response (a choice)
+_RIGID = 1e-8  # share of the highest frequency asked for below which a mode is a rigid-body one: root of rounding
+_LARGEST_DENSE = 400  # coordinates up to which a structure without a core is taken whole (a choice of run time)
+_SCANNED = 200  # frequencies of a scan without proof (a choice)
+_SHOWN = 1.5  # how far above its modes a band reaches, so that the last peak is seen from both sides (a choice)
+_BELOW = 0.25  # where it begins, relative to the lowest mode (a choice)
+_ALMOST_ZERO = 1e-9  # [rad/s], in place of zero for integrated inputs, whose response there is infinite
+_INDEFINITE = 1e-9  # share of the largest eigenvalue up to which a negative one is rounding
 
 
 def orthonormal_parts(model: SecondOrderModel) -> tuple[SecondOrderModel, ...]:
@@ -48,24 +47,17 @@ def orthonormal_parts(model: SecondOrderModel) -> tuple[SecondOrderModel, ...]:
 
 def resonances(model: SecondOrderModel) -> Resonances:
     """Return the poles of a model up to a few times its eighth mode, and a band that shows them."""
-    parts, top = orthonormal_parts(model), 0.0
     band = _modal_band(model)
     if band is None:
-        poles = first_order_poles(dense(model.M), dense(model.C), dense(model.K))
-        size = np.sort(np.abs(poles[np.abs(poles) > 1e-9 * np.abs(poles).max(initial=1e-300)]))
-        if not len(size):
-            return Resonances(poles, 0.1, 100.0)
-        low, top = float(size[0]), 1.5 * float(size[min(len(size), 2 * _BAND) - 1])
-        return Resonances(poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)], 0.25 * low, top)
-    low, top = band[0], 1.5 * band[1]
-    found = [_poles(part, low, top) for part in parts]
-    return Resonances(np.concatenate(found), 0.25 * low, top)
+        return Resonances.of(first_order_poles(dense(model.M), dense(model.C), dense(model.K)))
+    low, top = band[0], _SHOWN * band[1]
+    return Resonances(np.concatenate([_poles(part, low, top) for part in orthonormal_parts(model)]), _BELOW * low, top)
 
 
 def _modal_band(model: SecondOrderModel) -> tuple[float, float] | None:
     """Return the lowest and the eighth elastic frequency [rad/s]; None for matrices that have no real modes."""
     try:
-        frequencies, _ = undamped_modes(model.structure, min(_BAND + 3, model.n))
+        frequencies, _ = undamped_modes(model.structure, min(_BAND + _SPARE, model.n))
     except ValueError:
         return None
     elastic = frequencies[frequencies > _RIGID * frequencies[-1]][:_BAND]
@@ -84,7 +76,7 @@ def _poles(part: SecondOrderModel, low: float, top: float) -> Array:
 def _built(part: SecondOrderModel, low: float, top: float) -> Core | None:
     """Return a core for the band, or None where there is none."""
     try:
-        return build_core(part.structure, part.ports, np.geomspace(0.1 * low, top, 16))
+        return build_core(part.structure, part.ports, np.geomspace(0.1 * low, top, _CORE_POINTS))
     except (np.linalg.LinAlgError, RuntimeError):
         return None
 
@@ -123,7 +115,7 @@ def _part_norm(model: SecondOrderModel) -> NormCertificate:
 
 def _scanned(model: SecondOrderModel, low: float, top: float) -> NormCertificate:
     """Return the largest value found on a grid, for a large structure that no small one stands for."""
-    omega = np.geomspace(0.1 * low, top, 200)
+    omega = np.geomspace(0.1 * low, top, _SCANNED)
     values = singular_values(respond(model.structure, model.ports, omega).values)[0]
     best = int(np.argmax(values))
     return NormCertificate(float(values[best]), inf, float(omega[best]), "a scan, without proof")
@@ -139,12 +131,13 @@ def _small_norm(small: SecondOrderModel) -> NormCertificate:
         low = float(frequencies[frequencies > _RIGID * frequencies[-1]].min(initial=np.inf))
         if grows_towards(lambda omega: _response(small, omega), 0.0, low if np.isfinite(low) else 1.0):
             return NormCertificate(inf, inf, 0.0, "an integrating or rigid-body mode")
-    return matrices_norm(_in_modes(small, V).balanced(), lambda omega: _response(small, omega))
+    return matrices_norm(in_modes(small, V).balanced(), lambda omega: _response(small, omega))
 
 
-def _in_modes(model: SecondOrderModel, V: Array) -> Lti:
-    """Return the state-space form of a model over its undamped modes, which keep the names of the coordinates."""
-    return realize(model.structure.projected(V, model.coordinates), model.ports.congruent(V))
+def in_modes(model: SecondOrderModel, V: Array) -> Lti:
+    """Return the state-space form of a model over undamped modes, projected through its strain rows where it has them."""
+    names = tuple(f"mode{i + 1}" for i in range(V.shape[1]))
+    return realize(model.structure.projected(V, names), model.ports.congruent(V))
 
 
 def modal_realization(model: SecondOrderModel) -> Lti:
@@ -159,13 +152,13 @@ def modal_realization(model: SecondOrderModel) -> Lti:
         _, V = undamped_modes(model.structure)
     except ValueError:
         return realize(model.structure, model.ports)
-    return _in_modes(model, V)
+    return in_modes(model, V)
 
 
 def _response(small: SecondOrderModel, omega: Array) -> Array:
-    if any(small.ports.integrators):
-        omega = np.maximum(omega, 1e-9)
-    return direct_response(small.structure, small.ports, omega)
+    return direct_response(
+        small.structure, small.ports, np.maximum(omega, _ALMOST_ZERO) if any(small.ports.integrators) else omega
+    )
 
 
 def _dissipation_bound(model: SecondOrderModel, omega: float) -> float:
@@ -186,6 +179,6 @@ def _gram(solve: object, columns: Array) -> float:
     """Return the largest singular value of ``C^-1/2 columns``."""
     gram = columns.T @ solve(columns)  # type: ignore[operator]
     values = linalg.eigvalsh(0.5 * (gram + gram.T))
-    if values[0] < -1e-9 * abs(values[-1]):
+    if values[0] < -_INDEFINITE * abs(values[-1]):
         raise ValueError("damping is not definite")
     return float(np.sqrt(max(values[-1], 0.0)))

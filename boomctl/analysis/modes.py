@@ -13,16 +13,17 @@ import numpy as np
 
 from boomctl.analysis.model_norm import modal_realization
 from boomctl.arrays import Array
-from boomctl.lti.modal import diagonalized
-from boomctl.lti.system import Lti, of
+from boomctl.lti.modal import diagonalized, side_of_axis
+from boomctl.lti.system import of
 from boomctl.printing import between, table_html
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
 
-_UNDAMPED = 1e-12
-_HIDDEN = 1e-10
+_HIDDEN = (
+    1e-10  # share of the largest residue between two signals up to which an undamped mode does not show (a choice)
+)
 
 
 @dataclass(frozen=True)
@@ -111,34 +112,20 @@ def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
         Another kind of system, discrete time, not finite; poles without eigenvectors of their own (a rigid body that
         no support holds, equal poles in a chain).
     """
-    from boomctl.lti.python_control import control
-
-    if isinstance(system, SecondOrderModel):
-        realized = modal_realization(system)
-    elif isinstance(system, control.StateSpace):
-        realized = of(system, expected="StateSpace")
-    else:
-        raise TypeError(f"system: expected SecondOrderModel or StateSpace, got {type(system).__name__}")
-    poles, peaks = modal_peaks(realized.balanced())
-    return ModeTable(realized.inputs, realized.outputs, _rows(poles, peaks))
-
-
-def modal_peaks(system: Lti) -> tuple[Array, Array]:
-    """Return the poles of non-negative imaginary part, ascending in size, and ``|c_o| |b_i|/|Re p|``, (modes, p, m)."""
-    modal = diagonalized(system)
+    given = modal_realization(system) if isinstance(system, SecondOrderModel) else of(system)
+    modal = diagonalized(given.balanced())
     if modal is None:
         raise ValueError(
             "system: it has poles without eigenvectors of their own (a free rigid body, a chain of equals)"
         )
     chosen = np.flatnonzero(modal.poles.imag >= 0.0)
     chosen = chosen[np.argsort(np.abs(modal.poles[chosen]), kind="stable")]
-    poles = modal.poles[chosen]
     residues = np.abs(modal.C[:, chosen]).T[:, :, None] * np.abs(modal.B[chosen])[:, None, :]
-    decay = np.abs(poles.real)
-    undamped = decay <= _UNDAMPED * np.maximum(np.abs(poles), np.abs(modal.poles).max(initial=0.0))
-    peaks = residues / np.where(undamped, 1.0, decay)[:, None, None]
+    poles, undamped = modal.poles[chosen], (side_of_axis(modal.poles) == 0)[chosen, None, None]
+    peaks = residues / np.where(undamped, 1.0, np.abs(poles.real)[:, None, None])
     shown = residues > _HIDDEN * residues.max(axis=0, initial=np.finfo(float).tiny)
-    return poles, np.where(undamped[:, None, None], np.where(shown, np.inf, 0.0), peaks)
+    peaks = np.where(undamped, np.where(shown, np.inf, 0.0), peaks)
+    return ModeTable(given.inputs, given.outputs, _rows(poles, peaks))
 
 
 def _rows(poles: Array, peaks: Array) -> tuple[ModeRow, ...]:

@@ -5,29 +5,37 @@ system's own response), and a level that no singular value reaches at any freque
 matrix on the imaginary axis; Boyd, Balakrishnan & Kabamba 1989, Bruinsma & Steinbuch 1990).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from math import inf, isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg, optimize
+from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.lti.frequency import Response, largest_gain, singular_values
+from boomctl.lti.modal import side_of_axis
+from boomctl.lti.system import Lti, of
 
 if TYPE_CHECKING:
     import control
 
-_LEVEL = 1e-6
-_AXIS = 1e-10
-_ROUNDS = 30
-_REFINED = 3
-_SCREENED = 60
-_RESOLVED = 1e-13  # poles slower than that share of the fastest are rounding, not dynamics
-
-Response = Callable[[Array], Array]
+_LEVEL = 1e-6  # how far above the largest value found a level is tried, relative: a tenth of _CERTIFIED
+_CERTIFIED = 1e-5  # relative distance of the two bounds up to which a norm is certified (a choice)
+_ROUNDS = 30  # levels tried before giving up: each rises to a higher peak, so that a few do
+_NEAR, _FAR = (
+    1e-6,
+    3e-5,
+)  # distances from a pole on the axis, relative, between which a response that is infinite grows 30 times
+_GROWN = (
+    5.0  # by how much it has to grow there to be called infinite; beside a pole that does not show it stays the same
+)
+_APART = 1e-6  # share of the fastest pole by which another one lies apart from that on the axis
+_ROUNDING = 1e2 * float(
+    np.finfo(float).eps
+)  # of the Hamiltonian matrix's norm: how far its eigenvalues may be off the axis
+_RELATIVE_ROUNDING = 1e-12  # and of the eigenvalue itself (both are choices, far below _LEVEL)
 
 
 @dataclass(frozen=True)
@@ -59,7 +67,7 @@ class NormCertificate:
     @property
     def certified(self) -> bool:
         """Whether the bounds agree to one part in 1e5, or the norm is known to be infinite."""
-        return self.lower == inf or self.upper <= self.lower * (1.0 + 1e-5) + np.finfo(float).tiny
+        return self.lower == inf or self.upper <= self.lower * (1.0 + _CERTIFIED) + np.finfo(float).tiny
 
 
 def hinf_norm(system: "control.StateSpace") -> NormCertificate:
@@ -72,88 +80,41 @@ def hinf_norm(system: "control.StateSpace") -> NormCertificate:
     TypeError, ValueError
         Another kind of system (:func:`boomctl.sigma` takes structures as well), discrete time, not finite.
     """
-    from boomctl.lti.python_control import control
-
-    if not isinstance(system, control.StateSpace):
-        raise TypeError(f"system: expected a StateSpace, got {type(system).__name__}")
-    return matrices_norm(state_matrices(system))
+    return matrices_norm(of(system, expected="a StateSpace").balanced())
 
 
 def matrices_norm(system: Lti, response: Response | None = None) -> NormCertificate:
     """Return the certified norm of ``A, B, C, D``; ``response`` may offer a more accurate frequency response."""
-    respond = system.response if response is None else response
+    respond = partial(system.response, quiet=True) if response is None else response
     if min(system.D.shape) == 0 or not len(system.A):
         value = float(np.linalg.norm(system.D, 2)) if system.D.size else 0.0
         return NormCertificate(value, value, 0.0, "static gain")
-    poles = linalg.eigvals(system.A)
-    size = np.abs(poles).max()
-    if (poles.real > _AXIS * np.maximum(np.abs(poles), 1e-3 * size)).any():
+    pole = unbounded_pole(system.poles, respond)
+    if pole is not None and pole.real > 0.0:
         return NormCertificate(inf, inf, float("nan"), "an unstable pole")
-    on_axis = poles[np.abs(poles.real) <= _AXIS * np.maximum(np.abs(poles), 1e-6)]
-    for omega in np.unique(np.abs(on_axis.imag)):
-        if _blows_up(respond, float(omega), poles):
-            return NormCertificate(inf, inf, float(omega), "a pole on the imaginary axis")
-    screen = _by_eigenvectors(system) if response is None and len(system.A) > _SCREENED else respond
-    peak, at = refined_peak(respond, poles, screen)
+    if pole is not None:
+        return NormCertificate(inf, inf, pole.imag, "a pole on the imaginary axis")
+    peak, at = largest_gain(system, response)
     static = float(np.linalg.norm(system.D, 2))
     return _raised(system, respond, max(peak, static), at if peak >= static else inf)
 
 
-def _blows_up(respond: Response, omega: float, poles: Array) -> bool:
-    others = np.abs(poles[np.abs(np.abs(poles.imag) - omega) > 1e-6 * np.abs(poles).max()])
-    return grows_towards(respond, omega, omega if omega > 0.0 else float(others.min(initial=1.0)))
+def unbounded_pole(poles: Array, respond: Response) -> complex | None:
+    """Return a pole that makes a response infinite: an unstable one, or an undamped one that shows; None without."""
+    side, size = side_of_axis(poles), np.abs(poles)
+    if (side > 0).any():
+        return complex(poles[side > 0][0])
+    for omega in np.unique(np.abs(poles[side == 0].imag)):
+        others = size[np.abs(np.abs(poles.imag) - omega) > _APART * size.max()]
+        if grows_towards(respond, float(omega), float(omega) if omega > 0.0 else float(others.min(initial=1.0))):
+            return complex(0.0, omega)
+    return None
 
 
 def grows_towards(respond: Response, omega: float, scale: float) -> bool:
     """Return whether the response grows without bound towards ``omega``, seen from a millionth of ``scale`` away."""
-    near, far = (float(singular_values(respond(np.array([omega + w * scale])))[0, 0]) for w in (1e-6, 3e-5))
-    return near > 5.0 * far
-
-
-def _by_eigenvectors(system: Lti) -> Response:
-    """Return a fast, less accurate response of a large system, good enough to see where its peaks are."""
-    poles, V = linalg.eig(system.A)
-    left, right = system.C @ V, np.linalg.solve(V, system.B.astype(complex))
-    terms = left.T[:, :, None] * right[:, None, :]
-
-    def respond(omega: Array) -> Array:
-        shares = 1.0 / (1j * omega[None, :] - poles[:, None])
-        return np.tensordot(terms, shares, axes=(0, 0)) + system.D[:, :, None]
-
-    return respond
-
-
-def refined_peak(respond: Response, poles: Array, screen: Response) -> tuple[float, float]:
-    """Return the largest singular value near the poles and at the ends of the axis, and where it is.
-
-    ``screen`` is asked at many frequencies, ``respond`` around the largest values found.
-    """
-    size = np.abs(poles)
-    low, high = max(size.min(), _RESOLVED * size.max(), 1e-12), max(size.max(), 1e-12)
-    ends = [0.0] if size.min() > _RESOLVED * size.max() else []
-    grid = np.unique(np.concatenate([ends, np.geomspace(low / 10, high * 10, 60), _near(poles)]))
-    values = singular_values(screen(grid))[0]
-    best = int(np.argmax(values))
-    peak, at = float(singular_values(respond(grid[[best]]))[0, 0]), float(grid[best])
-    for i in np.argsort(values)[::-1][: _REFINED if screen is respond else 1]:
-        a, b = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
-        found = optimize.minimize_scalar(
-            lambda w: -float(singular_values(respond(np.array([w])))[0, 0]),
-            bounds=(a, b),
-            method="bounded",
-            options={"xatol": 1e-10 * b},
-        )
-        if -found.fun > peak:
-            peak, at = float(-found.fun), float(found.x)
-    return peak, at
-
-
-def _near(poles: Array) -> Array:
-    """Return frequencies around each resonance, within a few half-power widths."""
-    upper = poles[(poles.imag > 0) & (np.abs(poles.real) > _AXIS * np.abs(poles))]
-    offsets = np.array([-3.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 3.0])
-    cluster = (upper.imag[:, None] + np.abs(upper.real)[:, None] * offsets).ravel()
-    return cluster[cluster > 0]
+    near, far = singular_values(respond(omega + scale * np.array([_NEAR, _FAR])))[0]
+    return bool(near > _GROWN * far)
 
 
 def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCertificate:
@@ -201,6 +162,6 @@ def axis_eigenvalues(system: Lti, level: float) -> Array:
     with np.errstate(invalid="ignore"):  # scipy casts what may be large scales to permutations, which are not used
         H = linalg.matrix_balance(H, permute=False)[0]
     values = linalg.eigvals(H)
-    noise = 1e2 * np.finfo(float).eps * np.linalg.norm(H) + 1e-12 * np.abs(values)
+    noise = _ROUNDING * np.linalg.norm(H) + _RELATIVE_ROUNDING * np.abs(values)
     close = values[(np.abs(values.real) <= noise) & (values.imag >= 0.0)]
     return np.sort(close.imag)

@@ -12,23 +12,34 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.analysis.loops import controller_of, named_response
-from boomctl.analysis.sigma import resolved_grid
+from boomctl.analysis.loops import named_response, signals_of
+from boomctl.analysis.sigma import NARROWEST
 from boomctl.arrays import Array
-from boomctl.checks import known, positive, whole
-from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.checks import positive, whole
+from boomctl.lti.frequency import DRAWN, resonance_grid, singular_values
+from boomctl.lti.modal import side_of_axis
+from boomctl.lti.system import Lti, of
 
 if TYPE_CHECKING:
     import control
 
-_STEP = np.deg2rad(30.0)
-_STRAIGHT = 0.2
-_ROUNDS = 40
-_DECADES = 2.0
-_INTEGER = 1e-3
-_AXIS = 1e-9
-_SEARCH = 200
+_STEP = np.deg2rad(
+    30.0
+)  # most that the phase may turn in a step and in its halves: six of them cannot hide a turn (a choice)
+_STRAIGHT = (
+    0.2  # how far the middle of a step may lie off its chord, of the lesser end: the phase is followed, not guessed
+)
+_HALVINGS = 40  # of a step: beyond a trillionth of it the loop has a pole on the axis
+_POINTS = 240  # of the first walk, beside those at the resonances (a choice)
+_BELOW = 0.01  # where the first walk begins after zero, relative to the slowest pole (a choice)
+_SMALL = 0.5  # loop gain that counts as below one for good where it was only looked at (a choice)
+_DECADES = 2.0  # beyond, over which it is looked at (a choice)
+_SEARCH = 200  # frequencies at which (a choice)
+_FAR = 8.0  # decades over which the controller's gain is looked at, where a bound of the plant is known (a choice)
+_SAFE = 1.1  # by how much that gain is taken to be larger than what was seen (a choice)
+_WIDER = 1.5  # by how much the search goes on from a frequency where the gain is still large (a choice)
+_TRIES = 60  # times: ten decades
+_INTEGER = 1e-3  # distance from a whole number of windings that is rounding (a choice)
 
 
 @dataclass(frozen=True)
@@ -79,13 +90,10 @@ class _LoopGain:
 
     plant: "Callable[[Array], control.FrequencyResponseData]"
     controller: Lti
-    controls: tuple[str, ...]
-    measurements: tuple[str, ...]
 
     def parts(self, omega: Array) -> tuple[Array, Array]:
         data = named_response(self.plant, omega)
-        i = [data.input_labels.index(known("plant input", n, data.input_labels)) for n in self.controls]
-        o = [data.output_labels.index(known("plant output", n, data.output_labels)) for n in self.measurements]
+        i, o = signals_of(self.controller, data.input_labels, data.output_labels)
         G = np.asarray(data.frdata)[np.ix_(o, i)]
         return np.moveaxis(G, 2, 0), np.moveaxis(self.controller.response(omega), 2, 0)
 
@@ -97,11 +105,7 @@ class _LoopGain:
     def size(self, omega: Array) -> Array:
         """Return the largest singular value of ``K G``, whose units are those of the controls."""
         G, K = self.parts(omega)
-        return np.min([_largest(K @ G), _largest(G @ K)], axis=0)
-
-
-def _largest(stack: Array) -> Array:
-    return singular_values(np.moveaxis(stack, 0, 2))[0]
+        return np.min([singular_values(np.moveaxis(L, 0, 2))[0] for L in (K @ G, G @ K)], axis=0)
 
 
 def exact_loop_stability(
@@ -139,26 +143,27 @@ def exact_loop_stability(
     ArithmeticError
         The winding could not be told: a pole of the loop on the imaginary axis, or too close to it.
     """
-    K, limit = state_matrices(controller_of(controller)), whole("max_evaluations", max_evaluations)
-    own: Array = np.linalg.eigvals(K.A) if len(K.A) else np.zeros(0, complex)
-    if (np.abs(own.real) <= _AXIS * np.maximum(np.abs(own), _AXIS)).any():
+    K, limit = of(controller, "controller", "StateSpace").balanced(), whole("max_evaluations", max_evaluations)
+    own, side = K.poles, side_of_axis(K.poles)
+    if (side == 0).any():
         raise ValueError("controller: expected no pole on the imaginary axis (an integrator, an undamped mode)")
-    gain = _LoopGain(plant, K, tuple(controller.output_labels), tuple(controller.input_labels))
+    gain = _LoopGain(plant, K)
     near: Array = np.concatenate([_estimates(poles), own])
     near = near[np.abs(near) > 0.0]
     near = np.where(near.imag < 0.0, near.conj(), near)
     reach = float(np.abs(near).max(initial=1.0))
     end = _top(gain, K, 2.0 * reach if top is None else positive("top", top), plant_bound)
-    low = 0.01 * float(np.abs(near).min(initial=1.0))
-    grid = np.concatenate([[0.0], resolved_grid(near, low, end, end)])
-    omega, values = _walked(gain, np.unique(np.append(grid, end)), limit)
-    turned = float(np.angle(_determinants(values)[1:] / _determinants(values)[:-1]).sum())
+    low = _BELOW * float(np.abs(near).min(initial=1.0))
+    grid = resonance_grid(near, low, end, points=_POINTS, places=DRAWN, narrowest=NARROWEST, also=[0.0, end])
+    omega, values = _walked(gain, grid, limit)
+    determinants = np.linalg.det(values)
+    turned = float(np.angle(determinants[1:] / determinants[:-1]).sum())
     rest = float(np.angle(np.linalg.eigvals(values[-1])).sum())
     windings = (turned - rest) / np.pi
     count = round(windings)
     if abs(windings - count) > _INTEGER:
         raise ArithmeticError(f"the loop winds {windings:.4f} times about zero, not a whole number of times")
-    unstable = int((own.real > 0.0).sum())
+    unstable = int((side > 0).sum())
     if unstable - count < 0:
         raise ArithmeticError(f"{count} encirclements with {unstable} unstable poles: the plant itself is not stable")
     least = singular_values(np.moveaxis(values, 0, 2))[-1]
@@ -185,24 +190,20 @@ def _estimates(poles: ArrayLike) -> Array:
     return array.astype(complex)
 
 
-def _determinants(values: Array) -> Array:
-    return np.linalg.det(values)
-
-
 def _top(gain: _LoopGain, K: Lti, start: float, bound: Callable[[float], float] | None) -> float:
     """Return a frequency beyond which the loop gain stays below one."""
     end = start
-    for _ in range(60):
+    for _ in range(_TRIES):
         ahead = end * np.logspace(0.0, _DECADES, _SEARCH)
         if bound is None:
-            small = bool((gain.size(ahead) < 0.5).all())
+            small = bool((gain.size(ahead) < _SMALL).all())
         else:
-            far = end * np.logspace(0.0, 8.0, 4 * _SEARCH)
-            peak = float(_largest(np.moveaxis(K.response(far), 2, 0)).max())
-            small = bound(end) * peak * 1.1 < 1.0
+            far = end * np.logspace(0.0, _FAR, 4 * _SEARCH)
+            peak = float(singular_values(K.response(far))[0].max())
+            small = bound(end) * peak * _SAFE < 1.0
         if small:
             return float(end)
-        end *= 1.5
+        end *= _WIDER
     raise ValueError("the loop gain does not fall below one: give plant_bound, or let the controller roll off")
 
 
@@ -210,7 +211,7 @@ def _walked(gain: _LoopGain, grid: Array, limit: int) -> tuple[Array, Array]:
     """Return frequencies and ``I - G K`` at them, so close that the determinant's phase cannot be mistaken."""
     omega, values = grid, gain.difference(grid)
     settled = np.zeros(len(grid) - 1, dtype=bool)
-    for _ in range(_ROUNDS):
+    for _ in range(_HALVINGS):
         open_ = np.flatnonzero(~settled)
         if not len(open_):
             return omega, values
@@ -218,7 +219,7 @@ def _walked(gain: _LoopGain, grid: Array, limit: int) -> tuple[Array, Array]:
             break
         middle = 0.5 * (omega[open_] + omega[open_ + 1])
         found = gain.difference(middle)
-        a, b, m = (_determinants(x) for x in (values[open_], values[open_ + 1], found))
+        a, b, m = (np.linalg.det(x) for x in (values[open_], values[open_ + 1], found))
         if (np.abs(m) == 0.0).any():
             break
         small = (

@@ -14,8 +14,8 @@ from boomctl.analysis.model_norm import model_norm, orthonormal_parts, resonance
 from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, names
-from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_values
+from boomctl.lti.system import Lti, is_frequency_response, of
 from boomctl.printing import between
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import respond, respond_whole
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
 
-_BASE_POINTS = 240
-_CLUSTER = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(1.0)
+_POINTS = 240  # of a curve, beside those at the resonances: about 100 a decade on a boom's band (a choice)
+NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
 
 
 @dataclass(frozen=True)
@@ -56,9 +56,7 @@ class SigmaResult:
     @cached_property
     def certificate(self) -> NormCertificate:
         """The norm and its bounds, computed when first asked for."""
-        if isinstance(self._of, SecondOrderModel):
-            return model_norm(self._of)
-        return matrices_norm(self._of) if isinstance(self._of, Lti) else self._of
+        return self._of if isinstance(self._of, NormCertificate) else _norm(self._of)
 
     def __repr__(self) -> str:
         span = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
@@ -111,60 +109,42 @@ def sigma(
     TypeError, ValueError
         Another kind of system; unknown signals; frequencies negative or not finite; ``omega`` given for measured data.
     """
-    from boomctl.lti.python_control import control
-
-    if isinstance(system, SecondOrderModel):
-        return _of_model(system, omega, inputs, outputs)
-    if isinstance(system, control.StateSpace):
-        return _of_statespace(system, omega, inputs, outputs)
-    if isinstance(system, control.FrequencyResponseData):
+    if is_frequency_response(system):
         return _of_data(system, omega, inputs, outputs)
-    kind = type(system).__name__
-    raise TypeError(f"system: expected SecondOrderModel, StateSpace or FrequencyResponseData, got {kind}")
-
-
-def _of_model(
-    model: SecondOrderModel,
-    omega: ArrayLike | None,
-    inputs: str | Sequence[str] | None,
-    outputs: str | Sequence[str] | None,
-) -> SigmaResult:
-    first = model.ports.primary or (None, None)
-    chosen = model.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
+    if isinstance(system, SecondOrderModel):
+        first = system.ports.primary or (None, None)
+        given = system.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
+    else:
+        expected = "SecondOrderModel, StateSpace or FrequencyResponseData"
+        given = of(system, expected=expected).select(inputs, outputs).balanced()
     if omega is not None:
         grid = frequencies("omega", omega)
-        return SigmaResult(grid, _model_values(chosen, grid), chosen.inputs, chosen.outputs, chosen)
-    found, certificate = resonances(chosen), model_norm(chosen)
-    grid = resolved_grid(found.poles, found.low, found.high, certificate.omega)
-    return SigmaResult(grid, _model_values(chosen, grid), chosen.inputs, chosen.outputs, certificate)
+        return SigmaResult(grid, _values(given, grid), given.inputs, given.outputs, given)
+    found, certificate = Resonances.of(given.poles) if isinstance(given, Lti) else resonances(given), _norm(given)
+    grid = resonance_grid(
+        found.poles,
+        found.low,
+        found.high,
+        points=_POINTS,
+        places=DRAWN,
+        narrowest=NARROWEST,
+        also=[certificate.omega] if found.low <= certificate.omega < np.inf else (),
+    )
+    return SigmaResult(grid, _values(given, grid), given.inputs, given.outputs, certificate)
 
 
-def _model_values(model: SecondOrderModel, omega: Array) -> Array:
-    parts = orthonormal_parts(model)
+def _norm(given: SecondOrderModel | Lti) -> NormCertificate:
+    return matrices_norm(given) if isinstance(given, Lti) else model_norm(given)
+
+
+def _values(given: SecondOrderModel | Lti, omega: Array) -> Array:
+    if isinstance(given, Lti):
+        return singular_values(given.response(omega))
+    parts = orthonormal_parts(given)
     if len(parts) == 1:
         return singular_values(respond(parts[0].structure, parts[0].ports, omega).values)
     values = np.vstack([singular_values(respond_whole(p.structure, p.ports, omega).values) for p in parts])
-    return -np.sort(-values, axis=0)[: min(len(model.inputs), len(model.outputs))]
-
-
-def _of_statespace(
-    system: "control.StateSpace",
-    omega: ArrayLike | None,
-    inputs: str | Sequence[str] | None,
-    outputs: str | Sequence[str] | None,
-) -> SigmaResult:
-    ins, outs = names("input", inputs, system.input_labels), names("output", outputs, system.output_labels)
-    matrices = state_matrices(system[list(outs), list(ins)])
-    if omega is not None:
-        grid = frequencies("omega", omega)
-        return SigmaResult(grid, singular_values(matrices.response(grid)), ins, outs, matrices)
-    certificate = matrices_norm(matrices)
-    poles = np.linalg.eigvals(matrices.A) if len(matrices.A) else np.zeros(0)
-    size = np.sort(np.abs(poles[np.abs(poles) > 1e-9 * np.abs(poles).max(initial=1e-300)]))
-    low, high = (size[0] * 0.25, size[min(len(size), 16) - 1] * 1.5) if len(size) else (0.1, 100.0)
-    shown = poles[(poles.imag >= 0) & (np.abs(poles) <= high)]
-    grid = resolved_grid(shown, float(low), float(high), certificate.omega)
-    return SigmaResult(grid, singular_values(matrices.response(grid)), ins, outs, certificate)
+    return -np.sort(-values, axis=0)[: min(len(given.inputs), len(given.outputs))]
 
 
 def _of_data(
@@ -186,13 +166,3 @@ def _of_data(
         float(values[0, best]), np.inf, float(grid[best]), "largest value on the grid of the data"
     )
     return SigmaResult(grid, values, ins, outs, certificate)
-
-
-def resolved_grid(poles: Array, low: float, high: float, peak: float) -> Array:
-    """Return frequencies from ``low`` to ``high`` that resolve the peak of every pole, and the certified one."""
-    upper = poles[np.abs(poles) > 0]
-    width = np.maximum(np.abs(upper.real), 1e-6 * np.abs(upper))
-    cluster = (np.abs(upper.imag)[:, None] + width[:, None] * _CLUSTER).ravel()
-    extra = [peak] if np.isfinite(peak) and peak > 0 else []
-    grid = np.unique(np.concatenate([np.geomspace(low, high, _BASE_POINTS), cluster, extra]))
-    return grid[(grid >= low) & (grid <= max(high, *extra, high))] if extra else grid[(grid >= low) & (grid <= high)]

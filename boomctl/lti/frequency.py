@@ -1,10 +1,41 @@
-"""Singular values of small matrices at many frequencies."""
+"""Many frequencies at once: singular values, grids around resonances, the highest peak, responses from one Schur form."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy import linalg, optimize
 
 from boomctl.arrays import Array
+from boomctl.lti.modal import partial_fractions, resolved, side_of_axis
+from boomctl.lti.system import Lti
 
-_NEARLY_EQUAL = 1e-5
+Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outputs, inputs, N)
+
+_NEARLY_EQUAL = (
+    1e-5  # share of their squares by which two values must differ: below, the closed form has under ten digits
+)
+_COLUMNS = 256  # right-hand sides substituted at once: what stays in the cache
+_PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding
+_REFINED = (
+    3  # highest points of a grid around which a peak is searched for: the highest peak may be at the second (a choice)
+)
+_SCREENED = (
+    60  # states beyond which eigenvectors show where the peak is, as solving for each frequency takes long (a choice)
+)
+_SEARCHED = 60  # frequencies between the resonances at which a largest gain is searched for (a choice)
+_LOWEST = 1e-12  # least frequency [rad/s] that is asked for beside zero
+_BAND = 16  # poles that a picture shows by default: eight modes (a choice)
+_RESTING = 1e-9  # share of the fastest pole up to which a slow one is no reason to show so low frequencies (a choice)
+_EMPTY = (0.1, 100.0)  # [rad/s], what a picture shows of a system without dynamics (a choice)
+
+# Places around a resonance, in half-power half-widths |Re p| from Im p, for two purposes (both choices).
+DRAWN = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(
+    1.0
+)  # for a curve: dense at the peak, 23 half-widths to either side
+SOUGHT = np.array([-3.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 3.0])  # for a search, which narrows in on the highest
 
 
 def singular_values(G: Array) -> Array:
@@ -30,3 +61,154 @@ def singular_values(G: Array) -> Array:
     if near.any():
         values[:, near] = np.linalg.svd(np.moveaxis(G[:, :, near], 2, 0), compute_uv=False).T
     return values
+
+
+def resonance_grid(
+    poles: Array,
+    low: float,
+    high: float,
+    *,
+    points: int,
+    places: ArrayLike = SOUGHT,
+    narrowest: float = 0.0,
+    also: ArrayLike = (),
+) -> Array:
+    """Return ascending frequencies that show every resonance between ``low`` and ``high``.
+
+    Parameters
+    ----------
+    poles : (n,) complex ndarray
+        The grid is dense around the imaginary part of each, whatever its sign; leave out those that need none.
+    low, high : float
+        Ends of the grid, above zero [rad/s].
+    points : int
+        So many are spread evenly in the logarithm, both ends among them.
+    places : array_like
+        Around each resonance, in half-widths from it: ``DRAWN`` or ``SOUGHT``.
+    narrowest : float
+        No resonance is taken to be narrower than this share of its frequency.
+    also : array_like
+        Further frequencies, wherever they lie.
+    """
+    width = np.maximum(np.abs(poles.real), narrowest * np.abs(poles))
+    near = (np.abs(poles.imag)[:, None] + width[:, None] * np.asarray(places)).ravel()
+    near = near[(near >= low) & (near <= high)]
+    return np.unique(np.concatenate([np.geomspace(low, high, points), near, np.atleast_1d(also)]))
+
+
+def highest_peak(
+    value: Callable[[Array], Array],
+    grid: Array,
+    screen: Callable[[Array], Array] | None = None,
+    refined: int = _REFINED,
+) -> tuple[float, float]:
+    """Return the largest value around the highest points of a grid, and its frequency.
+
+    Parameters
+    ----------
+    value : function from frequencies to as many numbers, not negative
+    grid : (n,) ndarray
+        Ascending, so fine that the highest peak is among the highest points.
+    screen : function, optional
+        A faster one that is asked on the whole grid, to see where the peaks are.
+    refined : int
+        Around how many points of the grid a peak is searched for.
+    """
+    values = (value if screen is None else screen)(grid)
+    order = np.argsort(values)[::-1]
+    best = int(order[0])
+    peak, at = float(values[best] if screen is None else value(grid[[best]])[0]), float(grid[best])
+    for i in order[:refined]:
+        a, b = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
+        found = optimize.minimize_scalar(
+            lambda w: -float(value(np.array([w]))[0]), bounds=(a, b), method="bounded", options={"xatol": _PLACED * b}
+        )
+        if -found.fun > peak:
+            peak, at = float(-found.fun), float(found.x)
+    return peak, at
+
+
+def largest_gain(system: Lti, respond: Response | None = None, refined: int = _REFINED) -> tuple[float, float]:
+    """Return the largest singular value near the poles and at the ends of the axis, and its frequency.
+
+    ``respond`` may be a more accurate response of a system.  Without one, a large system is asked in the coordinates of
+    its eigenvectors where its peak is, and anew around that; a small one around ``refined`` points of a grid.
+    """
+    poles, exact = system.poles, partial(system.response, quiet=True) if respond is None else respond
+
+    def value(omega: Array) -> Array:
+        return singular_values(exact(omega))[0]
+
+    size, seen = np.abs(poles), resolved(poles)
+    ends = float(size[seen].min()) if seen.any() else 0.0, float(size.max())
+    grid = resonance_grid(
+        poles[(poles.imag > 0.0) & (side_of_axis(poles) != 0)],
+        0.1 * max(ends[0], _LOWEST),
+        10.0 * max(ends[1], _LOWEST),
+        points=_SEARCHED,
+        also=[0.0] if seen.all() else (),
+    )
+    if respond is not None or len(system.A) <= _SCREENED:
+        return highest_peak(value, grid, refined=refined)
+    quick = partial_fractions(system)
+    return highest_peak(value, grid, lambda omega: singular_values(quick.response(omega))[0], refined=1)
+
+
+@dataclass(frozen=True)
+class Resonances:
+    """Poles that a picture shows, and its band [rad/s]."""
+
+    poles: Array
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, poles: Array) -> "Resonances":
+        """Return the lowest resonances among all poles of a system, and a band that shows them."""
+        size = np.sort(np.abs(poles[np.abs(poles) > _RESTING * np.abs(poles).max(initial=0.0)]))
+        low, high = (0.25 * size[0], 1.5 * size[min(len(size), _BAND) - 1]) if len(size) else _EMPTY
+        return cls(poles[(poles.imag >= 0.0) & (np.abs(poles) <= high)], float(low), float(high))
+
+
+@dataclass(frozen=True)
+class Triangular:
+    """A system with an upper triangular state matrix ``T``: ``C (s - T)^-1 B + D``.
+
+    Its coordinates are a unitary change of the given ones, so that its response is as exact as solving, but faster.  No
+    frequency asked for may be that of a pole on the imaginary axis.
+    """
+
+    T: Array
+    B: Array
+    C: Array
+    D: Array
+
+    def response(self, omega: Array) -> Array:
+        """Return the frequency response, shape (outputs, inputs, frequencies), by substitution from the last state."""
+        p, m = self.D.shape
+        if not (len(self.T) and m and p):
+            return np.repeat(self.D[:, :, None].astype(complex), len(omega), axis=2)
+        step = max(1, _COLUMNS // m)
+        parts = [self._part(1j * omega[i : i + step]) for i in range(0, len(omega), step)]
+        return np.concatenate(parts, axis=2) if parts else np.zeros((p, m, 0), complex)
+
+    def _part(self, s: Array) -> Array:
+        n, m = self.B.shape
+        x, shares = np.empty((n, m, len(s)), complex), 1.0 / (s - np.diagonal(self.T)[:, None])
+        flat = x.reshape(n, -1)
+        for i in range(n - 1, -1, -1):
+            known = (self.T[i, i + 1 :] @ flat[i + 1 :]).reshape(m, len(s))
+            x[i] = (self.B[i][:, None] + known) * shares[i]
+        return (self.C @ flat).reshape(len(self.C), m, len(s)) + self.D[:, :, None]
+
+    def only(self, chosen: list[int]) -> "Triangular":
+        """Return the system from some inputs to the outputs of the same numbers."""
+        return Triangular(self.T, self.B[:, chosen], self.C[chosen], self.D[np.ix_(chosen, chosen)])
+
+
+def triangular(system: Lti) -> Triangular:
+    """Return a system in the coordinates of its Schur form."""
+    if not len(system.A):
+        return Triangular(system.A.astype(complex), system.B.astype(complex), system.C.astype(complex), system.D)
+    T, Q = linalg.schur(system.A, output="complex")
+    return Triangular(T, Q.conj().T @ system.B, system.C @ Q, system.D)

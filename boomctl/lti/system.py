@@ -5,9 +5,11 @@ check and one message, and :meth:`Lti.statespace` gives a named ``control.StateS
 """
 
 import sys
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 from scipy import linalg
@@ -19,9 +21,15 @@ if TYPE_CHECKING:
     import control
 
 _BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
-_WELL_POSED = (
-    1e-12  # least singular value of I - D_K D22, balanced, relative to its largest: below it, its digits are gone
-)
+# Where a pole is hit exactly, the response is taken so far beside it, relative to the frequency (a choice)
+_BESIDE = 1e-9
+_BESIDE_ZERO = 1e-12  # and this [rad/s] on top, for a pole at zero (a choice)
+# Least singular value of I - D_K D22 relative to its largest: below it, four digits are left or fewer
+_WELL_POSED = 1e-12
+
+
+class SingularFrequencyWarning(UserWarning):
+    """A response was asked for exactly at a pole, and is that of a frequency beside it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +64,13 @@ class Lti:
             A name that is not known or is asked for twice.
         """
         ins, outs = names("input", inputs, self.inputs), names("output", outputs, self.outputs)
-        i, o = [self.inputs.index(name) for name in ins], [self.outputs.index(name) for name in outs]
+        return self.between([self.inputs.index(name) for name in ins], [self.outputs.index(name) for name in outs])
+
+    def between(self, inputs: Sequence[int], outputs: Sequence[int]) -> "Lti":
+        """Return the system between the signals of these numbers."""
+        i, o = list(inputs), list(outputs)
+        ins = tuple(self.inputs[k] for k in i) if self.inputs else ()
+        outs = tuple(self.outputs[k] for k in o) if self.outputs else ()
         return replace(self, B=self.B[:, i], C=self.C[o], D=self.D[np.ix_(o, i)], inputs=ins, outputs=outs)
 
     def balanced(self) -> "Lti":
@@ -66,25 +80,59 @@ class Lti:
         A, (scale, _) = linalg.matrix_balance(self.A, permute=False, separate=True)
         return replace(self, A=A, B=self.B / scale[:, None], C=self.C * scale[None, :])
 
-    def response(self, omega: Array) -> Array:
-        """Return the frequency response, shape (outputs, inputs, frequencies)."""
-        try:
-            resolvent = self._resolvent(omega)
-        except np.linalg.LinAlgError:
-            # exactly on a pole of a mode that may not show: look beside it
-            resolvent = self._resolvent(omega * (1.0 + 1e-9) + 1e-12)
-        return np.moveaxis(self.C @ resolvent + self.D, 0, 2)
+    @cached_property
+    def poles(self) -> Array:
+        """Eigenvalues of ``A`` [rad/s]."""
+        return linalg.eigvals(self.A) if len(self.A) else np.zeros(0, complex)
 
-    def _resolvent(self, omega: Array) -> Array:
-        n, B = len(self.A), self.B.astype(complex)
-        found = np.empty((len(omega), *B.shape), complex)
-        step, places = max(1, _BATCH // max(n, 1) ** 2), np.arange(n)
+    def response(self, omega: Array, *, quiet: bool = False) -> Array:
+        """Return the frequency response, shape (outputs, inputs, frequencies).
+
+        Where a pole lies exactly at one of the frequencies, it may be one that does not show: that frequency, and no
+        other, is answered from a billionth beside it.
+
+        Parameters
+        ----------
+        omega : (n,) ndarray
+            Angular frequencies [rad/s].
+        quiet : bool
+            Do not warn: for searches, whose frequencies nobody asked for.
+
+        Warns
+        -----
+        SingularFrequencyWarning
+            A frequency was answered from beside it.
+        """
+        states = np.empty((len(omega), *self.B.shape), complex)
+        step = max(1, _BATCH // max(len(self.A), 1) ** 2)
         for i in range(0, len(omega), step):
-            s = 1j * omega[i : i + step]
-            pencil = np.tile(-self.A.astype(complex), (len(s), 1, 1))
-            pencil[:, places, places] += s[:, None]
-            found[i : i + step] = np.linalg.solve(pencil, B)
-        return found
+            states[i : i + step] = self._resolvent(omega[i : i + step], quiet)
+        return np.moveaxis(self.C @ states + self.D, 0, 2)
+
+    def _resolvent(self, omega: Array, quiet: bool) -> Array:
+        pencil, places = np.tile(-self.A.astype(complex), (len(omega), 1, 1)), np.arange(len(self.A))
+        pencil[:, places, places] += 1j * omega[:, None]
+        try:
+            return np.linalg.solve(pencil, self.B.astype(complex))
+        except np.linalg.LinAlgError:
+            if len(omega) > 1:
+                return np.concatenate([self._resolvent(omega[k : k + 1], quiet) for k in range(len(omega))])
+        beside = omega * (1.0 + _BESIDE) + _BESIDE_ZERO
+        if not quiet:
+            said = f"a pole lies at {omega[0]:.17g} rad/s: the response there is that at {beside[0]:.17g} rad/s"
+            warnings.warn(said, SingularFrequencyWarning, stacklevel=3)
+        return self._resolvent(beside, quiet)
+
+    @property
+    def static_gain(self) -> Array:
+        """The response at zero frequency, ``D - C A^-1 B``.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            There is none (an integrator).
+        """
+        return self.D - self.C @ np.linalg.solve(self.A, self.B)
 
     def statespace(self, name: str) -> "control.StateSpace":
         """Return the system as python-control's, with all its names.
@@ -190,6 +238,12 @@ def is_statespace(system: object) -> bool:
     return control is not None and isinstance(system, control.StateSpace)
 
 
+def is_frequency_response(system: object) -> "TypeGuard[control.FrequencyResponseData]":
+    """Return whether these are ``control.FrequencyResponseData``, without importing python-control to find out."""
+    control = sys.modules.get("control")
+    return control is not None and isinstance(system, control.FrequencyResponseData)
+
+
 def of(
     system: object,
     what: str = "system",
@@ -250,8 +304,3 @@ def of(
 
 def _seconds(dt: object) -> str:
     return "a length not said" if dt is True else f"{dt:g} s"
-
-
-def state_matrices(system: "control.StateSpace") -> Lti:
-    """Return the matrices of a continuous-time system, states balanced."""
-    return of(system, expected="StateSpace").balanced()

@@ -1,27 +1,38 @@
 """``reduce``: one door to all methods; every result is verified before it is returned."""
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from math import inf
+from typing import TYPE_CHECKING
 
-import numpy as np
-from scipy import linalg
-
-from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, positive, whole
-from boomctl.lti.system import Lti
-from boomctl.reduction.balanced import balance
-from boomctl.reduction.core import SystemCore, core_of
+from boomctl.lti.system import Lti, of
+from boomctl.reduction.core import core_of
+from boomctl.reduction.reducers import (
+    BalancedTruncation,
+    HankelApproximation,
+    ModalTruncation,
+    Reducer,
+    SingularPerturbation,
+    StrongestModes,
+)
 from boomctl.reduction.result import ReductionError, ReductionResult
-from boomctl.reduction.second_order import reduced_structure
-from boomctl.reduction.selection import METHODS, Attempt, Band, Cutter, attempt_error, attempt_order, cutter
+from boomctl.reduction.verify import Band, Verified
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
 
-_TAIL_SHARE = 0.02
-_ROUNDING = 1e-8
-_MODES = 14
-_LARGEST_CORE = 500
+METHODS = {
+    "balanced": BalancedTruncation,
+    "singular-perturbation": SingularPerturbation,
+    "hankel": HankelApproximation,
+    "modal": ModalTruncation,
+    "second-order": StrongestModes,
+}
+_MODES = 14  # of a structure, beyond the order, that the first core has: enough for most booms (a choice)
+_TAIL_SHARE = 0.02  # share of the error that a core may leave out; if it is more, the core grows (a choice)
+_ROUNDING = 1e-8  # of the largest Hankel singular value: what a core leaves out below that is rounding (a choice)
+_LARGEST_CORE = 500  # modes beyond which no core grows: its balancing takes a minute (a choice)
 
 
 def reduce(
@@ -74,69 +85,53 @@ def reduce(
     >>> reduce(full, order=1).order
     1
     """
-    states = _states(system)
-    known("method", method, METHODS)
-    wanted, limits = _wanted(states, order, error), _band(band)
-    if method == "second-order":
-        return _structure(system, order, wanted, limits)
-    core, found, values = _reduced(system, order, wanted, method, limits)
-    joined = _joined(found.reduced, core.kept)
-    return _result(_named(joined, system), len(joined.A), method, core, found, values)
-
-
-def _result(
-    smaller: "control.StateSpace | SecondOrderModel",
-    order: int,
-    method: str,
-    core: SystemCore,
-    found: Attempt,
-    values: Array,
-) -> ReductionResult:
+    given = system if isinstance(system, SecondOrderModel) else of(system)
+    known("method", method, tuple(METHODS))
+    if (order is None) == (error is None):
+        raise ValueError("order, error: expected exactly one of them")
+    if order is not None and whole("order", order, 0) > _states(given):
+        raise ValueError(f"order = {order}: the system has only {_states(given)} states")
+    wanted, limits = None if error is None else positive("error", error), _band(band)
+    if method == "second-order" and isinstance(given, Lti):
+        raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
+    modes, path = _MODES + (order or 0), []
+    while True:
+        core = core_of(given, modes)
+        path.append(core.way)
+        reducer: Reducer = METHODS[method](given, core, limits, modes)
+        last, floor = modes >= _LARGEST_CORE, _ROUNDING * float(reducer.values.max(initial=0.0))
+        modes *= 2
+        if not (core.complete or last) and wanted is not None and core.tail > max(_TAIL_SHARE * wanted, floor):
+            continue
+        try:
+            smaller, found = reducer.reduced(order) if wanted is None else _within(reducer, wanted)  # type: ignore[arg-type]
+        except ReductionError:
+            if wanted is None or reducer.complete or last:
+                raise
+            continue
+        if core.complete or last or core.tail <= max(_TAIL_SHARE * found.measured, floor):
+            break
+    if isinstance(smaller, Lti):
+        smaller = replace(smaller, inputs=given.inputs, outputs=given.outputs)
     return ReductionResult(
-        smaller, order, found.bound, found.measured, method, found.certificate, core.tail, values, len(core.kept.A)
+        smaller.statespace("reduced") if isinstance(smaller, Lti) else smaller,
+        _states(smaller),
+        found.bound,
+        found.measured,
+        method,
+        found.certificate,
+        core.tail,
+        reducer.values,
+        len(core.kept.A),
+        tuple(path),
     )
 
 
-def _structure(system: object, order: int | None, error: float | None, band: Band | None) -> ReductionResult:
-    if not isinstance(system, SecondOrderModel):
-        raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
-    modes = _MODES + (order or 0)
-    while True:
-        try:
-            smaller, core, found = reduced_structure(system, order, error, modes, band)
-        except ReductionError:
-            if error is None or modes >= min(system.n, _LARGEST_CORE):
-                raise
-        else:
-            if core.complete or modes >= _LARGEST_CORE or core.tail <= _TAIL_SHARE * found.measured:
-                values = balance(core.stable, core.modal).values
-                return _result(smaller, _states(smaller), "second-order", core, found, values)
-        modes *= 2
-
-
-def _states(system: Any) -> int:
-    """Return the number of states of a system, refused unless it is of a known kind, in continuous time and finite."""
-    from boomctl.lti.python_control import control
-
-    if isinstance(system, SecondOrderModel):
-        filters = 2 * sum(bandwidth is not None for bandwidth in system.ports.bandwidths)
-        return 2 * system.n + sum(system.ports.integrators) + filters
-    if not isinstance(system, control.StateSpace):
-        raise TypeError(f"system: expected SecondOrderModel or StateSpace, got {type(system).__name__}")
-    if not system.isctime():
-        raise ValueError(f"system: expected continuous time, got a sampling time of {system.dt:g} s")
-    for name in ("A", "B", "C", "D"):
-        finite_array(f"{name} of the system", getattr(system, name))
-    return int(system.nstates)
-
-
-def _wanted(states: int, order: int | None, error: float | None) -> float | None:
-    """Return the wanted error, if that is what is given, and refuse an order that cannot be."""
-    if (order is None) == (error is None):
-        raise ValueError("order, error: expected exactly one of them")
-    if order is not None and whole("order", order, 0) > states:
-        raise ValueError(f"order = {order}: the system has only {states} states")
-    return None if error is None else positive("error", error)
+def _states(system: Lti | SecondOrderModel) -> int:
+    if isinstance(system, Lti):
+        return len(system.A)
+    filters = 2 * sum(bandwidth is not None for bandwidth in system.ports.bandwidths)
+    return 2 * system.n + sum(system.ports.integrators) + filters
 
 
 def _band(band: object) -> Band | None:
@@ -150,48 +145,21 @@ def _band(band: object) -> Band | None:
     return float(limits[0]), float(limits[1])
 
 
-def _reduced(
-    system: "control.StateSpace | SecondOrderModel",
-    order: int | None,
-    error: float | None,
-    method: str,
-    band: Band | None,
-) -> tuple[SystemCore, Attempt, Array]:
-    """Return a core, its reduced part and Hankel singular values; the core grows until it is not what limits."""
-    modes = _MODES + (order or 0)
-    while True:
-        core = core_of(system, modes)
-        ready = cutter(core, method, band)
-        enough = core.complete or modes >= _LARGEST_CORE
-        floor = _ROUNDING * float(ready.values.max(initial=0.0))
-        if error is not None and not enough and core.tail > max(_TAIL_SHARE * error, floor):
-            modes *= 2
+def _within(reducer: Reducer, error: float) -> tuple[Lti | SecondOrderModel, Verified]:
+    """Return the reduction of lowest order whose verified error is not above the one wanted.
+
+    Raises
+    ------
+    ReductionError
+        No order has so small a verified error.
+    """
+    best = inf
+    for order in reducer.orders(error):
+        try:
+            smaller, found = reducer.reduced(order)
+        except ValueError:  # a repeated Hankel singular value across the cut: the next order
             continue
-        found = attempt_error(ready, error) if error is not None else _to_order(ready, order or 0)
-        if enough or core.tail <= max(_TAIL_SHARE * found.measured, floor):
-            return core, found, ready.values
-        modes *= 2
-
-
-def _to_order(ready: Cutter, order: int) -> Attempt:
-    kept = len(ready.core.kept.A)
-    if order < kept:
-        raise ValueError(f"order = {order}: {kept} unstable, undamped or rigid-body states are kept, so at least that")
-    return attempt_order(ready, min(order - kept, len(ready.core.stable.A)))
-
-
-def _joined(stable: Lti, kept: Lti) -> Lti:
-    if not len(kept.A):
-        return stable
-    A = linalg.block_diag(kept.A, stable.A) if len(stable.A) else kept.A
-    return Lti(A, np.vstack([kept.B, stable.B]), np.hstack([kept.C, stable.C]), stable.D)
-
-
-def _named(reduced: Lti, system: "control.StateSpace | SecondOrderModel") -> "control.StateSpace":
-    from boomctl.lti.python_control import control
-
-    if isinstance(system, SecondOrderModel):
-        inputs, outputs = list(system.inputs), list(system.outputs)
-    else:
-        inputs, outputs = list(system.input_labels), list(system.output_labels)
-    return control.ss(reduced.A, reduced.B, reduced.C, reduced.D, inputs=inputs, outputs=outputs, name="reduced")
+        best = min(best, found.measured)
+        if found.measured <= error:
+            return smaller, found
+    raise ReductionError(f"error = {error:g}: the smallest verified error of any order is {best:.4g}")

@@ -41,6 +41,8 @@ class ReductionResult:
         Hankel singular values of the stable part, descending; of the weighted one where a band was asked for.
     kept : int
         Number of unstable and rigid-body states that are kept exactly.
+    path : tuple of str
+        What stood for the system, smaller cores first: each larger one was needed.
     """
 
     system: "control.StateSpace | SecondOrderModel"
@@ -52,6 +54,7 @@ class ReductionResult:
     truncation_bound: float
     hankel_values: Array = field(repr=False)
     kept: int = 0
+    path: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         inputs, outputs = (getattr(self.system, f"{kind}_labels", None) for kind in ("input", "output"))

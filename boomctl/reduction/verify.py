@@ -1,5 +1,6 @@
 """Verified errors: a level that the difference of two systems reaches at no frequency, or none within a band."""
 
+from dataclasses import dataclass
 from math import inf
 
 import numpy as np
@@ -7,31 +8,81 @@ from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, level_crossings, matrices_norm
 from boomctl.arrays import Array
-from boomctl.lti.frequency import singular_values
-from boomctl.lti.modal import ModalSystem, diagonalized
+from boomctl.lti.frequency import Response, highest_peak, resonance_grid, singular_values
+from boomctl.lti.modal import ModalSystem, diagonalized, side_of_axis
 from boomctl.lti.system import Lti
+from boomctl.reduction.core import SystemCore
+from boomctl.reduction.result import ReductionError
 
+Band = tuple[float, float]
+
+# How far above the largest value found a level is tried, relative, in this order: the closest that rounding allows.
 _LEVELS = (1.0 + 1e-6, 1.0 + 1e-5, 1.0001, 1.001, 1.01, 1.1, 2.0)
-_POINTS = 200
-_ROUNDS = 20
-_PEAKS, _ZOOMS, _FINE = 3, 6, 11
+_POINTS = 200  # of a band, beside those at the resonances (a choice)
+_START = 1e-6  # where the grid of a band from zero begins, relative to its end (a choice)
+_ROUNDS = 20  # of raising the largest value found within a band; each rises to a higher peak
+_SLACK = 1e-3  # share by which an error may exceed its bound, for the rounding of Gramians (a choice)
+_ROUNDING = 1e-9  # of the largest response: an error below that is rounding (a choice)
+_SHARP = 8.0 * float(np.finfo(float).eps)  # of its frequency, by which a pole may have been moved by rounding
+
+
+@dataclass(frozen=True)
+class Verified:
+    """A reduced stable part, its bound and its verified error, what the core leaves out included in both."""
+
+    reduced: Lti
+    bound: float
+    measured: float
+    certificate: NormCertificate
+
+
+def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) -> Verified:
+    """Return how a reduced stable part compares with that of the core.
+
+    Raises
+    ------
+    ReductionError
+        Its error exceeds its bound, or could not be verified.
+    """
+    D, modal = core.stable.D, core.modal
+    if modal is None:
+        largest = _largest_at_poles(core.stable)
+    else:
+        sharpness = np.abs(modal.poles) / np.abs(modal.poles.real)  # a pole that moves takes its peak along
+        largest = float((modal.sizes * np.maximum(1.0, _SHARP / _ROUNDING * sharpness)).max(initial=0.0))
+    floor = _ROUNDING * max(float(np.linalg.norm(D, 2)) if D.size else 0.0, largest)
+    found = verified_norm(core.stable, modal, reduced, band, floor)
+    if found.lower > bound * (1.0 + _SLACK) + floor:
+        raise ReductionError(
+            f"the error, {found.lower:.4g} at {found.omega:.4g} rad/s, exceeds its bound {bound:.4g}: the Gramians were "
+            "not solved accurately"
+        )
+    if found.upper == inf:
+        raise ReductionError(
+            f"the error, at least {found.lower:.4g} at {found.omega:.4g} rad/s, could not be verified ({found.method})"
+        )
+    return Verified(reduced, bound + core.tail, found.upper + core.tail, found)
+
+
+def _largest_at_poles(system: Lti) -> float:
+    """Return the largest response at the poles of a system without modal coordinates."""
+    if not len(system.A) or not system.D.size:
+        return 0.0
+    return float(singular_values(system.response(np.unique(np.abs(system.poles)), quiet=True))[0].max())
 
 
 def difference(full: Lti, reduced: Lti) -> Lti:
     """Return ``full - reduced``, states balanced."""
     A = linalg.block_diag(full.A, reduced.A) if len(reduced.A) else full.A
     B, C = np.vstack([full.B, reduced.B]), np.hstack([full.C, -reduced.C])
-    if not len(A):
-        return Lti(A, B, C, full.D - reduced.D)
-    balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
-    return Lti(balanced, B / scale[:, None], C * scale[None, :], full.D - reduced.D)
+    return Lti(A, B, C, full.D - reduced.D).balanced()
 
 
 def verified_norm(
     full: Lti,
     modal: ModalSystem | None,
     reduced: Lti,
-    band: tuple[float, float] | None = None,
+    band: Band | None = None,
     floor: float = 0.0,
 ) -> NormCertificate:
     """Return the norm of the difference of two stable systems, over all frequencies or over a band.
@@ -58,22 +109,21 @@ def verified_norm(
     return found
 
 
-def band_norm(gap: Lti, respond: object, band: tuple[float, float], floor: float = 0.0) -> NormCertificate:
+def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> NormCertificate:
     """Return the largest singular value within a band: attained, and not crossed by any Hamiltonian eigenvalue there.
 
     The level may lie below the largest singular value of ``D``: within the band none equals it, and at one frequency
     all are below.  Levels below ``floor`` are not tried.
     """
     low, high = band
-    poles = linalg.eigvals(gap.A) if len(gap.A) else np.zeros(0)
-    if (poles.real >= 0.0).any():
+    if (side_of_axis(gap.poles) >= 0).any():
         return NormCertificate(inf, inf, float("nan"), "an unstable pole")
-    start = low if low > 0.0 else 1e-6 * high
-    near = poles.imag[:, None] + np.abs(poles.real)[:, None] * np.array([-1.0, -0.3, 0.0, 0.3, 1.0])
-    grid = np.concatenate([[low, high], np.geomspace(start, high, _POINTS), near.ravel()])
-    grid = np.unique(grid[(grid >= low) & (grid <= high)])
-    values = singular_values(respond(grid))[0]  # type: ignore[operator]
-    peak, at = _zoomed(respond, grid, values)
+
+    def value(omega: Array) -> Array:
+        return singular_values(respond(omega))[0]
+
+    start = low if low > 0.0 else _START * high
+    peak, at = highest_peak(value, resonance_grid(gap.poles, start, high, points=_POINTS, also=[low]))
     for _ in range(_ROUNDS):
         for factor in _LEVELS:
             level = max(peak * factor, floor)
@@ -85,25 +135,10 @@ def band_norm(gap: Lti, respond: object, band: tuple[float, float], floor: float
                 return NormCertificate(peak, level, at, "no Hamiltonian eigenvalue on the imaginary axis in the band")
             ends = np.concatenate([[low], inside, [high]])
             tried = np.concatenate([inside, 0.5 * (ends[1:] + ends[:-1])])
-            values = singular_values(respond(tried))[0]  # type: ignore[operator]
+            values = value(tried)
             if values.max() > level:
                 peak, at = float(values.max()), float(tried[int(np.argmax(values))])
                 break
         else:
             break
     return NormCertificate(peak, inf, at, "a Hamiltonian eigenvalue too close to the imaginary axis to tell")
-
-
-def _zoomed(respond: object, grid: Array, values: Array) -> tuple[float, float]:
-    """Return the largest value around the highest points of a grid, and where it is, on ever finer grids."""
-    peak, at = float(values.max()), float(grid[int(np.argmax(values))])
-    for i in np.argsort(values)[::-1][:_PEAKS]:
-        low, high = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
-        for _ in range(_ZOOMS):
-            fine = np.linspace(low, high, _FINE)
-            seen = singular_values(respond(fine))[0]  # type: ignore[operator]
-            best = int(np.argmax(seen))
-            if seen[best] > peak:
-                peak, at = float(seen[best]), float(fine[best])
-            low, high = fine[max(best - 1, 0)], fine[min(best + 1, _FINE - 1)]
-    return peak, at

@@ -1,61 +1,70 @@
-"""The rotating hub-beam in one of the models of Bai et al. (2009), and the factory for all of them."""
+"""What every model of the hub-beam offers.
 
-import math
+A model is a final subclass of :class:`HubBeam` in a file of its own, which enters it in :data:`MODELS`.
+"""
+
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Literal, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import positive, real
-from boomctl.rotating_beam import slewing
-from boomctl.rotating_beam.evaluation import details
-from boomctl.rotating_beam.manoeuvres import (
-    Free,
-    Hold,
-    HubProfile,
-    PrescribedMotion,
-    SineTorque,
-    SpinUp,
-    Torque,
-    TorqueDriven,
-)
-from boomctl.rotating_beam.modal import frequencies, linearization
-from boomctl.rotating_beam.modal.cfoam import cfoam
-from boomctl.rotating_beam.modal.equations import Equations
-from boomctl.rotating_beam.modal.foam import foam
-from boomctl.rotating_beam.modal.integrals import ModalIntegrals, mass_points, modal_integrals
-from boomctl.rotating_beam.modal.sfoam import sfoam
-from boomctl.rotating_beam.modal.tlam import tlam
-from boomctl.rotating_beam.motion.run import prescribed_motion, torque_driven_motion, watched_instants
-from boomctl.rotating_beam.parameters import HubBeamParameters, described
-from boomctl.rotating_beam.result import SimulationResult, small_deformation_until
-from boomctl.rotating_beam.validation import mode_count, state_vector, time_points
+from boomctl.checks import positive, real, whole
+from boomctl.printing import count, listed
+from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque, TorqueDriven
+from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.result import Details, Motion, SimulationResult
 
 if TYPE_CHECKING:
-    import casadi
     import control
 
-    from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
+    from boomctl.lti.system import Lti
 
-EXACT = "geometrically-exact"
-_MAX_MODES_CFOAM = 60
+INPUTS = ("torque",)
+OUTPUTS = ("hub_angle", "hub_speed", "tip_displacement")
+
+_START_TOLERANCE = 1e-12  # an initial hub angle or speed is the manoeuvre's but for rounding, relative or in rad, rad/s
 
 
-@dataclass(frozen=True)
-class HubBeam:
-    """A hub-beam in an assumed-modes model.
+class SmallMotion(NamedTuple):
+    """Small motion ``mass y'' + damping y' + stiffness y = (torque, 0)`` about steady rotation.
+
+    Attributes
+    ----------
+    mass, damping, stiffness : ndarray, N x N
+        Over all coordinates, hub angle first; the damping has the gyroscopic terms too.
+    tip : ndarray, N
+        Row that reads the transverse displacement of the free end off the coordinates.
+    """
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+    tip: Array
+
+
+class HubBeam(ABC):
+    """A flexible beam on a hub, in one of its models.
 
     Attributes
     ----------
     parameters : HubBeamParameters
+        The machine.
     model : str
-        "tlam", "sfoam", "sfoam-consistent", "foam" or "cfoam".
+        Name of the model, as in `hub_beam`.
     modes : int
-        Number n of transverse modes, and of axial ones where the model has them; up to 200, CFOAM up to 60.
+        Number of shape functions; the model says which, and how many there may be.
+
+    Raises
+    ------
+    TypeError
+        If `parameters` or `modes` is of another kind.
+    ValueError
+        If `modes` is less than 1 or too many.
     """
 
     parameters: HubBeamParameters
@@ -65,52 +74,63 @@ class HubBeam:
     def __post_init__(self) -> None:
         if not isinstance(self.parameters, HubBeamParameters):
             raise TypeError(f"parameters = {self.parameters!r}: expected HubBeamParameters")
-        if self.model not in _EQUATIONS:
-            raise ValueError(f"model = {self.model!r}: expected one of {', '.join([*_EQUATIONS, EXACT])}")
-        object.__setattr__(self, "modes", mode_count(self.modes))
-        if self.model == "cfoam" and self.modes > _MAX_MODES_CFOAM:
-            raise ValueError(f"modes = {self.modes}: expected 1 to {_MAX_MODES_CFOAM} for model 'cfoam'")
+        modes = whole("modes", self.modes)
+        if modes > self.most_modes:
+            raise ValueError(f"modes = {modes}: expected 1 to {self.most_modes} for model {self.model!r}")
+        object.__setattr__(self, "modes", modes)
 
     def __repr__(self) -> str:
-        return described("HubBeam", self.model, self.modes, self.state_names, self.parameters)
-
-    @cached_property
-    def integrals(self) -> ModalIntegrals:
-        """Modal integrals of beam and point mass."""
-        return modal_integrals(self.parameters, self.modes)
-
-    @cached_property
-    def equations(self) -> Equations:
-        """Equations of motion in closed form."""
-        return _EQUATIONS[self.model](self)
+        given = ((field, getattr(self.parameters, field.name)) for field in fields(self.parameters))
+        others = [f"{field.name} {value:.6g}" for field, value in given if value != field.default]
+        return (
+            f"{type(self).__name__}: {self.model}, {count(self.modes, 'mode')}, {len(self.state_names)} states\n"
+            f"  torque -> hub_angle, hub_speed, tip_displacement\n"
+            f"  Table 1, {listed(others) if others else 'no tip mass'}"
+        )
 
     @property
+    @abstractmethod
+    def most_modes(self) -> int:
+        """Largest number of modes."""
+
+    @property
+    @abstractmethod
     def has_axial_modes(self) -> bool:
         """Whether the model has axial coordinates."""
-        return self.model not in ("sfoam", "sfoam-consistent")
 
     @property
+    @abstractmethod
     def state_names(self) -> tuple[str, ...]:
-        """Names of the states of `to_nlsys` and `linearize`: coordinates, hub angle first, then their rates."""
-        axial = [f"axial_{i + 1}" for i in range(self.modes)] if self.has_axial_modes else []
-        beam = axial + [f"transverse_{i + 1}" for i in range(self.modes)]
-        return ("hub_angle", *beam, "hub_speed", *(f"{name}_rate" for name in beam))
+        """Names of the states: coordinates, hub angle first, then their rates."""
+
+    @abstractmethod
+    def critical_speed(self) -> float:
+        """Hub speed at which some stiffness is first lost, rad/s.
+
+        TLAM loses the transverse stiffness ``K2 - w^2 M2``, FOAM, CFOAM and the geometrically exact beam the axial one
+        ``K1 - w^2 M1``; SFOAM loses none, for ``D >= M2``: `math.inf`.
+        """
+
+    @cached_property
+    def steady_limit(self) -> float:
+        """Hub speed at which the axial stiffness is lost and a straight beam has no steady rotation, rad/s, or inf."""
+        return self._steady_limit()
 
     def frequencies_hz(self, hub_speed: float = 0.0, coupled: bool = False) -> Array:
-        """Natural frequencies of the beam at a constant, prescribed hub speed.
+        """Natural frequencies of the beam at a constant, prescribed hub speed, about the beam stretched by the rotation.
 
         Parameters
         ----------
         hub_speed : float
-            Hub speed w, rad/s.
+            Hub speed w, rad/s, below the critical one.
         coupled : bool
-            False: transverse modes alone, of ``K2 + w^2 (D - M2)`` (Eq. 31; TLAM without D). True: axial and transverse
-            modes with their gyroscopic coupling, about the beam stretched by the rotation.
+            False: transverse modes alone, for the assumed-modes models of ``K2 + w^2 (D - M2)`` (Eq. 31; TLAM without
+            D). True: axial and transverse modes with their gyroscopic coupling.
 
         Returns
         -------
-        ndarray, n or 2 n
-            Frequencies in Hz, ascending.
+        ndarray
+            Frequencies in Hz, ascending: one a mode, or two a mode with axial ones. The highest have not converged.
 
         Raises
         ------
@@ -118,33 +138,14 @@ class HubBeam:
             At a hub speed at which the stiffness is lost, or if `coupled` is asked of a model without axial modes.
         """
         speed = real("hub_speed", hub_speed)
-        if coupled:
-            if not self.has_axial_modes:
-                raise ValueError(f"coupled = True: expected False, for model {self.model!r} has no axial modes")
-            frequencies.check_speed(self.model, speed, self.critical_speed())
-            return frequencies.coupled(self.equations, speed)
-        if self.model == "tlam":
-            frequencies.check_speed(self.model, speed, self.critical_speed())
-            return frequencies.transverse(self.integrals, speed, stiffening=False)
-        if self.has_axial_modes:
-            frequencies.check_speed(self.model, speed, self.critical_speed())
-        return frequencies.transverse(self.integrals, speed, stiffening=True)
-
-    def critical_speed(self) -> float:
-        """Hub speed at which some stiffness is first lost, rad/s.
-
-        TLAM loses the transverse stiffness ``K2 - w^2 M2``, FOAM and CFOAM the axial one ``K1 - w^2 M1``; SFOAM loses
-        none, for ``D >= M2``: `math.inf`.
-        """
-        if self.model == "tlam":
-            return frequencies.lowest(self.integrals.M2, self.integrals.K2)
-        if self.has_axial_modes:
-            return frequencies.lowest(self.integrals.M1, self.integrals.K1)
-        return math.inf
+        if coupled and not self.has_axial_modes:
+            raise ValueError(f"coupled = True: expected False, for model {self.model!r} has no axial modes")
+        self._check_speed(speed, self.critical_speed())
+        return self._frequencies_hz(speed, coupled)
 
     def simulate(
         self,
-        manoeuvre: PrescribedMotion | TorqueDriven,
+        manoeuvre: Manoeuvre,
         timepts: ArrayLike,
         initial: ArrayLike | None = None,
         rtol: float = 1e-8,
@@ -174,28 +175,27 @@ class HubBeam:
         TypeError
             If the manoeuvre is none.
         ValueError
-            If `timepts`, `initial` or a tolerance is out of its range.
+            If `timepts`, `initial` or a tolerance is out of its range, or the functions of a hub profile do not belong
+            together.
         SimulationError
             If the mass matrix ceases to be positive definite, the deflection overflows, or the tolerance is missed.
         """
-        instants = time_points(timepts)
+        instants = _instants(timepts)
         tolerance = positive("rtol", rtol), positive("atol", atol)
         start = self._start(manoeuvre, initial)
-        watched = watched_instants(self.equations, instants)
-        if isinstance(manoeuvre, SpinUp | Hold | HubProfile):
-            motion = prescribed_motion(self.equations, manoeuvre, watched, start, tolerance)
-        else:
-            reach = self.parameters.hub_radius + self.parameters.length
-            motion = torque_driven_motion(self.equations, manoeuvre, watched, start, tolerance, reach)
-        row, length = self.equations.tip.transverse, self.parameters.length
-        tip, until = motion.displacement(row), math.inf
-        if max(tip.max(), -tip.min()) > 0.1 * length:
-            until = small_deformation_until(watched, tip, length, motion.rate[:, 1:] @ row)
-        if watched is not instants:
-            asked = np.searchsorted(watched, instants)
-            motion, tip = motion.at(instants, asked), tip[asked]
-        later = partial(details, self.equations, manoeuvre, instants, motion)
-        return SimulationResult(self.model, instants, tip, until, motion.error, motion.steps, later)
+        if isinstance(manoeuvre, HubProfile):
+            manoeuvre.check_until(float(instants[-1]))
+        found = self._motion(manoeuvre, instants, start, tolerance)
+        return SimulationResult(
+            model=self.model,
+            time=instants,
+            tip_displacement=found.tip,
+            small_deformation_until=found.small_deformation_until,
+            error_estimate=found.error,
+            steps=found.steps,
+            details=partial(self._details, manoeuvre, instants, found),
+            path=found.path,
+        )
 
     def simulate_torque(
         self,
@@ -210,36 +210,39 @@ class HubBeam:
         return self.simulate(Torque(function, breakpoints), timepts, initial, rtol, atol)
 
     def steady_state(self, hub_speed: float = 0.0) -> Array:
-        """State, as `state_names`, of the beam that turns steadily at a hub speed [rad/s], the hub angle 0."""
-        return slewing.steady_state(self, real("hub_speed", hub_speed))
+        """State, as `state_names`, of the beam that turns steadily at a hub speed [rad/s], the hub angle 0.
 
-    def residual_energy(self, state: ArrayLike, hub_speed: float = 0.0) -> float:
-        """Energy of a state's deviation from steady rotation at a hub speed [rad/s], whatever the hub angle, J."""
-        return slewing.residual_energy(self, state, real("hub_speed", hub_speed))
+        Raises
+        ------
+        ValueError
+            If there is no steady rotation at that speed.
+        """
+        speed = self._steady_speed(hub_speed)
+        size = self._size
+        state = np.zeros(2 * size)
+        state[1:size], state[size] = self._steady_coordinates(speed), speed
+        return state
 
-    @property
-    def root_moment_row(self) -> Array:
-        """Row that reads the bending moment at the clamp [N m] off a state in the order of `state_names`."""
-        return slewing.root_moment_row(self)
-
+    @abstractmethod
     def shape(self, states: ArrayLike) -> Array:
-        """Positions x + i y along the beam in fixed axes, from clamp to free end, for k states: k x 41, m."""
-        return slewing.shape(self, states)
+        """Positions x + i y along the beam in fixed axes, from clamp to free end, for k states: k x points, m."""
 
-    def with_tip_mass(self, tip_mass: float) -> "HubBeam":
+    def with_tip_mass(self, tip_mass: float) -> Self:
         """Return the same model with another tip mass [kg]."""
-        return HubBeam(slewing.with_tip_mass(self.parameters, tip_mass), self.model, self.modes)
+        return self._with(tip_mass=tip_mass)
 
-    def with_stiffness(self, factor: float) -> "HubBeam":
-        """Return the same model with the bending stiffness multiplied by a factor."""
-        return HubBeam(slewing.with_stiffness(self.parameters, factor), self.model, self.modes)
+    def with_stiffness(self, factor: float) -> Self:
+        """Return the same model with the bending stiffness multiplied by a factor; the axial stiffness stays."""
+        return self._with(second_moment=factor * self.parameters.second_moment)
 
-    def in_model(self, model: str, modes: int | None = None) -> "HubBeam | GeometricallyExactBeam":
+    def in_model(self, model: str, modes: int | None = None) -> "HubBeam":
         """Return the same machine in another model; `modes` as here unless given."""
-        return hub_beam(self.parameters, model, self.modes if modes is None else modes)
+        return in_model(self.parameters, model, self.modes if modes is None else modes)
 
     def to_nlsys(self) -> "control.NonlinearIOSystem":
         """Return the model as a nonlinear input-output system.
+
+        Axial modes make it stiff: give ``control.input_output_response`` an implicit ``solve_ivp_method`` then.
 
         Returns
         -------
@@ -247,10 +250,20 @@ class HubBeam:
             Input "torque" [N m]; outputs "hub_angle" [rad], "hub_speed" [rad/s], "tip_displacement" [m]; states as
             `state_names`.
         """
-        return linearization.to_nlsys(self.model, self.equations, self.state_names)
+        from boomctl.lti.python_control import control
+
+        names = {"inputs": list(INPUTS), "outputs": list(OUTPUTS), "states": list(self.state_names)}
+        return control.nlsys(self._update, self._output, **names, name=self._system_name)
+
+    def _update(self, t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
+        return self._state_derivative(np.asarray(x, dtype=float), float(np.ravel(u)[0]))
+
+    def _output(self, t: float, x: Array, u: Array, params: dict[str, object]) -> Array:
+        x, size = np.asarray(x, dtype=float), self._size
+        return np.array([x[0], x[size], self._tip_displacement(x[:size])])
 
     def linearize(self, hub_speed: float = 0.0) -> "control.StateSpace":
-        """Linearise about steady rotation at a hub speed, the beam stretched as the model has it.
+        """Linearise about steady rotation at a hub speed, the beam stretched as the model has it, the hub free.
 
         Parameters
         ----------
@@ -267,92 +280,186 @@ class HubBeam:
         ValueError
             If `hub_speed` is not finite, or at least that at which the axial stiffness is lost.
         """
-        return linearization.linearize(self, real("hub_speed", hub_speed))
+        return self._linear(self._steady_speed(hub_speed)).statespace(self._system_name)
 
-    def lpv(self) -> linearization.HubSpeedFamily:
+    def lpv(self) -> "HubSpeedFamily":
         """Return the linear models as a family over the hub speed."""
-        return linearization.HubSpeedFamily(self)
+        return HubSpeedFamily(self)
 
-    def casadi_function(self) -> "casadi.Function":
-        """Return the model as a CasADi function ``(x, torque) -> (xdot, y)``, derived from its energies.
+    @property
+    def _system_name(self) -> str:
+        return f"hub_beam_{self.model.replace('-', '_')}"
 
-        States and outputs are those of `to_nlsys`; symbolic, hence differentiable to any order.
-        """
-        from boomctl.rotating_beam.modal.symbolic import state_function
+    def _with(self, **changes: float) -> Self:
+        copy: Any = self  # every model is a dataclass
+        return replace(copy, parameters=replace(self.parameters, **changes))
 
-        return state_function(self)
+    def _linear(self, speed: float) -> "Lti":
+        from boomctl.lti.system import Lti  # brings scipy.linalg, which a simulation may do without
 
-    def _start(self, manoeuvre: PrescribedMotion | TorqueDriven, initial: ArrayLike | None) -> tuple[Array, Array]:
-        """Coordinates and rates at t = 0; the hub's only where they are free or given."""
-        size = self.equations.size
-        state = np.zeros(2 * size) if initial is None else state_vector(initial, 2 * size)
-        if isinstance(manoeuvre, SpinUp | Hold | HubProfile):
-            for index, name in ((0, "angle"), (size, "speed")) if initial is not None else ():
-                given, prescribed = state[index], float(getattr(manoeuvre, name)(0.0))
-                if abs(given - prescribed) > 1e-12 * max(1.0, abs(prescribed)):
+        motion = self._small_motion(speed)
+        size = motion.tip.size
+        A, B, C = np.zeros((2 * size, 2 * size)), np.zeros((2 * size, 1)), np.zeros((3, 2 * size))
+        A[:size, size:] = np.eye(size)
+        A[size:, :size] = -np.linalg.solve(motion.mass, motion.stiffness)
+        A[size:, size:] = -np.linalg.solve(motion.mass, motion.damping)
+        B[size:, 0] = np.linalg.solve(motion.mass, np.eye(size)[:, 0])
+        C[0, 0] = C[1, size] = 1.0
+        C[2, :size] = motion.tip
+        return Lti(A, B, C, np.zeros((3, 1)), inputs=INPUTS, outputs=OUTPUTS, states=self.state_names)
+
+    def _steady_speed(self, hub_speed: float) -> float:
+        speed = real("hub_speed", hub_speed)
+        self._check_speed(speed, self.steady_limit)
+        return speed
+
+    def _check_speed(self, speed: float, critical: float) -> None:
+        if abs(speed) >= critical:
+            raise ValueError(
+                f"hub_speed = {speed:g}: expected less than {critical:.7g} rad/s, where {self.model} loses its stiffness"
+            )
+
+    def _start(self, manoeuvre: Manoeuvre, initial: ArrayLike | None) -> tuple[Array, Array]:
+        """Coordinates and rates at t = 0, the hub's as the manoeuvre has them."""
+        if not isinstance(manoeuvre, PrescribedMotion | TorqueDriven):
+            raise TypeError(f"manoeuvre = {manoeuvre!r}: expected one as spin_up, sine_torque, hold, ... return it")
+        size = self._size
+        state = np.zeros(2 * size) if initial is None else _initial_state(initial, 2 * size)
+        if isinstance(manoeuvre, PrescribedMotion):
+            for index, name in ((0, "angle"), (size, "speed")):
+                prescribed = float(getattr(manoeuvre, name)(0.0))
+                apart = abs(state[index] - prescribed)
+                if initial is not None and apart > _START_TOLERANCE * max(1.0, abs(prescribed)):
                     raise ValueError(
-                        f"initial hub {name} = {given:g}: expected {prescribed:g}, as the manoeuvre has it"
+                        f"initial hub {name} = {state[index]:g}: expected {prescribed:g}, as the manoeuvre has it"
                     )
                 state[index] = prescribed
-        elif not isinstance(manoeuvre, SineTorque | Torque | Free):
-            raise TypeError(f"manoeuvre = {manoeuvre!r}: expected one as spin_up, sine_torque, hold, ... return it")
         return state[:size], state[size:]
 
+    @property
+    @abstractmethod
+    def _size(self) -> int:
+        """Number of coordinates N."""
 
-_EQUATIONS: dict[str, Callable[[HubBeam], Equations]] = {
-    "tlam": lambda beam: tlam(beam.integrals),
-    "sfoam": lambda beam: sfoam(beam.integrals),
-    "sfoam-consistent": lambda beam: sfoam(beam.integrals, consistent=True),
-    "foam": lambda beam: foam(beam.integrals),
-    "cfoam": lambda beam: cfoam(beam.integrals, mass_points(beam.parameters, beam.modes), beam.parameters.hub_inertia),
-}
+    @abstractmethod
+    def _frequencies_hz(self, speed: float, coupled: bool) -> Array:
+        """See `frequencies_hz`; the speed is known to be below the critical one."""
+
+    @abstractmethod
+    def _steady_limit(self) -> float:
+        """See `steady_limit`."""
+
+    @abstractmethod
+    def _steady_coordinates(self, speed: float) -> Array:
+        """Coordinates of the beam in steady rotation, N - 1."""
+
+    @abstractmethod
+    def _small_motion(self, speed: float) -> SmallMotion:
+        """Small motion about steady rotation at a hub speed [rad/s]."""
+
+    @abstractmethod
+    def _state_derivative(self, x: Array, torque: float) -> Array:
+        """Derivative of a state under a torque [N m]."""
+
+    @abstractmethod
+    def _tip_displacement(self, y: Array) -> float:
+        """Transverse displacement of the free end, of one set of coordinates, m."""
+
+    @abstractmethod
+    def _motion(
+        self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
+    ) -> Motion:
+        """Motion from coordinates and rates at t = 0, to rtol and atol of the free end's displacement."""
+
+    @abstractmethod
+    def _details(self, manoeuvre: Manoeuvre, timepts: Array, motion: Motion) -> Details:
+        """Evaluate a motion."""
 
 
-@overload
-def hub_beam(
-    parameters: HubBeamParameters | None = None,
-    model: Literal["tlam", "sfoam", "sfoam-consistent", "foam", "cfoam"] = "sfoam",
-    modes: int = 5,
-) -> HubBeam: ...
-@overload
-def hub_beam(
-    parameters: HubBeamParameters | None = None, *, model: Literal["geometrically-exact"], modes: int = 5
-) -> "GeometricallyExactBeam": ...
-@overload
-def hub_beam(
-    parameters: HubBeamParameters | None = None, model: str = "sfoam", modes: int = 5
-) -> "HubBeam | GeometricallyExactBeam": ...
-def hub_beam(
-    parameters: HubBeamParameters | None = None, model: str = "sfoam", modes: int = 5
-) -> "HubBeam | GeometricallyExactBeam":
-    """Return the hub-beam in a model.
+MODELS: dict[str, Callable[..., HubBeam]] = {}
+"""From the name of a model to what makes it of `parameters` and `modes`; the files of the models fill it."""
 
-    Parameters
+
+def in_model(parameters: HubBeamParameters, model: str, modes: int) -> HubBeam:
+    """Return a machine in a model; see `hub_beam`."""
+    if model not in MODELS:
+        raise ValueError(f"model = {model!r}: expected one of {', '.join(MODELS)}")
+    return MODELS[model](parameters=parameters, modes=modes)
+
+
+@final
+@dataclass(frozen=True)
+class HubSpeedFamily:
+    """Linear models of a hub-beam over the hub speed.
+
+    Attributes
     ----------
-    parameters : HubBeamParameters or None
-        None: Table 1 of Bai et al. (2009) without tip mass.
-    model : str
-        "tlam", "sfoam" (as printed, Eq. 40), "sfoam-consistent" (with ``Q_theta``: it conserves energy and angular
-        momentum), "foam", "cfoam" or "geometrically-exact".
-    modes : int
-        Number of transverse modes and, where the model has them, of axial ones.
-
-    Returns
-    -------
-    HubBeam or GeometricallyExactBeam
-
-    Raises
-    ------
-    TypeError
-        If `parameters` or `modes` is of another kind.
-    ValueError
-        If the model is unknown, or `modes` less than 1 or too many.
+    beam : HubBeam
     """
-    chosen = HubBeamParameters() if parameters is None else parameters
-    if model != EXACT:
-        return HubBeam(chosen, model, modes)
-    if not isinstance(chosen, HubBeamParameters):
-        raise TypeError(f"parameters = {parameters!r}: expected HubBeamParameters")
-    from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 
-    return GeometricallyExactBeam(chosen, mode_count(modes))
+    beam: HubBeam
+
+    def __repr__(self) -> str:
+        return f"HubSpeedFamily: linear models over the hub speed\n  {self.beam!r}"
+
+    def at(self, hub_speed: float) -> "control.StateSpace":
+        """Linear model at a hub speed [rad/s]; as `HubBeam.linearize`."""
+        return self.beam.linearize(hub_speed)
+
+    def affine(self) -> tuple["control.StateSpace", Array]:
+        """Return the family as one model and one matrix: ``A(w) = A(0) + w^2 slope``, all else independent of w.
+
+        This holds for the two variants of SFOAM without approximation, for ``D - M2`` enters with the speed squared.
+
+        Returns
+        -------
+        system : control.StateSpace
+            At rest.
+        slope : ndarray
+            Derivative of A with respect to the speed squared, s^2.
+
+        Raises
+        ------
+        ValueError
+            For models with axial modes: their stretch and gyroscopic terms are not affine in the speed squared.
+        """
+        if self.beam.has_axial_modes:
+            raise ValueError(
+                f"model = {self.beam.model!r}: expected 'sfoam' or 'sfoam-consistent' for an affine family"
+            )
+        rest = self.beam.linearize(0.0)
+        return rest, np.asarray(self.beam.linearize(1.0).A) - np.asarray(rest.A)
+
+    def grid(self, hub_speeds: Array) -> tuple["control.StateSpace", ...]:
+        """Linear models at several hub speeds [rad/s]."""
+        return tuple(self.at(real("hub_speeds", float(each))) for each in np.ravel(hub_speeds))
+
+
+def _instants(value: ArrayLike) -> Array:
+    """Return the instants at which a simulation is wanted: one-dimensional, finite, strictly ascending, from 0 on."""
+    try:
+        timepts = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise TypeError("timepts: expected a sequence of real numbers [s]") from error
+    if timepts.ndim != 1 or timepts.size == 0:
+        raise ValueError(f"timepts of shape {timepts.shape}: expected one dimension and at least one instant")
+    if not np.isfinite(timepts).all():
+        raise ValueError("timepts: expected finite instants")
+    if timepts[0] < 0.0:
+        raise ValueError(f"timepts[0] = {timepts[0]!r}: expected instants >= 0; a manoeuvre starts at 0")
+    if (timepts[1:] <= timepts[:-1]).any():
+        raise ValueError("timepts: expected strictly ascending instants")
+    return timepts
+
+
+def _initial_state(value: ArrayLike, size: int) -> Array:
+    """Return an initial state of `size` finite numbers."""
+    try:
+        state = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"initial: expected {size} real numbers") from error
+    if state.shape != (size,):
+        raise ValueError(f"initial of shape {state.shape}: expected ({size},), the states of to_nlsys() in their order")
+    if not np.all(np.isfinite(state)):
+        raise ValueError("initial: expected finite numbers")
+    return state

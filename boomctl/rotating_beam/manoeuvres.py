@@ -1,12 +1,13 @@
-"""What is done to the hub: a prescribed motion, or a torque.
+"""What is done to the hub: a prescribed motion, or a torque. A manoeuvre starts at t = 0.
 
-A prescribed motion has ``angle(t)``, ``speed(t)`` and ``acceleration(t)``; a torque-driven manoeuvre has ``torque(t)``.
-All of them take an instant or an array of instants and return an array of the same shape. A manoeuvre starts at t = 0.
+All functions of time take an instant or an array of instants [s] and return an array of the same shape.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,13 +15,65 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import positive, real
 from boomctl.gauss import gauss_method
-from boomctl.rotating_beam.validation import function_of_time
 
 TimeFunction = Callable[..., object]
 
+_CHECKED_INTERVALS = 64  # on which a profile's functions are compared: a choice, finer than what a user draws by hand
+_CHECK_POINTS = 6  # Gauss points on each: exact for polynomials of degree 11
+_CHECK_TOLERANCE = 1e-2  # a wrong derivative is off by far more, a table's interpolation by less: a choice
 
+
+class PrescribedMotion(ABC):
+    """A motion that the hub is made to follow, whatever torque it takes.
+
+    Attributes
+    ----------
+    breakpoints : tuple of float
+        Instants at which the motion is not smooth, s; steps end there.
+    """
+
+    breakpoints: tuple[float, ...] = ()
+
+    @property
+    def steady_from(self) -> float:
+        """Instant from which the hub speed is known to be constant, s; inf if it is not known."""
+        return math.inf
+
+    @abstractmethod
+    def angle(self, t: ArrayLike) -> Array:
+        """Hub angle, rad."""
+
+    @abstractmethod
+    def speed(self, t: ArrayLike) -> Array:
+        """Hub speed, rad/s."""
+
+    @abstractmethod
+    def acceleration(self, t: ArrayLike) -> Array:
+        """Hub acceleration, rad/s^2."""
+
+
+class TorqueDriven(ABC):
+    """A torque that acts on a free hub.
+
+    Attributes
+    ----------
+    breakpoints : tuple of float
+        Instants at which the torque is not smooth, s; steps end there.
+    """
+
+    breakpoints: tuple[float, ...] = ()
+
+    @abstractmethod
+    def torque(self, t: ArrayLike) -> Array:
+        """Torque on the hub, N m."""
+
+
+Manoeuvre = PrescribedMotion | TorqueDriven
+
+
+@final
 @dataclass(frozen=True)
-class SpinUp:
+class SpinUp(PrescribedMotion):
     """A smooth spin-up from rest, Eq. (43) of Bai et al. (2009) with its print mended.
 
     ``speed = w (t / T - sin(2 pi t / T) / 2 pi)`` until T, then w.
@@ -35,19 +88,15 @@ class SpinUp:
 
     final_speed: float
     duration: float
+    breakpoints: tuple[float, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         real("final_speed", self.final_speed)
         positive("duration", self.duration)
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        """Instants at which the motion is not smooth, s."""
-        return (self.duration,)
+        object.__setattr__(self, "breakpoints", (self.duration,))
 
     @property
     def steady_from(self) -> float:
-        """Instant from which the hub speed is constant, s."""
         return self.duration
 
     def _phase(self, t: ArrayLike) -> Array:
@@ -55,25 +104,23 @@ class SpinUp:
         return phase
 
     def angle(self, t: ArrayLike) -> Array:
-        """Hub angle, rad."""
         phase = self._phase(t)
         turns = 0.5 * phase**2 - (np.sin(np.pi * phase) / np.pi) ** 2 / 2.0
         steady = np.maximum(np.asarray(t, dtype=float) - self.duration, 0.0)
         return self.final_speed * (self.duration * turns + steady)
 
     def speed(self, t: ArrayLike) -> Array:
-        """Hub speed, rad/s."""
         phase = self._phase(t)
         return self.final_speed * (phase - np.sin(2.0 * np.pi * phase) / (2.0 * np.pi))
 
     def acceleration(self, t: ArrayLike) -> Array:
-        """Hub acceleration, rad/s^2."""
         phase = self._phase(t)
         return self.final_speed / self.duration * 2.0 * np.sin(np.pi * phase) ** 2
 
 
+@final
 @dataclass(frozen=True)
-class Hold:
+class Hold(PrescribedMotion):
     """The hub clamped at an angle.
 
     Parameters
@@ -88,30 +135,22 @@ class Hold:
         real("angle", self.hub_angle)
 
     @property
-    def breakpoints(self) -> tuple[float, ...]:
-        """Instants at which the motion is not smooth: none."""
-        return ()
-
-    @property
     def steady_from(self) -> float:
-        """Instant from which the hub speed is constant, s."""
         return 0.0
 
     def angle(self, t: ArrayLike) -> Array:
-        """Hub angle, rad."""
         return np.full(np.shape(t), self.hub_angle)
 
     def speed(self, t: ArrayLike) -> Array:
-        """Hub speed, rad/s: zero."""
         return np.zeros(np.shape(t))
 
     def acceleration(self, t: ArrayLike) -> Array:
-        """Hub acceleration, rad/s^2: zero."""
         return np.zeros(np.shape(t))
 
 
+@final
 @dataclass(frozen=True)
-class HubProfile:
+class HubProfile(PrescribedMotion):
     """A hub motion given by three functions of time that belong together: the second is the slope of the first.
 
     Parameters
@@ -129,13 +168,8 @@ class HubProfile:
 
     def __post_init__(self) -> None:
         for name in ("angle", "speed", "acceleration"):
-            function_of_time(name, getattr(self, f"{name}_function"))
+            _check_function(name, getattr(self, f"{name}_function"))
         object.__setattr__(self, "breakpoints", _breakpoints(self.breakpoints))
-
-    @property
-    def steady_from(self) -> float:
-        """Instant from which the hub speed is known to be constant, s: none."""
-        return math.inf
 
     def check_until(self, end: float) -> None:
         """Check up to an instant [s] that the functions belong together.
@@ -147,32 +181,31 @@ class HubProfile:
         """
         if end <= 0.0:
             return
-        method = gauss_method(6)
-        edges = np.unique(np.concatenate([np.linspace(0.0, end, 65), [b for b in self.breakpoints if 0.0 < b < end]]))
+        method = gauss_method(_CHECK_POINTS)
+        even = np.linspace(0.0, end, _CHECKED_INTERVALS + 1)
+        edges = np.unique(np.concatenate([even, [b for b in self.breakpoints if 0.0 < b < end]]))
         h = np.diff(edges)
         t = edges[:-1, None] + h[:, None] * method.nodes
         for name, slope in (("angle", "speed"), ("speed", "acceleration")):
             values = h * (getattr(self, slope)(t) @ method.weights)
             gained = np.diff(getattr(self, name)(edges))
-            if np.abs(gained - values).max() > 1e-2 * max(np.abs(values).max(), np.abs(gained).max()):
+            if np.abs(gained - values).max() > _CHECK_TOLERANCE * max(np.abs(values).max(), np.abs(gained).max()):
                 raise ValueError(f"{slope}: expected the derivative of the {name}")
 
     def angle(self, t: ArrayLike) -> Array:
-        """Hub angle, rad."""
         return _evaluate("angle", self.angle_function, t)
 
     def speed(self, t: ArrayLike) -> Array:
-        """Hub speed, rad/s."""
         return _evaluate("speed", self.speed_function, t)
 
     def acceleration(self, t: ArrayLike) -> Array:
-        """Hub acceleration, rad/s^2."""
         return _evaluate("acceleration", self.acceleration_function, t)
 
 
+@final
 @dataclass(frozen=True)
-class SineTorque:
-    """One stretch of a sine torque on the hub, then none, Eq. (44) of Bai et al. (2009).
+class SineTorque(TorqueDriven):
+    """A sine torque on the hub for some time, then none, Eq. (44) of Bai et al. (2009).
 
     Parameters
     ----------
@@ -187,26 +220,23 @@ class SineTorque:
     amplitude: float
     period: float
     duration: float
+    breakpoints: tuple[float, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         real("amplitude", self.amplitude)
         positive("period", self.period)
         positive("duration", self.duration)
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        """Instants at which the torque is not smooth, s."""
-        return (self.duration,)
+        object.__setattr__(self, "breakpoints", (self.duration,))
 
     def torque(self, t: ArrayLike) -> Array:
-        """Torque on the hub, N m."""
         t = np.asarray(t, dtype=float)
         acting = (t >= 0.0) & (t <= self.duration)
         return np.where(acting, self.amplitude * np.sin(2.0 * np.pi * t / self.period), 0.0)
 
 
+@final
 @dataclass(frozen=True)
-class Torque:
+class Torque(TorqueDriven):
     """A torque on the hub given by a function of time.
 
     Parameters
@@ -221,30 +251,20 @@ class Torque:
     breakpoints: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        function_of_time("torque", self.function)
+        _check_function("torque", self.function)
         object.__setattr__(self, "breakpoints", _breakpoints(self.breakpoints))
 
     def torque(self, t: ArrayLike) -> Array:
-        """Torque on the hub, N m."""
         return _evaluate("torque", self.function, t)
 
 
+@final
 @dataclass(frozen=True)
-class Free:
+class Free(TorqueDriven):
     """No torque on the hub."""
 
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        """Instants at which the torque is not smooth: none."""
-        return ()
-
     def torque(self, t: ArrayLike) -> Array:
-        """Torque on the hub, N m: zero."""
         return np.zeros(np.shape(t))
-
-
-PrescribedMotion = SpinUp | Hold | HubProfile
-TorqueDriven = SineTorque | Torque | Free
 
 
 def spin_up(final_speed: float, duration: float) -> SpinUp:
@@ -311,6 +331,11 @@ def hold(angle: float = 0.0) -> Hold:
 def free() -> Free:
     """Leave the hub free, without torque."""
     return Free()
+
+
+def _check_function(name: str, value: object) -> None:
+    if not callable(value):
+        raise TypeError(f"{name} = {value!r}: expected a function of time")
 
 
 def _breakpoints(values: tuple[float, ...]) -> tuple[float, ...]:

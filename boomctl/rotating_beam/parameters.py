@@ -1,10 +1,10 @@
 """Physical parameters of the rotating hub-beam."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 from boomctl.checks import nonnegative, positive
-from boomctl.printing import count, exact, exact_html, listed
+from boomctl.printing import exact, exact_html
 
 
 @dataclass(frozen=True)
@@ -116,14 +116,3 @@ class HubBeamParameters:
         from boomctl.files import read_parameters
 
         return read_parameters(cls, path, table="hub_beam")
-
-
-def described(kind: str, model: str, modes: int, states: tuple[str, ...], parameters: HubBeamParameters) -> str:
-    """Return what a hub-beam is, in three lines: model, size, signals, the parameters that are not those of Table 1."""
-    given = ((field, getattr(parameters, field.name)) for field in fields(parameters))
-    others = [f"{field.name} {value:.6g}" for field, value in given if value != field.default]
-    return (
-        f"{kind}: {model}, {count(modes, 'mode')}, {len(states)} states\n"
-        f"  torque -> hub_angle, hub_speed, tip_displacement\n"
-        f"  Table 1, {listed(others) if others else 'no tip mass'}"
-    )

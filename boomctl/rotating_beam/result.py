@@ -1,13 +1,51 @@
-"""What a simulation of the hub-beam returns."""
+"""A motion of the hub-beam, and what a simulation returns of it."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, final
 
 import numpy as np
 
 from boomctl.arrays import Array
+
+SMALL_DEFORMATION = 0.1  # of the length: the tip displacement up to which Bai et al. (2009) call a deformation small
+_HALVINGS = 50  # of a step, to find an instant within it: to rounding
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Motion of hub and beam at k instants, as a solver found it.
+
+    Attributes
+    ----------
+    tip : ndarray, k
+        Transverse displacement of the free end in the hub's frame, m.
+    small_deformation_until : float
+        Instant at which that first exceeds a tenth of the length, s; inf if it never does.
+    states : callable
+        Returns coordinates and rates of hub and beam at the instants, k x N each.
+    error : float
+        Estimated largest error of the free end's displacement, m.
+    steps : int
+        Number of integration steps.
+    path : tuple of str
+        The ways that ran, in their order.
+    """
+
+    tip: Array
+    small_deformation_until: float
+    states: Callable[[], tuple[Array, Array]]
+    error: float
+    steps: int
+    path: tuple[str, ...]
+
+
+def kept_states(y: Array, rate: Array) -> tuple[Array, Array]:
+    """Return coordinates and rates that are known already: the `states` of a `Motion`, with their values bound."""
+    return y, rate
 
 
 class Details(NamedTuple):
@@ -26,6 +64,7 @@ class Details(NamedTuple):
     states: Array
 
 
+@final
 @dataclass(frozen=True)
 class SimulationResult:
     """Motion of the hub-beam at the instants asked for.
@@ -71,6 +110,9 @@ class SimulationResult:
         Number of integration steps.
     details : callable
         Computes what is not kept.
+    path : tuple of str
+        The ways in which the motion was found, in the order in which they ran. One that missed the tolerance is named
+        with "(given up)"; the next one then did its work again.
     """
 
     model: str
@@ -80,10 +122,11 @@ class SimulationResult:
     error_estimate: float
     steps: int
     details: Callable[[], Details] = field(repr=False, compare=False)
+    path: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} instants"
-        error = f"{self.steps} steps, error estimated {self.error_estimate:.1e}"
+        error = f"{', '.join(self.path)}: {self.steps} steps, error estimated {self.error_estimate:.1e}"
         tip = f"largest tip displacement {np.abs(self.tip_displacement).max():.6g} m"
         if np.isfinite(self.small_deformation_until):
             tip += f", beyond a tenth of the length after {self.small_deformation_until:.4g} s"
@@ -149,8 +192,12 @@ class SimulationResult:
         return self._details.states
 
 
+class SimulationError(RuntimeError):
+    """A motion that the model cannot be followed through: why, and from which instant."""
+
+
 def small_deformation_until(
-    time: Array, tip_displacement: Array, length: float, tip_rate: Array | None = None
+    time: Array, tip_displacement: Array, length: float, tip_rate: Callable[[], Array]
 ) -> float:
     """Instant at which ``|tip_displacement|`` first exceeds ``length / 10``, s; inf if it never does.
 
@@ -160,21 +207,22 @@ def small_deformation_until(
         Instants [s] and transverse displacements of the free end [m].
     length : float
         Of the beam, m.
-    tip_rate : ndarray, k, or None
-        Rates of the displacement, m/s: between the instants it is then a cubic, otherwise a straight line.
+    tip_rate : callable
+        Returns the rates of the displacement, k, m/s: between the instants it is taken to be a cubic.
     """
-    outside = np.flatnonzero(np.abs(tip_displacement) > 0.1 * length)
+    limit = SMALL_DEFORMATION * length
+    outside = np.flatnonzero(np.abs(tip_displacement) > limit)
     if outside.size == 0:
-        return float("inf")
+        return math.inf
     last = int(outside[0])
     if last == 0:
         return float(time[0])
     first, side = last - 1, np.sign(tip_displacement[last])
     step = time[last] - time[first]
-    before, after = side * tip_displacement[first] - 0.1 * length, side * tip_displacement[last] - 0.1 * length
-    slopes = np.full(2, after - before) if tip_rate is None else side * step * tip_rate[first : last + 1]
+    before, after = side * tip_displacement[first] - limit, side * tip_displacement[last] - limit
+    slopes = side * step * tip_rate()[first : last + 1]
     low, high = 0.0, 1.0
-    for _ in range(50):
+    for _ in range(_HALVINGS):
         s = 0.5 * (low + high)
         cubic = before * (1 + 2 * s) * (1 - s) ** 2 + after * s**2 * (3 - 2 * s)
         cubic += slopes[0] * s * (1 - s) ** 2 - slopes[1] * s**2 * (1 - s)

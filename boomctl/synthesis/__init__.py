@@ -1,7 +1,7 @@
 """Controllers, each with a certificate that was computed apart from the solver."""
 
+from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.discretise import discretize
-from boomctl.synthesis.errors import SynthesisError
 from boomctl.synthesis.hinf.h_infinity import HInfinityCertificate, HInfinityResult, h_infinity
 from boomctl.synthesis.lq.h2 import H2Result, h2
 from boomctl.synthesis.lq.kalman import KalmanResult, kalman

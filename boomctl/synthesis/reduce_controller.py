@@ -10,11 +10,11 @@ from scipy import linalg
 from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
 from boomctl.checks import nonnegative, positive, whole
+from boomctl.lti.modal import residualised
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
-from boomctl.synthesis.errors import SynthesisError
-from boomctl.synthesis.fast_poles import without_fast_poles
-from boomctl.synthesis.hinf.candidates import Candidate, judged, largest_pole
+from boomctl.synthesis.assumptions import SynthesisError
+from boomctl.synthesis.hinf.candidates import Candidate, judged, largest_pole, without_fast_poles
 from boomctl.synthesis.plants.partition import GeneralizedPlant, matched
 
 if TYPE_CHECKING:
@@ -157,12 +157,7 @@ def _root(gramian: Array) -> Array:
 
 def _smaller(K: Lti, order: int) -> Iterator[tuple[str, Lti]]:
     """Yield controllers of an order: the states left out, and these at rest."""
-    A, B, C = K.A[:order, :order], K.B[:order], K.C[:, :order]
-    yield "truncated", replace(K, A=A, B=B, C=C)
+    yield "truncated", replace(K, A=K.A[:order, :order], B=K.B[:order], C=K.C[:, :order])
     rest = K.A[order:, order:]
     if len(rest) and np.linalg.cond(rest) < _SINGULAR:
-        states = np.linalg.solve(rest, np.hstack([K.A[order:, :order], K.B[order:]]))
-        slow, direct = states[:, :order], states[:, order:]
-        side = K.A[:order, order:]
-        A, B = A - side @ slow, B - side @ direct
-        yield "residualised", replace(K, A=A, B=B, C=C - K.C[:, order:] @ slow, D=K.D - K.C[:, order:] @ direct)
+        yield "residualised", residualised(K, order)

@@ -12,7 +12,7 @@ from boomctl.analysis.norm import level_crossings
 from boomctl.boom import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import state_matrices
+from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel
 from tests.analysis.loop_cases import chain
 from tests.profiles import examples
@@ -42,7 +42,7 @@ def test_the_norm_of_random_systems_is_that_of_slicot_and_bounds_the_response(se
     assert certificate.certified
     assert certificate.lower == pytest.approx(control.linfnorm(system)[0], rel=1e-5)
     omega = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 400)])
-    assert singular_values(state_matrices(system).response(omega))[0].max() <= certificate.upper
+    assert singular_values(of(system).balanced().response(omega))[0].max() <= certificate.upper
 
 
 def test_infinite_norms_are_seen_and_hidden_modes_are_not():
@@ -61,7 +61,7 @@ def test_a_static_gain_and_a_zero_system_have_norms():
 
 
 def test_levels_below_the_norm_are_crossed_and_levels_above_are_not():
-    system = state_matrices(oscillator(0.05))
+    system = of(oscillator(0.05)).balanced()
     peak = hinf_norm(oscillator(0.05)).lower
     crossings, clear = level_crossings(system, 0.9 * peak)
     assert not clear
@@ -113,7 +113,7 @@ def test_unsymmetric_matrices_have_norms_too():
 def test_no_resonance_is_missed_however_light_its_damping(seed, damping):
     system = chain(seed, damping=damping).to_statespace()
     certificate, poles = hinf_norm(system), system.poles()
-    at_poles = singular_values(state_matrices(system).response(np.abs(poles.imag)))[0]
+    at_poles = singular_values(of(system).balanced().response(np.abs(poles.imag)))[0]
     assert certificate.certified
     assert at_poles.max() <= certificate.upper
     assert at_poles.max() >= 0.5 * certificate.lower

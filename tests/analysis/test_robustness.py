@@ -11,7 +11,7 @@ from boomctl.analysis.box.loop_pencil import closed_pencil
 from boomctl.analysis.loops import feedback_loop
 from boomctl.analysis.norm import hinf_norm
 from boomctl.boom import boom_family, yaw_family
-from boomctl.lti.system import state_matrices
+from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.families import AffineFamily
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
@@ -96,7 +96,7 @@ def test_the_pencil_has_the_loops_poles_filters_and_accelerations_included():
         inputs=names[0],
         outputs=names[1],
     )
-    mine = closed_pencil(model.select(names[1], names[0]), state_matrices(K)).poles
+    mine = closed_pencil(model.select(names[1], names[0]), of(K).balanced()).poles
     loop = np.linalg.eigvals(feedback_loop(model, K).A)
     other = list(loop)
     for pole in sorted(mine, key=abs):

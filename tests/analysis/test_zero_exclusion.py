@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis.box import zero_exclusion
-from boomctl.analysis.box.loop_pencil import Pencil
+from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.analysis.box.zero_exclusion import Cell, prove_cell
 from tests.profiles import examples
 
@@ -19,8 +19,10 @@ def pencils(seed, n=6, size=0.3):
         A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[-damping, omega], [-omega, -damping]]
     mixed = rng.standard_normal((n, n)) + 2.0 * np.eye(n)
     E = np.eye(n) + 0.05 * rng.standard_normal((n, n))
-    changes = [Pencil(0.02 * size * rng.standard_normal((n, n)), size * rng.standard_normal((n, n))) for _ in range(2)]
-    return Pencil(E @ mixed, E @ A @ mixed), tuple(Pencil(x.E @ mixed, x.A @ mixed) for x in changes)
+    changes = [
+        LoopPencil(0.02 * size * rng.standard_normal((n, n)), size * rng.standard_normal((n, n))) for _ in range(2)
+    ]
+    return LoopPencil(E @ mixed, E @ A @ mixed), tuple(LoopPencil(x.E @ mixed, x.A @ mixed) for x in changes)
 
 
 @given(st.integers(0, 10_000), st.floats(0.02, 1.5))
@@ -34,7 +36,7 @@ def test_what_is_proved_holds_at_every_point_tried(seed, reach):
     corners = reach * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
     for d in np.vstack([deltas, corners]):
         E, A = (getattr(centre, x) + sum(w * getattr(s, x) for w, s in zip(d, slopes, strict=True)) for x in "EA")
-        assert Pencil(E, A).abscissa < 0.0
+        assert LoopPencil(E, A).abscissa < 0.0
 
 
 @given(st.integers(0, 10_000))
@@ -75,8 +77,8 @@ def test_a_radius_is_called_below_one_only_if_it_is(seed, radius, n):
 
 
 def test_a_wide_cell_is_cut_where_a_pole_crosses_and_proved_where_none_does():
-    centre = Pencil(np.eye(2), np.array([[-0.1, 3.0], [-3.0, -0.1]]))
-    slopes = (Pencil(np.zeros((2, 2)), np.eye(2)),)
+    centre = LoopPencil(np.eye(2), np.array([[-0.1, 3.0], [-3.0, -0.1]]))
+    slopes = (LoopPencil(np.zeros((2, 2)), np.eye(2)),)
     assert prove_cell(centre, slopes, Cell(np.zeros(1), np.array([0.099]))).proved
     assert not prove_cell(centre, slopes, Cell(np.zeros(1), np.array([0.101]))).proved
 
@@ -86,7 +88,7 @@ def test_a_wide_cell_is_cut_where_a_pole_crosses_and_proved_where_none_does():
 def test_half_the_range_of_a_parameter_halves_its_share(seed, size):
     """Over half a range bounds are tighter; a parameter that changes nothing is never the one to cut."""
     centre, slopes = pencils(seed)
-    idle = Pencil(np.zeros((6, 6)), np.zeros((6, 6)))
+    idle = LoopPencil(np.zeros((6, 6)), np.zeros((6, 6)))
     cell = Cell(np.zeros(3), np.array([5.0, size, size]))
     modes = zero_exclusion._modes(centre, (idle, *slopes), cell)
     assert modes is not None
@@ -95,4 +97,4 @@ def test_half_the_range_of_a_parameter_halves_its_share(seed, size):
     assert (part <= whole * (1.0 + 1e-12)).all()
     assert (zero_exclusion._along(small, point) >= zero_exclusion._along(modes, point) - 1e-12).all()
     proof = prove_cell(centre, (idle, *slopes), cell)
-    assert proof.proved or proof.abscissa >= 0.0 or proof.axis != 0
+    assert proof.proved or not proof.stable or proof.axis != 0

@@ -5,10 +5,10 @@ import pytest
 
 from boomctl.benchmark.slew.peers import Effort, has_rockit, opti_fastest, opti_slew, rockit_slew
 from boomctl.benchmark.slew.run import ours
-from boomctl.rotating_beam import HubBeam, HubBeamParameters
+from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
 from boomctl.slew import optimal_slew
 
-EFFORT = Effort(HubBeam(HubBeamParameters(), "sfoam", 1), 0.8, 140.0, 2.8, 40)
+EFFORT = Effort(AssumedModesBeam(HubBeamParameters(), "sfoam", 1), 0.8, 140.0, 2.8, 40)
 
 
 @pytest.mark.parametrize(

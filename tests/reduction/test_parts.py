@@ -11,17 +11,16 @@ from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.gramians import band_integral, factors, gramian_residual
 from boomctl.lti.modal import diagonalized
-from boomctl.lti.system import Lti, state_matrices
-from boomctl.reduction.balanced import balance
-from boomctl.reduction.core import structure_core
-from boomctl.reduction.hankel import hankel_optimal
+from boomctl.lti.system import Lti, of
+from boomctl.reduction.core import core_of, structure_core
+from boomctl.reduction.reducers import HankelApproximation, balance
 from boomctl.reduction.verify import difference
 from tests.reduction.test_reduce import stable_system
 from tests.strategies import seeds
 
 
 def modal_of(seed):
-    modal = diagonalized(state_matrices(stable_system(seed)))
+    modal = diagonalized(of(stable_system(seed)).balanced())
     assert modal is not None
     return modal
 
@@ -51,7 +50,8 @@ def test_balanced_gramians_are_equal_and_diagonal(seed):
 def test_the_hankel_norm_of_the_error_is_the_first_value_that_goes(seed, order):
     modal = modal_of(seed)
     form = balance(modal.blocks, modal)
-    reduced, bound = hankel_optimal(form, order)
+    core = core_of(of(stable_system(seed)), 12)
+    reduced, bound = HankelApproximation(core.stable, core, None, 12).cut(order)
     assert len(reduced.A) == order
     gap = difference(modal.blocks, reduced)
     own = diagonalized(gap)
@@ -69,7 +69,7 @@ def test_repeated_hankel_values_across_the_cut_are_refused():
 def test_jordan_blocks_are_balanced_without_modal_coordinates():
     A = np.diag(-np.ones(4)) + np.diag(np.ones(3), 1)
     full = control.ss(A, np.eye(4)[:, 3:], np.eye(4)[:1], 0.0)
-    assert diagonalized(state_matrices(full)) is None
+    assert diagonalized(of(full).balanced()) is None
     red = bc.reduce(full, order=2)
     assert red.certificate.lower <= red.error_bound
     assert red.measured_error == pytest.approx(control.linfnorm(full - red.system)[0], rel=1e-4)
@@ -98,7 +98,7 @@ def test_truncated_modes_stay_within_their_bound(modes, excitation):
         assert core is None or len(core.kept.A) > 0
         return
     assert core is not None
-    whole = state_matrices(model.to_statespace())
+    whole = of(model.to_statespace()).balanced()
     omega = np.unique(np.concatenate([np.geomspace(0.05, 1e5, 500), bc.sigma(model).omega]))
     found = singular_values(whole.response(omega) - Lti(*_all(core)).response(omega))[0].max()
     assert found <= core.tail

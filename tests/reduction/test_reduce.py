@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import state_matrices
+from boomctl.lti.system import of
 from boomctl.reduction import ReductionError
 from tests.strategies import seeds
 
@@ -34,7 +34,7 @@ def stable_system(seed, most=12, inputs=2, outputs=3):
 
 
 def response(system, omega=GRID):
-    return state_matrices(system).response(omega)
+    return of(system).balanced().response(omega)
 
 
 def gap(full, reduced, omega=GRID):

@@ -7,7 +7,7 @@ from hypothesis import given
 import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import state_matrices
+from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel
 from tests.strategies import structures
 
@@ -37,7 +37,7 @@ def test_the_boom_keeps_its_names_and_comes_within_a_wanted_error(elements):
     assert red.measured_error <= 1.0
     omega = bc.sigma(model).omega
     full = np.asarray(model.frequency_response(omega).frdata)
-    shown = singular_values(full - state_matrices(red.system.to_statespace()).response(omega))[0]
+    shown = singular_values(full - of(red.system.to_statespace()).balanced().response(omega))[0]
     assert shown.max() <= red.measured_error
     worse = bc.reduce(model, order=red.order - 2, method="second-order")
     assert worse.measured_error > 1.0

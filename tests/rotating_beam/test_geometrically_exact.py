@@ -12,10 +12,13 @@ from boomctl.rotating_beam import free, hold, sine_torque, spin_up
 from boomctl.rotating_beam.exact.basis import strain_basis
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
-from boomctl.rotating_beam.exact.integrator import Drive, Trajectory, march
+from boomctl.rotating_beam.exact.integrator import Trajectory, march
 from boomctl.rotating_beam.exact.run import interpolate
 from tests.profiles import examples
 from tests.rotating_beam.exact_cases import BAI, LOADED, bent, states
+
+pytestmark = pytest.mark.early
+
 
 # -- discretisation ---------------------------------------------------------------------------------------------------
 
@@ -128,7 +131,7 @@ def test_energy_and_angular_momentum_are_kept_after_a_torque():
 def test_angular_momentum_is_kept_by_every_step(state):
     """However long the step and violent the motion: momentum is a linear invariant of the collocation."""
     dynamics = ExactBeamDynamics(strain_basis(BAI, 4))
-    run = march(dynamics, Drive(torque=np.zeros_like), 0.0, 0.02, 20, *state)
+    run = march(dynamics, free(), np.linspace(0.0, 0.02, 21), state)
     momentum = dynamics.momentum_and_force(run.q, run.v)[0][:, 0]
     assert np.ptp(momentum) < 1e-11 * np.max(np.abs(dynamics.rest_mass[0, 0] * run.v[:, 0]))
 
@@ -176,7 +179,7 @@ def test_collocation_has_order_eight():
     q, v = np.zeros(5), np.zeros(5)
     q[1:3], v[0] = (0.02, -0.02), 0.5
     q[3:] = GeometricallyExactBeam(BAI, 2).steady_state(0.5)[3:5]
-    ends = [march(dynamics, Drive(torque=np.zeros_like), 0.0, 1.2, n, q, v).q[-1, :3] for n in (12, 24, 768)]
+    ends = [march(dynamics, free(), np.linspace(0.0, 1.2, n + 1), (q, v)).q[-1, :3] for n in (12, 24, 768)]
     coarse, fine = (np.max(np.abs(end - ends[-1])) for end in ends[:2])
     assert coarse / fine > 2**7
 

@@ -21,14 +21,15 @@ from boomctl.rotating_beam import (
     torque,
 )
 from boomctl.rotating_beam.modal.frequencies import steady_rotation
-from boomctl.rotating_beam.modal.linearization import state_derivative
 from boomctl.rotating_beam.motion.collocation import march
 from boomctl.rotating_beam.motion.modal_collocation import modal_march
-from boomctl.rotating_beam.motion.prescribed import PrescribedProblem
+from boomctl.rotating_beam.motion.problems import PrescribedProblem
 from boomctl.rotating_beam.motion.refinement import halved
 from tests.profiles import examples
 from tests.rotating_beam import references
 from tests.rotating_beam.strategies import ALL_MODELS, parameters
+
+pytestmark = pytest.mark.early
 
 BAI = HubBeamParameters()
 SLENDER = HubBeamParameters(
@@ -87,7 +88,7 @@ def test_simulator_equals_an_explicit_integrator(model):
     manoeuvre = sine_torque(40.0, 0.16, 0.16)
     result = beam.simulate(manoeuvre, t, rtol=1e-9, atol=1e-12)
     other = solve_ivp(
-        lambda t, x: state_derivative(beam.equations, x, float(manoeuvre.torque(t))),
+        lambda t, x: beam.equations.state_derivative(x, float(manoeuvre.torque(t))),
         (0.0, 0.2), np.zeros(2 * beam.equations.size), "DOP853", t, rtol=1e-10, atol=1e-13, max_step=0.1,
     )  # fmt: skip
     tip = beam.equations.tip.transverse @ other.y[1 : beam.equations.size]
@@ -157,7 +158,7 @@ def test_exact_vibrations_equal_plain_collocation(p, speed, phases, modes):
     rest = np.full(modes, 1e-3 * p.length), np.zeros(modes)
     modal = converged(beam, motion, np.linspace(0.0, duration, 6), rest, 3e-8)
     steps = np.linspace(0.0, duration, 40 * modes**2 * math.ceil(phases))
-    plain = march(PrescribedProblem(beam.equations, motion), gauss_method(8), steps, rest, None, 1e-9, 64)
+    plain = march(PrescribedProblem(beam.equations, motion), gauss_method(8), steps, rest, None, 1e-9)
     t = np.linspace(0.0, duration, 77)
     for one, other in zip(modal(t), plain(t), strict=True):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())

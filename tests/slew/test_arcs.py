@@ -22,6 +22,8 @@ from boomctl.slew.torque import bang_bang
 from tests.profiles import examples
 from tests.slew.systems import two_masses
 
+pytestmark = pytest.mark.early
+
 LOADED = bc.HubBeamParameters(tip_mass=0.1)
 
 

@@ -12,6 +12,8 @@ from boomctl.slew import mesh_study, resolve, track
 from tests.profiles import examples
 from tests.slew.systems import rigid
 
+pytestmark = pytest.mark.early
+
 ANGLE, LIMIT = np.pi / 2, 200.0
 
 

@@ -14,6 +14,8 @@ from boomctl.slew.problem import Limits, slew_problem
 from tests.profiles import examples
 from tests.slew.systems import rigid, two_masses, two_masses_exact
 
+pytestmark = pytest.mark.early
+
 angles = st.floats(0.05, 3.0)
 torques = st.floats(20.0, 400.0)
 

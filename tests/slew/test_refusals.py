@@ -9,6 +9,8 @@ import pytest
 import boomctl as bc
 from tests.slew.systems import rigid, two_masses
 
+pytestmark = pytest.mark.early
+
 
 @pytest.mark.parametrize(
     ("change", "words"),
@@ -33,7 +35,7 @@ def test_rigid_bound_is_sharp():
     assert bc.optimal_slew(rigid(241.0), 1.0, 100.0, "effort", 1.01 * least, intervals=100).end_error < 1e-6
 
 
-@pytest.mark.parametrize("method", ["collocation", "radau", "shooting"])
+@pytest.mark.parametrize("method", ["collocation", pytest.param("radau", marks=pytest.mark.slow), "shooting"])
 @pytest.mark.parametrize(
     ("name", "value", "duration"),
     [

@@ -64,15 +64,16 @@ def test_comparison_ranks_as_the_theory_says(modes):
     assert comparison.plot().axes
 
 
-def test_tracking_holds_another_payload():
-    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2)
-    slew = bc.optimal_slew(h, np.pi / 2, 200.0, "effort", 3.6, method="shooting", intervals=40)
+@pytest.mark.parametrize("modes", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_tracking_holds_another_payload(modes):
+    h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=modes)
+    slew = bc.optimal_slew(h, np.pi / 2, 200.0, "effort", 3.6, method="shooting", intervals=60)
     same, other = track(slew, 0.1), track(slew, 0.3)
     assert same.final_angle_error < 1e-3
     assert same.tip_swing < 1e-3
     assert other.final_angle_error < 0.05 * other.open_final_angle_error
     assert other.tip_swing < 0.05 * other.open_tip_swing
-    assert other.gains.shape[1] == 6
+    assert other.gains.shape[1] == 2 * modes + 2
     assert np.abs(other.torque).max() <= 1.5 * 200.0
     assert other.plot().axes
     assert slew.plot().axes

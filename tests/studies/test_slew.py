@@ -2,13 +2,13 @@
 
 import json
 import re
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 
-from boomctl.rotating_beam import HubBeam, HubBeamParameters
+from boomctl.report import Report
+from boomctl.rotating_beam import HubBeamParameters, hub_beam
 from boomctl.slew import MeshStudy, optimal_slew
 from boomctl.slew.nlp.mesh_study import MeshLine
 from boomctl.studies.slew import SlewDesign, sections
@@ -30,7 +30,7 @@ def short_films():
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory):
     """The results of a plan, the folder its report was written to, and numbers and report there."""
-    folder, beam = tmp_path_factory.mktemp("slew"), HubBeam(HubBeamParameters(), "sfoam", 1)
+    folder, beam = tmp_path_factory.mktemp("slew"), hub_beam(HubBeamParameters(), "sfoam", 1)
     report = evaluated_plan(beam, angle=0.6, torque_limit=120.0, meshes=(20, 40)).report()
     report.write(folder)
     stored = json.loads((folder / "results.json").read_text(encoding="utf-8"))
@@ -69,22 +69,27 @@ def test_the_report_shows_the_error_over_meshes(reported):
         assert re.search(f"<td class=l>{line['name']}</td>.*<td>{order}</td><td>{line['theory']:.0f}</td>", section)
 
 
-def test_report_without_meshes_and_with_gaps():
-    beam = HubBeam(HubBeamParameters(), "sfoam", 1)
+@pytest.mark.slow
+def test_a_report_without_meshes_and_switching_times():
+    beam = hub_beam(HubBeamParameters(), "sfoam", 1)
     slew = optimal_slew(beam, 0.6, 120.0, "effort", 2.6, method="shooting", intervals=40)
     evaluation = SlewDesign("slew", "A slew", beam, {"minimum effort": slew}).evaluate()
     html = evaluation.report().html
     assert "Minimum effort" in html
     assert "Error against mesh size" not in html
+
+
+def test_a_mesh_without_solution_is_a_gap_in_the_table():
     line = MeshLine("end state", np.array([np.nan, 1e-3]), np.nan, 4.0)
-    html = replace(evaluation, meshes=MeshStudy(2.6, np.array([20, 40]), (line,))).report().html
+    section = sections.mesh_section(MeshStudy(2.6, np.array([20, 40]), (line,)))
+    html = Report("errors", (), (section,), {}).html
     assert "end state (20)" in html
     assert "<td>–</td><td>1.0·10⁻³</td><td>not seen</td><td>4</td>" in html
 
 
 @pytest.mark.parametrize(("modes", "duration"), [(1, 0.5), (1, 3.0), (3, 3.0), (8, 3.0)])
 def test_meshes_follow_the_fastest_vibration_and_stay_cheap(modes, duration):
-    beam = HubBeam(HubBeamParameters(), "sfoam", modes)
+    beam = hub_beam(HubBeamParameters(), "sfoam", modes)
     first, second, third = default_meshes(beam, duration)
     assert (second, third) == (2 * first, 4 * first)
     assert 20 <= first <= 100

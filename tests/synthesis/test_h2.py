@@ -154,8 +154,8 @@ def oscillator(B, C):
 @pytest.mark.parametrize(
     ("B", "C", "message"),
     [
-        ((1, 0, 0), (1, 0, 1), r"stabilisable.*\(u\).* 3 rad/s"),
-        ((1, 0, 1), (1, 0, 0), r"detectable.*\(y\).* 3 rad/s"),
+        ((1, 0, 0), (1, 0, 1), r"stabilisable.* 3 rad/s.* by u"),
+        ((1, 0, 1), (1, 0, 0), r"detectable.* 3 rad/s.* by y"),
         ((1, 0, 1), (0, 0, 1), r"controls \(u\).* 3 rad/s"),
         ((0, 0, 1), (1, 0, 1), r"disturbances \(track, noise\).* 3 rad/s"),
     ],

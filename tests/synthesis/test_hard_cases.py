@@ -64,8 +64,8 @@ def test_undamped_modes_within_reach():
 @pytest.mark.parametrize(
     ("drives", "shown", "match"),
     [
-        ((1, 1, 1, 0), (1, 1, 1, 1), r"not stabilisable: no control \(u\).*undamped mode at 3 rad/s.*'fast"),
-        ((1, 1, 1, 1), (1, 1, 1, 0), r"not detectable: no measurement \(y\).*undamped mode at 3 rad/s.*'fast"),
+        ((1, 1, 1, 0), (1, 1, 1, 1), r"not stabilisable: the mode at 3 rad/s \(damping 0 %.*'fast.* moved by u"),
+        ((1, 1, 1, 1), (1, 1, 1, 0), r"not detectable: the mode at 3 rad/s \(damping 0 %.*'fast.* seen by y"),
         ((1, 1, 1, 1), (1, 0, 1, 1), r"controls \(u\) to the performance.*at 3 rad/s.*zero.*'fast"),
         ((1, 1, 0, 1), (1, 1, 1, 1), r"disturbances \(w_d, n_y\) to the measurements \(y\).*at 3 rad/s.*zero.*'fast"),
         ((0, 1, 1, 1), (1, 1, 0, 1), r"not detectable.*at 2 rad/s.*'slow"),
@@ -81,7 +81,7 @@ def test_an_integrator_as_weight_is_found_in_a_plant_made_by_hand():
         [[-1.0, 0.0], [1.0, 0.0]], [[1, 0, 1], [0, 0, 0]], [[0, 1], [0, 0], [1, 0]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
         states=["plant", "weight"],
     )  # fmt: skip
-    with pytest.raises(bc.SynthesisError, match=r"not detectable.*integrating mode.*'weight'"):
+    with pytest.raises(bc.SynthesisError, match=r"not detectable.*integrating.*'weight'"):
         bc.h_infinity(P, 1, 1)
 
 

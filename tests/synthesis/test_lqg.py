@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.lti.system import Lti, lower_lft, state_matrices
+from boomctl.lti.system import Lti, lower_lft, of
 from boomctl.synthesis.lq.output_feedback import observer, quadratic_norm
 from boomctl.synthesis.plants.partition import partition
 from tests.profiles import examples
@@ -148,8 +148,8 @@ def test_the_closed_loop_is_the_plant_joined_with_the_controller():
     )
     # states balanced: python-control's own evaluation keeps only six digits of a controller with gains of 1e5
     omega = np.array([0.5, 1.54, 17.5])
-    expected = state_matrices(design.closed_loop).response(omega)
-    assert state_matrices(whole).response(omega) == pytest.approx(expected, rel=1e-6, abs=1e-8)
+    expected = of(design.closed_loop).balanced().response(omega)
+    assert of(whole).balanced().response(omega) == pytest.approx(expected, rel=1e-6, abs=1e-8)
 
 
 def test_the_fine_boom_costs_what_the_coarse_one_does():

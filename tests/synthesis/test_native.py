@@ -119,6 +119,10 @@ def test_a_native_solver_out_of_order_does_not_stop_synthesis(monkeypatch):
     design = bc.h_infinity(weighed(resonators(3, 0.01, 2)), 1, 1)
     assert design.certificate.solver == "two Riccati equations"
     assert design.gamma <= 1.01 * design.certificate.lower
+    first, *_, last = design.certificate.path
+    assert first.startswith("SLICOT SB10FD at gamma = ")
+    assert first.endswith(": out of order")
+    assert last == f"two Riccati equations at gamma = {design.certificate.level:.6g}: passed"
 
 
 def test_a_process_that_cannot_start_does_not_stop_synthesis(monkeypatch):

@@ -117,3 +117,11 @@ def test_h2_norms_in_closed_form():
     unstable = Lti(-lag.A, lag.B, lag.C, lag.D)
     direct = Lti(lag.A, lag.B, lag.C, np.ones((1, 1)))
     assert quadratic_norm(unstable).value == quadratic_norm(direct).value == np.inf
+
+
+def test_the_certificate_says_which_way_was_taken():
+    one = np.eye(1)
+    mode = RiccatiProblem(np.array([[0.0, 1.0], [-4.0, -0.1]]), np.eye(2)[:, 1:], np.eye(2), one, np.zeros((2, 1)))
+    chain = RiccatiProblem(np.array([[0.0, 1.0], [0.0, 0.0]]), np.eye(2)[:, 1:], np.eye(2), one, np.zeros((2, 1)))
+    assert solve_riccati(mode).certificate.path == ("modal coordinates: SLICOT SB02MD",)
+    assert solve_riccati(chain).certificate.path == ("modal coordinates: none", "balanced coordinates: SLICOT SB02MD")

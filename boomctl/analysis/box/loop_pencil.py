@@ -4,11 +4,13 @@ A state-space form would need the inverse of the mass matrix, and would lose tha
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti
 from boomctl.structure.matrices import dense
 from boomctl.structure.model import SecondOrderModel
@@ -16,13 +18,13 @@ from boomctl.structure.ports import FILTER_DAMPING
 
 
 @dataclass(frozen=True)
-class Pencil:
+class LoopPencil:
     """``E x' = A x``."""
 
     E: Array
     A: Array
 
-    @property
+    @cached_property
     def poles(self) -> Array:
         """Its eigenvalues [rad/s]; infinite ones where ``E`` is singular."""
         try:
@@ -31,12 +33,17 @@ class Pencil:
             return np.array([complex(np.inf)])
 
     @property
+    def stable(self) -> bool:
+        """Whether all of its eigenvalues decay; undamped ones do not."""
+        return bool((side_of_axis(self.poles) < 0).all())
+
+    @property
     def abscissa(self) -> float:
         """Largest real part of its eigenvalues; negative if the loop is stable."""
         return float(self.poles.real.max())
 
 
-def closed_pencil(model: SecondOrderModel, controller: Lti) -> Pencil:
+def closed_pencil(model: SecondOrderModel, controller: Lti) -> LoopPencil:
     """Return the loop ``u = K y`` with the model's inputs and outputs in the order of the controller's.
 
     States are coordinates, velocities, two of each output's filter, and those of the controller.
@@ -74,4 +81,4 @@ def closed_pencil(model: SecondOrderModel, controller: Lti) -> Pencil:
     for rows, gain in ((acting, ports.B[0] @ controller.D), (own, controller.B)):
         A[rows] += gain @ reading
         E[rows] -= gain @ rate
-    return Pencil(E, A)
+    return LoopPencil(E, A)

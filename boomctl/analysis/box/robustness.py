@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.box.loop_pencil import Pencil, closed_pencil
+from boomctl.analysis.box.loop_pencil import LoopPencil, closed_pencil
 from boomctl.analysis.box.zero_exclusion import Cell, prove_cell
-from boomctl.analysis.loops import controller_of, feedback_loop
-from boomctl.analysis.norm import NormCertificate, hinf_norm
+from boomctl.analysis.loops import joined, signals_of
+from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.arrays import Array
-from boomctl.checks import known, names, positive, whole
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.checks import positive, whole
+from boomctl.lti.system import of
 from boomctl.printing import sentence
 from boomctl.structure.families import AffineFamily
 
@@ -22,9 +22,12 @@ if TYPE_CHECKING:
 
     import control
 
-_CELLS = 500
-_MARGIN_CELLS = 100
-_STEPS = (0.5, 0.25, 0.125, 0.0625)
+_CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
+_MARGIN_CELLS = 100  # most cells of each of the proofs of a margin (a choice)
+_STEPS = (0.5, 0.25, 0.125, 0.0625)  # of a pattern search, in half-widths of the box (a choice)
+_BETTER = 1e-9  # by how much a point must be worse than the worst so far, relative, to be gone to: more than rounding
+_PROOFS = 12  # at most, of a margin
+_FINER = 0.1  # share of the tolerance to which the factor of known instability is narrowed down, before proofs begin
 
 
 def _listed(values: dict[str, float]) -> str:
@@ -138,32 +141,30 @@ class WorstCase:
 
 
 @dataclass(frozen=True)
-class _Pencils:
-    centre: Pencil
-    slopes: tuple[Pencil, ...]
+class _Loops:
+    """The closed loop over a box of parameters, ``-1 <= delta <= 1``, affine in them."""
 
-    def at(self, delta: Array) -> Pencil:
+    centre: LoopPencil
+    slopes: tuple[LoopPencil, ...]
+
+    def at(self, delta: Array) -> LoopPencil:
         E = self.centre.E + np.tensordot(delta, np.array([s.E for s in self.slopes]), 1)
         A = self.centre.A + np.tensordot(delta, np.array([s.A for s in self.slopes]), 1)
-        return Pencil(E, A)
+        return LoopPencil(E, A)
+
+    def most_unstable(self, factor: float) -> tuple[Array, float]:
+        """Return the point of the box with the largest real part of a pole, by corners, faces and a pattern search."""
+        return _pattern_search(lambda delta: self.at(delta).abscissa, len(self.slopes), factor)[:2]
 
 
-def _pencils(family: AffineFamily, controller: "control.StateSpace") -> _Pencils:
+def _loops(family: AffineFamily, controller: "control.StateSpace") -> _Loops:
     if not isinstance(family, AffineFamily):
         raise TypeError(f"family: expected AffineFamily, got {type(family).__name__}")
-    K, model = controller_of(controller), family.centre
-    for label in K.input_labels:
-        known("plant output (it is an input of the controller)", label, model.outputs)
-    for label in K.output_labels:
-        known("plant input (it is an output of the controller)", label, model.inputs)
-    matrices: Lti = state_matrices(K)
-
-    def at(delta: Array) -> Pencil:
-        return closed_pencil(family.at(delta).select(K.output_labels, K.input_labels), matrices)
-
-    centre = at(np.zeros(family.size))
-    ends = [at(unit) for unit in np.eye(family.size)]
-    return _Pencils(centre, tuple(Pencil(end.E - centre.E, end.A - centre.A) for end in ends))
+    K = of(controller, "controller", "StateSpace").balanced()
+    signals_of(K, family.centre.inputs, family.centre.outputs)
+    deltas = [np.zeros(family.size), *np.eye(family.size)]
+    centre, *ends = (closed_pencil(family.at(delta).select(K.outputs, K.inputs), K) for delta in deltas)
+    return _Loops(centre, tuple(LoopPencil(end.E - centre.E, end.A - centre.A) for end in ends))
 
 
 def robust_stability(
@@ -188,29 +189,24 @@ def robust_stability(
         Other kinds of system; names that do not meet; controls that impose motion.
     """
     limit = whole("max_cells", max_cells)
-    pencils = _pencils(family, controller)
-    return _searched(family, pencils, 1.0, limit)
-
-
-def _searched(family: AffineFamily, pencils: _Pencils, factor: float, limit: int) -> RobustStability:
-    delta, abscissa = _most_unstable(pencils, factor)
-    if abscissa >= 0.0:
-        return RobustStability(False, family.values(delta), 0, abscissa, family.values(delta))
-    proved, cells, bad = _covered(pencils, factor, limit)
+    loops = _loops(family, controller)
+    worst, abscissa = loops.most_unstable(1.0)
+    if not loops.at(worst).stable:
+        return RobustStability(False, family.values(worst), 0, abscissa, family.values(worst))
+    proved, cells, bad = _covered(loops, 1.0, limit)
     if bad is not None:
-        value = pencils.at(bad).abscissa
-        return RobustStability(False, family.values(bad), cells, value, family.values(bad))
-    return RobustStability(proved, None, cells, abscissa, family.values(delta))
+        return RobustStability(False, family.values(bad), cells, loops.at(bad).abscissa, family.values(bad))
+    return RobustStability(proved, None, cells, abscissa, family.values(worst))
 
 
-def _covered(pencils: _Pencils, factor: float, limit: int) -> tuple[bool, int, Array | None]:
+def _covered(loops: _Loops, factor: float, limit: int) -> tuple[bool, int, Array | None]:
     """Return whether the box is covered by proved cells, their number, and an unstable point if one was met."""
-    size = len(pencils.slopes)
+    size = len(loops.slopes)
     waiting, cells = [Cell(np.zeros(size), np.full(size, factor))], 0
     while waiting:
         cell = waiting.pop()
-        found = prove_cell(pencils.centre, pencils.slopes, cell)
-        if found.abscissa >= 0.0:
+        found = prove_cell(loops.centre, loops.slopes, cell)
+        if not found.stable:
             return False, cells, cell.middle
         if found.proved:
             cells += 1
@@ -219,11 +215,6 @@ def _covered(pencils: _Pencils, factor: float, limit: int) -> tuple[bool, int, A
         else:
             waiting += cell.halves(found.axis)
     return True, cells, None
-
-
-def _most_unstable(pencils: _Pencils, factor: float) -> tuple[Array, float]:
-    """Return the point of the box with the largest real part of a pole, by corners, faces and a pattern search."""
-    return _pattern_search(lambda delta: pencils.at(delta).abscissa, len(pencils.slopes), factor)[:2]
 
 
 def _pattern_search(value: "Callable[[Array], float]", size: int, factor: float) -> tuple[Array, float, int]:
@@ -243,7 +234,7 @@ def _pattern_search(value: "Callable[[Array], float]", size: int, factor: float)
                     continue
                 tried += 1
                 found = value(point)
-                if found > top * (1.0 + 1e-9 * np.sign(top)):
+                if found > top * (1.0 + _BETTER * np.sign(top)):
                     at, top, moved = point, found, found < inf
     return at, top, tried
 
@@ -269,14 +260,14 @@ def structured_margin(
         Wanted relative distance of the two bounds.
     """
     top, close, limit = positive("largest", largest), positive("tolerance", tolerance), whole("max_cells", max_cells)
-    pencils = _pencils(family, controller)
-    if pencils.centre.abscissa >= 0.0:
+    loops = _loops(family, controller)
+    if not loops.centre.stable:
         return StructuredMargin(0.0, 0.0, family.values(np.zeros(family.size)))
-    bad, where = _unstable_factor(pencils, top, close)
+    bad, where = _unstable_factor(loops, top, close)
     good, ceiling = 0.0, min(bad, top)
     tried = ceiling * (1.0 - 0.5 * close) if bad < inf else ceiling
-    for _ in range(12):
-        proved, _, point = _covered(pencils, tried, limit)
+    for _ in range(_PROOFS):
+        proved, _, point = _covered(loops, tried, limit)
         if point is not None:
             bad, where = float(np.abs(point).max()), point
         good, ceiling = (tried, ceiling) if proved else (good, tried)
@@ -286,22 +277,20 @@ def structured_margin(
     return StructuredMargin(good, bad, None if where is None else family.values(where))
 
 
-def _unstable_factor(pencils: _Pencils, top: float, close: float) -> tuple[float, Array | None]:
+def _unstable_factor(loops: _Loops, top: float, close: float) -> tuple[float, Array | None]:
     """Return the smallest factor found at which a point of the box is unstable."""
-    at, abscissa = _most_unstable(pencils, top)
-    if abscissa < 0.0:
+    where, _ = loops.most_unstable(top)
+    if loops.at(where).stable:
         return inf, None
-    good, bad, where = 0.0, float(np.abs(at).max()), at
-    while bad - good > 0.1 * close * bad:
+    good, bad = 0.0, float(np.abs(where).max())
+    while bad - good > _FINER * close * bad:
         middle = 0.5 * (good + bad)
-        at, abscissa = _most_unstable(pencils, middle)
         along = where * middle / np.abs(where).max()
-        if abscissa < 0.0 <= pencils.at(along).abscissa:
-            at, abscissa = along, 0.0
-        if abscissa >= 0.0:
-            bad, where = min(middle, float(np.abs(at).max())), at
-        else:
+        unstable = next((at for at in (loops.most_unstable(middle)[0], along) if not loops.at(at).stable), None)
+        if unstable is None:
             good = middle
+        else:
+            bad, where = min(middle, float(np.abs(unstable).max())), unstable
     return bad, where
 
 
@@ -323,13 +312,11 @@ def worst_case(
         Between which signals of the closed loop (:func:`boomctl.feedback_loop`); by default from all disturbances to
         all outputs of the family.
     """
-    _pencils(family, controller)
+    _loops(family, controller)
 
     def at(delta: Array) -> NormCertificate:
-        loop = feedback_loop(family.at(delta), controller)
-        ins = names("input", inputs, loop.input_labels)
-        outs = names("output", family.centre.outputs if outputs is None else outputs, loop.output_labels)
-        return hinf_norm(loop[list(outs), list(ins)])
+        loop = joined(family.at(delta), controller).closed()
+        return matrices_norm(loop.select(inputs, family.centre.outputs if outputs is None else outputs).balanced())
 
     delta, _, tried = _pattern_search(lambda point: at(point).lower, family.size, 1.0)
     return WorstCase(at(delta), family.values(delta), at(np.zeros(family.size)), tried)

@@ -20,19 +20,26 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from boomctl.analysis.box.loop_pencil import Pencil
+from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.arrays import Array
 
-_DIRECTIONS = np.exp(-0.25j * np.pi * np.arange(8))
-_TURN = 0.5
-_WIDTHS = np.array([-27.0, -3.0, 3.0, 27.0])
-_DEPTH = 5
-_PARTS = 4
-_SWEEPS = (4, 20)
-_BATCH = 2**17
-_ROUNDING = 32.0 * np.finfo(float).eps
-_BELOW = 1.0 - 1e-10
-_ASKED = 4
+_DIRECTIONS = np.exp(
+    -0.25j * np.pi * np.arange(8)
+)  # in which a diagonal may stay from zero: within 8 % of the best (cos 22.5)
+_TURN = 0.5  # most that eigenvectors follow a parameter across its range: beyond, first order is no help (a choice)
+_WIDTHS = np.array(
+    [-27.0, -3.0, 3.0, 27.0]
+)  # of a resonance, in half-widths, at which intervals are cut first (a choice)
+_TOP = 4.0  # where the last interval begins, relative to the fastest pole: from there on nothing resonates (a choice)
+_DEPTH = 5  # how often intervals that fail are cut (a choice)
+_PARTS = 4  # into how many
+_SWEEPS = (4, 20)  # of the power iteration: after how many what is shown is left out, and how many at most (a choice)
+_BATCH = 2**17  # entries of the matrices handled at once: what stays in the cache
+_ROUNDING = 32.0 * np.finfo(float).eps  # of sums of products of a few terms each
+_BELOW = 1.0 - 1e-10  # below one by more than the rounding of a matrix times a vector
+_LEAST = 1e-12  # smallest entry of the vector, relative: without it, entries could vanish
+_CLOSE = 1e-4  # share of the narrowest half-width that no interval is narrower than, so that none is empty
+_ASKED = 4  # of the hardest frequencies, whose spectral radius is computed (a choice)
 
 
 @dataclass(frozen=True)
@@ -56,15 +63,15 @@ class CellProof:
 
     Attributes
     ----------
-    abscissa : float
-        Largest real part of the poles at its middle.
+    stable : bool
+        Whether all poles decay at its middle.
     proved : bool
         Whether no pole touches the imaginary axis anywhere in the cell.
     axis : int
         The parameter that couples modes most, to be halved next.
     """
 
-    abscissa: float
+    stable: bool
     proved: bool
     axis: int
 
@@ -102,17 +109,16 @@ class _Modes:
         return E, A
 
 
-def prove_cell(centre: Pencil, slopes: tuple[Pencil, ...], cell: Cell) -> CellProof:
+def prove_cell(centre: LoopPencil, slopes: tuple[LoopPencil, ...], cell: Cell) -> CellProof:
     """Try to prove that the poles stay on their side of the imaginary axis throughout a cell."""
     E = centre.E + sum(d * s.E for d, s in zip(cell.middle, slopes, strict=True))
     A = centre.A + sum(d * s.A for d, s in zip(cell.middle, slopes, strict=True))
-    here = Pencil(np.asarray(E), np.asarray(A))
-    abscissa = here.abscissa
-    modes = None if abscissa >= 0.0 else _modes(here, slopes, cell)
+    here = LoopPencil(np.asarray(E), np.asarray(A))
+    modes = _modes(here, slopes, cell) if here.stable else None
     if modes is None:
-        return CellProof(abscissa, False, int(np.argmax(cell.reach)))
+        return CellProof(here.stable, False, int(np.argmax(cell.reach)))
     worst = _hardest(modes)
-    return CellProof(abscissa, worst is None, 0 if worst is None else _decisive(modes, worst))
+    return CellProof(True, worst is None, 0 if worst is None else _decisive(modes, worst))
 
 
 def _decisive(modes: _Modes, point: Array) -> int:
@@ -131,7 +137,7 @@ def _decisive(modes: _Modes, point: Array) -> int:
     return min(found)[2]
 
 
-def _modes(here: Pencil, slopes: tuple[Pencil, ...], cell: Cell) -> _Modes | None:
+def _modes(here: LoopPencil, slopes: tuple[LoopPencil, ...], cell: Cell) -> _Modes | None:
     state = np.linalg.solve(here.E, here.A)
     balanced, (scale, _) = linalg.matrix_balance(state, permute=False, separate=True)
     poles, V = linalg.eig(balanced)  # type: ignore[misc]
@@ -226,9 +232,9 @@ def _breaks(modes: _Modes) -> Array:
     width = np.abs(modes.poles.real)
     offsets = np.sign(_WIDTHS) * drift[:, None] + width[:, None] * _WIDTHS
     ends = (modes.poles.imag[:, None] + offsets).ravel()
-    top = 4.0 * float(np.abs(modes.poles).max())
+    top = _TOP * float(np.abs(modes.poles).max())
     ends = np.sort(ends[(ends > 0.0) & (ends < top)])
-    gap = 1e-4 * float(width.min())
+    gap = _CLOSE * float(width.min())
     kept = ends[np.concatenate([[True], np.diff(ends) > gap])] if len(ends) else ends
     return np.concatenate([[0.0], kept, [top]])
 
@@ -311,7 +317,7 @@ def _below_one(H: Array) -> NDArray[np.bool_]:
         y = H @ x
         good = (y < _BELOW * x).all(axis=(1, 2))
         x = np.sqrt(x * np.maximum(y, np.finfo(float).tiny))
-        x = np.maximum(x / x.max(axis=1, keepdims=True), 1e-12)
+        x = np.maximum(x / x.max(axis=1, keepdims=True), _LEAST)
         shown[rest[good]] = True
         if good.all() or (sweep % _SWEEPS[0] == 0 and good.any()):
             rest, H, x = rest[~good], H[~good], x[~good]

@@ -5,9 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.rotating_beam import HubBeam
+from boomctl.rotating_beam import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
-from boomctl.rotating_beam.modal.linearization import state_derivative
 
 SPIN_UP = SpinUp(2.8, 30.0)  # rad/s, s: of Bai et al. (2009), Fig. 5, near the critical speed of TLAM
 TORQUE = SineTorque(200.0, 10.0, 10.0)  # N m, s, s: of Fig. 8
@@ -17,7 +16,7 @@ Motion = Callable[[], Array]
 """Returns the tip's displacement at all `INSTANTS`, m."""
 
 
-def scipy_spin_up(beam: HubBeam, method: str) -> Callable[[float], Motion]:
+def scipy_spin_up(beam: AssumedModesBeam, method: str) -> Callable[[float], Motion]:
     """Return what makes a spin-up in one of ``solve_ivp``'s methods of a relative tolerance."""
     from scipy.integrate import solve_ivp
 
@@ -44,7 +43,7 @@ def scipy_spin_up(beam: HubBeam, method: str) -> Callable[[float], Motion]:
     return build
 
 
-def casadi_spin_up(beam: HubBeam, method: str) -> Callable[[float], Motion]:
+def casadi_spin_up(beam: AssumedModesBeam, method: str) -> Callable[[float], Motion]:
     """Return what makes a spin-up in one of CasADi's integrators of a relative tolerance."""
     import casadi as ca
 
@@ -70,14 +69,14 @@ def casadi_spin_up(beam: HubBeam, method: str) -> Callable[[float], Motion]:
     return build
 
 
-def scipy_torque(beam: HubBeam, manoeuvre: SineTorque) -> Callable[[float], Motion]:
+def scipy_torque(beam: AssumedModesBeam, manoeuvre: SineTorque) -> Callable[[float], Motion]:
     """Return what makes a torque-driven motion in ``solve_ivp``'s DOP853 of a relative tolerance."""
     from scipy.integrate import solve_ivp
 
     size = beam.equations.size
 
     def derivative(t: float, x: Array) -> Array:
-        return state_derivative(beam.equations, x, float(manoeuvre.torque(t)))
+        return beam.equations.state_derivative(x, float(manoeuvre.torque(t)))
 
     def build(tolerance: float) -> Motion:
         def motion() -> Array:
@@ -90,7 +89,7 @@ def scipy_torque(beam: HubBeam, manoeuvre: SineTorque) -> Callable[[float], Moti
     return build
 
 
-def casadi_torque(beam: HubBeam, manoeuvre: SineTorque) -> Callable[[float], Motion]:
+def casadi_torque(beam: AssumedModesBeam, manoeuvre: SineTorque) -> Callable[[float], Motion]:
     """Return what makes a torque-driven motion in CasADi's IDAS of a relative tolerance."""
     import casadi as ca
 

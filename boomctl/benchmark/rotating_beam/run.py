@@ -21,7 +21,7 @@ from boomctl.benchmark.rotating_beam.peers import (
     scipy_torque,
 )
 from boomctl.benchmark.timing import Job, in_turns, interleaved
-from boomctl.rotating_beam import HubBeam, HubBeamParameters, hub_beam
+from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters, hub_beam
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
 
 LADDER = tuple(
@@ -188,7 +188,7 @@ def _loosest(build: Callable[[float], Motion], judge: Judge, wanted: float, ladd
 
 
 def _spin_up_entries(full: bool) -> dict[str, _Entry]:
-    beam = HubBeam(HubBeamParameters(), "sfoam", 5)
+    beam = AssumedModesBeam(HubBeamParameters(), "sfoam", 5)
     exact = beam.simulate(SPIN_UP, INSTANTS, rtol=1e-12, atol=1e-15).tip_displacement
     whole = _judge(exact, INSTANTS >= 0.0)
     residual = _judge(exact, INSTANTS - SPIN_UP.duration > 0.0)
@@ -211,11 +211,11 @@ def _spin_up_entries(full: bool) -> dict[str, _Entry]:
 def _torque_entries(full: bool) -> dict[str, _Entry]:
     entries = {}
     for model in ("SFOAM", "FOAM"):
-        beam = HubBeam(HubBeamParameters(), model.lower(), 5)
+        beam = AssumedModesBeam(HubBeamParameters(), model.lower(), 5)
         exact = beam.simulate(TORQUE, INSTANTS, rtol=1e-10, atol=1e-13).tip_displacement
         judge = _judge(exact, INSTANTS >= 0.0)
 
-        def ours(beam: HubBeam = beam) -> Array:
+        def ours(beam: AssumedModesBeam = beam) -> Array:
             return beam.simulate(TORQUE, INSTANTS, rtol=_ERROR, atol=1e-13).tip_displacement
 
         entries[model] = _Entry(ours, judge)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.rotating_beam import HubBeam
+from boomctl.rotating_beam import AssumedModesBeam
 
 # IPOPT's options: silent, and solved until the objective no longer limits what errors are compared
 _QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
@@ -22,7 +22,7 @@ class Failed(RuntimeError):
 class Effort:
     """Least effort, rest to rest: the torque held on equal intervals."""
 
-    beam: HubBeam
+    beam: AssumedModesBeam
     angle: float
     torque_limit: float
     duration: float

@@ -10,7 +10,7 @@ from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Sheet, Tell
 from boomctl.benchmark.slew.peers import Effort, Failed, has_rockit, opti_fastest, opti_slew, rockit_slew
 from boomctl.benchmark.timing import Job, interleaved
 from boomctl.lti.python_control import control
-from boomctl.rotating_beam import HubBeam, HubBeamParameters
+from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
 from boomctl.slew import TorqueHistory, mesh_study, optimal_slew
 from boomctl.slew.linear import effort_guess
 from boomctl.slew.nlp.programme import Programme, Solution, prepare
@@ -18,7 +18,7 @@ from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem
 from boomctl.slew.torque import held
 
-_EFFORT = Effort(HubBeam(HubBeamParameters(), "sfoam", 3), np.pi / 2, 200.0, 3.0, 200)
+_EFFORT = Effort(AssumedModesBeam(HubBeamParameters(), "sfoam", 3), np.pi / 2, 200.0, 3.0, 200)
 """A quarter turn in 3 s, a little more than the least time; intervals so short that RK4 is stable on them."""
 _COARSE = 40  # intervals so long that RK4 is unstable in the third mode
 _FINE = 8
@@ -74,7 +74,7 @@ def minimum_time_rows(full: bool, tell: Tell) -> list[Row]:
         "two masses and a spring": (two, 1.0, 1.0, _two_masses(), 1e-8),
     }
     for modes in (1, 2, 3):
-        beam = HubBeam(HubBeamParameters(), "sfoam", modes).linearize()
+        beam = AssumedModesBeam(HubBeamParameters(), "sfoam", modes).linearize()
         scenes[f"linear hub-beam, modes: {modes}"] = (beam, np.pi / 2, 200.0, None, 1e-6)
     jobs = {name: Job(lambda _, s=scene: optimal_slew(s[0], s[1], s[2])) for name, scene in scenes.items()}
     times = interleaved(jobs, _repeats(full))
@@ -96,7 +96,7 @@ def nonlinear_rows(full: bool, tell: Tell) -> list[Row]:
     if full:
         scenes += [("sfoam", 5, 400), ("foam", 2, 0)]
     for model, modes, intervals in scenes:
-        beam = HubBeam(HubBeamParameters(tip_mass=0.1), model, modes)
+        beam = AssumedModesBeam(HubBeamParameters(tip_mass=0.1), model, modes)
         effort = Effort(beam, np.pi / 2, 200.0, 3.5, max(1, intervals))
         jobs = {"ours": Job(lambda _, beam=beam: optimal_slew(beam, np.pi / 2, 200.0))}
         if intervals:

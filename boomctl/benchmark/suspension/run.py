@@ -15,7 +15,7 @@ from boomctl.benchmark.timing import Job, interleaved
 from boomctl.boom import BoomParameters, spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.lti.python_control import control
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.lti.system import Lti, of
 from boomctl.reduction import reduce
 from boomctl.reduction.core import structure_core
 from boomctl.reduction.verify import verified_norm
@@ -96,7 +96,7 @@ def _error(model: SecondOrderModel, reduced: control.StateSpace) -> float:
         raise ValueError("the referee's core of the boom has no bound")
     nothing = Lti(core.kept.A[:0, :0], core.stable.B[:0], core.stable.C[:, :0], 0.0 * core.stable.D)
     size = verified_norm(core.stable, core.modal, nothing).lower
-    return (verified_norm(core.stable, core.modal, state_matrices(reduced)).upper + core.tail) / size
+    return (verified_norm(core.stable, core.modal, of(reduced).balanced()).upper + core.tail) / size
 
 
 def _pymor(model: SecondOrderModel, order: int) -> control.StateSpace:

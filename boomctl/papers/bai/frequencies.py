@@ -7,7 +7,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.papers.bai.comparison import Comparison, Part, compare, judge
 from boomctl.plotting.rotating_beam import Chart, Line, Panel
-from boomctl.rotating_beam import HubBeam, HubBeamParameters, hub_beam
+from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters, hub_beam
 
 TABLE_2 = {
     "natural frequency": (0.4635, 2.9047, 8.1332, 15.9377, 26.3462),
@@ -115,5 +115,5 @@ def _critical(mass: float, place: float | None) -> float:
 
 def _smallest_eigenvalue(mass: float, place: float | None, speed: float) -> float:
     """Of ``K2 - w^2 M2`` with the five modes of the paper, N/m."""
-    integrals = HubBeam(HubBeamParameters(tip_mass=mass, tip_position=place), "tlam", 5).integrals
+    integrals = AssumedModesBeam(HubBeamParameters(tip_mass=mass, tip_position=place), "tlam", 5).integrals
     return float(np.linalg.eigvalsh(integrals.K2 - speed**2 * integrals.M2)[0])

@@ -5,7 +5,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.papers.bai.comparison import Comparison, Part, compare, judge
 from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
-from boomctl.rotating_beam import HubBeam, HubBeamParameters, SimulationResult, hub_beam, spin_up
+from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters, SimulationResult, hub_beam, spin_up
 
 DURATION = 30.0  # of the spin-up [s], as printed
 TIME = np.linspace(0.0, 60.0, 3001)  # [s]; the paper's figures end at 60 s
@@ -21,7 +21,7 @@ def _run(model: str, speed: float, modes: int = 5, mass: float = 0.0) -> Simulat
 
 def neglected_terms() -> Part:
     """Fig. 3: what FOAM neglects of CFOAM, Eqs. (35) to (39) mended, with one mode at 3 rad/s."""
-    full, first = (HubBeam(HubBeamParameters(), name, 1).equations for name in ("cfoam", "foam"))
+    full, first = (AssumedModesBeam(HubBeamParameters(), name, 1).equations for name in ("cfoam", "foam"))
     result = _run("cfoam", 3.0, modes=1)
     y, rate = np.split(result.states, 2, axis=1)
     inertia, plain = full.inertia(y), first.inertia(y)
@@ -171,7 +171,7 @@ def _deflections(tlam: SimulationResult, foam: SimulationResult) -> tuple[Compar
 def mode_by_mode() -> Part:
     """Fig. 6: the five modes of FOAM at 5 rad/s."""
     result = _run("foam", 5.0)
-    tip = HubBeam(HubBeamParameters(), "foam", 5).equations.tip
+    tip = AssumedModesBeam(HubBeamParameters(), "foam", 5).equations.tip
     q = result.states[:, 1:11]
     axial, transverse = q[:, :5] * tip.axial[:5], q[:, 5:] * tip.transverse[5:]
     ratio = _peak(result.tip_displacement) / _peak(result.axial_tip_displacement)

@@ -19,8 +19,9 @@ from boomctl.arrays import Array
 from boomctl.gauss import integrated_legendre, lagrange_integrals
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
-EXTRA_NODES = 10
-"""Quadrature nodes beyond the number of polynomials on a span: the kinetic energy is not a polynomial."""
+EXTRA_NODES = (
+    10  # of the quadrature, beyond the polynomials on a span: the kinetic energy is not a polynomial; a choice
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +45,8 @@ class StrainBasis:
         Diagonal of the (diagonal) stiffness matrix, shape ``(coordinates,)``; 0 for the hub angle.
     hub_inertia
         Inertia of the hub [kg m^2].
-    modes
-        Number of curvature, and of stretch, polynomials on each span.
+    length
+        Of the beam [m].
     """
 
     rotation: Array
@@ -55,7 +56,7 @@ class StrainBasis:
     tip_row: Array
     stiffness: Array
     hub_inertia: float
-    modes: int
+    length: float
 
     @property
     def coordinates(self) -> int:
@@ -110,7 +111,7 @@ def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
         tip_row=_row_to(parameters, halves, weights, halves.size),
         stiffness=np.concatenate([[0.0], np.repeat(rigidities, halves.size * modes)]),
         hub_inertia=float(parameters.hub_inertia),
-        modes=int(modes),
+        length=float(parameters.length),
     )
 
 

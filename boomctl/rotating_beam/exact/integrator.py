@@ -9,48 +9,31 @@ kept to rounding and energy without drift (Hairer, Lubich & Wanner 2006, IV.2.1 
 The steps are of equal length between the instants at which the drive is not smooth.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import final
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.gauss import CollocationMethod, gauss_method
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
+from boomctl.rotating_beam.manoeuvres import Manoeuvre, PrescribedMotion
 
-STAGES = 4
-_MAX_ITERATIONS = 15
+STAGES = 4  # of the collocation, order 8: a choice
+_MAX_ITERATIONS = 15  # of Newton's method: a choice
 _SETTLED = 1e-15  # last correction times contraction, relative to the motion, at which a step is solved
 _NOISE = 1e-10  # relative corrections below this that no longer shrink are rounding
-_SLOW = 0.05  # contraction above which the frozen Jacobian is renewed
+_STALLED = 0.5  # contraction above which corrections no longer shrink
+_SLOW = 0.05  # contraction above which the frozen Jacobian is renewed: a choice
+_HOPELESS = 0.7  # contraction above which a frozen Jacobian is given up for a fresh one
+_CHUNK = 500  # mass matrices held at once: a choice, to bound the memory
 
 
-class StepFailedError(RuntimeError):
+class StepFailed(Exception):
     """The equations of one step did not converge: the step is too long."""
 
 
-@dataclass(frozen=True)
-class Drive:
-    """What moves the hub: ``torque`` with the hub free, or its ``angle`` and ``speed``; functions of an array of times.
-
-    Attributes
-    ----------
-    torque
-        Torque [N m], or None if the motion is prescribed.
-    angle, speed
-        Prescribed hub angle [rad] and speed [rad/s], or None if the hub is free.
-    """
-
-    torque: Callable[[Array], Array] | None = None
-    angle: Callable[[Array], Array] | None = None
-    speed: Callable[[Array], Array] | None = None
-
-    @property
-    def first_free(self) -> int:
-        """Index of the first free coordinate: 0 if the hub is free, else 1."""
-        return 0 if self.angle is None else 1
-
-
+@final
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """States at the ends of equal steps: ``time`` (k,), ``q`` and ``v`` (k, coordinates)."""
@@ -61,57 +44,69 @@ class Trajectory:
 
 
 def march(
-    dynamics: ExactBeamDynamics, drive: Drive, start: float, end: float, steps: int, q: Array, v: Array
+    dynamics: ExactBeamDynamics,
+    manoeuvre: Manoeuvre,
+    times: Array,
+    state: tuple[Array, Array],
 ) -> Trajectory:
-    """Integrate from ``start`` to ``end`` in ``steps`` equal steps.
+    """Integrate in equal steps.
 
     Parameters
     ----------
-    dynamics
-        The beam.
-    drive
-        What moves the hub; smooth between ``start`` and ``end``.
-    start, end
-        Times [s].
-    steps
-        Number of steps.
-    q, v
-        Coordinates and velocities at ``start``, shape ``(coordinates,)``.
+    dynamics : ExactBeamDynamics
+    manoeuvre : PrescribedMotion or TorqueDriven
+        Smooth over the steps.
+    times : ndarray, k
+        Ends of the steps, equally far apart, s.
+    state : pair of ndarray, n
+        Coordinates and velocities at the first of them.
 
     Returns
     -------
     Trajectory
-        ``steps + 1`` states.
+        At all of them.
 
     Raises
     ------
-    StepFailedError
+    StepFailed
         A step's equations did not converge.
     """
-    rule, h = gauss_method(STAGES), (end - start) / steps
-    times = start + h * np.arange(steps + 1)
+    rule, (q, v) = gauss_method(STAGES), state
+    h = (times[-1] - times[0]) / (times.size - 1)
     instants = times[:-1, None] + h * rule.nodes
-    driven = [np.asarray(f(instants)) if f is not None else None for f in (drive.torque, drive.angle, drive.speed)]
+    prescribed = isinstance(manoeuvre, PrescribedMotion)
+    hub = np.stack([manoeuvre.angle(instants), manoeuvre.speed(instants)], 1) if prescribed else None
+    torque = None if prescribed else manoeuvre.torque(instants)
     p = dynamics.momentum_and_force(q, v)[0]
-    guess = np.tile(v, (rule.nodes.size, 1))
-    states, momenta = np.tile(q, (steps + 1, 1)), np.tile(p, (steps + 1, 1))
-    frozen: _Frozen | None = None
-    for k in range(steps):
-        step = _Step(dynamics, rule, h, drive.first_free, q, p, *(None if d is None else d[k] for d in driven))
-        frozen = frozen or step.freeze(guess)
+    guess = np.tile(v, (rule.stages, 1))
+    states, momenta = np.tile(q, (times.size, 1)), np.tile(p, (times.size, 1))
+    frozen: Array | None = None
+    for k in range(times.size - 1):
+        step = _Step(
+            dynamics=dynamics,
+            rule=rule,
+            h=h,
+            q=q,
+            p=p,
+            torque=None if torque is None else torque[k],
+            hub=None if hub is None else hub[k],
+        )
+        frozen = step.frozen_inverse(guess) if frozen is None else frozen
+        # in turn: the Jacobian of an earlier step, cheap; a fresh one in each iteration; that from the calm start
         solved = step.solve(guess, frozen) or step.solve(guess, None) or step.solve(step.calm_guess(), None)
         if solved is None:
-            raise StepFailedError(f"a step of {h:.3g} s at t = {times[k]:.6g} s did not converge")
+            raise StepFailed(f"a step of {h:.3g} s at t = {times[k]:.6g} s did not converge")
         frozen = frozen if solved.contraction < _SLOW else None
         q, p = q + h * (rule.weights @ solved.velocities), p + h * (rule.weights @ solved.force)
         states[k + 1], momenta[k + 1] = q, p
         guess = rule.onward @ solved.velocities
-    if drive.angle is not None:
-        states[:, 0] = drive.angle(times)
-    speed = None if drive.speed is None else drive.speed(times)
+    if prescribed:
+        states[:, 0] = manoeuvre.angle(times)
+    speed = manoeuvre.speed(times) if prescribed else None
     return Trajectory(times, states, _velocities(dynamics, speed, states, momenta))
 
 
+@final
 @dataclass(frozen=True, eq=False)
 class _Solved:
     """Velocities and forces at the stages, and how fast the iteration contracted."""
@@ -121,34 +116,31 @@ class _Solved:
     contraction: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Frozen:
-    """Inverse of the Jacobian of a step at one instant."""
-
-    inverse: Array
-
-
+@final
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """The nonlinear equations of one step; ``q`` and ``p`` at its start, the drive at its stages."""
+    """The nonlinear equations of one step: ``q`` and ``p`` at its start; at its stages the torque, or the hub's motion."""
 
     dynamics: ExactBeamDynamics
     rule: CollocationMethod
     h: float
-    first: int
     q: Array
     p: Array
     torque: Array | None
-    angle: Array | None
-    speed: Array | None
+    hub: Array | None
+
+    @property
+    def first(self) -> int:
+        """Index of the first free coordinate: 0 if the hub is free, else 1."""
+        return 0 if self.hub is None else 1
 
     def stages(self, velocities: Array) -> tuple[Array, Array]:
         """Coordinates and velocities at the stages, the prescribed ones as prescribed."""
-        if self.angle is None:
+        if self.hub is None:
             return self.q + self.h * (self.rule.A @ velocities), velocities
-        velocities[:, 0] = self.speed
+        velocities[:, 0] = self.hub[1]
         q = self.q + self.h * (self.rule.A @ velocities)
-        q[:, 0] = self.angle
+        q[:, 0] = self.hub[0]
         return q, velocities
 
     def residual(self, velocities: Array) -> tuple[Array, Array]:
@@ -158,32 +150,32 @@ class _Step:
             force[:, 0] += self.torque
         return (momentum - self.p - self.h * (self.rule.A @ force))[:, self.first :], force
 
-    def solve(self, guess: Array, frozen: _Frozen | None) -> _Solved | None:
+    def solve(self, guess: Array, frozen: Array | None) -> _Solved | None:
         """Newton's method from ``guess``, with a frozen Jacobian or a fresh one each time; None if it fails."""
         velocities, last, contraction = guess.copy(), np.inf, 0.0
         for iteration in range(_MAX_ITERATIONS):
             residual, _ = self.residual(velocities)
-            inverse = self.jacobian_inverse(velocities) if frozen is None else frozen.inverse
+            inverse = self.jacobian_inverse(velocities) if frozen is None else frozen
             change = (inverse @ residual.ravel()).reshape(residual.shape)
             size, motion = _size(self.dynamics, change, self.first), _size(self.dynamics, velocities, 0)
             if not np.isfinite(size):
                 return None
             contraction = size / last if iteration and last > 0.0 else 0.0
-            noise = size <= _NOISE * motion and contraction > 0.5
+            noise = size <= _NOISE * motion and contraction > _STALLED
             if size == 0.0 or noise or (iteration and contraction * size <= _SETTLED * motion):
                 velocities[:, self.first :] -= 0.0 if noise else change
                 return _Solved(velocities, self.residual(velocities)[1], 0.0 if noise else contraction)
-            if frozen is not None and iteration > 2 and contraction > 0.7:
+            if frozen is not None and iteration > 2 and contraction > _HOPELESS:
                 return None
             velocities[:, self.first :] -= change
             last = size
         return None
 
-    def freeze(self, guess: Array) -> _Frozen:
-        """The Jacobian with the same matrices at all stages: those in the middle of the step."""
+    def frozen_inverse(self, guess: Array) -> Array:
+        """Inverse of the Jacobian with the same matrices at all stages: those in the middle of the step."""
         middle = guess.mean(axis=0)
         one = self.dynamics.linearisation(self.q + 0.5 * self.h * middle, middle)
-        return _Frozen(self._inverse(*(np.broadcast_to(m, (self.rule.nodes.size, *m.shape)) for m in one)))
+        return self._inverse(*(np.broadcast_to(m, (self.rule.stages, *m.shape)) for m in one))
 
     def jacobian_inverse(self, velocities: Array) -> Array:
         """Inverse of the exact Jacobian over all stages."""
@@ -203,8 +195,8 @@ class _Step:
 
     def calm_guess(self) -> Array:
         """The velocity at the start of the step, at every stage."""
-        speed = None if self.speed is None else self.speed[:1]
-        return np.tile(_velocities(self.dynamics, speed, self.q[None], self.p[None]), (self.rule.nodes.size, 1))
+        speed = None if self.hub is None else self.hub[1, :1]
+        return np.tile(_velocities(self.dynamics, speed, self.q[None], self.p[None]), (self.rule.stages, 1))
 
 
 def _size(dynamics: ExactBeamDynamics, velocities: Array, first: int) -> float:
@@ -215,7 +207,7 @@ def _size(dynamics: ExactBeamDynamics, velocities: Array, first: int) -> float:
 def _velocities(dynamics: ExactBeamDynamics, speed: Array | None, q: Array, p: Array) -> Array:
     """Velocities from momenta, ``M(q) v = p``, the hub's speed as given if it is."""
     v, first = np.empty_like(q), 0 if speed is None else 1
-    for chunk in np.array_split(np.arange(len(q)), max(1, len(q) // 500)):
+    for chunk in np.array_split(np.arange(len(q)), max(1, len(q) // _CHUNK)):
         mass, right = dynamics.mass_matrix(q[chunk]), p[chunk]
         if speed is not None:
             v[chunk, 0] = speed[chunk]

@@ -1,7 +1,6 @@
 """Steady rotation of the geometrically exact beam, and small motion about it."""
 
 import numpy as np
-from scipy.linalg import cholesky, eigh, solve_triangular
 
 from boomctl.arrays import Array
 from boomctl.rotating_beam.exact.basis import StrainBasis
@@ -21,6 +20,8 @@ def axial_matrices(basis: StrainBasis) -> tuple[Array, Array, Array]:
 
 def critical_speed(basis: StrainBasis) -> float:
     """Hub speed at which the axial stiffness is lost: ``det(K - w^2 M) = 0`` [rad/s]."""
+    from scipy.linalg import eigh
+
     stiffness, mass, _ = axial_matrices(basis)
     return float(1.0 / np.sqrt(eigh(mass, stiffness, eigvals_only=True)[-1]))
 
@@ -57,6 +58,8 @@ def small_motion(dynamics: ExactBeamDynamics, hub_speed: float) -> tuple[Array, 
 
 def transverse_frequencies(dynamics: ExactBeamDynamics, hub_speed: float) -> Array:
     """Bending frequencies of the stretched beam, hub motion prescribed, stretches and Coriolis terms frozen [rad/s]."""
+    from scipy.linalg import eigh
+
     mass, _, stiffness = small_motion(dynamics, hub_speed)
     own = dynamics.basis.bending
     return 1.0 / np.sqrt(eigh(mass[own, own], stiffness[own, own], eigvals_only=True)[::-1])
@@ -68,6 +71,8 @@ def coupled_frequencies(dynamics: ExactBeamDynamics, hub_speed: float) -> Array:
     With ``M = L L^T`` and ``K = R R^T`` the periods are eigenvalues of a skew-symmetric matrix, which keeps
     the low frequencies exact beside axial ones 1e4 times higher.
     """
+    from scipy.linalg import cholesky, solve_triangular
+
     mass, coupling, stiffness = dynamics.linearisation(*_steady_state(dynamics.basis, hub_speed))
     root = cholesky(stiffness[1:, 1:], lower=True)
     cross = solve_triangular(root, cholesky(mass[1:, 1:], lower=True), lower=True)
@@ -88,6 +93,8 @@ def damping_matrix(basis: StrainBasis, ratio: float) -> Array | None:
     """Damping that gives every clamped mode of the beam at rest the same ``ratio``; None for a ratio of 0."""
     if ratio == 0.0:
         return None
+    from scipy.linalg import eigh
+
     mass = ExactBeamDynamics(basis).rest_mass[1:, 1:]
     squares, shapes = eigh(np.diag(basis.stiffness[1:]), mass)
     weighted = mass @ shapes

@@ -1,18 +1,17 @@
 """CFOAM, the complete first-order approximate model: all of the kinetic energy, summed over points of mass."""
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, final
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.rotating_beam.modal.equations import Inertia, Tangents, Tip, block_diagonal, frequency_range
-from boomctl.rotating_beam.modal.foam import foam
+from boomctl.rotating_beam.modal.equations import Equations, Inertia, Tangents, Tip
+from boomctl.rotating_beam.modal.first_order import foam
 from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals
 
 
-class _Motion(NamedTuple):
+class _Kinematics(NamedTuple):
     """Kinematics of the p points at k instants; Sq, Su are ``S q_2``, ``S q_2'``; J is k x 2 x p x N."""
 
     J: Array
@@ -21,8 +20,9 @@ class _Motion(NamedTuple):
     bias: Array
 
 
+@final
 @dataclass(frozen=True)
-class CompleteEquations:
+class CompleteEquations(Equations):
     """Equations of motion of CFOAM, Eqs. (24)-(39) of Bai et al. (2009), by the principle of virtual power.
 
     A point of the beam has the velocity ``J(q) y'`` in the hub's frame, with
@@ -35,79 +35,47 @@ class CompleteEquations:
         J_h, kg m^2.
     points : MassPoints
         The masses summed over.
-    beam_mass, beam_stiffness, beam_damping : ndarray, 2 n x 2 n
-        Mass matrix of the straight beam, stiffness, damping.
+    M, C, K : ndarray, 2 n x 2 n
+        Mass matrix of the straight beam, damping, stiffness.
     tip : Tip
     """
 
     hub_inertia: float
     points: MassPoints
-    beam_mass: Array
-    beam_stiffness: Array
-    beam_damping: Array
+    M: Array
+    C: Array
+    K: Array
     tip: Tip
 
-    @property
-    def size(self) -> int:
-        """Number of coordinates, the hub's included."""
-        return self.beam_mass.shape[0] + 1
-
-    @property
-    def frequency_range(self) -> tuple[float, float]:
-        """Lowest and highest natural frequency of the beam at rest, rad/s."""
-        return self._frequency_range
-
-    @cached_property
-    def _frequency_range(self) -> tuple[float, float]:
-        return frequency_range(self.beam_mass, self.beam_stiffness)
-
-    @property
-    def beam_speed_terms(self) -> None:
-        """None: the beam's equations are not linear."""
-        return
-
-    @property
-    def normal_form(self) -> None:
-        """None: the beam's equations are not linear."""
-        return
-
     def inertia(self, y: Array) -> Inertia:
-        """Mass matrix in its blocks."""
-        mass = self._mass(self._motion(y, np.zeros_like(y)).J)
+        mass = self._mass(self._kinematics(y, np.zeros_like(y)).J)
         return Inertia(mass[:, 0, 0], mass[:, 0, 1:], mass[:, 1:, 1:])
 
     def residual(self, y: Array, rate: Array, acceleration: Array) -> Array:
-        """Left-hand sides of the equations of motion, k x N."""
-        motion = self._motion(y, rate)
-        total = motion.bias + np.einsum("kdpi,ki->kdp", motion.J, acceleration)
-        result = np.einsum("kdpi,kdp->ki", motion.J, self.points.mass * total)
+        moving = self._kinematics(y, rate)
+        total = moving.bias + np.einsum("kdpi,ki->kdp", moving.J, acceleration)
+        result = np.einsum("kdpi,kdp->ki", moving.J, self.points.mass * total)
         result[:, 0] += self.hub_inertia * acceleration[:, 0]
-        result[:, 1:] += rate[:, 1:] @ self.beam_damping + y[:, 1:] @ self.beam_stiffness
+        result[:, 1:] += rate[:, 1:] @ self.C + y[:, 1:] @ self.K
         return result
 
     def tangents(self, y: Array, rate: Array, acceleration: Array) -> Tangents:
-        """Derivatives of the residual with respect to accelerations, rates and coordinates."""
-        motion = self._motion(y, rate)
-        total = motion.bias + np.einsum("kdpi,ki->kdp", motion.J, acceleration)
-        weighted = self.points.mass[:, None] * motion.J
-        damping = _pair(weighted, self._bias_by_rate(motion, y, rate))
-        stiffness = _pair(weighted, self._acceleration_by_coordinates(motion, rate, acceleration))
-        stiffness += self._jacobian_by_coordinates(motion, self.points.mass * total)
-        damping[:, 1:, 1:] += self.beam_damping
-        stiffness[:, 1:, 1:] += self.beam_stiffness
-        return Tangents(self._mass(motion.J), damping, stiffness)
+        moving = self._kinematics(y, rate)
+        total = moving.bias + np.einsum("kdpi,ki->kdp", moving.J, acceleration)
+        weighted = self.points.mass[:, None] * moving.J
+        damping = _pair(weighted, self._bias_by_rate(moving, y, rate))
+        stiffness = _pair(weighted, self._acceleration_by_coordinates(moving, rate, acceleration))
+        stiffness += self._jacobian_by_coordinates(moving, self.points.mass * total)
+        damping[:, 1:, 1:] += self.C
+        stiffness[:, 1:, 1:] += self.K
+        return Tangents(self._mass(moving.J), damping, stiffness)
 
     def inertia_torque(self, y: Array, rate: Array) -> Array:
         """Q_theta, Eqs. (32) and (37), k."""
-        motion = self._motion(y, rate)
-        return -np.einsum("kdp,kdp->k", motion.J[..., 0], self.points.mass * motion.bias)
+        moving = self._kinematics(y, rate)
+        return -np.einsum("kdp,kdp->k", moving.J[..., 0], self.points.mass * moving.bias)
 
-    def dissipation(self, rate: Array) -> Array:
-        """Power lost in damping, k."""
-        u = rate[:, 1:]
-        return np.sum((u @ self.beam_damping) * u, axis=1)
-
-    def _motion(self, y: Array, rate: Array) -> _Motion:
+    def _kinematics(self, y: Array, rate: Array) -> _Kinematics:
         points, n = self.points, self.points.f1.shape[1]
         q1, q2, u1, u2 = y[:, 1 : n + 1], y[:, n + 1 :], rate[:, 1 : n + 1], rate[:, n + 1 :]
         speed = rate[:, :1]
@@ -121,42 +89,42 @@ class CompleteEquations:
         J[:, 0, :, n + 1 :] = -Sq
         along = -np.einsum("kpi,ki->kp", Su, u2) - 2.0 * speed * rising - speed**2 * place
         across = 2.0 * speed * sliding - speed**2 * deflection
-        return _Motion(J, Sq, Su, np.stack([along, across], axis=1))
+        return _Kinematics(J, Sq, Su, np.stack([along, across], axis=1))
 
     def _mass(self, J: Array) -> Array:
         result = _pair(self.points.mass[:, None] * J, J)
         result[:, 0, 0] += self.hub_inertia
         return result
 
-    def _bias_by_rate(self, motion: _Motion, y: Array, rate: Array) -> Array:
+    def _bias_by_rate(self, moving: _Kinematics, y: Array, rate: Array) -> Array:
         """``db / dy'``, k x 2 x p x N."""
         n, speed = self.points.f1.shape[1], rate[:, :1, None]
-        velocity = np.einsum("kdpi,ki->kdp", motion.J[..., 1:], rate[:, 1:])
-        result = np.empty_like(motion.J)
-        result[:, 0, :, 0] = -2.0 * (velocity[:, 1] + rate[:, :1] * motion.J[:, 1, :, 0])
-        result[:, 1, :, 0] = 2.0 * (velocity[:, 0] + rate[:, :1] * motion.J[:, 0, :, 0])
-        result[:, 0, :, 1:] = -2.0 * speed * motion.J[:, 1, :, 1:]
-        result[:, 1, :, 1:] = 2.0 * speed * motion.J[:, 0, :, 1:]
-        result[:, 0, :, n + 1 :] -= 2.0 * motion.Su
+        velocity = np.einsum("kdpi,ki->kdp", moving.J[..., 1:], rate[:, 1:])
+        result = np.empty_like(moving.J)
+        result[:, 0, :, 0] = -2.0 * (velocity[:, 1] + rate[:, :1] * moving.J[:, 1, :, 0])
+        result[:, 1, :, 0] = 2.0 * (velocity[:, 0] + rate[:, :1] * moving.J[:, 0, :, 0])
+        result[:, 0, :, 1:] = -2.0 * speed * moving.J[:, 1, :, 1:]
+        result[:, 1, :, 1:] = 2.0 * speed * moving.J[:, 0, :, 1:]
+        result[:, 0, :, n + 1 :] -= 2.0 * moving.Su
         return result
 
-    def _acceleration_by_coordinates(self, motion: _Motion, rate: Array, acceleration: Array) -> Array:
+    def _acceleration_by_coordinates(self, moving: _Kinematics, rate: Array, acceleration: Array) -> Array:
         """``d(J y'' + b) / dy`` at given rates and accelerations, k x 2 x p x N."""
         n, speed, turning = self.points.f1.shape[1], rate[:, :1, None], acceleration[:, :1, None]
-        along, across = motion.J[:, 0, :, 1:], motion.J[:, 1, :, 1:]  # also d(X, v) / dq
-        result = np.zeros_like(motion.J)
+        along, across = moving.J[:, 0, :, 1:], moving.J[:, 1, :, 1:]  # also d(X, v) / dq
+        result = np.zeros_like(moving.J)
         result[:, 0, :, 1:] = -turning * across - speed**2 * along
         result[:, 1, :, 1:] = turning * along - speed**2 * across
         result[:, 0, :, n + 1 :] -= _times(self.points.S, acceleration[:, n + 1 :])
-        result[:, 1, :, n + 1 :] -= 2.0 * speed * motion.Su
+        result[:, 1, :, n + 1 :] -= 2.0 * speed * moving.Su
         return result
 
-    def _jacobian_by_coordinates(self, motion: _Motion, force: Array) -> Array:
+    def _jacobian_by_coordinates(self, moving: _Kinematics, force: Array) -> Array:
         """``d(J^T force) / dy`` at a given force on the points, k x N x N."""
         n = self.points.f1.shape[1]
         result = np.zeros((force.shape[0], self.size, self.size))
-        result[:, 0, 1:] = np.einsum("kpi,kp->ki", motion.J[:, 0, :, 1:], force[:, 1])
-        result[:, 0, 1:] -= np.einsum("kpi,kp->ki", motion.J[:, 1, :, 1:], force[:, 0])
+        result[:, 0, 1:] = np.einsum("kpi,kp->ki", moving.J[:, 0, :, 1:], force[:, 1])
+        result[:, 0, 1:] -= np.einsum("kpi,kp->ki", moving.J[:, 1, :, 1:], force[:, 0])
         flat = self.points.S.reshape(force.shape[2], n * n)
         result[:, n + 1 :, n + 1 :] = -(force[:, 0] @ flat).reshape(-1, n, n)
         return result
@@ -174,8 +142,7 @@ def cfoam(integrals: ModalIntegrals, points: MassPoints, hub_inertia: float) -> 
         J_h, kg m^2.
     """
     linear = foam(integrals)
-    damping = block_diagonal(integrals.C1, integrals.C2)
-    return CompleteEquations(hub_inertia, points, linear.M, linear.K, damping, linear.tip)
+    return CompleteEquations(hub_inertia, points, linear.M, linear.C, linear.K, linear.tip)
 
 
 def _times(S: Array, q: Array) -> Array:

@@ -1,12 +1,37 @@
-"""Kinetic and elastic energy of every model as CasADi expressions: what all equations follow from."""
+"""Energies of every model as CasADi expressions, and the equations of motion that follow by differentiation."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals
 
 if TYPE_CHECKING:
     import casadi
+
+
+class Lagrangian(NamedTuple):
+    """What Lagrange's equations (23) of Bai et al. (2009) are derived from.
+
+    Attributes
+    ----------
+    kinetic : callable
+        Kinetic energy [J] of coordinates and rates, N each, as CasADi expressions.
+    stiffness, damping : ndarray, N - 1 x N - 1
+        Of the beam's coordinates: the elastic energy is ``1/2 q^T K q``, Eq. (22).
+    tip : ndarray, N - 1
+        Row of the free end's transverse displacement.
+    keeps_inertia_torque : bool
+        False: the hub's equation is without the terms in the rates, as in Eq. (40).
+    """
+
+    kinetic: "Callable[[casadi.SX, casadi.SX], casadi.SX]"
+    stiffness: Array
+    damping: Array
+    tip: Array
+    keeps_inertia_torque: bool
 
 
 def first_order_energy(
@@ -73,16 +98,51 @@ def complete_energy(points: MassPoints, hub_inertia: float, y: "casadi.SX", rate
     return energy
 
 
-def elastic_energy(stiffness: Array, y: "casadi.SX") -> "casadi.SX":
-    """Elastic energy ``1/2 q^T K q``, Eq. (22), J.
+def equations_of_motion(lagrangian: Lagrangian) -> tuple["casadi.SX", "casadi.SX", "casadi.SX", "casadi.SX"]:
+    """Coordinates, rates, accelerations, and the left-hand sides of Lagrange's equations in them."""
+    import casadi as ca
 
-    Parameters
-    ----------
-    stiffness : ndarray, N - 1 x N - 1
-        Of the beam's coordinates.
-    y : casadi.SX, N
-        Coordinates.
+    size = lagrangian.tip.size + 1
+    y, rate, acceleration = (ca.SX.sym(name, size) for name in ("y", "rate", "acceleration"))
+    kinetic = lagrangian.kinetic(y, rate)
+    elastic = 0.5 * ca.bilin(lagrangian.stiffness, y[1:], y[1:])
+    momenta = ca.gradient(kinetic, rate)
+    residual = ca.jtimes(momenta, ca.vertcat(y, rate), ca.vertcat(rate, acceleration))
+    residual += ca.gradient(elastic - kinetic, y)
+    if not lagrangian.keeps_inertia_torque:
+        residual[0] = ca.substitute(residual[0], rate, ca.SX.zeros(size))
+    residual[1:] += ca.mtimes(ca.DM(lagrangian.damping), rate[1:])
+    return y, rate, acceleration, residual
+
+
+def state_function(lagrangian: Lagrangian, name: str) -> "casadi.Function":
+    """Equations of motion as a CasADi function ``(x, torque) -> (xdot, y)`` of that name.
+
+    The state x has coordinates and rates; y is hub angle, hub speed and the displacement of the free end.
     """
     import casadi as ca
 
-    return 0.5 * ca.bilin(stiffness, y[1:], y[1:])
+    y, rate, acceleration, residual = equations_of_motion(lagrangian)
+    torque, size = ca.SX.sym("torque"), y.numel()
+    mass = ca.jacobian(residual, acceleration)
+    force = -ca.substitute(residual, acceleration, ca.SX.zeros(size))
+    force[0] += torque
+    reduced = _solve_beam(mass[1:, 1:], ca.horzcat(force[1:], mass[1:, 0]))
+    margin = mass[0, 0] - ca.mtimes(mass[0, 1:], reduced[:, 1])
+    turning = (force[0] - ca.mtimes(mass[0, 1:], reduced[:, 0])) / margin
+    xdot = ca.vertcat(rate, turning, reduced[:, 0] - reduced[:, 1] * turning)
+    outputs = ca.vertcat(y[0], rate[0], ca.dot(lagrangian.tip, y[1:]))
+    x = ca.vertcat(y, rate)
+    state = ca.SX.sym("x", 2 * size)
+    xdot, outputs = ca.substitute([xdot, outputs], [x], [state])
+    return ca.Function(name, [state, torque], [xdot, outputs], ["x", "torque"], ["xdot", "y"])
+
+
+def _solve_beam(mass: "casadi.SX", right: "casadi.SX") -> "casadi.SX":
+    """``mass^-1 right``; by a constant inverse if the beam's mass matrix is constant."""
+    import casadi as ca
+
+    if mass.is_constant():
+        return ca.mtimes(ca.SX(np.linalg.inv(np.array(ca.DM(mass)))), right)
+    diagonal, factor, order = ca.ldl(ca.densify(mass), False)
+    return ca.ldl_solve(right, diagonal, factor, order)

@@ -4,7 +4,9 @@ The coordinates are ``y = (theta, q)``: the hub angle, then the beam's (axial, i
 All arrays have the instants as their first dimension, k of them; N is the number of coordinates.
 """
 
-from typing import NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -95,78 +97,79 @@ class NormalForm(NamedTuple):
     push: Array
 
 
-class Equations(Protocol):
-    """Equations of motion ``residual(y, y', y'') = (tau, 0)`` of a model."""
+class Equations(ABC):
+    """Equations of motion ``residual(y, y', y'') = (tau, 0)`` of a model.
+
+    Attributes
+    ----------
+    M, C, K : ndarray, N - 1 x N - 1
+        Mass of the straight beam, damping, and stiffness at rest, over the beam's coordinates.
+    tip : Tip
+        The free end.
+    """
+
+    M: Array
+    C: Array
+    K: Array
+    tip: Tip
 
     @property
     def size(self) -> int:
         """Number of coordinates N."""
-        ...
+        return self.M.shape[0] + 1
 
-    @property
-    def tip(self) -> Tip:
-        """The free end."""
-        ...
-
-    @property
-    def beam_mass(self) -> Array:
-        """Mass matrix of the beam about its straight shape, N - 1 x N - 1."""
-        ...
-
-    @property
-    def beam_stiffness(self) -> Array:
-        """Stiffness matrix of the beam at rest, N - 1 x N - 1."""
-        ...
-
-    @property
+    @cached_property
     def frequency_range(self) -> tuple[float, float]:
         """Lowest and highest natural frequency of the beam at rest, rad/s."""
-        ...
+        squares = np.linalg.eigvals(np.linalg.solve(self.M, self.K)).real
+        return float(np.sqrt(squares.min())), float(np.sqrt(squares.max()))
 
-    @property
+    @cached_property
     def beam_speed_terms(self) -> BeamSpeedTerms | None:
         """Beam equations at a given hub motion if they are linear, else None."""
-        ...
+        return None
 
-    @property
+    @cached_property
     def normal_form(self) -> NormalForm | None:
         """Beam equations at a given hub motion if the hub's speed merely stiffens it, else None."""
-        ...
+        return None
 
+    @abstractmethod
     def residual(self, y: Array, rate: Array, acceleration: Array) -> Array:
         """Left-hand sides of the equations of motion, k x N; the hub's is the torque that it needs."""
-        ...
 
+    @abstractmethod
     def tangents(self, y: Array, rate: Array, acceleration: Array) -> Tangents:
-        """Derivatives of the residual."""
-        ...
+        """Derivatives of the residual with respect to accelerations, rates and coordinates."""
 
-    def inertia(self, y: Array) -> "Inertia":
+    @abstractmethod
+    def inertia(self, y: Array) -> Inertia:
         """Mass matrix in its blocks."""
-        ...
 
+    @abstractmethod
     def inertia_torque(self, y: Array, rate: Array) -> Array:
         """Q_theta, k: the hub equation's terms quadratic in the rates, on the side of the torque (Eqs. 32, 37)."""
-        ...
 
-    def dissipation(self, rate: Array) -> Array:
-        """Power lost in damping, k."""
-        ...
+    def state_derivative(self, x: Array, torque: float) -> Array:
+        """Derivative of the state (coordinates, rates), 2 N, under a torque [N m].
 
-
-def normal_form(terms: BeamSpeedTerms) -> NormalForm | None:
-    """Return the normal form, or None if there are gyroscopic terms, damping or others that it has no place for."""
-    if np.any(terms.G) or np.any(terms.C) or np.any(terms.K_a) or np.any(terms.f_w):
-        return None
-    root: Array = np.linalg.cholesky(terms.M)
-    to_q = np.linalg.inv(root).T
-    return NormalForm(to_q, root.T, to_q.T @ terms.K @ to_q, to_q.T @ terms.K_w @ to_q, to_q.T @ terms.f_a)
-
-
-def frequency_range(mass: Array, stiffness: Array) -> tuple[float, float]:
-    """Lowest and highest natural frequency of a positive definite pair, rad/s."""
-    squares = np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real
-    return float(np.sqrt(squares.min())), float(np.sqrt(squares.max()))
+        Raises
+        ------
+        ValueError
+            If the mass matrix is not positive definite.
+        """
+        y, rate = x[None, : self.size], x[None, self.size :]
+        force = -self.residual(y, rate, np.zeros_like(y))
+        force[0, 0] += torque
+        inertia = self.inertia(y)
+        margin = inertia.margin()[0]
+        if not margin > 0.0:
+            raise ValueError(
+                f"mass matrix margin = {margin:g} kg m^2: expected > 0; the deformation is outside the model"
+            )
+        turning = (force[0, 0] - inertia.coupling[0] @ inertia.solve_beam(force[:, 1:])[0]) / margin
+        bending = inertia.solve_beam(force[:, 1:] - turning * inertia.coupling)[0]
+        return np.concatenate([rate[0], [turning], bending])
 
 
 def block_diagonal(first: Array, second: Array) -> Array:

@@ -1,24 +1,30 @@
-"""The closed form shared by the models whose kinetic energy is of second order in the beam's coordinates."""
+"""TLAM, SFOAM and FOAM: one closed form, for their kinetic energy is of second order in the beam's coordinates.
 
-from dataclasses import dataclass
+They differ in its matrices: FOAM has them all, SFOAM no axial coordinates, TLAM no shortening that goes with bending.
+"""
+
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import final
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import (
     BeamSpeedTerms,
+    Equations,
     Inertia,
     NormalForm,
     Tangents,
     Tip,
-    frequency_range,
-    normal_form,
+    block_diagonal,
 )
+from boomctl.rotating_beam.modal.integrals import ModalIntegrals
 
 
+@final
 @dataclass(frozen=True)
-class FirstOrderEquations:
+class FirstOrderEquations(Equations):
     """Equations of motion of TLAM, SFOAM and FOAM, Eqs. (24)-(34), (40) and (42) of Bai et al. (2009), print mended.
 
     With all the beam's coordinates in q, hub speed w and hub acceleration a the kinetic energy is
@@ -52,55 +58,25 @@ class FirstOrderEquations:
     has_axial: bool
     tip: Tip
 
-    @property
-    def size(self) -> int:
-        """Number of coordinates, the hub's included."""
-        return self.W.size + 1
-
-    @property
-    def beam_mass(self) -> Array:
-        """M."""
-        return self.M
-
-    @property
-    def beam_stiffness(self) -> Array:
-        """K."""
-        return self.K
-
-    @property
-    def frequency_range(self) -> tuple[float, float]:
-        """Lowest and highest natural frequency of the beam at rest, rad/s."""
-        return self._frequency_range
-
     @cached_property
-    def _frequency_range(self) -> tuple[float, float]:
-        return frequency_range(self.beam_mass, self.beam_stiffness)
-
-    @property
     def beam_speed_terms(self) -> BeamSpeedTerms:
-        """Beam equations at a given hub motion."""
-        return self._beam_speed_terms
-
-    @cached_property
-    def _beam_speed_terms(self) -> BeamSpeedTerms:
         return BeamSpeedTerms(self.M, self.C, -2.0 * self.B, self.K, -self.N, -self.B, self.V, -self.W)
 
-    @property
-    def normal_form(self) -> NormalForm | None:
-        """Beam equations at a given hub motion, without axial modes and damping."""
-        return self._normal_form
-
     @cached_property
-    def _normal_form(self) -> NormalForm | None:
-        return normal_form(self._beam_speed_terms)
+    def normal_form(self) -> NormalForm | None:
+        """With axial modes or damping there are terms that the form has no place for."""
+        terms = self.beam_speed_terms
+        if np.any(terms.G) or np.any(terms.C) or np.any(terms.K_a) or np.any(terms.f_w):
+            return None
+        root: Array = np.linalg.cholesky(terms.M)
+        to_q = np.linalg.inv(root).T
+        return NormalForm(to_q, root.T, to_q.T @ terms.K @ to_q, to_q.T @ terms.K_w @ to_q, to_q.T @ terms.f_a)
 
     def inertia(self, y: Array) -> Inertia:
-        """Mass matrix in its blocks."""
         q = y[:, 1:]
         return Inertia(self._hub_inertia(q), self._coupling(q), self.M)
 
     def residual(self, y: Array, rate: Array, acceleration: Array) -> Array:
-        """Left-hand sides of the equations of motion, k x N."""
         q, u, a = y[:, 1:], rate[:, 1:], acceleration[:, 1:]
         speed, turning = rate[:, :1], acceleration[:, :1]
         coupling = self._coupling(q)
@@ -114,7 +90,6 @@ class FirstOrderEquations:
         return result
 
     def tangents(self, y: Array, rate: Array, acceleration: Array) -> Tangents:
-        """Derivatives of the residual with respect to accelerations, rates and coordinates."""
         q, u, a = y[:, 1:], rate[:, 1:], acceleration[:, 1:]
         speed, turning = rate[:, :1], acceleration[:, :1]
         Nq, Nu = q @ self.N, u @ self.N
@@ -147,14 +122,65 @@ class FirstOrderEquations:
         lever = np.sum((q @ self.N) * u, axis=1)
         return -2.0 * rate[:, 0] * (lever + u @ self.V if self.has_axial else lever)
 
-    def dissipation(self, rate: Array) -> Array:
-        """Power lost in damping, k."""
-        u = rate[:, 1:]
-        return np.sum((u @ self.C) * u, axis=1)
-
     def _hub_inertia(self, q: Array) -> Array:
         inertia = self.rigid_inertia + np.sum((q @ self.N) * q, axis=1)
         return inertia + 2.0 * (q @ self.V) if self.has_axial else inertia
 
     def _coupling(self, q: Array) -> Array:
         return self.W - q @ self.B.T if self.has_axial else np.broadcast_to(self.W, q.shape)
+
+
+def foam(integrals: ModalIntegrals) -> FirstOrderEquations:
+    """FOAM, Eqs. (24)-(34) without (35)-(39) of Bai et al. (2009): axial and transverse coordinates, stiffening."""
+    m = integrals
+    zero = np.zeros_like(m.M1)
+    return FirstOrderEquations(
+        rigid_inertia=m.inertia,
+        M=block_diagonal(m.M1, m.M2),
+        N=block_diagonal(m.M1, m.M2 - m.D),
+        B=np.block([[zero, m.R], [-m.R.T, zero]]),
+        C=block_diagonal(m.C1, m.C2),
+        K=block_diagonal(m.K1, m.K2),
+        V=np.concatenate([m.V1, np.zeros_like(m.V2)]),
+        W=np.concatenate([np.zeros_like(m.V1), m.V2]),
+        keeps_inertia_torque=True,
+        has_axial=True,
+        tip=Tip(
+            transverse=np.concatenate([np.zeros_like(m.tip1), m.tip2]),
+            axial=np.concatenate([m.tip1, np.zeros_like(m.tip2)]),
+            shortening=block_diagonal(zero, m.S_tip),
+        ),
+    )
+
+
+def sfoam(integrals: ModalIntegrals, *, consistent: bool = False) -> FirstOrderEquations:
+    """SFOAM, Eq. (40) of Bai et al. (2009), or its energy-consistent variant.
+
+    Parameters
+    ----------
+    integrals : ModalIntegrals
+    consistent : bool
+        Keep ``Q_theta`` of Eq. (32), which Eq. (40) leaves out: energy and angular momentum are then conserved.
+    """
+    m = integrals
+    zero = np.zeros_like(m.M2)
+    return FirstOrderEquations(
+        rigid_inertia=m.inertia,
+        M=m.M2,
+        N=m.M2 - m.D,
+        B=zero,
+        C=m.C2,
+        K=m.K2,
+        V=np.zeros_like(m.V2),
+        W=m.V2,
+        keeps_inertia_torque=consistent,
+        has_axial=False,
+        tip=Tip(transverse=m.tip2, axial=np.zeros_like(m.tip2), shortening=m.S_tip),
+    )
+
+
+def tlam(integrals: ModalIntegrals) -> FirstOrderEquations:
+    """TLAM, FOAM of Bai et al. (2009) without the underlined terms in Eqs. (25), (31) and (32): no matrix D."""
+    whole = foam(integrals)
+    shapeless = whole.tip._replace(shortening=np.zeros_like(whole.tip.shortening))
+    return replace(whole, N=block_diagonal(integrals.M1, integrals.M2), tip=shapeless)

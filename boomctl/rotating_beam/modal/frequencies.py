@@ -14,14 +14,6 @@ def lowest(mass: Array, stiffness: Array) -> float:
     return float(1.0 / np.sqrt(eigh(mass, stiffness, eigvals_only=True)[-1]))
 
 
-def check_speed(model: str, speed: float, critical: float) -> None:
-    """Raise ValueError if the stiffness is lost at a hub speed [rad/s]."""
-    if abs(speed) >= critical:
-        raise ValueError(
-            f"hub_speed = {speed:g}: expected less than {critical:.7g} rad/s, where {model} loses its stiffness"
-        )
-
-
 def transverse(integrals: ModalIntegrals, speed: float, *, stiffening: bool) -> Array:
     """Frequencies of ``K2 + w^2 (D - M2)``, or without D, in Hz, ascending.
 

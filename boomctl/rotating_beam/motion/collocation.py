@@ -7,43 +7,87 @@ a window of steps in one vectorised call, solves each step for its transition ma
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import final
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from boomctl.arrays import Array
-from boomctl.gauss import CollocationMethod
+from boomctl.gauss import CollocationMethod, integrated_legendre
 from boomctl.rotating_beam.modal.equations import Tangents
-from boomctl.rotating_beam.motion.trajectory import Trajectory
+from boomctl.rotating_beam.motion.problems import Problem
 
-_ITERATIONS = 12
-
-
-class Problem(Protocol):
-    """Second-order equations ``residual(t, q, v, a) = 0`` in n unknown coordinates."""
-
-    @property
-    def linear(self) -> bool:
-        """Whether the residual is affine in q, v and a."""
-        ...
-
-    def residual(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """Residual at k instants, k x n."""
-        ...
-
-    def tangents(self, t: Array, q: Array, v: Array, a: Array) -> Tangents:
-        """Derivatives of the residual with respect to a, v and q, each k x n x n or n x n."""
-        ...
-
-    def first_guess(self, t: Array, start: float, v: Array) -> Array:
-        """Rates at m x s nodes to start Newton's method from, m x s x n."""
-        ...
-
-    def is_admissible(self, q: Array) -> bool:
-        """Whether the equations can be solved for the accelerations at all of k coordinates."""
-        ...
+WINDOW = 64  # steps solved at once: numpy's overhead is spread over them, and Newton's method still converges
+_ITERATIONS = 12  # of Newton's method: it converges in 3 to 6, or the window shrinks
+_NEWTON_ROUNDING = 1e-13  # change, relative to the motion, below which rounding is all that is left
+_SMALLEST_STEP = 1e-7  # of the whole time: where shorter ones fail too, there is no solution
 
 
+@final
+@dataclass(frozen=True)
+class Trajectory:
+    """Coordinates and rates over m steps.
+
+    Attributes
+    ----------
+    method : CollocationMethod
+    edges : ndarray, m + 1
+        Ends of the steps, s.
+    q, v : ndarray, (m + 1) x n
+        Coordinates and rates at the ends.
+    stages : ndarray, m x s x n
+        Rates at the nodes.
+    """
+
+    method: CollocationMethod
+    edges: Array
+    q: Array
+    v: Array
+    stages: Array
+
+    def __call__(self, timepts: Array) -> tuple[Array, Array]:
+        """Coordinates and rates at instants within the steps, each k x n.
+
+        The rates are interpolated between ends and nodes; the coordinates are the integral of that, so that both agree
+        with the values at the ends.
+        """
+        timepts = np.asarray(timepts, dtype=float)
+        step = np.clip(np.searchsorted(self.edges, timepts, side="right") - 1, 0, self.edges.size - 2)
+        length = np.diff(self.edges)
+        place = 2.0 * (timepts - self.edges[step]) / length[step] - 1.0
+        coefficients = self._rate_coefficients()[step]
+        degree = self.method.stages + 1
+        v = np.einsum("kj,kjn->kn", legendre.legvander(place, degree), coefficients)
+        moved = np.einsum("kj,kjn->kn", integrated_legendre(place, degree), coefficients)
+        return self.q[step] + 0.5 * length[step, None] * moved, v
+
+    def end(self) -> tuple[Array, Array]:
+        """Coordinates and rates at the end of the last step."""
+        return self.q[-1], self.v[-1]
+
+    def at_places(self, places: tuple[float, ...]) -> Array:
+        """Coordinates at the same places of every step, given on [0, 1]; steps x places x n."""
+        moved = integrated_legendre(2.0 * np.array(places) - 1.0, self.method.stages + 1)
+        length = np.diff(self.edges)[:, None, None]
+        return self.q[:-1, None] + 0.5 * length * (moved @ self._rate_coefficients())
+
+    def highest_terms(self) -> Array:
+        """What the two highest Legendre terms of its rates move each coordinate in a step, m x n."""
+        highest = np.abs(self._rate_coefficients()[:, -2:]).max(axis=1)
+        return 0.5 * np.diff(self.edges)[:, None] * highest
+
+    def stage_rates(self, edges: Array) -> Array:
+        """Rates at the nodes of other steps over the same time, for a finer solution to start from."""
+        nodes = edges[:-1, None] + np.diff(edges)[:, None] * self.method.nodes
+        _, v = self(nodes.ravel())
+        return v.reshape(*nodes.shape, -1)
+
+    def _rate_coefficients(self) -> Array:
+        values = np.concatenate([self.v[:-1, None], self.stages, self.v[1:, None]], axis=1)
+        return self.method.coefficients @ values
+
+
+@final
 @dataclass(frozen=True)
 class _Window:
     """A few steps; q and v are at their ends."""
@@ -68,7 +112,6 @@ def march(
     start: tuple[Array, Array],
     guess: Trajectory | None,
     tolerance: float,
-    window: int,
 ) -> Trajectory:
     """Solve the collocation equations over all steps, a window of steps at a time.
 
@@ -86,16 +129,14 @@ def march(
         A coarser solution over the same time.
     tolerance : float
         Largest change of a coordinate at which Newton's method stops.
-    window : int
-        Largest number of steps at once.
 
     Raises
     ------
     StepTooSmall
         If halving the step does not help.
     """
-    smallest = 1e-7 * (edges[-1] - edges[0])
-    pieces, ends, first, wanted = [], [edges[:1]], 0, window
+    smallest = _SMALLEST_STEP * (edges[-1] - edges[0])
+    pieces, ends, first, wanted = [], [edges[:1]], 0, WINDOW
     q, v = start
     while first < edges.size - 1:
         last = min(first + wanted, edges.size - 1)
@@ -104,7 +145,7 @@ def march(
         if piece is not None:
             pieces.append(piece)
             ends.append(here[1:])
-            q, v, first, wanted = piece.q[-1], piece.v[-1], last, min(2 * wanted, window)
+            q, v, first, wanted = piece.q[-1], piece.v[-1], last, min(2 * wanted, WINDOW)
         elif last - first > 1:
             wanted = max(1, (last - first) // 4)
         elif here[1] - here[0] < smallest:
@@ -169,7 +210,7 @@ def _newton(
         current = _Window(current.q + step.q, current.v + step.v, current.stages + step.stages)
         size = max(np.abs(current.q).max(), (h[:, None, None] * np.abs(current.stages)).max(), 1e-300)
         expected = change * min(1.0, change / size if previous == np.inf else change / previous)
-        if change <= 1e-13 * size:
+        if change <= _NEWTON_ROUNDING * size:
             expected = 0.0
         yield float(expected), current
         previous = change

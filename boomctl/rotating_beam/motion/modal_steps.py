@@ -16,16 +16,14 @@ from numpy.polynomial import legendre
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 
-STAGES = 8
-_KEPT = 6
-_SLOW = 0.5
-"""Angle below which a mode turns slowly in a step: there polynomial and vibration would cancel; a series does not."""
-_TERMS = 7
-"""Of that series; what is left out is below 1e-16."""
-_PLACES = np.array([*gauss_method(STAGES).nodes, 1.0])
-_SWEEPS, _FIRST_CHECK = 10, 4
-_SETTLED = 1e-11
-"""Last change of forces that have settled, relative to them: after so few sweeps what is left is a tenth of it."""
+STAGES = 8  # nodes of a step: a choice, forces of degree 7 over nearly a period of the lowest mode
+_KEPT = 6  # Legendre terms of the forces that stay when the two highest are taken as the error
+_SLOW = 0.5  # angle below which a mode turns slowly in a step: polynomial and vibration would cancel, a series does not
+_TERMS = 7  # of that series: what is left out is below 1e-16
+_PLACES = np.array([*gauss_method(STAGES).nodes, 1.0])  # where forces act and motions are wanted: nodes and end
+_SWEEPS = 10  # in which forces may settle before they are solved for: a choice
+_FIRST_CHECK = 4  # sweep after which it is first asked whether they have settled: a choice, the question takes time too
+_SETTLED = 1e-11  # last change of settled forces, relative to them: after so few sweeps a tenth of it is left
 
 
 class Steps(NamedTuple):

@@ -1,254 +1,264 @@
-"""From a manoeuvre to the motion at the instants asked for: which solver, which steps, and what its failures mean."""
+"""From a manoeuvre to the motion at the instants asked for: which way is taken, and what its failures mean."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import NamedTuple, final
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.gauss import gauss_method
-from boomctl.rotating_beam.manoeuvres import HubProfile, PrescribedMotion, Torque, TorqueDriven
-from boomctl.rotating_beam.modal.equations import BeamSpeedTerms, Equations
-from boomctl.rotating_beam.motion.collocation import StepTooSmall
-from boomctl.rotating_beam.motion.first_steps import first_steps, resolving
+from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque
+from boomctl.rotating_beam.modal.equations import Equations
+from boomctl.rotating_beam.motion.collocation import StepTooSmall, Trajectory
 from boomctl.rotating_beam.motion.modal_collocation import ModalTrajectory, modal_refine
-from boomctl.rotating_beam.motion.prescribed import PrescribedProblem
-from boomctl.rotating_beam.motion.refinement import Accuracy, NotConverged, refine
+from boomctl.rotating_beam.motion.problems import PrescribedProblem, Problem, TorqueDrivenProblem
+from boomctl.rotating_beam.motion.refinement import Accuracy, NotConverged, first_steps, refine, resolving
 from boomctl.rotating_beam.motion.steady_rotation import steady_motion, vibration_amplitudes
-from boomctl.rotating_beam.motion.torque_driven import TorqueDrivenProblem
-from boomctl.rotating_beam.motion.trajectory import Trajectory
+from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, small_deformation_until
 
-_STAGES = 8
-_WINDOW = 64
-
-
-class SimulationError(RuntimeError):
-    """A motion that the model cannot be followed through: why, and from which instant."""
+_WATCHED = (
+    16.0  # instants in a period of the lowest mode at which the tip is watched: it turns between two by 22 degrees
+)
 
 
-@dataclass(frozen=True)
-class Motion:
-    """Coordinates and rates of hub and beam at the instants asked for, each k x N; error of the free end [m]."""
+class Way(NamedTuple):
+    """A way to find a motion.
 
-    y: Array
-    rate: Array
-    error: float
-    steps: int
+    Attributes
+    ----------
+    name : str
+    applies : callable
+        Whether it can be taken in a scene.
+    find : callable
+        Returns the motion, or None if it misses the tolerance.
+    reason : str
+        Why it stands where it does.
+    """
 
-    def displacement(self, row: Array) -> Array:
-        """``row q`` of the beam's coordinates, k."""
-        return self.y[:, 1:] @ row
-
-    def at(self, timepts: Array, which: Array) -> "Motion":
-        """The motion at some of its instants, those of the given indices."""
-        return Motion(self.y[which], self.rate[which], self.error, self.steps)
-
-
-@dataclass(frozen=True)
-class ModalMotion:
-    """A motion with exact vibrations, of which coordinates and rates are evaluated when first asked for."""
-
-    trajectory: ModalTrajectory
-    manoeuvre: PrescribedMotion
-    timepts: Array
-    error: float
-
-    @property
-    def steps(self) -> int:
-        """Number of integration steps."""
-        return self.trajectory.edges.size - 1
-
-    @property
-    def y(self) -> Array:
-        """Coordinates of hub and beam, k x N."""
-        return np.column_stack([self.manoeuvre.angle(self.timepts), self._beam[0]])
-
-    @property
-    def rate(self) -> Array:
-        """Rates of hub and beam, k x N."""
-        return np.column_stack([self.manoeuvre.speed(self.timepts), self._beam[1]])
-
-    @cached_property
-    def _beam(self) -> tuple[Array, Array]:
-        return self.trajectory(self.timepts)
-
-    def displacement(self, row: Array) -> Array:
-        """``row q`` of the beam's coordinates, k."""
-        return self.trajectory.displacement(row, self.timepts)
-
-    def at(self, timepts: Array, which: Array) -> "ModalMotion":
-        """The motion at some of its instants."""
-        return ModalMotion(self.trajectory, self.manoeuvre, timepts, self.error)
+    name: str
+    applies: "Callable[[Scene], bool]"
+    find: "Callable[[Scene], Motion | None]"
+    reason: str
 
 
-@dataclass(frozen=True)
-class _Piece:
-    """A motion up to `end`, found by collocation; empty if the hub's speed is constant from the start."""
+WAYS = (
+    Way(
+        "initial state",
+        lambda scene: scene.end == 0.0,
+        lambda scene: _initial_state(scene),
+        "only t = 0 is asked for: nothing is to be found",
+    ),
+    Way(
+        "steady rotation",
+        lambda scene: scene.steady_from <= 0.0,
+        lambda scene: _steady(scene),
+        "at constant hub speed the beam's equations have a closed form, exact but for rounding",
+    ),
+    Way(
+        "modal collocation",
+        lambda scene: scene.prescribed is not None and scene.equations.normal_form is not None,
+        lambda scene: _by_modes(scene),
+        "without damping and axial modes each mode vibrates in closed form: few, long steps",
+    ),
+    Way(
+        "collocation",
+        lambda scene: True,
+        lambda scene: _collocated(scene),
+        "any equations, any manoeuvre; steady rotation follows it where the hub's speed becomes constant",
+    ),
+)
+"""In the order tried. The first that applies and keeps the tolerance gives the motion; `Motion.path` names all that ran."""
 
-    trajectory: Trajectory | None
-    error: float
 
-    @property
-    def steps(self) -> int:
-        return 0 if self.trajectory is None else self.trajectory.edges.size - 1
+@final
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A motion that is asked for.
 
-
-def watched_instants(equations: Equations, timepts: Array) -> Array:
-    """The instants asked for, and enough others that no swing of the lowest mode passes unseen, from 0 on."""
-    gap = 2.0 * np.pi / equations.frequency_range[0] / 16.0
-    if max(timepts[0], (timepts[1:] - timepts[:-1]).max(initial=0.0)) <= gap:
-        return timepts
-    return np.union1d(timepts, np.linspace(0.0, timepts[-1], int(np.ceil(timepts[-1] / gap)) + 1))
-
-
-def prescribed_motion(
-    equations: Equations,
-    manoeuvre: PrescribedMotion,
-    timepts: Array,
-    start: tuple[Array, Array],
-    tolerance: tuple[float, float],
-) -> Motion | ModalMotion:
-    """Motion of the beam with the hub's prescribed: collocation, then the closed form once the hub's speed is constant.
-
-    Parameters
+    Attributes
     ----------
     equations : Equations
-    manoeuvre : PrescribedMotion
+    manoeuvre : PrescribedMotion or TorqueDriven
     timepts : ndarray, k
         Instants, s.
     start : pair of ndarray, N
         Coordinates and rates of hub and beam at t = 0.
-    tolerance : pair of float
-        rtol and atol of the free end's displacement.
-
-    Raises
-    ------
-    ValueError
-        If the functions of a profile do not belong together.
-    SimulationError
-        If the motion grows out of bounds or the tolerance is not reached.
-    """
-    if isinstance(manoeuvre, HubProfile):
-        manoeuvre.check_until(float(timepts[-1]))
-    terms, tip = equations.beam_speed_terms, equations.tip
-    steady_from = manoeuvre.steady_from if terms is not None else np.inf
-    end = min(float(timepts[-1]), steady_from)
-    beam = start[0][1:], start[1][1:]
-    accuracy = Accuracy(*tolerance, (np.stack([tip.transverse, tip.axial]),))
-    if equations.normal_form is not None and end > 0.0:
-        edges = first_steps(equations, manoeuvre.breakpoints, end, graded=False)
-        goes_on = end < timepts[-1]
-        found = modal_refine(equations.normal_form, manoeuvre, edges, beam, accuracy, goes_on)
-        if found is not None:
-            return ModalMotion(found[0], manoeuvre, timepts, found[1])
-    if terms is not None and end < timepts[-1]:
-        modal = vibration_amplitudes(terms, float(manoeuvre.speed(end)), tip.transverse)
-        accuracy = replace(accuracy, modal=modal)
-    piece = _collocate(PrescribedProblem(equations, manoeuvre), equations, manoeuvre, beam, end, accuracy)
-    q, v = _with_steady(terms, manoeuvre, piece, beam, timepts, end)
-    y = np.column_stack([manoeuvre.angle(timepts), q])
-    return Motion(y, np.column_stack([manoeuvre.speed(timepts), v]), piece.error, piece.steps)
-
-
-def torque_driven_motion(
-    equations: Equations,
-    manoeuvre: TorqueDriven,
-    timepts: Array,
-    start: tuple[Array, Array],
-    tolerance: tuple[float, float],
-    reach: float,
-) -> Motion:
-    """Motion of hub and beam under a torque on the hub.
-
-    Parameters
-    ----------
-    equations, manoeuvre, timepts, start, tolerance
-        As for `prescribed_motion`.
-    reach : float
+    rtol, atol : float
+        The error of the free end's displacement is kept below ``atol + rtol max |displacement|``, m.
+    length : float
+        Of the beam, m.
+    radius : float
         Distance of the free end from the axis, m: what the error of the hub's angle is multiplied by.
+    """
+
+    equations: Equations
+    manoeuvre: Manoeuvre
+    timepts: Array
+    start: tuple[Array, Array]
+    rtol: float
+    atol: float
+    length: float
+    radius: float
+
+    @property
+    def end(self) -> float:
+        """The last instant, s."""
+        return float(self.timepts[-1])
+
+    @property
+    def prescribed(self) -> PrescribedMotion | None:
+        """The manoeuvre, if the hub's motion is prescribed."""
+        return self.manoeuvre if isinstance(self.manoeuvre, PrescribedMotion) else None
+
+    @property
+    def steady_from(self) -> float:
+        """Instant from which the motion has a closed form, s; inf if it never has."""
+        if self.prescribed is None or self.equations.beam_speed_terms is None:
+            return np.inf
+        return self.prescribed.steady_from
+
+    @cached_property
+    def watched(self) -> Array:
+        """The instants asked for, and enough others that no swing of the lowest mode passes unseen, from 0 on."""
+        timepts = self.timepts
+        gap = 2.0 * np.pi / self.equations.frequency_range[0] / _WATCHED
+        if max(timepts[0], (timepts[1:] - timepts[:-1]).max(initial=0.0)) <= gap:
+            return timepts
+        return np.union1d(timepts, np.linspace(0.0, self.end, int(np.ceil(self.end / gap)) + 1))
+
+    def asked(self, watched: Array) -> Array:
+        """Of values at the watched instants those at the instants asked for."""
+        return watched if self.watched is self.timepts else watched[np.searchsorted(self.watched, self.timepts)]
+
+
+def motion_of(scene: Scene) -> Motion:
+    """Find a motion in the first of the :data:`WAYS` that applies and keeps the tolerance.
 
     Raises
     ------
     SimulationError
-        If the mass matrix ceases to be positive definite, or the tolerance is not reached.
+        If the mass matrix ceases to be positive definite, the motion grows out of bounds, or the tolerance is not
+        reached.
     """
-    tip, end = equations.tip, float(timepts[-1])
-    rows = np.zeros((3, equations.size))
-    rows[0, 1:], rows[1, 1:], rows[2, 0] = tip.transverse, tip.axial, reach
-    accuracy = Accuracy(*tolerance, (rows[:2], rows[2:]))
-    problem = TorqueDrivenProblem(equations, manoeuvre)
-    piece = _collocate(problem, equations, manoeuvre, start, end, accuracy)
-    if piece.trajectory is None:
-        return Motion(start[0][None], start[1][None], 0.0, 0)
-    y, rate = piece.trajectory(timepts)
-    return Motion(y, rate, piece.error, piece.steps)
+    given_up: tuple[str, ...] = ()
+    for way in WAYS:
+        if way.applies(scene):
+            found = way.find(scene)
+            if found is not None:
+                return replace(found, path=given_up + found.path) if given_up else found
+            given_up += (f"{way.name} (given up)",)
+    raise AssertionError("the last way applies always, and raises what it cannot do")
 
 
-def _with_steady(
-    terms: BeamSpeedTerms | None,
-    manoeuvre: PrescribedMotion,
-    piece: _Piece,
-    beam: tuple[Array, Array],
-    timepts: Array,
-    end: float,
-) -> tuple[Array, Array]:
-    """Coordinates and rates of the beam: of the piece up to `end`, then in closed form."""
-    early = timepts[timepts <= end]
-    q, v = (np.empty((timepts.size, beam[0].size)) for _ in range(2))
-    if piece.trajectory is not None:
-        q[: early.size], v[: early.size] = piece.trajectory(early)
-        beam = piece.trajectory.end()
-    else:
-        q[: early.size], v[: early.size] = beam
-    if terms is not None and early.size < timepts.size:
-        late = timepts[early.size :]
-        q[early.size :], v[early.size :] = _steady(terms, float(manoeuvre.speed(end)), beam, late, end)
-    return q, v
+def _initial_state(scene: Scene) -> Motion:
+    y, rate = (each[None] for each in scene.start)
+    return _sampled(scene, y, rate, 0.0, 0, ("initial state",))
+
+
+def _steady(scene: Scene) -> Motion:
+    beam = scene.start[0][1:], scene.start[1][1:]
+    q, v, name = _steady_from(scene, 0.0, beam, scene.watched)
+    return _sampled(scene, *_with_hub(scene, q, v), 0.0, 0, (name,))
+
+
+def _by_modes(scene: Scene) -> Motion | None:
+    form, manoeuvre, tip = scene.equations.normal_form, scene.prescribed, scene.equations.tip
+    assert form is not None
+    assert manoeuvre is not None
+    end = min(scene.end, scene.steady_from)
+    edges = first_steps(scene.equations, manoeuvre.breakpoints, end, graded=False)
+    beam = scene.start[0][1:], scene.start[1][1:]
+    accuracy = Accuracy(scene.rtol, scene.atol, (np.stack([tip.transverse, tip.axial]),))
+    found = modal_refine(form, manoeuvre, edges, beam, accuracy, vibrates_on=end < scene.end)
+    if found is None:
+        return None
+    trajectory, error = found
+    displacement = trajectory.displacement(tip.transverse, scene.watched)
+    until = small_deformation_until(
+        scene.watched, displacement, scene.length, lambda: trajectory(scene.watched)[1] @ tip.transverse
+    )
+    states = partial(_modal_states, trajectory, manoeuvre, scene.timepts)
+    steps = trajectory.edges.size - 1
+    return Motion(scene.asked(displacement), until, states, error, steps, ("modal collocation",))
+
+
+def _modal_states(trajectory: ModalTrajectory, manoeuvre: PrescribedMotion, timepts: Array) -> tuple[Array, Array]:
+    q, v = trajectory(timepts)
+    return np.column_stack([manoeuvre.angle(timepts), q]), np.column_stack([manoeuvre.speed(timepts), v])
+
+
+def _collocated(scene: Scene) -> Motion:
+    tip, manoeuvre = scene.equations.tip, scene.manoeuvre
+    if not isinstance(manoeuvre, PrescribedMotion):
+        rows = np.zeros((3, scene.equations.size))
+        rows[0, 1:], rows[1, 1:], rows[2, 0] = tip.transverse, tip.axial, scene.radius
+        accuracy = Accuracy(scene.rtol, scene.atol, (rows[:2], rows[2:]))
+        problem = TorqueDrivenProblem(scene.equations, manoeuvre)
+        trajectory, error = _collocate(problem, scene, scene.start, scene.end, accuracy)
+        y, rate = trajectory(scene.watched)
+        return _sampled(scene, y, rate, error, trajectory.edges.size - 1, ("collocation",))
+
+    terms, end = scene.equations.beam_speed_terms, min(scene.end, scene.steady_from)
+    accuracy = Accuracy(scene.rtol, scene.atol, (np.stack([tip.transverse, tip.axial]),))
+    if terms is not None and end < scene.end:
+        accuracy = replace(accuracy, modal=vibration_amplitudes(terms, float(manoeuvre.speed(end)), tip.transverse))
+    beam = scene.start[0][1:], scene.start[1][1:]
+    problem = PrescribedProblem(scene.equations, manoeuvre)
+    trajectory, error = _collocate(problem, scene, beam, end, accuracy)
+    path = ("collocation",)
+    late = int(np.searchsorted(scene.watched, end, side="right"))
+    q, v = trajectory(scene.watched[:late])
+    if late < scene.watched.size:
+        q_late, v_late, name = _steady_from(scene, end, trajectory.end(), scene.watched[late:])
+        q, v, path = np.concatenate([q, q_late]), np.concatenate([v, v_late]), (*path, name)
+    return _sampled(scene, *_with_hub(scene, q, v), error, trajectory.edges.size - 1, path)
 
 
 def _collocate(
-    problem: PrescribedProblem | TorqueDrivenProblem,
-    equations: Equations,
-    manoeuvre: PrescribedMotion | TorqueDriven,
-    start: tuple[Array, Array],
-    end: float,
-    accuracy: Accuracy,
-) -> _Piece:
-    if end <= 0.0:
-        return _Piece(None, 0.0)
-    edges = first_steps(equations, manoeuvre.breakpoints, end, graded=True)
-    if isinstance(manoeuvre, HubProfile):
-        edges = resolving(edges, manoeuvre.acceleration)
-    elif isinstance(manoeuvre, Torque):
-        edges = resolving(edges, manoeuvre.torque)
+    problem: Problem, scene: Scene, start: tuple[Array, Array], end: float, accuracy: Accuracy
+) -> tuple[Trajectory, float]:
+    """Motion up to `end` and its estimated error, or what its failure means."""
+    edges = first_steps(scene.equations, scene.manoeuvre.breakpoints, end, graded=True)
+    if isinstance(scene.manoeuvre, HubProfile | Torque):  # a user's functions, which may jump where they do not say
+        edges = resolving(edges, problem)
     try:
-        trajectory, error = refine(problem, gauss_method(_STAGES), edges, start, accuracy, _WINDOW)
+        return refine(problem, edges, start, accuracy)
     except StepTooSmall as failure:
-        raise SimulationError(_why(problem, failure.time)) from None
+        raise SimulationError(problem.why(failure.time)) from None
     except NotConverged as failure:
         raise SimulationError(
             f"the tip displacement's error stays at {failure.error:.1e} m: raise rtol or atol"
         ) from None
-    return _Piece(trajectory, error)
 
 
-def _why(problem: PrescribedProblem | TorqueDrivenProblem, time: float) -> str:
-    if isinstance(problem, TorqueDrivenProblem):
-        return (
-            f"the model's mass matrix ceases to be positive definite at t = {time:.6g} s: the torque drives it out of "
-            "the deformations it is valid for; use less torque or model='geometrically-exact'"
-        )
-    return f"the deflection grows beyond all bounds from t = {time:.6g} s on: the model has lost its stiffness"
-
-
-def _steady(
-    terms: BeamSpeedTerms, speed: float, beam: tuple[Array, Array], late: Array, end: float
-) -> tuple[Array, Array]:
-    q, v = steady_motion(terms, speed, beam, late - end)
+def _steady_from(scene: Scene, begin: float, beam: tuple[Array, Array], timepts: Array) -> tuple[Array, Array, str]:
+    """Coordinates and rates of the beam at constant hub speed from an instant on, and the way that they are found."""
+    terms, manoeuvre = scene.equations.beam_speed_terms, scene.prescribed
+    assert terms is not None
+    assert manoeuvre is not None
+    q, v, form = steady_motion(terms, float(manoeuvre.speed(begin)), beam, timepts - begin)
     finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
     if not finite.all():
-        time = late[np.argmin(finite)]
+        time = timepts[np.argmin(finite)]
         raise SimulationError(
             f"the deflection exceeds every number by t = {time:.6g} s: the model has lost its stiffness"
         )
-    return q, v
+    return q, v, f"steady rotation by {form}"
+
+
+def _with_hub(scene: Scene, q: Array, v: Array) -> tuple[Array, Array]:
+    """Coordinates and rates of hub and beam at the watched instants, the hub's motion prescribed."""
+    manoeuvre = scene.prescribed
+    assert manoeuvre is not None
+    angle, speed = manoeuvre.angle(scene.watched), manoeuvre.speed(scene.watched)
+    return np.column_stack([angle, q]), np.column_stack([speed, v])
+
+
+def _sampled(scene: Scene, y: Array, rate: Array, error: float, steps: int, path: tuple[str, ...]) -> Motion:
+    """A motion of coordinates and rates at the watched instants."""
+    row = scene.equations.tip.transverse
+    tip = y[:, 1:] @ row
+    until = small_deformation_until(scene.watched, tip, scene.length, lambda: rate[:, 1:] @ row)
+    states = partial(kept_states, scene.asked(y), scene.asked(rate))
+    return Motion(scene.asked(tip), until, states, error, steps, path)

@@ -5,16 +5,23 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import BeamSpeedTerms
 
-_WORST_CONDITION = 1e8
+_WORST_CONDITION = 1e8  # of the eigenvectors: half of the digits are left, as many as the default tolerance asks for
+_INTERVAL_DIGITS = (
+    12  # decimals of an interval [s] that make it the same as another, so that one exponential serves both
+)
+
+# The forms of the motion at constant hub speed, in the order tried
+MODES = (
+    "modes"  # without damping and gyroscopic terms: every mode turns on its own, also one that has lost its stiffness
+)
+EIGENVECTORS = "eigenvectors"  # otherwise: of the first-order form
+EXPONENTIALS = "matrix exponentials"  # where these are ill-conditioned: slower, and always exact
 
 
 def steady_motion(
     terms: BeamSpeedTerms, speed: float, start: tuple[Array, Array], elapsed: Array
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, str]:
     """Coordinates and rates of the beam after given times at a constant hub speed, exact but for rounding.
-
-    Without damping and gyroscopic terms every mode turns on its own, also beyond the loss of stiffness; with them the
-    eigenvectors of the first-order form are used, or, where these are ill-conditioned, matrix exponentials.
 
     Parameters
     ----------
@@ -29,13 +36,15 @@ def steady_motion(
     Returns
     -------
     q, v : ndarray, k x n
+    form : str
+        The form that was used: `MODES`, `EIGENVECTORS` or `EXPONENTIALS`.
     """
     stiffness = terms.K + speed**2 * terms.K_w
     damping = terms.C + speed * terms.G
     force = speed**2 * terms.f_w
     if np.any(damping) or np.any(force):
         return _general(terms, stiffness, damping, force, start, elapsed)
-    return _modal(terms.M, stiffness, start, elapsed)
+    return *_modal(terms.M, stiffness, start, elapsed), MODES
 
 
 def vibration_amplitudes(terms: BeamSpeedTerms, speed: float, tip: Array) -> tuple[Array, Array]:
@@ -82,7 +91,7 @@ def _general(
     force: Array,
     start: tuple[Array, Array],
     elapsed: Array,
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, str]:
     """In coordinates in which mass and stiffness at rest are unity: there undamped motion is a rotation."""
     n = force.size
     mass_root: Array = np.linalg.cholesky(terms.M)
@@ -94,19 +103,19 @@ def _general(
     system[n:, n:] = -np.matmul(to_v.T, damping @ to_v)
     push = np.concatenate([np.zeros(n), to_v.T @ force])
     state = np.concatenate([stiffness_root.T @ start[0], mass_root.T @ start[1]])
-    states = _linear_flow(system, push, state, elapsed)
-    return states[:, :n] @ to_q.T, states[:, n:] @ to_v.T
+    states, form = _linear_flow(system, push, state, elapsed)
+    return states[:, :n] @ to_q.T, states[:, n:] @ to_v.T, form
 
 
-def _linear_flow(system: Array, push: Array, state: Array, elapsed: Array) -> Array:
-    """Solution of ``z' = system z + push`` after given times, k x n."""
+def _linear_flow(system: Array, push: Array, state: Array, elapsed: Array) -> tuple[Array, str]:
+    """Solution of ``z' = system z + push`` after given times, k x n, and the form that was used."""
     values, vectors = np.linalg.eig(system)
     if np.linalg.cond(vectors) < _WORST_CONDITION and np.abs(values).min() > 0.0:
         rest = -np.linalg.solve(system, push)
         with np.errstate(over="ignore", invalid="ignore"):
             modes = np.exp(np.multiply.outer(elapsed, values)) * np.linalg.solve(vectors, state - rest)
-            return rest + (modes @ vectors.T).real
-    return _by_exponentials(system, push, state, elapsed)
+            return rest + (modes @ vectors.T).real, EIGENVECTORS
+    return _by_exponentials(system, push, state, elapsed), EXPONENTIALS
 
 
 def _by_exponentials(system: Array, push: Array, state: Array, elapsed: Array) -> Array:
@@ -119,7 +128,7 @@ def _by_exponentials(system: Array, push: Array, state: Array, elapsed: Array) -
     result = np.empty((elapsed.size, n))
     known: dict[float, Array] = {0.0: np.eye(n + 1)}
     for k, now in enumerate(elapsed):
-        interval = round(float(now - before), 12)
+        interval = round(float(now - before), _INTERVAL_DIGITS)
         if interval not in known:
             known[interval] = np.asarray(expm(augmented * interval))
         current, before = np.matmul(known[interval], current), float(now)

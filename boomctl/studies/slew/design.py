@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.report import Report, Section
-from boomctl.rotating_beam import HubBeam
+from boomctl.rotating_beam import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SpinUp
 from boomctl.slew import (
     MeshStudy,
@@ -43,7 +43,7 @@ class SlewDesign:
     ----------
     name, title : str
         In one word, and in a line.
-    beam : HubBeam
+    beam : AssumedModesBeam
         What the slew was planned for.
     planned : mapping of str to SlewResult
         Slews of the beam by name: first the one designed, then others to be set beside it. All have the same angle, or
@@ -60,7 +60,7 @@ class SlewDesign:
 
     name: str
     title: str
-    beam: HubBeam
+    beam: AssumedModesBeam
     planned: Mapping[str, SlewResult]
     rival: str = ""
     payloads: tuple[float, ...] = ()

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from boomctl.rotating_beam import HubBeam
+from boomctl.rotating_beam import AssumedModesBeam
 from boomctl.slew import SlewResult, mesh_study, optimal_slew
 from boomctl.studies.slew.design import SlewDesign, SlewEvaluation
 
@@ -15,7 +15,7 @@ _ROOM = 1.1  # duration of the cheapest slew over the least time; with less room
 
 
 def evaluated_plan(
-    h: HubBeam,
+    h: AssumedModesBeam,
     *,
     angle: float,
     torque_limit: float,
@@ -27,7 +27,7 @@ def evaluated_plan(
 
     Parameters
     ----------
-    h : HubBeam
+    h : AssumedModesBeam
     angle, torque_limit : float
         rad, N m.
     meshes : tuple of int
@@ -59,7 +59,7 @@ def _title(slew: SlewResult) -> str:
     return f"{slew.title}{limited}" if slew.objective == "time" else f"{slew.title}, {slew.duration:.3g} s{limited}"
 
 
-def _beside(h: HubBeam, slew: SlewResult, angle: float, torque_limit: float) -> dict[str, SlewResult]:
+def _beside(h: AssumedModesBeam, slew: SlewResult, angle: float, torque_limit: float) -> dict[str, SlewResult]:
     """Return the slew asked for, the fastest one, and the cheapest in a little more than the least time."""
     named = {_title(slew): slew}
     if "minimum time" not in named:
@@ -70,9 +70,9 @@ def _beside(h: HubBeam, slew: SlewResult, angle: float, torque_limit: float) -> 
     return named
 
 
-def default_meshes(h: HubBeam, duration: float) -> tuple[int, ...]:
+def default_meshes(h: AssumedModesBeam, duration: float) -> tuple[int, ...]:
     """Return three meshes, the coarsest with four intervals a period of the fastest bending mode, or what is cheap."""
-    bending = HubBeam(h.parameters, "sfoam", h.modes)
+    bending = AssumedModesBeam(h.parameters, "sfoam", h.modes)
     needed = 4.0 * duration * float(bending.frequencies_hz().max())
     first = 10 * min(max(round(needed / 10.0), 2), 10)
     return (first, 2 * first, 4 * first)

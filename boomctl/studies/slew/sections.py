@@ -8,7 +8,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.plotting import picture, plot_slew_comparison, plot_spin_ups, slew_film
 from boomctl.report import Picture, Section, Table, number, power
-from boomctl.rotating_beam import HubBeam
+from boomctl.rotating_beam import AssumedModesBeam
 from boomctl.slew import (
     MeshStudy,
     PayloadComparison,
@@ -33,7 +33,7 @@ _LIMITS = {
 _MODELS = {"geometrically-exact": "geometrically exact beam", "sfoam-consistent": "SFOAM, consistent"}
 
 
-def slew_section(h: HubBeam, slew: SlewResult, notes: tuple[str, ...]) -> Section:
+def slew_section(h: AssumedModesBeam, slew: SlewResult, notes: tuple[str, ...]) -> Section:
     """Return the section of the slew itself."""
     caption = (
         "Torque, hub angle and speed, tip displacement and bending moment at the clamp. Broken lines: limits, where they are "
@@ -42,7 +42,7 @@ def slew_section(h: HubBeam, slew: SlewResult, notes: tuple[str, ...]) -> Sectio
     return Section("The slew", (*_slew_text(h, slew), *notes), (), (picture("slew", slew.plot(), caption, "png"),))
 
 
-def _slew_text(h: HubBeam, slew: SlewResult) -> tuple[str, ...]:
+def _slew_text(h: AssumedModesBeam, slew: SlewResult) -> tuple[str, ...]:
     c, problem = slew.certificate, slew.plan.problem
     payload = f"a tip mass of {h.parameters.tip_mass:g} kg" if h.parameters.tip_mass else "no tip mass"
     if problem.tip_masses:

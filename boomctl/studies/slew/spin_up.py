@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boomctl.rotating_beam import HubBeam, SimulationResult
+from boomctl.rotating_beam import AssumedModesBeam, SimulationResult
 from boomctl.rotating_beam.manoeuvres import SpinUp
 from boomctl.slew import TorqueHistory
 
@@ -36,12 +36,14 @@ class SpinUpMotion:
     motion: SimulationResult
 
 
-def spin_ups(h: HubBeam, label: str, history: TorqueHistory, profile: SpinUp) -> tuple[SpinUpMotion, SpinUpMotion]:
+def spin_ups(
+    h: AssumedModesBeam, label: str, history: TorqueHistory, profile: SpinUp
+) -> tuple[SpinUpMotion, SpinUpMotion]:
     """Return the motion under a planned torque, and that under a profile of the hub.
 
     Parameters
     ----------
-    h : HubBeam
+    h : AssumedModesBeam
     label : str
         Name of the planned spin-up.
     history : TorqueHistory

@@ -17,7 +17,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
-from boomctl.synthesis.errors import SynthesisError
+from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import COUPLING, Level, gains, level_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -177,7 +177,7 @@ def _reached(ready: NormalizedPlant, base: float, deadline: Deadline) -> list[Le
 
 
 def _middle(span: _Span) -> float:
-    return float(np.sqrt(max(span.low, 1e-3 * span.high) * span.high))
+    return float(np.sqrt(max(span.low, 1e-3 * span.high) * span.high))  # of an open span, three decades
 
 
 def _next(span: _Span, levels: list[Level], tolerance: float) -> float:
@@ -218,7 +218,7 @@ def _out_of_reach(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
     system = Lti(closed, plant.system.B, plant.C1 + plant.D12 @ F, plant.system.D[: plant.nz])
 
     def rest(omega: Array) -> Array:
-        G = np.moveaxis(system.response(omega), 2, 0)
+        G = np.moveaxis(system.response(omega, quiet=True), 2, 0)
         inputs, reached = G[:, :, :nw], G[:, :, nw:]
         basis = np.linalg.qr(reached)[0]  # orthonormal but for rounding, which light damping and long chains magnify
         left = inputs - basis @ (np.conj(np.swapaxes(basis, 1, 2)) @ inputs)
@@ -230,7 +230,7 @@ def _out_of_reach(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
 
 def _peak(rest: Callable[[Array], Array], poles: Array) -> tuple[float, float]:
     size = np.abs(poles)
-    size = size[size > 1e-9 * size.max()]
+    size = size[size > 1e-9 * size.max()]  # slower ones would only stretch the grid
     low, high = (size.min(), size.max()) if len(size) else (1.0, 1.0)
     grid = np.unique(np.concatenate([[0.0], np.geomspace(low / 10.0, high * 10.0, _POINTS), np.abs(poles)]))
     values = rest(grid)

@@ -5,21 +5,19 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, matrices_norm
+from boomctl.lti.modal import split
 from boomctl.lti.system import Lti, lower_lft
-from boomctl.synthesis.errors import SynthesisError
-from boomctl.synthesis.fast_poles import without_fast_poles
+from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.bounds import Bounds, Deadline
 from boomctl.synthesis.hinf.native import NativeFailure, shared_worker
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import controller_of, level_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, with_feedthrough
 
-_ACCEPT = (
-    0.01  # share by which a loop's norm may exceed the level its controller was computed for: rounding of the solver
-)
+# Share by which a loop's norm may exceed the level its controller was computed for: rounding of the solver
+_ACCEPT = 0.01
 
 # Levels in the order tried, as shares above the lower bound.  All are choices: a controller nearer the optimum has faster
 # poles, so that the first level takes up nearly all of the tolerance and leaves the rest to rounding.
@@ -27,9 +25,8 @@ _FIRST = (0.95, 0.5, 1.0)  # of the tolerance
 _CLOSE = (0.02, 0.0485)  # up to 5 % with rounding: then twice the tolerance and these, where they are more than it
 _FAR = (0.1, 0.2, 0.4, 0.7, 1.0)  # then up to twice the bound, where poles may stay slow only at that cost
 _ANY = (*_FAR, 3.0, 10.0, 100.0)  # where slow poles were asked for, at whatever cost
-_HALVINGS = (
-    3  # of the ratio between the last level that failed and the first that passed: to an eighth of its logarithm
-)
+# Of the ratio between the last level that failed and the first that passed: to an eighth of its logarithm
+_HALVINGS = 3
 
 
 @dataclass(frozen=True)
@@ -180,7 +177,21 @@ def _controllers(task: Task, level: float, tried: list[_Tried]) -> Iterator[tupl
 
 def largest_pole(K: Lti) -> float:
     """Return the largest magnitude of a controller's poles [rad/s]."""
-    return float(np.abs(linalg.eigvals(K.A)).max()) if len(K.A) else 0.0
+    return float(np.abs(K.poles).max(initial=0.0))
+
+
+def without_fast_poles(K: Lti, fastest: float) -> Lti | None:
+    """Return a system without its poles above a magnitude [rad/s], their gain at zero frequency kept in ``D``.
+
+    None comes back where they cannot be split off.  Nothing is said of the loop: verify it.
+    """
+    try:
+        fast, slow = split(K, np.abs(K.poles) > fastest)
+        D = slow.D - fast.C @ np.linalg.solve(fast.A, fast.B)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    slower = replace(K, A=slow.A, B=slow.B, C=slow.C, D=D, states=())
+    return slower if all(np.isfinite(part).all() for part in (slower.B, slower.C, slower.D)) else None
 
 
 def judged(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
@@ -189,12 +200,12 @@ def judged(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
         loop = lower_lft(plant.system, K).balanced()
     except ValueError as error:
         return str(error)
-    slowest = float(linalg.eigvals(loop.A).real.max()) if len(loop.A) else -np.inf
+    slowest = float(loop.poles.real.max(initial=-np.inf))
     if slowest >= 0.0:
         return f"its loop has a pole with real part {slowest:.3g} rad/s"
     norm = matrices_norm(loop)
     if not norm.certified:
         return f"the norm of its loop could not be certified ({norm.method})"
-    if norm.upper > limit:
+    if norm.upper > limit or norm.lower == np.inf:
         return f"its loop has norm {norm.lower:.6g}, more than {limit:.6g}"
     return Candidate(K, loop, norm, slowest, level=norm.upper)

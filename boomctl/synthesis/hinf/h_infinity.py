@@ -9,8 +9,7 @@ import numpy as np
 from boomctl.analysis.norm import NormCertificate
 from boomctl.checks import positive
 from boomctl.printing import sentence, system
-from boomctl.synthesis.errors import SynthesisError
-from boomctl.synthesis.hinf.assumptions import check_modes, check_ranks, check_zeros
+from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
 from boomctl.synthesis.hinf.bounds import Deadline, lowest_level
 from boomctl.synthesis.hinf.candidates import Candidate, Task, first_accepted, largest_pole
 from boomctl.synthesis.hinf.native import NativeFailure, shared_worker

@@ -18,7 +18,8 @@ class NormalizedPlant(GeneralizedPlant):
     """A plant with ``D12 = [0; I]``, ``D21 = [0, I]``, ``D22 = 0`` and modes of like size.
 
     The controller of the plant is ``from_controls @ K @ from_measurements``, its ``D22`` apart; the states of the plant
-    are ``modes`` times those in here.  Disturbances and performance signals are only rotated, so no norm changes.
+    are ``modes`` times those in here, which are each named after the state of the plant that takes the largest part in
+    them.  Disturbances and performance signals are only rotated, so no norm changes.
     """
 
     from_controls: Array
@@ -46,7 +47,8 @@ def normalised(plant: GeneralizedPlant) -> NormalizedPlant:
     D[plant.nz :, plant.nw - nmeas : plant.nw] = np.eye(nmeas)
     modes = _modal_basis(plant.A, B, C)
     inverse = linalg.inv(modes) if len(modes) else modes
-    system = Lti(inverse @ plant.A @ modes, inverse @ B, C @ modes, D)
+    names = tuple(plant.system.states[k] for k in np.abs(modes).argmax(axis=0)) if len(modes) else ()
+    system = Lti(inverse @ plant.A @ modes, inverse @ B, C @ modes, D, states=names)
     return NormalizedPlant(system, nmeas, ncon, from_controls, from_measurements, modes)
 
 

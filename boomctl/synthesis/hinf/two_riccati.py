@@ -16,6 +16,7 @@ from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 _NEGATIVE = 1e-8  # share of the largest eigenvalue of X that rounding may have made negative: half of all digits
+_EPS = 1e-14  # share of the largest entry of X by which rounding may have moved an eigenvalue: fifty units
 _MARGIN = 10.0  # a solution is taken to be wrong by so many Newton steps: a choice, since one step only estimates it
 COUPLING = "control and estimation together do not reach it (rho(XY) >= gamma^2)"
 
@@ -92,7 +93,7 @@ class Level:
             if X is None:
                 continue
             errors[k] = _MARGIN * _error(_state_feedback(plant, self.gamma), X)
-            if np.isfinite(self.gamma) and len(X) and linalg.eigvalsh(X)[0] < -max(errors[k], 1e-14 * np.abs(X).max()):
+            if np.isfinite(self.gamma) and len(X) and linalg.eigvalsh(X)[0] < -max(errors[k], _EPS * np.abs(X).max()):
                 return self.gamma
         if self.X is None or self.Y is None or not np.isfinite(self.radius):
             return 0.0

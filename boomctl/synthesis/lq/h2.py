@@ -11,8 +11,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
-from boomctl.synthesis.errors import SynthesisError
-from boomctl.synthesis.hinf.assumptions import check_modes, check_ranks, check_zeros
+from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
 from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.lq.output_feedback import FeedbackCertificate, certify, least_cost, observer
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, solve_riccati

@@ -9,7 +9,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
 from boomctl.printing import system
-from boomctl.synthesis.hidden_modes import check_detectable, check_excited
+from boomctl.synthesis.assumptions import check_detectable, check_excited
 from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of, square_root
 from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
 

@@ -150,7 +150,5 @@ def _weighted(way: Lti, problem: RiccatiProblem, noise: Noise) -> Lti:
 def _between_all(plant: Lti, controls: Sequence[str], measured: Sequence[str]) -> Lti:
     """Return the generalised plant from the inputs that are no controls to all outputs; a signal may stand on both sides."""
     entering = tuple(name for name in plant.inputs if name not in controls) or tuple(controls)
-    inputs, outputs = (*entering, *controls), (*plant.outputs, *measured)
-    columns, rows = [plant.inputs.index(name) for name in inputs], [plant.outputs.index(name) for name in outputs]
-    D = plant.D[np.ix_(rows, columns)]
-    return Lti(plant.A, plant.B[:, columns], plant.C[rows], D, inputs, outputs, plant.states)
+    columns = [plant.inputs.index(name) for name in (*entering, *controls)]
+    return plant.between(columns, [plant.outputs.index(name) for name in (*plant.outputs, *measured)])

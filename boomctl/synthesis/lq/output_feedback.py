@@ -11,8 +11,9 @@ import numpy as np
 from scipy import linalg, optimize
 
 from boomctl.arrays import Array
+from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti
-from boomctl.synthesis.errors import SynthesisError
+from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiSolution
 
 _AGREEMENT = 1e-4  # relative difference of the three H2 norms above which none is vouched for (a choice)
@@ -100,9 +101,9 @@ def certify(loop: Lti, least: float, regulator: RiccatiSolution, estimator: Ricc
     SynthesisError
         It is not stable, or its norms disagree.
     """
-    poles = linalg.eigvals(loop.A)
+    poles = loop.poles
     abscissa = float(poles.real.max())
-    if abscissa >= 0.0:
+    if (side_of_axis(poles) >= 0).any():
         raise SynthesisError(f"the closed loop is not stable: a pole with real part {abscissa:.3g} rad/s")
     found = FeedbackCertificate(
         regulator=regulator.certificate,
@@ -125,7 +126,7 @@ def quadratic_norm(system: Lti) -> QuadraticNorm:
     if not len(system.A):
         value = np.inf if system.D.any() else 0.0
         return QuadraticNorm(value, value)
-    if system.D.any() or linalg.eigvals(system.A).real.max() >= 0.0:
+    if system.D.any() or (side_of_axis(system.poles) >= 0).any():
         return QuadraticNorm(np.inf, np.inf)
     s = system.balanced()
     P = linalg.solve_continuous_lyapunov(s.A, -s.B @ s.B.T)
@@ -136,6 +137,6 @@ def quadratic_norm(system: Lti) -> QuadraticNorm:
 
 def _distance(found: Array, expected: Array) -> float:
     """Return the largest relative distance between poles, paired so that the sum of distances is least."""
-    gaps = np.abs(found[:, None] - expected[None, :]) / np.maximum(np.abs(expected)[None, :], 1e-300)
+    gaps = np.abs(found[:, None] - expected[None, :]) / np.maximum(np.abs(expected)[None, :], np.finfo(float).tiny)
     rows, columns = optimize.linear_sum_assignment(gaps)
     return float(gaps[rows, columns].max())

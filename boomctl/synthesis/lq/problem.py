@@ -15,9 +15,8 @@ from boomctl.lti.system import Lti, of
 Weight: TypeAlias = ArrayLike | Mapping[str, float]
 """A number (the same for each signal), one number a signal, a symmetric matrix, or numbers by signal name."""
 
-_ROUNDING = (
-    1e-12  # eigenvalue of a weight with unit diagonal, by row, that rounding may have made; a choice, far above eps
-)
+# Eigenvalue of a weight with unit diagonal, by row, that rounding may have made; a choice, far above eps
+_ROUNDING = 1e-12
 _ASYMMETRY = 1e-10  # share of the largest entry by which a symmetric matrix may be off: products computed by the user
 
 

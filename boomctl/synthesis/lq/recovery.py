@@ -11,7 +11,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, frequencies, positive
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import Lti, state_matrices
+from boomctl.lti.system import Lti, of
 from boomctl.printing import count, listed
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
 from boomctl.synthesis.lq.problem import Weight, chosen, plant_of
@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 
     from boomctl.structure.model import SecondOrderModel
 
+_SHARED = 1e-6  # relative distance of zeros of two random projections that are one: half of the digits, and some more
+_RIGHT = 1e-9  # relative distance from the axis of a zero on the right: zeros of a pencil have fewer digits than poles
+_INFINITE = 1e6  # multiple of the size of A beyond which a zero is an infinite one that rounding has moved
+_TINY = float(np.finfo(float).tiny)
 _POINTS = 400  # frequencies at which loops are compared, spread evenly in the logarithm (a choice)
 
 
@@ -135,7 +139,7 @@ def loop_transfer_recovery(
 
 def _at_input(design: LqgResult, plant: Array, omega: Array) -> Array:
     """Return the loop broken at the plant's input, with the sign of the regulator's."""
-    K = state_matrices(design.controller).response(omega)
+    K = of(design.controller).balanced().response(omega)
     return np.moveaxis(-np.moveaxis(K, 2, 0) @ np.moveaxis(plant, 2, 0), 0, 2)
 
 
@@ -150,7 +154,7 @@ def right_zeros(system: Lti) -> Array:
     first, second = found
     if p == m or not len(first):
         return first
-    near = np.array([np.abs(second - z).min(initial=np.inf) <= 1e-6 * max(abs(z), 1e-12) for z in first], dtype=bool)
+    near = np.array([np.abs(second - z).min(initial=np.inf) <= _SHARED * abs(z) for z in first], dtype=bool)
     return first[near]
 
 
@@ -158,11 +162,11 @@ def _square_zeros(system: Lti, mix: Array) -> Array:
     n, m = system.B.shape
     s = system.balanced()
     A, B, C, D = s.A, s.B, mix @ s.C, mix @ s.D
-    size = max(float(np.linalg.norm(A)), 1e-300)
-    B, C = B * (size / max(float(np.linalg.norm(B)), 1e-300)), C / max(float(np.linalg.norm(C)), 1e-300)
+    size = max(float(np.linalg.norm(A)), _TINY)
+    B, C = B * (size / max(float(np.linalg.norm(B)), _TINY)), C / max(float(np.linalg.norm(C)), _TINY)
     pencil = np.block([[A, B], [C, D]])
     mass = linalg.block_diag(np.eye(n), np.zeros((m, m)))
     with np.errstate(divide="ignore", invalid="ignore"):
         values = linalg.eigvals(pencil, mass)
     values = values[np.isfinite(values)]
-    return values[(values.real > 1e-9 * np.abs(values)) & (np.abs(values) < 1e6 * size)]
+    return values[(values.real > _RIGHT * np.abs(values)) & (np.abs(values) < _INFINITE * size)]

@@ -6,24 +6,28 @@ SLICOT SB02MD) in modal coordinates scaled so that each mode is as easy to move 
 them all: the certificate is computed there nevertheless, apart from the solver.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import slycot
 from scipy import linalg
+from slycot.exceptions import SlycotError
 
 from boomctl.arrays import Array
 from boomctl.printing import compact
-from boomctl.synthesis.errors import SynthesisError
+from boomctl.synthesis.assumptions import SynthesisError
 
-_CONDITION = 1e10
-_STEPS = 12
-_POLISHING = 4
-_POLISHED = 1e-8
-_EXTENDED = 300
-_GOAL = 1e-12
-_FLOOR = 1e-12
-_RESIDUAL = 1e-6
-_COST = 1e-4
+_CONDITION = 1e10  # of the eigenvectors, from which on modal coordinates keep too few digits to start from (a choice)
+_FLOOR = 1e-24  # share of the best driven or seen mode that one which is not counts as, so that scales stay within 1e6
+_STEPS = 12  # Newton steps in the coordinates of the solver: the digits double, four make all of them from one
+_GOAL = 1e-12  # change of the solution, each state scaled by its own cost, at which these stop: rounding of 50 states
+_POLISHING = 4  # Newton steps in the coordinates of the problem, from a solution that is nearly right
+_POLISHED = 1e-8  # share of what a certificate allows at which these stop: a cost in doubt by 1e-12
+_GOOD = 1e-2  # share of what a certificate allows at which no other coordinates are tried
+_EXTENDED = 300  # states up to which residuals are computed in long numbers, which take seconds beyond
+_RESIDUAL = 1e-6  # largest residual of a solution that is vouched for, relative to the terms of the equation (a choice)
+_COST = 1e-4  # and share of the cost that may be in doubt (a choice)
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -85,12 +89,15 @@ class RiccatiCertificate:
         or with a residual above 1e-6, no solution is returned.
     abscissa : float
         Largest real part of the closed-loop poles [rad/s].
+    path : tuple of str
+        Coordinates and solvers tried, in that order; the most exact of their solutions is the one.
     """
 
     residual: float
     backward_error: float
     cost_error: float
     abscissa: float
+    path: tuple[str, ...] = ()
 
     __repr__ = compact
 
@@ -103,6 +110,55 @@ class RiccatiSolution:
     gain: Array
     poles: Array
     certificate: RiccatiCertificate
+
+
+Change = tuple[Array, Array]
+"""A change of coordinates ``x = T z`` and its inverse."""
+
+
+def _modal(A: Array, acting: Array, Q: Array) -> Change | None:
+    """Return a real basis of eigenvectors, two columns a complex pair, or None where they are nearly dependent."""
+    poles, V = linalg.eig(A)
+    first, second = poles.imag > 0.0, poles.imag < 0.0
+    T = np.real(V)
+    T[:, first] *= np.sqrt(2.0)
+    T[:, second] = -np.sqrt(2.0) * V[:, second].imag
+    if np.linalg.cond(T) >= _CONDITION:
+        return None
+    inverse = np.linalg.inv(T)
+    d = _mode_scales(inverse @ acting, T.T @ Q @ T, mode=np.cumsum(~second) - 1)
+    return T * d, inverse / d[:, None]
+
+
+def _balanced(A: Array, acting: Array, Q: Array) -> Change:
+    scale = np.asarray(linalg.matrix_balance(A, permute=False, separate=True)[1][0])
+    one = np.zeros(len(A), dtype=int)
+    d = scale * _mode_scales(acting / scale[:, None], Q * np.outer(scale, scale), mode=one)
+    return np.diag(d), np.diag(1.0 / d)
+
+
+def _as_given(A: Array, acting: Array, Q: Array) -> Change:
+    return np.eye(len(A)), np.eye(len(A))
+
+
+def _mode_scales(acting: Array, Q: Array, mode: Array) -> Array:
+    """Return scales, one a mode, under which controls and weight act on it alike."""
+    count = int(mode.max(initial=-1)) + 1
+    g, q = np.zeros(count), np.zeros(count)
+    np.add.at(g, mode, (acting**2).sum(axis=1))
+    np.add.at(q, mode, np.maximum(np.diag(Q), 0.0))
+    if g.max(initial=0.0) <= 0.0 or q.max(initial=0.0) <= 0.0:
+        return np.ones(len(mode))
+    return ((np.maximum(g, _FLOOR * g.max()) / np.maximum(q, _FLOOR * q.max())) ** 0.25)[mode]
+
+
+# Coordinates in the order tried.  Modal ones keep the digits of light damping and fine meshes; double poles have none, and
+# are solved in scaled states; those of the problem are left for what neither solves.
+_COORDINATES: dict[str, Callable[[Array, Array, Array], Change | None]] = {
+    "modal": _modal,
+    "balanced": _balanced,
+    "given": _as_given,
+}
 
 
 def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> RiccatiSolution:
@@ -123,7 +179,8 @@ def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> Ri
     X, F = np.zeros((n, n)), np.zeros((m, n))
     poles = np.asarray(linalg.eigvals(problem.A[others]))
     if not kept.any():
-        return RiccatiSolution(X, F, poles, RiccatiCertificate(0.0, 0.0, 0.0, _abscissa(poles)))
+        path = ("zero: nothing is weighed",)
+        return RiccatiSolution(X, F, poles, RiccatiCertificate(0.0, 0.0, 0.0, _abscissa(poles), path))
     part = RiccatiProblem(problem.A[inside], problem.B[kept], problem.Q[inside], problem.R, problem.N[kept])
     found = _solution(part, what)
     X[inside], F[:, kept] = found.X, found.gain
@@ -143,15 +200,28 @@ def _weighted_states(problem: RiccatiProblem) -> Array:
 
 
 def _solution(problem: RiccatiProblem, what: str) -> RiccatiSolution:
+    """Return the most exact solution of those found in one set of coordinates after the other."""
     best: RiccatiSolution | None = None
-    for T, inverse in _coordinates(problem):
-        X = _solved(problem, T, inverse)
-        if X is None:
+    path: list[str] = []
+    A, acting, Q = problem.shifted
+    for name, coordinates in _COORDINATES.items():
+        change = coordinates(A, acting, Q)
+        if change is None:
+            path.append(f"{name} coordinates: none")
             continue
-        found = _polished(problem, X)
+        T, inverse = change
+        own = RiccatiProblem(
+            inverse @ A @ T, inverse @ acting, _even(T.T @ Q @ T), np.eye(acting.shape[1]), np.zeros_like(acting)
+        )
+        solver, Z = _start(own)
+        path.append(f"{name} coordinates: {solver}")
+        Z = None if Z is None else _refined(own, Z)
+        if Z is None:
+            continue
+        found = _polished(problem, _even(inverse.T @ Z @ inverse))
         if best is None or _rank(found.certificate) < _rank(best.certificate):
             best = found
-        if _sound(best.certificate, 1e-2):
+        if _sound(best.certificate, _GOOD):
             break
     if best is None:
         raise SynthesisError(f"{what}: no stabilising solution was found; eigenvalues lie too close to the axis")
@@ -161,7 +231,7 @@ def _solution(problem: RiccatiProblem, what: str) -> RiccatiSolution:
             f"{what}: the best solution found is not exact enough to vouch for (relative residual {c.residual:.1e}, "
             f"cost in doubt by {c.cost_error:.1e}, largest real part of the poles {c.abscissa:.3g} rad/s)"
         )
-    return best
+    return replace(best, certificate=replace(best.certificate, path=tuple(path)))
 
 
 def _rank(c: RiccatiCertificate) -> float:
@@ -172,70 +242,19 @@ def _sound(c: RiccatiCertificate, share: float = 1.0) -> bool:
     return _rank(c) <= share
 
 
-def _coordinates(problem: RiccatiProblem) -> list[tuple[Array, Array]]:
-    """Return changes of coordinates ``x = T z`` to try, and their inverses: modal if there are any, balanced, none."""
-    A, acting, Q = problem.shifted
-    n = len(A)
-    T, mode = _modal_columns(A)
-    found = []
-    if np.linalg.cond(T) < _CONDITION:
-        inverse = np.linalg.inv(T)
-        d = _mode_scales(inverse @ acting, T.T @ Q @ T, mode)
-        found.append((T * d, inverse / d[:, None]))
-    scale = np.asarray(linalg.matrix_balance(A, permute=False, separate=True)[1][0])
-    d = scale * _mode_scales(acting / scale[:, None], Q * np.outer(scale, scale), np.zeros(n, dtype=int))
-    return [*found, (np.diag(d), np.diag(1.0 / d)), (np.eye(n), np.eye(n))]
-
-
-def _modal_columns(A: Array) -> tuple[Array, Array]:
-    """Return a real basis of eigenvectors, two columns a complex pair, and which mode each column belongs to."""
-    poles, V = linalg.eig(A)
-    first = poles.imag > 0.0
-    second = poles.imag < 0.0
-    T = np.real(V)
-    T[:, first] *= np.sqrt(2.0)
-    T[:, second] = -np.sqrt(2.0) * V[:, second].imag
-    return T, np.cumsum(~second) - 1
-
-
-def _mode_scales(acting: Array, Q: Array, mode: Array) -> Array:
-    """Return scales, one a mode, under which controls and weight act on it alike."""
-    count = int(mode.max(initial=-1)) + 1
-    g, q = np.zeros(count), np.zeros(count)
-    np.add.at(g, mode, (acting**2).sum(axis=1))
-    np.add.at(q, mode, np.maximum(np.diag(Q), 0.0))
-    if g.max(initial=0.0) <= 0.0 or q.max(initial=0.0) <= 0.0:
-        return np.ones(len(mode))
-    floor = _FLOOR**2
-    return ((np.maximum(g, floor * g.max()) / np.maximum(q, floor * q.max())) ** 0.25)[mode]
-
-
-def _solved(problem: RiccatiProblem, T: Array, inverse: Array) -> Array | None:
-    """Return the solution found in other coordinates, or None."""
-    A, acting, Q = problem.shifted
-    own = RiccatiProblem(
-        inverse @ A @ T, inverse @ acting, _even(T.T @ Q @ T), np.eye(acting.shape[1]), np.zeros_like(acting)
-    )
-    Z = _start(own)
-    if Z is None:
-        return None
-    Z = _refined(own, Z)
-    return None if Z is None else _even(inverse.T @ Z @ inverse)
-
-
-def _start(own: RiccatiProblem) -> Array | None:
-    import slycot
-    from slycot.exceptions import SlycotError
-
+def _start(own: RiccatiProblem) -> tuple[str, Array | None]:
+    """Return the solver that answered, and its solution: Schur vectors by SLICOT or, where that refuses, by SciPy."""
     scaling = "G" if own.Q.any() and own.B.any() else "N"
+    solver = "SLICOT SB02MD"
     try:
         X = slycot.sb02md(len(own.A), own.A.copy(), own.B @ own.B.T, own.Q.copy(), "C", scal=scaling)[0]
     except SlycotError:
+        solver = "SLICOT SB02MD refused, SciPy"
         try:
             X = linalg.solve_continuous_are(own.A, own.B, own.Q, own.R)
         except (linalg.LinAlgError, ValueError):
-            return None
-    return _even(np.asarray(X)) if np.isfinite(X).all() else None
+            return f"{solver} refused", None
+    return (solver, _even(np.asarray(X))) if np.isfinite(X).all() else (f"{solver}: not finite", None)
 
 
 def _refined(own: RiccatiProblem, X: Array) -> Array | None:

@@ -5,19 +5,15 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import known, names, real
+from boomctl.lti.modal import side_of_axis
 from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, append, of, series, static
 from boomctl.structure.model import SecondOrderModel
 
 Weight = float | control.StateSpace
-
-_STABLE = (
-    1e-12  # share of the fastest pole that a weight's poles must lie left of the axis: more than rounding moves them
-)
 
 
 def generalized_plant(
@@ -178,11 +174,10 @@ def _weight(what: str, weight: Any) -> Lti:
     if (outputs, inputs) != (1, 1):
         shape = f"{inputs} input(s) and {outputs} output(s)"
         raise ValueError(f"{what}: expected a system with one input and one output, got {shape}")
-    if len(system.A):
-        poles = linalg.eigvals(system.A)
-        worst = poles[np.argmax(poles.real)]
-        if worst.real >= -_STABLE * np.abs(poles).max():
-            raise ValueError(f"{what}: expected a stable system, this one has a pole at {worst:.6g} rad/s")
+    lasting = system.poles[side_of_axis(system.poles) >= 0]
+    if len(lasting):
+        worst = lasting[np.argmax(lasting.real)]
+        raise ValueError(f"{what}: expected a stable system, this one has a pole at {worst:.6g} rad/s")
     return system
 
 

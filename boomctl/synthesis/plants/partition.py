@@ -1,7 +1,7 @@
 """A generalised plant and its partition: disturbances and controls, performance signals and measurements."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -142,7 +142,7 @@ def matched(P: "control.StateSpace", controller: "control.StateSpace") -> tuple[
     plant = partition(P, K.B.shape[1], len(K.C))
     columns = _places("output", plant.measurements, K.inputs, plant.system.outputs)
     rows = _places("input", plant.controls, K.outputs, plant.system.inputs)
-    return plant, Lti(K.A, K.B[:, columns], K.C[rows], K.D[np.ix_(rows, columns)], plant.measurements, plant.controls)
+    return plant, replace(K.between(columns, rows), inputs=plant.measurements, outputs=plant.controls, states=())
 
 
 def _places(what: str, wanted: Sequence[str], names: Sequence[str], there: Sequence[str]) -> list[int]:

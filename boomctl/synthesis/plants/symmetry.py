@@ -11,13 +11,11 @@ from boomctl.reduction import reduce
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
 
-_SPLIT = (
-    1e-7  # share of a half's gain that its reduction may drop, of a state's size that is rounding: half of all digits
-)
+# Share of a half's gain that its reduction may drop, of a state's size that is rounding: half of all digits
+_SPLIT = 1e-7
 _BESIDE = 1e-3  # relative distance kept from undamped poles, where a response has no end (a choice)
-_SAME = (
-    1e-6  # relative distance of eigenvalues that belong together: a double one is split by rounding to its root, 1e-8
-)
+# Relative distance of eigenvalues that belong together: a double one is split by rounding to its root, 1e-8
+_SAME = 1e-6
 
 
 def join_symmetric(
@@ -97,7 +95,7 @@ def split_controller(
         entries.append(read[0])
         leaves.append(drive[0])
         halves.append(_half(K, grid, read, drive))
-    response = np.moveaxis(K.response(grid), 2, 0)
+    response = np.moveaxis(K.response(grid, quiet=True), 2, 0)
     unit = np.abs(response).max(axis=(0, 1))
     response = response / np.where(unit > 0.0, unit, 1.0)
     gains = {(i, j): np.abs(leaves[i].T @ response @ entries[j]).max(initial=0.0) for i in (0, 1) for j in (0, 1)}
@@ -115,7 +113,7 @@ def _mirror(model: SecondOrderModel) -> Mirror:
 
 def _around(K: Lti) -> Array:
     """Return frequencies at a controller's poles and around, beside those that are undamped."""
-    poles = linalg.eigvals(K.A) if len(K.A) else -np.ones(1)
+    poles = K.poles if len(K.A) else -np.ones(1)
     size = np.abs(poles)
     poles, size = poles[size > 0.0], size[size > 0.0]
     low, high = (float(size.min()), float(size.max())) if len(size) else (1.0, 1.0)
@@ -141,7 +139,7 @@ def _half(
         inputs,
         outputs,
     )
-    size = float(np.abs(half.response(grid)).max(initial=0.0))
+    size = float(np.abs(half.response(grid, quiet=True)).max(initial=0.0))
     named = half.statespace("controller")
     return named if not states or size == 0.0 else reduce(named, error=_SPLIT * size).system
 
@@ -198,7 +196,8 @@ def _spanned(A: Array, start: Array) -> Array:
         left, strength, _ = linalg.svd(start - basis @ (basis.T @ start), full_matrices=False)
         new = left[:, strength > _SPLIT]
         basis, onward = np.hstack([basis, new]), A @ new
-        start = onward / np.maximum(np.linalg.norm(onward, axis=0), 1e-6 * size)
+        # a column that A nearly annihilates is rounding, and stays small
+        start = onward / np.maximum(np.linalg.norm(onward, axis=0), _SAME * size)
     return basis
 
 

@@ -1,14 +1,21 @@
-"""A bound, in closed form, of what undamped modes left out of a structure contribute to its response.
+"""Bounds, in closed form, of what undamped modes left out of a structure contribute to its response.
 
-Damping is stiffness-proportional but for a few dampers, ``C = beta K + U diag(gamma) U^T``.  With modes ``V`` kept and
-``W`` left out, ``D(s) = s^2 M + s C + K`` in blocks, and ``S`` the Schur complement of ``D_VV``, the core's error is
+With modes ``V`` kept and ``W`` left out, ``D(s) = s^2 M + s C + K`` in blocks, and ``S`` the Schur complement of ``D_VV``,
+the response that is lost is
 
-    (L_W - L_V D_VV^-1 D_VW) S^-1 (B_W - D_WV D_VV^-1 B_V),   D_WV = s U_W diag(gamma) U_V^T.
+    (L_W - L_V D_VV^-1 D_VW) S^-1 (B_W - D_WV D_VV^-1 B_V),   D_WV = s C_WV.
 
-Both factors are loads on the modes left out: the structure's own, and those that the core's dampers put on them.
-``S`` is scaled by the frequencies left out; its inverse is bounded by stiffness at low frequencies,
-``1/(1 - w^2/w_W^2 - w g u^2)``, and by dissipation at all, ``1/(b w)``.  Compliances ``u^2 = |U_W / w_W|^2`` come from
-static solutions with the kept modes taken out of the loads, so that nothing cancels.
+Both outer factors are loads on the modes left out: the structure's own, and those that the kept modes put on them through
+the damping.  Scaled by the frequencies left out, the inverse of ``S`` is bounded by stiffness at low frequencies and by
+dissipation at all.  Two bounds follow:
+
+- :func:`tail_bound`, of all modes above a frequency, without computing them.  Damping is stiffness-proportional but for a
+  few dampers, ``C = beta K + U diag(gamma) U^T``; compliances ``u^2 = |U_W / w_W|^2`` come from static solutions with the
+  kept modes taken out of the loads, so that nothing cancels.  ``S`` is at least ``1 - w^2/w_W^2 - w g u^2`` by stiffness
+  and ``b w`` by dissipation.
+- :func:`truncation_bound`, of any modes, when all are known.  With ``X = C_WV/w_W``, ``S`` is at least
+  ``1 - w^2/w_W^2 - w |X C_VV^-1 X^T|`` by stiffness and ``w`` times the smallest eigenvalue of
+  ``C_WW/w_W^2 - X C_VV^-1 X^T`` by dissipation.
 """
 
 from dataclasses import dataclass
@@ -19,13 +26,28 @@ import numpy as np
 from scipy import linalg, sparse
 
 from boomctl.arrays import Array
-from boomctl.lti.modal import ModalSystem
+from boomctl.lti.frequency import resonance_grid
+from boomctl.lti.modal import ModalSystem, diagonalized, side_of_axis
+from boomctl.lti.system import Lti
 from boomctl.structure.model import SecondOrderModel
 
-_SAME = 1e-9
-_MOST_DAMPERS = 12
-_SHIFT = 1e-3
-_INTERVALS = 400
+_SAME = 1e-9  # share of its size up to which a damper's coefficient is the rounding of a proportional one
+_MOST_DAMPERS = 12  # beyond, damping is not "proportional but for a few" (a choice)
+_ENDS = 8  # coordinates that a damper may touch, where it has to be found in the matrix: two bodies of a beam each
+_SHIFT = (
+    1e-3  # of the stiffness, relative to the lowest mode left out: the static solution of a floating structure exists
+)
+_INTERVALS = 400  # of the frequency axis, beside those at the resonances (a choice)
+_PLACES = np.array(
+    [-8.0, -3.0, -1.0, 0.0, 1.0, 3.0, 8.0]
+)  # of their ends around a resonance, in half-widths (a choice)
+_LOW, _HIGH = 1e-4, 100.0  # from the lowest mode left out down, from the highest pole up, cut into intervals (a choice)
+_NOISE = 1e-13  # share of the largest load up to which a rest is rounding
+_DISSIPATES = 1e-12  # share of the largest eigenvalue of the damping from which on kept modes dissipate
+_UNSEEN = 1e-9  # share of the largest load up to which modes that do not dissipate are not loaded
+_ROUNDING = 1e3 * float(
+    np.finfo(float).eps
+)  # of the damping's norm, by which the dissipation may be less than computed
 
 
 @dataclass(frozen=True)
@@ -44,6 +66,14 @@ class Loads:
     B0: Array
     B1: Array
     L: Array
+
+
+def loads_of(model: SecondOrderModel) -> Loads | None:
+    """Return loads and rows of a model that imposes forces or displacements and reads displacements; None otherwise."""
+    ports = model.ports
+    plain = not any(ports.integrators) and all(b is None for b in ports.bandwidths)
+    higher = any(matrix.any() for matrix in (*ports.L[1:], *ports.E[1:], ports.B[2]))
+    return Loads(ports.B[0], ports.B[1], ports.L[0]) if plain and not higher else None
 
 
 def separated_damping(model: SecondOrderModel) -> Damping | None:
@@ -69,7 +99,7 @@ def _from_matrix(model: SecondOrderModel, beta: float) -> Damping | None:
     i, j = entries.coords
     large = np.abs(entries.data) > _SAME * np.sqrt(np.abs(k[i] * k[j]))
     touched = np.unique(np.concatenate([i[large], j[large]]))
-    if len(touched) > 8 * _MOST_DAMPERS:
+    if len(touched) > _ENDS * _MOST_DAMPERS:
         return None
     U = np.zeros((model.n, len(touched)))
     if not len(touched):
@@ -127,12 +157,9 @@ def tail_bound(
 
 def intervals(closed: ModalSystem, lowest: float) -> tuple[Array, Array]:
     """Return the ends of intervals that cover the frequency axis, fine near the core's poles; the last one is open."""
+    top = _HIGH * max(lowest, float(np.abs(closed.poles).max(initial=0.0)))
     upper = closed.poles[closed.poles.imag > 0.0]
-    width = np.abs(upper.real)[:, None] * np.array([-8.0, -3.0, -1.0, 0.0, 1.0, 3.0, 8.0])
-    near = (upper.imag[:, None] + width).ravel()
-    top = 100.0 * max(lowest, float(np.abs(closed.poles).max(initial=0.0)))
-    grid = np.concatenate([near[(near > 0.0) & (near < top)], np.geomspace(1e-4 * lowest, top, _INTERVALS)])
-    ends = np.concatenate([[0.0], np.unique(grid), [2.0 * top]])
+    ends = resonance_grid(upper, _LOW * lowest, top, points=_INTERVALS, places=_PLACES, also=[0.0, 2.0 * top])
     return ends[:-1], ends[1:]
 
 
@@ -143,7 +170,7 @@ def _at_dampers(B1: Array, damping: Damping) -> tuple[Array, Array]:
         return np.zeros((loaded.shape[1], B1.shape[1])), B1
     N = np.linalg.lstsq(loaded, B1, rcond=None)[0]
     rest = B1 - loaded @ N
-    return N, np.where(np.abs(rest) > 1e-13 * np.abs(B1).max(), rest, 0.0)
+    return N, np.where(np.abs(rest) > _NOISE * np.abs(B1).max(), rest, 0.0)
 
 
 def _compliances(model: SecondOrderModel, V: Array, lowest: float, columns: tuple[Array, ...]) -> list[float]:
@@ -162,9 +189,9 @@ def _compliances(model: SecondOrderModel, V: Array, lowest: float, columns: tupl
 def damping_between(C_V: Array, loaded: Array) -> Array | None:
     """Return ``loaded^T C_V^-1 loaded``, or None where the kept modes do not dissipate what is loaded."""
     values, X = linalg.eigh(C_V)
-    good = values > 1e-12 * max(values[-1], 0.0)
+    good = values > _DISSIPATES * max(values[-1], 0.0)
     seen = X.T @ loaded
-    if np.abs(seen[~good]).max(initial=0.0) > 1e-9 * np.abs(seen).max(initial=0.0):
+    if np.abs(seen[~good]).max(initial=0.0) > _UNSEEN * np.abs(seen).max(initial=0.0):
         return None
     return seen[good].T @ (seen[good] / values[good, None])
 
@@ -186,3 +213,70 @@ def damper_forces(
     acting, reading = (np.linalg.norm(B, axis=1) for B in (closed.B[:, :inputs], closed.B[:, inputs:]))
     ends_move = (gamma * np.linalg.norm(N, axis=1))[:, None] * high
     return C @ (reading[:, None] * gain), C @ (acting[:, None] * gain) + ends_move
+
+
+def truncation_bound(stiffness: Array, C: Array, loads: Loads, kept: Array) -> float:
+    """Return a bound of the response that some modes add, at all frequencies; ``inf`` where they do not dissipate.
+
+    Parameters
+    ----------
+    stiffness : (n,) ndarray
+        Squares of the undamped frequencies of all modes [rad^2/s^2].
+    C : (n, n) ndarray
+        Damping between the mass-normalised modes.
+    loads : Loads
+        On the modes.
+    kept : (n,) ndarray of bool
+        Which modes are not left out.
+    """
+    if kept.all():
+        return 0.0
+    w = np.sqrt(np.maximum(stiffness[~kept], 0.0))
+    if not w.min() > 0.0:
+        return inf
+    X = C[np.ix_(~kept, kept)] / w[:, None]
+    between = damping_between(C[np.ix_(kept, kept)], X.T)
+    if between is None:
+        return inf
+    own = C[np.ix_(~kept, ~kept)] / np.outer(w, w)
+    dissipated = float(linalg.eigvalsh(own - between).min()) - _ROUNDING * float(np.linalg.norm(own))
+    if dissipated <= 0.0:
+        return inf
+    ours, others = (Loads(loads.B0[k], loads.B1[k], loads.L[:, k]) for k in (kept, ~kept))
+    m = loads.B0.shape[1]
+    closed = _motions(stiffness[kept], C[np.ix_(kept, kept)], ours, X)
+    if closed is None or (side_of_axis(closed.poles) >= 0).any():
+        return inf
+    low, high = intervals(closed, float(w.min()))
+    stiff = 1.0 - (high / w.min()) ** 2 - high * float(np.linalg.norm(between, 2))
+    with np.errstate(divide="ignore"):
+        inverse = np.minimum(np.where(stiff > 0.0, 1.0 / stiff, inf), 1.0 / (dissipated * low))
+    forces = damper_forces(closed, np.zeros((len(w), m)), np.ones(len(w)), m, (low, high))
+    by_outputs, by_inputs = (np.linalg.norm(each, axis=0) for each in forces)
+    b0, b1, reads = (float(np.linalg.norm(each / w[:, None], 2)) for each in (others.B0, others.B1, others.L.T))
+    parts = (reads + by_outputs) * inverse * (b0 + by_inputs + high * b1)
+    last = (reads + by_outputs[-1]) * ((b0 + by_inputs[-1]) / low[-1] + b1) / dissipated
+    return float(max(parts[:-1].max(), last))
+
+
+def _motions(stiffness: Array, C: Array, loads: Loads, rows: Array) -> ModalSystem | None:
+    """Return the modes kept, from inputs and forces at the outputs to ``rows`` of their coordinates."""
+    k, m, p, r = len(stiffness), loads.B0.shape[1], len(loads.L), len(rows)
+    core = modal_states(np.eye(k), np.diag(stiffness), C, loads, np.eye(k))
+    B = np.hstack([core.B, np.vstack([np.zeros((k, p)), loads.L.T])])
+    return diagonalized(Lti(core.A, B, np.hstack([rows, np.zeros((r, k))]), np.zeros((r, m + p))))
+
+
+def modal_states(M: Array, K: Array, C: Array, loads: Loads, V: Array) -> Lti:
+    """Return the kept modes with states ``x`` and ``x' - B1 d``."""
+    k = V.shape[1]
+    B0, B1, L = V.T @ loads.B0, V.T @ loads.B1, loads.L @ V
+    inverse = np.linalg.inv(M)
+    B1 = inverse @ B1
+    A = np.block([[np.zeros((k, k)), np.eye(k)], [-inverse @ K, -inverse @ C]])
+    return Lti(
+        A,
+        np.vstack([B1, inverse @ B0 - inverse @ C @ B1]),
+        np.hstack([L, np.zeros_like(L)]),
+        np.zeros((len(L), B0.shape[1])),
+    )

@@ -1,0 +1,113 @@
+"""Which modes no input moves, and by duality which no output sees.
+
+The eigenvector test of Popov, Belevitch and Hautus (PBH), on left eigenvectors of each cluster of poles in balanced
+coordinates.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.lti.modal import side_of_axis
+
+_WEAK = 1e-9  # cosine between a mode and the columns of B up to which they do not reach it (a choice above rounding)
+_ROUNDING = 4.0 * float(
+    np.finfo(float).eps
+)  # of the norm of the matrix: how far eigenvalues move, for orthogonal eigenvectors
+_FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than that, however ill-conditioned (a choice)
+_PARALLEL = (
+    1e-6  # share of the largest singular value below which eigenvectors of a cluster add no direction (a choice)
+)
+_EQUAL = 1e-12  # relative distance of poles that count as equal in any case (a choice above rounding)
+_ZERO = 1e-12  # natural frequency [rad/s] below which a mode is called integrating in a message
+
+
+@dataclass(frozen=True)
+class HiddenMode:
+    """A mode that a set of columns does not reach.
+
+    Attributes
+    ----------
+    pole : complex
+        Its pole [rad/s], of non-negative imaginary part.
+    state : str
+        The state that takes the largest part in it, in balanced coordinates.
+    """
+
+    pole: complex
+    state: str
+
+    @property
+    def omega(self) -> float:
+        """Natural frequency [rad/s]."""
+        return abs(self.pole)
+
+    def __str__(self) -> str:
+        size = self.omega
+        if size <= _ZERO:
+            return f"the mode at 0 rad/s (integrating or rigid-body, mostly in state {self.state!r})"
+        side = int(side_of_axis(np.array([self.pole]))[0])
+        damping = -self.pole.real / size if side else 0.0
+        kind = "unstable, " if side > 0 else ""
+        return f"the mode at {size:.4g} rad/s ({kind}damping {100.0 * damping:.3g} %, mostly in state {self.state!r})"
+
+
+def unmoved(
+    A: Array, B: Array, states: Sequence[str], *, axis_only: bool = False, stable: bool = False
+) -> tuple[HiddenMode, ...]:
+    """Return the modes that no column of ``B`` reaches, of conjugate pairs one.
+
+    Parameters
+    ----------
+    A, B : (n, n) and (n, m) ndarray
+        For observability the transposes.
+    states : sequence of str
+        Names of the states.
+    axis_only : bool
+        Only undamped modes, instead of all that do not decay.
+    stable : bool
+        The modes that do decay as well.
+    """
+    balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
+    acting = B / np.asarray(scale)[:, None]
+    acting = acting if acting.shape[1] else np.zeros((len(A), 1))
+    lengths = np.linalg.norm(acting, axis=0)
+    acting = acting / np.where(lengths > 0.0, lengths, 1.0)
+    poles, left, right = linalg.eig(balanced, left=True, right=True)  # type: ignore[misc]
+    doubt = _doubt(balanced, left, right)
+    side = side_of_axis(poles, doubt)
+    chosen = (poles.imag >= 0.0) & (stable | ((side == 0) if axis_only else (side >= 0)))
+    found = []
+    for cluster in _clusters(poles, doubt, chosen):
+        U, values, _ = linalg.svd(left[:, cluster], full_matrices=False)
+        basis = U[:, values > _PARALLEL * values[0]]
+        directions, reach, _ = linalg.svd(basis.conj().T @ acting)
+        reach = np.concatenate([reach, np.zeros(basis.shape[1] - len(reach))])
+        for k in np.flatnonzero(reach <= _WEAK):
+            shape = basis @ directions[:, k]
+            pole = complex(poles[cluster].mean())
+            found.append(HiddenMode(pole, str(states[int(np.argmax(np.abs(shape)))])))
+    return tuple(found)
+
+
+def _doubt(A: Array, left: Array, right: Array) -> Array:
+    """Return how far rounding may have moved each pole: by the more, the smaller the angle of its two eigenvectors."""
+    size = float(np.linalg.norm(A, 2))
+    cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+    return np.minimum(_ROUNDING * size / np.maximum(cosine, np.finfo(float).tiny), _FARTHEST * size)
+
+
+def _clusters(poles: Array, doubt: Array, chosen: Array) -> list[list[int]]:
+    """Return groups of poles that rounding cannot tell apart, each with at least one of those chosen."""
+    left = [int(i) for i in np.flatnonzero(chosen)]
+    groups = []
+    while left:
+        seed = left[0]
+        near = np.abs(poles - poles[seed]) <= doubt + doubt[seed] + _EQUAL * np.abs(poles)
+        group = [int(i) for i in np.flatnonzero(near)]
+        groups.append([seed, *(i for i in group if i != seed)])
+        left = [i for i in left if i not in group and i != seed]
+    return groups

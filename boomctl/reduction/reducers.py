@@ -1,0 +1,445 @@
+"""The methods of reduction: one small class each, which differ in what they do with the states that go.
+
+Three balance the system first, by square roots of its Gramians (Moore 1981; Tombs & Postlethwaite 1987), or of those of a
+band of frequencies (Gawronski & Juang 1990, the modified scheme; Gugercin & Antoulas 2004 for the bound); two choose among
+modes.  All tell a bound of their error beforehand.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Protocol, final
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.lti.gramians import band_integral, factors
+from boomctl.lti.modal import ModalSystem, residualised, spectral_parts
+from boomctl.lti.system import Lti, append
+from boomctl.reduction.core import LARGEST_DENSE, SystemCore
+from boomctl.reduction.result import ReductionError
+from boomctl.reduction.tail_bounds import Loads, loads_of, truncation_bound
+from boomctl.reduction.verify import Band, Verified, verified
+from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.ports import evaluate
+from boomctl.structure.response.poles import undamped_modes
+from boomctl.structure.response.realisation import realize
+
+_MINIMAL = 1e-11  # share of the largest Hankel singular value up to which a state does nothing but add rounding
+_RANK = 1e-12  # share of the largest eigenvalue of a band's load up to which one is rounding
+_SEEN = 1e-6  # share of its inputs and outputs that a band may miss of a system (a choice)
+_EQUAL = 1e-7  # relative difference up to which Hankel singular values are equal: root of rounding
+_CENTRE = 0.01  # least low end of a band, relative to its high end, of which the middle is taken (a choice)
+_RIGID = 1e-8  # share of the highest frequency up to which a mode is a rigid-body one: root of rounding
+_SAME = 1e-6  # relative difference up to which Markov parameters are the same, those of a double integrator included
+_SAME_NOISE = 1e-9  # of the sizes of the matrices multiplied, on top
+_MOMENTS = 4  # Markov parameters compared: two systems of so few kept states that agree in them are the same
+
+
+class Reducer(Protocol):
+    """A core made ready to be reduced to any order."""
+
+    @property
+    def values(self) -> Array:
+        """Hankel singular values of what is reduced, descending."""
+        ...
+
+    @property
+    def complete(self) -> bool:
+        """Whether no larger core would allow a smaller error."""
+        ...
+
+    def orders(self, error: float) -> Iterator[int]:
+        """Yield the orders, ascending, that may have an error not above one wanted; those of the kept part included."""
+        ...
+
+    def reduced(self, order: int) -> tuple[Lti | SecondOrderModel, Verified]:
+        """Return the reduced system, kept part included, and how its stable part was verified.
+
+        Raises
+        ------
+        ValueError
+            There is no such order.
+        ReductionError
+            The error exceeds its bound, or could not be verified.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Balanced:
+    """A stable system whose Gramians are both ``diag(values)``, minimal; ``lost`` bounds what was not minimal."""
+
+    system: Lti
+    values: Array
+    lost: float
+
+
+def balance(system: Lti, modal: ModalSystem | None) -> Balanced:
+    """Return the balanced minimal form of a stable system; ``modal`` as in :func:`factors`."""
+    if not len(system.A):
+        return Balanced(system, np.zeros(0), 0.0)
+    F, H = factors(system, modal)
+    U, values, Vt = linalg.svd(H.T @ F, full_matrices=False)
+    count = int((values > _MINIMAL * values.max(initial=0.0)).sum())
+    root = np.sqrt(values[:count])
+    right, left = F @ Vt[:count].T / root, H @ U[:, :count] / root
+    form = Lti(left.T @ system.A @ right, left.T @ system.B, system.C @ right, system.D)
+    return Balanced(form, values[:count], 2.0 * float(values[count:].sum()))
+
+
+class StateReducer(ABC):
+    """What the methods that give a state space have in common: the stable part is reduced, the kept part joined."""
+
+    values: Array
+
+    def __init__(self, system: Lti | SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
+        del system, modes  # all that is needed is in the core
+        self.core, self.band = core, band
+        self.complete = core.complete
+
+    @abstractmethod
+    def shortened(self, order: int) -> tuple[Lti, float]:
+        """Return the stable part in so many states, or fewer, and a bound of the error."""
+
+    def orders(self, error: float) -> Iterator[int]:
+        """Yield orders: no fewer states come nearer than the first Hankel singular value that goes."""
+        first = int((self.values > error).sum()) if self.band is None else 0
+        yield from range(len(self.core.kept.A) + first, len(self.core.kept.A) + len(self.values) + 1)
+
+    def reduced(self, order: int) -> tuple[Lti, Verified]:
+        """Return the reduced system and how it was verified."""
+        kept = self.core.kept
+        if order < len(kept.A):
+            raise ValueError(
+                f"order = {order}: {len(kept.A)} unstable, undamped or rigid-body states are kept, so at least that"
+            )
+        stable, bound = self.shortened(min(order - len(kept.A), len(self.core.stable.A)))
+        try:
+            found = verified(self.core, stable, bound, self.band)
+        except ReductionError as reason:
+            raise ReductionError(f"order {order - len(kept.A)}: {reason}") from None
+        if not len(kept.A):
+            return stable, found
+        A = append(kept, stable).A
+        return Lti(A, np.vstack([kept.B, stable.B]), np.hstack([kept.C, stable.C]), stable.D), found
+
+
+class GramianReducer(StateReducer):
+    """A method that needs the balanced form, of the stable part itself or as a band sees it."""
+
+    def __init__(self, system: Lti | SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
+        super().__init__(system, core, band, modes)
+        self.seen = weighted(core.stable, core.modal, band)
+        self.form = balance(self.seen.system, self.seen.modal)
+        self.values = self.form.values
+
+    def shortened(self, order: int) -> tuple[Lti, float]:
+        """Return the stable part in so many states, or fewer, and a bound of the error."""
+        smaller, bound = self.cut(order)
+        return self.seen.restored(smaller), bound * self.seen.factor
+
+    @abstractmethod
+    def cut(self, order: int) -> tuple[Lti, float]:
+        """Return the balanced form in so many states, or fewer, and a bound of the error."""
+
+    def twice_the_rest(self, order: int) -> float:
+        """Return twice the sum of the Hankel singular values that go: a bound of the error (Enns 1984, Glover 1984)."""
+        return 2.0 * float(self.values[order:].sum()) + self.form.lost
+
+
+@final
+class BalancedTruncation(GramianReducer):
+    """The weak states of the balanced form left out; exact at infinite frequency."""
+
+    def cut(self, order: int) -> tuple[Lti, float]:
+        """Return the leading states."""
+        s = self.form.system
+        return Lti(s.A[:order, :order], s.B[:order], s.C[:, :order], s.D), self.twice_the_rest(order)
+
+
+@final
+class SingularPerturbation(GramianReducer):
+    """The weak states of the balanced form at rest (Liu & Anderson 1989); exact at zero frequency."""
+
+    def cut(self, order: int) -> tuple[Lti, float]:
+        """Return the leading states, the others at rest."""
+        return residualised(self.form.system, order), self.twice_the_rest(order)
+
+
+@final
+class HankelApproximation(GramianReducer):
+    """The stable system nearest in the Hankel norm (Glover 1984, Int. J. Control 39, Theorems 6.3 and 9.7).
+
+    The error's Hankel norm is the first Hankel singular value that goes, the smallest that any system of that order has.
+    """
+
+    def cut(self, order: int) -> tuple[Lti, float]:
+        """Return the nearest system, and ``sigma_{r+1} + 2 sum of the distinct later ones``.
+
+        The bound is that of an all-pass error, and of an antistable part left out.
+
+        Raises
+        ------
+        ValueError
+            The Hankel singular value is repeated across the cut, so that there is no best system of this order.
+        """
+        values, balanced = self.values, self.form
+        n, r = len(values), order
+        if r >= n:
+            return balanced.system, balanced.lost
+        if r > 0 and values[r - 1] <= values[r] * (1.0 + _EQUAL):
+            raise ValueError(
+                f"order {r}: Hankel singular values {r} and {r + 1} are equal ({values[r]:.6g}); take {r - 1} or {r + 1}"
+            )
+        sigma = float(values[r])
+        k = int((values[r:] >= sigma * (1.0 - _EQUAL)).sum())
+        dilated = _dilated(balanced, r, k, sigma)
+        stable, antistable = spectral_parts(dilated)
+        if len(stable.A) != r or len(antistable.A) != n - r - k:
+            raise ValueError(
+                f"order {r}: the all-pass dilation has {len(stable.A)} stable poles; Hankel singular values "
+                f"{values[r]:.3g} and its neighbours are too close to tell apart"
+            )
+        bound = sigma + 2.0 * float(values[r + k :].sum()) + balanced.lost
+        return stable, bound
+
+
+def _dilated(balanced: Balanced, r: int, k: int, sigma: float) -> Lti:
+    """Return the all-pass dilation: the given system minus it is ``sigma`` at every frequency."""
+    cut = np.arange(r, r + k)
+    keep = np.setdiff1d(np.arange(len(balanced.values)), cut)
+    p, m = balanced.system.D.shape
+    q = max(p, m)
+    A = balanced.system.A[np.ix_(keep, keep)]
+    B, C, D = np.zeros((len(balanced.values), q)), np.zeros((q, len(balanced.values))), np.zeros((q, q))
+    B[:, :m], C[:p], D[:p, :m] = balanced.system.B, balanced.system.C, balanced.system.D
+    U = _orthogonal(B[cut], C[:, cut], -_at_real_point(balanced.system.A, B, C))
+    S = balanced.values[keep]
+    B1, C1 = B[keep], C[:, keep]
+    gamma = (S**2 - sigma**2)[:, None]
+    A_new = (sigma**2 * A.T + S[:, None] * A * S[None, :] - sigma * C1.T @ U @ B1.T) / gamma
+    B_new = (S[:, None] * B1 + sigma * C1.T @ U) / gamma
+    C_new = C1 * S[None, :] + sigma * U @ B1.T
+    return Lti(A_new, B_new[:, :m], C_new[:p], (D - sigma * U)[:p, :m])
+
+
+def _at_real_point(A: Array, B: Array, C: Array) -> Array:
+    """Return ``C (s - A)^-1 B`` at the real ``s`` amid the poles; unlike ``C B`` it is there for displacements, too."""
+    s = float(np.exp(np.linalg.slogdet(A)[1] / len(A)))
+    return C @ np.linalg.solve(s * np.eye(len(A)) - A, B)
+
+
+def _orthogonal(B: Array, C: Array, near: Array) -> Array:
+    """Return an orthogonal ``U`` with ``B = -C^T U``; it exists because ``B B^T = C^T C``.
+
+    Where that leaves it free, ``U`` is turned towards ``near``, so that it does not hang on the order of the signals.
+    """
+    left, size, right = np.linalg.svd(-C @ B)
+    rank = int((size > _EQUAL * size[0]).sum())
+    rest_left, rest_right = left[:, rank:], right[rank:]
+    turn, _, back = np.linalg.svd(rest_left.T @ near @ rest_right.T)
+    return left[:, :rank] @ right[:rank] + rest_left @ (turn @ back) @ rest_right
+
+
+@final
+class ModalTruncation(StateReducer):
+    """The strongest modes, with the static gain of the others.
+
+    A pair of poles is kept whole, so that the order may come out one less than asked for.
+    """
+
+    def __init__(self, system: Lti | SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
+        super().__init__(system, core, band, modes)
+        if core.modal is None:
+            raise ValueError("method 'modal': the stable poles are defective (Jordan blocks), use 'balanced'")
+        self.modal = core.modal
+        self.values = balance(core.stable, core.modal).values
+
+    def shortened(self, order: int) -> tuple[Lti, float]:
+        """Return the strongest modes, and a bound of the error.
+
+        What a mode that goes adds to its static gain, ``c b s/(p (s - p))``, is at most ``|c| |b|/|Re p|``, which is what
+        the modes are ranked by; with a band, by the most they reach within it, and in place of the static gain stands the
+        real part of what they give in its middle.
+        """
+        modal, band, centre, sizes = self.modal, self.band, 0.0, self.modal.sizes
+        if band is not None:
+            centre = _middle(band)
+            nearest = np.clip(np.abs(modal.poles.imag), *band)
+            sizes = sizes * np.abs(modal.poles.real)
+            sizes = sizes / np.hypot(modal.poles.real, nearest - np.abs(modal.poles.imag))
+        kept = np.zeros(len(modal.poles), dtype=bool)
+        for i in np.argsort(-sizes, kind="stable"):
+            pair = 2 if modal.poles[i].imag > 0.0 else 1
+            if modal.poles[i].imag >= 0.0 and kept.sum() + pair <= order:
+                kept[i : i + pair] = True
+        gone, chosen = modal.only(~kept), modal.only(kept).blocks
+        share = np.real((gone.C / (1j * centre - gone.poles)) @ gone.B)
+        return replace(chosen, D=modal.D + share), float(gone.sizes.sum()) * (1.0 if band is None else 2.0)
+
+
+def _middle(band: Band) -> float:
+    """Return the middle of a band, in the logarithm [rad/s]."""
+    return float(np.sqrt(max(band[0], _CENTRE * band[1]) * band[1]))
+
+
+@final
+class StrongestModes:
+    """A structure in its strongest undamped modes, outputs with the static share of the others.
+
+    A symmetric projection leaves mass, damping and stiffness definite, so that the reduced structure is stable and passive
+    whatever modes it keeps.
+
+    Raises
+    ------
+    ValueError
+        Matrices without real modes.
+    """
+
+    def __init__(self, model: SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
+        self.model, self.core, self.band, self.complete = model, core, band, modes >= model.n
+        self.all_frequencies, self.all_modes = undamped_modes(
+            model.structure, model.n if model.n <= LARGEST_DENSE else modes
+        )
+        self.frequencies, self.modes = self.all_frequencies[:modes], self.all_modes[:, :modes]
+        floating = self.frequencies <= _RIGID * self.frequencies[-1]
+        self.rigid, self.ranking = int(floating.sum()), self._ranking(floating)
+        self.values = balance(core.stable, core.modal).values
+
+    def orders(self, error: float) -> Iterator[int]:
+        """Yield the orders: two states a mode."""
+        yield from range(2 * max(self.rigid, 1), 2 * len(self.ranking) + 1, 2)
+
+    def reduced(self, order: int) -> tuple[SecondOrderModel, Verified]:
+        """Return the structure in ``order/2`` modes, and how it was verified."""
+        least = 2 * max(self.rigid, 1)
+        if order % 2 or order < least:
+            raise ValueError(f"order = {order}: expected an even number, two states a coordinate, at least {least}")
+        chosen = self.ranking[: order // 2]
+        smaller = self._projected(chosen)
+        stable, kept = spectral_parts(realize(smaller.structure, smaller.ports).balanced())
+        if not _same(self.core.kept, kept):
+            raise ReductionError(
+                f"{len(self.core.kept.A)} unstable, undamped or rigid-body states do not come out as they went in "
+                f"({len(kept.A)} in the reduced structure): damping couples them to modes that are left out"
+            )
+        return smaller, verified(self.core, stable, self._bound(smaller, chosen) + self.core.tail, self.band)
+
+    def _ranking(self, floating: Array) -> Array:
+        """Return the modes, strongest first: by the height of their peak, or by the most they reach within the band."""
+        model, frequencies, V = self.model, self.frequencies, self.modes
+        at = frequencies if self.band is None else np.clip(frequencies, *self.band)
+        C = model.structure.projected(V).C
+        s = 1j * at
+        acting = np.array([np.linalg.norm(b.T @ v) for b, v in zip(evaluate(model.ports.B, s), V.T, strict=True)])
+        reading = np.array([np.linalg.norm(line @ v) for line, v in zip(evaluate(model.ports.L, s), V.T, strict=True)])
+        stiffness = np.abs(frequencies**2 - at**2 + 1j * at * np.diag(C))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            strength = np.where(stiffness > 0.0, acting * reading / stiffness, inf)
+        strength[floating] = inf
+        return np.argsort(-strength, kind="stable")
+
+    def _projected(self, chosen: Array) -> SecondOrderModel:
+        """Return the structure in the modes chosen, outputs with the static share of the others.
+
+        With a band the others' share is that in its middle; of modes within the band there is none.
+        """
+        model, frequencies, V, band = self.model, self.frequencies, self.modes, self.band
+        kept = np.sort(chosen)
+        rest = np.setdiff1d(np.arange(self.rigid, V.shape[1]), kept)
+        stiffness = frequencies[rest] ** 2
+        if band is not None:
+            inside = (frequencies[rest] >= band[0]) & (frequencies[rest] <= band[1])
+            stiffness = np.where(inside, inf, stiffness - _middle(band) ** 2)
+        static = (model.ports.L[0] @ V[:, rest] / stiffness) @ (V[:, rest].T @ model.ports.B[0])
+        ports = model.ports.congruent(V[:, kept])
+        E = ports.E[0] + static, ports.E[1], ports.E[2]
+        names = tuple(f"mode{i + 1}" for i in kept)
+        return SecondOrderModel.of(model.structure.projected(V[:, kept], names), replace(ports, E=E))
+
+    def _bound(self, smaller: SecondOrderModel, chosen: Array) -> float:
+        """Return a bound of the error: what the other modes add at most, and the static share that stands for them.
+
+        ``inf`` for a structure too large for all of its modes, or one that reads more than displacements.
+        """
+        model, modes = self.model, self.all_modes
+        loads = loads_of(model)
+        if loads is None or modes.shape[1] < model.n:
+            return inf
+        kept = np.zeros(model.n, dtype=bool)
+        kept[chosen] = True
+        C = model.structure.projected(modes).C
+        on_modes = Loads(modes.T @ loads.B0, modes.T @ loads.B1, loads.L @ modes)
+        static = smaller.ports.E[0] - model.ports.E[0]
+        return truncation_bound(self.all_frequencies**2, C, on_modes, kept) + float(np.linalg.norm(static, 2))
+
+
+def _same(one: Lti, other: Lti) -> bool:
+    """Return whether two small systems have equal Markov parameters."""
+    if len(one.A) != len(other.A):
+        return False
+    for k in range(_MOMENTS):
+        a, b = (system.C @ np.linalg.matrix_power(system.A, k) @ system.B for system in (one, other))
+        size = [np.linalg.norm(s.C) * np.linalg.norm(s.A) ** k * np.linalg.norm(s.B) for s in (one, other)]
+        if np.abs(a - b).max(initial=0.0) > _SAME * max(np.abs(a).max(initial=0.0), _SAME_NOISE * max(size)):
+            return False
+    return True
+
+
+@dataclass(frozen=True)
+class Weighted:
+    """A system seen through a band: ``G = D + R G_1 T``; an error of ``G_1`` counts ``factor`` times at most.
+
+    The Gramians of a band belong to loads ``X = S B B^T + B B^T S^T`` that may be indefinite.  Their absolute value,
+    ``|X| = B_1 B_1^T``, gives a system ``(A, B_1, C_1)`` whose reduction is stable and bounded as any, and of which the
+    given one is a part: ``B = B_1 T``, ``C = R C_1``.
+    """
+
+    system: Lti
+    modal: ModalSystem | None
+    R: Array
+    T: Array
+    D: Array
+    factor: float
+
+    def restored(self, reduced: Lti) -> Lti:
+        """Return the reduced system between the signals of the given one."""
+        return Lti(reduced.A, reduced.B @ self.T, self.R @ reduced.C, self.D + self.R @ reduced.D @ self.T)
+
+
+def weighted(system: Lti, modal: ModalSystem | None, band: Band | None) -> Weighted:
+    """Return a stable system as its band sees it; without a band, itself.
+
+    Raises
+    ------
+    ValueError
+        The band is so far from all poles that it does not show the system.
+    """
+    zero = np.zeros_like(system.D)
+    if band is None or not len(system.A):
+        return Weighted(system, modal, np.eye(len(zero)), np.eye(zero.shape[1]), zero, 1.0)
+    S = band_integral(system, modal, band)
+    B = _absolute(S @ system.B @ system.B.T)
+    C = _absolute(S.T @ system.C.T @ system.C).T
+    T, R = np.linalg.lstsq(B, system.B, rcond=None)[0], np.linalg.lstsq(C.T, system.C.T, rcond=None)[0].T
+    lost = np.abs(B @ T - system.B).max(initial=0.0), np.abs(R @ C - system.C).max(initial=0.0)
+    if lost[0] > _SEEN * np.abs(system.B).max() or lost[1] > _SEEN * np.abs(system.C).max():
+        raise ValueError(f"band = {band}: too far from the poles of the system to see all of its inputs and outputs")
+    zero = np.zeros((C.shape[0], B.shape[1]))
+    own = None
+    if modal is not None:
+        J = modal.mixing
+        own = ModalSystem(modal.poles, J.conj().T @ B, C @ J, zero)
+    factor = float(np.linalg.norm(R, 2) * np.linalg.norm(T, 2))
+    return Weighted(Lti(system.A, B, C, zero), own, R, T, system.D, factor)
+
+
+def _absolute(half: Array) -> Array:
+    """Return a factor of the absolute value of ``half + half^T``."""
+    values, U = linalg.eigh(half + half.T)
+    size = np.abs(values)
+    good = size > _RANK * size.max(initial=0.0)
+    return U[:, good] * np.sqrt(size[good])

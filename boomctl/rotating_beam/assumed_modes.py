@@ -1,0 +1,241 @@
+"""The hub-beam with assumed modes: the models of Bai et al. (2009), from the linear one to the complete one."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.arrays import Array
+from boomctl.rotating_beam.beam import MODELS, HubBeam, SmallMotion
+from boomctl.rotating_beam.manoeuvres import Manoeuvre, TorqueDriven
+from boomctl.rotating_beam.modal import energy, frequencies
+from boomctl.rotating_beam.modal.cfoam import cfoam
+from boomctl.rotating_beam.modal.equations import Equations, block_diagonal
+from boomctl.rotating_beam.modal.first_order import foam, sfoam, tlam
+from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals, mass_points, modal_integrals
+from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
+from boomctl.rotating_beam.motion.run import Scene, motion_of
+from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.result import Details, Motion
+
+if TYPE_CHECKING:
+    import casadi
+
+ASSUMED_MODES = ("tlam", "sfoam", "sfoam-consistent", "foam", "cfoam")
+
+_MOST_MODES = 200  # the modal integrals are known to keep 1e-12 relative up to there
+_MOST_MODES_CFOAM = 60  # a choice: its sums over points of mass take n^3 numbers, 0.8 million there
+_PLACES = 41  # on the beam, for its shape: a choice, a smooth line for the first ten modes
+_CHUNK = 2048  # instants evaluated at once: what stays in the processor's cache
+
+
+@final
+@dataclass(frozen=True, repr=False)
+class AssumedModesBeam(HubBeam):
+    """A hub-beam in an assumed-modes model.
+
+    Attributes
+    ----------
+    parameters : HubBeamParameters
+    model : str
+        "tlam", "sfoam", "sfoam-consistent", "foam" or "cfoam".
+    modes : int
+        Number n of transverse modes, and of axial ones where the model has them; up to 200, CFOAM up to 60.
+    """
+
+    parameters: HubBeamParameters
+    model: str
+    modes: int
+
+    def __post_init__(self) -> None:
+        if self.model not in ASSUMED_MODES:
+            raise ValueError(f"model = {self.model!r}: expected one of {', '.join(ASSUMED_MODES)}")
+        super().__post_init__()
+
+    @property
+    def most_modes(self) -> int:
+        return _MOST_MODES_CFOAM if self.model == "cfoam" else _MOST_MODES
+
+    @cached_property
+    def integrals(self) -> ModalIntegrals:
+        """Modal integrals of beam and point mass."""
+        return modal_integrals(self.parameters, self.modes)
+
+    @cached_property
+    def _points(self) -> MassPoints:
+        return mass_points(self.parameters, self.modes)
+
+    @cached_property
+    def equations(self) -> Equations:
+        """Equations of motion in closed form."""
+        m = self.integrals
+        if self.model == "tlam":
+            return tlam(m)
+        if self.model == "foam":
+            return foam(m)
+        if self.model == "cfoam":
+            return cfoam(m, self._points, self.parameters.hub_inertia)
+        return sfoam(m, consistent=self.model == "sfoam-consistent")
+
+    @property
+    def has_axial_modes(self) -> bool:
+        return self.model not in ("sfoam", "sfoam-consistent")
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        axial = [f"axial_{i + 1}" for i in range(self.modes)] if self.has_axial_modes else []
+        beam = axial + [f"transverse_{i + 1}" for i in range(self.modes)]
+        return ("hub_angle", *beam, "hub_speed", *(f"{name}_rate" for name in beam))
+
+    def critical_speed(self) -> float:
+        if self.model == "tlam":
+            return frequencies.lowest(self.integrals.M2, self.integrals.K2)
+        return self.steady_limit
+
+    def _steady_limit(self) -> float:
+        return frequencies.lowest(self.integrals.M1, self.integrals.K1) if self.has_axial_modes else math.inf
+
+    def residual_energy(self, state: ArrayLike, hub_speed: float = 0.0) -> float:
+        """Energy of a state's deviation from steady rotation at a hub speed [rad/s], whatever the hub angle, J.
+
+        ``1/2 r^T M r + 1/2 q^T K q`` with the differences r of the rates and q of the beam's coordinates.
+        """
+        equations, size = self.equations, self._size
+        x = np.asarray(state, dtype=float)
+        apart = x - self.steady_state(hub_speed)
+        rate, q = apart[None, size:], apart[1:size]
+        momenta = equations.inertia(x[None, :size]).momenta(rate)
+        return float(0.5 * np.sum(momenta * rate) + 0.5 * q @ equations.K @ q)
+
+    @property
+    def root_moment_row(self) -> Array:
+        """Row that reads the bending moment ``EI v''(0)`` at the clamp [N m] off a state."""
+        p, size, n = self.parameters, self._size, self.modes
+        row = np.zeros(2 * size)
+        row[size - n : size] = p.bending_stiffness * transverse_modes(n, p.length)(0.0, 2)
+        return row
+
+    def shape(self, states: ArrayLike) -> Array:
+        p, size, n = self.parameters, self._size, self.modes
+        y = np.atleast_2d(np.asarray(states, dtype=float))[:, :size]
+        x = np.linspace(0.0, p.length, _PLACES)
+        bending, shapes = y[:, size - n :], transverse_modes(n, p.length)
+        across = bending @ shapes(x).T
+        along = np.broadcast_to(x, across.shape).copy()
+        if self.model != "tlam":
+            along -= 0.5 * np.einsum("ki,pij,kj->kp", bending, shapes.shortening(x), bending)
+        if self.has_axial_modes:
+            along += y[:, 1 : n + 1] @ axial_modes(n, p.length)(x).T
+        return (p.hub_radius + along + 1j * across) * np.exp(1j * y[:, :1])
+
+    @cached_property
+    def lagrangian(self) -> energy.Lagrangian:
+        """Energies and damping, from which CasADi derives the equations of motion."""
+        m, axial = self.integrals, self.has_axial_modes
+        if self.model == "cfoam":
+            kinetic = partial(energy.complete_energy, self._points, self.parameters.hub_inertia)
+        else:
+            kinetic = partial(energy.first_order_energy, m, stiffening=self.model != "tlam", axial=axial)
+        return energy.Lagrangian(
+            kinetic=kinetic,
+            stiffness=block_diagonal(m.K1, m.K2) if axial else m.K2,
+            damping=block_diagonal(m.C1, m.C2) if axial else m.C2,
+            tip=self.equations.tip.transverse,
+            keeps_inertia_torque=self.model != "sfoam",
+        )
+
+    def casadi_function(self) -> "casadi.Function":
+        """Return the model as a CasADi function ``(x, torque) -> (xdot, y)``, derived from its energies.
+
+        States and outputs are those of `to_nlsys`; symbolic, hence differentiable to any order.
+        """
+        return energy.state_function(self.lagrangian, self._system_name)
+
+    @property
+    def _size(self) -> int:
+        return self.equations.size
+
+    def _frequencies_hz(self, speed: float, coupled: bool) -> Array:
+        if coupled:
+            return frequencies.coupled(self.equations, speed)
+        return frequencies.transverse(self.integrals, speed, stiffening=self.model != "tlam")
+
+    def _steady_coordinates(self, speed: float) -> Array:
+        return frequencies.steady_rotation(self.equations, speed)[0]
+
+    def _small_motion(self, speed: float) -> SmallMotion:
+        _, tangents = frequencies.steady_rotation(self.equations, speed)
+        mass, damping, stiffness = (each[0] for each in tangents)
+        return SmallMotion(mass, damping, stiffness, np.append(0.0, self.equations.tip.transverse))
+
+    def _state_derivative(self, x: Array, torque: float) -> Array:
+        return self.equations.state_derivative(x, torque)
+
+    def _tip_displacement(self, y: Array) -> float:
+        return float(self.equations.tip.transverse @ y[1:])
+
+    def _motion(
+        self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
+    ) -> Motion:
+        p = self.parameters
+        return motion_of(
+            Scene(
+                equations=self.equations,
+                manoeuvre=manoeuvre,
+                timepts=timepts,
+                start=start,
+                rtol=tolerance[0],
+                atol=tolerance[1],
+                length=p.length,
+                radius=p.hub_radius + p.length,
+            )
+        )
+
+    def _details(self, manoeuvre: Manoeuvre, timepts: Array, motion: Motion) -> Details:
+        y, rate = motion.states()
+        parts = [
+            _dynamics(self.equations, manoeuvre, timepts[at], y[at], rate[at])
+            for at in (slice(first, first + _CHUNK) for first in range(0, timepts.size, _CHUNK))
+        ]
+        torque, turning, inertia_torque, total, momentum, margin = (
+            np.concatenate(each) for each in zip(*parts, strict=True)
+        )
+        q, tip = y[:, 1:], self.equations.tip
+        return Details(
+            axial_tip_displacement=q @ tip.axial,
+            foreshortening=-0.5 * np.sum((q @ tip.shortening) * q, axis=1),
+            hub_angle=y[:, 0],
+            hub_speed=rate[:, 0],
+            hub_acceleration=turning,
+            torque=torque,
+            inertia_torque=inertia_torque,
+            energy=total,
+            angular_momentum=momentum,
+            mass_matrix_margin=margin,
+            states=np.hstack([y, rate]),
+        )
+
+
+MODELS.update({name: partial(AssumedModesBeam, model=name) for name in ASSUMED_MODES})
+
+
+def _dynamics(equations: Equations, manoeuvre: Manoeuvre, timepts: Array, y: Array, rate: Array) -> tuple[Array, ...]:
+    """Torque, hub acceleration, Q_theta, energy, angular momentum and margin, each k."""
+    inertia = equations.inertia(y)
+    free = -equations.residual(y, rate, np.zeros_like(y))
+    if isinstance(manoeuvre, TorqueDriven):
+        torque = manoeuvre.torque(timepts)
+        free[:, 0] += torque
+        loose = free[:, 0] - np.sum(inertia.coupling * inertia.solve_beam(free[:, 1:]), axis=1)
+        turning = loose / inertia.margin()
+    else:
+        turning = manoeuvre.acceleration(timepts)
+        bending = inertia.solve_beam(free[:, 1:] - inertia.coupling * turning[:, None])
+        torque = inertia.hub * turning + np.sum(inertia.coupling * bending, axis=1) - free[:, 0]
+    momenta = inertia.momenta(rate)
+    q = y[:, 1:]
+    total = 0.5 * np.sum(momenta * rate, axis=1) + 0.5 * np.sum((q @ equations.K) * q, axis=1)
+    return torque, turning, equations.inertia_torque(y, rate), total, momenta[:, 0], inertia.margin()

@@ -1,0 +1,148 @@
+"""What the collocation solves: the beam at a prescribed hub motion, or hub and beam under a torque."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.rotating_beam.manoeuvres import PrescribedMotion, TorqueDriven
+from boomctl.rotating_beam.modal.equations import Equations, Tangents
+
+
+class Problem(ABC):
+    """Second-order equations ``residual(t, q, v, a) = 0`` in n unknown coordinates."""
+
+    @property
+    @abstractmethod
+    def linear(self) -> bool:
+        """Whether the residual is affine in q, v and a."""
+
+    @abstractmethod
+    def drive(self, t: Array) -> Array:
+        """What drives the motion: the hub's acceleration, or the torque on it, of an array of instants."""
+
+    @abstractmethod
+    def residual(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Residual at k instants, k x n."""
+
+    @abstractmethod
+    def tangents(self, t: Array, q: Array, v: Array, a: Array) -> Tangents:
+        """Derivatives of the residual with respect to a, v and q, each k x n x n or n x n."""
+
+    @abstractmethod
+    def first_guess(self, t: Array, start: float, v: Array) -> Array:
+        """Rates at m x s nodes to start Newton's method from, m x s x n."""
+
+    @abstractmethod
+    def is_admissible(self, q: Array) -> bool:
+        """Whether the equations can be solved for the accelerations at all of k coordinates."""
+
+    @abstractmethod
+    def why(self, time: float) -> str:
+        """Say what it means that there is no solution from an instant [s] on."""
+
+
+@final
+@dataclass(frozen=True)
+class PrescribedProblem(Problem):
+    """Beam equations at the hub's prescribed speed and acceleration; linear for all models but CFOAM.
+
+    Attributes
+    ----------
+    equations : Equations
+    manoeuvre : PrescribedMotion
+    """
+
+    equations: Equations
+    manoeuvre: PrescribedMotion
+
+    @property
+    def linear(self) -> bool:
+        return self.equations.beam_speed_terms is not None
+
+    def drive(self, t: Array) -> Array:
+        return self.manoeuvre.acceleration(t)
+
+    def residual(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        return self.equations.residual(*self._whole(t, q, v, a))[:, 1:]
+
+    def tangents(self, t: Array, q: Array, v: Array, a: Array) -> Tangents:
+        terms = self.equations.beam_speed_terms
+        if terms is None:
+            whole = self.equations.tangents(*self._whole(t, q, v, a))
+            return Tangents(*(each[:, 1:, 1:] for each in whole))
+        speed = self.manoeuvre.speed(t)[:, None, None]
+        stiffness = terms.K + speed**2 * terms.K_w
+        if not np.any(terms.G):
+            return Tangents(terms.M, terms.C, stiffness)
+        stiffness += self.manoeuvre.acceleration(t)[:, None, None] * terms.K_a
+        return Tangents(terms.M, terms.C + speed * terms.G, stiffness)
+
+    def first_guess(self, t: Array, start: float, v: Array) -> Array:
+        """No motion of the beam."""
+        return np.zeros((*t.shape, v.size))
+
+    def is_admissible(self, q: Array) -> bool:
+        """Always: the beam's own mass matrix is positive definite."""
+        return True
+
+    def why(self, time: float) -> str:
+        return f"the deflection grows beyond all bounds from t = {time:.6g} s on: the model has lost its stiffness"
+
+    def _whole(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+        hub = np.zeros_like(t), self.manoeuvre.speed(t), self.manoeuvre.acceleration(t)
+        y, rate, acceleration = (np.column_stack([h, beam]) for h, beam in zip(hub, (q, v, a), strict=True))
+        return y, rate, acceleration
+
+
+@final
+@dataclass(frozen=True)
+class TorqueDrivenProblem(Problem):
+    """Equations of hub and beam under a torque.
+
+    Attributes
+    ----------
+    equations : Equations
+    manoeuvre : TorqueDriven
+    """
+
+    equations: Equations
+    manoeuvre: TorqueDriven
+
+    @property
+    def linear(self) -> bool:
+        """No: the hub's speed is one of the unknowns."""
+        return False
+
+    def drive(self, t: Array) -> Array:
+        return self.manoeuvre.torque(t)
+
+    def residual(self, t: Array, q: Array, v: Array, a: Array) -> Array:
+        result = self.equations.residual(q, v, a)
+        result[:, 0] -= self.manoeuvre.torque(t)
+        return result
+
+    def tangents(self, t: Array, q: Array, v: Array, a: Array) -> Tangents:
+        return self.equations.tangents(q, v, a)
+
+    def first_guess(self, t: Array, start: float, v: Array) -> Array:
+        """The motion of hub and beam if the beam were rigid and stayed as it is."""
+        inertia = self.equations.inertia(np.zeros((1, v.size))).hub[0]
+        times = np.concatenate([[start], t.ravel()])
+        torque = self.manoeuvre.torque(times)
+        impulse = np.cumsum(0.5 * np.diff(times) * (torque[1:] + torque[:-1]))
+        guess = np.zeros((*t.shape, v.size))
+        guess[..., 0] = v[0] + impulse.reshape(t.shape) / inertia
+        return guess
+
+    def is_admissible(self, q: Array) -> bool:
+        """Whether the mass matrix is positive definite at all of k coordinates."""
+        return bool(np.all(self.equations.inertia(q).margin() > 0.0))
+
+    def why(self, time: float) -> str:
+        return (
+            f"the model's mass matrix ceases to be positive definite at t = {time:.6g} s: the torque drives it out of "
+            "the deformations it is valid for; use less torque or model='geometrically-exact'"
+        )

@@ -1,0 +1,167 @@
+"""What counts as undamped: every public method that asks gives the same answer.
+
+A pole of relative damping 5e-11, either sign, is undamped, one of 5e-10 or 5e-9 is not: it decays, or is unstable.
+"""
+
+import control
+import numpy as np
+import pytest
+
+import boomctl as bc
+from boomctl.lti.modal import UNDAMPED, side_of_axis
+from boomctl.reduction import ReductionError
+from boomctl.structure import SecondOrderModel
+from boomctl.structure.families import AffineFamily
+
+OMEGA = 2.0
+DAMPINGS = [sign * size for size in (5e-11, 5e-10, 5e-9) for sign in (1.0, -1.0)]
+METHODS = ("balanced", "singular-perturbation", "hankel", "modal")
+
+
+def side(damping):
+    return 0 if abs(damping) <= UNDAMPED else -int(np.sign(damping))
+
+
+def oscillator(damping, hidden=False):
+    """One mode of that damping, seen or not by ``u`` and ``y``, beside a well-damped one."""
+    A = np.zeros((4, 4))
+    A[:2, :2] = [[-damping * OMEGA, OMEGA], [-OMEGA, -damping * OMEGA]]
+    A[2:, 2:] = [[0.0, 1.0], [-9.0, -0.6]]
+    acts = 0.0 if hidden else 1.0
+    return control.ss(A, [[0.0], [acts], [0.0], [1.0]], [[acts, 0.0, 1.0, 0.0]], 0.0, inputs="u", outputs="y")
+
+
+def structure(damping):
+    """A mass on a spring and an (almost) undamped dashpot, driven by a control and a disturbance."""
+    c = 2.0 * damping * OMEGA
+    return SecondOrderModel([[1.0]], [[c]], [[OMEGA**2]], {"u": [1.0], "w": [1.0]}, {"y": [1.0]})
+
+
+NOTHING = control.ss([], [], [], [[0.0]], inputs="y", outputs="u")
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+def test_norms_and_singular_values(damping):
+    finite = side(damping) < 0
+    system = oscillator(damping)
+    poles = np.linalg.eigvals(system.A)
+    assert side_of_axis(poles)[np.argmin(np.abs(poles.real))] == side(damping)
+    assert np.isfinite(bc.hinf_norm(system).lower) == finite
+    assert np.isfinite(bc.h2_norm(system).value) == finite
+    assert np.isfinite(bc.sigma(system).peak) == finite
+    assert np.isfinite(bc.sigma(structure(damping), [1.0]).peak) == finite
+    assert np.isfinite(bc.h2_norm(structure(damping)).value) == finite
+    hidden = oscillator(damping, hidden=True)
+    assert np.isfinite(bc.hinf_norm(hidden).lower) == (side(damping) <= 0)
+    assert np.isfinite(bc.h2_norm(hidden).value) == (side(damping) <= 0)
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+def test_mode_tables(damping):
+    for system in (oscillator(damping), structure(damping)):
+        slow = bc.mode_table(system).rows[0]
+        assert slow.omega == pytest.approx(OMEGA)
+        assert np.isinf(slow.peaks).all() == (side(damping) == 0)
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+def test_loops(damping):
+    """The loop is that of the plant: its controller does nothing."""
+    plant = structure(damping)
+    stable = side(damping) < 0
+    loop = bc.feedback_loop(plant, NOTHING, added=["u"])
+    assert np.isfinite(bc.hinf_norm(loop).lower) == stable
+    if stable:
+        assert bc.margins(plant, NOTHING).loops
+    else:
+        with pytest.raises(ValueError, match="the loop is not stable"):
+            bc.margins(plant, NOTHING)
+    family = AffineFamily.through(
+        {"k": (0.9, 1.1)},
+        lambda v: SecondOrderModel(
+            plant.M, plant.C, v["k"] * np.asarray(plant.K), {"u": [1.0], "w": [1.0]}, {"y": [1.0]}
+        ),
+    )
+    assert (bc.robust_stability(family, NOTHING).unstable_at is None) == stable
+    assert np.isfinite(bc.worst_case(family, NOTHING).norm.lower) == stable
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+def test_a_controller_that_resonates(damping):
+    A = [[-damping * OMEGA, OMEGA], [-OMEGA, -damping * OMEGA]]
+    controller = control.ss(A, [[0.0], [1e-9]], [[1e-9, 0.0]], 0.0, inputs="y", outputs="u")
+    plant = SecondOrderModel([[1.0]], [[0.4]], [[1.0]], {"u": [1.0]}, {"y": [1.0]})
+
+    def stability():
+        return bc.exact_loop_stability(plant.frequency_response, controller, [-0.2 + 1j])
+
+    if side(damping) == 0:
+        with pytest.raises(ValueError, match="no pole on the imaginary axis"):
+            stability()
+    else:
+        found = stability()
+        assert found.controller_poles == (0 if damping > 0.0 else 2)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("damping", DAMPINGS)
+def test_reductions_keep_what_does_not_decay(damping, method):
+    kept = 0 if side(damping) < 0 else 2
+    found = bc.reduce(oscillator(damping), order=4, method=method)
+    assert found.kept == kept
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+def test_structures_keep_what_does_not_decay(damping):
+    M, K = np.eye(2), np.diag([OMEGA**2, 9.0])
+    C = np.diag([2.0 * damping * OMEGA, 0.6])
+    model = SecondOrderModel(M, C, K, {"u": [1.0, 1.0]}, {"y": [1.0, 1.0]})
+    try:
+        found = bc.reduce(model, order=4, method="second-order")
+    except ReductionError:
+        assert abs(damping) == 5e-10  # so little damping that rounding hides the error of its stable part
+        return
+    assert found.kept == (0 if side(damping) < 0 else 2)
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+def test_modes_that_nothing_moves_sees_or_weighs(damping):
+    hidden = oscillator(damping, hidden=True)
+    moved = oscillator(damping)
+
+    def refused(message, function):
+        with pytest.raises(bc.SynthesisError, match=message):
+            function()
+
+    regulator, filter_ = (lambda: bc.lqr(hidden, 1.0, 1.0)), (lambda: bc.kalman(hidden, 1.0, 1.0))
+    if side(damping) < 0:
+        regulator()
+        filter_()
+    else:
+        refused("cannot be moved", regulator)
+        refused("is not seen", filter_)
+    unweighed = lambda: bc.lqr(moved, [0.0, 0.0, 1.0, 1.0], 1.0)  # noqa: E731
+    if side(damping) == 0:
+        refused("is undamped and not seen", unweighed)
+        refused("is undamped and not reached", lambda: bc.kalman(moved, np.diag([0.0, 0.0, 1.0, 1.0]), 1.0))
+        refused("is undamped and not seen", lambda: bc.lqg(moved, [0.0, 0.0, 1.0, 1.0], 1.0, 1.0, 1.0))
+    else:
+        assert unweighed().gain.shape == (1, 4)
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+@pytest.mark.parametrize("synthesis", [bc.h2, bc.h_infinity])
+def test_assumptions_of_generalised_plants(damping, synthesis):
+    """A mode that neither the control moves nor the measurement sees; a lag that both do."""
+    A = np.zeros((3, 3))
+    A[:2, :2] = [[-damping * OMEGA, OMEGA], [-OMEGA, -damping * OMEGA]]
+    A[2, 2] = -1.0
+    B = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 1.0]]
+    C = [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    D = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.1, 0.0]]
+    P = control.ss(A, B, C, D)
+    if side(damping) < 0:
+        assert synthesis(P, 1, 1).controller.nstates <= 3
+    else:
+        with pytest.raises(bc.SynthesisError, match="2 rad/s"):
+            synthesis(P, 1, 1)

@@ -1,0 +1,65 @@
+"""Responses by solving and by substitution, grids around resonances, the highest peak."""
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from boomctl.lti.frequency import largest_gain, resonance_grid, triangular
+from boomctl.lti.system import Lti, SingularFrequencyWarning
+
+
+@given(st.integers(0, 10_000), st.integers(0, 9), st.integers(1, 3), st.integers(0, 300))
+@settings(max_examples=30)
+def test_a_triangular_form_responds_as_the_system_does(seed, n, m, count):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((n, n))
+    A -= (max(np.linalg.eigvals(A).real.max(initial=0.0), 0.0) + 0.5) * np.eye(n)
+    system = Lti(A, rng.standard_normal((n, m)), rng.standard_normal((m, n)), rng.integers(-1, 2, (m, m)).astype(float))
+    omega = np.concatenate([[0.0], rng.exponential(3.0, count)])
+    found, wanted = triangular(system).response(omega), system.response(omega)
+    assert found.shape == wanted.shape == (m, m, count + 1)
+    np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-8 * np.abs(wanted).max())
+    part = triangular(system).only([m - 1]).response(omega)
+    np.testing.assert_allclose(part[0, 0], found[m - 1, m - 1], rtol=1e-9, atol=1e-9)
+
+
+def test_equal_poles_are_no_obstacle():
+    n = 5
+    chain = Lti(-np.eye(n) + np.diag(np.ones(n - 1), 1), np.eye(n)[:, -1:], np.eye(n)[:1], np.zeros((1, 1)))
+    omega = np.linspace(0.0, 4.0, 30)
+    np.testing.assert_allclose(triangular(chain).response(omega)[0, 0], (1.0 + 1j * omega) ** -n, rtol=1e-12)
+
+
+def test_a_frequency_at_a_pole_is_answered_from_beside_it_and_no_other_moves():
+    undamped = Lti(
+        np.array([[0.0, 1.0], [-4.0, 0.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))
+    )
+    with pytest.warns(SingularFrequencyWarning, match="a pole lies at 2 rad/s"):
+        found = undamped.response(np.array([1.0, 2.0, 3.0]))[0, 0]
+    alone = undamped.response(np.array([1.0, 3.0]))[0, 0]
+    assert (found[[0, 2]] == alone).all()
+    assert abs(found[1]) > 1e7
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert (undamped.response(np.array([2.0]), quiet=True)[0, 0] == found[1]).all()
+
+
+def test_a_grid_shows_every_resonance_and_keeps_what_is_asked_for():
+    poles = np.array([-1e-3 + 2j, -1e-3 - 2j, -0.5, -1e-9 + 5j, -1e-9 - 5j])
+    grid = resonance_grid(poles, 0.1, 10.0, points=5, narrowest=1e-6, also=[0.0, 20.0])
+    assert (np.diff(grid) > 0.0).all()
+    assert grid[0] == 0.0
+    assert grid[-1] == 20.0
+    for place, width in ((2.0, 1e-3), (5.0, 5e-6)):
+        assert (np.abs(grid - place) <= 1.01 * width).sum() == 7
+
+
+@given(st.floats(1e-9, 0.3), st.floats(0.1, 10.0))
+def test_the_largest_gain_of_an_oscillator_is_its_closed_form(zeta, omega):
+    A = np.array([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]])
+    peak, at = largest_gain(Lti(A, np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))))
+    assert peak == pytest.approx(1.0 / (2.0 * zeta * np.sqrt(1.0 - zeta**2) * omega**2), rel=1e-6)
+    assert at == pytest.approx(omega * np.sqrt(1.0 - 2.0 * zeta**2), rel=1e-4)
