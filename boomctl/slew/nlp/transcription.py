@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.gauss import gauss_method
+from boomctl.gauss import gauss_method, radau_method
 from boomctl.slew.dynamics import explicit_step, rates
 from boomctl.slew.plant import SlewPlant
 
@@ -329,13 +329,8 @@ def _defects(parts: Parts, scheme: Scheme, units: Units, s: _Unknowns) -> ca.SX:
 
 def collocation_coefficients(method: str, points: int) -> tuple[Array, Array, Array]:
     """Nodes c, matrix a and weights b on [0, 1] of the Gauss-Legendre ("collocation") or Radau IIA ("radau") scheme."""
-    if method == "collocation":
-        gauss = gauss_method(points)
-        return gauss.nodes, gauss.A, gauss.weights
-    c = np.array(ca.collocation_points(points, "radau"))
-    powers = np.arange(1, points + 1)
-    inverse = np.linalg.inv(c[:, None] ** (powers - 1))
-    return c, (c[:, None] ** powers / powers) @ inverse, (1.0 / powers) @ inverse
+    found = radau_method(points) if method == "radau" else gauss_method(points)
+    return found.nodes, found.A, found.weights
 
 
 def collocation_defects(plant: SlewPlant, points: int, method: str = "collocation") -> ca.Function:
