@@ -18,7 +18,7 @@ _TOO_MUCH = 0.05  # by which a coarse mesh may exceed a limit and a finer still 
 _ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
 _EXCESS = 1e-9  # relative, over a limit, in a replay: rounding of the integrator
 _TIGHTER, _AT_LEAST = 1.1, 1e-6  # by how many times an excess, and how much more, a limit is tightened
-_HIGHEST = 9  # collocation points: for more CasADi tabulates none
+_HIGHEST = 9  # collocation points, order 17 and more: beyond, a step is not what the replay finds in error; a choice
 _LONGER = 1.5  # times the linear part's least time: what a first guess takes within more limits than the torque's
 
 

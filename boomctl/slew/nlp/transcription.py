@@ -327,19 +327,14 @@ def _defects(parts: Parts, scheme: Scheme, units: Units, s: _Unknowns) -> ca.SX:
     return ca.vertcat(*defects)
 
 
-def collocation_coefficients(method: str, points: int) -> tuple[Array, Array, Array]:
-    """Nodes c, matrix a and weights b on [0, 1] of the Gauss-Legendre ("collocation") or Radau IIA ("radau") scheme."""
-    found = radau_method(points) if method == "radau" else gauss_method(points)
-    return found.nodes, found.A, found.weights
-
-
 def collocation_defects(plant: SlewPlant, points: int, method: str = "collocation") -> ca.Function:
     """``(z, k, u0, u1, h, z1) -> defects`` of a collocation scheme; k (n x points) are the rates at its points.
 
     With d points: Gauss-Legendre, of order 2 d, or Radau IIA, of order 2 d - 1 and stiffly accurate. The torque is a
     straight line on a step. The explicit steps of shooting are an independent scheme.
     """
-    c, a, b = collocation_coefficients(method, points)
+    scheme = radau_method(points) if method == "radau" else gauss_method(points)
+    c, a, b = scheme.nodes, scheme.A, scheme.weights
     z, z1 = ca.SX.sym("z", plant.n), ca.SX.sym("z1", plant.n)
     k = ca.SX.sym("k", plant.n, points)
     u0, u1, h = ca.SX.sym("u0"), ca.SX.sym("u1"), ca.SX.sym("h")
