@@ -28,8 +28,8 @@ ASSUMED_MODES = ("tlam", "sfoam", "sfoam-consistent", "foam", "cfoam")
 
 _MOST_MODES = 200  # the modal integrals are known to keep 1e-12 relative up to there
 _MOST_MODES_CFOAM = 60  # a choice: its sums over points of mass take n^3 numbers, 0.8 million there
-_PLACES = 41  # on the beam, for its shape: a choice, a smooth line for the first ten modes
-_CHUNK = 2048  # instants evaluated at once: what stays in the processor's cache
+_PLACES = 41  # on the beam, for its shape: a choice
+_CHUNK = 2048  # instants evaluated at once: a choice, to bound the memory
 
 
 @final

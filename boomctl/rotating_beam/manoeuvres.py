@@ -18,7 +18,7 @@ from boomctl.gauss import gauss_method
 
 TimeFunction = Callable[..., object]
 
-_CHECKED_INTERVALS = 64  # on which a profile's functions are compared: a choice, finer than what a user draws by hand
+_CHECKED_INTERVALS = 64  # on which a profile's functions are compared: a choice
 _CHECK_POINTS = 6  # Gauss points on each: exact for polynomials of degree 11
 _CHECK_TOLERANCE = 1e-2  # a wrong derivative is off by far more, a table's interpolation by less: a choice
 

@@ -21,6 +21,7 @@ from boomctl.rotating_beam import (
     torque,
 )
 from boomctl.rotating_beam.modal.frequencies import steady_rotation
+from boomctl.rotating_beam.motion import modal_collocation
 from boomctl.rotating_beam.motion.collocation import march
 from boomctl.rotating_beam.motion.modal_collocation import modal_march
 from boomctl.rotating_beam.motion.problems import PrescribedProblem
@@ -270,3 +271,45 @@ def test_result_does_not_depend_on_the_instants_asked_for():
     np.testing.assert_allclose(few.tip_displacement, many.tip_displacement[[250, 600]], rtol=0, atol=1e-12)
     one = beam.simulate(sine_torque(100.0, 4.0, 4.0), [0.0])
     assert one.tip_displacement[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("model", "manoeuvre", "path"),
+    [
+        ("sfoam", spin_up(1.0, 2.0), ("modal collocation",)),
+        ("sfoam", hold(), ("steady rotation by modes",)),
+        ("tlam", spin_up(1.0, 2.0), ("collocation", "steady rotation by eigenvectors")),
+        ("foam", sine_torque(10.0, 2.0, 2.0), ("collocation",)),
+        ("geometrically-exact", spin_up(1.0, 2.0), ("collocation of momenta",)),
+    ],
+)
+def test_the_path_names_the_ways_that_ran(model, manoeuvre, path):
+    beam = hub_beam(BAI, model, 2)
+    assert beam.simulate(manoeuvre, [1.0, 3.0], rtol=1e-5).path == path
+    assert beam.simulate(manoeuvre, [0.0]).path == ("initial state",)
+
+
+def test_a_jump_of_a_profile_is_found_with_exact_vibrations():
+    """Though nobody announced it: it would fall into a step whose forces still look smooth at the ends."""
+    jump = 5.0 * 21.0 / 64.0
+    functions = (
+        lambda t: 0.25 * np.where(t < jump, t**2, jump * (2.0 * t - jump)),
+        lambda t: 0.5 * np.minimum(t, jump),
+        lambda t: np.where(t < jump, 0.5, 0.0),
+    )
+    beam, t = hub_beam(BAI, "sfoam", 2), np.linspace(0.0, 5.0, 51)
+    announced = beam.simulate(hub_profile(*functions, breakpoints=(jump,)), t)
+    for rtol in (1e-4, 1e-6, 1e-8):
+        found = beam.simulate(hub_profile(*functions), t, rtol=rtol)
+        assert found.path == ("modal collocation",)
+        error = np.abs(found.tip_displacement - announced.tip_displacement).max()
+        assert error <= rtol * np.abs(announced.tip_displacement).max() + 2e-8
+
+
+def test_a_way_that_misses_the_tolerance_is_in_the_path(monkeypatch):
+    beam, t = hub_beam(BAI, "sfoam", 2), np.linspace(0.0, 5.0, 51)
+    expected = beam.simulate(spin_up(2.0, 4.0), t)
+    monkeypatch.setattr(modal_collocation, "_LEVELS", 1)
+    found = beam.simulate(spin_up(2.0, 4.0), t)
+    assert found.path == ("modal collocation (given up)", "collocation", "steady rotation by modes")
+    np.testing.assert_allclose(found.tip_displacement, expected.tip_displacement, rtol=0, atol=2e-8)

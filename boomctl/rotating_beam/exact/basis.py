@@ -19,9 +19,7 @@ from boomctl.arrays import Array
 from boomctl.gauss import integrated_legendre, lagrange_integrals
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
-EXTRA_NODES = (
-    10  # of the quadrature, beyond the polynomials on a span: the kinetic energy is not a polynomial; a choice
-)
+EXTRA_NODES = 10  # of the quadrature beyond the polynomials on a span, as energy is not a polynomial: a choice
 
 
 @dataclass(frozen=True, eq=False)

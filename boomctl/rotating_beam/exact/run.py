@@ -20,7 +20,7 @@ from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, s
 _WINDOW = 6  # ends of steps that an interpolation goes through: of degree 11, beyond the order of the steps
 _LEAST_STEPS = 2 * _WINDOW  # between two corners: a choice
 _COINCIDENT = 1e-9  # fraction of a step within which an instant is the end of a step
-_MOST_STEPS = 300_000  # where a run is given up: a choice, some minutes
+_MOST_STEPS = 300_000  # where a run is given up: a choice
 _CAUTION = 3.0  # a halved step is taken to divide the error by no more than 4; the order of the rule gives 256
 _PROBES = 513  # instants, besides those asked for, at which two runs must agree
 _STUCK = 0.7  # part of the last error above which a refinement has not lowered it

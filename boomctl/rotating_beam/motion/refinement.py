@@ -14,21 +14,19 @@ from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.collocation import Trajectory, march
 from boomctl.rotating_beam.motion.problems import Problem
 
-STAGES = 8  # of the collocation, order 16: measured the fastest of 4 to 10 at errors of 1e-6 to 1e-10
+STAGES = 8  # of the collocation, order 16: a choice; 4 and 6 take longer (measured, a torque on FOAM, 5 + 5 modes)
 
 _PHASE = 5.5  # first step times the lowest frequency of the beam, for vibrations in closed form: nearly a period
 _PHASE_GRADED = 1.4  # likewise for polynomials: a quarter of a period, which eight stages follow
 
-_DRIVE_POINTS = (
-    10  # at which a drive is looked at on each step: Gauss points, as many as a polynomial of degree 9 needs
-)
+_DRIVE_POINTS = 10  # Gauss points at which a drive is looked at on each step: a choice
 _DRIVE_ROUGH = 1e-4  # of its largest value: highest Legendre terms above that mean that no polynomial follows the drive
 _DRIVE_SMALLEST = 1e-12  # of the whole time: a jump within so short a step is as good as at its edge
 _DRIVE_PASSES = 45  # halvings of a first step: 2^-45 is below the smallest step
 
 _FIRST_TOLERANCE = 1e-6  # change of a coordinate at which Newton's method stops on the first steps, m: they are a start
 _NEWTON_SHARE = 0.05  # of the allowed error that Newton's method may leave
-_MOST_STEPS = 40000  # where the run is given up: minutes of work, gigabytes of steps
+_MOST_STEPS = 40000  # where the run is given up: ten times as many as FOAM takes for a minute and nine digits
 _SMOOTH = 0.02  # part of the allowed error below which a step's highest terms leave it as it is
 
 

@@ -17,9 +17,7 @@ from boomctl.rotating_beam.motion.refinement import Accuracy, NotConverged, firs
 from boomctl.rotating_beam.motion.steady_rotation import steady_motion, vibration_amplitudes
 from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, small_deformation_until
 
-_WATCHED = (
-    16.0  # instants in a period of the lowest mode at which the tip is watched: it turns between two by 22 degrees
-)
+_WATCHED = 16.0  # instants in a period of the lowest mode at which the tip is watched: it turns by 22 degrees between
 
 
 class Way(NamedTuple):
@@ -167,7 +165,7 @@ def _by_modes(scene: Scene) -> Motion | None:
     assert form is not None
     assert manoeuvre is not None
     end = min(scene.end, scene.steady_from)
-    edges = first_steps(scene.equations, manoeuvre.breakpoints, end, graded=False)
+    edges = _first_steps(scene, PrescribedProblem(scene.equations, manoeuvre), end, graded=False)
     beam = scene.start[0][1:], scene.start[1][1:]
     accuracy = Accuracy(scene.rtol, scene.atol, (np.stack([tip.transverse, tip.axial]),))
     found = modal_refine(form, manoeuvre, edges, beam, accuracy, vibrates_on=end < scene.end)
@@ -219,17 +217,20 @@ def _collocate(
     problem: Problem, scene: Scene, start: tuple[Array, Array], end: float, accuracy: Accuracy
 ) -> tuple[Trajectory, float]:
     """Motion up to `end` and its estimated error, or what its failure means."""
-    edges = first_steps(scene.equations, scene.manoeuvre.breakpoints, end, graded=True)
-    if isinstance(scene.manoeuvre, HubProfile | Torque):  # a user's functions, which may jump where they do not say
-        edges = resolving(edges, problem)
     try:
-        return refine(problem, edges, start, accuracy)
+        return refine(problem, _first_steps(scene, problem, end, graded=True), start, accuracy)
     except StepTooSmall as failure:
         raise SimulationError(problem.why(failure.time)) from None
     except NotConverged as failure:
         raise SimulationError(
             f"the tip displacement's error stays at {failure.error:.1e} m: raise rtol or atol"
         ) from None
+
+
+def _first_steps(scene: Scene, problem: Problem, end: float, *, graded: bool) -> Array:
+    edges = first_steps(scene.equations, scene.manoeuvre.breakpoints, end, graded=graded)
+    given = isinstance(scene.manoeuvre, HubProfile | Torque)  # a user's functions, which may jump where they do not say
+    return resolving(edges, problem) if given else edges
 
 
 def _steady_from(scene: Scene, begin: float, beam: tuple[Array, Array], timepts: Array) -> tuple[Array, Array, str]:

@@ -6,14 +6,10 @@ from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import BeamSpeedTerms
 
 _WORST_CONDITION = 1e8  # of the eigenvectors: half of the digits are left, as many as the default tolerance asks for
-_INTERVAL_DIGITS = (
-    12  # decimals of an interval [s] that make it the same as another, so that one exponential serves both
-)
+_INTERVAL_DIGITS = 12  # decimals [s] in which equal intervals agree, so that one exponential serves them
 
 # The forms of the motion at constant hub speed, in the order tried
-MODES = (
-    "modes"  # without damping and gyroscopic terms: every mode turns on its own, also one that has lost its stiffness
-)
+MODES = "modes"  # without damping and gyroscopic terms: every mode turns on its own, whatever its stiffness
 EIGENVECTORS = "eigenvectors"  # otherwise: of the first-order form
 EXPONENTIALS = "matrix exponentials"  # where these are ill-conditioned: slower, and always exact
 
