@@ -10,6 +10,7 @@ from scipy.linalg import matrix_balance
 
 from boomctl.arrays import Array
 from boomctl.lti import system as lti
+from boomctl.lti.hidden_modes import unmoved
 
 if TYPE_CHECKING:
     import casadi
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 _NOTHING = 1e-12  # share of a norm at which a push is rounding: a choice, between 1e-16 and any coupling
 _SPLIT = 1e-6  # share of |A| below which an eigenvalue is zero: a double zero splits by the root of rounding, 1e-8
 _STILL = 1e-9  # share of |A| |z| below which nothing moves: a choice
-_CONTROLLABLE = 1e-11  # least singular value of a PBH pencil with unit columns, relative: a choice above rounding
 _CONSISTENT = 1e-9  # residual of an equation for a state of rest that counts as solved, relative: a choice
 
 
@@ -238,12 +238,9 @@ def _linear(system: lti.Lti) -> SlewPlant:
     scale = matrix_balance(whole, permute=False, separate=True)[1][0]
     unit = scale[:-1] / scale[-1]
     A, b, C = A * unit / unit[:, None], b / unit, C * unit
-    for value in np.linalg.eigvals(A):  # Popov, Belevitch, Hautus: every eigenvector of A^T feels b
-        pencil = np.column_stack([A - value * np.eye(b.size), b])
-        size = np.linalg.norm(pencil, axis=0)
-        s = np.linalg.svd(pencil / np.where(size > 0.0, size, 1.0), compute_uv=False)
-        if s[-1] < _CONTROLLABLE * s[0]:
-            raise ValueError(f"h: the torque does not move the mode at {value:.4g} 1/s; expected a controllable system")
+    hidden = unmoved(A, b[:, None], system.states, stable=True)
+    if hidden:
+        raise ValueError(f"h: the torque does not move {hidden[0]}; expected a controllable system")
     rows = {"angle": C[0], "speed": C[0] @ A}
     for name, output in (("tip", "tip_displacement"), ("moment", "root_moment")):
         if output in system.outputs:
