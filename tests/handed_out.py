@@ -120,7 +120,7 @@ def linear_slew():
 
 @functools.cache
 def comparison():
-    return compare_slews(hub_beam(), np.pi / 2, 200.0)
+    return compare_slews(bc.hub_beam(modes=1), np.pi / 2, 200.0)
 
 
 @functools.cache

@@ -109,8 +109,14 @@ SYSTEMS = {
 }
 
 
+SLOW = ("SlewComparison",)  # ten slews played back on three beams: 4 s
+
+
 def _parametrised(factories):
-    return pytest.mark.parametrize("make", [pytest.param(make, id=name) for name, make in factories.items()])
+    marks = dict.fromkeys(SLOW, pytest.mark.slow)
+    return pytest.mark.parametrize(
+        "make", [pytest.param(make, id=name, marks=marks.get(name, ())) for name, make in factories.items()]
+    )
 
 
 def alike(a, b):

@@ -130,16 +130,16 @@ def sigma(
         narrowest=NARROWEST,
         also=[certificate.omega] if found.low <= certificate.omega < np.inf else (),
     )
-    return SigmaResult(grid, _values(given, grid), given.inputs, given.outputs, certificate)
+    return SigmaResult(grid, _values(given, grid, quiet=True), given.inputs, given.outputs, certificate)
 
 
 def _norm(given: SecondOrderModel | Lti) -> NormCertificate:
     return matrices_norm(given) if isinstance(given, Lti) else model_norm(given)
 
 
-def _values(given: SecondOrderModel | Lti, omega: Array) -> Array:
+def _values(given: SecondOrderModel | Lti, omega: Array, quiet: bool = False) -> Array:
     if isinstance(given, Lti):
-        return singular_values(given.response(omega))
+        return singular_values(given.response(omega, quiet=quiet))
     parts = orthonormal_parts(given)
     if len(parts) == 1:
         return singular_values(respond(parts[0].structure, parts[0].ports, omega).values)

@@ -7,7 +7,7 @@ from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem
 from boomctl.lti.system import Lti
 
-_NOISE = 4.0 * float(np.finfo(float).eps)
+_NOISE = 4.0 * float(np.finfo(float).eps)  # of the largest eigenvalue, a state: up to there an eigenvalue is rounding
 
 
 def factors(system: Lti, modal: ModalSystem | None) -> tuple[Array, Array]:

@@ -1,5 +1,6 @@
 """Frequency responses of large structures equal the direct solution, and say where rounding ends them."""
 
+import re
 import warnings
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy import sparse
 
 import boomctl as bc
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.response.direct import AccuracyWarning
+from boomctl.structure.response.direct import AccuracyWarning, respond
 from tests.references import dense, direct
 from tests.strategies import seeds, structures
 
@@ -180,3 +181,27 @@ def test_strain_rows_carry_five_thousand_elements_without_warning():
         found = model.frequency_response(BAND, ACTUATORS, TIPS).frdata
     exact = bc.exact_frequency_response(bc.BoomParameters(), BAND, ACTUATORS, TIPS).frdata
     assert (np.abs(found - exact) < 1e-6 * np.abs(exact).max(axis=(0, 1))).all()
+
+
+@pytest.mark.parametrize(
+    ("elements", "points", "path"),
+    [
+        (6, 300, r"halves, undamped modes, undamped modes"),
+        (6, 3, r"halves, dense solutions, dense solutions"),
+        (40, 300, r"halves, core of \d+, undamped modes, core of \d+, undamped modes"),
+    ],
+)
+def test_a_response_names_the_ways_that_led_to_it(elements, points, path):
+    model = bc.spray_boom(elements=elements)
+    found = respond(model.structure, model.ports, np.geomspace(0.5, 60.0, points))
+    assert re.fullmatch(path, ", ".join(found.path))
+
+
+def test_a_structure_without_a_core_says_why():
+    n = 30
+    K = np.diag(np.arange(1.0, n + 1.0))
+    model = SecondOrderModel(
+        np.eye(n), 0.1 * np.eye(n) + np.triu(np.ones((n, n)), 1) * 1e-3, K, {"f": np.ones(n)}, {"y": np.ones(n)}
+    )
+    found = respond(model.structure, model.ports, np.array([0.5, 2.0]))
+    assert found.path == ("sparse factorisations (no core: not symmetric)",)
