@@ -90,6 +90,7 @@ def march(
             p=p,
             torque=None if torque is None else torque[k],
             hub=None if hub is None else hub[k],
+            first=1 if prescribed else 0,
         )
         frozen = step.frozen_inverse(guess) if frozen is None else frozen
         # in turn: the Jacobian of an earlier step, cheap; a fresh one in each iteration; that from the calm start
@@ -119,7 +120,10 @@ class _Solved:
 @final
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """The nonlinear equations of one step: ``q`` and ``p`` at its start; at its stages the torque, or the hub's motion."""
+    """The nonlinear equations of one step: ``q`` and ``p`` at its start; at its stages the torque, or the hub's motion.
+
+    ``first`` is the index of the first free coordinate: 0 if the hub is free, else 1.
+    """
 
     dynamics: ExactBeamDynamics
     rule: CollocationMethod
@@ -128,11 +132,7 @@ class _Step:
     p: Array
     torque: Array | None
     hub: Array | None
-
-    @property
-    def first(self) -> int:
-        """Index of the first free coordinate: 0 if the hub is free, else 1."""
-        return 0 if self.hub is None else 1
+    first: int
 
     def stages(self, velocities: Array) -> tuple[Array, Array]:
         """Coordinates and velocities at the stages, the prescribed ones as prescribed."""

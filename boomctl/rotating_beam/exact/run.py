@@ -64,8 +64,9 @@ def run_to_tolerance(
     end = float(timepts[-1])
     if end == 0.0:
         q, v = state[0][None], state[1][None]
-        until, states = _small_until(dynamics, timepts, q, v), partial(kept_states, q, v)
-        return Motion(np.imag(dynamics.tip(q)), until, states, 0.0, 0, ("initial state",))
+        tip, states = dynamics.tip(q), partial(kept_states, q, v)
+        until = _small_until(dynamics, timepts, tip, (q, v))
+        return Motion(np.imag(tip), until, states, 0.0, 0, ("initial state",))
     bounds = np.array([0.0, *(c for c in sorted(manoeuvre.breakpoints) if 0.0 < c < end), end])
     probes = np.union1d(timepts, np.linspace(0.0, end, _PROBES))
     radius = float(np.sum(dynamics.basis.tip_row))
@@ -89,7 +90,7 @@ def run_to_tolerance(
                 found = _at(trajectories, timepts)
                 return Motion(
                     tip=np.imag(dynamics.tip(found[0])),
-                    small_deformation_until=_small_until(dynamics, probes, q, v),
+                    small_deformation_until=_small_until(dynamics, probes, tip, (q, v)),
                     states=partial(kept_states, *found),
                     error=error,
                     steps=sum(counts),
@@ -102,10 +103,10 @@ def run_to_tolerance(
     )
 
 
-def _small_until(dynamics: ExactBeamDynamics, timepts: Array, q: Array, v: Array) -> float:
-    """Instant up to which the deformation is small, of coordinates and velocities at k instants."""
-    tip = np.imag(dynamics.tip(q))
-    return small_deformation_until(timepts, tip, dynamics.basis.length, lambda: np.imag(dynamics.tip_rate(q, v)))
+def _small_until(dynamics: ExactBeamDynamics, timepts: Array, tip: Array, state: tuple[Array, Array]) -> float:
+    """Instant up to which the deformation is small, of the tip's positions and the states at k instants."""
+    length = dynamics.basis.length
+    return small_deformation_until(timepts, np.imag(tip), length, lambda: np.imag(dynamics.tip_rate(*state)))
 
 
 def _steps(start: float, stop: float, step: float, timepts: Array) -> int:
