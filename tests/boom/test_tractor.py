@@ -297,6 +297,7 @@ def test_the_slopes_of_the_fit_are_those_of_its_magnitude(sections):
         np.testing.assert_allclose(found[:, k], (high - low) / 2e-6, atol=1e-6 * np.abs(found).max())
 
 
+@pytest.mark.slow
 def test_a_filter_of_many_sections_follows_the_density_better():
     f = np.geomspace(0.1, 4.0, 300)
     exact = bc.platform_density(f, speed=2.5, band=(1e-9, 1e9)).jolt

@@ -153,6 +153,7 @@ def test_torque_of_a_prescribed_motion_drives_the_free_hub_the_same_way():
     np.testing.assert_allclose(r.torque[1:-1], middle, atol=2e-3 * np.max(np.abs(r.torque)))
 
 
+@pytest.mark.slow
 def test_damping_takes_energy_and_leaves_momentum():
     model = GeometricallyExactBeam(replace(BAI, damping_ratio=0.05), 5)
     r = model.simulate(free(), np.linspace(0, 2, 101), initial=bent(model, 0.5, hub_speed=1.0))

@@ -156,6 +156,7 @@ def test_spin_up_of_bai():
     assert math.isinf(r.small_deformation_until)
 
 
+@pytest.mark.slow
 def test_residual_amplitude_at_400_newton_metres():
     times = np.linspace(0, 30, 3001)
     r = GeometricallyExactBeam(BAI, 6).simulate(sine_torque(400.0, 10.0, 10.0), times, rtol=1e-6)

@@ -80,7 +80,9 @@ def test_torque_feeds_the_energy_and_the_angular_momentum(model):
     assert result.angular_momentum[-1] == pytest.approx(impulse, abs=1e-5 * np.abs(result.angular_momentum).max())
 
 
-@pytest.mark.parametrize("model", ALL_MODELS)
+@pytest.mark.parametrize(
+    "model", [pytest.param(m, marks=[pytest.mark.slow] if m in ("cfoam", "tlam") else []) for m in ALL_MODELS]
+)
 def test_simulator_equals_an_explicit_integrator(model):
     """The state equations, by an independent Runge-Kutta method at a tight tolerance."""
     p = HubBeamParameters(length=2.0, damping_ratio=0.01, hub_inertia=5.0)
@@ -251,7 +253,7 @@ def test_overflow_of_tlam_is_an_error():
         hub_beam(BAI, "tlam", 2).simulate(spin_up(40.0, 1.0), np.linspace(0.0, 100.0, 101))
 
 
-@pytest.mark.parametrize("model", ["sfoam", "foam"])
+@pytest.mark.parametrize("model", ["sfoam", pytest.param("foam", marks=pytest.mark.slow)])
 def test_a_jump_of_the_torque_is_found(model):
     """Whether or not it is announced; rtol is well above what an overlooked jump would leave."""
     beam = hub_beam(BAI, model, 3)

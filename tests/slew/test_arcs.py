@@ -51,7 +51,7 @@ def test_two_masses_and_a_spring_from_the_rigid_torque():
 
 @pytest.mark.parametrize(
     ("model", "modes", "payloads"),
-    [("sfoam", 2, ()), ("sfoam", 3, ()), ("sfoam-consistent", 1, (0.3,))],
+    [("sfoam", 2, ()), pytest.param("sfoam", 3, (), marks=pytest.mark.slow), ("sfoam-consistent", 1, (0.3,))],
 )
 def test_pontryagin_integrated_anew(model, modes, payloads):
     """The costate by an independent integrator: its switching function vanishes at the switches and has the torque's sign."""
@@ -173,7 +173,8 @@ def test_programmes_along_the_motion_find_how_many_arcs_there_are():
 
 
 @pytest.mark.parametrize(
-    ("model", "modes"), [("sfoam", 4), pytest.param("sfoam", 5, marks=pytest.mark.slow), ("foam", 1)]
+    ("model", "modes"),
+    [pytest.param("sfoam", 5, marks=pytest.mark.slow), pytest.param("sfoam", 4, marks=pytest.mark.slow), ("foam", 1)],
 )
 def test_many_modes(model, modes):
     slew = bc.optimal_slew(bc.hub_beam(LOADED, model=model, modes=modes), np.pi / 2, 200.0)

@@ -45,7 +45,7 @@ def test_rigid_jerk_is_the_fifth_order_polynomial(angle, duration):
     assert slew.hub_angle == pytest.approx(angle * share**3 * (10.0 - 15.0 * share + 6.0 * share**2), abs=1e-3 * angle)
 
 
-@pytest.mark.parametrize("objective", ["effort", "torque-rate", "jerk", "tip"])
+@pytest.mark.parametrize("objective", ["effort", "torque-rate", "jerk", pytest.param("tip", marks=pytest.mark.slow)])
 def test_shooting_and_collocation_agree(beam, objective):
     slews = [
         bc.optimal_slew(beam, ANGLE, LIMIT, objective, 3.6, method=method, intervals=60, tolerance=1e-7)
@@ -154,6 +154,7 @@ def test_foam_is_planned_with_its_axial_modes():
     assert slew.cost == pytest.approx(sfoam.cost, rel=2e-2)
 
 
+@pytest.mark.slow
 def test_other_models_are_close_to_the_planned_one(beam):
     slew = bc.optimal_slew(beam, 0.3, 100.0, "effort", 3.0, intervals=40)
     names = [replay.model for replay in slew.replays]

@@ -92,7 +92,15 @@ def test_lower_bound_catches_a_slew_that_is_not_the_fastest():
     assert misfit(linear, spoilt) > 1e-2
 
 
-@pytest.mark.parametrize("limit", [22.98, 22.9890625, 22.98955, 23.0])
+@pytest.mark.parametrize(
+    "limit",
+    [
+        pytest.param(22.98, marks=pytest.mark.slow),
+        22.9890625,
+        pytest.param(22.98955, marks=pytest.mark.slow),
+        pytest.param(23.0, marks=pytest.mark.slow),
+    ],
+)
 def test_where_an_arc_is_about_to_appear(limit):
     """About 22.99 N m a pair of arcs shrinks to nothing and another grows from it."""
     h = bc.hub_beam(modes=2).linearize()

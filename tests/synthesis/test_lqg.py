@@ -152,6 +152,7 @@ def test_the_closed_loop_is_the_plant_joined_with_the_controller():
     assert of(whole).balanced().response(omega) == pytest.approx(expected, rel=1e-6, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_the_fine_boom_costs_what_the_coarse_one_does():
     costs = []
     for elements in (6, 20, 40):
