@@ -145,6 +145,7 @@ def test_a_native_solver_that_hangs_is_killed_and_synthesis_goes_on():
     assert shared_worker().pid not in (None, hung)
 
 
+@pytest.mark.slow
 def test_scripts_need_no_guard_and_leave_no_process(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(
