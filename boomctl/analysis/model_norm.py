@@ -23,9 +23,8 @@ from boomctl.structure.response.poles import damped_poles, first_order_poles, un
 from boomctl.structure.response.realisation import realize
 
 _CORE_FROM = 40  # coordinates from which on a core is worth its building (a choice)
-_CORE_ERROR = (
-    1e-7  # verified error of a core, relative, that a norm may be certified with: a hundredth of what that allows
-)
+# verified error of a core, relative, that a norm may be certified with: a hundredth of what that allows
+_CORE_ERROR = 1e-7
 _CORE_POINTS = 16  # frequencies at which a core is built (a choice)
 _BAND = 8  # elastic modes that a picture shows and a core speaks for (a choice)
 _SPARE = 3  # modes asked for beyond these, so that as many are left without the rigid ones of a plane body

@@ -21,9 +21,8 @@ from boomctl.structure.model import SecondOrderModel
 if TYPE_CHECKING:
     import control
 
-_HIDDEN = (
-    1e-10  # share of the largest residue between two signals up to which an undamped mode does not show (a choice)
-)
+# share of the largest residue between two signals up to which an undamped mode does not show (a choice)
+_HIDDEN = 1e-10
 
 
 @dataclass(frozen=True)

@@ -28,9 +28,8 @@ _NEAR, _FAR = (
     1e-6,
     3e-5,
 )  # distances from a pole on the axis, relative, between which a response that is infinite grows 30 times
-_GROWN = (
-    5.0  # by how much it has to grow there to be called infinite; beside a pole that does not show it stays the same
-)
+# by how much it has to grow there to be called infinite; beside a pole that does not show it stays the same
+_GROWN = 5.0
 _APART = 1e-6  # share of the fastest pole by which another one lies apart from that on the axis
 _ROUNDING = 1e2 * float(
     np.finfo(float).eps

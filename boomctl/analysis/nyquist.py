@@ -26,9 +26,8 @@ if TYPE_CHECKING:
 _STEP = np.deg2rad(
     30.0
 )  # most that the phase may turn in a step and in its halves: six of them cannot hide a turn (a choice)
-_STRAIGHT = (
-    0.2  # how far the middle of a step may lie off its chord, of the lesser end: the phase is followed, not guessed
-)
+# how far the middle of a step may lie off its chord, of the lesser end: the phase is followed, not guessed
+_STRAIGHT = 0.2
 _HALVINGS = 40  # of a step: beyond a trillionth of it the loop has a pole on the axis
 _POINTS = 240  # of the first walk, beside those at the resonances (a choice)
 _BELOW = 0.01  # where the first walk begins after zero, relative to the slowest pole (a choice)

@@ -14,17 +14,14 @@ from boomctl.lti.system import Lti
 
 Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outputs, inputs, N)
 
-_NEARLY_EQUAL = (
-    1e-5  # share of their squares by which two values must differ: below, the closed form has under ten digits
-)
+# share of their squares by which two values must differ: below, the closed form has under ten digits
+_NEARLY_EQUAL = 1e-5
 _COLUMNS = 256  # right-hand sides substituted at once: what stays in the cache
 _PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding
-_REFINED = (
-    3  # highest points of a grid around which a peak is searched for: the highest peak may be at the second (a choice)
-)
-_SCREENED = (
-    60  # states beyond which eigenvectors show where the peak is, as solving for each frequency takes long (a choice)
-)
+# highest points of a grid around which a peak is searched for: the highest peak may be at the second (a choice)
+_REFINED = 3
+# states beyond which eigenvectors show where the peak is, as solving for each frequency takes long (a choice)
+_SCREENED = 60
 _SEARCHED = 60  # frequencies between the resonances at which a largest gain is searched for (a choice)
 _LOWEST = 1e-12  # least frequency [rad/s] that is asked for beside zero
 _BAND = 16  # poles that a picture shows by default: eight modes (a choice)

@@ -18,9 +18,8 @@ _ROUNDING = 4.0 * float(
     np.finfo(float).eps
 )  # of the norm of the matrix: how far eigenvalues move, for orthogonal eigenvectors
 _FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than that, however ill-conditioned (a choice)
-_PARALLEL = (
-    1e-6  # share of the largest singular value below which eigenvectors of a cluster add no direction (a choice)
-)
+# share of the largest singular value below which eigenvectors of a cluster add no direction (a choice)
+_PARALLEL = 1e-6
 _EQUAL = 1e-12  # relative distance of poles that count as equal in any case (a choice above rounding)
 _ZERO = 1e-12  # natural frequency [rad/s] below which a mode is called integrating in a message
 

@@ -20,9 +20,8 @@ from boomctl.lti.system import Lti
 # 1e-4 and more.
 UNDAMPED = 1e-10
 _ZERO = 4.0 * float(np.finfo(float).eps)  # share of the fastest pole up to which a pole is rounding of one at zero
-_RESOLVED = (
-    1e-13  # share of the fastest pole by which rounding may have moved a pole to the right: 500 units (a choice)
-)
+# share of the fastest pole by which rounding may have moved a pole to the right: 500 units (a choice)
+_RESOLVED = 1e-13
 # Share of the fastest pole below which kept poles may be a Jordan block at zero: rounding moves those by its root.
 _RIGID = 1e-7
 _CLUSTER = 10.0  # poles of such a block differ in size by less than this factor (a choice)

@@ -15,9 +15,8 @@ from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
 
 # Ways to a core, in the order tried; a result's path names those that were taken.
-HIGH_MODES_BOUNDED = (
-    "the lowest undamped modes, the others bounded in closed form"  # of a large structure that has a bound
-)
+# of a large structure that has a bound
+HIGH_MODES_BOUNDED = "the lowest undamped modes, the others bounded in closed form"
 ALL_MODES = "all undamped modes"  # of other structures with strain rows: they keep digits that assembled matrices lose
 STRONGEST_MODES = "the strongest modes, the others bounded by their peaks"  # of a large state space: less to balance
 WHOLE = "all states"  # nothing is left out

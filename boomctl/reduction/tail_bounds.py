@@ -34,9 +34,8 @@ from boomctl.structure.model import SecondOrderModel
 _SAME = 1e-9  # share of its size up to which a damper's coefficient is the rounding of a proportional one
 _MOST_DAMPERS = 12  # beyond, damping is not "proportional but for a few" (a choice)
 _ENDS = 8  # coordinates that a damper may touch, where it has to be found in the matrix: two bodies of a beam each
-_SHIFT = (
-    1e-3  # of the stiffness, relative to the lowest mode left out: the static solution of a floating structure exists
-)
+# of the stiffness, relative to the lowest mode left out: the static solution of a floating structure exists
+_SHIFT = 1e-3
 _INTERVALS = 400  # of the frequency axis, beside those at the resonances (a choice)
 _PLACES = np.array(
     [-8.0, -3.0, -1.0, 0.0, 1.0, 3.0, 8.0]

@@ -13,9 +13,8 @@ from boomctl.simulation.plant import ModalPlant
 
 DISCRETIZATIONS = ("tustin", "zoh")
 _SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
-_REGULAR = (
-    1e-10  # share of the noise added everywhere, so that the Riccati equation is solvable; below all that is felt
-)
+# share of the noise added everywhere, so that the Riccati equation is solvable; below all that is felt
+_REGULAR = 1e-10
 
 
 @dataclass(frozen=True)

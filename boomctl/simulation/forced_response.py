@@ -24,9 +24,8 @@ if TYPE_CHECKING:
     import control
 
 _FIRST_MODES = 16  # modes tried first: enough for 1e-3 of a boom's motion; more are taken as the witnesses ask
-_GROWTH = (
-    1.6  # of the number of modes from one trial to the next: all trials together cost less than three times the last
-)
+# of the number of modes from one trial to the next: all trials together cost less than three times the last
+_GROWTH = 1.6
 _WITNESSES = 2  # highest modes kept whose motion beyond rest stands for that of the modes left out: one may be hidden
 
 

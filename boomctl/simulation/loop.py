@@ -35,9 +35,8 @@ from boomctl.structure.model import SecondOrderModel
 if TYPE_CHECKING:
     import control
 
-_STOP_SUBSTEPS = (
-    4  # steps from one point of the grid to the next where there are stops: strokes between points are seen
-)
+# steps from one point of the grid to the next where there are stops: strokes between points are seen
+_STOP_SUBSTEPS = 4
 
 
 def simulate_loop(

@@ -21,7 +21,7 @@ def test_exact_beam(p):
     assert ours.shape == true.shape
     for i, row in enumerate(true):
         for j, values in enumerate(row):
-            assert largest(ours[i, j], values) < 1e-8
+            assert largest(ours[i, j], values) < 1e-9
 
 
 @pytest.mark.parametrize(("p", "elements"), [(bc.BoomParameters(), 6), (OTHER, 6), (OTHER, 2), (OTHER, 24)])

@@ -31,9 +31,8 @@ if TYPE_CHECKING:
     import control
 
 _LEAST_PERIODS = 3  # periods before the response may count as steady: one to settle, two to compare
-_FINE = (
-    0.8  # share of a force's velocity that must be left at the end of a step: steps follow the motion at the contact
-)
+# share of a force's velocity that must be left at the end of a step: steps follow the motion at the contact
+_FINE = 0.8
 _DOUBLINGS = 6  # of the steps a period, at most: 64 times the number asked for
 
 
