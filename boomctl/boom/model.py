@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from boomctl.structure.symmetry import Mirror, SignalPair, beam_reflection, mirr
 
 ACTUATORS = ("actuator_left", "actuator_right")
 TIPS = ("tip_left", "tip_right")
+_KEPT = 32  # mirrors kept for the next boom of the same mesh (a choice of memory)
 DISCRETIZATIONS = ("finite", "high-order", "discrete-hermite", "discrete-geometric")
 
 _PAIRS = (
@@ -227,7 +229,8 @@ def _nozzle_pairs(places: Sequence[float]) -> tuple[SignalPair, ...]:
     return (*pairs, SignalPair(nozzle_name(count // 2), nozzle_name(count // 2))) if count % 2 else tuple(pairs)
 
 
-def boom_mirror(coordinates: Sequence[str], nozzles: Sequence[float] = ()) -> Mirror | None:
+@lru_cache(maxsize=_KEPT)
+def boom_mirror(coordinates: tuple[str, ...], nozzles: tuple[float, ...] = ()) -> Mirror | None:
     """Return the reflection about the hinge; None where the mesh has no mirror image."""
     images = {
         "platform.y": ("platform.y", 1),

@@ -121,7 +121,7 @@ class AffineFamily:
         )
         B = tuple(sum((x * s.B[k] for x, s in zip(d, self.slopes, strict=True)), c.ports.B[k]) for k in range(3))
         ports = replace(c.ports, B=(B[0], B[1], B[2]))
-        return SecondOrderModel.of(Structure.of(M, C, K, c.coordinates, mirror=c.mirror), ports)
+        return SecondOrderModel.of(Structure.of(M, C, K, c.coordinates, c.mirror), ports)
 
     def _delta(self, delta: ArrayLike) -> Array:
         d = finite_array("delta", delta, ndim=1)

@@ -14,9 +14,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, Matrix
 from boomctl.checks import known, names
 
 FILTER_DAMPING = np.sqrt(0.5)  # of the outputs' low-pass filters: the flattest pass band (Butterworth)
@@ -110,7 +109,7 @@ class Ports:
             bandwidths=tuple(self.bandwidths[k] for k in o),
         )
 
-    def congruent(self, T: sparse.csr_array | Array) -> "Ports":
+    def congruent(self, T: Matrix) -> "Ports":
         """Return the ports over coordinates ``z`` with ``q = T z``."""
         return replace(self, B=_map(self.B, lambda b: T.T @ b), L=_map(self.L, lambda line: (T.T @ line.T).T))
 
