@@ -154,9 +154,7 @@ def spray_boom(
         if reactions:
             raise ValueError("reactions = True: the actuators' forces are inputs where excitation = 'force'")
         return model
-    driven = prescribe_displacement(model, ACTUATORS, motion=excitation, reactions=reactions)
-    driven.structure.make_halves()
-    return driven
+    return prescribe_displacement(model, ACTUATORS, motion=excitation, reactions=reactions)
 
 
 def boom_discretization(

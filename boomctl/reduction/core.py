@@ -8,7 +8,8 @@ from boomctl.analysis.model_norm import in_modes
 from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
 from boomctl.lti.system import Lti, append
-from boomctl.reduction.tail_bounds import loads_of, modal_states, separated_damping, tail_bound
+from boomctl.reduction.tail_bounds import loads_of, modal_states, tail_bound
+from boomctl.structure.damping import separated_damping
 from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import undamped_modes
@@ -132,9 +133,9 @@ def _parallel(parts: list[Lti], D: Array) -> Lti:
 
 def _lowest_modes(model: SecondOrderModel, modes: int) -> tuple[Lti, float] | None:
     """Return a structure in its lowest undamped modes and the bound of the others, or None where there is none."""
-    damping = separated_damping(model)
+    damping = separated_damping(model.structure)
     loads = loads_of(model)
-    if damping is None or loads is None or modes >= _ALL_MODES * model.n:
+    if damping is None or damping.beta <= 0.0 or loads is None or modes >= _ALL_MODES * model.n:
         return None
     try:
         frequencies, shapes = undamped_modes(model.structure, modes + 1)

@@ -175,13 +175,6 @@ class Structure:
         """Half of a structure with a mirror, as it moves antisymmetrically."""
         return _half_structure(self, -1)
 
-    def make_halves(self) -> None:
-        """Split a structure with a mirror now, so that no later question waits for it."""
-        if self.mirror is not None:
-            for half in (self.symmetric_half, self.antisymmetric_half):
-                if half.structure.symmetric:
-                    _ = half.structure.pencil
-
 
 @dataclass(frozen=True)
 class HalfStructure:

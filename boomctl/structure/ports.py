@@ -90,6 +90,11 @@ class Ports:
             bandwidths=bandwidths or (None,) * p,
         )
 
+    @property
+    def plain(self) -> bool:
+        """Whether no output is filtered and no input integrated."""
+        return not any(self.integrators) and all(bandwidth is None for bandwidth in self.bandwidths)
+
     def select(self, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> "Ports":
         """Return the ports named, in the order asked for; ``None`` means all."""
         if inputs is None and outputs is None:

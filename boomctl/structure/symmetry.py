@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy import sparse
@@ -9,6 +10,7 @@ from scipy import sparse
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix
 from boomctl.structure.elimination import Elimination
 
+_KEPT = 256  # choices of signals kept, so that they are split in halves once (a choice of memory)
 TOLERANCE = 1e-9  # change under reflection, of the largest entry, that is rounding of an assembly (a choice)
 
 
@@ -90,28 +92,37 @@ class Mirror:
 
     def signals(self, names: Sequence[str], parity: int) -> tuple[Array, tuple[str, ...]] | None:
         """Return the matrix from half signals to full ones, and the half signals' names; None if an image lacks."""
-        place = {name: i for i, name in enumerate(names)}
-        columns, stems, covered = [], [], set()
-        for pair in self.pairs:
-            have = [name for name in (pair.right, pair.left) if name in place]
-            if not have:
-                continue
-            column = np.zeros(len(names))
-            if pair.left is None:
-                column[place[pair.right]] = 1.0 if pair.parity == parity else 0.0
-                label = pair.stem
-            elif len(have) < 2:
-                return None
-            else:
-                column[place[pair.right]], column[place[pair.left]] = np.sqrt(0.5), parity * np.sqrt(0.5)
-                label = f"{pair.stem}_{'sym' if parity > 0 else 'anti'}"
-            covered.update(have)
-            if column.any():
-                columns.append(column)
-                stems.append(label)
-        if covered != set(names):
+        return _half_signals(self.pairs, tuple(names), parity)
+
+
+@lru_cache(maxsize=_KEPT)
+def _half_signals(
+    pairs: tuple[SignalPair, ...], names: tuple[str, ...], parity: int
+) -> tuple[Array, tuple[str, ...]] | None:
+    place = {name: i for i, name in enumerate(names)}
+    columns, stems, covered = [], [], set()
+    for pair in pairs:
+        have = [name for name in (pair.right, pair.left) if name in place]
+        if not have:
+            continue
+        column = np.zeros(len(names))
+        if pair.left is None:
+            column[place[pair.right]] = 1.0 if pair.parity == parity else 0.0
+            label = pair.stem
+        elif len(have) < 2:
             return None
-        return np.array(columns).reshape(-1, len(names)).T, tuple(stems)
+        else:
+            column[place[pair.right]], column[place[pair.left]] = np.sqrt(0.5), parity * np.sqrt(0.5)
+            label = f"{pair.stem}_{'sym' if parity > 0 else 'anti'}"
+        covered.update(have)
+        if column.any():
+            columns.append(column)
+            stems.append(label)
+    if covered != set(names):
+        return None
+    W = np.array(columns).reshape(-1, len(names)).T
+    W.setflags(write=False)
+    return W, tuple(stems)
 
 
 def beam_reflection(names: Sequence[str], nodes: int) -> Mapping[str, tuple[str, int]]:

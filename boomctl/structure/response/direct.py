@@ -7,11 +7,11 @@ did.
 way                 where                                         why
 ==================  ============================================  ====================================================
 halves              a mirror, signals in pairs of images          two structures of half the size; each goes on below
-core                18 coordinates and more, symmetric, verified  a few motions stand for all: small and dense from here
-undamped modes      small, over 4 frequencies a coordinate,       all frequencies at once; dampers as an update of low
+core                80 coordinates and more, symmetric, verified  a few motions stand for all: small and dense from here
+undamped modes      small, 1500 frequencies times coordinates,    all frequencies at once; dampers as an update of low
                     verified                                      rank (Woodbury)
 dense solutions     small                                         always holds
-sparse              18 coordinates and more, without a core       always holds; a factorisation at each frequency
+sparse              80 coordinates and more, without a core       always holds; a factorisation at each frequency
 factorisations
 ==================  ============================================  ====================================================
 """
@@ -29,9 +29,8 @@ from boomctl.structure.ports import Ports, evaluate
 from boomctl.structure.response.core import build_core, rounding_estimate
 from boomctl.structure.response.modes import respond_by_modes
 
-_MODES_FROM = 5  # coordinates; of fewer, dense solutions are always faster (measured on booms)
-_MODES_PER_COORDINATE = 4  # frequencies a coordinate from which on modes pay, at 17 coordinates (measured on booms)
-_CORE_FROM = 18  # coordinates; of fewer, a core has as many itself; it pays from some 30 on (measured on booms)
+_MODES_FROM = 1500  # frequencies times coordinates; of fewer, dense solutions are faster (measured on booms)
+_CORE_FROM = 80  # coordinates; of fewer, all modes cost less than a core (measured on booms)
 _CORE_ERROR = 1e-8  # estimated, relative; an answer with less stands: far below what a model is good for (a choice)
 _FREE = 1e-13  # smallest over largest singular value of a scaled stiffness; below it is rounding: a rigid-body mode
 _STRAINS_HOLD = 1000  # coordinates; strains lose a few times log10(n) digits, so that far there is nothing to warn of
@@ -120,7 +119,7 @@ def _small(structure: Structure, ports: Ports, omega: Array) -> Response:
     """Return the response of a small dense structure."""
     if (omega == 0.0).any():
         _check_static(structure)
-    if structure.n >= _MODES_FROM and len(omega) > _MODES_PER_COORDINATE * structure.n:
+    if len(omega) * structure.n >= _MODES_FROM:
         by_modes = respond_by_modes(structure, ports, omega)
         if by_modes is not None:
             return Response(by_modes, ("undamped modes",))
@@ -187,5 +186,7 @@ def _warn(rounding: float) -> None:
 
 
 def _conditioned(ports: Ports, s: Array, Y: Array) -> Array:
+    if ports.plain:
+        return np.moveaxis(Y, 0, 2)
     after, before = ports.conditioning(s)
     return np.moveaxis(after[:, :, None] * Y * before[:, None, :], 0, 2)
