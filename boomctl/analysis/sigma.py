@@ -18,7 +18,7 @@ from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_va
 from boomctl.lti.system import Lti, is_frequency_response, of
 from boomctl.printing import between
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.direct import respond, respond_whole
+from boomctl.structure.response.direct import respond, respond_parts
 
 if TYPE_CHECKING:
     import control
@@ -143,7 +143,8 @@ def _values(given: SecondOrderModel | Lti, omega: Array, quiet: bool = False) ->
     parts = orthonormal_parts(given)
     if len(parts) == 1:
         return singular_values(respond(parts[0].structure, parts[0].ports, omega).values)
-    values = np.vstack([singular_values(respond_whole(p.structure, p.ports, omega).values) for p in parts])
+    found = respond_parts([(part.structure, part.ports) for part in parts], omega)
+    values = np.vstack([singular_values(response.values) for response in found])
     return -np.sort(-values, axis=0)[: min(len(given.inputs), len(given.outputs))]
 
 

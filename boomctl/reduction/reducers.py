@@ -356,7 +356,8 @@ class StrongestModes:
             stiffness = np.where(inside, inf, stiffness - _middle(band) ** 2)
         static = (model.ports.L[0] @ V[:, rest] / stiffness) @ (V[:, rest].T @ model.ports.B[0])
         ports = model.ports.congruent(V[:, kept])
-        E = ports.E[0] + static, ports.E[1], ports.E[2]
+        E = ports.E.copy()
+        E[0] += static
         names = tuple(f"mode{i + 1}" for i in kept)
         return SecondOrderModel.of(model.structure.projected(V[:, kept], names), replace(ports, E=E))
 

@@ -305,14 +305,13 @@ def _ports(assembly: Assembly, motion: Kinematics, rows: Callable[[list[Row]], M
     columns = dense(rows([motion.relative(f.point, f.reaction, f.direction) for f in assembly.forces])).T
     lines = dense(rows([motion.relative(o.point, o.relative_to, o.direction) for o in assembly.outputs]))
     derivative = np.array([o.derivative for o in assembly.outputs], dtype=int)
-    L0, L1, L2 = (lines * (derivative == k)[:, None] for k in range(3))
-    for shared in (columns, L0, L1, L2):
-        shared.setflags(write=False)
+    L = np.array([lines * (derivative == k)[:, None] for k in range(3)]).reshape(3, *lines.shape)
+    L.setflags(write=False)
     return Ports.of_forces(
         inputs=tuple(f.name for f in assembly.forces),
         columns=columns,
         outputs=tuple(o.name for o in assembly.outputs),
-        lines=(L0, L1, L2),
+        lines=L,
         bandwidths=tuple(None if o.bandwidth_hz is None else 2 * np.pi * o.bandwidth_hz for o in assembly.outputs),
     )
 

@@ -14,6 +14,7 @@ from boomctl.structure.matrices import ElasticRows, Structure, dense
 
 _SAME = 1e-9  # share of its size up to which a damper's coefficient is the rounding of a proportional one
 _SAME_ROW = 1e-12  # the same where the coefficient of each row is known: some 1e4 eps
+_DIGITS = 13  # of a damper's row, relative to its largest entry, in which its image agrees with it
 _MOST_DAMPERS = 12  # beyond, damping is not "proportional but for a few" (a choice)
 _ENDS = 8  # coordinates that a damper may touch, where it has to be found in the matrix: two bodies of a beam each
 
@@ -37,19 +38,18 @@ def separated_damping(structure: Structure) -> Damping | None:
     apart = np.flatnonzero(np.abs(gamma) > _SAME_ROW * np.maximum(rows.c, beta * rows.k))
     if len(apart) > _MOST_DAMPERS:
         return None
-    # dampers that stand for each other's image are one damper of a half
-    kept: list[tuple[Array, float]] = []
-    for row, size in zip(dense(rows.R[apart]), gamma[apart], strict=True):
-        limit = _SAME_ROW * np.abs(row).max(initial=0.0)
-        for i, (other, there) in enumerate(kept):
-            if min(np.abs(row - other).max(initial=0.0), np.abs(row + other).max(initial=0.0)) <= limit:
-                kept[i] = other, there + size
-                break
-        else:
-            if limit:
-                kept.append((row, size))
-    U = np.array([row for row, _ in kept]).reshape(-1, structure.n).T
-    return Damping(beta, U, np.array([size for _, size in kept]))
+    # dampers that are each other's image are one damper of a half
+    U = dense(rows.R[apart])
+    largest = np.take_along_axis(U, np.abs(U).argmax(axis=1)[:, None], axis=1)
+    moved = np.flatnonzero(largest)
+    shapes = np.round(U[moved] / largest[moved], _DIGITS) + 0.0  # no zero below zero, which would be another shape
+    place: dict[bytes, int] = {}
+    for row, i in zip(shapes, moved, strict=True):
+        first = place.setdefault(row.tobytes(), i)
+        if first != i:
+            gamma[apart[first]] += gamma[apart[i]] * float(largest[i, 0] / largest[first, 0]) ** 2
+    kept = list(place.values())
+    return Damping(beta, U[kept].T, gamma[apart[kept]])
 
 
 def _common_ratio(c: Array, k: Array) -> float:

@@ -15,7 +15,7 @@ from boomctl.structure.elimination import Elimination, eliminate
 from boomctl.structure.layout import Layout
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.ports import Ports, Triple
+from boomctl.structure.ports import Ports
 
 MOTIONS = ("displacement", "velocity", "acceleration")
 _KEPT = 32  # eliminations kept for the next structure with the same rows (a choice of memory)
@@ -128,67 +128,56 @@ class _Prescribed:
         """Inputs that stay, in their old order."""
         return tuple(name for name in self.old.inputs if name not in self.held)
 
-    def blocks(self, left: _Side, right: _Side) -> Triple:
+    def blocks(self, left: _Side, right: _Side) -> Array:
         """Return the blocks of ``K, C, M`` between two groups, one of them imposed; from rows, so that rounding is small."""
         weights = self.structure.weights
         if weights is None or left.layout is None or right.layout is None:
-            K, C, M = (
-                left.T.T @ dense(matrix @ right.T) for matrix in (self.structure.K, self.structure.C, self.structure.M)
-            )
-            return K, C, M
+            matrices = self.structure.K, self.structure.C, self.structure.M
+            return np.array([left.T.T @ dense(matrix @ right.T) for matrix in matrices])
         if right is self.moving:
-            K, C, M = (block.T for block in self.blocks(right, left))
-            return K, C, M
+            return self.blocks(right, left).transpose(0, 2, 1)
         R, N = left.layout.R.T, left.layout.N.T
-        return (
-            R @ (weights.k[:, None] * right.layout.R),
-            R @ (weights.c[:, None] * right.layout.R),
-            N @ (weights.m[:, None] * right.layout.N),
+        return np.array(
+            [
+                R @ (weights.k[:, None] * right.layout.R),
+                R @ (weights.c[:, None] * right.layout.R),
+                N @ (weights.m[:, None] * right.layout.N),
+            ]
         )
 
     def ports(self, orders: Mapping[str, int], reactions: bool) -> Ports:
         """Return the ports of the displacement-driven structure, inputs in their old order."""
         old, kept, T_d = self.old, self.kept, dense(self.imposed.T)
         force = old.select(kept, None).congruent(self.moving.T)
-        B, L, E = [b.copy() for b in force.B], list(force.L), [e.copy() for e in force.E]
-        driven = self.blocks(self.moving, self.imposed)
-        for k in range(3):
-            for j, name in enumerate(self.moved):
-                i = kept.index(name)
-                B[k][:, i] = -driven[k][:, j]
-                E[k][:, i] = old.L[k] @ T_d[:, j]
+        B, L, E = force.B.copy(), force.L, force.E.copy()
+        places = [kept.index(name) for name in self.moved]
+        B[:, :, places] = -self.blocks(self.moving, self.imposed)[:, :, : len(places)]
+        E[:, :, places] = old.L @ T_d[:, : len(places)]
         outputs, bandwidths, both = old.outputs, old.bandwidths, self.moved + self.held
         felt = old.E[0][:, [old.inputs.index(name) for name in both]]
         if reactions or felt.any():
             force_L, force_E = self.reactions()
-            L = [L[k] + felt @ force_L[k] for k in range(3)]
-            E = [E[k] + felt @ force_E[k] for k in range(3)]
+            L, E = L + felt @ force_L, E + felt @ force_E
             if reactions:
-                L, E = (
-                    [np.vstack(pair) for pair in zip(*pairs, strict=True)] for pairs in ((L, force_L), (E, force_E))
-                )
+                L, E = np.concatenate([L, force_L], axis=1), np.concatenate([E, force_E], axis=1)
                 outputs = outputs + tuple(f"{name}_force" for name in both)
                 bandwidths = bandwidths + (None,) * len(both)
         return replace(
             old,
             inputs=kept,
             outputs=outputs,
-            B=(B[0], B[1], B[2]),
-            L=(L[0], L[1], L[2]),
-            E=(E[0], E[1], E[2]),
+            B=B,
+            L=L,
+            E=E,
             moved=tuple(name in self.moved for name in kept),
             integrators=tuple(orders.get(name, 0) for name in kept),
             bandwidths=bandwidths,
         )
 
-    def reactions(self) -> tuple[list[Array], list[Array]]:
+    def reactions(self) -> tuple[Array, Array]:
         """Return the rows of Eq. (7), upper part: ``f_p = M_dd d'' + M_dq q'' + ... - F_d f``."""
-        T_d, kept = dense(self.imposed.T), self.kept
-        with_d, with_q = self.blocks(self.imposed, self.imposed), self.blocks(self.imposed, self.moving)
-        E = []
-        for k, acting in enumerate(self.old.select(kept, None).B):
-            feed = -(T_d.T @ acting)
-            for j, name in enumerate(self.moved):
-                feed[:, kept.index(name)] = with_d[k][:, j]
-            E.append(feed)
-        return list(with_q), E
+        kept, T_d = self.kept, dense(self.imposed.T)
+        E = -(T_d.T @ self.old.select(kept, None).B)
+        places = [kept.index(name) for name in self.moved]
+        E[:, :, places] = self.blocks(self.imposed, self.imposed)[:, :, : len(places)]
+        return self.blocks(self.imposed, self.moving), E

@@ -35,6 +35,54 @@ class Weights:
     k: Array
 
 
+@dataclass(frozen=True, eq=False)
+class Squares:
+    """Which products of entries a weighted sum of squares of sparse rows is made of, known once for all weights.
+
+    Attributes
+    ----------
+    place : ndarray
+        Where each product stands, line by line in a full matrix.
+    row : ndarray
+        Whose weight it has.
+    value : ndarray
+    n : int
+        Number of coordinates.
+    """
+
+    place: Array
+    row: Array
+    value: Array
+    n: int
+
+    @classmethod
+    def of(cls, rows: sparse.csr_array) -> "Squares":
+        """Return the products of all pairs of entries of each row."""
+        counts, n = np.diff(rows.indptr), rows.shape[1]
+        row = np.repeat(np.arange(len(counts)), counts)
+        partners = counts[row]
+        left = np.repeat(np.arange(len(row)), partners)
+        first = np.cumsum(partners) - partners
+        right = np.repeat(rows.indptr[row] - first, partners) + np.arange(len(left))
+        place = rows.indices[left].astype(np.int64) * n + rows.indices[right]
+        return cls(place, row[left], rows.data[left] * rows.data[right], n)
+
+    @cached_property
+    def pattern(self) -> tuple[Array, Array, Array]:
+        """Places of the products among the entries of a sparse matrix, its indices and their pointers."""
+        flat, slot = np.unique(self.place, return_inverse=True)
+        ends = np.searchsorted(flat, self.n * np.arange(self.n + 1, dtype=np.int64))
+        return slot, (flat % self.n).astype(np.int32), ends.astype(np.int32)
+
+    def summed(self, weight: Array, full: bool) -> Matrix:
+        """Return the weighted sum, exactly symmetric, as a dense matrix or as a sparse one."""
+        values = self.value * weight[self.row]
+        if full:
+            return np.bincount(self.place, values, self.n * self.n).reshape(self.n, self.n)
+        slot, indices, ends = self.pattern
+        return sparse.csr_array((np.bincount(slot, values, len(indices)), indices, ends), shape=(self.n, self.n))
+
+
 @dataclass(frozen=True)
 class HalfLayout:
     """The motions of one parity, ``q = P q_half``, and the rows over them."""
@@ -86,6 +134,25 @@ class Layout:
         return self.congruent(choice.T_q, names, None if self.mirror is None else self.mirror.restricted(choice))
 
     @cached_property
+    def squares(self) -> tuple[Squares, Squares]:
+        """What the sums of squares of sparse rows ``N`` and ``R`` are made of."""
+        return Squares.of(self.N), Squares.of(self.R)
+
+    def mass(self, m: Array, full: bool) -> Matrix:
+        """Return ``N^T diag(m) N``, dense if it is to be full."""
+        return self._gram(0, self.N, m, full)
+
+    def stiffness(self, k: Array, full: bool) -> Matrix:
+        """Return ``R^T diag(k) R``, dense if it is to be full."""
+        return self._gram(1, self.R, k, full)
+
+    def _gram(self, which: int, rows: Matrix, weight: Array, full: bool) -> Matrix:
+        if sparse.issparse(rows):
+            return self.squares[which].summed(weight, full)
+        total = rows.T @ (weight[:, None] * rows)
+        return 0.5 * (total + total.T)
+
+    @cached_property
     def symmetric_half(self) -> HalfLayout:
         """The rows over symmetric motions; the layout has a mirror."""
         return self._half(1)
@@ -114,17 +181,6 @@ class Layout:
             if np.abs(reflected - forces).max(initial=0.0) > TOLERANCE * largest:
                 return False
         return True
-
-
-def gram(rows: Matrix, weight: Array) -> Matrix:
-    """Return ``rows^T diag(weight) rows``, exactly symmetric."""
-    if not sparse.issparse(rows):
-        total = rows.T @ (weight[:, None] * rows)
-        return 0.5 * (total + total.T)
-    # roots on both sides cost a rounding more, but keep a sparse product symmetric without another
-    data = rows.data * np.repeat(np.sqrt(weight), np.diff(rows.indptr))
-    scaled = sparse.csr_array((data, rows.indices, rows.indptr), shape=rows.shape)
-    return sparse.csr_array(scaled.T @ scaled)
 
 
 def squared_sums(rows: Matrix, weight: Array) -> Array:

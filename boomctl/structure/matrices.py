@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix
-from boomctl.structure.layout import HalfLayout, Layout, Weights, gram, squared_sums
+from boomctl.structure.layout import HalfLayout, Layout, Weights, squared_sums
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.pencil import Pencil, stored
 from boomctl.structure.symmetry import TOLERANCE, Mirror
@@ -87,21 +87,28 @@ class Structure:
     @cached_property
     def M(self) -> Matrix:
         """Mass matrix."""
-        return self._summed("N", "m") if self.given is None else self.given[0]
+        if self.layout is None or self.weights is None:
+            return self._given[0]
+        return self.layout.mass(self.weights.m, self.n <= self.dense_up_to)
 
     @cached_property
     def C(self) -> Matrix:
         """Damping matrix."""
-        return self._summed("R", "c") if self.given is None else self.given[1]
+        if self.layout is None or self.weights is None:
+            return self._given[1]
+        return self.layout.stiffness(self.weights.c, self.n <= self.dense_up_to)
 
     @cached_property
     def K(self) -> Matrix:
         """Stiffness matrix."""
-        return self._summed("R", "k") if self.given is None else self.given[2]
+        if self.layout is None or self.weights is None:
+            return self._given[2]
+        return self.layout.stiffness(self.weights.k, self.n <= self.dense_up_to)
 
-    def _summed(self, rows: str, weights: str) -> Matrix:
-        total = gram(getattr(self.layout, rows), getattr(self.weights, weights))
-        return dense(total) if self.n <= self.dense_up_to else total
+    @property
+    def _given(self) -> tuple[Matrix, Matrix, Matrix]:
+        assert self.given is not None
+        return self.given
 
     @property
     def elastic(self) -> ElasticRows | None:

@@ -218,7 +218,9 @@ def _shape_model(p: BoomParameters) -> tuple[SecondOrderModel, Array]:
     places = [i for i, name in enumerate(model.coordinates) if name.startswith("boom.w")]
     L = np.eye(model.n)[places]
     ports = replace(
-        model.ports.select(ACTUATORS, TIPS), outputs=tuple(model.coordinates[i] for i in places), L=(L, 0 * L, 0 * L)
+        model.ports.select(ACTUATORS, TIPS),
+        outputs=tuple(model.coordinates[i] for i in places),
+        L=np.array([L, 0 * L, 0 * L]),
     )
     E = np.zeros((len(places), len(ACTUATORS)))
     ports = replace(ports, E=(E, E, E), bandwidths=(None,) * len(places))

@@ -1,16 +1,19 @@
-"""Many frequencies of a small model at once: undamped modes, and dampers as an update of low rank.
+"""Many frequencies of small structures at once: undamped modes, and dampers as an update of low rank.
 
 In undamped modes the dynamic stiffness is diagonal but for the damping, and damping is mostly proportional to
 stiffness but for a few dampers.  Woodbury's formula then leaves a system of as many equations as there are dampers.
 Where strain rows are known, modes are found a second time among the first ones, through these rows: on a fine mesh the
 first ones have lost digits that the rows still have.
 The result is verified at probe frequencies and at the peaks: forces that are left over there move no output.
+
+Structures of one size, as the halves of a symmetric one mostly are, are computed together: the first index of every array
+is that of the structure.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.structure.damping import separated_damping
@@ -22,32 +25,101 @@ _SAME_DAMPING = 1e-13  # of the largest damper; a smaller one is rounding of the
 _MOST_DAMPERS = 6  # an update by more costs about as much as dense solutions (a choice)
 _FLOOR = 1e-6  # of a row's largest value; smaller values are compared with it, since they matter to nobody (a choice)
 
+Part = tuple[Structure, Ports]
 
-def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array | None:
-    """Return the response (outputs, inputs, frequencies), or None where this way is not accurate."""
-    s = 1j * omega
-    used_B = [k for k in range(3) if ports.B[k].any()]
-    used_L = [k for k in range(3) if ports.L[k].any()]
-    if not used_B or not used_L:
-        return None
-    columns, lines = np.hstack([ports.B[k] for k in used_B]), np.vstack([ports.L[k] for k in used_L])
-    modes = _Modes.of(structure)
-    if modes is None:
-        return None
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sums = modes.receptance(lines @ modes.V, modes.V.T @ columns, s)
-    if not _agrees(structure, modes, sums, lines, columns, s):
-        return None
+
+def respond_by_modes(parts: Sequence[Part], omega: Array) -> list[Array | None]:
+    """Return the response (outputs, inputs, frequencies) of each structure; None where this way is not accurate."""
+    found: list[Array | None] = [None] * len(parts)
+    alike: dict[object, list[tuple[int, Part, _Driven]]] = {}
+    for i, part in enumerate(parts):
+        driven = _Driven.of(*part)
+        if driven is not None:
+            alike.setdefault(driven.shape, []).append((i, part, driven))
+    for group in alike.values():
+        sums, good = _receptances([driven for _, _, driven in group], omega)
+        for (i, (_, ports), driven), values, holds in zip(group, sums, good, strict=True):
+            found[i] = _response(ports, driven, values, 1j * omega) if holds else None
+    return found
+
+
+def _response(ports: Ports, driven: "_Driven", sums: Array, s: Array) -> Array:
+    """Return the response, summed over the derivatives that inputs act through and outputs read."""
     p, m = len(ports.outputs), len(ports.inputs)
     Y = np.moveaxis(evaluate(ports.E, s), 0, 2)
-    for a, power_L in enumerate(used_L):
-        for b, power_B in enumerate(used_B):
+    for a, power_L in enumerate(driven.read):
+        for b, power_B in enumerate(driven.acting):
             part = sums[a * p : (a + 1) * p, b * m : (b + 1) * m]
-            Y = Y + (part * s ** (power_L + power_B) if power_L + power_B else part)
+            Y += part * s ** (power_L + power_B) if power_L + power_B else part
     if ports.plain:
         return Y
     after, before = ports.conditioning(s)
     return after.T[:, None, :] * Y * before.T[None, :, :]
+
+
+@dataclass(frozen=True)
+class _Driven:
+    """A structure with the derivatives through which it is driven and read, and its dampers if rows tell them."""
+
+    structure: Structure
+    acting: list[int]
+    read: list[int]
+    columns: Array
+    lines: Array
+    beta: float | None
+    U: Array
+    gamma: Array
+
+    @classmethod
+    def of(cls, structure: Structure, ports: Ports) -> "_Driven | None":
+        """Return it; None where nothing is driven or read, or dampers are many."""
+        acting, read = ([k for k in range(3) if terms[k].any()] for terms in (ports.B, ports.L))
+        if not acting or not read:
+            return None
+        columns, lines = np.hstack(ports.B[acting]), np.vstack(ports.L[read])
+        if structure.elastic is None:
+            return cls(structure, acting, read, columns, lines, None, np.zeros((structure.n, 0)), np.zeros(0))
+        damping = separated_damping(structure)
+        if damping is None or len(damping.gamma) > _MOST_DAMPERS:
+            return None
+        return cls(structure, acting, read, columns, lines, damping.beta, damping.U, damping.gamma)
+
+    @property
+    def shape(self) -> tuple[object, ...]:
+        """What structures computed together have in common; one without rows is computed alone."""
+        sizes = self.columns.shape, self.lines.shape, self.U.shape, tuple(self.acting), tuple(self.read)
+        rows = self.structure.elastic
+        return (id(self), *sizes) if rows is None else (rows.R.shape, *sizes)
+
+
+def _receptances(group: list[_Driven], omega: Array) -> tuple[Array, Array]:
+    """Return ``lines (s^2 M + s C + K)^-1 columns`` of each, (lines, columns, len(s)), and whether it holds."""
+    M, C, K = (np.array([dense(getattr(item.structure, name)) for item in group]) for name in "MCK")
+    columns, lines = np.array([item.columns for item in group]), np.array([item.lines for item in group])
+    first, rows = group[0], None
+    if first.structure.elastic is not None:
+        weights = [item.structure.elastic for item in group]
+        rows = _Rows(*(np.array([dense(getattr(item, name)) for item in weights]) for name in ("R", "k", "c")))
+    try:
+        modes = _Modes.of(M, C, K, rows, group)
+    except np.linalg.LinAlgError:
+        return np.zeros(len(group)), np.zeros(len(group), dtype=bool)
+    if modes.gamma.shape[1] > _MOST_DAMPERS:
+        return np.zeros(len(group)), np.zeros(len(group), dtype=bool)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sums = modes.receptance(lines @ modes.V, modes.Vt @ columns, omega)
+        finite = np.isfinite(sums).all(axis=(1, 2, 3))
+        good = finite if not finite.all() else _hold(M, C, K, rows, modes, sums, lines, columns, omega)
+    return sums, good
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Strain rows and what they weigh, of each structure."""
+
+    R: Array
+    k: Array
+    c: Array
 
 
 @dataclass(frozen=True)
@@ -59,33 +131,84 @@ class _Modes:
 
     V: Array
     mass: Array
-    beta: float
+    beta: Array
     u: Array
     gamma: Array
 
     @classmethod
-    def of(cls, structure: Structure) -> "_Modes | None":
-        """Return the modes; None for a floating structure, and where damping is not proportional but for a few."""
-        known = None if structure.elastic is None else separated_damping(structure)
-        try:
-            mass, V = linalg.eigh(dense(structure.M), dense(structure.K), check_finite=False)
-            if known is None:
-                beta, u, gamma = _modal_damping(V, dense(structure.C))
-            else:
-                small = structure.projected(V)
-                mass, mix = linalg.eigh(small.M, small.K, check_finite=False)
-                V = V @ mix
-                beta, u, gamma = known.beta, V.T @ known.U, known.gamma
-        except linalg.LinAlgError:
-            return None
-        return cls(V, mass, beta, u, gamma) if len(gamma) <= _MOST_DAMPERS else None
+    def of(cls, M: Array, C: Array, K: Array, rows: _Rows | None, group: list[_Driven]) -> "_Modes":
+        """Return the modes; a floating structure is a ``LinAlgError``."""
+        mass, V = _eigen(M, K)
+        if rows is None:
+            beta, u, gamma = _modal_damping(V[0], C[0])
+            return cls(V, mass, np.array([beta]), u[None], gamma[None])
+        strain = rows.R @ V
+        mass, mix = _eigen(V.transpose(0, 2, 1) @ M @ V, strain.transpose(0, 2, 1) @ (rows.k[:, :, None] * strain))
+        V = V @ mix
+        u = V.transpose(0, 2, 1) @ np.array([item.U for item in group])
+        return cls(V, mass, np.array([item.beta for item in group]), u, np.array([item.gamma for item in group]))
 
-    def receptance(self, lines: Array, columns: Array, s: Array) -> Array:
-        """Return ``lines (s^2 M + s C + K)^-1 columns``, lines and columns in modes, (lines, columns, len(s))."""
-        both = _pair(np.vstack([lines, self.u.T]), np.hstack([columns, self.u]), _inverse(self.mass, self.beta, s.imag))
-        p, m = len(lines), columns.shape[1]
-        sums = both[:p, :m]
-        return sums - _update(both, p, m, self.gamma, s) if len(self.gamma) else sums
+    @property
+    def Vt(self) -> Array:
+        """The modes as rows."""
+        return self.V.transpose(0, 2, 1)
+
+    def receptance(self, lines: Array, columns: Array, omega: Array) -> Array:
+        """Return the receptance between lines and columns in modes, (structures, lines, columns, frequencies).
+
+        Frequencies are the same for all structures, (N,), or not, (structures, N).
+        """
+        left = np.concatenate([lines, self.u.transpose(0, 2, 1)], axis=1)
+        right = np.concatenate([columns, self.u], axis=2).transpose(0, 2, 1)
+        products = left[:, :, None, :] * right[:, None, :, :]
+        count, p, m, n = products.shape
+        products, both = products.reshape(count, p * m, n), np.empty((count, p * m, omega.shape[-1]), complex)
+        real, imaginary = self._inverse(omega)
+        both.real, both.imag = products @ real, products @ imaginary
+        both = both.reshape(count, p, m, -1)
+        p, m = lines.shape[1], columns.shape[2]
+        sums = both[:, :p, :m]
+        return sums - self._update(both, p, m, omega) if self.gamma.shape[1] else sums
+
+    def _inverse(self, omega: Array) -> tuple[Array, Array]:
+        """Return real and imaginary part of ``1/(1 + i omega beta - omega^2 mass)``, in place: half of the time here."""
+        damping = self.beta[:, None, None] * omega[..., None, :]
+        real = self.mass[:, :, None] * (-omega * omega)[..., None, :]
+        real += 1.0
+        size = real * real
+        size += damping * damping
+        np.reciprocal(size, out=size)
+        real *= size
+        size *= -damping
+        return real, size
+
+    def _update(self, both: Array, p: int, m: int, omega: Array) -> Array:
+        """Return Woodbury's term of the dampers.
+
+        ``both`` pairs ``p`` lines, then the dampers, with ``m`` columns, then the dampers.
+        """
+        into, out, small = both[:, p:, :m], both[:, :p, m:], both[:, p:, m:].copy()
+        for j in range(self.gamma.shape[1]):
+            small[:, j, j] -= 1j / (self.gamma[:, j, None] * omega)
+        if small.shape[1] == 1:
+            return out * (into / small)
+        if small.shape[1] == 2:
+            a, b, c, d = small[:, 0, 0, None], small[:, 0, 1, None], small[:, 1, 0, None], small[:, 1, 1, None]
+            determinant = a * d - b * c
+            first = (d * into[:, 0] - b * into[:, 1]) / determinant
+            second = (a * into[:, 1] - c * into[:, 0]) / determinant
+            return out[:, :, 0, None] * first[:, None] + out[:, :, 1, None] * second[:, None]
+        if not np.isfinite(small).all():
+            return np.full(both[:, :p, :m].shape, np.nan, dtype=complex)
+        solved = np.linalg.solve(np.moveaxis(small, 3, 1), np.moveaxis(into, 3, 1))
+        return np.moveaxis(np.moveaxis(out, 3, 1) @ solved, 1, 3)
+
+
+def _eigen(M: Array, K: Array) -> tuple[Array, Array]:
+    """Return the eigenvalues and vectors of ``M v = mass K v``, vectors of unit stiffness, of each structure."""
+    inverse = np.linalg.inv(np.linalg.cholesky(K))
+    mass, Q = np.linalg.eigh(inverse @ M @ inverse.transpose(0, 2, 1))
+    return mass, inverse.transpose(0, 2, 1) @ Q
 
 
 def _modal_damping(V: Array, C: Array) -> tuple[float, Array, Array]:
@@ -98,56 +221,34 @@ def _modal_damping(V: Array, C: Array) -> tuple[float, Array, Array]:
     return beta, u[:, apart], gamma[apart]
 
 
-def _inverse(mass: Array, beta: float, omega: Array) -> Array:
-    """Return ``1/(1 + i omega beta - omega^2 mass)``; divided in real numbers, which is faster than in complex ones."""
-    elastic, damping = 1.0 - np.multiply.outer(mass, omega * omega), beta * omega
-    size = elastic * elastic + damping * damping
-    inverse = np.empty(elastic.shape, complex)
-    np.divide(elastic, size, out=inverse.real)
-    np.divide(-damping, size, out=inverse.imag)
-    return inverse
-
-
-def _pair(left: Array, right: Array, inverse: Array) -> Array:
-    """Return ``left diag(inverse) right`` at each frequency."""
-    products = (left[:, None, :] * right.T[None, :, :]).reshape(-1, len(inverse))
-    return (products @ inverse.view(float)).view(complex).reshape(len(left), right.shape[1], -1)
-
-
-def _update(both: Array, p: int, m: int, size: Array, s: Array) -> Array:
-    """Return Woodbury's term of dampers of the given size.
-
-    ``both`` pairs ``p`` lines, then the dampers, with ``m`` columns, then the dampers.
-    """
-    small = both[p:, m:].copy()
-    for j, value in enumerate(size):
-        small[j, j] += 1.0 / (value * s)
-    into, out = both[p:, :m], both[:p, m:]
-    if len(size) == 1:
-        return out * (into / small)
-    if len(size) == 2:
-        (a, b), (c, d) = small
-        determinant = a * d - b * c
-        first, second = (d * into[0] - b * into[1]) / determinant, (a * into[1] - c * into[0]) / determinant
-        return out[:, 0, None] * first + out[:, 1, None] * second
-    if not np.isfinite(small).all():
-        return np.full((p, m, len(s)), np.nan, dtype=complex)
-    solved = np.linalg.solve(np.moveaxis(small, 2, 0), np.moveaxis(into, 2, 0))
-    return np.moveaxis(np.moveaxis(out, 2, 0) @ solved, 0, 2)
-
-
-def _agrees(structure: Structure, modes: _Modes, sums: Array, lines: Array, columns: Array, s: Array) -> bool:
-    """Return whether the forces that are left over move no output, at probe frequencies and where outputs are largest."""
-    if not np.isfinite(sums).all():
-        return False
-    last = len(s) - 1
-    peaks = np.argmax(np.abs(sums).reshape(-1, len(s)), axis=1)
-    check = sorted({0, last // 2, last, *peaks.tolist()})
-    at, found = s[check], sums[:, :, check]
-    m = columns.shape[1]
-    motion = modes.receptance(modes.V, modes.V.T @ columns, at).reshape(structure.n, -1)
-    left_over = np.repeat(columns, len(at), axis=1) - structure.force(motion, np.tile(at, m))
-    forces = np.moveaxis(left_over.reshape(structure.n, m, -1), 2, 0)
-    missing = np.moveaxis(lines @ np.linalg.solve(structure.at(at), forces), 0, 2)
-    floor = _FLOOR * np.abs(found).max(axis=1, keepdims=True)
-    return bool((np.abs(missing) <= _AGREEMENT * np.maximum(np.abs(found), floor)).all())
+def _hold(
+    M: Array,
+    C: Array,
+    K: Array,
+    rows: _Rows | None,
+    modes: _Modes,
+    sums: Array,
+    lines: Array,
+    columns: Array,
+    omega: Array,
+) -> Array:
+    """Return whether forces left over move no output, at probe frequencies and where outputs are largest."""
+    count, last, m = len(sums), len(omega) - 1, columns.shape[2]
+    peaks = np.argmax(np.abs(sums), axis=3).reshape(count, -1)
+    check = np.hstack([np.tile([0, last // 2, last], (count, 1)), peaks])
+    found = np.take_along_axis(sums, check[:, None, None, :], axis=3)
+    s = 1j * omega[check]
+    motion = modes.receptance(modes.V, modes.Vt @ columns, omega[check]).reshape(count, M.shape[1], -1)
+    each = np.tile(s, (1, m))[:, None, :]
+    force = each**2 * (M @ motion)
+    if rows is None:
+        force += K @ motion + each * (C @ motion)
+    else:
+        R = rows.R
+        force += R.transpose(0, 2, 1) @ ((rows.k[:, :, None] + rows.c[:, :, None] * each) * (R @ motion))
+    left_over = (np.repeat(columns, s.shape[1], axis=2) - force).reshape(count, -1, m, s.shape[1]).transpose(0, 3, 1, 2)
+    at = s[:, :, None, None]
+    missing = lines[:, None] @ np.linalg.solve(at**2 * M[:, None] + at * C[:, None] + K[:, None], left_over)
+    floor = _FLOOR * np.abs(found).max(axis=2, keepdims=True)
+    within = np.abs(missing.transpose(0, 2, 3, 1)) <= _AGREEMENT * np.maximum(np.abs(found), floor)
+    return within.all(axis=(1, 2, 3))
