@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.model_norm import modal_realization
+from boomctl.analysis.modal_form import modal_form
 from boomctl.analysis.norm import unbounded_pole
 from boomctl.arrays import Array
 from boomctl.lti.gramians import factors
@@ -70,7 +70,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     TypeError, ValueError
         Another kind of system, discrete time, not finite; an output of a structure that needs a derivative of an input.
     """
-    given = modal_realization(system) if isinstance(system, SecondOrderModel) else of(system)
+    given = modal_form(system) if isinstance(system, SecondOrderModel) else of(system)
     if given.D.any():
         o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
         return _infinite(f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boomctl.analysis.model_norm import in_modes
+from boomctl.analysis.modal_form import in_modes
 from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
 from boomctl.lti.system import Lti, append
