@@ -8,11 +8,12 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import Track, step_count
-from boomctl.boom.tractor import TractorParameters, tractor_lti, tractor_parameters
+from boomctl.boom.tractor import TractorParameters, tractor_lti
 from boomctl.checks import finite_array, known, positive, real
 from boomctl.files import read_numbers, write_whole
 from boomctl.lti.hold import linear_hold, linear_hold_response, recursion
 from boomctl.lti.system import Lti
+from boomctl.parameters import or_default
 
 _DISTANCE = BoomParameters.actuator_distance
 _SETTLED = 1e-6  # share of the motion at the start that is left when the record begins (a choice)
@@ -144,7 +145,7 @@ def platform_motion(
     """
     if not isinstance(track, Track):
         raise TypeError(f"track: expected Track, got {type(track).__name__}")
-    p, V = tractor_parameters(tractor), positive("speed", speed)
+    p, V = or_default(TractorParameters, "tractor", tractor), positive("speed", speed)
     system = tractor_lti(p, V, positive("actuator_distance", actuator_distance))
     h = positive("sample_time", sample_time)
     if not np.isclose(track.width, p.track_width, rtol=1e-6):

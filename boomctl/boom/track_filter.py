@@ -10,9 +10,10 @@ from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import BAND, class_number, road_density, track_coherence, wave_band
-from boomctl.boom.tractor import TractorParameters, tractor_lti, tractor_parameters
+from boomctl.boom.tractor import TractorParameters, tractor_lti
 from boomctl.checks import frequencies, positive, whole
 from boomctl.lti.system import Lti, append, series, static
+from boomctl.parameters import or_default
 from boomctl.printing import compact
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def platform_density(
         As these do; a frequency of zero; numbers so far out that the densities are not finite.
     """
     low, high = wave_band(band)
-    p, V = tractor_parameters(tractor), positive("speed", speed)
+    p, V = or_default(TractorParameters, "tractor", tractor), positive("speed", speed)
     system = tractor_lti(p, V, positive("actuator_distance", actuator_distance))
     f = frequencies("freq_hz", freq_hz)
     wave = f / V
