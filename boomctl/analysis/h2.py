@@ -103,9 +103,8 @@ def _finite(system: Lti) -> H2Certificate:
     A, B, P, Q = used.A, used.B, F @ F.T, H @ H.T
     AP, BB = A @ P, B @ B.T
     rounding = 2.0 * len(A) * _EPS * (2.0 * (np.abs(A) @ np.abs(P)) + np.abs(BB))
-    margin = float(
-        np.sum((np.abs(AP + AP.T + BB) + rounding + rounding.T) * np.abs(Q))
-    )  # of |tr(R Q)|, R's own rounding too
+    left_over = np.abs(AP + AP.T + BB) + rounding + rounding.T  # |R|, and what rounding may have hidden of it
+    margin = float(np.sum(left_over * np.abs(Q)))  # |tr(R Q)| is not larger
     square = by_control**2
     return H2Certificate(
         by_control,

@@ -23,9 +23,8 @@ from boomctl.lti.system import Lti, of
 if TYPE_CHECKING:
     import control
 
-_STEP = np.deg2rad(
-    30.0
-)  # most that the phase may turn in a step and in its halves: six of them cannot hide a turn (a choice)
+# most that the phase may turn in a step and in its halves: six of them cannot hide a turn (a choice)
+_STEP = np.deg2rad(30.0)
 # how far the middle of a step may lie off its chord, of the lesser end: the phase is followed, not guessed
 _STRAIGHT = 0.2
 _HALVINGS = 40  # of a step: beyond a trillionth of it the loop has a pole on the axis

@@ -152,12 +152,12 @@ def platform_motion(
         raise ValueError(
             f"track: its sides are {track.width:g} m apart; expected track_width, {p.track_width:g} m, of the tractor"
         )
-    reach = track.length if track.periodic else track.length - p.wheelbase
-    if reach <= 0.0:
+    way = track.length if track.periodic else track.length - p.wheelbase  # that the rear axle can drive
+    if way <= 0.0:
         raise ValueError(f"track: {track.length:g} m are shorter than the wheelbase, {p.wheelbase:g} m")
-    wanted = reach / V if duration is None else positive("duration", duration)
-    if not track.periodic and wanted * V > reach * (1.0 + 1e-9):
-        raise ValueError(f"duration = {wanted:g}: expected at most {reach / V:g} s, where the track ends")
+    wanted = way / V if duration is None else positive("duration", duration)
+    if not track.periodic and wanted * V > way * (1.0 + 1e-9):
+        raise ValueError(f"duration = {wanted:g}: expected at most {way / V:g} s, where the track ends")
     count = step_count("duration", wanted, h, "s")
     if count < 1:
         raise ValueError(f"sample_time = {h:g}: expected less than the duration, {wanted:g} s")

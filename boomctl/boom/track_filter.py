@@ -241,9 +241,9 @@ def _start(grid: Array, target: Array, sections: int) -> Array:
 def _bounds(grid: Array, sections: int) -> tuple[Array, Array]:
     frequency = np.log(2.0 * np.pi * np.array([grid[0] / 4, grid[-1] * 1.5]))
     damping = np.log(_DAMPING)
-    pieces = [(sections, frequency), (sections, damping), (sections - 1, frequency), (sections - 1, damping)]
+    blocks = [(sections, frequency), (sections, damping), (sections - 1, frequency), (sections - 1, damping)]
     low, high = (
-        np.concatenate([[side], *(np.full(n, b[i]) for n, b in pieces)]) for i, side in ((0, -60.0), (1, 60.0))
+        np.concatenate([[side], *(np.full(n, b[i]) for n, b in blocks)]) for i, side in ((0, -60.0), (1, 60.0))
     )
     return low, high
 

@@ -74,7 +74,7 @@ def plot_slew_comparison(comparison: Any, names: tuple[str, ...] = ()) -> Figure
     shown = [line for line in comparison.lines if line.name in names] if names else list(comparison.lines[:4])
     # those drawn over time come first, for colours repeat
     ranked = [*shown, *(line for line in comparison.lines if line not in shown)]
-    looks = {line.name: _look(k) for k, line in enumerate(ranked)}
+    looks = {line.name: _line_style(k) for k, line in enumerate(ranked)}
     with style():
         figure = new_figure(10.5, 0.75 * len(shown) + 3.6)
         figure.set_layout_engine("constrained", h_pad=0.03)
@@ -86,7 +86,7 @@ def plot_slew_comparison(comparison: Any, names: tuple[str, ...] = ()) -> Figure
     return figure
 
 
-def _look(k: int) -> dict[str, Any]:
+def _line_style(k: int) -> dict[str, Any]:
     """Colour and marker of the k-th slew: the second round of colours is hollow."""
     colour = COLOURS[k % len(COLOURS)]
     filled = k < len(COLOURS)
@@ -184,7 +184,7 @@ def plot_mesh_study(study: Any) -> Figure:
             kept = line.errors > 0.0
             order = f"order {line.order:.1f}" if np.isfinite(line.order) else "order not seen"
             ax.loglog(
-                study.intervals[kept], line.errors[kept], markersize=5, label=f"{line.name}: {order}", **_look(k),
+                study.intervals[kept], line.errors[kept], markersize=5, label=f"{line.name}: {order}", **_line_style(k),
             )  # fmt: skip
         ticks = [int(n) for n in study.intervals]
         ax.set_xlim(0.92 * ticks[0], 1.09 * ticks[-1])

@@ -15,7 +15,7 @@ from boomctl.arrays import Array
 from boomctl.slew.linear import Guess
 from boomctl.slew.nlp.diagnosis import Relaxed, relaxed
 from boomctl.slew.nlp.transcription import Scheme, Transcription, Units, transcribe
-from boomctl.slew.problem import UNITS, Limits, SlewProblem
+from boomctl.slew.problem import AT_LIMIT, UNITS, Limits, SlewProblem
 from boomctl.slew.result import LimitsTooTight, SlewError
 from boomctl.slew.torque import TorqueHistory, held, ramped
 
@@ -43,7 +43,6 @@ _TOLERANCE, _SHARE = 1e-9, 1e-3  # of the optimality conditions at most, and as 
 _EFFORT_PUSH = 1e-9  # as the pushes of a warm start; of least effort the first guess is nearer still
 _LEAST_TIME = 1e-3  # of the duration over its typical size: a bound that only keeps it positive
 _SHOWN = 1e-7  # of a scaled condition: a smaller miss is not told
-_BINDS = 0.999  # share of a limit from which it is said to bind
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +188,7 @@ class Programme:
             if stages[k, t.defects + j] > max(worst, _SHOWN):
                 worst, where, when = float(stages[k, t.defects + j]), name, k * duration / N
         torques, most = np.abs(x[t.layout.torques]) * t.units.torque, problem.limits.torque
-        bound = f"torque_limit = {most:g} N m binds on {np.mean(torques > _BINDS * most):.0%} of it"
+        bound = f"torque_limit = {most:g} N m binds on {np.mean(torques > AT_LIMIT * most):.0%} of it"
         return f"no slew of {duration:.6g} s was found: {where} cannot be met at t = {when:.4g} s; {bound}"
 
 

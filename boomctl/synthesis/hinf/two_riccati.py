@@ -196,11 +196,11 @@ def controller_of(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:
     aligned = 0.5 * level.gamma * (left @ right).T
     members = [lower_lft(family.system, static(Q)) for Q in (at_rest, aligned, -aligned)]
 
-    def farness(K: Lti) -> float:
+    def well_posedness(K: Lti) -> float:
         values = linalg.svdvals(np.eye(len(K.D)) + K.D @ D22)
         return float(values[-1] / max(1.0, values[0]))
 
-    return max(members, key=farness)
+    return max(members, key=well_posedness)
 
 
 def controllers_of(ready: NormalizedPlant, level: Level) -> GeneralizedPlant:
