@@ -15,18 +15,17 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.slew.dynamics import hub_jerk
 from boomctl.slew.least_time.arc_count import arcs_behind
 from boomctl.slew.least_time.newton import least_time_arcs
 from boomctl.slew.least_time.switching import Extremal, least_time, linear_time_problem, time_gap
 from boomctl.slew.linear import effort_gap
 from boomctl.slew.nlp.programme import Programme, Solution
 from boomctl.slew.nlp.refinement import refined, solved_again
+from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem
-from boomctl.slew.replay import Motion, binding, end_error, other_models, played, violation
+from boomctl.slew.replay import binding, end_error, other_models, played, violation
 from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
 from boomctl.slew.torque import TorqueHistory
 
@@ -241,12 +240,13 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
         switches=int(history.switches.size) if found.method == "switching times" else None,
         intervals=None if found.programme is None else found.programme.transcription.scheme.intervals,
     )
+    paths = [(plant, each.time, each.coordinates) for plant, each in zip(problem.plants, motions, strict=True)]
     first = motions[0]
     rows = {name: first.coordinates @ row for name, row in problem.plants[0].rows.items()}
     return SlewResult(
         objective=problem.objective,
         duration=history.duration,
-        cost=_cost(problem, history, motions),
+        cost=OBJECTIVES[problem.objective].value(history, paths),
         time=first.time,
         torque=history(first.time),
         hub_angle=rows["angle"],
@@ -262,29 +262,3 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
         plan=Planned(problem, found.programme, found.solution),
         path=found.path,
     )
-
-
-def _cost(problem: SlewProblem, history: TorqueHistory, motions: tuple[Motion, ...]) -> float:
-    """The objective's value, from the torque and the replay."""
-    if problem.objective == "time":
-        return history.duration
-    if problem.objective == "effort":
-        return history.effort
-    if problem.objective == "torque-rate":
-        return float(np.sum((history.right - history.left) ** 2 / np.diff(history.edges)))
-    if problem.objective == "tip":
-        pairs = zip(motions, problem.plants, strict=True)
-        return max(float(np.abs(motion.coordinates @ plant.rows["tip"]).max()) for motion, plant in pairs)
-    return _jerk_squared(problem, history, motions[0])
-
-
-def _jerk_squared(problem: SlewProblem, history: TorqueHistory, motion: Motion) -> float:
-    """Integral of the hub's jerk squared along the replay, whose instants include all corners of the torque."""
-    middle = 0.5 * (motion.time[1:] + motion.time[:-1])
-    k = np.clip(np.searchsorted(history.edges, middle) - 1, 0, history.left.size - 1)
-    slope = ((history.right - history.left) / np.diff(history.edges))[k]
-    jerk, squares = hub_jerk(problem.plants[0]).map(middle.size), []
-    for t, z in ((motion.time[:-1], motion.coordinates[:-1]), (motion.time[1:], motion.coordinates[1:])):
-        torque = history.left[k] + slope * (t - history.edges[k])
-        squares.append(np.array(jerk(z.T, torque[None, :], slope[None, :])).ravel() ** 2)
-    return float(0.5 * np.sum((squares[0] + squares[1]) * np.diff(motion.time)))

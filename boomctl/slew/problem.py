@@ -12,10 +12,10 @@ from scipy.linalg import block_diag, expm
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, nonnegative, positive, real, whole
+from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
 from boomctl.slew.result import SlewError
 
-OBJECTIVES = ("time", "effort", "jerk", "torque-rate", "tip")
 METHODS = ("collocation", "radau", "shooting")
 UNITS = {"torque": "N m", "torque_rate": "N m/s", "speed": "rad/s", "tip": "m", "moment": "N m"}
 """Units of the limits, by kind."""
@@ -195,7 +195,9 @@ def slew_problem(
     masses = tuple(nonnegative("tip_masses", mass) for mass in tip_masses)
     plants = _plants(h, masses)
     for kind, output in (("tip", "tip_displacement"), ("moment", "root_moment")):
-        if (kind in limits.given or objective == kind) and kind not in plants[0].rows:
+        if (kind in limits.given or (kind == "tip" and OBJECTIVES[objective].bounds_tip)) and kind not in plants[
+            0
+        ].rows:
             raise ValueError(f"{kind}_limit: the system has no output {output!r}; name one so, or leave the limit out")
     turn, speed = None if angle is None else real("angle", angle), real("final_speed", final_speed)
     start, target, ends, waits = end_conditions(plants, turn, speed, initial_state, final_state)

@@ -14,7 +14,9 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.slew.linear import Guess
 from boomctl.slew.nlp.diagnosis import Relaxed, relaxed
-from boomctl.slew.nlp.transcription import Scheme, Transcription, Units, transcribe
+from boomctl.slew.nlp.interval import Units
+from boomctl.slew.nlp.transcription import Scheme, Transcription, transcribe
+from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import AT_LIMIT, UNITS, Limits, SlewProblem
 from boomctl.slew.result import LimitsTooTight, SlewError
 from boomctl.slew.torque import TorqueHistory, held, ramped
@@ -103,7 +105,7 @@ class Programme:
         lower, upper = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
         lower[layout.torques], upper[layout.torques] = (s * problem.limits.torque / units.torque for s in (-1, 1))
         lower[layout.states[0]] = upper[layout.states[0]] = problem.start / units.states
-        if t.scheme.ramp and (problem.objective != "tip" or "torque_rate" in t.scheme.limits):
+        if t.scheme.ramp and (not OBJECTIVES[problem.objective].bounds_tip or "torque_rate" in t.scheme.limits):
             ends = layout.torques[[0, -1]]
             lower[ends] = upper[ends] = 0.0
         if layout.duration is not None:
@@ -169,8 +171,7 @@ class Programme:
         edges = np.linspace(0.0, duration, scheme.intervals + 1)
         torques = x[layout.torques] * units.torque
         history = ramped(edges, torques) if scheme.ramp else held(edges, torques)
-        # time and tip are in units of the programme's own start: without them meshes could not be compared
-        unit = {"time": units.time, "tip": units.tip}.get(scheme.objective, 1.0)
+        unit = OBJECTIVES[scheme.objective].unit(units)
         iterations = int(self.solver.stats()["iter_count"])
         return Solution(history, x[layout.states] * units.states, duration, unit * float(raw["f"]), iterations, raw)
 

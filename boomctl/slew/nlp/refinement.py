@@ -7,6 +7,7 @@ import numpy as np
 from boomctl.slew.linear import Guess, effort_guess, guess_from, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution, prepare
 from boomctl.slew.nlp.transcription import Scheme
+from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import Limits, SlewProblem
 from boomctl.slew.replay import end_error, played, violation
 from boomctl.slew.result import LimitsTooTight, SlewError
@@ -103,7 +104,7 @@ def _companion(problem: SlewProblem, intervals: int, solution: Solution) -> Solu
 
 def _ramps(problem: SlewProblem) -> bool:
     """Whether the torque is to be continuous."""
-    return problem.objective in ("jerk", "torque-rate", "tip") or problem.limits.torque_rate is not None
+    return OBJECTIVES[problem.objective].continuous or problem.limits.torque_rate is not None
 
 
 def _guess(problem: SlewProblem, least: TorqueHistory | None, before: TorqueHistory | None, intervals: int) -> Guess:
