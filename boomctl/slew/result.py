@@ -26,6 +26,10 @@ class LimitsTooTight(SlewError):
         super().__init__(message)
         self.excess = excess
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle both, as a pool of processes does to hand an error on."""
+        return type(self), (str(self), self.excess)
+
 
 @dataclass(frozen=True)
 class Replay:
