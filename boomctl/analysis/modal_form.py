@@ -1,10 +1,17 @@
-"""State-space forms of second-order models in the coordinates of their undamped modes."""
+"""Second-order models in the coordinates of their undamped modes: which are elastic, and the state-space form."""
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
+
+_RIGID = 1e-8  # share of the highest frequency found up to which a mode is a rigid-body one: root of rounding
+
+
+def elastic(frequencies: Array) -> Array:
+    """Return which undamped modes, of ascending frequency, are elastic and not rigid-body ones."""
+    return frequencies > _RIGID * frequencies[-1]
 
 
 def in_modes(model: SecondOrderModel, V: Array) -> Lti:

@@ -27,7 +27,7 @@ from math import inf
 import numpy as np
 from scipy import linalg, sparse
 
-from boomctl.analysis.modal_form import in_modes
+from boomctl.analysis.modal_form import elastic, in_modes
 from boomctl.analysis.norm import NormCertificate, grows_towards, matrices_norm
 from boomctl.arrays import Array
 from boomctl.lti.frequency import Resonances, singular_values
@@ -47,7 +47,6 @@ _CORE_BELOW = 0.1  # where a core begins, relative to the lowest mode (a choice)
 _CORE_ABOVE = 4.0  # where a core ends, relative to the band's last mode: above it dissipation does the rest (a choice)
 _BAND = 8  # elastic modes that a picture shows and a core speaks for (a choice)
 _SPARE = 3  # modes asked for beyond these, so that as many are left without the rigid ones of a plane body
-_RIGID = 1e-8  # share of the highest frequency asked for below which a mode is a rigid-body one: root of rounding
 _LARGEST_DENSE = 400  # coordinates up to which a structure without a core is taken whole (a choice of run time)
 _SCANNED = 200  # frequencies of a scan without proof (a choice)
 _SHOWN = 1.5  # how far above its modes a band reaches, so that the last peak is seen from both sides (a choice)
@@ -108,8 +107,8 @@ def _modal_band(model: SecondOrderModel) -> tuple[float, float] | None:
         frequencies, _ = undamped_modes(model.structure, min(_BAND + _SPARE, model.n))
     except ValueError:
         return None
-    elastic = frequencies[frequencies > _RIGID * frequencies[-1]][:_BAND]
-    return (float(elastic[0]), float(elastic[-1])) if len(elastic) else None
+    shown = frequencies[elastic(frequencies)][:_BAND]
+    return (float(shown[0]), float(shown[-1])) if len(shown) else None
 
 
 def _poles(part: SecondOrderModel, low: float, top: float) -> Array:
@@ -168,8 +167,8 @@ def _small_norm(small: SecondOrderModel) -> NormCertificate:
     except ValueError:
         found = matrices_norm(realize(small.structure, small.ports).balanced(), respond)
         return replace(found, path=("given coordinates",))
-    if any(small.ports.integrators) or frequencies[0] <= _RIGID * frequencies[-1]:
-        low = float(frequencies[frequencies > _RIGID * frequencies[-1]].min(initial=np.inf))
+    if any(small.ports.integrators) or not elastic(frequencies)[0]:
+        low = float(frequencies[elastic(frequencies)].min(initial=np.inf))
         if grows_towards(respond, 0.0, low if np.isfinite(low) else 1.0):
             return NormCertificate(inf, inf, 0.0, "an integrating or rigid-body mode", ("undamped modes",))
     return replace(matrices_norm(in_modes(small, V).balanced(), respond), path=("undamped modes",))
