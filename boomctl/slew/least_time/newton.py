@@ -104,14 +104,27 @@ def least_time_arcs(problem: SlewProblem, first: TorqueHistory) -> ArcSlew | Non
     path: tuple[str, ...] = ()
     if near is not None:
         first, path = near.history, ("started from the beam without axial modes", *near.path)
-    half = halved(problem)
+    half = halved(problem)  # none of a beam with axial modes
     ends = end_map(half or problem, first)
     if near is not None:
         found = _refined(ends, _weighed(ends, _Arcs.of(first), _FINER), finer=_FINER, exact=False)
         if found is not None and found.gain < problem.tolerance:
             return replace(found, path=(*path, "durations led to the end, not to the least sum"))
-    start, path = (first_half(first), (*path, "first half")) if half else (first, path)
-    best, gain, overflow = None, np.inf, None
+    arcs, counting = _with_right_signs(ends, first_half(first) if half else first)
+    answer = None if arcs is None else _refined(ends, arcs)
+    if answer is None:
+        return None
+    history, path = (doubled(answer.history), (*path, "first half")) if half else (answer.history, path)
+    return replace(answer, history=history, path=(*path, *counting))
+
+
+def _with_right_signs(ends: EndMap, start: TorqueHistory) -> tuple[_Arcs | None, tuple[str, ...]]:
+    """Stationary durations whose switching function has the torque's sign, or of all that were found the most of it.
+
+    First with the arcs of the torque given; as long as the sign is wrong, with arcs counted on finer and finer grids. What
+    was done comes with them.
+    """
+    best, gain, overflow, path = None, np.inf, None, ()
     for intervals in (0, *_GRIDS):
         try:
             torque = start if intervals == 0 else counted(ends, start, intervals)
@@ -121,16 +134,13 @@ def least_time_arcs(problem: SlewProblem, first: TorqueHistory) -> ArcSlew | Non
         found = None if torque is None else _stationary(ends, _Arcs.of(torque), 1)
         if found is not None and found.wrong_sign / float(found.durations.sum()) < gain:
             best, gain = found, found.wrong_sign / float(found.durations.sum())
-            start = found.history(problem.limits.torque)
+            start = found.history(ends.problem.limits.torque)
         path = (*path, f"arcs counted on {intervals} intervals") if intervals else path
-        if gain < _ENOUGH * problem.tolerance:
+        if gain < _ENOUGH * ends.problem.tolerance:
             break
     if best is None and overflow is not None:
         raise overflow
-    answer = None if best is None else _refined(ends, best)
-    if answer is None:
-        return None
-    return replace(answer, history=doubled(answer.history) if half else answer.history, path=path)
+    return best, path
 
 
 def _refined(ends: EndMap, found: _Arcs, finer: int = 1, exact: bool = True) -> ArcSlew | None:
