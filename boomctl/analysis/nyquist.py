@@ -167,15 +167,15 @@ def exact_loop_stability(
     least = singular_values(np.moveaxis(values, 0, 2))[-1]
     best = int(np.argmin(least))
     return ExactLoopStability(
-        count == unstable,
-        unstable - count,
-        count,
-        unstable,
-        float(least[best]),
-        float(omega[best]),
-        end,
-        plant_bound is not None,
-        len(omega),
+        stable=count == unstable,
+        unstable_poles=unstable - count,
+        encirclements=count,
+        controller_poles=unstable,
+        distance=float(least[best]),
+        distance_omega=float(omega[best]),
+        top=end,
+        plant_bounded=plant_bound is not None,
+        evaluations=len(omega),
     )
 
 

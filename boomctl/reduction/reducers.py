@@ -420,7 +420,7 @@ def weighted(system: Lti, modal: ModalSystem | None, band: Band | None) -> Weigh
     """
     zero = np.zeros_like(system.D)
     if band is None or not len(system.A):
-        return Weighted(system, modal, np.eye(len(zero)), np.eye(zero.shape[1]), zero, 1.0)
+        return Weighted(system=system, modal=modal, R=np.eye(len(zero)), T=np.eye(zero.shape[1]), D=zero, factor=1.0)
     S = band_integral(system, modal, band)
     B = _absolute(S @ system.B @ system.B.T)
     C = _absolute(S.T @ system.C.T @ system.C).T
@@ -434,7 +434,7 @@ def weighted(system: Lti, modal: ModalSystem | None, band: Band | None) -> Weigh
         J = modal.mixing
         own = ModalSystem(modal.poles, J.conj().T @ B, C @ J, zero)
     factor = float(np.linalg.norm(R, 2) * np.linalg.norm(T, 2))
-    return Weighted(Lti(system.A, B, C, zero), own, R, T, system.D, factor)
+    return Weighted(system=Lti(system.A, B, C, zero), modal=own, R=R, T=T, D=system.D, factor=factor)
 
 
 def _absolute(half: Array) -> Array:

@@ -61,14 +61,24 @@ def sampled_controller(
     if controller is None:
         none = np.zeros((0, 0))
         nothing = np.zeros(0, dtype=int)
-        return SampledController(none, none, none, none, none, nothing, nothing, (), ())
+        return SampledController(
+            A=none, B=none, C=none, D=none, L=none, measured=nothing, driven=nothing, inputs=(), outputs=()
+        )
     given = of(controller, "controller", expected="StateSpace or None", any_time=True)
     driven, measured = signals_of(given, plant.inputs, plant.outputs)
     found = _discrete(given, sample_time, known("discretization", discretization, DISCRETIZATIONS))
     A, B, C, D = found.A, found.B, found.C, found.D
     L = conditioning_gain(A, B, C, D) if anti_windup and len(A) else np.zeros((len(A), len(C)))
     return SampledController(
-        A, B, C, D, L, np.array(measured, dtype=int), np.array(driven, dtype=int), given.inputs, given.outputs
+        A=A,
+        B=B,
+        C=C,
+        D=D,
+        L=L,
+        measured=np.array(measured, dtype=int),
+        driven=np.array(driven, dtype=int),
+        inputs=given.inputs,
+        outputs=given.outputs,
     )
 
 

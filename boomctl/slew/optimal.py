@@ -88,7 +88,14 @@ def _programme(problem: SlewProblem, least: Extremal | None) -> _Outcome:
         path += ran
         if bang is not None:
             return bang, path
-    torque = _Candidate(history, problem.method, found.gap, "stationary", found.programme, found.solution)
+    torque = _Candidate(
+        history=history,
+        method=problem.method,
+        gap=found.gap,
+        optimality="stationary",
+        programme=found.programme,
+        solution=found.solution,
+    )
     if problem.linear and problem.objective == "effort" and not problem.limits.beside_torque:
         torque = replace(torque, gap=effort_gap(problem, history), optimality="proved")
     return torque, path
@@ -216,7 +223,15 @@ def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: flo
     solution = solved_again(problem, before.programme, before.solution)
     gap = result.certificate.optimality_gap
     path = (f"{problem.method}, solved again on its mesh",)
-    found = _Candidate(solution.history, problem.method, gap, "stationary", before.programme, solution, path)
+    found = _Candidate(
+        history=solution.history,
+        method=problem.method,
+        gap=gap,
+        optimality="stationary",
+        programme=before.programme,
+        solution=solution,
+        path=path,
+    )
     return _certified(problem, found)
 
 

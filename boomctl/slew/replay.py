@@ -161,7 +161,14 @@ def other_models(problem: SlewProblem, history: TorqueHistory) -> tuple[Replay, 
         if energy is None and problem.final_speed == 0.0:
             energy = float(r.energy[0])
         swing = float(np.abs(r.tip_displacement).max())
-        return Replay(name, tip_mass, angle, float(r.hub_speed[0]) - problem.final_speed, swing, energy)
+        return Replay(
+            model=name,
+            tip_mass=tip_mass,
+            angle_error=angle,
+            speed_error=float(r.hub_speed[0]) - problem.final_speed,
+            tip_swing=swing,
+            residual_energy=energy,
+        )
 
     payloads = [replay(machine.with_tip_mass(mass), machine.model, mass) for mass in problem.tip_masses]
     names = [name for name in ("foam", "geometrically-exact") if name != machine.model]

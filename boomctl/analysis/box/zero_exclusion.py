@@ -180,13 +180,13 @@ def _straightened(poles: Array, E: Array, A: Array, reach: Array) -> _Modes:
     order = sorted(terms, key=lambda power: (-1 in power or len(power) > 2, len(power), power))
     bounds = np.array([_range(power, reach) for power in order])
     return _Modes(
-        poles,
-        np.array([terms[power][0] for power in order]),
-        np.array([terms[power][1] for power in order]),
-        bounds[:, 0],
-        bounds[:, 1],
-        sum(-1 not in power and len(power) <= 2 for power in order),
-        np.array([[power.count(i) for i in range(k)] for power in order]),
+        poles=poles,
+        E=np.array([terms[power][0] for power in order]),
+        A=np.array([terms[power][1] for power in order]),
+        low=bounds[:, 0],
+        high=bounds[:, 1],
+        exact=sum(-1 not in power and len(power) <= 2 for power in order),
+        powers=np.array([[power.count(i) for i in range(k)] for power in order]),
     )
 
 

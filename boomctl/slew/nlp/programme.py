@@ -173,7 +173,14 @@ class Programme:
         history = ramped(edges, torques) if scheme.ramp else held(edges, torques)
         unit = OBJECTIVES[scheme.objective].unit(units)
         iterations = int(self.solver.stats()["iter_count"])
-        return Solution(history, x[layout.states] * units.states, duration, unit * float(raw["f"]), iterations, raw)
+        return Solution(
+            history=history,
+            states=x[layout.states] * units.states,
+            duration=duration,
+            cost=unit * float(raw["f"]),
+            iterations=iterations,
+            raw=raw,
+        )
 
     def _failure(self, problem: SlewProblem, raw: dict[str, Any], low: Array, high: Array) -> str:
         """In words: which condition is missed most, and when."""

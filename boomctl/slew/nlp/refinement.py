@@ -130,7 +130,13 @@ def _solved(problem: SlewProblem, guess: Guess, intervals: int, rough: bool = Fa
         if programme is None:
             kinds = tuple(limits.beside_torque)
             scheme = Scheme(
-                problem.method, problem.objective, intervals, order, _ramps(problem), problem.duration is None, kinds
+                method=problem.method,
+                objective=problem.objective,
+                intervals=intervals,
+                order=order,
+                ramp=_ramps(problem),
+                free_time=problem.duration is None,
+                limits=kinds,
             )
             programme = prepare(problem, scheme, guess, problem.tolerance)
         solution = programme.solve(problem, before, limits)

@@ -219,7 +219,14 @@ def _layout(scheme: Scheme, n: int) -> Layout:
         duration, size = size, size + 1
     if OBJECTIVES[scheme.objective].bounds_tip:
         bound, size = size, size + 1
-    return Layout(states, torques, first[:, None] + n + 1 + np.arange(extra), duration, bound, size)
+    return Layout(
+        states=states,
+        torques=torques,
+        rates=first[:, None] + n + 1 + np.arange(extra),
+        duration=duration,
+        bound=bound,
+        size=size,
+    )
 
 
 @dataclass(frozen=True, eq=False)

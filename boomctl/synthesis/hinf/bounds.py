@@ -116,7 +116,7 @@ def lowest_level(ready: NormalizedPlant, tolerance: float, deadline: Deadline) -
     band = max((float(np.abs(linalg.eigvals(part)).max()) for part in parts if len(part)), default=0.0)
     span, levels = _narrowed(_Span(max(frequency, relaxed.radius), np.inf), ready, tolerance, deadline)
     riccati, reason = _proven([relaxed, *levels])
-    return Bounds(span.high, frequency, omega, riccati, reason, band)
+    return Bounds(reached=span.high, frequency=frequency, omega=omega, riccati=riccati, reason=reason, band=band)
 
 
 def _proven(levels: list[Level]) -> tuple[float, str]:

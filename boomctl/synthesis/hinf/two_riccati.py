@@ -56,7 +56,16 @@ def _state_feedback(plant: GeneralizedPlant, gamma: float) -> _StateFeedback:
     through = D.T @ C
     F = plant.A - B2 @ C12 + entry @ weight @ through
     G = B2 @ B2.T - entry @ weight @ entry.T
-    return _StateFeedback(plant, entry, weight, through, direct, F, G, C.T @ C + through.T @ weight @ through)
+    return _StateFeedback(
+        plant=plant,
+        entry=entry,
+        weight=weight,
+        through=through,
+        direct=direct,
+        F=F,
+        G=G,
+        Q=C.T @ C + through.T @ weight @ through,
+    )
 
 
 @dataclass(frozen=True)
