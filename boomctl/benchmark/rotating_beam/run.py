@@ -24,9 +24,8 @@ from boomctl.benchmark.timing import Job, in_turns, interleaved
 from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters, hub_beam
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
 
-LADDER = tuple(
-    10.0**-k for k in range(4, 13)
-)  # tolerances of a peer, of which the loosest that is exact enough is timed
+# tolerances of a peer, of which the loosest that is exact enough is timed
+LADDER = tuple(10.0**-k for k in range(4, 13))
 SCIPY_METHODS = ("Radau", "DOP853", "RK45", "LSODA", "BDF")
 """Of solve_ivp; the first is the fastest one known at 1e-6."""
 
