@@ -132,8 +132,8 @@ def _built(part: SecondOrderModel, low: float, top: float) -> Core | None:
 
 def _part_norm(part: SecondOrderModel) -> NormCertificate:
     """Return the norm of a part by a core, by a scan, or of the part as it is."""
-    band = _modal_band(part)
-    if part.n < _CORE_FROM or band is None:
+    band = _modal_band(part) if part.n >= _CORE_FROM else None
+    if band is None:
         return _small_norm(part)
     low, top = band[0], _CORE_ABOVE * band[1]
     core = _built(part, low, top)

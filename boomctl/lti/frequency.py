@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg, optimize
+from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import partial_fractions, resolved, side_of_axis
@@ -17,6 +17,8 @@ Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outpu
 # share of their squares by which two values must differ: below, the closed form has under ten digits
 _NEARLY_EQUAL = 1e-5
 _COLUMNS = 256  # right-hand sides substituted at once: what stays in the cache
+_GAINED = 1e-14  # gain of a round, relative, from which on there is none to come: some rounding errors
+_CLIMBS = 40  # rounds of a search: it halves each time at least, and a resonance takes some five
 _PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding
 # highest points of a grid around which a peak is searched for: the highest peak may be at the second (a choice)
 _REFINED = 3
@@ -111,17 +113,48 @@ def highest_peak(
         Around how many points of the grid a peak is searched for.
     """
     values = (value if screen is None else screen)(grid)
-    order = np.argsort(values)[::-1]
-    best = int(order[0])
-    peak, at = float(values[best] if screen is None else value(grid[[best]])[0]), float(grid[best])
-    for i in order[:refined]:
-        a, b = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
-        found = optimize.minimize_scalar(
-            lambda w: -float(value(np.array([w]))[0]), bounds=(a, b), method="bounded", options={"xatol": _PLACED * b}
+    places = np.argsort(values)[::-1][:refined]
+    around = np.array([np.maximum(places - 1, 0), places, np.minimum(places + 1, len(grid) - 1)])
+    seen = values[around] if screen is None else value(grid[around].ravel()).reshape(around.shape)
+    heights, tops = _climbed(value, grid[around], seen)
+    highest = int(np.argmax(heights))
+    return float(heights[highest]), float(tops[highest])
+
+
+def _climbed(value: Callable[[Array], Array], x: Array, y: Array) -> tuple[Array, Array]:
+    """Return the largest values between the first and the last of three places, and where, of several triples together.
+
+    Around a resonance ``1/value^2`` is nearly a parabola.  In each round its vertex is asked, and the middle of either
+    side, so that an interval that is no resonance shrinks as well.
+    """
+    (left, middle, right), (low, top, high) = x, y
+    for _ in range(_CLIMBS):
+        vertex = _vertex((left, middle, right), (low, top, high))
+        x = np.sort(np.array([left, 0.5 * (left + middle), vertex, middle, 0.5 * (middle + right), right]), axis=0)
+        asked = value(x[1:-1].ravel()).reshape(4, -1)
+        y = np.vstack([low, asked, high])
+        i, k = y.argmax(axis=0), np.arange(len(middle))
+        moved, gained = np.abs(x[i, k] - middle), y[i, k] - top
+        before, after = np.maximum(i - 1, 0), np.minimum(i + 1, 5)
+        left, middle, right = x[before, k], x[i, k], x[after, k]
+        low, top, high = y[before, k], y[i, k], y[after, k]
+        if ((moved <= _PLACED * right) | (right - left <= _PLACED * right) | (gained <= _GAINED * top)).all():
+            break
+    return top, middle
+
+
+def _vertex(x: tuple[Array, Array, Array], y: tuple[Array, Array, Array]) -> Array:
+    """Return the vertices of the parabolas through ``1/y^2`` at three places each; the middle where there is none."""
+    (a, m, b), (low, top, high) = x, y
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        rise_left, rise_right = (top / low) ** 2 - 1.0, (top / high) ** 2 - 1.0
+        width_left, width_right = m - a, b - m
+        slope, curve = (
+            rise_left * width_right**2 - rise_right * width_left**2,
+            rise_left * width_right + rise_right * width_left,
         )
-        if -found.fun > peak:
-            peak, at = float(-found.fun), float(found.x)
-    return peak, at
+        found = m + 0.5 * slope / curve
+    return np.where((found > a) & (found < b), found, m)
 
 
 def largest_gain(system: Lti, respond: Response | None = None, refined: int = _REFINED) -> tuple[float, float]:

@@ -24,11 +24,10 @@ FILTER_DAMPING = np.sqrt(0.5)  # of the outputs' low-pass filters: the flattest 
 
 def evaluate(terms: Array, s: Array) -> Array:
     """Return ``X0 + s X1 + s^2 X2`` for each ``s``, shape (len(s), rows, columns); zero terms cost nothing."""
-    value = np.zeros((len(s), *terms.shape[1:]), dtype=complex)
-    for power, matrix in enumerate(terms):
-        if matrix.any():
-            value += (s**power)[:, None, None] * matrix
-    return value
+    used = np.flatnonzero(terms.any(axis=(1, 2)))
+    powers = s[:, None] ** used
+    _, rows, columns = terms.shape
+    return (powers @ terms[used].reshape(len(used), rows * columns)).reshape(len(s), rows, columns)
 
 
 @dataclass(frozen=True, kw_only=True)
