@@ -44,7 +44,7 @@ def separated_damping(structure: Structure) -> Damping | None:
     moved = np.flatnonzero(largest)
     shapes = np.round(U[moved] / largest[moved], _DIGITS) + 0.0  # no zero below zero, which would be another shape
     place: dict[bytes, int] = {}
-    for row, i in zip(shapes, moved, strict=True):
+    for row, i in zip(shapes, moved.tolist(), strict=True):
         first = place.setdefault(row.tobytes(), i)
         if first != i:
             gamma[apart[first]] += gamma[apart[i]] * float(largest[i, 0] / largest[first, 0]) ** 2

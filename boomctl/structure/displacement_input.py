@@ -73,8 +73,11 @@ def prescribe_displacement(
     if old.layout is None or old.weights is None:
         choice = eliminate(J, both)
         moving, imposed = _Side(choice.T_q), _Side(choice.T_d)
+        M, C, K = (choice.T_q.T @ (matrix @ choice.T_q) for matrix in (old.M, old.C, old.K))
         structure = Structure.of(
-            *(choice.T_q.T @ (matrix @ choice.T_q) for matrix in (old.M, old.C, old.K)),
+            M,
+            C,
+            K,
             tuple(old.coordinates[i] for i in choice.independent),
             None if old.mirror is None else old.mirror.restricted(choice),
         )

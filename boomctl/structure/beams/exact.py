@@ -283,7 +283,7 @@ class _Part:
                     mine[:, i] = -all_imposed[:, j]
                 direct[:, i] = layout.direct[[layout.ports.outputs.index(o) for o in ports.outputs], j]
         forces = P.T @ np.where(moved, 0.0, ports.B[0]) @ W_in
-        right = tuple(np.hstack([x, y @ W_in]) for x, y in zip((N, R, S), imposed, strict=True))
+        N_in, R_in, S_in = (np.hstack([x, y @ W_in]) for x, y in zip((N, R, S), imposed, strict=True))
         n = P.shape[1]
         occupied = np.eye(n, dtype=bool)
         for item in (D_only.elastic, D_only.inertia, D_only.bending):
@@ -296,7 +296,7 @@ class _Part:
             flat = (*entries.shape[:-2], n * m)
             return np.concatenate([D[..., i, j], weights @ D, B.reshape(flat), weights @ B], axis=-1)
 
-        terms = _Terms.of((N, R, S), right, np.hstack([np.zeros((n, n)), forces])).mapped(numbers)
+        terms = _Terms.of((N, R, S), (N_in, R_in, S_in), np.hstack([np.zeros((n, n)), forces])).mapped(numbers)
         return cls(
             n=n,
             inputs=m,

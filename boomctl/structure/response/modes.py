@@ -76,7 +76,7 @@ class _Driven:
         acting, read = ([k for k in range(3) if terms[k].any()] for terms in (ports.B, ports.L))
         if not acting or not read:
             return None
-        columns, lines = np.hstack(ports.B[acting]), np.vstack(ports.L[read])
+        columns, lines = np.hstack(list(ports.B[acting])), np.vstack(list(ports.L[read]))
         if structure.elastic is None:
             return cls(structure, acting, read, columns, lines, None, np.zeros((structure.n, 0)), np.zeros(0))
         damping = separated_damping(structure)
@@ -100,17 +100,20 @@ def _receptances(group: list[_Driven], omega: Array) -> tuple[Array, Array]:
     if first.structure.elastic is not None:
         weights = [item.structure.elastic for item in group]
         rows = _Rows(*(np.array([dense(getattr(item, name)) for item in weights]) for name in ("R", "k", "c")))
+    doubtful = np.zeros(len(group)), np.zeros(len(group), dtype=bool)
     try:
         modes = _Modes.of(M, C, K, rows, group)
-    except np.linalg.LinAlgError:
-        return np.zeros(len(group)), np.zeros(len(group), dtype=bool)
-    if modes.gamma.shape[1] > _MOST_DAMPERS:
-        return np.zeros(len(group)), np.zeros(len(group), dtype=bool)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sums = modes.receptance(lines @ modes.V, modes.Vt @ columns, omega)
-        finite = np.isfinite(sums).all(axis=(1, 2, 3))
-        good = finite if not finite.all() else _hold(M, C, K, rows, modes, sums, lines, columns, omega)
-    return sums, good
+        if modes.gamma.shape[1] > _MOST_DAMPERS:
+            return doubtful
+        with np.errstate(divide="ignore", invalid="ignore"):
+            sums = modes.receptance(lines @ modes.V, modes.Vt @ columns, omega)
+            return (
+                (sums, _hold(M, C, K, rows, modes, sums, lines, columns, omega))
+                if np.isfinite(sums).all()
+                else doubtful
+            )
+    except np.linalg.LinAlgError:  # a floating structure, or an undamped resonance at one of the frequencies
+        return doubtful
 
 
 @dataclass(frozen=True)
