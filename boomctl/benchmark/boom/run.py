@@ -11,6 +11,7 @@ from boomctl.analysis import sigma
 from boomctl.analysis.model_norm import SplitModel
 from boomctl.arrays import Array
 from boomctl.benchmark.boom.high_precision import mesh_response, sigma_of
+from boomctl.benchmark.boom.new_parameters import new_parameters_lines
 from boomctl.benchmark.boom.scene import Scene, Settings, scene
 from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Sheet, Tell, measured, race
 from boomctl.benchmark.timing import Job, import_times, interleaved, peak_memory
@@ -67,9 +68,9 @@ def _notes(ground: Scene, settings: Settings) -> tuple[str, ...]:
         "frequencies a call. Ratio: peer over ours.",
         "Error: largest relative error of any singular value, actuators -> tips, against the exact beam in 50 digits; "
         f"{settings.points} points from 0.1 to 10 Hz and {settings.cluster} around each of the first five resonances.",
-        "Models and state spaces are built beforehand, a symmetric model with its two halves and their bands; each call "
-        "gets a model of its own, so that no modes or responses are cached. The exact beam keeps, for each set of "
-        "parameters, what does not depend on frequency; the lines 'prepared anew' use new parameters in every call.",
+        "Models and state spaces are built beforehand, not its halves; each call gets a model of its own, "
+        "so that no modes or responses are cached. The exact beam keeps, for each set of parameters, what does not depend "
+        "on frequency; the lines 'prepared anew' and 'Cold' use new parameters in every call.",
         f"In 50 digits meshes are solved at {len(ground.judged)} of the {len(ground.omega)} frequencies.",
     ]
     if settings.skipped:
@@ -307,6 +308,7 @@ def accuracy_lines(ground: Scene, settings: Settings, tell: Tell) -> list[Row | 
 _SUBJECTS = (
     exact_lines,
     finite_element_lines,
+    new_parameters_lines,
     rounding_lines,
     memory_lines,
     high_order_lines,
