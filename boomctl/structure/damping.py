@@ -5,16 +5,19 @@ of its own counts as a damper too, of ``gamma = -beta k``.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy import linalg, sparse
 
 from boomctl.arrays import Array, Matrix
-from boomctl.structure.matrices import ElasticRows, Structure, dense
+from boomctl.structure.layout import Layout
+from boomctl.structure.matrices import Structure, dense
 
 _SAME = 1e-9  # share of its size up to which a damper's coefficient is the rounding of a proportional one
 _SAME_ROW = 1e-12  # the same where the coefficient of each row is known: some 1e4 eps
 _DIGITS = 13  # of a damper's row, relative to its largest entry, in which its image agrees with it
+_KEPT = 64  # choices of dampers kept for the next structure of the same rows (a choice of memory)
 _MOST_DAMPERS = 12  # beyond, damping is not "proportional but for a few" (a choice)
 _ENDS = 8  # coordinates that a damper may touch, where it has to be found in the matrix: two bodies of a beam each
 
@@ -30,26 +33,35 @@ class Damping:
 
 def separated_damping(structure: Structure) -> Damping | None:
     """Return the damping as stiffness-proportional and a few dampers; None where it is not."""
-    if structure.elastic is None:
+    if structure.layout is None or structure.weights is None:
         return _from_matrices(structure.C, structure.K)
-    rows: ElasticRows = structure.elastic
-    beta = _common_ratio(rows.c, rows.k)
-    gamma = rows.c - beta * rows.k
-    apart = np.flatnonzero(np.abs(gamma) > _SAME_ROW * np.maximum(rows.c, beta * rows.k))
+    k, c = structure.weights.k, structure.weights.c
+    beta = _common_ratio(c, k)
+    gamma = c - beta * k
+    apart = np.flatnonzero(np.abs(gamma) > _SAME_ROW * np.maximum(c, beta * k))
     if len(apart) > _MOST_DAMPERS:
         return None
-    # dampers that are each other's image are one damper of a half
-    U = dense(rows.R[apart])
-    largest = np.take_along_axis(U, np.abs(U).argmax(axis=1)[:, None], axis=1)
-    moved = np.flatnonzero(largest)
-    shapes = np.round(U[moved] / largest[moved], _DIGITS) + 0.0  # no zero below zero, which would be another shape
-    place: dict[bytes, int] = {}
-    for row, i in zip(shapes, moved.tolist(), strict=True):
-        first = place.setdefault(row.tobytes(), i)
-        if first != i:
-            gamma[apart[first]] += gamma[apart[i]] * float(largest[i, 0] / largest[first, 0]) ** 2
-    kept = list(place.values())
-    return Damping(beta, U[kept].T, gamma[apart[kept]])
+    U, image, share = _distinct_rows(structure.layout, tuple(apart.tolist()))
+    return Damping(beta, U, np.bincount(image, share * gamma[apart], U.shape[1]))
+
+
+@lru_cache(maxsize=_KEPT)
+def _distinct_rows(layout: Layout, places: tuple[int, ...]) -> tuple[Array, Array, Array]:
+    """Return elastic rows as columns, those of one shape once, which of them each row is, and its square in theirs.
+
+    Dampers that are each other's image are one damper of a half.
+    """
+    rows = dense(layout.R[list(places)])
+    largest = np.take_along_axis(rows, np.abs(rows).argmax(axis=1)[:, None], axis=1)[:, 0] if len(rows) else np.zeros(0)
+    first: dict[bytes, int] = {}
+    kept, image, share = [], np.zeros(len(rows), dtype=np.intp), np.zeros(len(rows))
+    for i in np.flatnonzero(largest).tolist():
+        shape = np.round(rows[i] / largest[i], _DIGITS) + 0.0  # no zero below zero, which would be another shape
+        image[i] = first.setdefault(shape.tobytes(), len(first))
+        if image[i] == len(kept):
+            kept.append(i)
+        share[i] = (largest[i] / largest[kept[image[i]]]) ** 2
+    return rows[kept].T, image, share
 
 
 def _common_ratio(c: Array, k: Array) -> float:

@@ -2,9 +2,9 @@
 
 In undamped modes the dynamic stiffness is diagonal but for the damping, and damping is mostly proportional to
 stiffness but for a few dampers.  Woodbury's formula then leaves a system of as many equations as there are dampers.
-Where strain rows are known, modes are found a second time among the first ones, through these rows: on a fine mesh the
-first ones have lost digits that the rows still have.
-The result is verified at probe frequencies and at the peaks: forces that are left over there move no output.
+Where strain rows are known, modes are refined through these rows: on a fine mesh they have lost digits that the rows
+still have.
+The result is verified at the ends and at the peaks: forces that are left over there move no output.
 
 Structures of one size, as the halves of a symmetric one mostly are, are computed together: the first index of every array
 is that of the structure.
@@ -22,6 +22,7 @@ from boomctl.structure.ports import Ports, evaluate
 
 _AGREEMENT = 1e-10  # what outputs may miss, relative, at the frequencies checked: rounding, with room (a choice)
 _SAME_DAMPING = 1e-13  # of the largest damper; a smaller one is rounding of the proportional damping
+_ONE_FREQUENCY = 1e-8  # relative distance of modal masses up to which modes have one frequency: root of rounding
 _MOST_DAMPERS = 6  # an update by more costs about as much as dense solutions (a choice)
 _FLOOR = 1e-6  # of a row's largest value; smaller values are compared with it, since they matter to nobody (a choice)
 
@@ -145,9 +146,7 @@ class _Modes:
         if rows is None:
             beta, u, gamma = _modal_damping(V[0], C[0])
             return cls(V, mass, np.array([beta]), u[None], gamma[None])
-        strain = rows.R @ V
-        mass, mix = _eigen(V.transpose(0, 2, 1) @ M @ V, strain.transpose(0, 2, 1) @ (rows.k[:, :, None] * strain))
-        V = V @ mix
+        mass, V = _refined(V, M, rows)
         u = V.transpose(0, 2, 1) @ np.array([item.U for item in group])
         return cls(V, mass, np.array([item.beta for item in group]), u, np.array([item.gamma for item in group]))
 
@@ -196,11 +195,11 @@ class _Modes:
         if small.shape[1] == 1:
             return out * (into / small)
         if small.shape[1] == 2:
-            a, b, c, d = small[:, 0, 0, None], small[:, 0, 1, None], small[:, 1, 0, None], small[:, 1, 1, None]
-            determinant = a * d - b * c
-            first = (d * into[:, 0] - b * into[:, 1]) / determinant
-            second = (a * into[:, 1] - c * into[:, 0]) / determinant
-            return out[:, :, 0, None] * first[:, None] + out[:, :, 1, None] * second[:, None]
+            a, b, d = small[:, 0, 0, None], small[:, 0, 1, None], small[:, 1, 1, None]
+            determinant = a * d - b * b
+            first = (d * out[:, :, 0] - b * out[:, :, 1]) / determinant
+            second = (a * out[:, :, 1] - b * out[:, :, 0]) / determinant
+            return first[:, :, None] * into[:, None, 0] + second[:, :, None] * into[:, None, 1]
         if not np.isfinite(small).all():
             return np.full(both[:, :p, :m].shape, np.nan, dtype=complex)
         solved = np.linalg.solve(np.moveaxis(small, 3, 1), np.moveaxis(into, 3, 1))
@@ -212,6 +211,24 @@ def _eigen(M: Array, K: Array) -> tuple[Array, Array]:
     inverse = np.linalg.inv(np.linalg.cholesky(K))
     mass, Q = np.linalg.eigh(inverse @ M @ inverse.transpose(0, 2, 1))
     return mass, inverse.transpose(0, 2, 1) @ Q
+
+
+def _refined(V: Array, M: Array, rows: _Rows) -> tuple[Array, Array]:
+    """Return modes of unit stiffness from nearly right ones, twice as many digits of them, and their masses.
+
+    What is left between two modes is taken out to first order (Ogita & Aishima 2018); between two of one frequency there
+    is nothing to take out but their stiffness.
+    """
+    strain = rows.R @ V
+    stiffness = strain.transpose(0, 2, 1) @ (rows.k[:, :, None] * strain)
+    between = V.transpose(0, 2, 1) @ M @ V
+    own, n = np.arange(V.shape[2]), V.shape[2]
+    mass = between[:, own, own] / stiffness[:, own, own]
+    gap = mass[:, None, :] - mass[:, :, None]
+    excess = np.eye(n) - stiffness
+    far = np.abs(gap) > _ONE_FREQUENCY * np.maximum(mass[:, None, :], mass[:, :, None])
+    change = np.where(far, (between + mass[:, None, :] * excess) / np.where(far, gap, 1.0), 0.5 * excess)
+    return mass, V + V @ change
 
 
 def _modal_damping(V: Array, C: Array) -> tuple[float, Array, Array]:
@@ -235,10 +252,11 @@ def _hold(
     columns: Array,
     omega: Array,
 ) -> Array:
-    """Return whether forces left over move no output, at probe frequencies and where outputs are largest."""
+    """Return whether forces left over move no output, at both ends of the frequencies and where outputs are largest."""
     count, last, m = len(sums), len(omega) - 1, columns.shape[2]
-    peaks = np.argmax(np.abs(sums), axis=3).reshape(count, -1)
-    check = np.hstack([np.tile([0, last // 2, last], (count, 1)), peaks])
+    chosen = [sorted({0, last, *peaks}) for peaks in np.argmax(np.abs(sums), axis=3).reshape(count, -1).tolist()]
+    most = max(len(places) for places in chosen)
+    check = np.array([places + places[-1:] * (most - len(places)) for places in chosen])
     found = np.take_along_axis(sums, check[:, None, None, :], axis=3)
     s = 1j * omega[check]
     motion = modes.receptance(modes.V, modes.Vt @ columns, omega[check]).reshape(count, M.shape[1], -1)
