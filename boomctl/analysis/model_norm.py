@@ -75,6 +75,8 @@ class SplitModel:
         count = min(len(self.model.inputs), len(self.model.outputs))
         answers = respond_parts([(part.structure, part.ports) for part in self.parts], omega)
         found = [singular_values(answer.values) for answer in answers]
+        if [len(values) for values in found] == [1, 1]:
+            return np.array([np.maximum(*found)[0], np.minimum(*found)[0]])[:count]
         return -np.sort(-np.vstack([*found, np.zeros((count, len(omega)))]), axis=0)[:count]
 
     def resonances(self) -> Resonances:

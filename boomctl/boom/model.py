@@ -69,29 +69,27 @@ def boom_assembly(
         max(p.boom_inertia - p.tube_inertia, 0.0),
     )
     sides = (("left", -1.0), ("right", 1.0))
-    outputs = [Output(f"tip_{side}", boom.at(sign * half)) for side, sign in sides]
-    outputs += [
-        Output(f"stroke_{side}", boom.at(sign * spring), relative_to=platform.at(sign * spring)) for side, sign in sides
-    ]
-    outputs.append(Output("cradle_slip", cradle.at(0), relative_to=platform.at(0)))
+    tips = [(side, boom.at(sign * half)) for side, sign in sides]
+    springs = [(side, boom.at(sign * spring), platform.at(sign * spring)) for side, sign in sides]
+    on_cradle, on_platform = cradle.at(0), platform.at(0)
+    outputs = [Output(f"tip_{side}", tip) for side, tip in tips]
+    outputs += [Output(f"stroke_{side}", end, relative_to=base) for side, end, base in springs]
+    outputs.append(Output("cradle_slip", on_cradle, relative_to=on_platform))
     if accelerometer_bandwidth_hz is not None:
         band = positive("accelerometer_bandwidth_hz", accelerometer_bandwidth_hz)
-        outputs += [
-            Output(f"tip_{side}_acceleration", boom.at(sign * half), derivative=2, bandwidth_hz=band)
-            for side, sign in sides
-        ]
+        outputs += [Output(f"tip_{side}_acceleration", tip, derivative=2, bandwidth_hz=band) for side, tip in tips]
     outputs += [Output(nozzle_name(i), boom.at(x)) for i, x in enumerate(nozzles)]
     return Assembly(
         bodies=(platform, cradle, boom, stiff_middle),
         links=(
-            *(SpringDamper(boom.at(s * spring), platform.at(s * spring), "y", p.spring_stiffness) for _, s in sides),
-            SpringDamper(cradle.at(0), platform.at(0), "y", damping=p.cradle_damping),
-            SpringDamper(boom.at(0), cradle.at(0), "theta", damping=p.hinge_damping),
+            *(SpringDamper(end, base, "y", p.spring_stiffness) for _, end, base in springs),
+            SpringDamper(on_cradle, on_platform, "y", damping=p.cradle_damping),
+            SpringDamper(stiff_middle.parent, on_cradle, "theta", damping=p.hinge_damping),
         ),
         forces=(
             *(Force(f"actuator_{side}", platform.at(sign * actuator)) for side, sign in sides),
-            *(Force(f"suspension_{side}", boom.at(s * spring), reaction=platform.at(s * spring)) for side, s in sides),
-            Force("cradle", cradle.at(0), reaction=platform.at(0)),
+            *(Force(f"suspension_{side}", end, reaction=base) for side, end, base in springs),
+            Force("cradle", on_cradle, reaction=on_platform),
         ),
         outputs=tuple(outputs),
     )

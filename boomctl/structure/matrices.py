@@ -238,8 +238,8 @@ def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
         if pair[0] is not None and pair[1] is not None:
             primary = tuple(n for n in pair[0][1] if n in ins[1]), tuple(n for n in pair[1][1] if n in outs[1])
     part = structure.symmetric_half if parity > 0 else structure.antisymmetric_half
-    mixed = ports.congruent(part.P).mixed(ins[0], outs[0], ins[1], outs[1])
-    return Half(part.structure, replace(mixed, primary=primary), ins[0], outs[0])
+    mixed = ports.mixed(ins[0], outs[0], ins[1], outs[1], primary)
+    return Half(part.structure, mixed.congruent(part.P), ins[0], outs[0])
 
 
 def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:

@@ -121,6 +121,7 @@ class Ports:
         W_out: Array,
         inputs: tuple[str, ...],
         outputs: tuple[str, ...],
+        primary: tuple[tuple[str, ...], tuple[str, ...]] | None,
     ) -> "Ports":
         """Return the ports whose inputs ``v`` and outputs are ``d = W_in v``, ``W_out^T y``."""
         first_in, first_out = np.abs(W_in).argmax(axis=0), np.abs(W_out).argmax(axis=0)
@@ -134,6 +135,7 @@ class Ports:
             moved=tuple(self.moved[k] for k in first_in),
             integrators=tuple(self.integrators[k] for k in first_in),
             bandwidths=tuple(self.bandwidths[k] for k in first_out),
+            primary=primary,
         )
 
     def force_column(self, name: str) -> Array:
