@@ -139,8 +139,8 @@ _PAPERS = {
 
 
 def _boom_report(parameters: Path | None, measured: Path | None) -> "Report":
-    from boomctl.analysis import read_measured_curve
-    from boomctl.boom import BoomParameters
+    from boomctl.analysis.measured import read_measured_curve
+    from boomctl.boom.parameters import BoomParameters
     from boomctl.papers.anthonis_ramon.report import STEPS, reproduction
 
     p = BoomParameters.from_toml(parameters) if parameters else None
@@ -233,7 +233,7 @@ def sigma(
     as_json: Json = False,
 ) -> None:
     """Compute the boom's singular values from platform actuators to tips, with a certified peak."""
-    from boomctl.analysis import read_measured_curve
+    from boomctl.analysis.measured import read_measured_curve
 
     if out is not None and out.suffix not in (".png", ".svg"):
         raise ValueError(f"--out {out}: expected a name that ends in .png or .svg")
@@ -250,9 +250,10 @@ def sigma(
 
 
 def _boom_sigma(discretization: str, elements: int, parameters: Path | None) -> Any:
-    from boomctl.analysis import sigma as singular_values
-    from boomctl.boom import BoomParameters, exact_frequency_response, spray_boom
-    from boomctl.boom.model import ACTUATORS, TIPS
+    from boomctl.analysis.sigma import sigma as singular_values
+    from boomctl.boom.exact import exact_frequency_response
+    from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
+    from boomctl.boom.parameters import BoomParameters
 
     p = BoomParameters.from_toml(parameters) if parameters else BoomParameters()
     if discretization != "exact":
@@ -263,7 +264,8 @@ def _boom_sigma(discretization: str, elements: int, parameters: Path | None) -> 
 
 def _save_sigma(result: Any, label: str, curve: Any, out: Path) -> None:
     from boomctl.files import prepared_folder, write_whole
-    from boomctl.plotting import figure_bytes, new_figure, plot_measured, plot_sigma
+    from boomctl.plotting.canvas import figure_bytes, new_figure
+    from boomctl.plotting.sigma import plot_measured, plot_sigma
 
     prepared_folder(out.parent)
     figure = new_figure()
@@ -309,7 +311,8 @@ def slew(
 ) -> None:
     """Plan an optimal slew of the hub-beam, certify it and set it beside classical ones."""
     from boomctl.files import plain, prepared_folder
-    from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
+    from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
+    from boomctl.rotating_beam.parameters import HubBeamParameters
     from boomctl.studies.slew.plan import STEPS, evaluated_plan
 
     folder = prepared_folder(out)

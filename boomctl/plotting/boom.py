@@ -14,8 +14,9 @@ from boomctl.plotting.canvas import COLOURS, new_figure, style
 from boomctl.plotting.sigma import plot_measured, plot_sigma
 
 if TYPE_CHECKING:
-    from boomctl.analysis import MeasuredCurve, SigmaResult
-    from boomctl.boom import BoomParameters
+    from boomctl.analysis.measured import MeasuredCurve
+    from boomctl.analysis.sigma import SigmaResult
+    from boomctl.boom.parameters import BoomParameters
 
 _LINES = {"finite": "--", "discrete": ":", "exact": "-"}
 

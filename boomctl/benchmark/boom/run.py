@@ -7,17 +7,18 @@ from itertools import count
 
 import numpy as np
 
-from boomctl.analysis import sigma
 from boomctl.analysis.model_norm import orthonormal_parts
+from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
 from boomctl.benchmark.boom.high_precision import mesh_response, sigma_of
 from boomctl.benchmark.boom.scene import Scene, Settings, scene
 from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Sheet, Tell, measured, race
 from boomctl.benchmark.timing import Job, import_times, interleaved, peak_memory
-from boomctl.boom import BoomParameters, exact_frequency_response
+from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
-from boomctl.structure import SecondOrderModel
+from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.core import build_core, rounding_estimate
 from boomctl.structure.response.direct import AccuracyWarning
 

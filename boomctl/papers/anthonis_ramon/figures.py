@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from boomctl.analysis import SigmaResult, sigma
+from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
-from boomctl.boom import BoomParameters, exact_eigenfrequencies_hz, exact_frequency_response, spray_boom
-from boomctl.boom.model import ACTUATORS, TIPS, boom_assembly
-from boomctl.structure import DiscreteElements, prescribe_displacement
+from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
+from boomctl.boom.model import ACTUATORS, TIPS, boom_assembly, spray_boom
+from boomctl.boom.parameters import BoomParameters
+from boomctl.structure.beams.elements import DiscreteElements
+from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import direct_response
 from boomctl.structure.response.poles import damped_poles, undamped_modes

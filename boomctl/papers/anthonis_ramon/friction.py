@@ -16,14 +16,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from boomctl.analysis import sigma
+from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
-from boomctl.boom import BoomParameters, spray_boom
+from boomctl.boom.model import spray_boom
+from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import positive, whole
 from boomctl.report import Picture, Section, Table
-from boomctl.simulation import CoulombFriction, SineResponse, describing_function, swept_sine
-from boomctl.simulation.sines.describing_function import receptances
-from boomctl.structure import SecondOrderModel, split_symmetric
+from boomctl.simulation.contact.friction import CoulombFriction
+from boomctl.simulation.sines.describing_function import SineResponse, describing_function, receptances
+from boomctl.simulation.sines.swept_sine import swept_sine
+from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.structure.response.poles import damped_poles
 
 BAND_HZ = (2.5, 3.5)  # where the paper's measured lower singular value lies below its computed one

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from boomctl.analysis import MeasuredCurve
-from boomctl.boom import BoomParameters
+from boomctl.analysis.measured import MeasuredCurve
+from boomctl.boom.parameters import BoomParameters
 from boomctl.papers.anthonis_ramon.figures import BoomReproduction, compute
 from boomctl.papers.anthonis_ramon.friction import POINTS, BoomFriction, friction_section, friction_study
 from boomctl.report import Picture, Report, Section, Table
@@ -82,8 +82,8 @@ def reproduction(
 def _sections(
     result: BoomReproduction, p: BoomParameters, measured: MeasuredCurve | None, friction: BoomFriction
 ) -> tuple[Section, ...]:
-    from boomctl.plotting import picture
     from boomctl.plotting.boom import animation_gif, draw_convergence, draw_figure_3, draw_friction, draw_modes
+    from boomctl.plotting.canvas import picture
 
     figure_3 = picture(
         "boom_figure_3",

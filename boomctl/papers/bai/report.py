@@ -13,8 +13,9 @@ from boomctl.papers.bai.comparison import CORRECTED, MET, NOT_REPRODUCIBLE, Part
 from boomctl.papers.bai.validity import TORQUES, section, validity
 from boomctl.plotting.rotating_beam import Chart, Film, chart_bytes, film_bytes
 from boomctl.report import Picture, Report, Section, Table
-from boomctl.rotating_beam import HubBeamParameters, sine_torque
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
+from boomctl.rotating_beam.manoeuvres import sine_torque
+from boomctl.rotating_beam.parameters import HubBeamParameters
 
 PARTS: dict[str, Callable[[], Part]] = {
     "Table 2": frequencies.table_2,

@@ -5,7 +5,11 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.papers.bai.comparison import Comparison, Part, compare, judge
 from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
-from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters, SimulationResult, hub_beam, spin_up
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
+from boomctl.rotating_beam.factory import hub_beam
+from boomctl.rotating_beam.manoeuvres import spin_up
+from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.result import SimulationResult
 
 DURATION = 30.0  # of the spin-up [s], as printed
 TIME = np.linspace(0.0, 60.0, 3001)  # [s]; the paper's figures end at 60 s

@@ -7,7 +7,10 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.papers.bai.comparison import Comparison, Part, compare, judge
 from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
-from boomctl.rotating_beam import HubBeamParameters, SimulationResult, hub_beam, sine_torque
+from boomctl.rotating_beam.factory import hub_beam
+from boomctl.rotating_beam.manoeuvres import sine_torque
+from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.result import SimulationResult
 
 PERIOD = 10.0  # of the sine torque [s], which acts for one period, Eq. (44)
 TIME = np.linspace(0.0, 30.0, 3001)  # [s]; the paper's figures end at 30 s

@@ -7,7 +7,10 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.papers.bai.comparison import ADDED, Claim, Part
 from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
-from boomctl.rotating_beam import HubBeamParameters, SimulationError, hub_beam, sine_torque
+from boomctl.rotating_beam.factory import hub_beam
+from boomctl.rotating_beam.manoeuvres import sine_torque
+from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.result import SimulationError
 
 MODELS = {
     "TLAM": "tlam",

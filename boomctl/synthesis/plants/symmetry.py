@@ -7,7 +7,7 @@ from boomctl.arrays import Array
 from boomctl.lti.modal import spectral_parts
 from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, append, of
-from boomctl.reduction import reduce
+from boomctl.reduction.reduce import reduce
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
 
