@@ -303,12 +303,10 @@ def _save_sigma(result: Any, label: str, curve: Any, out: Path) -> None:
 
 def parameters(words: Sequence[str]) -> None:
     """Print the boom's parameters as an annotated TOML file, to be changed and given to --parameters."""
-    from pkgutil import get_data
-
     parser = _Parser(parameters)
     parser.add_json()
     asked = parser.parse_args(words)
-    text = (get_data("boomctl.boom", "table_2.toml") or b"").decode("utf-8")
+    text = (Path(__file__).parent / "boom" / "table_2.toml").read_text(encoding="utf-8")
     if asked.json:
         import tomllib
 
