@@ -1,5 +1,7 @@
 """Figs. 3 to 6 and 10 of Bai et al. (2009): prescribed spin-up, Eq. (43) with its print mended, and a tip mass."""
 
+from functools import cache
+
 import numpy as np
 
 from boomctl.arrays import Array
@@ -19,6 +21,11 @@ APPROXIMATE = 0.1
 
 
 def _run(model: str, speed: float, modes: int = 5, mass: float = 0.0) -> SimulationResult:
+    return _spun_up(model, speed, modes, mass)
+
+
+@cache  # figures share runs
+def _spun_up(model: str, speed: float, modes: int, mass: float) -> SimulationResult:
     beam = hub_beam(HubBeamParameters(tip_mass=mass), model, modes)
     return beam.simulate(spin_up(final_speed=speed, duration=DURATION), TIME)
 

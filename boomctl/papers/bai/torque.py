@@ -1,6 +1,7 @@
 """Figs. 7 and 8 and Table 3 of Bai et al. (2009): the hub free under a sine torque, Eq. (44)."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -30,6 +31,11 @@ TOLERANCE = 0.1
 
 
 def _run(model: str, amplitude: float, modes: int = 5, tip_mass: float = 0.0) -> SimulationResult:
+    return _driven(model, amplitude, modes, tip_mass)
+
+
+@cache  # figures share runs
+def _driven(model: str, amplitude: float, modes: int, tip_mass: float) -> SimulationResult:
     beam = hub_beam(HubBeamParameters(tip_mass=tip_mass), model, modes)
     return beam.simulate(sine_torque(amplitude=amplitude, period=PERIOD, duration=PERIOD), TIME, rtol=1e-6)
 
