@@ -10,6 +10,7 @@ COMMAND = "from boomctl.cli import main"
 HEAVY = {"numpy", "scipy", "control", "slycot", "casadi", "matplotlib", "mpmath", "rich"}
 BOOM = {"control", "slycot", "casadi", "matplotlib", "mpmath", "rich", "tomllib", "scipy.optimize", "scipy.signal"}
 BOOM |= {"scipy.integrate", "scipy.interpolate", "scipy.special", "boomctl.rotating_beam", "boomctl.synthesis"}
+LOOP = {"control", "casadi", "matplotlib", "mpmath", "rich", "scipy.signal", "scipy.integrate"}
 BEAM = {"control", "slycot", "casadi", "matplotlib", "mpmath", "rich", "scipy.signal", "scipy.sparse"}
 BEAM |= {"boomctl.boom", "boomctl.structure", "boomctl.analysis", "boomctl.synthesis", "boomctl.slew"}
 
@@ -37,10 +38,19 @@ def imported(scene, *words):
         ("import boomctl as bc; bc.spray_boom()", BOOM | {"boomctl.analysis"}),
         ("import boomctl as bc; bc.sigma(bc.spray_boom()).peak", BOOM | {"boomctl.reduction"}),
         ("import boomctl as bc; bc.boom_family(); bc.split_symmetric(bc.spray_boom())", BOOM),
+        (
+            "import boomctl as bc; bc.forced_response(bc.spray_boom(), {'cradle': [0.0, 1.0, 0.0]}, [0.0, 0.1, 0.2])",
+            LOOP,
+        ),
+        (
+            "import boomctl as bc; bc.swept_sine(bc.spray_boom(), bc.CoulombFriction(3.0), [9.0], 'actuator_left', 0.01)",
+            LOOP,
+        ),
+        ("import boomctl as bc; bc.lqg, bc.h2, bc.h_infinity, bc.SynthesisError, bc.simulate_loop, bc.reduce", LOOP),
         ("import boomctl as bc; bc.hub_beam(modes=2).frequencies_hz(1.0)", BEAM | {"scipy.optimize"}),
         ("import boomctl as bc; bc.hub_beam(modes=1).simulate(bc.spin_up(1.0, 1.0), [1.0, 2.0])", BEAM),
     ],
-    ids=["package", "rooms", "parameters", "boom", "sigma", "family", "beam", "spin-up"],
+    ids=["package", "rooms", "parameters", "boom", "sigma", "family", "forced", "sine", "synthesis", "beam", "spin-up"],
 )
 def test_a_first_call_imports_only_what_it_uses(scene, without):
     assert sorted(imported(scene) & without) == []
