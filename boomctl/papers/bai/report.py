@@ -12,7 +12,7 @@ from boomctl.papers.bai import frequencies, spin_up, torque
 from boomctl.papers.bai.comparison import CORRECTED, MET, NOT_REPRODUCIBLE, Part
 from boomctl.papers.bai.validity import EXACT, TORQUES, judged, section, tips
 from boomctl.papers.side_by_side import Job, side_by_side
-from boomctl.plotting.rotating_beam import Chart, Film, chart_bytes, film_bytes
+from boomctl.plotting.rotating_beam import Chart, Film, chart_files, film_bytes
 from boomctl.report import Picture, Report, Section, Table
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.manoeuvres import sine_torque
@@ -127,10 +127,7 @@ def _section(part: Part) -> Section:
         heads = ("where", "statement", "ours", "verdict", "why")
         rows = tuple((each.where, each.published, each.computed, each.verdict, each.why) for each in part.claims)
         tables.append(Table(heads, rows, align="l", shades=_SHADES))
-    pictures = tuple(
-        Picture(chart.name, chart.caption, {ending: chart_bytes(chart, ending) for ending in ("png", "svg")})
-        for chart in part.charts
-    )
+    pictures = tuple(Picture(chart.name, chart.caption, chart_files(chart, "png", "svg")) for chart in part.charts)
     return Section(part.title, (), tuple(tables), pictures)
 
 
