@@ -284,9 +284,21 @@ def _loop_margin(signal: str, place: str, S: Lti, quick: Triangular, known: tupl
         with np.errstate(divide="ignore", invalid="ignore"):
             return 1.0 - 1.0 / S.response(np.atleast_1d(omega))[0, 0]
 
-    low, high = _gain_limits(response, grid, values, open_loop)
-    phase, delay = _phase_limits(response, grid, values, open_loop)
-    return LoopMargin(signal, place, *low, *high, *phase, *delay, disk)
+    (low, low_omega), (high, high_omega) = _gain_limits(response, grid, values, open_loop)
+    (phase, phase_omega), (delay, delay_omega) = _phase_limits(response, grid, values, open_loop)
+    return LoopMargin(
+        signal=signal,
+        place=place,
+        gain_low=low,
+        gain_low_omega=low_omega,
+        gain_high=high,
+        gain_high_omega=high_omega,
+        phase_deg=phase,
+        phase_omega=phase_omega,
+        delay=delay,
+        delay_omega=delay_omega,
+        disk=disk,
+    )
 
 
 def _crossings(response: Response, grid: Array, values: Array, height: Callable[[Array], Array]) -> list[float]:

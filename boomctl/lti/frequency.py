@@ -36,11 +36,10 @@ _BAND = 16  # poles that a picture shows by default: eight modes (a choice)
 _RESTING = 1e-9  # share of the fastest pole up to which a slow one is no reason to show so low frequencies (a choice)
 _EMPTY = (0.1, 100.0)  # [rad/s], what a picture shows of a system without dynamics (a choice)
 
-# Places around a resonance, in half-power half-widths |Re p| from Im p, for two purposes (both choices).
-DRAWN = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(
-    1.0
-)  # for a curve: dense at the peak, 23 half-widths to either side
-SOUGHT = np.array([-3.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 3.0])  # for a search, which narrows in on the highest
+# Places around a resonance, in half-power half-widths |Re p| from Im p (both choices):
+# for a curve, dense at the peak and up to 23 half-widths to either side; for a search, which narrows in on the highest
+DRAWN = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(1.0)
+SOUGHT = np.array([-3.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 3.0])
 
 
 def singular_values(G: Array) -> Array:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boomctl.analysis.model_norm import in_modes
+from boomctl.analysis.modal_form import in_modes
 from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
 from boomctl.lti.system import Lti, append
@@ -83,15 +83,22 @@ def _statespace_core(system: Lti, states: int, way: str) -> SystemCore:
     fast, kept = spectral_parts(system.balanced())
     modal = diagonalized(fast)
     if modal is None:
-        return SystemCore(fast, None, kept, 0.0, True, way)
+        return SystemCore(stable=fast, modal=None, kept=kept, tail=0.0, complete=True, way=way)
     sizes = modal.sizes
     if len(sizes) <= max(_MANY_STATES, states):
-        return SystemCore(modal.blocks, modal, kept, 0.0, True, way)
+        return SystemCore(stable=modal.blocks, modal=modal, kept=kept, tail=0.0, complete=True, way=way)
     strong = sizes >= np.sort(sizes)[-states] * (1.0 - _TIE)
     pair = np.flatnonzero(modal.poles.imag > 0.0)
     strong[pair] = strong[pair + 1] = strong[pair] | strong[pair + 1]
     chosen = modal.only(strong)
-    return SystemCore(chosen.blocks, chosen, kept, float(sizes[~strong].sum()), bool(strong.all()), STRONGEST_MODES)
+    return SystemCore(
+        stable=chosen.blocks,
+        modal=chosen,
+        kept=kept,
+        tail=float(sizes[~strong].sum()),
+        complete=bool(strong.all()),
+        way=STRONGEST_MODES,
+    )
 
 
 def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
@@ -121,7 +128,9 @@ def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
         poles = np.concatenate([part.poles for part in modals])
         modal = ModalSystem(poles, np.vstack([p.B for p in modals]), np.hstack([p.C for p in modals]), D)
     stable = _parallel(fast, D) if modal is None else modal.blocks
-    return SystemCore(stable, modal, _parallel(kept, 0.0 * D), tail, False, HIGH_MODES_BOUNDED)
+    return SystemCore(
+        stable=stable, modal=modal, kept=_parallel(kept, 0.0 * D), tail=tail, complete=False, way=HIGH_MODES_BOUNDED
+    )
 
 
 def _parallel(parts: list[Lti], D: Array) -> Lti:

@@ -37,16 +37,14 @@ _ENDS = 8  # coordinates that a damper may touch, where it has to be found in th
 # of the stiffness, relative to the lowest mode left out: the static solution of a floating structure exists
 _SHIFT = 1e-3
 _INTERVALS = 400  # of the frequency axis, beside those at the resonances (a choice)
-_PLACES = np.array(
-    [-8.0, -3.0, -1.0, 0.0, 1.0, 3.0, 8.0]
-)  # of their ends around a resonance, in half-widths (a choice)
+# places of their ends around a resonance, in half-widths (a choice)
+_PLACES = np.array([-8.0, -3.0, -1.0, 0.0, 1.0, 3.0, 8.0])
 _LOW, _HIGH = 1e-4, 100.0  # from the lowest mode left out down, from the highest pole up, cut into intervals (a choice)
 _NOISE = 1e-13  # share of the largest load up to which a rest is rounding
 _DISSIPATES = 1e-12  # share of the largest eigenvalue of the damping from which on kept modes dissipate
 _UNSEEN = 1e-9  # share of the largest load up to which modes that do not dissipate are not loaded
-_ROUNDING = 1e3 * float(
-    np.finfo(float).eps
-)  # of the damping's norm, by which the dissipation may be less than computed
+# share of the damping's norm by which the dissipation may be less than computed
+_ROUNDING = 1e3 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,9 @@ class ModalPlant:
             rest, after_1, _ = self.motion(h - switch)
             before, after = rest @ self.motion(switch)[1] @ self.B, after_1 @ self.B
         ramp = P2 @ self.B / h
-        return StepMaps(h, Phi, before, after, P1 @ self.B - ramp, ramp, switch > 0.0)
+        return StepMaps(
+            h=h, Phi=Phi, before=before, after=after, first=P1 @ self.B - ramp, last=ramp, late=switch > 0.0
+        )
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,16 @@ def in_modal_coordinates(system: Lti) -> ModalPlant:
     """Return a linear system in real modal coordinates, balanced first."""
     n = len(system.A)
     if n == 0:
-        return ModalPlant(system.A, system.B, system.C, system.D, np.zeros((0, 0)), (), system.inputs, system.outputs)
+        return ModalPlant(
+            A=system.A,
+            B=system.B,
+            C=system.C,
+            D=system.D,
+            T=np.zeros((0, 0)),
+            blocks=(),
+            inputs=system.inputs,
+            outputs=system.outputs,
+        )
     balanced, (scale, _) = linalg.matrix_balance(system.A, permute=False, separate=True)
     blocks, T, sizes = block_diagonal(balanced, _CONDITION)
     parts = tuple(slice(int(end - size), int(end)) for end, size in zip(np.cumsum(sizes), sizes, strict=True))
@@ -128,14 +139,14 @@ def in_modal_coordinates(system: Lti) -> ModalPlant:
     for part in parts:
         modal[part, part] = blocks[part, part]
     return ModalPlant(
-        modal,
-        np.linalg.solve(T, system.B / scale[:, None]),
-        (system.C * scale) @ T,
-        system.D,
-        scale[:, None] * T,
-        parts,
-        system.inputs,
-        system.outputs,
+        A=modal,
+        B=np.linalg.solve(T, system.B / scale[:, None]),
+        C=(system.C * scale) @ T,
+        D=system.D,
+        T=scale[:, None] * T,
+        blocks=parts,
+        inputs=system.inputs,
+        outputs=system.outputs,
     )
 
 

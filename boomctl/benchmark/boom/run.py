@@ -7,7 +7,7 @@ from itertools import count
 
 import numpy as np
 
-from boomctl.analysis.model_norm import orthonormal_parts
+from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
 from boomctl.benchmark.boom.cold import cold_lines
@@ -209,7 +209,7 @@ def rounding_lines(ground: Scene, settings: Settings, tell: Tell) -> list[Row | 
 
 def _estimate(model: SecondOrderModel, omega: Array) -> float:
     """Return the rounding estimate of a model's halves, actuators -> tips; not a number where it has no cores."""
-    parts = orthonormal_parts(model.select(ACTUATORS, TIPS))
+    parts = SplitModel.of(model.select(ACTUATORS, TIPS)).parts
     cores = [(part, build_core(part.structure, part.ports, omega)) for part in parts]
     return max(np.nan if core is None else rounding_estimate(part.structure, core, omega) for part, core in cores)
 

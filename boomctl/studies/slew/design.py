@@ -216,10 +216,10 @@ class SlewEvaluation:
             "worth": self.verdict,
             "replays": [asdict(each) for each in replays],
             "mesh_study": None if self.meshes is None else _mesh_results(self.meshes),
-            "comparison": [_picked(line, _COMPARED) for line in self.comparison.lines],
+            "comparison": [_attributes(line, _COMPARED) for line in self.comparison.lines],
             "payloads": None if self.payloads is None else _payload_results(self.payloads),
-            "spin_ups": [_picked(each, _SPUN) for each in self.spin_ups],
-            "tracking": _picked(following, _TRACKED),
+            "spin_ups": [_attributes(each, _SPUN) for each in self.spin_ups],
+            "tracking": _attributes(following, _TRACKED),
             "time": slew.time,
             "torque": slew.torque,
             "hub_angle": slew.hub_angle,
@@ -237,13 +237,13 @@ def _length(value: float) -> str:
     return f"{1e3 * value:.2g} mm" if value < 0.1 else f"{value:.2g} m"
 
 
-def _picked(value: object, keys: tuple[str, ...]) -> dict[str, Any]:
+def _attributes(value: object, keys: tuple[str, ...]) -> dict[str, Any]:
     return {key: getattr(value, key) for key in keys}
 
 
 def _payload_results(payloads: PayloadComparison) -> dict[str, Any]:
     return {
-        "lines": [_picked(line, _CARRIED) for line in payloads.lines],
+        "lines": [_attributes(line, _CARRIED) for line in payloads.lines],
         "tip_masses": payloads.masses,
         "vibrations": payloads.vibrations,
     }
