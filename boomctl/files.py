@@ -4,7 +4,6 @@ import csv
 import json
 import os
 import tempfile
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,6 +77,8 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     ValueError
         It is not TOML; the message names the file.
     """
+    import tomllib  # only who reads such a file waits for its parser
+
     try:
         return tomllib.loads(Path(path).read_bytes().decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

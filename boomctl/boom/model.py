@@ -9,26 +9,24 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters, boom_parameters
 from boomctl.checks import finite_array, known, positive, whole
-from boomctl.structure import (
+from boomctl.structure.assembly import Assembly
+from boomctl.structure.beams.elements import DiscreteElements, FiniteElements
+from boomctl.structure.displacement_input import MOTIONS, prescribe_displacement
+from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.parts import (
     GROUND,
-    Assembly,
     Beam,
     BeamSection,
-    DiscreteElements,
-    FiniteElements,
+    Discretization,
     Force,
     Output,
     RigidBody,
-    SecondOrderModel,
     SpringDamper,
     fixed,
     free,
-    prescribe_displacement,
     prismatic,
     revolute,
 )
-from boomctl.structure.displacement_input import MOTIONS
-from boomctl.structure.parts import Discretization
 from boomctl.structure.symmetry import Mirror, SignalPair, beam_reflection, mirror_of
 
 ACTUATORS = ("actuator_left", "actuator_right")

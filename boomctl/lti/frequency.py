@@ -17,9 +17,14 @@ Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outpu
 # share of their squares by which two values must differ: below, the closed form has under ten digits
 _NEARLY_EQUAL = 1e-5
 _COLUMNS = 256  # right-hand sides substituted at once: what stays in the cache
-_GAINED = 1e-14  # gain of a round, relative, from which on there is none to come: some rounding errors
-_CLIMBS = 40  # rounds of a search: it halves each time at least, and a resonance takes some five
 _PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding
+# A search ends where a step raises the peak by rounding only, and the bracket's ends lie so little below it, both as
+# shares of its height, that the top of a parabola through them misses it by the square of that
+_RISEN = 1e-13
+_FLAT = 1e-7
+# share of a bracket, asked beside its parabola's top to close it in from both sides (measured: few steps)
+_CLOSE = 0.03
+_SLOW = 0.25  # share of a bracket that is left after a slow step, which middles then follow (a choice)
 # highest points of a grid around which a peak is searched for: the highest peak may be at the second (a choice)
 _REFINED = 3
 # states beyond which eigenvectors show where the peak is, as solving for each frequency takes long (a choice)
@@ -113,48 +118,46 @@ def highest_peak(
         Around how many points of the grid a peak is searched for.
     """
     values = (value if screen is None else screen)(grid)
-    places = np.argsort(values)[::-1][:refined]
-    around = np.array([np.maximum(places - 1, 0), places, np.minimum(places + 1, len(grid) - 1)])
-    seen = values[around] if screen is None else value(grid[around].ravel()).reshape(around.shape)
-    heights, tops = _climbed(value, grid[around], seen)
-    highest = int(np.argmax(heights))
-    return float(heights[highest]), float(tops[highest])
+    order = np.argsort(values)[::-1][:refined]
+    around = np.clip(order[:, None] + np.array([-1, 0, 1]), 0, len(grid) - 1)
+    omega = grid[around]
+    heights = values[around] if screen is None else value(omega.ravel()).reshape(omega.shape)
+    best, slow = int(np.argmax(heights[:, 1])), np.ones(len(omega), bool)
+    peak, at = float(heights[best, 1]), float(omega[best, 1])
+    while len(omega):
+        finer, found = _narrowed(value, omega, heights, halved=bool(slow.any()))
+        best = int(np.argmax(found[:, 1]))
+        if found[best, 1] > peak:
+            peak, at = float(found[best, 1]), float(finer[best, 1])
+        width, top = np.ptp(finer, axis=1), found[:, 1]
+        slow = width > _SLOW * np.ptp(omega, axis=1)
+        flat = (top <= heights[:, 1] * (1.0 + _RISEN)) & (found.min(axis=1) >= top * (1.0 - _FLAT))
+        going = (width > _PLACED * finer[:, 2]) & ~flat
+        omega, heights, slow = finer[going], found[going], slow[going]
+    return peak, at
 
 
-def _climbed(value: Callable[[Array], Array], x: Array, y: Array) -> tuple[Array, Array]:
-    """Return the largest values between the first and the last of three places, and where, of several triples together.
+def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array, halved: bool) -> tuple[Array, Array]:
+    """Return narrower brackets of peaks, and the values there, in the order of the frequencies.
 
-    Around a resonance ``1/value^2`` is nearly a parabola.  In each round its vertex is asked, and the middle of either
-    side, so that an interval that is no resonance shrinks as well.
+    A row is a bracket: its ends and, between or at one of them, its highest point.  Each is asked at the top of the
+    parabola through its three points, close to either side of it, and with ``halved`` in the middles too; all at once.
     """
-    (left, middle, right), (low, top, high) = x, y
-    for _ in range(_CLIMBS):
-        vertex = _vertex((left, middle, right), (low, top, high))
-        x = np.sort(np.array([left, 0.5 * (left + middle), vertex, middle, 0.5 * (middle + right), right]), axis=0)
-        asked = value(x[1:-1].ravel()).reshape(4, -1)
-        y = np.vstack([low, asked, high])
-        i, k = y.argmax(axis=0), np.arange(len(middle))
-        moved, gained = np.abs(x[i, k] - middle), y[i, k] - top
-        before, after = np.maximum(i - 1, 0), np.minimum(i + 1, 5)
-        left, middle, right = x[before, k], x[i, k], x[after, k]
-        low, top, high = y[before, k], y[i, k], y[after, k]
-        if ((moved <= _PLACED * right) | (right - left <= _PLACED * right) | (gained <= _GAINED * top)).all():
-            break
-    return top, middle
-
-
-def _vertex(x: tuple[Array, Array, Array], y: tuple[Array, Array, Array]) -> Array:
-    """Return the vertices of the parabolas through ``1/y^2`` at three places each; the middle where there is none."""
-    (a, m, b), (low, top, high) = x, y
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        rise_left, rise_right = (top / low) ** 2 - 1.0, (top / high) ** 2 - 1.0
-        width_left, width_right = m - a, b - m
-        slope, curve = (
-            rise_left * width_right**2 - rise_right * width_left**2,
-            rise_left * width_right + rise_right * width_left,
-        )
-        found = m + 0.5 * slope / curve
-    return np.where((found > a) & (found < b), found, m)
+    (low, middle, high), (left, top, right) = omega.T, heights.T
+    p, q = (middle - low) * (top - right), (middle - high) * (top - left)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        vertex = middle - 0.5 * ((middle - low) * p - (middle - high) * q) / (p - q)
+    vertex = np.where((vertex > low) & (vertex < high), vertex, middle)
+    asked = [vertex - _CLOSE * (high - low), vertex, vertex + _CLOSE * (high - low)]
+    if halved:
+        asked += [0.5 * (low + middle), 0.5 * (middle + high)]
+    new = np.clip(np.stack(asked, axis=1), low[:, None], high[:, None])
+    places = np.concatenate([omega, new], axis=1)
+    values = np.concatenate([heights, value(new.ravel()).reshape(new.shape)], axis=1)
+    order = np.argsort(places, axis=1)
+    places, values = np.take_along_axis(places, order, 1), np.take_along_axis(values, order, 1)
+    around = np.clip(np.argmax(values, axis=1)[:, None] + np.array([-1, 0, 1]), 0, places.shape[1] - 1)
+    return np.take_along_axis(places, around, 1), np.take_along_axis(values, around, 1)
 
 
 def largest_gain(system: Lti, respond: Response | None = None, refined: int = _REFINED) -> tuple[float, float]:

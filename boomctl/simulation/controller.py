@@ -1,6 +1,7 @@
 """A controller as it runs: discrete, its signals matched to the plant's, its state corrected where it saturates."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
@@ -8,9 +9,11 @@ from scipy import linalg
 from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
 from boomctl.checks import known
-from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, of
 from boomctl.simulation.plant import ModalPlant
+
+if TYPE_CHECKING:
+    import control
 
 DISCRETIZATIONS = ("tustin", "zoh")
 _SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
@@ -98,6 +101,10 @@ def _discrete(controller: Lti, sample_time: float, method: str) -> Lti:
             f"sample_time = {sample_time:g} s is too long for the controller's pole at {fastest:.4g} rad/s: half the "
             f"sampling rate is {limit:.4g} rad/s; sample at least every {np.pi / abs(fastest):.3g} s"
         )
+    from boomctl.lti.python_control import (
+        control,  # where a controller is sampled, and not to name what can be asked for
+    )
+
     rule = "bilinear" if method == "tustin" else "zoh"
     return of(control.sample_system(controller.statespace("controller"), sample_time, rule), any_time=True)
 

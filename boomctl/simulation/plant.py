@@ -4,18 +4,23 @@ A large structure is seen through its lowest undamped modes; the others answer a
 """
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg, sparse
 
 from boomctl.arrays import Array
 from boomctl.checks import known
+from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.hold import linear_hold
-from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.pencil import factorized
 from boomctl.structure.response.poles import undamped_modes
+from boomctl.structure.response.realisation import realize
+
+if TYPE_CHECKING:
+    import control
 
 _CONDITION = 1e6  # of the change to modal coordinates: ten digits are left; modes that need more stay in one block
 _MODES = 60  # of a structure: five times what its inputs shake in the band of a suspension, and a step stays cheap
@@ -128,8 +133,7 @@ def in_modal_coordinates(system: Lti) -> ModalPlant:
             outputs=system.outputs,
         )
     balanced, (scale, _) = linalg.matrix_balance(system.A, permute=False, separate=True)
-    blocks, T, sizes = control.bdschur(balanced, condmax=_CONDITION)
-    blocks, T, sizes = np.asarray(blocks), np.asarray(T), np.asarray(sizes, dtype=int)
+    blocks, T, sizes = block_diagonal(balanced, _CONDITION)
     parts = tuple(slice(int(end - size), int(end)) for end, size in zip(np.cumsum(sizes), sizes, strict=True))
     modal = np.zeros_like(balanced)
     for part in parts:
@@ -170,7 +174,7 @@ def realized(small: SecondOrderModel, rest: Array) -> Lti:
 
     It follows the displacement of each input: the signal itself, or the state that is its integral.
     """
-    linear = of(small)
+    linear = realize(small.structure, small.ports)
     C, D = linear.C.copy(), linear.D.copy()
     place = 2 * small.n
     for i, count in enumerate(small.ports.integrators):

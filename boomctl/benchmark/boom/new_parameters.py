@@ -6,13 +6,14 @@ from itertools import count
 
 import numpy as np
 
-from boomctl.analysis import sigma
+from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
 from boomctl.benchmark.boom.scene import Scene, Settings
 from boomctl.benchmark.report import Measured, Row, Sheet, Tell, race
 from boomctl.benchmark.timing import Job, interleaved
-from boomctl.boom import BoomParameters, exact_frequency_response, spray_boom
-from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.boom.exact import exact_frequency_response
+from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
+from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
 
 _SECTION = "Cold: a new spring in each call, model included; peer: control, state space included"

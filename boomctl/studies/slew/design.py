@@ -7,21 +7,14 @@ from typing import Any
 import numpy as np
 
 from boomctl.report import Report, Section
-from boomctl.rotating_beam import AssumedModesBeam
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SpinUp
-from boomctl.slew import (
-    MeshStudy,
-    PayloadComparison,
-    Replay,
-    SlewComparison,
-    SlewResult,
-    SwitchingCurve,
-    TrackingResult,
-    compare_payloads,
-    compare_slews,
-    switching_curve,
-    track,
-)
+from boomctl.slew.classical.comparison import SlewComparison, compare_slews
+from boomctl.slew.classical.tracking import TrackingResult, track
+from boomctl.slew.least_time.arcs import SwitchingCurve, switching_curve
+from boomctl.slew.nlp.mesh_study import MeshStudy
+from boomctl.slew.payloads import PayloadComparison, compare_payloads
+from boomctl.slew.result import Replay, SlewResult
 from boomctl.studies.slew import sections
 from boomctl.studies.slew.spin_up import SpinUpMotion, spin_ups
 
