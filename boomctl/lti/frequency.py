@@ -144,8 +144,9 @@ def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array, hal
     parabola through its three points, close to either side of it, and with ``halved`` in the middles too; all at once.
     """
     (low, middle, high), (left, top, right) = omega.T, heights.T
-    p, q = (middle - low) * (top - right), (middle - high) * (top - left)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        # the inverse square of a resonance is a parabola
+        p, q = (middle - low) * ((top / right) ** 2 - 1.0), (middle - high) * ((top / left) ** 2 - 1.0)
         vertex = middle - 0.5 * ((middle - low) * p - (middle - high) * q) / (p - q)
     vertex = np.where((vertex > low) & (vertex < high), vertex, middle)
     asked = [vertex - _CLOSE * (high - low), vertex, vertex + _CLOSE * (high - low)]

@@ -4,7 +4,7 @@ In undamped modes the dynamic stiffness is diagonal but for the damping, and dam
 stiffness but for a few dampers.  Woodbury's formula then leaves a system of as many equations as there are dampers.
 Where strain rows are known, modes are refined through these rows: on a fine mesh they have lost digits that the rows
 still have.
-The result is verified at the ends and at the peaks: forces that are left over there move no output.
+The result is verified at the last frequency and at the peaks: forces that are left over there move no output.
 
 Structures of one size, as the halves of a symmetric one mostly are, are computed together: the first index of every array
 is that of the structure.
@@ -47,7 +47,7 @@ def respond_by_modes(parts: Sequence[Part], omega: Array) -> list[Array | None]:
 def _response(ports: Ports, driven: "_Driven", sums: Array, s: Array) -> Array:
     """Return the response, summed over the derivatives that inputs act through and outputs read."""
     p, m = len(ports.outputs), len(ports.inputs)
-    Y = np.moveaxis(evaluate(ports.E, s), 0, 2)
+    Y = np.moveaxis(evaluate(ports.E, s), 0, 2) if ports.E.any() else np.zeros((p, m, len(s)), dtype=complex)
     for a, power_L in enumerate(driven.read):
         for b, power_B in enumerate(driven.acting):
             part = sums[a * p : (a + 1) * p, b * m : (b + 1) * m]
@@ -74,10 +74,11 @@ class _Driven:
     @classmethod
     def of(cls, structure: Structure, ports: Ports) -> "_Driven | None":
         """Return it; None where nothing is driven or read, or dampers are many."""
-        acting, read = ([k for k in range(3) if terms[k].any()] for terms in (ports.B, ports.L))
+        acting, read = (np.flatnonzero(terms.any(axis=(1, 2))).tolist() for terms in (ports.B, ports.L))
         if not acting or not read:
             return None
-        columns, lines = np.hstack(list(ports.B[acting])), np.vstack(list(ports.L[read]))
+        columns = ports.B[acting].transpose(1, 0, 2).reshape(structure.n, -1)
+        lines = ports.L[read].reshape(-1, structure.n)
         if structure.elastic is None:
             return cls(structure, acting, read, columns, lines, None, np.zeros((structure.n, 0)), np.zeros(0))
         damping = separated_damping(structure)
@@ -165,14 +166,14 @@ class _Modes:
         products = left[:, :, None, :] * right[:, None, :, :]
         count, p, m, n = products.shape
         products, both = products.reshape(count, p * m, n), np.empty((count, p * m, omega.shape[-1]), complex)
-        real, imaginary = self._inverse(omega)
+        real, imaginary = self.inverse(omega)
         both.real, both.imag = products @ real, products @ imaginary
         both = both.reshape(count, p, m, -1)
         p, m = lines.shape[1], columns.shape[2]
         sums = both[:, :p, :m]
         return sums - self._update(both, p, m, omega) if self.gamma.shape[1] else sums
 
-    def _inverse(self, omega: Array) -> tuple[Array, Array]:
+    def inverse(self, omega: Array) -> tuple[Array, Array]:
         """Return real and imaginary part of ``1/(1 + i omega beta - omega^2 mass)``, in place: half of the time here."""
         damping = self.beta[:, None, None] * omega[..., None, :]
         real = self.mass[:, :, None] * (-omega * omega)[..., None, :]
@@ -252,24 +253,33 @@ def _hold(
     columns: Array,
     omega: Array,
 ) -> Array:
-    """Return whether forces left over move no output, at both ends of the frequencies and where outputs are largest."""
-    count, last, m = len(sums), len(omega) - 1, columns.shape[2]
-    chosen = [sorted({0, last, *peaks}) for peaks in np.argmax(np.abs(sums), axis=3).reshape(count, -1).tolist()]
+    """Return whether forces left over move no output, at the last frequency and where outputs are largest."""
+    last = len(omega) - 1
+    chosen = [sorted({last, *peaks}) for peaks in np.argmax(np.abs(sums), axis=3).reshape(len(sums), -1).tolist()]
     most = max(len(places) for places in chosen)
     check = np.array([places + places[-1:] * (most - len(places)) for places in chosen])
     found = np.take_along_axis(sums, check[:, None, None, :], axis=3)
-    s = 1j * omega[check]
-    motion = modes.receptance(modes.V, modes.Vt @ columns, omega[check]).reshape(count, M.shape[1], -1)
-    each = np.tile(s, (1, m))[:, None, :]
-    force = each**2 * (M @ motion)
+    s = 1j * omega[check][:, None, None, :]
+    X = modes.receptance(modes.V, modes.Vt @ columns, omega[check])
+    force = s**2 * _times(M, X)
     if rows is None:
-        force += K @ motion + each * (C @ motion)
+        force += s * _times(C, X) + _times(K, X)
     else:
-        R = rows.R
-        force += R.transpose(0, 2, 1) @ ((rows.k[:, :, None] + rows.c[:, :, None] * each) * (R @ motion))
-    left_over = (np.repeat(columns, s.shape[1], axis=2) - force).reshape(count, -1, m, s.shape[1]).transpose(0, 3, 1, 2)
-    at = s[:, :, None, None]
-    missing = lines[:, None] @ np.linalg.solve(at**2 * M[:, None] + at * C[:, None] + K[:, None], left_over)
+        tension = (rows.k[:, :, None, None] + rows.c[:, :, None, None] * s) * _times(rows.R, X)
+        force += _times(rows.R.transpose(0, 2, 1), tension)
+    at = s.reshape(len(sums), -1, 1, 1)
+    D = at**2 * M[:, None] + at * C[:, None] + K[:, None]
+    missing = lines[:, None] @ np.linalg.solve(D, np.moveaxis(columns[:, :, :, None] - force, 3, 1))
     floor = _FLOOR * np.abs(found).max(axis=2, keepdims=True)
-    within = np.abs(missing.transpose(0, 2, 3, 1)) <= _AGREEMENT * np.maximum(np.abs(found), floor)
+    within = np.abs(np.moveaxis(missing, 1, 3)) <= _AGREEMENT * np.maximum(np.abs(found), floor)
     return within.all(axis=(1, 2, 3))
+
+
+def _times(matrix: Array, motion: Array) -> Array:
+    """Return a real matrix times complex motions, (structures, n, columns, frequencies), multiplied in real numbers."""
+    count, n, m, points = motion.shape
+    return (
+        (matrix @ np.ascontiguousarray(motion).reshape(count, n, m * points).view(float))
+        .view(complex)
+        .reshape(count, -1, m, points)
+    )
