@@ -45,7 +45,7 @@ def test_errors_are_finite(report):
 
 
 def test_every_line_is_there(report):
-    assert len({row.section for row in report.rows}) == 9
+    assert len({row.section for row in report.rows}) == 10
     cold = [row for row in report.rows if row.job.startswith("cold: ")]
     assert len(cold) == 6
     assert all(row.ours > 0.0 and row.peer > 0.0 and row.met is not None for row in cold)

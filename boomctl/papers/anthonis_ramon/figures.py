@@ -215,7 +215,7 @@ def _shape_model(p: BoomParameters) -> tuple[SecondOrderModel, Array]:
         L=np.array([L, 0 * L, 0 * L]),
     )
     E = np.zeros((len(places), len(ACTUATORS)))
-    ports = replace(ports, E=(E, E, E), bandwidths=(None,) * len(places))
+    ports = replace(ports, E=np.array([E, E, E]), bandwidths=(None,) * len(places))
     return SecondOrderModel.of(model.structure, ports), _attached(p, _SHAPE_ELEMENTS)
 
 
