@@ -61,6 +61,10 @@ def imported(scene, *words):
         ("import boomctl as bc; bc.lqg, bc.h2, bc.h_infinity, bc.SynthesisError, bc.simulate_loop, bc.reduce", LOOP),
         ("import boomctl as bc; bc.hub_beam(modes=2).frequencies_hz(1.0)", BEAM | {"scipy.optimize"}),
         ("import boomctl as bc; bc.hub_beam(modes=1).simulate(bc.spin_up(1.0, 1.0), [1.0, 2.0])", BEAM),
+        (
+            "import boomctl as bc; print(bc.optimal_slew(bc.hub_beam(modes=1), 1.5, 200.0))",
+            (LOOP | {"boomctl.boom", "boomctl.synthesis"}) - {"casadi"},
+        ),
     ],
     ids=[
         "package",
@@ -78,6 +82,7 @@ def imported(scene, *words):
         "synthesis",
         "beam",
         "spin-up",
+        "slew",
     ],
 )
 def test_a_first_call_imports_only_what_it_uses(scene, without):

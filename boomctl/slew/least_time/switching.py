@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import brentq, linprog
 
 from boomctl.arrays import Array
+from boomctl.lti.hold import observability
 from boomctl.slew.linear import LinearFlow, flow
 from boomctl.slew.problem import AT_LIMIT, SlewProblem
 from boomctl.slew.result import SlewError
@@ -164,17 +165,11 @@ def _fastest_vibration(flow: LinearFlow) -> float:
 
 
 def switching_function(problem: LinearTimeProblem, found: Extremal, t: Array) -> Array:
-    """``p(t) = costate^T exp(A (T - t)) B`` at instants t [s], 1/(N m s); the torque follows its sign."""
-    order = np.argsort(-t)
-    row, before, values = found.costate, found.duration, np.empty(t.size)
-    steps: dict[float, Array] = {}
-    for k in order:
-        gap = float(f"{before - t[k]:.13g}")
-        if gap not in steps:
-            steps[gap] = problem.flow.step(gap)[0]
-        row, before = row @ steps[gap], t[k]
-        values[k] = row @ problem.flow.B
-    return values
+    """``p(t) = costate^T exp(A (T - t)) B`` at instants t [s] an even step apart, 1/(N m s); the torque follows its sign."""
+    last = found.costate @ problem.flow.step(found.duration - float(t[-1]))[0]
+    Phi = problem.flow.step(float(t[-1] - t[0]) / (t.size - 1))[0]
+    rows, _ = observability(Phi, last[None], t.size)
+    return (rows[:, 0] @ problem.flow.B)[::-1]
 
 
 def lower_bound(problem: LinearTimeProblem, found: Extremal) -> float:
@@ -189,9 +184,9 @@ def lower_bound(problem: LinearTimeProblem, found: Extremal) -> float:
     for arc in np.diff(np.concatenate([[0.0], found.switches, [found.duration]]))[::-1]:
         parts = math.ceil(_PARTS * arc / found.duration)
         Phi, push = problem.flow.step(arc / parts)
-        for _ in range(parts):
-            most += problem.limit * abs(float(row @ push))
-            row = row @ Phi
+        rows, whole = observability(Phi, row[None], parts)
+        most += problem.limit * float(np.abs(rows[:, 0] @ push).sum())
+        row = row @ whole
     weights = np.linalg.lstsq(problem.ends.T, found.costate, rcond=None)[0]
     needed = float(weights @ problem.target - row @ problem.start)
     return found.duration - abs(needed - most)
