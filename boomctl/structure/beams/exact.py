@@ -14,7 +14,7 @@ from boomctl.structure.matrices import dense
 from boomctl.structure.ports import Ports
 from boomctl.structure.symmetry import TOLERANCE, Mirror
 
-_KEPT = 32  # layouts and arrangements kept for the next structure with the same rows (a choice of memory)
+_KEPT = 16  # layouts and arrangements kept for the next structure with the same rows (a choice of memory)
 _FREE = 1e-13  # smallest over largest singular value of a scaled stiffness; below it is rounding: a rigid-body mode
 _RESIDUAL = 1e-11  # of an equation's terms; where elimination leaves more, LAPACK solves anew (a choice)
 

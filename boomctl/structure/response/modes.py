@@ -145,9 +145,11 @@ class _Modes:
         """Return the modes; a floating structure is a ``LinAlgError``."""
         mass, V = _eigen(M, K)
         if rows is None:
+            mass, V = _refined(V, M, V.transpose(0, 2, 1) @ K @ V)
             beta, u, gamma = _modal_damping(V[0], C[0])
             return cls(V, mass, np.array([beta]), u[None], gamma[None])
-        mass, V = _refined(V, M, rows)
+        strain = rows.R @ V
+        mass, V = _refined(V, M, strain.transpose(0, 2, 1) @ (rows.k[:, :, None] * strain))
         u = V.transpose(0, 2, 1) @ np.array([item.U for item in group])
         return cls(V, mass, np.array([item.beta for item in group]), u, np.array([item.gamma for item in group]))
 
@@ -214,14 +216,12 @@ def _eigen(M: Array, K: Array) -> tuple[Array, Array]:
     return mass, inverse.transpose(0, 2, 1) @ Q
 
 
-def _refined(V: Array, M: Array, rows: _Rows) -> tuple[Array, Array]:
-    """Return modes of unit stiffness from nearly right ones, twice as many digits of them, and their masses.
+def _refined(V: Array, M: Array, stiffness: Array) -> tuple[Array, Array]:
+    """Return the masses of modes of unit stiffness and the modes, from nearly right ones and the stiffness between these.
 
     What is left between two modes is taken out to first order (Ogita & Aishima 2018); between two of one frequency there
     is nothing to take out but their stiffness.
     """
-    strain = rows.R @ V
-    stiffness = strain.transpose(0, 2, 1) @ (rows.k[:, :, None] * strain)
     between = V.transpose(0, 2, 1) @ M @ V
     own, n = np.arange(V.shape[2]), V.shape[2]
     mass = between[:, own, own] / stiffness[:, own, own]
