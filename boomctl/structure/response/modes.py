@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import lapack
 
 from boomctl.arrays import Array
 from boomctl.structure.damping import separated_damping
@@ -211,9 +212,10 @@ class _Modes:
 
 def _eigen(M: Array, K: Array) -> tuple[Array, Array]:
     """Return the eigenvalues and vectors of ``M v = mass K v``, vectors of unit stiffness, of each structure."""
-    inverse = np.linalg.inv(np.linalg.cholesky(K))
-    mass, Q = np.linalg.eigh(inverse @ M @ inverse.transpose(0, 2, 1))
-    return mass, inverse.transpose(0, 2, 1) @ Q
+    found = [lapack.dsygvd(mass, stiffness) for mass, stiffness in zip(M, K, strict=True)]
+    if any(failed for _, _, failed in found):
+        raise np.linalg.LinAlgError("a stiffness matrix is not positive definite")
+    return np.array([mass for mass, _, _ in found]), np.array([V for _, V, _ in found])
 
 
 def _refined(V: Array, M: Array, stiffness: Array) -> tuple[Array, Array]:
@@ -255,10 +257,11 @@ def _hold(
 ) -> Array:
     """Return whether forces left over move no output, at the last frequency and where outputs are largest."""
     last = len(omega) - 1
-    chosen = [sorted({last, *peaks}) for peaks in np.argmax(np.abs(sums), axis=3).reshape(len(sums), -1).tolist()]
+    size = np.abs(sums).max(axis=2)  # of each line, over its columns
+    chosen = [sorted({last, *peaks}) for peaks in size.argmax(axis=2).tolist()]
     most = max(len(places) for places in chosen)
     check = np.array([places + places[-1:] * (most - len(places)) for places in chosen])
-    found = np.take_along_axis(sums, check[:, None, None, :], axis=3)
+    found = np.array([values[:, :, places] for values, places in zip(sums, check, strict=True)])
     s = 1j * omega[check][:, None, None, :]
     X = modes.receptance(modes.V, modes.Vt @ columns, omega[check])
     force = s**2 * _times(M, X)
