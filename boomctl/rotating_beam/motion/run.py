@@ -11,6 +11,7 @@ from boomctl.arrays import Array
 from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque
 from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.collocation import StepTooSmall, Trajectory
+from boomctl.rotating_beam.motion.free_hub import FreeScene, free_motions
 from boomctl.rotating_beam.motion.modal_collocation import ModalTrajectory, modal_refine
 from boomctl.rotating_beam.motion.problems import PrescribedProblem, Problem, TorqueDrivenProblem
 from boomctl.rotating_beam.motion.refinement import Accuracy, NotConverged, first_steps, refine, resolving
@@ -18,6 +19,7 @@ from boomctl.rotating_beam.motion.steady_rotation import steady_motion, vibratio
 from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, small_deformation_until
 
 _WATCHED = 16.0  # instants in a period of the lowest mode at which the tip is watched: it turns by 22 degrees between
+_JUMP = 1e-11  # of the whole time: steps so short are there for a jump of the torque that lies in them
 
 
 class Way(NamedTuple):
@@ -58,6 +60,12 @@ WAYS = (
         lambda scene: scene.prescribed is not None and scene.equations.normal_form is not None,
         lambda scene: _by_modes(scene),
         "without damping and axial modes each mode vibrates in closed form: few, long steps",
+    ),
+    Way(
+        "free-hub modes",
+        lambda scene: scene.prescribed is None and scene.equations.free_hub_form is not None,
+        lambda scene: _by_free_modes(scene),
+        "a torque moves slow modes, which the fast ones follow: each mode's motion is exact, long windows settle by sweeps",
     ),
     Way(
         "collocation",
@@ -174,7 +182,7 @@ def _by_modes(scene: Scene) -> Motion | None:
     trajectory, error = found
     displacement = trajectory.displacement(tip.transverse, scene.watched)
     until = small_deformation_until(
-        scene.watched, displacement, scene.length, lambda: trajectory(scene.watched)[1] @ tip.transverse
+        scene.watched, displacement, scene.length, lambda part: trajectory(scene.watched[part])[1] @ tip.transverse
     )
     states = partial(_modal_states, trajectory, manoeuvre, scene.timepts)
     steps = trajectory.edges.size - 1
@@ -184,6 +192,37 @@ def _by_modes(scene: Scene) -> Motion | None:
 def _modal_states(trajectory: ModalTrajectory, manoeuvre: PrescribedMotion, timepts: Array) -> tuple[Array, Array]:
     q, v = trajectory(timepts)
     return np.column_stack([manoeuvre.angle(timepts), q]), np.column_stack([manoeuvre.speed(timepts), v])
+
+
+def _by_free_modes(scene: Scene) -> Motion | None:
+    form, manoeuvre, tip = scene.equations.free_hub_form, scene.manoeuvre, scene.equations.tip
+    assert form is not None
+    assert not isinstance(manoeuvre, PrescribedMotion)
+    edges = _first_steps(scene, TorqueDrivenProblem(scene.equations, manoeuvre), scene.end, graded=False)
+    jumps = np.flatnonzero(np.diff(edges) < _JUMP * scene.end)
+    known = np.array([each for each in manoeuvre.breakpoints if 0.0 < each < scene.end])
+    free = FreeScene(
+        manoeuvre=manoeuvre,
+        start=scene.start,
+        corners=np.union1d(np.concatenate([known, edges[jumps[edges[jumps] > 0.0]], edges[jumps + 1]]), scene.end),
+        rows=np.stack([tip.transverse, tip.axial]),
+        radius=scene.radius,
+        rtol=scene.rtol,
+        atol=scene.atol,
+        given=isinstance(manoeuvre, Torque),
+    )
+    (found,) = free_motions(form, (free,))
+    if found is None:
+        return None
+    trajectory, error = found
+    displacement = trajectory.displacement(tip.transverse, scene.watched)
+
+    def tip_rate(part: slice) -> Array:
+        return trajectory(scene.watched[part])[1][:, 1:] @ tip.transverse
+
+    until = small_deformation_until(scene.watched, displacement, scene.length, tip_rate)
+    states = partial(trajectory, scene.timepts)
+    return Motion(scene.asked(displacement), until, states, error, trajectory.steps, ("free-hub modes",))
 
 
 def _collocated(scene: Scene) -> Motion:
@@ -260,6 +299,6 @@ def _sampled(scene: Scene, y: Array, rate: Array, error: float, steps: int, path
     """A motion of coordinates and rates at the watched instants."""
     row = scene.equations.tip.transverse
     tip = y[:, 1:] @ row
-    until = small_deformation_until(scene.watched, tip, scene.length, lambda: rate[:, 1:] @ row)
+    until = small_deformation_until(scene.watched, tip, scene.length, lambda part: rate[part, 1:] @ row)
     states = partial(kept_states, scene.asked(y), scene.asked(rate))
     return Motion(scene.asked(tip), until, states, error, steps, path)
