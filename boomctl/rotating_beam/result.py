@@ -1,7 +1,8 @@
 """A motion of the hub-beam, and what a simulation returns of it."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple, final
@@ -194,6 +195,15 @@ class SimulationResult:
 
 class SimulationError(RuntimeError):
     """A motion that the model cannot be followed through: why, and from which instant."""
+
+
+@contextmanager
+def named_failure(name: str) -> Iterator[None]:
+    """Name what a bad value or a failure belongs to."""
+    try:
+        yield
+    except (TypeError, ValueError, SimulationError) as error:
+        raise type(error)(f"{name}: {error}") from None
 
 
 def small_deformation_until(

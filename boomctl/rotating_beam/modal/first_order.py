@@ -75,7 +75,7 @@ class FirstOrderEquations(Equations):
 
     @cached_property
     def free_hub_form(self) -> FreeHubForm | None:
-        """None where hub and beam have no positive definite mass matrix even undeformed."""
+        """None where the straight beam's mass matrix is not positive definite, or a mode is damped too much to vibrate."""
         try:
             root: Array = np.linalg.cholesky(self.M - np.outer(self.W, self.W) / self.rigid_inertia)
         except np.linalg.LinAlgError:
@@ -83,11 +83,14 @@ class FirstOrderEquations(Equations):
         to_q = np.linalg.inv(root).T
         stiffness, slope, gyro, damping = (to_q.T @ each @ to_q for each in (self.K, self.N, self.B, self.C))
         lean = -(self.W @ to_q) / self.rigid_inertia
+        squares, shapes = np.linalg.eigh(stiffness)
+        if np.any(squares <= np.einsum("ji,jk,ki->i", shapes, 0.5 * damping, shapes) ** 2):
+            return None
         return FreeHubForm(
             inertia=self.rigid_inertia,
             to_q=to_q,
             lean=lean,
-            softest=float(np.linalg.eigvalsh(stiffness)[0]),
+            softest=float(squares[0]),
             stiffness=stiffness,
             slope=slope,
             gyro=gyro,

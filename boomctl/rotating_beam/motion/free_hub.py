@@ -149,13 +149,7 @@ class _Progress:
 
 
 def free_motions(form: FreeHubForm, scenes: Sequence[FreeScene]) -> list[tuple[FreeTrajectory, float] | None]:
-    """Return the motion of each scene and the error of its free end [m]; None where the tolerance is not kept.
-
-    Raises
-    ------
-    ValueError
-        If a mode is damped so much that it does not vibrate.
-    """
+    """Return the motion of each scene and the error of its free end [m]; None where the tolerance is not kept."""
     found: list[tuple[FreeTrajectory, float] | None] = [None] * len(scenes)
     for first in range(0, len(scenes), _SCENES):
         waiting = list(range(first, min(first + _SCENES, len(scenes))))

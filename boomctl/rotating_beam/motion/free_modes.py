@@ -141,25 +141,18 @@ class FreeModes:
 
 
 def free_modes(form: FreeHubForm, speed: Array) -> FreeModes:
-    """Return the modes at hub speeds [rad/s], b; at rest where a speed leaves too little stiffness.
-
-    Raises
-    ------
-    ValueError
-        If a mode is damped so much that it does not vibrate.
-    """
+    """Return the modes at hub speeds [rad/s], b; at rest where a speed leaves too little stiffness to vibrate."""
     square = speed**2
-    values, shapes = np.linalg.eigh(form.stiffness - square[:, None, None] * form.slope)
-    soft = values[:, 0] < _SOFTEST * form.softest
-    if soft.any():
-        square = np.where(soft, 0.0, square)
+    while True:
         values, shapes = np.linalg.eigh(form.stiffness - square[:, None, None] * form.slope)
-    turned = shapes.swapaxes(1, 2)
-    damping = turned @ form.damping @ shapes
-    sigma = 0.5 * np.einsum("bii->bi", damping)
+        turned = shapes.swapaxes(1, 2)
+        damping = turned @ form.damping @ shapes
+        sigma = 0.5 * np.einsum("bii->bi", damping)
+        soft = (values[:, 0] < _SOFTEST * form.softest) | (values <= sigma**2).any(axis=1)
+        if not soft.any() or not square[soft].any():
+            break
+        square = np.where(soft, 0.0, square)
     np.einsum("bii->bi", damping)[...] = 0.0
-    if (sigma**2 >= values).any():
-        raise ValueError("damping: expected modes that vibrate")
     push = np.empty((speed.size, form.lean.size + 1))
     push[:, 0], push[:, 1:] = 1.0 / np.sqrt(form.inertia), form.lean @ shapes
     return FreeModes(
