@@ -169,11 +169,14 @@ def test_without_torque_what_rests_stays_at_rest(model):
     ],
     ids=["uneven", "even"],
 )
-def test_kinks_lie_at_the_ends_of_steps(history):
-    beam, timepts = hub_beam(BAI, "sfoam", 2), np.linspace(0.0, 5.0, 51)
+@pytest.mark.parametrize("model", ["sfoam", pytest.param("foam", marks=pytest.mark.slow)])
+def test_kinks_lie_at_the_ends_of_steps(model, history):
+    """In FOAM they make axial modes ring, which the steps then resolve."""
+    beam, timepts = hub_beam(BAI, model, 2), np.linspace(0.0, 5.0, 51)
     manoeuvre = torque(history, history.breakpoints)
     result = beam.simulate(manoeuvre, timepts, rtol=1e-8, atol=1e-14)
-    exact = collocated(beam, manoeuvre, timepts, 1e-10)
+    exact = collocated(beam, manoeuvre, timepts, 1e-9)
+    assert result.path == SWEPT
     assert np.abs(result.tip_displacement - exact.tip).max() <= 1e-8 * np.abs(exact.tip).max()
     trajectory = result.details.args[2].states.func
     ends = np.concatenate([p.begin + p.h * np.arange(p.force.shape[1] + 1) for p in trajectory.pieces])

@@ -105,6 +105,8 @@ class _Progress:
         Longest window, s.
     peaks, errors, unseen : ndarray, 2
         Of displacements and of hub angle times radius, m: the largest so far, its error, what fast modes would add.
+    turning : float
+        Largest mean difference of the orders in the hub's speed, as hub angle times radius at the end, m.
     pieces : tuple of Piece
     failed : bool
     """
@@ -119,6 +121,7 @@ class _Progress:
     peaks: Array
     errors: Array
     unseen: Array
+    turning: float = 0.0
     pieces: tuple[Piece, ...] = ()
     failed: bool = False
 
@@ -158,7 +161,9 @@ def free_motions(form: FreeHubForm, scenes: Sequence[FreeScene]) -> list[tuple[F
             runs = _march(form, [_begin(form, scenes[i], share) for i in waiting])
             missed = []
             for i, run in zip(waiting, runs, strict=True):
-                errors = run.errors + run.unseen
+                errors = (
+                    run.errors + run.unseen + np.where(run.peaks > 0.0, _SETTLED * share * run.allowed(run.peaks), 0.0)
+                )
                 if not run.failed and (errors <= run.allowed(run.peaks)).all():
                     found[i] = FreeTrajectory(form, run.pieces), float(errors[0])
                 elif not run.failed:
@@ -232,8 +237,14 @@ class _Tried:
     length : float
         s.
     sweeps : int
-    peaks, errors, added, unseen : ndarray, 2
-        As in `_Progress`; `added` is what the window has added to the errors.
+    peaks, errors, unseen : ndarray, 2
+        As in `_Progress`.
+    added, hidden : ndarray, 2
+        What the window has added to the difference of the orders as the linear motion carries it on, and what a user's
+        torque may have hidden between the nodes.
+    turning, turned : float
+        Mean difference of the orders in the hub's speed, and what the window has added to it, both as hub angle times
+        radius at the end, m.
     needed : float
         Length of a step at which the fast mode that would do most is resolved, s.
     states : ndarray, 2 x 2 x (1 + n)
@@ -246,6 +257,9 @@ class _Tried:
     peaks: Array
     errors: Array
     added: Array
+    hidden: Array
+    turning: float
+    turned: float
     unseen: Array
     needed: float
     states: Array
@@ -261,9 +275,12 @@ def _advance(form: FreeHubForm, runs: Sequence[_Progress]) -> list[_Progress]:
 
 def _after(run: _Progress, length: float, tried: _Tried | None) -> _Progress:
     """A scene after a window that was tried; None: it did not settle."""
-    excess = np.inf if tried is None else float((tried.added / run.addable(tried.peaks, length)).max())
-    if tried is None or not np.isfinite(excess):
+    if tried is None or not np.isfinite(tried.errors).all():
         return replace(run, length=0.5 * length, failed=length < _SMALLEST * run.scene.end)
+    # a difference of old turns with what is not linear too: that is no new error where the difference has not grown
+    grown = np.minimum(tried.added, np.maximum(tried.errors - run.errors, 0.0))
+    grown[1] = max(grown[1], min(tried.turned, max(tried.turning - run.turning, 0.0)))
+    excess = float(((grown + tried.hidden) / run.addable(tried.peaks, length)).max())
     factor = float(np.clip(_CAUTION * max(excess, np.finfo(float).tiny) ** (-1.0 / _ORDER), *_GROWTH))
     if excess > 1.0:
         return replace(run, length=min(factor, _CAUTION) * length)
@@ -284,6 +301,7 @@ def _after(run: _Progress, length: float, tried: _Tried | None) -> _Progress:
         peaks=np.maximum(run.peaks, tried.peaks),
         errors=np.maximum(run.errors, tried.errors),
         unseen=np.maximum(run.unseen, tried.unseen),
+        turning=max(run.turning, tried.turning),
         pieces=pieces,
         failed=len(pieces) >= _MOST_WINDOWS,
     )
@@ -315,8 +333,8 @@ def _tried(form: FreeHubForm, runs: Sequence[_Progress], lengths: Array) -> list
     window = Window(modes, moved, starts[1], torque, rows, speed)
     fine = settle(window, coarse.force @ _between(low, high).T)
     peaks = _peaks(weights, modes, fine.z)
-    errors, added = _errors(weights, coarse, fine, window)
-    added += _overlooked(weights, runs, begin, window)
+    errors, added, turning = _errors(weights, coarse, fine, window)
+    hidden = _overlooked(weights, runs, begin, window)
     unseen, worst = _unseen(weights, fine, window)
     ends = np.stack([np.stack(modes.oscillators.coordinates(each.states[..., -1]), 1) for each in (coarse, fine)], 1)
     ends[..., 1:] = ends[..., 1:] @ modes.shapes.swapaxes(1, 2)[:, None]
@@ -327,6 +345,9 @@ def _tried(form: FreeHubForm, runs: Sequence[_Progress], lengths: Array) -> list
             peaks=peaks[i],
             errors=errors[i],
             added=added[i],
+            hidden=hidden[i],
+            turning=float(turning[i, 0]),
+            turned=float(turning[i, 1]),
             unseen=unseen[i],
             needed=_CAUTION * FAST / float(modes.oscillators.omega[i, worst[i]]),
             states=ends[i],
@@ -379,23 +400,21 @@ def _peaks(weights: _Weights, modes: FreeModes, z: Array) -> Array:
     return np.stack([tip, weights.radius * np.abs(modes.push[:, None] @ z).max(axis=(1, 2))], axis=1)
 
 
-def _errors(weights: _Weights, coarse: Swept, fine: Swept, window: Window) -> tuple[Array, Array]:
-    """Differences of the two orders: in all, and what the window has added to them; b x 2 each, on the safe side."""
+def _errors(weights: _Weights, coarse: Swept, fine: Swept, window: Window) -> tuple[Array, Array, Array]:
+    """Differences of the orders: in all, what the window has added, and both in the hub's mean speed; b x 2 each."""
     apart: Array = fine.states - coarse.states
-    carried = np.empty_like(apart)
-    carried[:, 1:] = window.flow.turns * apart[:, 1:, :1]
+    own = np.empty_like(apart)
+    own[:, 1:] = apart[:, 1:] - window.flow.turns * apart[:, 1:, :1]
     elapsed = window.flow.h[:, None] * np.arange(apart.shape[2])
-    carried[:, 0] = apart[:, 0, :1] + 1j * elapsed * np.real(apart[:, 0, :1])
+    own[:, 0] = apart[:, 0] - apart[:, 0, :1] - 1j * elapsed * np.real(apart[:, 0, :1])
     found = []
-    own: Array = apart - carried
     for each in (apart, own):
         size = np.abs(each)
         size[:, 0] = np.abs(np.imag(each[:, 0]))
         tip, hub = ((weight[:, None] @ size)[:, 0].max(axis=1) for weight in (weights.tip, weights.hub))
         found.append(np.stack([tip, hub], axis=1))
-    turning = np.abs(np.real(own[:, 0])).max(axis=1) * window.modes.push[:, 0]
-    found[1][:, 1] = np.maximum(found[1][:, 1], weights.speed * turning)
-    return found[0], found[1]
+    turning = np.stack([np.abs(np.real(each[:, 0]).mean(axis=1)) for each in (apart, own)], axis=1)
+    return found[0], found[1], (weights.speed * window.modes.push[:, 0])[:, None] * turning
 
 
 def _unseen(weights: _Weights, fine: Swept, window: Window) -> tuple[Array, Array]:
