@@ -1,96 +1,49 @@
-# What editors and type checkers read in place of the names that `__init__.py` loads when they are used.
+# The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.analysis import (
-    closed_loop_response,
-    exact_loop_stability,
-    feedback_loop,
-    h2_norm,
-    hinf_norm,
-    margins,
-    mode_table,
-    read_measured_curve,
-    robust_stability,
-    sigma,
-    structured_margin,
-    worst_case,
-)
-from boomctl.boom import (
-    BoomParameters,
-    Footprint,
-    PlatformMotion,
-    Track,
-    TractorParameters,
-    boom_family,
-    bump_track,
-    exact_eigenfrequencies_hz,
-    exact_frequency_response,
-    iso_track,
-    nozzle_positions,
-    platform_density,
-    platform_motion,
-    read_motion,
-    sine_sweep,
-    split_motion,
-    spray_boom,
-    spray_by_motion,
-    spray_deposit,
-    track_filter,
-    tractor_system,
-    write_motion,
-    yaw_family,
-)
-from boomctl.reduction import (
-    reduce,
-)
-from boomctl.rotating_beam import (
-    HubBeamParameters,
-    free,
-    hold,
-    hub_beam,
-    hub_profile,
-    sine_torque,
-    spin_up,
-    torque,
-)
-from boomctl.simulation import (
-    CoulombFriction,
-    describing_function,
-    forced_response,
-    simulate_loop,
-    sine_sigma,
-    swept_sine,
-)
-from boomctl.slew import (
-    SlewError,
-    SlewResult,
-    optimal_slew,
-)
-from boomctl.structure import (
-    split_symmetric,
-)
-from boomctl.synthesis import (
-    SynthesisError,
-    band_pass,
-    close_loop,
-    discretize,
-    from_units,
-    generalized_plant,
-    h2,
-    h_infinity,
-    high_pass,
-    in_units,
-    join_symmetric,
-    kalman,
-    loop_transfer_recovery,
-    low_pass,
-    lqg,
-    lqr,
-    mixed_sensitivity,
-    reduce_controller,
-    select_channels,
-    shelf,
-    split_controller,
-)
+from boomctl.analysis.box.robustness import robust_stability, structured_margin, worst_case
+from boomctl.analysis.h2 import h2_norm
+from boomctl.analysis.loops import closed_loop_response, feedback_loop
+from boomctl.analysis.margins import margins
+from boomctl.analysis.measured import read_measured_curve
+from boomctl.analysis.modes import mode_table
+from boomctl.analysis.norm import hinf_norm
+from boomctl.analysis.nyquist import exact_loop_stability
+from boomctl.analysis.sigma import sigma
+from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
+from boomctl.boom.families import boom_family, yaw_family
+from boomctl.boom.model import spray_boom
+from boomctl.boom.motion import PlatformMotion, platform_motion, read_motion, sine_sweep, write_motion
+from boomctl.boom.parameters import BoomParameters
+from boomctl.boom.spray import Footprint, nozzle_positions, split_motion, spray_by_motion, spray_deposit
+from boomctl.boom.track_filter import platform_density, track_filter
+from boomctl.boom.tracks import Track, bump_track, iso_track
+from boomctl.boom.tractor import TractorParameters, tractor_system
+from boomctl.reduction.reduce import reduce
+from boomctl.rotating_beam.factory import hub_beam
+from boomctl.rotating_beam.manoeuvres import free, hold, hub_profile, sine_torque, spin_up, torque
+from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.simulation.contact.friction import CoulombFriction
+from boomctl.simulation.forced_response import forced_response
+from boomctl.simulation.loop import simulate_loop
+from boomctl.simulation.sines.describing_function import describing_function
+from boomctl.simulation.sines.swept_sine import sine_sigma, swept_sine
+from boomctl.slew.optimal import optimal_slew
+from boomctl.slew.result import SlewError, SlewResult
+from boomctl.structure.model import split_symmetric
+from boomctl.synthesis.assumptions import SynthesisError
+from boomctl.synthesis.discretise import discretize
+from boomctl.synthesis.hinf.h_infinity import h_infinity
+from boomctl.synthesis.lq.h2 import h2
+from boomctl.synthesis.lq.kalman import kalman
+from boomctl.synthesis.lq.lqg import lqg
+from boomctl.synthesis.lq.lqr import lqr
+from boomctl.synthesis.lq.recovery import loop_transfer_recovery
+from boomctl.synthesis.plants.generalized import generalized_plant, mixed_sensitivity, select_channels
+from boomctl.synthesis.plants.partition import close_loop
+from boomctl.synthesis.plants.symmetry import join_symmetric, split_controller
+from boomctl.synthesis.plants.units import from_units, in_units
+from boomctl.synthesis.plants.weights import band_pass, high_pass, low_pass, shelf
+from boomctl.synthesis.reduce_controller import reduce_controller
 
 __version__: str
 

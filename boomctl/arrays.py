@@ -1,4 +1,4 @@
-"""Names for the kinds of arrays that signatures speak of."""
+"""Names for the kinds of arrays that signatures speak of, and where matrices become sparse."""
 
 from typing import Any, TypeAlias
 
@@ -8,4 +8,6 @@ Array: TypeAlias = np.ndarray[Any, Any]
 """An array of numbers; the docstring says whether real or complex, and of which shape."""
 
 Matrix: TypeAlias = Any
-"""A real matrix, ``numpy.ndarray`` or ``scipy.sparse.csr_array``."""
+"""A real matrix, ``numpy.ndarray`` or, with more than :data:`DENSE_LIMIT` coordinates, ``scipy.sparse.csr_array``."""
+
+DENSE_LIMIT = 64  # coordinates up to which matrices are dense: a sparse product of that size costs more (measured)

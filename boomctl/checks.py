@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
+from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +20,8 @@ def real(name: str, value: object) -> float:
     ValueError
         ``value`` is not finite.
     """
+    if type(value) is float and isfinite(value):  # nearly every value is one: a model's description asks for a hundred
+        return value
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise TypeError(f"{name} = {value!r}: expected a real number, got {type(value).__name__}")
     try:

@@ -1,21 +1,17 @@
-"""Reading and writing files: tables of numbers, parameters, JSON; each file is written whole or not at all."""
+"""Reading and writing files: tables of numbers, TOML, JSON; each file is written whole or not at all."""
 
 import csv
 import json
 import os
 import tempfile
-import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import known
-
-T = TypeVar("T")
 
 
 def prepared_folder(path: str | Path) -> Path:
@@ -81,34 +77,12 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     ValueError
         It is not TOML; the message names the file.
     """
+    import tomllib  # only who reads such a file waits for its parser
+
     try:
         return tomllib.loads(Path(path).read_bytes().decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: not a TOML file: {error}") from None
-
-
-def read_parameters(kind: type[T], path: str | Path, table: str = "") -> T:
-    """Return a frozen dataclass of numbers from the keys of a TOML file; errors name the file and the key.
-
-    Parameters
-    ----------
-    kind : type
-        The dataclass; what the file omits keeps its default.
-    path : path
-    table : str
-        The keys stand at top level, or in a table of this name if there is one.
-    """
-    found = read_toml(path)
-    values: dict[str, Any] = found[table] if isinstance(found.get(table), dict) else found
-    allowed = [field.name for field in fields(kind)]  # type: ignore[arg-type]
-    try:
-        for key, value in values.items():
-            known("key", key, allowed)
-            if isinstance(value, bool) or not isinstance(value, (int, float)):
-                raise TypeError(f"{key} = {value!r}: expected a number, got {type(value).__name__}")
-        return kind(**values)
-    except (ValueError, TypeError) as error:
-        raise type(error)(f"{path}: {error}") from None
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """The command line: what it prints, what it writes, how it refuses."""
 
 import json
-import os
 import subprocess
 import sys
 
@@ -70,14 +69,6 @@ def test_an_output_folder_that_cannot_be_made_ends_before_any_work(tmp_path):
     assert done.returncode == 1
     assert "cannot be written to" in done.stderr
     assert (tmp_path / "file").read_text() == "in the way"
-
-
-def test_importing_the_package_is_light():
-    heavy = ("numpy", "scipy", "control", "casadi", "matplotlib", "slycot")
-    code = f"import sys, boomctl; print([name for name in {heavy!r} if name in sys.modules])"
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 def test_help_lists_all_designs():

@@ -36,6 +36,13 @@ def test_no_imports_run_in_a_circle():
     assert not circle, " <- ".join(circle)
 
 
+def test_names_are_imported_from_where_they_are_defined():
+    """Not from a package that loads its public names when they are used: the graph above would not see where from."""
+    lazy = {name for name, path in FILES.items() if path.with_suffix(".pyi").exists()} - {"boomctl"}
+    wrong = [f"{name}: from {m}" for name, path in FILES.items() for m in _imported(path) if m in lazy]
+    assert not wrong
+
+
 def test_no_folder_is_crowded():
     for folder in {path.parent for path in FILES.values()}:
         count = sum(path.name != "__init__.py" for path in folder.glob("*.py"))

@@ -13,7 +13,12 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.slew import resolve, shaper
+from boomctl.reduction.result import ReductionError
+from boomctl.rotating_beam.result import SimulationError
+from boomctl.slew import SlewError, resolve, shaper
+from boomctl.slew.least_time.arc_count import Overflows
+from boomctl.slew.least_time.switching import SwitchesNotFound
+from boomctl.slew.result import LimitsTooTight
 from tests import handed_out as one
 
 FACTORIES = {
@@ -178,6 +183,25 @@ def test_what_is_a_table_is_one_in_a_notebook(make):
     html = make()._repr_html_()
     assert html.startswith("<table>")
     assert html.count("<tr>") == html.count("</tr>") > 2
+
+
+ERRORS = (
+    SlewError("no slew"),
+    LimitsTooTight("tip_limit binds", 0.3),
+    Overflows("no bounds"),
+    SwitchesNotFound("none"),
+    bc.SynthesisError("not stabilisable"),
+    ReductionError("not verified"),
+    SimulationError("no solution"),
+)
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+def test_errors_survive_pickle_or_a_pool_of_processes_breaks(error):
+    other = pickle.loads(pickle.dumps(error))
+    assert type(other) is type(error)
+    assert str(other) == str(error)
+    assert vars(other) == vars(error)
 
 
 def test_parameters_print_as_python_that_makes_them_again():

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -17,12 +18,33 @@ PACKAGE = Path(boomctl.__file__).parent
 SCRIPT = Path(__file__).with_name("user_script.py")
 
 
-def test_the_stub_names_what_the_package_loads_from_the_same_homes():
-    stub = ast.parse((PACKAGE / "__init__.pyi").read_text())
-    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
-    assert {name.name: node.module for node in imports for name in node.names} == boomctl._HOME
-    (exported,) = [node.value for node in stub.body if isinstance(node, ast.Assign)]
-    assert set(ast.literal_eval(exported)) == set(boomctl.__all__)
+STUBS = sorted(PACKAGE.rglob("__init__.pyi"))
+
+
+@pytest.mark.parametrize("stub", STUBS, ids=lambda path: path.parent.name)
+def test_a_stub_exports_all_names_that_the_package_loads_from_where_they_are_defined(stub):
+    package = import_module(".".join(stub.parent.relative_to(PACKAGE.parent).parts))
+    tree = ast.parse(stub.read_text())
+    homes = {name.name: node.module for node in tree.body if isinstance(node, ast.ImportFrom) for name in node.names}
+    (exported,) = [node.value for node in tree.body if isinstance(node, ast.Assign)]
+    assert sorted(ast.literal_eval(exported)) == sorted(package.__all__)
+    for name, home in homes.items():
+        value = getattr(package, name)
+        assert value is getattr(import_module(home), name)
+        assert getattr(value, "__module__", home) == home
+    assert set(package.__all__) <= set(dir(package))
+
+
+@pytest.mark.parametrize("package", ["boomctl", "boomctl.structure"])
+def test_an_unknown_name_is_refused_with_those_that_exist(package):
+    with pytest.raises(AttributeError, match=r"has no attribute 'Boom'; it offers .*SecondOrderModel|BoomParameters"):
+        _ = import_module(package).Boom
+
+
+def test_a_public_name_stays_though_a_module_of_its_name_is_imported():
+    """``boomctl.analysis.sigma`` is both; importing the module first must not hide the function."""
+    code = "import boomctl.analysis.sigma; from boomctl.analysis import sigma; assert callable(sigma)"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_the_package_says_that_it_is_typed():

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.model_norm import modal_realization
+from boomctl.analysis.modal_form import modal_form
 from boomctl.analysis.norm import unbounded_pole
 from boomctl.arrays import Array
 from boomctl.lti.gramians import factors
@@ -70,7 +70,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     TypeError, ValueError
         Another kind of system, discrete time, not finite; an output of a structure that needs a derivative of an input.
     """
-    given = modal_realization(system) if isinstance(system, SecondOrderModel) else of(system)
+    given = modal_form(system) if isinstance(system, SecondOrderModel) else of(system)
     if given.D.any():
         o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
         return _infinite(f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")
@@ -103,9 +103,8 @@ def _finite(system: Lti) -> H2Certificate:
     A, B, P, Q = used.A, used.B, F @ F.T, H @ H.T
     AP, BB = A @ P, B @ B.T
     rounding = 2.0 * len(A) * _EPS * (2.0 * (np.abs(A) @ np.abs(P)) + np.abs(BB))
-    margin = float(
-        np.sum((np.abs(AP + AP.T + BB) + rounding + rounding.T) * np.abs(Q))
-    )  # of |tr(R Q)|, R's own rounding too
+    left_over = np.abs(AP + AP.T + BB) + rounding + rounding.T  # |R|, and what rounding may have hidden of it
+    margin = float(np.sum(left_over * np.abs(Q)))  # |tr(R Q)| is not larger
     square = by_control**2
     return H2Certificate(
         by_control,

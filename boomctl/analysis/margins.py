@@ -12,7 +12,6 @@ from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import optimize
 
 from boomctl.analysis.loops import joined
 from boomctl.analysis.norm import axis_eigenvalues, matrices_norm
@@ -249,6 +248,8 @@ def _scaled_values(log: Array, G: Array) -> Array:
 
 
 def _least(G: Array, start: Array) -> tuple[Array, float]:
+    from scipy import optimize  # long to import; a loop of one signal does not come here
+
     found = optimize.minimize(
         lambda log: float(_scaled_values(log, G).max()),
         start,
@@ -283,9 +284,21 @@ def _loop_margin(signal: str, place: str, S: Lti, quick: Triangular, known: tupl
         with np.errstate(divide="ignore", invalid="ignore"):
             return 1.0 - 1.0 / S.response(np.atleast_1d(omega))[0, 0]
 
-    low, high = _gain_limits(response, grid, values, open_loop)
-    phase, delay = _phase_limits(response, grid, values, open_loop)
-    return LoopMargin(signal, place, *low, *high, *phase, *delay, disk)
+    (low, low_omega), (high, high_omega) = _gain_limits(response, grid, values, open_loop)
+    (phase, phase_omega), (delay, delay_omega) = _phase_limits(response, grid, values, open_loop)
+    return LoopMargin(
+        signal=signal,
+        place=place,
+        gain_low=low,
+        gain_low_omega=low_omega,
+        gain_high=high,
+        gain_high_omega=high_omega,
+        phase_deg=phase,
+        phase_omega=phase_omega,
+        delay=delay,
+        delay_omega=delay_omega,
+        disk=disk,
+    )
 
 
 def _crossings(response: Response, grid: Array, values: Array, height: Callable[[Array], Array]) -> list[float]:
@@ -305,6 +318,10 @@ def _crossings(response: Response, grid: Array, values: Array, height: Callable[
             break
         values[fresh], asked[fresh] = response(grid[fresh]), True
     found = [float(w) for w in grid[signs == 0.0]]
+    if not len(flips):
+        return found
+    from scipy import optimize  # long to import; a loop without crossings does not come here
+
     for i in flips:
         root = optimize.brentq(
             lambda w: float(height(response(np.array([w])))[0]), grid[i], grid[i + 1], xtol=1e-14, rtol=1e-12

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.model_norm import modal_realization
+from boomctl.analysis.modal_form import modal_form
 from boomctl.arrays import Array
 from boomctl.lti.modal import diagonalized, side_of_axis
 from boomctl.lti.system import of
@@ -111,7 +111,7 @@ def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
         Another kind of system, discrete time, not finite; poles without eigenvectors of their own (a rigid body that
         no support holds, equal poles in a chain).
     """
-    given = modal_realization(system) if isinstance(system, SecondOrderModel) else of(system)
+    given = modal_form(system) if isinstance(system, SecondOrderModel) else of(system)
     modal = diagonalized(given.balanced())
     if modal is None:
         raise ValueError(

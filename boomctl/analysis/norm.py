@@ -24,17 +24,21 @@ if TYPE_CHECKING:
 _LEVEL = 1e-6  # how far above the largest value found a level is tried, relative: a tenth of _CERTIFIED
 _CERTIFIED = 1e-5  # relative distance of the two bounds up to which a norm is certified (a choice)
 _ROUNDS = 30  # levels tried before giving up: each rises to a higher peak, so that a few do
-_NEAR, _FAR = (
-    1e-6,
-    3e-5,
-)  # distances from a pole on the axis, relative, between which a response that is infinite grows 30 times
-# by how much it has to grow there to be called infinite; beside a pole that does not show it stays the same
-_GROWN = 5.0
+_NEAR, _FAR = 1e-6, 3e-5  # distances from a pole on the axis, relative: an infinite response grows 30 times in between
+_GROWN = 5.0  # growth from which it is called infinite; beside a pole that does not show it stays the same
 _APART = 1e-6  # share of the fastest pole by which another one lies apart from that on the axis
-_ROUNDING = 1e2 * float(
-    np.finfo(float).eps
-)  # of the Hamiltonian matrix's norm: how far its eigenvalues may be off the axis
-_RELATIVE_ROUNDING = 1e-12  # and of the eigenvalue itself (both are choices, far below _LEVEL)
+# share of the Hamiltonian matrix's norm by which its eigenvalues may be off the axis
+_ROUNDING = 1e2 * float(np.finfo(float).eps)
+_RELATIVE_ROUNDING = 1e-12  # and share of the eigenvalue itself (both are choices, far below _LEVEL)
+
+# What tells a norm, in the order looked at: one of these is a certificate's ``method``.
+STATIC_GAIN = "static gain"  # no states: the norm of D
+UNSTABLE = "an unstable pole"  # infinite
+UNDAMPED = "a pole on the imaginary axis"  # infinite, if the pole shows in the response
+NO_RESPONSE = "zero response"
+NO_CROSSING = "no Hamiltonian eigenvalue on the imaginary axis"  # what is left: a level just above the largest value
+NOT_TOLD = "a Hamiltonian eigenvalue too close to the imaginary axis to tell"  # no upper bound
+NOT_ENDED = "the level was raised too often"  # no upper bound
 
 
 @dataclass(frozen=True)
@@ -50,13 +54,16 @@ class NormCertificate:
     omega : float
         Angular frequency of the peak [rad/s]; ``nan`` if the norm is infinite at no single frequency.
     method : str
-        How the upper bound was obtained.
+        How the upper bound was obtained, or why there is none.
+    path : tuple of str
+        What stood for a structure, from the first to the last; empty of a state-space system, which stands for itself.
     """
 
     lower: float
     upper: float
     omega: float
     method: str
+    path: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         at = f" at {self.omega:.6g} rad/s" if isfinite(self.omega) else ""
@@ -87,12 +94,12 @@ def matrices_norm(system: Lti, response: Response | None = None) -> NormCertific
     respond = partial(system.response, quiet=True) if response is None else response
     if min(system.D.shape) == 0 or not len(system.A):
         value = float(np.linalg.norm(system.D, 2)) if system.D.size else 0.0
-        return NormCertificate(value, value, 0.0, "static gain")
+        return NormCertificate(value, value, 0.0, STATIC_GAIN)
     pole = unbounded_pole(system.poles, respond)
     if pole is not None and pole.real > 0.0:
-        return NormCertificate(inf, inf, float("nan"), "an unstable pole")
+        return NormCertificate(inf, inf, float("nan"), UNSTABLE)
     if pole is not None:
-        return NormCertificate(inf, inf, pole.imag, "a pole on the imaginary axis")
+        return NormCertificate(inf, inf, pole.imag, UNDAMPED)
     peak, at = largest_gain(system, response)
     static = float(np.linalg.norm(system.D, 2))
     return _raised(system, respond, max(peak, static), at if peak >= static else inf)
@@ -121,21 +128,21 @@ def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCerti
     for _ in range(_ROUNDS):
         level = peak * (1.0 + _LEVEL)
         if level == 0.0:
-            return NormCertificate(0.0, 0.0, 0.0, "zero response")
-        crossings, clear = level_crossings(system, level)
-        if clear:
-            return NormCertificate(peak, level, at, "no Hamiltonian eigenvalue on the imaginary axis")
+            return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
+        crossings = level_crossings(system, level)
+        if not len(crossings):
+            return NormCertificate(peak, level, at, NO_CROSSING)
         middles = np.concatenate([crossings, 0.5 * (crossings[1:] + crossings[:-1])])
         values = singular_values(respond(middles))[0]
         best = int(np.argmax(values))
         if values[best] <= level:
-            return NormCertificate(peak, inf, at, "a Hamiltonian eigenvalue too close to the imaginary axis to tell")
+            return NormCertificate(peak, inf, at, NOT_TOLD)
         peak, at = float(values[best]), float(middles[best])
-    return NormCertificate(peak, inf, at, "the level was raised too often")
+    return NormCertificate(peak, inf, at, NOT_ENDED)
 
 
-def level_crossings(system: Lti, level: float) -> tuple[Array, bool]:
-    """Return frequencies at which a singular value may equal ``level``, and whether there is none.
+def level_crossings(system: Lti, level: float) -> Array:
+    """Return the frequencies at which a singular value may equal ``level``; where there is none, all are below it.
 
     Raises
     ------
@@ -144,8 +151,7 @@ def level_crossings(system: Lti, level: float) -> tuple[Array, bool]:
     """
     if np.linalg.norm(system.D, 2) >= level:
         raise ValueError(f"level = {level:g}: expected more than the largest singular value of D")
-    crossings = axis_eigenvalues(system, level)
-    return crossings, len(crossings) == 0
+    return axis_eigenvalues(system, level)
 
 
 def axis_eigenvalues(system: Lti, level: float) -> Array:

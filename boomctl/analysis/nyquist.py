@@ -23,9 +23,8 @@ from boomctl.lti.system import Lti, of
 if TYPE_CHECKING:
     import control
 
-_STEP = np.deg2rad(
-    30.0
-)  # most that the phase may turn in a step and in its halves: six of them cannot hide a turn (a choice)
+# most that the phase may turn in a step and in its halves: six of them cannot hide a turn (a choice)
+_STEP = np.deg2rad(30.0)
 # how far the middle of a step may lie off its chord, of the lesser end: the phase is followed, not guessed
 _STRAIGHT = 0.2
 _HALVINGS = 40  # of a step: beyond a trillionth of it the loop has a pole on the axis
@@ -168,15 +167,15 @@ def exact_loop_stability(
     least = singular_values(np.moveaxis(values, 0, 2))[-1]
     best = int(np.argmin(least))
     return ExactLoopStability(
-        count == unstable,
-        unstable - count,
-        count,
-        unstable,
-        float(least[best]),
-        float(omega[best]),
-        end,
-        plant_bound is not None,
-        len(omega),
+        stable=count == unstable,
+        unstable_poles=unstable - count,
+        encirclements=count,
+        controller_poles=unstable,
+        distance=float(least[best]),
+        distance_omega=float(omega[best]),
+        top=end,
+        plant_bounded=plant_bound is not None,
+        evaluations=len(omega),
     )
 
 

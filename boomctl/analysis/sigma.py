@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.analysis.model_norm import model_norm, orthonormal_parts, resonances
+from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, names
@@ -18,7 +18,6 @@ from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_va
 from boomctl.lti.system import Lti, is_frequency_response, of
 from boomctl.printing import between
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.direct import respond, respond_whole
 
 if TYPE_CHECKING:
     import control
@@ -26,6 +25,25 @@ if TYPE_CHECKING:
 
 _POINTS = 240  # of a curve, beside those at the resonances: about 100 a decade on a boom's band (a choice)
 NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
+
+
+@dataclass(frozen=True)
+class _StateSpace:
+    """A state-space system, asked the same as a :class:`SplitModel`."""
+
+    system: Lti
+
+    def singular_values(self, omega: Array, quiet: bool = False) -> Array:
+        """Return the singular values, descending; ``quiet`` as in :meth:`Lti.response`."""
+        return singular_values(self.system.response(omega, quiet=quiet))
+
+    def resonances(self) -> Resonances:
+        """Return the lowest resonances, and a band that shows them."""
+        return Resonances.of(self.system.poles)
+
+    def norm(self) -> NormCertificate:
+        """Return the certified H-infinity norm."""
+        return matrices_norm(self.system)
 
 
 @dataclass(frozen=True)
@@ -51,12 +69,12 @@ class SigmaResult:
     sigma: Array
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    _of: SecondOrderModel | Lti | NormCertificate  # what the norm is of; the norm itself where it is known
+    _of: SplitModel | _StateSpace | NormCertificate  # what the norm is of; the norm itself where it is known
 
     @cached_property
     def certificate(self) -> NormCertificate:
         """The norm and its bounds, computed when first asked for."""
-        return self._of if isinstance(self._of, NormCertificate) else _norm(self._of)
+        return self._of if isinstance(self._of, NormCertificate) else self._of.norm()
 
     def __repr__(self) -> str:
         span = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
@@ -113,14 +131,16 @@ def sigma(
         return _of_data(system, omega, inputs, outputs)
     if isinstance(system, SecondOrderModel):
         first = system.ports.primary or (None, None)
-        given = system.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
+        chosen = system.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
+        given = SplitModel.of(chosen)
     else:
         expected = "SecondOrderModel, StateSpace or FrequencyResponseData"
-        given = of(system, expected=expected).select(inputs, outputs).balanced()
+        chosen = of(system, expected=expected).select(inputs, outputs).balanced()
+        given = _StateSpace(chosen)
     if omega is not None:
         grid = frequencies("omega", omega)
-        return SigmaResult(grid, _values(given, grid), given.inputs, given.outputs, given)
-    found, certificate = Resonances.of(given.poles) if isinstance(given, Lti) else resonances(given), _norm(given)
+        return SigmaResult(grid, given.singular_values(grid), chosen.inputs, chosen.outputs, given)
+    found, certificate = given.resonances(), given.norm()
     grid = resonance_grid(
         found.poles,
         found.low,
@@ -130,21 +150,7 @@ def sigma(
         narrowest=NARROWEST,
         also=[certificate.omega] if found.low <= certificate.omega < np.inf else (),
     )
-    return SigmaResult(grid, _values(given, grid, quiet=True), given.inputs, given.outputs, certificate)
-
-
-def _norm(given: SecondOrderModel | Lti) -> NormCertificate:
-    return matrices_norm(given) if isinstance(given, Lti) else model_norm(given)
-
-
-def _values(given: SecondOrderModel | Lti, omega: Array, quiet: bool = False) -> Array:
-    if isinstance(given, Lti):
-        return singular_values(given.response(omega, quiet=quiet))
-    parts = orthonormal_parts(given)
-    if len(parts) == 1:
-        return singular_values(respond(parts[0].structure, parts[0].ports, omega).values)
-    values = np.vstack([singular_values(respond_whole(p.structure, p.ports, omega).values) for p in parts])
-    return -np.sort(-values, axis=0)[: min(len(given.inputs), len(given.outputs))]
+    return SigmaResult(grid, given.singular_values(grid, quiet=True), chosen.inputs, chosen.outputs, certificate)
 
 
 def _of_data(

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from math import ceil
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -120,20 +121,26 @@ def peak_memory(job: Job) -> int:
             tracemalloc.stop()
 
 
-def import_times(modules: Sequence[str], repeats: int) -> dict[str, float]:
-    """Return the median processor time of ``import module`` in a fresh interpreter [s], the modules taking turns."""
-    code = "import time; start = time.process_time(); import {}; print(time.process_time() - start)"
+def fresh_processes(codes: Sequence[str], repeats: int) -> dict[str, float]:
+    """Return the median processor time of processes [s], each new and running some lines of Python, taking turns.
 
-    def once(module: str) -> float:
-        done = subprocess.run(
-            [sys.executable, "-c", code.format(module)], capture_output=True, text=True, check=True, timeout=120
-        )
-        return float(done.stdout)
+    Bytecode is compiled beforehand, as it is in an installed package, also where Python is told not to write it.
+    """
+    ending = "\nimport sys, time; sys.stderr.write(str(time.process_time()))"
 
-    for module in modules:
-        once(module)
-    rounds = [[once(module) for module in modules] for _ in range(repeats)]
-    return dict(zip(modules, np.median(rounds, axis=0).tolist(), strict=True))
+    def once(code: str) -> float:
+        words = [sys.executable, "-c", code + ending]
+        done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=120, env=variables)
+        return float(done.stderr)
+
+    with TemporaryDirectory(prefix="boomctl-") as folder:
+        variables = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+        if sys.dont_write_bytecode:
+            variables["PYTHONPYCACHEPREFIX"] = folder
+        for code in codes:
+            once(code)
+        rounds = [[once(code) for code in codes] for _ in range(repeats)]
+    return dict(zip(codes, np.median(rounds, axis=0).tolist(), strict=True))
 
 
 def environment() -> dict[str, str]:

@@ -1,41 +1,5 @@
 """The spray boom of Anthonis & Ramon (2003): parameters, models, excitation by a tractor on a track, spray on the field."""
 
-from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
-from boomctl.boom.families import boom_family, yaw_family
-from boomctl.boom.model import spray_boom
-from boomctl.boom.motion import PlatformMotion, platform_motion, read_motion, sine_sweep, write_motion
-from boomctl.boom.parameters import BoomParameters
-from boomctl.boom.spray import Footprint, SprayResult, nozzle_positions, split_motion, spray_by_motion, spray_deposit
-from boomctl.boom.track_filter import PlatformDensity, platform_density, track_filter
-from boomctl.boom.tracks import Track, bump_track, iso_track, road_density, track_coherence
-from boomctl.boom.tractor import TractorParameters, tractor_system
+from boomctl.lazy import loader
 
-__all__ = [
-    "BoomParameters",
-    "Footprint",
-    "PlatformDensity",
-    "PlatformMotion",
-    "SprayResult",
-    "Track",
-    "TractorParameters",
-    "boom_family",
-    "bump_track",
-    "exact_eigenfrequencies_hz",
-    "exact_frequency_response",
-    "iso_track",
-    "nozzle_positions",
-    "platform_density",
-    "platform_motion",
-    "read_motion",
-    "road_density",
-    "sine_sweep",
-    "split_motion",
-    "spray_boom",
-    "spray_by_motion",
-    "spray_deposit",
-    "track_coherence",
-    "track_filter",
-    "tractor_system",
-    "write_motion",
-    "yaw_family",
-]
+__all__, __getattr__, __dir__ = loader(__name__)

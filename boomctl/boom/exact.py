@@ -11,8 +11,8 @@ from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS, boom_assembly, boom_mirror
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import frequencies, known, names, whole
-from boomctl.structure import FiniteElements
 from boomctl.structure.beams.eigenvalues import damped_eigenvalues, undamped_frequencies
+from boomctl.structure.beams.elements import FiniteElements
 from boomctl.structure.beams.exact import ExactModel, PreparedResponse
 from boomctl.structure.displacement_input import MOTIONS
 

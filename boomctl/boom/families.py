@@ -9,8 +9,6 @@ the boom, and spray liquid in its pipes, are such a change.
 from collections.abc import Mapping
 from dataclasses import replace
 
-from scipy import optimize
-
 from boomctl.boom.model import spray_boom
 from boomctl.boom.parameters import BoomParameters, boom_parameters
 from boomctl.checks import known, positive
@@ -112,6 +110,8 @@ def spring_for_yaw(
     ValueError
         No stiffness up to ten thousand times the present one does it.
     """
+    from scipy import optimize  # long to import, and boom_family does not come here
+
     parameters, wanted = boom_parameters(parameters), positive("frequency_hz", frequency_hz)
 
     def excess(factor: float) -> float:

@@ -2,36 +2,36 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters, boom_parameters
 from boomctl.checks import finite_array, known, positive, whole
-from boomctl.structure import (
+from boomctl.structure.assembly import Assembly
+from boomctl.structure.beams.elements import DiscreteElements, FiniteElements
+from boomctl.structure.displacement_input import MOTIONS, prescribe_displacement
+from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.parts import (
     GROUND,
-    Assembly,
     Beam,
     BeamSection,
-    DiscreteElements,
-    FiniteElements,
+    Discretization,
     Force,
     Output,
     RigidBody,
-    SecondOrderModel,
     SpringDamper,
     fixed,
     free,
-    prescribe_displacement,
     prismatic,
     revolute,
 )
-from boomctl.structure.displacement_input import MOTIONS
-from boomctl.structure.parts import Discretization
 from boomctl.structure.symmetry import Mirror, SignalPair, beam_reflection, mirror_of
 
 ACTUATORS = ("actuator_left", "actuator_right")
 TIPS = ("tip_left", "tip_right")
+_KEPT = 32  # mirrors kept for the next boom of the same mesh (a choice of memory)
 DISCRETIZATIONS = ("finite", "high-order", "discrete-hermite", "discrete-geometric")
 
 _PAIRS = (
@@ -67,29 +67,27 @@ def boom_assembly(
         max(p.boom_inertia - p.tube_inertia, 0.0),
     )
     sides = (("left", -1.0), ("right", 1.0))
-    outputs = [Output(f"tip_{side}", boom.at(sign * half)) for side, sign in sides]
-    outputs += [
-        Output(f"stroke_{side}", boom.at(sign * spring), relative_to=platform.at(sign * spring)) for side, sign in sides
-    ]
-    outputs.append(Output("cradle_slip", cradle.at(0), relative_to=platform.at(0)))
+    tips = [(side, boom.at(sign * half)) for side, sign in sides]
+    springs = [(side, boom.at(sign * spring), platform.at(sign * spring)) for side, sign in sides]
+    on_cradle, on_platform = cradle.at(0), platform.at(0)
+    outputs = [Output(f"tip_{side}", tip) for side, tip in tips]
+    outputs += [Output(f"stroke_{side}", end, relative_to=base) for side, end, base in springs]
+    outputs.append(Output("cradle_slip", on_cradle, relative_to=on_platform))
     if accelerometer_bandwidth_hz is not None:
         band = positive("accelerometer_bandwidth_hz", accelerometer_bandwidth_hz)
-        outputs += [
-            Output(f"tip_{side}_acceleration", boom.at(sign * half), derivative=2, bandwidth_hz=band)
-            for side, sign in sides
-        ]
+        outputs += [Output(f"tip_{side}_acceleration", tip, derivative=2, bandwidth_hz=band) for side, tip in tips]
     outputs += [Output(nozzle_name(i), boom.at(x)) for i, x in enumerate(nozzles)]
     return Assembly(
         bodies=(platform, cradle, boom, stiff_middle),
         links=(
-            *(SpringDamper(boom.at(s * spring), platform.at(s * spring), "y", p.spring_stiffness) for _, s in sides),
-            SpringDamper(cradle.at(0), platform.at(0), "y", damping=p.cradle_damping),
-            SpringDamper(boom.at(0), cradle.at(0), "theta", damping=p.hinge_damping),
+            *(SpringDamper(end, base, "y", p.spring_stiffness) for _, end, base in springs),
+            SpringDamper(on_cradle, on_platform, "y", damping=p.cradle_damping),
+            SpringDamper(stiff_middle.parent, on_cradle, "theta", damping=p.hinge_damping),
         ),
         forces=(
             *(Force(f"actuator_{side}", platform.at(sign * actuator)) for side, sign in sides),
-            *(Force(f"suspension_{side}", boom.at(s * spring), reaction=platform.at(s * spring)) for side, s in sides),
-            Force("cradle", cradle.at(0), reaction=platform.at(0)),
+            *(Force(f"suspension_{side}", end, reaction=base) for side, end, base in springs),
+            Force("cradle", on_cradle, reaction=on_platform),
         ),
         outputs=tuple(outputs),
     )
@@ -152,9 +150,7 @@ def spray_boom(
         if reactions:
             raise ValueError("reactions = True: the actuators' forces are inputs where excitation = 'force'")
         return model
-    driven = prescribe_displacement(model, ACTUATORS, motion=excitation, reactions=reactions)
-    driven.structure.make_halves()
-    return driven
+    return prescribe_displacement(model, ACTUATORS, motion=excitation, reactions=reactions)
 
 
 def boom_discretization(
@@ -227,7 +223,8 @@ def _nozzle_pairs(places: Sequence[float]) -> tuple[SignalPair, ...]:
     return (*pairs, SignalPair(nozzle_name(count // 2), nozzle_name(count // 2))) if count % 2 else tuple(pairs)
 
 
-def boom_mirror(coordinates: Sequence[str], nozzles: Sequence[float] = ()) -> Mirror | None:
+@lru_cache(maxsize=_KEPT)
+def boom_mirror(coordinates: tuple[str, ...], nozzles: tuple[float, ...] = ()) -> Mirror | None:
     """Return the reflection about the hinge; None where the mesh has no mirror image."""
     images = {
         "platform.y": ("platform.y", 1),

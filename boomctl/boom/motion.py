@@ -8,11 +8,12 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import Track, step_count
-from boomctl.boom.tractor import TractorParameters, tractor_lti, tractor_parameters
+from boomctl.boom.tractor import TractorParameters, tractor_lti
 from boomctl.checks import finite_array, known, positive, real
 from boomctl.files import read_numbers, write_whole
 from boomctl.lti.hold import linear_hold, linear_hold_response, recursion
 from boomctl.lti.system import Lti
+from boomctl.parameters import or_default
 
 _DISTANCE = BoomParameters.actuator_distance
 _SETTLED = 1e-6  # share of the motion at the start that is left when the record begins (a choice)
@@ -144,19 +145,19 @@ def platform_motion(
     """
     if not isinstance(track, Track):
         raise TypeError(f"track: expected Track, got {type(track).__name__}")
-    p, V = tractor_parameters(tractor), positive("speed", speed)
+    p, V = or_default(TractorParameters, "tractor", tractor), positive("speed", speed)
     system = tractor_lti(p, V, positive("actuator_distance", actuator_distance))
     h = positive("sample_time", sample_time)
     if not np.isclose(track.width, p.track_width, rtol=1e-6):
         raise ValueError(
             f"track: its sides are {track.width:g} m apart; expected track_width, {p.track_width:g} m, of the tractor"
         )
-    reach = track.length if track.periodic else track.length - p.wheelbase
-    if reach <= 0.0:
+    way = track.length if track.periodic else track.length - p.wheelbase  # that the rear axle can drive
+    if way <= 0.0:
         raise ValueError(f"track: {track.length:g} m are shorter than the wheelbase, {p.wheelbase:g} m")
-    wanted = reach / V if duration is None else positive("duration", duration)
-    if not track.periodic and wanted * V > reach * (1.0 + 1e-9):
-        raise ValueError(f"duration = {wanted:g}: expected at most {reach / V:g} s, where the track ends")
+    wanted = way / V if duration is None else positive("duration", duration)
+    if not track.periodic and wanted * V > way * (1.0 + 1e-9):
+        raise ValueError(f"duration = {wanted:g}: expected at most {way / V:g} s, where the track ends")
     count = step_count("duration", wanted, h, "s")
     if count < 1:
         raise ValueError(f"sample_time = {h:g}: expected less than the duration, {wanted:g} s")

@@ -1,10 +1,9 @@
 """Parameters of the spray boom."""
 
 from dataclasses import dataclass, fields
-from pathlib import Path
 
 from boomctl.checks import nonnegative, positive
-from boomctl.printing import exact, exact_html
+from boomctl.parameters import Parameters, or_default
 
 _MAY_BE_ZERO = (
     "spring_stiffness",
@@ -16,8 +15,8 @@ _MAY_BE_ZERO = (
 )
 
 
-@dataclass(frozen=True)
-class BoomParameters:
+@dataclass(frozen=True, repr=False)
+class BoomParameters(Parameters):
     """Physical properties of the spray boom and its suspension, SI units.
 
     The defaults are those of Anthonis & Ramon (2003), Table 2.  The paper's ``b`` is a width here (20 mm, the depth in
@@ -92,9 +91,6 @@ class BoomParameters:
             if value < tube * (1.0 - 1e-12):
                 raise ValueError(f"{name} = {value:g}: expected at least that of the tube, {tube:.6g}")
 
-    __repr__ = exact
-    _repr_html_ = exact_html
-
     @property
     def area(self) -> float:
         """Cross-sectional area of the tube [m^2]."""
@@ -125,26 +121,7 @@ class BoomParameters:
         """Moment of inertia of the tube alone about its middle [kg m^2]."""
         return self.tube_mass * self.length**2 / 12.0
 
-    @classmethod
-    def from_toml(cls, path: str | Path) -> "BoomParameters":
-        """Read parameters from a TOML file; those not in it keep their defaults.
-
-        Raises
-        ------
-        OSError
-            The file cannot be read.
-        ValueError, TypeError
-            Not TOML, an unknown key, a value of the wrong type or out of range; the message names file and key.
-        """
-        from boomctl.files import read_parameters
-
-        return read_parameters(cls, path)
-
 
 def boom_parameters(parameters: BoomParameters | None) -> BoomParameters:
     """Return the parameters given, those of Table 2 for None; anything else is refused."""
-    if parameters is None:
-        return BoomParameters()
-    if not isinstance(parameters, BoomParameters):
-        raise TypeError(f"parameters: expected BoomParameters, got {type(parameters).__name__}")
-    return parameters
+    return or_default(BoomParameters, "parameters", parameters)

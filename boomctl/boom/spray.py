@@ -223,7 +223,16 @@ def spray_deposit(
     if along.start == along.stop:
         raise ValueError(f"time: the run of {t[-1] - t[0]:g} s is too short for a cell to be judged")
     tips = np.sqrt(np.mean((np.diff(moved[[0, -1]]) / np.diff(t)) ** 2, axis=1)).max()
-    return SprayResult(shares @ stays * (V / dy), x_edges, y_edges, across, along, float(tips), V, pattern)
+    return SprayResult(
+        deposit=shares @ stays * (V / dy),
+        x_edges=x_edges,
+        y_edges=y_edges,
+        x_judged=across,
+        y_judged=along,
+        rms_tip_speed=float(tips),
+        speed=V,
+        footprint=pattern,
+    )
 
 
 def _cell(cell: float | tuple[float, float]) -> tuple[float, float]:

@@ -10,9 +10,10 @@ from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import BAND, class_number, road_density, track_coherence, wave_band
-from boomctl.boom.tractor import TractorParameters, tractor_lti, tractor_parameters
+from boomctl.boom.tractor import TractorParameters, tractor_lti
 from boomctl.checks import frequencies, positive, whole
 from boomctl.lti.system import Lti, append, series, static
+from boomctl.parameters import or_default
 from boomctl.printing import compact
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def platform_density(
         As these do; a frequency of zero; numbers so far out that the densities are not finite.
     """
     low, high = wave_band(band)
-    p, V = tractor_parameters(tractor), positive("speed", speed)
+    p, V = or_default(TractorParameters, "tractor", tractor), positive("speed", speed)
     system = tractor_lti(p, V, positive("actuator_distance", actuator_distance))
     f = frequencies("freq_hz", freq_hz)
     wave = f / V
@@ -240,9 +241,9 @@ def _start(grid: Array, target: Array, sections: int) -> Array:
 def _bounds(grid: Array, sections: int) -> tuple[Array, Array]:
     frequency = np.log(2.0 * np.pi * np.array([grid[0] / 4, grid[-1] * 1.5]))
     damping = np.log(_DAMPING)
-    pieces = [(sections, frequency), (sections, damping), (sections - 1, frequency), (sections - 1, damping)]
+    blocks = [(sections, frequency), (sections, damping), (sections - 1, frequency), (sections - 1, damping)]
     low, high = (
-        np.concatenate([[side], *(np.full(n, b[i]) for n, b in pieces)]) for i, side in ((0, -60.0), (1, 60.0))
+        np.concatenate([[side], *(np.full(n, b[i]) for n, b in blocks)]) for i, side in ((0, -60.0), (1, 60.0))
     )
     return low, high
 

@@ -22,7 +22,6 @@ deposit of 1 to 4 %; field runs gave 3.5 to 5.2 % (Ooms et al. 2003).
 """
 
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,7 +31,7 @@ from boomctl.boom.model import ACTUATORS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import nonnegative, positive
 from boomctl.lti.system import Lti
-from boomctl.printing import exact, exact_html
+from boomctl.parameters import Parameters, or_default
 
 if TYPE_CHECKING:
     import control
@@ -43,8 +42,8 @@ WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 _MAY_BE_ZERO = ("contact_length", "rolling_resistance", "tyre_damping_front", "tyre_damping_rear", "steering_corner_hz")
 
 
-@dataclass(frozen=True)
-class TractorParameters:
+@dataclass(frozen=True, repr=False)
+class TractorParameters(Parameters):
     """A tractor with mounted sprayer; SI units; typical values, an assumption.
 
     Attributes
@@ -110,9 +109,6 @@ class TractorParameters:
                 f"centre_to_rear = {self.centre_to_rear:g}: expected less than the wheelbase, {self.wheelbase:g}"
             )
 
-    __repr__ = exact
-    _repr_html_ = exact_html
-
     @property
     def axle_positions(self) -> tuple[float, float]:
         """Front and rear axle, ahead of the centre of mass [m]."""
@@ -130,30 +126,6 @@ class TractorParameters:
         return (
             2.0 * (self.cornering_stiffness_front * ahead**2 + self.cornering_stiffness_rear * behind**2)
         ) / positive("speed", speed)
-
-    @classmethod
-    def from_toml(cls, path: str | Path) -> "TractorParameters":
-        """Read parameters from a TOML file; those not in it keep their defaults.
-
-        Raises
-        ------
-        OSError
-            The file cannot be read.
-        ValueError, TypeError
-            Not TOML, an unknown key, a value of the wrong type or out of range; the message names file and key.
-        """
-        from boomctl.files import read_parameters
-
-        return read_parameters(cls, path)
-
-
-def tractor_parameters(tractor: TractorParameters | None) -> TractorParameters:
-    """Return the tractor given, the usual one for None; anything else is refused."""
-    if tractor is None:
-        return TractorParameters()
-    if not isinstance(tractor, TractorParameters):
-        raise TypeError(f"tractor: expected TractorParameters, got {type(tractor).__name__}")
-    return tractor
 
 
 @dataclass(frozen=True)
@@ -227,7 +199,9 @@ def tractor_system(
         Not a tractor; a speed or distance not above zero.
     """
     return tractor_lti(
-        tractor_parameters(tractor), positive("speed", speed), positive("actuator_distance", actuator_distance)
+        or_default(TractorParameters, "tractor", tractor),
+        positive("speed", speed),
+        positive("actuator_distance", actuator_distance),
     ).statespace("tractor")
 
 

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg, optimize
+from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import partial_fractions, resolved, side_of_axis
@@ -18,6 +18,13 @@ Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outpu
 _NEARLY_EQUAL = 1e-5
 _COLUMNS = 256  # right-hand sides substituted at once: what stays in the cache
 _PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding
+# A search ends where a step raises the peak by rounding only, and the bracket's ends lie so little below it, both as
+# shares of its height, that the top of a parabola through them misses it by the square of that
+_RISEN = 1e-13
+_FLAT = 1e-7
+# share of a bracket, asked beside its parabola's top to close it in from both sides (measured: few steps)
+_CLOSE = 0.03
+_SLOW = 0.25  # share of a bracket that is left after a slow step, which middles then follow (a choice)
 # highest points of a grid around which a peak is searched for: the highest peak may be at the second (a choice)
 _REFINED = 3
 # states beyond which eigenvectors show where the peak is, as solving for each frequency takes long (a choice)
@@ -28,11 +35,10 @@ _BAND = 16  # poles that a picture shows by default: eight modes (a choice)
 _RESTING = 1e-9  # share of the fastest pole up to which a slow one is no reason to show so low frequencies (a choice)
 _EMPTY = (0.1, 100.0)  # [rad/s], what a picture shows of a system without dynamics (a choice)
 
-# Places around a resonance, in half-power half-widths |Re p| from Im p, for two purposes (both choices).
-DRAWN = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(
-    1.0
-)  # for a curve: dense at the peak, 23 half-widths to either side
-SOUGHT = np.array([-3.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 3.0])  # for a search, which narrows in on the highest
+# Places around a resonance, in half-power half-widths |Re p| from Im p (both choices):
+# for a curve, dense at the peak and up to 23 half-widths to either side; for a search, which narrows in on the highest
+DRAWN = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(1.0)
+SOUGHT = np.array([-3.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 3.0])
 
 
 def singular_values(G: Array) -> Array:
@@ -112,17 +118,47 @@ def highest_peak(
         Around how many points of the grid a peak is searched for.
     """
     values = (value if screen is None else screen)(grid)
-    order = np.argsort(values)[::-1]
-    best = int(order[0])
-    peak, at = float(values[best] if screen is None else value(grid[[best]])[0]), float(grid[best])
-    for i in order[:refined]:
-        a, b = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
-        found = optimize.minimize_scalar(
-            lambda w: -float(value(np.array([w]))[0]), bounds=(a, b), method="bounded", options={"xatol": _PLACED * b}
-        )
-        if -found.fun > peak:
-            peak, at = float(-found.fun), float(found.x)
+    order = np.argsort(values)[::-1][:refined]
+    around = np.clip(order[:, None] + np.array([-1, 0, 1]), 0, len(grid) - 1)
+    omega = grid[around]
+    heights = values[around] if screen is None else value(omega.ravel()).reshape(omega.shape)
+    best, slow = int(np.argmax(heights[:, 1])), np.ones(len(omega), bool)
+    peak, at = float(heights[best, 1]), float(omega[best, 1])
+    while len(omega):
+        finer, found = _narrowed(value, omega, heights, halved=bool(slow.any()))
+        best = int(np.argmax(found[:, 1]))
+        if found[best, 1] > peak:
+            peak, at = float(found[best, 1]), float(finer[best, 1])
+        width, top = np.ptp(finer, axis=1), found[:, 1]
+        slow = width > _SLOW * np.ptp(omega, axis=1)
+        flat = (top <= heights[:, 1] * (1.0 + _RISEN)) & (found.min(axis=1) >= top * (1.0 - _FLAT))
+        going = (width > _PLACED * finer[:, 2]) & ~flat
+        omega, heights, slow = finer[going], found[going], slow[going]
     return peak, at
+
+
+def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array, halved: bool) -> tuple[Array, Array]:
+    """Return narrower brackets of peaks, and the values there, in the order of the frequencies.
+
+    A row is a bracket: its ends and, between or at one of them, its highest point.  Each is asked at the top of the
+    parabola through its three points, close to either side of it, and with ``halved`` in the middles too; all at once.
+    """
+    (low, middle, high), (left, top, right) = omega.T, heights.T
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        # the inverse square of a resonance is a parabola
+        p, q = (middle - low) * ((top / right) ** 2 - 1.0), (middle - high) * ((top / left) ** 2 - 1.0)
+        vertex = middle - 0.5 * ((middle - low) * p - (middle - high) * q) / (p - q)
+    vertex = np.where((vertex > low) & (vertex < high), vertex, middle)
+    asked = [vertex - _CLOSE * (high - low), vertex, vertex + _CLOSE * (high - low)]
+    if halved:
+        asked += [0.5 * (low + middle), 0.5 * (middle + high)]
+    new = np.clip(np.stack(asked, axis=1), low[:, None], high[:, None])
+    places = np.concatenate([omega, new], axis=1)
+    values = np.concatenate([heights, value(new.ravel()).reshape(new.shape)], axis=1)
+    order = np.argsort(places, axis=1)
+    places, values = np.take_along_axis(places, order, 1), np.take_along_axis(values, order, 1)
+    around = np.clip(np.argmax(values, axis=1)[:, None] + np.array([-1, 0, 1]), 0, places.shape[1] - 1)
+    return np.take_along_axis(places, around, 1), np.take_along_axis(values, around, 1)
 
 
 def largest_gain(system: Lti, respond: Response | None = None, refined: int = _REFINED) -> tuple[float, float]:

@@ -14,9 +14,8 @@ from boomctl.arrays import Array
 from boomctl.lti.modal import side_of_axis
 
 _WEAK = 1e-9  # cosine between a mode and the columns of B up to which they do not reach it (a choice above rounding)
-_ROUNDING = 4.0 * float(
-    np.finfo(float).eps
-)  # of the norm of the matrix: how far eigenvalues move, for orthogonal eigenvectors
+# share of the norm of the matrix by which rounding moves eigenvalues, if the eigenvectors are orthogonal
+_ROUNDING = 4.0 * float(np.finfo(float).eps)
 _FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than that, however ill-conditioned (a choice)
 # share of the largest singular value below which eigenvectors of a cluster add no direction (a choice)
 _PARALLEL = 1e-6
@@ -83,9 +82,9 @@ def unmoved(
     for cluster in _clusters(poles, doubt, chosen):
         U, values, _ = linalg.svd(left[:, cluster], full_matrices=False)
         basis = U[:, values > _PARALLEL * values[0]]
-        directions, reach, _ = linalg.svd(basis.conj().T @ acting)
-        reach = np.concatenate([reach, np.zeros(basis.shape[1] - len(reach))])
-        for k in np.flatnonzero(reach <= _WEAK):
+        directions, cosines, _ = linalg.svd(basis.conj().T @ acting)
+        cosines = np.concatenate([cosines, np.zeros(basis.shape[1] - len(cosines))])
+        for k in np.flatnonzero(cosines <= _WEAK):
             shape = basis @ directions[:, k]
             pole = complex(poles[cluster].mean())
             found.append(HiddenMode(pole, str(states[int(np.argmax(np.abs(shape)))])))

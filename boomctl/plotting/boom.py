@@ -14,8 +14,9 @@ from boomctl.plotting.canvas import COLOURS, new_figure, style
 from boomctl.plotting.sigma import plot_measured, plot_sigma
 
 if TYPE_CHECKING:
-    from boomctl.analysis import MeasuredCurve, SigmaResult
-    from boomctl.boom import BoomParameters
+    from boomctl.analysis.measured import MeasuredCurve
+    from boomctl.analysis.sigma import SigmaResult
+    from boomctl.boom.parameters import BoomParameters
 
 _LINES = {"finite": "--", "discrete": ":", "exact": "-"}
 
@@ -157,6 +158,9 @@ def animation_gif(motions: tuple[Any, ...], p: "BoomParameters", frames: int = 3
                 ax.set_xlabel("x along the boom [m]")
             return []
 
+        draw(0)
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")  # places are those of the first frame, and take longer to find than to draw
         with TemporaryDirectory() as folder:
             path = Path(folder) / "motion.gif"
             FuncAnimation(figure, draw, frames=frames, blit=False).save(path, writer=PillowWriter(fps=18), dpi=90)

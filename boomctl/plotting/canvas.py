@@ -46,7 +46,11 @@ def new_figure(width: float = 7.0, height: float = 4.2) -> Figure:
 
 def picture(name: str, figure: Any, caption: str, *kinds: str) -> Picture:
     """Return a figure as a picture of a report, with a file of each kind, by default SVG and PNG; the first is shown."""
-    return Picture(name, caption, {kind: figure_bytes(figure, kind) for kind in kinds or ("svg", "png")})
+    files = {}
+    for kind in kinds or ("svg", "png"):
+        files[kind] = figure_bytes(figure, kind)
+        figure.set_layout_engine("none")  # places are found now, and take as long as drawing
+    return Picture(name, caption, files)
 
 
 def figure_bytes(figure: Any, kind: str) -> bytes:

@@ -9,7 +9,7 @@ from boomctl.checks import names
 from boomctl.plotting.canvas import COLOURS, new_figure, style
 
 if TYPE_CHECKING:
-    from boomctl.simulation import LoopResult
+    from boomctl.simulation.result import LoopResult
 
 _MOST = 6  # outputs that are drawn unless some are named: as many as there are colours
 

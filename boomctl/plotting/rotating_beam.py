@@ -138,28 +138,34 @@ def _fill(ax: "Axes", panel: Panel) -> None:
         ax.legend(fontsize=8, loc=panel.legend, framealpha=0.9)
 
 
-def chart_bytes(chart: Chart, ending: str) -> bytes:
-    """A chart as the bytes of a file.
+def chart_files(chart: Chart, *endings: str) -> dict[str, bytes]:
+    """A chart as the bytes of a file of each kind, drawn and laid out once.
 
     Parameters
     ----------
     chart : Chart
-    ending : str
-        "png" or "svg".
+    endings : str
+        "png", "svg".
 
     Raises
     ------
     ValueError
         For another ending.
     """
-    if ending not in ("png", "svg"):
-        raise ValueError(f"ending = {ending!r}: expected 'png' or 'svg'")
+    for ending in endings:
+        if ending not in ("png", "svg"):
+            raise ValueError(f"ending = {ending!r}: expected 'png' or 'svg'")
     from matplotlib import rc_context
 
-    target = io.BytesIO()
+    files = {}
     with rc_context({"svg.hashsalt": chart.name}):
-        draw(chart).savefig(target, format=ending, dpi=130, metadata={"Date": None} if ending == "svg" else None)
-    return target.getvalue()
+        figure = draw(chart)
+        for ending in endings:
+            target = io.BytesIO()
+            figure.savefig(target, format=ending, dpi=130, metadata={"Date": None} if ending == "svg" else None)
+            figure.set_layout_engine("none")  # places are found now, and take as long as drawing
+            files[ending] = target.getvalue()
+    return files
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,8 @@ import numpy as np
 from boomctl.plotting.canvas import style
 
 if TYPE_CHECKING:
-    from boomctl.analysis import MeasuredCurve, SigmaResult
+    from boomctl.analysis.measured import MeasuredCurve
+    from boomctl.analysis.sigma import SigmaResult
 
 
 def plot_sigma(

@@ -11,6 +11,10 @@ from boomctl.arrays import Array
 from boomctl.plotting.canvas import COLOURS, new_figure, style
 
 _SHAPES = "osDPXph*d<>"
+_NEAR = 0.7  # share of a limit from which a curve is near it, and the limit drawn (a choice)
+_FALLING = (
+    0.5  # slope of an error from which it is said to fall: on coarse meshes fast vibration is not seen (a choice)
+)
 _NOTHING = 1e-4  # vibration that is drawn as none [m]: 0.1 mm of a beam of 8 m is not to be seen
 
 
@@ -33,27 +37,29 @@ def plot_slew(result: Any) -> Figure:
     with style():
         figure = new_figure(7.0, 1.45 * len(curves) + 0.4)
         axes = np.atleast_1d(figure.subplots(len(curves), 1, sharex=True))
+        limited = False
         for ax, (label, values, limit) in zip(axes, curves, strict=True):
-            _draw_limit(ax, limit, values)
+            limited |= _draw_limit(ax, limit, values)
             if label.startswith("torque"):
                 _draw_torque(ax, result.history, COLOURS[0])
             else:
                 ax.plot(result.time, values)
             ax.set_ylabel(label)
-        axes[0].set_title(f"{result.title.capitalize()}: {result.duration:.4g} s")
+        axes[0].set_title(
+            f"{result.title.capitalize()}: {result.duration:.4g} s" + ("; broken lines: limits" if limited else "")
+        )
         axes[-1].set_xlabel("time [s]")
         axes[-1].set_xlim(-0.01 * result.duration, 1.01 * result.duration)
         figure.align_ylabels(axes)
     return figure
 
 
-def _draw_limit(ax: Any, limit: float | None, values: Any) -> None:
-    """Both signs of a limit, where the curve comes near them."""
-    if limit is None:
-        return
-    for level in (limit, -limit):
-        if max(np.max(values / level), 0.0) > 0.7:
-            ax.axhline(level, color="0.45", linewidth=2.4, alpha=0.5, linestyle="--")
+def _draw_limit(ax: Any, limit: float | None, values: Any) -> bool:
+    """Draw both signs of a limit where the curve comes near them, and return whether it does."""
+    levels = [] if limit is None else [level for level in (limit, -limit) if np.max(values / level) > _NEAR]
+    for level in levels:
+        ax.axhline(level, color="0.45", linewidth=2.4, alpha=0.5, linestyle="--")
+    return bool(levels)
 
 
 def _draw_torque(ax: Any, history: Any, colour: str) -> None:
@@ -74,7 +80,7 @@ def plot_slew_comparison(comparison: Any, names: tuple[str, ...] = ()) -> Figure
     shown = [line for line in comparison.lines if line.name in names] if names else list(comparison.lines[:4])
     # those drawn over time come first, for colours repeat
     ranked = [*shown, *(line for line in comparison.lines if line not in shown)]
-    looks = {line.name: _look(k) for k, line in enumerate(ranked)}
+    looks = {line.name: _line_style(k) for k, line in enumerate(ranked)}
     with style():
         figure = new_figure(10.5, 0.75 * len(shown) + 3.6)
         figure.set_layout_engine("constrained", h_pad=0.03)
@@ -86,7 +92,7 @@ def plot_slew_comparison(comparison: Any, names: tuple[str, ...] = ()) -> Figure
     return figure
 
 
-def _look(k: int) -> dict[str, Any]:
+def _line_style(k: int) -> dict[str, Any]:
     """Colour and marker of the k-th slew: the second round of colours is hollow."""
     colour = COLOURS[k % len(COLOURS)]
     filled = k < len(COLOURS)
@@ -182,9 +188,9 @@ def plot_mesh_study(study: Any) -> Figure:
         ax = figure.add_subplot()
         for k, line in enumerate(study.lines):
             kept = line.errors > 0.0
-            order = f"order {line.order:.1f}" if np.isfinite(line.order) else "order not seen"
+            order = f"order {line.order:.1f}" if line.order > _FALLING else "order not seen"
             ax.loglog(
-                study.intervals[kept], line.errors[kept], markersize=5, label=f"{line.name}: {order}", **_look(k),
+                study.intervals[kept], line.errors[kept], markersize=5, label=f"{line.name}: {order}", **_line_style(k),
             )  # fmt: skip
         ticks = [int(n) for n in study.intervals]
         ax.set_xlim(0.92 * ticks[0], 1.09 * ticks[-1])
@@ -218,7 +224,7 @@ def plot_switching(curve: Any) -> Figure:
         upper.set_yscale("function", functions=(np.cbrt, lambda root: root**3))
         ticks = (-1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0)
         upper.set_yticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
-        upper.set_ylabel("switching function")
+        upper.set_ylabel("switching function\n(cube-root scale)")
         upper.set_title("The sign of the switching function, and the torque")
         lower.step(curve.time, curve.torque, where="mid", color=COLOURS[0])
         limit = curve.torque_limit

@@ -10,7 +10,9 @@ from boomctl.checks import finite_array, positive, real
 from boomctl.plotting.canvas import COLOURS, new_figure, style
 
 if TYPE_CHECKING:
-    from boomctl.boom import PlatformMotion, SprayResult, Track
+    from boomctl.boom.motion import PlatformMotion
+    from boomctl.boom.spray import SprayResult
+    from boomctl.boom.tracks import Track
 
 # doses at which the colour changes: ±2, 5, 10 and 20 % as deposits are judged by, then coarser
 _STEPS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0)

@@ -12,8 +12,8 @@ from boomctl.plotting.sigma import plot_sigma
 if TYPE_CHECKING:
     import control
 
-    from boomctl.analysis import SigmaResult
-    from boomctl.simulation import LoopResult
+    from boomctl.analysis.sigma import SigmaResult
+    from boomctl.simulation.result import LoopResult
 
 _PASSIVE, _ACTIVE, _FAINT = COLOURS[1], COLOURS[0], "#9bb8d3"
 

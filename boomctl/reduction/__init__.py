@@ -1,6 +1,5 @@
 """Smaller systems that answer alike: every reduction carries a bound and a verified error."""
 
-from boomctl.reduction.reduce import reduce
-from boomctl.reduction.result import ReductionError, ReductionResult
+from boomctl.lazy import loader
 
-__all__ = ["ReductionError", "ReductionResult", "reduce"]
+__all__, __getattr__, __dir__ = loader(__name__)

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boomctl.analysis.model_norm import in_modes
+from boomctl.analysis.modal_form import in_modes
 from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
 from boomctl.lti.system import Lti, append
-from boomctl.reduction.tail_bounds import loads_of, modal_states, separated_damping, tail_bound
+from boomctl.reduction.tail_bounds import loads_of, modal_states, tail_bound
+from boomctl.structure.damping import separated_damping
 from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import undamped_modes
@@ -83,15 +84,22 @@ def _statespace_core(system: Lti, states: int, way: str) -> SystemCore:
     fast, kept = spectral_parts(system.balanced())
     modal = diagonalized(fast)
     if modal is None:
-        return SystemCore(fast, None, kept, 0.0, True, way)
+        return SystemCore(stable=fast, modal=None, kept=kept, tail=0.0, complete=True, way=way)
     sizes = modal.sizes
     if len(sizes) <= max(_MANY_STATES, states):
-        return SystemCore(modal.blocks, modal, kept, 0.0, True, way)
+        return SystemCore(stable=modal.blocks, modal=modal, kept=kept, tail=0.0, complete=True, way=way)
     strong = sizes >= np.sort(sizes)[-states] * (1.0 - _TIE)
     pair = np.flatnonzero(modal.poles.imag > 0.0)
     strong[pair] = strong[pair + 1] = strong[pair] | strong[pair + 1]
     chosen = modal.only(strong)
-    return SystemCore(chosen.blocks, chosen, kept, float(sizes[~strong].sum()), bool(strong.all()), STRONGEST_MODES)
+    return SystemCore(
+        stable=chosen.blocks,
+        modal=chosen,
+        kept=kept,
+        tail=float(sizes[~strong].sum()),
+        complete=bool(strong.all()),
+        way=STRONGEST_MODES,
+    )
 
 
 def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
@@ -121,7 +129,9 @@ def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
         poles = np.concatenate([part.poles for part in modals])
         modal = ModalSystem(poles, np.vstack([p.B for p in modals]), np.hstack([p.C for p in modals]), D)
     stable = _parallel(fast, D) if modal is None else modal.blocks
-    return SystemCore(stable, modal, _parallel(kept, 0.0 * D), tail, False, HIGH_MODES_BOUNDED)
+    return SystemCore(
+        stable=stable, modal=modal, kept=_parallel(kept, 0.0 * D), tail=tail, complete=False, way=HIGH_MODES_BOUNDED
+    )
 
 
 def _parallel(parts: list[Lti], D: Array) -> Lti:
@@ -132,9 +142,9 @@ def _parallel(parts: list[Lti], D: Array) -> Lti:
 
 def _lowest_modes(model: SecondOrderModel, modes: int) -> tuple[Lti, float] | None:
     """Return a structure in its lowest undamped modes and the bound of the others, or None where there is none."""
-    damping = separated_damping(model)
+    damping = separated_damping(model.structure)
     loads = loads_of(model)
-    if damping is None or loads is None or modes >= _ALL_MODES * model.n:
+    if damping is None or damping.beta <= 0.0 or loads is None or modes >= _ALL_MODES * model.n:
         return None
     try:
         frequencies, shapes = undamped_modes(model.structure, modes + 1)

@@ -100,9 +100,9 @@ def reduce(
         path.append(core.way)
         reducer: Reducer = METHODS[method](given, core, limits, modes)
         last, floor = modes >= _LARGEST_CORE, _ROUNDING * float(reducer.values.max(initial=0.0))
-        modes *= 2
+        modes *= 2  # of the next core, where this one does not do
         if not (core.complete or last) and wanted is not None and core.tail > max(_TAIL_SHARE * wanted, floor):
-            continue
+            continue  # what this core leaves out alone is more than may be
         try:
             smaller, found = reducer.reduced(order) if wanted is None else _within(reducer, wanted)  # type: ignore[arg-type]
         except ReductionError:
@@ -114,16 +114,16 @@ def reduce(
     if isinstance(smaller, Lti):
         smaller = replace(smaller, inputs=given.inputs, outputs=given.outputs)
     return ReductionResult(
-        smaller.statespace("reduced") if isinstance(smaller, Lti) else smaller,
-        _states(smaller),
-        found.bound,
-        found.measured,
-        method,
-        found.certificate,
-        core.tail,
-        reducer.values,
-        len(core.kept.A),
-        tuple(path),
+        system=smaller.statespace("reduced") if isinstance(smaller, Lti) else smaller,
+        order=_states(smaller),
+        error_bound=found.bound,
+        measured_error=found.measured,
+        method=method,
+        certificate=found.certificate,
+        truncation_bound=core.tail,
+        hankel_values=reducer.values,
+        kept=len(core.kept.A),
+        path=tuple(path),
     )
 
 

@@ -14,6 +14,7 @@ from typing import Protocol, final
 import numpy as np
 from scipy import linalg
 
+from boomctl.analysis.modal_form import elastic
 from boomctl.arrays import Array
 from boomctl.lti.gramians import band_integral, factors
 from boomctl.lti.modal import ModalSystem, residualised, spectral_parts
@@ -32,7 +33,6 @@ _RANK = 1e-12  # share of the largest eigenvalue of a band's load up to which on
 _SEEN = 1e-6  # share of its inputs and outputs that a band may miss of a system (a choice)
 _EQUAL = 1e-7  # relative difference up to which Hankel singular values are equal: root of rounding
 _CENTRE = 0.01  # least low end of a band, relative to its high end, of which the middle is taken (a choice)
-_RIGID = 1e-8  # share of the highest frequency up to which a mode is a rigid-body one: root of rounding
 _SAME = 1e-6  # relative difference up to which Markov parameters are the same, those of a double integrator included
 _SAME_NOISE = 1e-9  # of the sizes of the matrices multiplied, on top
 _MOMENTS = 4  # Markov parameters compared: two systems of so few kept states that agree in them are the same
@@ -305,7 +305,7 @@ class StrongestModes:
             model.structure, model.n if model.n <= LARGEST_DENSE else modes
         )
         self.frequencies, self.modes = self.all_frequencies[:modes], self.all_modes[:, :modes]
-        floating = self.frequencies <= _RIGID * self.frequencies[-1]
+        floating = ~elastic(self.frequencies)
         self.rigid, self.ranking = int(floating.sum()), self._ranking(floating)
         self.values = balance(core.stable, core.modal).values
 
@@ -356,7 +356,8 @@ class StrongestModes:
             stiffness = np.where(inside, inf, stiffness - _middle(band) ** 2)
         static = (model.ports.L[0] @ V[:, rest] / stiffness) @ (V[:, rest].T @ model.ports.B[0])
         ports = model.ports.congruent(V[:, kept])
-        E = ports.E[0] + static, ports.E[1], ports.E[2]
+        E = ports.E.copy()
+        E[0] += static
         names = tuple(f"mode{i + 1}" for i in kept)
         return SecondOrderModel.of(model.structure.projected(V[:, kept], names), replace(ports, E=E))
 
@@ -420,7 +421,7 @@ def weighted(system: Lti, modal: ModalSystem | None, band: Band | None) -> Weigh
     """
     zero = np.zeros_like(system.D)
     if band is None or not len(system.A):
-        return Weighted(system, modal, np.eye(len(zero)), np.eye(zero.shape[1]), zero, 1.0)
+        return Weighted(system=system, modal=modal, R=np.eye(len(zero)), T=np.eye(zero.shape[1]), D=zero, factor=1.0)
     S = band_integral(system, modal, band)
     B = _absolute(S @ system.B @ system.B.T)
     C = _absolute(S.T @ system.C.T @ system.C).T
@@ -434,7 +435,7 @@ def weighted(system: Lti, modal: ModalSystem | None, band: Band | None) -> Weigh
         J = modal.mixing
         own = ModalSystem(modal.poles, J.conj().T @ B, C @ J, zero)
     factor = float(np.linalg.norm(R, 2) * np.linalg.norm(T, 2))
-    return Weighted(Lti(system.A, B, C, zero), own, R, T, system.D, factor)
+    return Weighted(system=Lti(system.A, B, C, zero), modal=own, R=R, T=T, D=system.D, factor=factor)
 
 
 def _absolute(half: Array) -> Array:

@@ -23,39 +23,26 @@ from itertools import pairwise
 from math import inf
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.frequency import resonance_grid
 from boomctl.lti.modal import ModalSystem, diagonalized, side_of_axis
 from boomctl.lti.system import Lti
+from boomctl.structure.damping import Damping
 from boomctl.structure.model import SecondOrderModel
 
-_SAME = 1e-9  # share of its size up to which a damper's coefficient is the rounding of a proportional one
-_MOST_DAMPERS = 12  # beyond, damping is not "proportional but for a few" (a choice)
-_ENDS = 8  # coordinates that a damper may touch, where it has to be found in the matrix: two bodies of a beam each
 # of the stiffness, relative to the lowest mode left out: the static solution of a floating structure exists
 _SHIFT = 1e-3
 _INTERVALS = 400  # of the frequency axis, beside those at the resonances (a choice)
-_PLACES = np.array(
-    [-8.0, -3.0, -1.0, 0.0, 1.0, 3.0, 8.0]
-)  # of their ends around a resonance, in half-widths (a choice)
+# places of their ends around a resonance, in half-widths (a choice)
+_PLACES = np.array([-8.0, -3.0, -1.0, 0.0, 1.0, 3.0, 8.0])
 _LOW, _HIGH = 1e-4, 100.0  # from the lowest mode left out down, from the highest pole up, cut into intervals (a choice)
 _NOISE = 1e-13  # share of the largest load up to which a rest is rounding
 _DISSIPATES = 1e-12  # share of the largest eigenvalue of the damping from which on kept modes dissipate
 _UNSEEN = 1e-9  # share of the largest load up to which modes that do not dissipate are not loaded
-_ROUNDING = 1e3 * float(
-    np.finfo(float).eps
-)  # of the damping's norm, by which the dissipation may be less than computed
-
-
-@dataclass(frozen=True)
-class Damping:
-    """``C = beta K + U diag(gamma) U^T``."""
-
-    beta: float
-    U: Array
-    gamma: Array
+# share of the damping's norm by which the dissipation may be less than computed
+_ROUNDING = 1e3 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -73,40 +60,6 @@ def loads_of(model: SecondOrderModel) -> Loads | None:
     plain = not any(ports.integrators) and all(b is None for b in ports.bandwidths)
     higher = any(matrix.any() for matrix in (*ports.L[1:], *ports.E[1:], ports.B[2]))
     return Loads(ports.B[0], ports.B[1], ports.L[0]) if plain and not higher else None
-
-
-def separated_damping(model: SecondOrderModel) -> Damping | None:
-    """Return the damping as stiffness-proportional and a few dampers; None where it is not."""
-    k, c = model.K.diagonal(), model.C.diagonal()
-    positive = k > 0.0
-    beta = float(np.median(c[positive] / k[positive])) if positive.any() else 0.0
-    if beta <= 0.0:
-        return None
-    if model.structure.elastic is None:
-        return _from_matrix(model, beta)
-    rows = model.structure.elastic
-    gamma = rows.c - beta * rows.k
-    apart = np.flatnonzero(np.abs(gamma) > _SAME * np.maximum(rows.c, beta * rows.k))
-    if len(apart) > _MOST_DAMPERS:
-        return None
-    return Damping(beta, sparse.csr_array(rows.R)[apart].toarray().T, gamma[apart])
-
-
-def _from_matrix(model: SecondOrderModel, beta: float) -> Damping | None:
-    rest = sparse.csr_array(model.C) - beta * sparse.csr_array(model.K)
-    entries, k = sparse.coo_array(rest), beta * model.K.diagonal() + model.C.diagonal()
-    i, j = entries.coords
-    large = np.abs(entries.data) > _SAME * np.sqrt(np.abs(k[i] * k[j]))
-    touched = np.unique(np.concatenate([i[large], j[large]]))
-    if len(touched) > _ENDS * _MOST_DAMPERS:
-        return None
-    U = np.zeros((model.n, len(touched)))
-    if not len(touched):
-        return Damping(beta, U, np.zeros(0))
-    values, vectors = linalg.eigh(sparse.csr_array(rest)[touched][:, touched].toarray())
-    apart = np.abs(values) > _SAME * np.abs(values).max()
-    U[touched] = vectors
-    return Damping(beta, U[:, apart], values[apart]) if apart.sum() <= _MOST_DAMPERS else None
 
 
 def tail_bound(

@@ -6,7 +6,16 @@ from math import inf
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, level_crossings, matrices_norm
+from boomctl.analysis.norm import (
+    NO_CROSSING,
+    NO_RESPONSE,
+    NOT_TOLD,
+    UNSTABLE,
+    NormCertificate,
+    axis_eigenvalues,
+    level_crossings,
+    matrices_norm,
+)
 from boomctl.arrays import Array
 from boomctl.lti.frequency import Response, highest_peak, resonance_grid, singular_values
 from boomctl.lti.modal import ModalSystem, diagonalized, side_of_axis
@@ -104,8 +113,8 @@ def verified_norm(
     if found.upper < inf or found.lower == inf:
         return found
     for level in sorted([*(found.lower * factor for factor in _LEVELS[1:]), floor]):
-        if level > found.lower and level > np.linalg.norm(gap.D, 2) and level_crossings(gap, level)[1]:
-            return NormCertificate(found.lower, level, found.omega, "no Hamiltonian eigenvalue on the imaginary axis")
+        if level > found.lower and level > np.linalg.norm(gap.D, 2) and not len(level_crossings(gap, level)):
+            return NormCertificate(found.lower, level, found.omega, NO_CROSSING)
     return found
 
 
@@ -117,7 +126,7 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
     """
     low, high = band
     if (side_of_axis(gap.poles) >= 0).any():
-        return NormCertificate(inf, inf, float("nan"), "an unstable pole")
+        return NormCertificate(inf, inf, float("nan"), UNSTABLE)
 
     def value(omega: Array) -> Array:
         return singular_values(respond(omega))[0]
@@ -128,11 +137,11 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
         for factor in _LEVELS:
             level = max(peak * factor, floor)
             if level == 0.0:
-                return NormCertificate(0.0, 0.0, at, "zero response")
+                return NormCertificate(0.0, 0.0, at, NO_RESPONSE)
             crossings = axis_eigenvalues(gap, level)
             inside = crossings[(crossings > low) & (crossings < high)]
             if not len(inside):
-                return NormCertificate(peak, level, at, "no Hamiltonian eigenvalue on the imaginary axis in the band")
+                return NormCertificate(peak, level, at, f"{NO_CROSSING} in the band")
             ends = np.concatenate([[low], inside, [high]])
             tried = np.concatenate([inside, 0.5 * (ends[1:] + ends[:-1])])
             values = value(tried)
@@ -141,4 +150,4 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
                 break
         else:
             break
-    return NormCertificate(peak, inf, at, "a Hamiltonian eigenvalue too close to the imaginary axis to tell")
+    return NormCertificate(peak, inf, at, NOT_TOLD)

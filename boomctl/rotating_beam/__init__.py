@@ -1,25 +1,5 @@
 """The rotating hub-beam with a point mass of Bai et al. (2009): models from linear to geometrically exact."""
 
-from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
-from boomctl.rotating_beam.beam import HubBeam
-from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
-from boomctl.rotating_beam.factory import hub_beam
-from boomctl.rotating_beam.manoeuvres import free, hold, hub_profile, sine_torque, spin_up, torque
-from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.result import SimulationError, SimulationResult
+from boomctl.lazy import loader
 
-__all__ = [
-    "AssumedModesBeam",
-    "GeometricallyExactBeam",
-    "HubBeam",
-    "HubBeamParameters",
-    "SimulationError",
-    "SimulationResult",
-    "free",
-    "hold",
-    "hub_beam",
-    "hub_profile",
-    "sine_torque",
-    "spin_up",
-    "torque",
-]
+__all__, __getattr__, __dir__ = loader(__name__)

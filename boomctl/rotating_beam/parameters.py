@@ -1,14 +1,13 @@
 """Physical parameters of the rotating hub-beam."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from boomctl.checks import nonnegative, positive
-from boomctl.printing import exact, exact_html
+from boomctl.parameters import Parameters
 
 
-@dataclass(frozen=True)
-class HubBeamParameters:
+@dataclass(frozen=True, repr=False)
+class HubBeamParameters(Parameters):
     """A flexible beam clamped radially to a rigid hub that turns in the plane, with a point mass on the beam.
 
     The defaults are Table 1 of Bai et al. (2009), except for the tip mass, which is absent.
@@ -44,6 +43,8 @@ class HubBeamParameters:
         If a value is not finite or out of its range.
     """
 
+    _toml_table = "hub_beam"
+
     length: float = 8.0
     density: float = 2.7667e3
     area: float = 7.2968e-5
@@ -66,9 +67,6 @@ class HubBeamParameters:
             )
         if nonnegative("damping_ratio", self.damping_ratio) >= 1.0:
             raise ValueError(f"damping_ratio = {self.damping_ratio!r}: expected a ratio in [0, 1)")
-
-    __repr__ = exact
-    _repr_html_ = exact_html
 
     @property
     def mass_per_length(self) -> float:
@@ -96,23 +94,3 @@ class HubBeamParameters:
         inner, outer = self.hub_radius, self.hub_radius + self.length
         beam = self.mass_per_length * (outer**3 - inner**3) / 3.0
         return self.hub_inertia + beam + self.tip_mass * (self.hub_radius + self.mass_position) ** 2
-
-    @classmethod
-    def from_toml(cls, path: str | Path) -> "HubBeamParameters":
-        """Read the parameters from a TOML file whose keys are the field names; what it omits keeps its default.
-
-        Parameters
-        ----------
-        path : str or Path
-            The file, with the keys at top level or in a table ``[hub_beam]``.
-
-        Raises
-        ------
-        OSError
-            If the file cannot be read.
-        ValueError, TypeError
-            If the file is not TOML, holds an unknown key, or a value that is no number or out of its range.
-        """
-        from boomctl.files import read_parameters
-
-        return read_parameters(cls, path, table="hub_beam")

@@ -1,23 +1,5 @@
 """Linear plants in time: sampled controllers, limits, end stops, Coulomb friction."""
 
-from boomctl.simulation.contact.friction import CoulombFriction
-from boomctl.simulation.contact.stops import StopHit
-from boomctl.simulation.forced_response import ForcedResponse, forced_response
-from boomctl.simulation.loop import simulate_loop
-from boomctl.simulation.result import FrictionReport, LoopResult
-from boomctl.simulation.sines.describing_function import SineResponse, describing_function
-from boomctl.simulation.sines.swept_sine import sine_sigma, swept_sine
+from boomctl.lazy import loader
 
-__all__ = [
-    "CoulombFriction",
-    "ForcedResponse",
-    "FrictionReport",
-    "LoopResult",
-    "SineResponse",
-    "StopHit",
-    "describing_function",
-    "forced_response",
-    "simulate_loop",
-    "sine_sigma",
-    "swept_sine",
-]
+__all__, __getattr__, __dir__ = loader(__name__)

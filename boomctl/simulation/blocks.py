@@ -78,7 +78,7 @@ def _linear_loop(p: LoopProblem) -> _Linear:
     mend[n : n + nu], mend[state] = np.eye(nu), c.L
     if not p.lag:
         mend[x] = arriving
-    return _Linear(Phi, first, last, C, np.vstack([np.zeros((len(plant.C), m)), Ud, Ud]), mend)
+    return _Linear(Phi=Phi, first=first, last=last, C=C, D=np.vstack([np.zeros((len(plant.C), m)), Ud, Ud]), mend=mend)
 
 
 def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
@@ -162,14 +162,14 @@ class _Walk:
         last = np.vstack([np.zeros_like(loop.D[asked]), loop.last])[:, used]
         both = np.ascontiguousarray(np.vstack([loop.C[asked], loop.Phi]))
         return cls(
-            both,
-            first,
-            last,
-            loop.mend,
-            _one_more(p.W[used]),
-            len(p.plant.A),
-            p.limits.force.tolist(),
-            p.limits.rate.tolist(),
+            both=both,
+            first=first,
+            last=last,
+            mend=loop.mend,
+            W=_one_more(p.W[used]),
+            queue=len(p.plant.A),
+            force=p.limits.force.tolist(),
+            rate=p.limits.rate.tolist(),
         )
 
     def through(self, log: ControlLog, span: tuple[int, int], z: Array) -> Array:

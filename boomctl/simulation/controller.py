@@ -1,15 +1,19 @@
 """A controller as it runs: discrete, its signals matched to the plant's, its state corrected where it saturates."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
 
+from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
 from boomctl.checks import known
-from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, of
 from boomctl.simulation.plant import ModalPlant
+
+if TYPE_CHECKING:
+    import control
 
 DISCRETIZATIONS = ("tustin", "zoh")
 _SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
@@ -60,19 +64,25 @@ def sampled_controller(
     if controller is None:
         none = np.zeros((0, 0))
         nothing = np.zeros(0, dtype=int)
-        return SampledController(none, none, none, none, none, nothing, nothing, (), ())
+        return SampledController(
+            A=none, B=none, C=none, D=none, L=none, measured=nothing, driven=nothing, inputs=(), outputs=()
+        )
     given = of(controller, "controller", expected="StateSpace or None", any_time=True)
-    inputs, outputs = given.inputs, given.outputs
-    for label in inputs:
-        known("controller input (an output of the plant)", label, plant.outputs)
-    for label in outputs:
-        known("controller output (an input of the plant)", label, plant.inputs)
+    driven, measured = signals_of(given, plant.inputs, plant.outputs)
     found = _discrete(given, sample_time, known("discretization", discretization, DISCRETIZATIONS))
     A, B, C, D = found.A, found.B, found.C, found.D
     L = conditioning_gain(A, B, C, D) if anti_windup and len(A) else np.zeros((len(A), len(C)))
-    measured = np.array([plant.outputs.index(label) for label in inputs], dtype=int)
-    driven = np.array([plant.inputs.index(label) for label in outputs], dtype=int)
-    return SampledController(A, B, C, D, L, measured, driven, inputs, outputs)
+    return SampledController(
+        A=A,
+        B=B,
+        C=C,
+        D=D,
+        L=L,
+        measured=np.array(measured, dtype=int),
+        driven=np.array(driven, dtype=int),
+        inputs=given.inputs,
+        outputs=given.outputs,
+    )
 
 
 def _discrete(controller: Lti, sample_time: float, method: str) -> Lti:
@@ -91,6 +101,10 @@ def _discrete(controller: Lti, sample_time: float, method: str) -> Lti:
             f"sample_time = {sample_time:g} s is too long for the controller's pole at {fastest:.4g} rad/s: half the "
             f"sampling rate is {limit:.4g} rad/s; sample at least every {np.pi / abs(fastest):.3g} s"
         )
+    from boomctl.lti.python_control import (
+        control,  # where a controller is sampled, and not to name what can be asked for
+    )
+
     rule = "bilinear" if method == "tustin" else "zoh"
     return of(control.sample_system(controller.statespace("controller"), sample_time, rule), any_time=True)
 

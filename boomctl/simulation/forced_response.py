@@ -114,9 +114,8 @@ def forced_response(
         modal = modal_plant(plant)
         rows = disturbance_rows(signals, modal.inputs, (), len(time))
         read = names("output", outputs, modal.outputs)
-        found = lifted_response(modal.step(h).of_signals, modal.C, modal.D, rows)[
-            [modal.outputs.index(name) for name in read]
-        ]
+        places = [modal.outputs.index(name) for name in read]
+        found = lifted_response(modal.step(h).of_signals, modal.C, modal.D, rows)[places]
         if not np.isfinite(found).all():
             raise ValueError("plant: its outputs grow beyond all numbers before the last of timepts")
         return ForcedResponse(time, dict(zip(read, found, strict=True)), _given(signals), 0.0, len(modal.A))

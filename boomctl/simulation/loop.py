@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 # steps from one point of the grid to the next where there are stops: strokes between points are seen
 _STOP_SUBSTEPS = 4
+_ROUNDING = 1e-9  # share of a step up to which a delay is a whole number of steps (a choice)
 
 
 def simulate_loop(
@@ -125,9 +126,9 @@ def simulate_loop(
         W = steps.refined(rows)
         return LoopProblem(modal, maps, K, steps, W, lag=lag, limits=limits, start=start, contacts=contacts), rest
 
-    p, _ = problem(_substeps(friction, bool(places)), True)
+    p, _ = problem(_substeps(friction, bool(places)), touching=True)
     if places and friction is None:
-        whole, switch = problem(1, False)
+        whole, switch = problem(1, touching=False)
         free = run_if_no_stop_is_met(whole, p, switch)
         if free is not None:
             moving, log = free
@@ -157,9 +158,9 @@ def _substeps(friction: CoulombFriction | None, stops: bool) -> int:
 
 def _whole_steps(delay: float, h: float) -> tuple[int, float]:
     """Return a delay as whole steps and what is left of it."""
-    lag = int(np.floor(delay / h + 1e-9))
+    lag = int(np.floor(delay / h + _ROUNDING))
     rest = delay - lag * h
-    return lag, rest if rest > 1e-9 * h else 0.0
+    return lag, rest if rest > _ROUNDING * h else 0.0
 
 
 def _contact_inputs(
@@ -202,27 +203,27 @@ def _result(
     if contacts is not None and p.contacts is not None and p.contacts.law is not None:
         mean = contacts.friction.reshape(-1, grid.per_point).mean(axis=1)
         friction = FrictionReport(
-            np.concatenate([[0.0], mean]),
-            float(contacts.stuck.mean()),
-            float(contacts.dissipated.sum()),
-            p.contacts.law.input,
-            p.contacts.law.output,
+            force=np.concatenate([[0.0], mean]),
+            stuck_share=float(contacts.stuck.mean()),
+            dissipated=float(contacts.dissipated.sum()),
+            input=p.contacts.law.input,
+            output=p.contacts.law.output,
         )
     names = [] if p.contacts is None else [stop.output for stop in p.contacts.stops]
     touched = [] if contacts is None else contacts.touched
     return LoopResult(
-        grid.time,
-        dict(zip(plant.outputs, outputs, strict=True)),
-        dict(zip(K.outputs, applied, strict=True)),
-        dict(zip(K.outputs, asked, strict=True)),
-        {name: row for name, row in zip(plant.inputs, rows, strict=True) if row.any()},
-        dict(zip(K.outputs, log.saturated.mean(axis=0).tolist(), strict=True)),
-        dict(zip(K.outputs, log.slewed.mean(axis=0).tolist(), strict=True)),
-        merged_hits(names, grid.h, float(grid.time[0]), touched),
-        friction,
-        grid.per_sample * grid.h,
-        delay,
-        path,
+        time=grid.time,
+        outputs=dict(zip(plant.outputs, outputs, strict=True)),
+        controls=dict(zip(K.outputs, applied, strict=True)),
+        asked=dict(zip(K.outputs, asked, strict=True)),
+        disturbances={name: row for name, row in zip(plant.inputs, rows, strict=True) if row.any()},
+        saturation_share=dict(zip(K.outputs, log.saturated.mean(axis=0).tolist(), strict=True)),
+        rate_share=dict(zip(K.outputs, log.slewed.mean(axis=0).tolist(), strict=True)),
+        stops=merged_hits(names, grid.h, float(grid.time[0]), touched),
+        friction=friction,
+        sample_time=grid.per_sample * grid.h,
+        delay=delay,
+        path=path,
     )
 
 

@@ -4,18 +4,23 @@ A large structure is seen through its lowest undamped modes; the others answer a
 """
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg, sparse
 
 from boomctl.arrays import Array
 from boomctl.checks import known
+from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.hold import linear_hold
-from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.pencil import factorized
 from boomctl.structure.response.poles import undamped_modes
+from boomctl.structure.response.realisation import realize
+
+if TYPE_CHECKING:
+    import control
 
 _CONDITION = 1e6  # of the change to modal coordinates: ten digits are left; modes that need more stay in one block
 _MODES = 60  # of a structure: five times what its inputs shake in the band of a suspension, and a step stays cheap
@@ -61,7 +66,9 @@ class ModalPlant:
             rest, after_1, _ = self.motion(h - switch)
             before, after = rest @ self.motion(switch)[1] @ self.B, after_1 @ self.B
         ramp = P2 @ self.B / h
-        return StepMaps(h, Phi, before, after, P1 @ self.B - ramp, ramp, switch > 0.0)
+        return StepMaps(
+            h=h, Phi=Phi, before=before, after=after, first=P1 @ self.B - ramp, last=ramp, late=switch > 0.0
+        )
 
 
 @dataclass(frozen=True)
@@ -115,23 +122,31 @@ def in_modal_coordinates(system: Lti) -> ModalPlant:
     """Return a linear system in real modal coordinates, balanced first."""
     n = len(system.A)
     if n == 0:
-        return ModalPlant(system.A, system.B, system.C, system.D, np.zeros((0, 0)), (), system.inputs, system.outputs)
+        return ModalPlant(
+            A=system.A,
+            B=system.B,
+            C=system.C,
+            D=system.D,
+            T=np.zeros((0, 0)),
+            blocks=(),
+            inputs=system.inputs,
+            outputs=system.outputs,
+        )
     balanced, (scale, _) = linalg.matrix_balance(system.A, permute=False, separate=True)
-    blocks, T, sizes = control.bdschur(balanced, condmax=_CONDITION)
-    blocks, T, sizes = np.asarray(blocks), np.asarray(T), np.asarray(sizes, dtype=int)
+    blocks, T, sizes = block_diagonal(balanced, _CONDITION)
     parts = tuple(slice(int(end - size), int(end)) for end, size in zip(np.cumsum(sizes), sizes, strict=True))
     modal = np.zeros_like(balanced)
     for part in parts:
         modal[part, part] = blocks[part, part]
     return ModalPlant(
-        modal,
-        np.linalg.solve(T, system.B / scale[:, None]),
-        (system.C * scale) @ T,
-        system.D,
-        scale[:, None] * T,
-        parts,
-        system.inputs,
-        system.outputs,
+        A=modal,
+        B=np.linalg.solve(T, system.B / scale[:, None]),
+        C=(system.C * scale) @ T,
+        D=system.D,
+        T=scale[:, None] * T,
+        blocks=parts,
+        inputs=system.inputs,
+        outputs=system.outputs,
     )
 
 
@@ -159,7 +174,7 @@ def realized(small: SecondOrderModel, rest: Array) -> Lti:
 
     It follows the displacement of each input: the signal itself, or the state that is its integral.
     """
-    linear = of(small)
+    linear = realize(small.structure, small.ports)
     C, D = linear.C.copy(), linear.D.copy()
     place = 2 * small.n
     for i, count in enumerate(small.ports.integrators):

@@ -1,37 +1,5 @@
 """Slews of a flexible beam on a hub: optimal ones, classical ones, and how to follow them."""
 
-from boomctl.slew.classical.comparison import SlewComparison, SlewLine, compare_slews
-from boomctl.slew.classical.shapers import Shaper, classical_spin_up, classical_torque, shaper
-from boomctl.slew.classical.tracking import TrackingResult, track
-from boomctl.slew.least_time.arcs import SwitchingCurve, switching_curve
-from boomctl.slew.nlp.mesh_study import MeshStudy, mesh_study
-from boomctl.slew.optimal import optimal_slew, resolve
-from boomctl.slew.payloads import PayloadComparison, PayloadLine, compare_payloads
-from boomctl.slew.result import Replay, SlewCertificate, SlewError, SlewResult
-from boomctl.slew.torque import TorqueHistory
+from boomctl.lazy import loader
 
-__all__ = [
-    "MeshStudy",
-    "PayloadComparison",
-    "PayloadLine",
-    "Replay",
-    "Shaper",
-    "SlewCertificate",
-    "SlewComparison",
-    "SlewError",
-    "SlewLine",
-    "SlewResult",
-    "SwitchingCurve",
-    "TorqueHistory",
-    "TrackingResult",
-    "classical_spin_up",
-    "classical_torque",
-    "compare_payloads",
-    "compare_slews",
-    "mesh_study",
-    "optimal_slew",
-    "resolve",
-    "shaper",
-    "switching_curve",
-    "track",
-]
+__all__, __getattr__, __dir__ = loader(__name__)

@@ -164,11 +164,8 @@ def effort_gap(problem: SlewProblem, history: TorqueHistory) -> float:
     within ``|p| <= 2 limit`` and ``limit |p| - limit^2`` beyond. The integral is summed in Gauss points.
     """
     intervals = max(_MESH, history.left.size)
-    c, linear, gauss = (
-        2.0 * least_effort(problem, history.duration, intervals).costate,
-        flow(problem),
-        gauss_method(_POINTS),
-    )
+    c = 2.0 * least_effort(problem, history.duration, intervals).costate
+    linear, gauss = flow(problem), gauss_method(_POINTS)
     h, limit = history.duration / intervals, problem.limits.torque
     before_end = h * (1.0 - gauss.nodes)
     ahead: Array = np.array([linear.step(float(s))[0] @ problem.B for s in before_end])

@@ -15,18 +15,17 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.slew.dynamics import hub_jerk
 from boomctl.slew.least_time.arc_count import arcs_behind
 from boomctl.slew.least_time.newton import least_time_arcs
 from boomctl.slew.least_time.switching import Extremal, least_time, linear_time_problem, time_gap
 from boomctl.slew.linear import effort_gap
 from boomctl.slew.nlp.programme import Programme, Solution
 from boomctl.slew.nlp.refinement import refined, solved_again
+from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem
-from boomctl.slew.replay import Motion, binding, end_error, other_models, played, violation
+from boomctl.slew.replay import binding, end_error, other_models, played, violation
 from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
 from boomctl.slew.torque import TorqueHistory
 
@@ -40,7 +39,16 @@ _ROUNDING = 1e-12  # error of the end, relative, that no tolerance forbids
 
 
 @dataclass(frozen=True, eq=False)
-class _Plan:
+class Planned:
+    """What a result remembers of its planning: the problem, the programme and its solution where there was one."""
+
+    problem: SlewProblem
+    programme: Programme | None
+    solution: Solution | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
     """A torque before it is judged; what is known of its optimality, and how it was found."""
 
     history: TorqueHistory
@@ -52,48 +60,56 @@ class _Plan:
     path: tuple[str, ...] = ()
 
 
-_Found: TypeAlias = tuple[_Plan | None, tuple[str, ...]]
-"""A plan, or none, and what was done."""
+_Outcome: TypeAlias = tuple[_Candidate | None, tuple[str, ...]]
+"""Of one way: a torque, or none where the next way is to be taken, and what was done."""
 
 
-def _switching_times(problem: SlewProblem, least: Extremal) -> _Found:
+def _switching_times(problem: SlewProblem, least: Extremal) -> _Outcome:
+    """The least time of a linear plant is known already; its distance from the bound is what is left to find."""
     gap = time_gap(linear_time_problem(problem), least)
     optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
-    return _Plan(least.history, "switching times", gap, optimality), ()
+    return _Candidate(least.history, "switching times", gap, optimality), ()
 
 
-def _arc_durations(problem: SlewProblem, least: Extremal) -> _Found:
-    return _extremal(problem, least.history)
-
-
-def _extremal(problem: SlewProblem, first: TorqueHistory) -> _Found:
+def _arc_durations(problem: SlewProblem, first: TorqueHistory) -> _Outcome:
     """Durations of a bang-bang torque's arcs, from a first torque; None where they are no extremal."""
     found = least_time_arcs(problem, first)
     if found is None or found.gain >= _EXTREMAL:
         return None, ("durations of arcs: none found",)
-    return _Plan(found.history, "switching times", found.gain, "extremal"), ("durations of arcs", *found.path)
+    return _Candidate(found.history, "switching times", found.gain, "extremal"), ("durations of arcs", *found.path)
 
 
-def _programme(problem: SlewProblem, least: Extremal | None) -> _Found:
+def _programme(problem: SlewProblem, least: Extremal | None) -> _Outcome:
+    """The torque of a programme on a mesh; where it is bang-bang, the durations of its arcs once more."""
     found = refined(problem, None if least is None else least.history)
     history, path, limit = found.solution.history, found.path, problem.limits.torque
     if problem.fastest:
-        plan, ran = _extremal(problem, arcs_behind(history.left / limit, history.duration, limit))
+        bang, ran = _arc_durations(problem, arcs_behind(history.left / limit, history.duration, limit))
         path += ran
-        if plan is not None:
-            return plan, path
-    plan = _Plan(history, problem.method, found.gap, "stationary", found.programme, found.solution)
+        if bang is not None:
+            return bang, path
+    torque = _Candidate(
+        history=history,
+        method=problem.method,
+        gap=found.gap,
+        optimality="stationary",
+        programme=found.programme,
+        solution=found.solution,
+    )
     if problem.linear and problem.objective == "effort" and not problem.limits.beside_torque:
-        plan = replace(plan, gap=effort_gap(problem, history), optimality="proved")
-    return plan, path
+        torque = replace(torque, gap=effort_gap(problem, history), optimality="proved")
+    return torque, path
 
 
-_WAYS: tuple[tuple[Callable[[SlewProblem], bool], Callable[..., _Found]], ...] = (
+_WAYS: tuple[tuple[Callable[[SlewProblem], bool], Callable[..., _Outcome]], ...] = (
     (lambda problem: problem.fastest and problem.linear, _switching_times),
-    (lambda problem: problem.fastest and not problem.linear, _arc_durations),
+    (
+        lambda problem: problem.fastest and not problem.linear,
+        lambda problem, least: _arc_durations(problem, least.history),
+    ),
     (lambda problem: not (problem.fastest and problem.linear), _programme),
 )
-"""When a way serves, and what plans; no plan, and what was tried in vain, where the next way is to be taken."""
+"""When a way serves, and what it does with the problem and the linear part's least time, where that is asked for."""
 
 
 def optimal_slew(
@@ -149,7 +165,8 @@ def optimal_slew(
     Raises
     ------
     TypeError, ValueError, SlewError
-        Of a bad argument; of an infeasible ask, naming the limits, since when they bind and what would do.
+        A bad argument; a slew that no torque within the limits can do: the message names the limits that bind, since
+        when, and what would do.
     """
     problem = slew_problem(
         h,
@@ -169,11 +186,11 @@ def optimal_slew(
     path = () if least is None else least.path
     for serves, planned in _WAYS:
         if serves(problem):
-            plan, ran = planned(problem, least)
+            found, ran = planned(problem, least)
             path += ran
-            if plan is not None:
-                return _certified(problem, replace(plan, path=path))
-    raise AssertionError("the last way finds a plan or says why there is none")
+            if found is not None:
+                return _certified(problem, replace(found, path=path))
+    raise AssertionError("the last way finds a torque or says why there is none")
 
 
 def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: float | None = None) -> SlewResult:
@@ -205,22 +222,22 @@ def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: flo
     problem = changed(before.problem, angle, torque_limit)
     solution = solved_again(problem, before.programme, before.solution)
     gap = result.certificate.optimality_gap
-    plan = _Plan(solution.history, problem.method, gap, "stationary", before.programme, solution)
-    return _certified(problem, replace(plan, path=(f"{problem.method}, solved again on its mesh",)))
+    path = (f"{problem.method}, solved again on its mesh",)
+    found = _Candidate(
+        history=solution.history,
+        method=problem.method,
+        gap=gap,
+        optimality="stationary",
+        programme=before.programme,
+        solution=solution,
+        path=path,
+    )
+    return _certified(problem, found)
 
 
-@dataclass(frozen=True, eq=False)
-class Planned:
-    """What a result remembers of its planning: the problem, the programme and its solution where there was one."""
-
-    problem: SlewProblem
-    programme: Programme | None
-    solution: Solution | None
-
-
-def _certified(problem: SlewProblem, plan: _Plan) -> SlewResult:
-    """Play a plan back and put the result together."""
-    history = plan.history
+def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
+    """Play a torque back, judge it, and put the result together."""
+    history = found.history
     motions = played(problem, history)
     error, excess = end_error(problem, motions), violation(problem, history, motions)
     if error > max(problem.tolerance, _ROUNDING):
@@ -229,21 +246,22 @@ def _certified(problem: SlewProblem, plan: _Plan) -> SlewResult:
             "A larger tolerance, or the objective 'effort' with a given duration, may do"
         )
     certificate = SlewCertificate(
-        method=plan.method,
+        method=found.method,
         end_error=error,
         constraint_violation=max(excess.values()),
         binding=binding(problem, history, motions),
-        optimality_gap=plan.gap,
-        optimality=plan.optimality,
-        switches=int(history.switches.size) if plan.method == "switching times" else None,
-        intervals=None if plan.programme is None else plan.programme.transcription.scheme.intervals,
+        optimality_gap=found.gap,
+        optimality=found.optimality,
+        switches=int(history.switches.size) if found.method == "switching times" else None,
+        intervals=None if found.programme is None else found.programme.transcription.scheme.intervals,
     )
+    paths = [(plant, each.time, each.coordinates) for plant, each in zip(problem.plants, motions, strict=True)]
     first = motions[0]
     rows = {name: first.coordinates @ row for name, row in problem.plants[0].rows.items()}
     return SlewResult(
         objective=problem.objective,
         duration=history.duration,
-        cost=_cost(problem, history, motions),
+        cost=OBJECTIVES[problem.objective].value(history, paths),
         time=first.time,
         torque=history(first.time),
         hub_angle=rows["angle"],
@@ -256,32 +274,6 @@ def _certified(problem: SlewProblem, plan: _Plan) -> SlewResult:
         certificate=certificate,
         history=history,
         replay=partial(other_models, problem, history),
-        plan=Planned(problem, plan.programme, plan.solution),
-        path=plan.path,
+        plan=Planned(problem, found.programme, found.solution),
+        path=found.path,
     )
-
-
-def _cost(problem: SlewProblem, history: TorqueHistory, motions: tuple[Motion, ...]) -> float:
-    """The objective's value, from the torque and the replay."""
-    if problem.objective == "time":
-        return history.duration
-    if problem.objective == "effort":
-        return history.effort
-    if problem.objective == "torque-rate":
-        return float(np.sum((history.right - history.left) ** 2 / np.diff(history.edges)))
-    if problem.objective == "tip":
-        pairs = zip(motions, problem.plants, strict=True)
-        return max(float(np.abs(motion.coordinates @ plant.rows["tip"]).max()) for motion, plant in pairs)
-    return _jerk_squared(problem, history, motions[0])
-
-
-def _jerk_squared(problem: SlewProblem, history: TorqueHistory, motion: Motion) -> float:
-    """Integral of the hub's jerk squared along the replay, whose instants include all corners of the torque."""
-    middle = 0.5 * (motion.time[1:] + motion.time[:-1])
-    k = np.clip(np.searchsorted(history.edges, middle) - 1, 0, history.left.size - 1)
-    slope = ((history.right - history.left) / np.diff(history.edges))[k]
-    jerk, squares = hub_jerk(problem.plants[0]).map(middle.size), []
-    for t, z in ((motion.time[:-1], motion.coordinates[:-1]), (motion.time[1:], motion.coordinates[1:])):
-        torque = history.left[k] + slope * (t - history.edges[k])
-        squares.append(np.array(jerk(z.T, torque[None, :], slope[None, :])).ravel() ** 2)
-    return float(0.5 * np.sum((squares[0] + squares[1]) * np.diff(motion.time)))

@@ -164,5 +164,12 @@ def _line(name: str, slew: SlewResult, machine: SlewMachine, mass: float, *, pla
     angles = r.hub_angle[late]
     error = 0.0 if angle is None else float(0.5 * (angles.max() + angles.min()) - angle)
     return PayloadLine(
-        name, mass, planned, float(tip[~late].max()), float(tip[late].max()), error, t, r.tip_displacement
+        slew=name,
+        tip_mass=mass,
+        planned=planned,
+        peak_tip=float(tip[~late].max()),
+        vibration=float(tip[late].max()),
+        angle_error=error,
+        time=t,
+        tip_displacement=r.tip_displacement,
     )

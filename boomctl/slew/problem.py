@@ -12,15 +12,19 @@ from scipy.linalg import block_diag, expm
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, nonnegative, positive, real, whole
+from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
 from boomctl.slew.result import SlewError
 
-OBJECTIVES = ("time", "effort", "jerk", "torque-rate", "tip")
 METHODS = ("collocation", "radau", "shooting")
 UNITS = {"torque": "N m", "torque_rate": "N m/s", "speed": "rad/s", "tip": "m", "moment": "N m"}
-"""Of the limits, by kind."""
+"""Units of the limits, by kind."""
+AT_LIMIT = (
+    0.999  # share of a limit from which it counts as met, in words and where a solver keeps bounds to 1e-7 (a choice)
+)
 _STILL = 1e-9  # share of a state's size that counts as nothing: a choice, far above rounding and below any tolerance
 _SHARE = 0.1  # of the slowest time constant: what bringing a state to rest takes at least, as a first guess; a choice
+_LEAST = 1e-9  # [s], a first guess of a time is never shorter: it only keeps logarithms finite
 _SLACK = 1e-9  # share of a limit by which given states may exceed it: rounding of what users print and read again
 _SHORTER = 0.9  # share of the rigid body's time that a beam is left: bent, it has a little less inertia; a choice
 
@@ -146,7 +150,7 @@ class SlewProblem:
         A plant without inertia has a time constant of its own; a vibration at the start takes at least a part of its period.
         Where the plant can wait neither at start nor target, more time may be of no use: a time that is hardly enough.
         """
-        first, own = self.plants[0], slice(0, self.plants[0].n)
+        first, own = self.parts[0]
         if first.inertia is None:
             return 1.0 / float(np.linalg.norm(first.A, 2))
         start, end = self.start[own], self.target[own]
@@ -156,10 +160,10 @@ class SlewProblem:
         torque = self.limits.torque / first.inertia
         if self.waits:
             rigid = max(2.0 * math.sqrt(turn / torque), change / torque)
-            return rigid if first.still(start) else max(rigid, _SHARE / first.slowest, 1e-9)
+            return rigid if first.still(start) else max(rigid, _SHARE / first.slowest, _LEAST)
         fast = max(abs(float(first.rows["speed"] @ z)) for z in (start, end))
         dash = 2.0 * turn / (fast + math.sqrt(fast**2 + 2.0 * torque * turn)) if turn > 0.0 else 0.0
-        return max(0.5 * dash, change / torque, _SHARE / first.slowest, 1e-9)
+        return max(0.5 * dash, change / torque, _SHARE / first.slowest, _LEAST)
 
 
 def slew_problem(
@@ -191,7 +195,9 @@ def slew_problem(
     masses = tuple(nonnegative("tip_masses", mass) for mass in tip_masses)
     plants = _plants(h, masses)
     for kind, output in (("tip", "tip_displacement"), ("moment", "root_moment")):
-        if (kind in limits.given or objective == kind) and kind not in plants[0].rows:
+        if (kind in limits.given or (kind == "tip" and OBJECTIVES[objective].bounds_tip)) and kind not in plants[
+            0
+        ].rows:
             raise ValueError(f"{kind}_limit: the system has no output {output!r}; name one so, or leave the limit out")
     turn, speed = None if angle is None else real("angle", angle), real("final_speed", final_speed)
     start, target, ends, waits = end_conditions(plants, turn, speed, initial_state, final_state)
@@ -297,14 +303,13 @@ def end_conditions(
 
 
 def _refuse(problem: SlewProblem) -> None:
-    """Say what cannot be done, where a rigid body's motion shows it: its angular momentum is the torque's integral."""
-    plant = problem.plants[0]
+    """Refuse what a rigid body's motion shows to be impossible: its angular momentum is the torque's integral."""
+    plant, own = problem.parts[0]
     here = not np.any(problem.ends @ (problem.target - problem.start))
     if here and (problem.objective == "time" or problem.waits):
         raise ValueError("angle: the plant is at its end state already; expected a slew that leads somewhere")
     if problem.duration is not None and _coasts(problem, problem.duration):
         raise ValueError("duration: the plant comes to its end state by itself; expected a slew that needs a torque")
-    own = slice(0, plant.n)
     gap = (problem.target - problem.start)[own]
     turn, change = (abs(float(plant.rows[name] @ gap)) for name in ("angle", "speed"))
     most = problem.limits.most("speed")
@@ -339,11 +344,11 @@ def _coasts(problem: SlewProblem, duration: float) -> bool:
 
 
 def _refuse_states(problem: SlewProblem) -> None:
-    """A start or a prescribed end beyond a limit."""
-    own = slice(0, problem.plants[0].n)
+    """Refuse a start or a prescribed end beyond a limit."""
+    plant, own = problem.parts[0]
     for name, state, t in (("initial_state", problem.start, "0"), ("final_state", problem.target, "t_f")):
         for kind in ("speed", "tip", "moment"):
-            limit, row = problem.limits.most(kind), problem.plants[0].rows.get(kind)
+            limit, row = problem.limits.most(kind), plant.rows.get(kind)
             size = 0.0 if row is None else abs(float(row @ state[own]))
             if size > limit * (1.0 + _SLACK):
                 raise SlewError(
@@ -353,7 +358,7 @@ def _refuse_states(problem: SlewProblem) -> None:
 
 
 def _refuse_short(problem: SlewProblem, inertia: float, turn: float, change: float) -> None:
-    """A beam that bends may have a little less inertia than the rigid one: a tenth of the time is left to it."""
+    """Refuse a duration too short for a rigid body, less a tenth: a beam that bends may have a little less inertia."""
     assert problem.duration is not None
     margin = 1.0 - 1e-12 if problem.linear else _SHORTER  # rounding alone where the plant is what it seems
     T, torque, rate = problem.duration, problem.limits.torque, problem.limits.most("torque_rate")

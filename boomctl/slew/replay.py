@@ -8,7 +8,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.slew.plant import SlewMachine, SlewPlant
-from boomctl.slew.problem import SlewProblem
+from boomctl.slew.problem import AT_LIMIT, SlewProblem
 from boomctl.slew.result import Replay
 from boomctl.slew.torque import TorqueHistory
 
@@ -16,7 +16,6 @@ _SAMPLES = 1001  # instants of a replay at least: limits are judged, and picture
 _AFTER = 96  # instants in one and a half of the slowest periods after the end; a choice
 _APART = 1e-12  # share of the duration below which two instants are one: rounding
 _TAYLOR, _TURN = 30, 0.5  # terms of a linear motion, and |A h| of a step: 0.5^30 / 30! is 4e-42
-_BINDS = 0.999  # share of a limit from which it is said to bind
 _EXACT_MODES = 6  # of the geometrically exact beam; a choice
 _ACCURATE = {"rtol": 1e-10, "atol": 1e-13}  # of a replay that judges a plan to 1e-9
 _COARSE = {"rtol": 1e-5, "atol": 1e-7}  # of other models, which differ by more
@@ -141,7 +140,7 @@ def binding(problem: SlewProblem, history: TorqueHistory, motions: tuple[Motion,
     """Limits that are met within 0.1 %, and the first instant of it, s."""
     found = {}
     for kind, (limit, t, size) in _followed(problem, history, motions).items():
-        met = np.flatnonzero(size >= _BINDS * limit)
+        met = np.flatnonzero(size >= AT_LIMIT * limit)
         if met.size:
             found[f"{kind}_limit"] = float(t[met[0]])
     return found
@@ -162,7 +161,14 @@ def other_models(problem: SlewProblem, history: TorqueHistory) -> tuple[Replay, 
         if energy is None and problem.final_speed == 0.0:
             energy = float(r.energy[0])
         swing = float(np.abs(r.tip_displacement).max())
-        return Replay(name, tip_mass, angle, float(r.hub_speed[0]) - problem.final_speed, swing, energy)
+        return Replay(
+            model=name,
+            tip_mass=tip_mass,
+            angle_error=angle,
+            speed_error=float(r.hub_speed[0]) - problem.final_speed,
+            tip_swing=swing,
+            residual_energy=energy,
+        )
 
     payloads = [replay(machine.with_tip_mass(mass), machine.model, mass) for mass in problem.tip_masses]
     names = [name for name in ("foam", "geometrically-exact") if name != machine.model]

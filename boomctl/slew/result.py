@@ -8,18 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from boomctl.arrays import Array
 from boomctl.printing import compact
+from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.torque import TorqueHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-_TITLES = {
-    "time": "minimum time",
-    "effort": "minimum effort",
-    "jerk": "minimum jerk",
-    "torque-rate": "minimum torque rate",
-    "tip": "minimum tip displacement",
-}
 
 
 class SlewError(RuntimeError):
@@ -32,6 +25,10 @@ class LimitsTooTight(SlewError):
     def __init__(self, message: str, excess: float) -> None:
         super().__init__(message)
         self.excess = excess
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle both, as a pool of processes does to hand an error on."""
+        return type(self), (str(self), self.excess)
 
 
 @dataclass(frozen=True)
@@ -184,7 +181,7 @@ class SlewResult:
     @property
     def title(self) -> str:
         """The objective in words, as "minimum time"."""
-        return _TITLES[self.objective]
+        return OBJECTIVES[self.objective].title
 
     @cached_property
     def replays(self) -> tuple[Replay, ...]:

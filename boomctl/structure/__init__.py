@@ -1,47 +1,5 @@
 """Linear structural dynamics of any planar machine: rows, bodies, beams, second-order models."""
 
-from boomctl.structure.assembly import Assembly
-from boomctl.structure.beams.elements import DiscreteElements, FiniteElements
-from boomctl.structure.displacement_input import prescribe_displacement
-from boomctl.structure.families import AffineFamily
-from boomctl.structure.model import SecondOrderModel, split_symmetric
-from boomctl.structure.parts import (
-    GROUND,
-    Beam,
-    BeamSection,
-    CutJoint,
-    Force,
-    Joint,
-    Output,
-    Point,
-    RigidBody,
-    SpringDamper,
-    fixed,
-    free,
-    prismatic,
-    revolute,
-)
+from boomctl.lazy import loader
 
-__all__ = [
-    "GROUND",
-    "AffineFamily",
-    "Assembly",
-    "Beam",
-    "BeamSection",
-    "CutJoint",
-    "DiscreteElements",
-    "FiniteElements",
-    "Force",
-    "Joint",
-    "Output",
-    "Point",
-    "RigidBody",
-    "SecondOrderModel",
-    "SpringDamper",
-    "fixed",
-    "free",
-    "prescribe_displacement",
-    "prismatic",
-    "revolute",
-    "split_symmetric",
-]
+__all__, __getattr__, __dir__ = loader(__name__)

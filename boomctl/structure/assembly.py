@@ -1,25 +1,35 @@
-"""Assembly: a machine's description, and its equations of motion."""
+"""Assembly: a machine's description, and its equations of motion.
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+Where the parts are decides how a machine can move: its :class:`Mechanism`, the coordinates that the joints leave and the
+rows over them.  What the parts weigh and how stiff they are are the weights of these rows.  Machines that differ in
+weights alone share one mechanism, found once.
+"""
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from scipy import linalg, sparse
 
-from boomctl.arrays import Array
+from boomctl.arrays import DENSE_LIMIT, Array, Matrix
 from boomctl.checks import signal_name
 from boomctl.printing import count, listed, signals
 from boomctl.structure.beams.dynamic_stiffness import Segment
-from boomctl.structure.beams.elements import FiniteElements, distinct, element_nodes, section_values
-from boomctl.structure.beams.exact import ExactModel, PlacedSegment
+from boomctl.structure.beams.elements import FiniteElements, distinct, element_nodes
+from boomctl.structure.beams.exact import ExactLayout, ExactModel
 from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.elimination import eliminate
 from boomctl.structure.kinematics import Kinematics, Row, attachments, kinematics, row_matrix
-from boomctl.structure.matrices import ElasticRows, Structure
+from boomctl.structure.layout import Layout, Weights, squared_sums
+from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
 from boomctl.structure.ports import Ports
 
+_KEPT = 32  # mechanisms kept for the next machine with its parts at the same places (a choice of memory)
+_DAMPED_ALIKE = 1e-9  # of the largest damping; what differs less from proportional damping is rounding (a choice)
+_SAME_LENGTH = 13  # digits of a segment's length that count: segments alike are computed once
 _UNEVEN = 0.41421356  # share of its length at which a free beam is cut in two: sqrt 2 - 1, no node of a low mode
 
 
@@ -95,165 +105,174 @@ class Assembly:
         ValueError
             The joints contradict each other, or a coordinate without mass is acted upon.
         """
-        free = self._free_coordinates(lambda beam, stations: beam.discretization.mesh(beam, stations))
-        n, names, ports = len(free.names), free.names, free.ports(self)
-        M = sparse.csr_array((n, n))
-        for body in self.bodies:
-            M = M + (_rigid_mass(body, free) if isinstance(body, RigidBody) else _beam_mass(body, free))
-        beams = [
-            (free.kinematics.meshes[body.name], free.local(body)) for body in self.bodies if isinstance(body, Beam)
-        ]
-        links = free.links(self)
-        elastic = ElasticRows(
-            sparse.csr_array(sparse.vstack([*(sparse.csr_array(mesh.strain @ T) for mesh, T in beams), links.R])),
-            np.concatenate([*(mesh.stiffness for mesh, _ in beams), links.k]),
-            np.concatenate([*(mesh.damping for mesh, _ in beams), links.c]),
-        )
-        massless = np.flatnonzero(M.diagonal() == 0.0)
+        mechanism = _mechanism(self, exact=False)
+        layout, ports, weights = mechanism.layout, mechanism.ports, mechanism.weights(self)
+        massless = np.flatnonzero(squared_sums(layout.N, weights.m) == 0.0)
         if len(massless):
-            T, kept = _condensation(elastic, ports, massless, names)
-            M, elastic, ports = sparse.csr_array(T.T @ M @ T), elastic.congruent(T), ports.congruent(T)
-            names = tuple(names[i] for i in kept)
-        return SecondOrderModel.of(Structure.of(M, elastic.C, elastic.K, names, elastic=elastic), ports)
+            T, kept = _condensation(Structure.weighed(layout, weights), ports, massless)
+            layout, ports = layout.congruent(T, tuple(layout.coordinates[i] for i in kept)), ports.congruent(T)
+        return SecondOrderModel.of(Structure.weighed(layout, weights), ports)
 
     def exact(self) -> ExactModel:
         """Return the structure with exact beams, forces as inputs; the beams' discretisations are not used."""
-        free = self._free_coordinates(_segment_mesh)
-        M = np.zeros((len(free.names), len(free.names)))
-        placed: list[PlacedSegment] = []
+        mechanism = _mechanism(self, exact=True)
+        segments = tuple(
+            Segment(
+                round(float(length), _SAME_LENGTH),
+                body.sections[place].mass_per_length,
+                body.sections[place].bending_stiffness,
+                body.sections[place].damping,
+            )
+            for body, mesh in zip(self._beams(), mechanism.meshes, strict=True)
+            for place, length in zip(mesh.section, np.diff(mesh.nodes), strict=True)
+        )
+        return ExactModel(mechanism.exact, self._rigid_weights(), segments)
+
+    def _beams(self) -> list[Beam]:
+        return [body for body in self.bodies if isinstance(body, Beam)]
+
+    def _rigid_weights(self) -> Weights:
+        """Return the weights of bodies, of beams as they move along their axis, and of links."""
+        m: list[float] = []
         for body in self.bodies:
             if isinstance(body, RigidBody):
-                M += _rigid_mass(body, free).toarray()
-                continue
-            mesh, local = free.kinematics.meshes[body.name], free.local(body).toarray()
-            section = section_values(body, mesh.nodes)
-            M += _axial_mass(body, free).toarray()
-            for e, length in enumerate(np.diff(mesh.nodes)):
-                values = (section.mass_per_length[e], section.bending_stiffness[e], section.damping[e])
-                segment = Segment(round(float(length), 13), *(float(value) for value in values))
-                placed.append(PlacedSegment(segment, local[2 * e : 2 * e + 4]))
-        links = free.links(self)
-        return ExactModel(
-            M=M,
-            C=links.C.toarray(),
-            K=links.K.toarray(),
-            placed=tuple(placed),
-            ports=free.ports(self),
-            coordinates=free.names,
-        )
-
-    def _free_coordinates(self, mesh: Callable[[Beam, list[float]], BeamMesh]) -> "FreeCoordinates":
-        """Return the coordinates that the joints and cut joints leave, beams turned into coordinates by ``mesh``."""
-        points = self.points()
-        meshes = {body.name: mesh(body, attachments(body, points)) for body in self.bodies if isinstance(body, Beam)}
-        motion = kinematics(self.bodies, meshes, self.cuts)
-        if not motion.coordinates:
-            raise ValueError("the assembly has no coordinates: expected a body that can move or a beam")
-        index = {name: i for i, name in enumerate(motion.coordinates)}
-        if not motion.held:
-            return FreeCoordinates(motion, index, sparse.csr_array(sparse.eye_array(len(index))), motion.coordinates)
-        labels, rows = zip(*motion.held, strict=True)
-        choice = eliminate(sparse.csr_array(row_matrix(rows, index).T), labels, motion.weights)
-        return FreeCoordinates(motion, index, choice.T_q, tuple(motion.coordinates[i] for i in choice.independent))
+                m += [body.mass, body.mass, body.inertia]
+            else:
+                m.append(sum(section.length * section.mass_per_length for section in body.sections))
+        c, k = [link.damping for link in self.links], [link.stiffness for link in self.links]
+        return Weights(np.array(m, dtype=float), np.array(c, dtype=float), np.array(k, dtype=float))
 
 
-@dataclass(frozen=True)
-class FreeCoordinates:
-    """The coordinates that the joints leave, and how all others follow: where things are, not what they weigh.
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """How a machine can move over the coordinates that its joints leave, whatever it weighs.
 
     Attributes
     ----------
-    kinematics : Kinematics
-    index : mapping from name to int
-        Places of all coordinates.
-    T : sparse array
-        From the free coordinates to all of them.
-    names : tuple of str
-        Of the free coordinates.
+    meshes : tuple of BeamMesh
+        Of its beams, in their order.
+    layout : Layout
+        ``N``: centres of the bodies and beams along their axes; ``R``: elongations of the links.  Below them, unless the
+        beams are exact, deflections and strains of the beams.
+    exact : ExactLayout
+        The same with the ends of exact beams' segments, if the beams are exact.
+    ports : Ports
+        Inputs and outputs.
     """
 
-    kinematics: Kinematics
-    index: Mapping[str, int]
-    T: sparse.csr_array
-    names: tuple[str, ...]
+    meshes: tuple[BeamMesh, ...]
+    layout: Layout
+    exact: ExactLayout
+    ports: Ports
 
-    def rows(self, rows: list[Row]) -> sparse.csr_array:
-        """Return rows over the free coordinates, as a sparse matrix."""
-        return sparse.csr_array(row_matrix(rows, self.index) @ self.T)
-
-    def local(self, beam: Beam) -> sparse.csr_array:
-        """Return the map from the free coordinates to those of a beam."""
-        first = self.index[f"{beam.name}.{self.kinematics.meshes[beam.name].names[0]}"]
-        return sparse.csr_array(self.T[first : first + len(self.kinematics.meshes[beam.name].names)])
-
-    def links(self, assembly: Assembly) -> ElasticRows:
-        """Return the elongations of the springs and dampers over the free coordinates."""
-        rows = self.rows([self.kinematics.relative(link.a, link.b, link.direction) for link in assembly.links])
-        stiffness = np.array([link.stiffness for link in assembly.links], dtype=float)
-        return ElasticRows(rows, stiffness, np.array([link.damping for link in assembly.links], dtype=float))
-
-    def ports(self, assembly: Assembly) -> Ports:
-        """Return the inputs and outputs of an assembly over the free coordinates."""
-        relative = self.kinematics.relative
-        columns = self.rows([relative(f.point, f.reaction, f.direction) for f in assembly.forces]).toarray().T
-        lines = self.rows([relative(o.point, o.relative_to, o.direction) for o in assembly.outputs]).toarray()
-        derivative = np.array([o.derivative for o in assembly.outputs], dtype=int)
-        L0, L1, L2 = (lines * (derivative == k)[:, None] for k in range(3))
-        return Ports.of_forces(
-            inputs=tuple(f.name for f in assembly.forces),
-            columns=columns,
-            outputs=tuple(o.name for o in assembly.outputs),
-            lines=(L0, L1, L2),
-            bandwidths=tuple(None if o.bandwidth_hz is None else 2 * np.pi * o.bandwidth_hz for o in assembly.outputs),
-        )
+    def weights(self, assembly: Assembly) -> Weights:
+        """Return what the rows of ``layout`` weigh in a machine that moves so, its beams not exact."""
+        rigid = assembly._rigid_weights()
+        m, c, k = [rigid.m], [rigid.c], [rigid.k]
+        for beam, mesh in zip(assembly._beams(), self.meshes, strict=True):
+            sections = [(s.mass_per_length, s.bending_stiffness, s.damping) for s in beam.sections]
+            mass, stiffness, damping = np.array(sections, dtype=float).T[:, mesh.section]
+            m.append(mesh.inertia.weights(mass))
+            c.append(mesh.strain.weights(stiffness * damping))
+            k.append(mesh.strain.weights(stiffness))
+        return Weights(np.concatenate(m), np.concatenate(c), np.concatenate(k))
 
 
-def _rigid_mass(body: RigidBody, free: FreeCoordinates) -> sparse.csr_array:
-    x, y = body.centre or (body.parent.x, body.parent.y)
-    centre = free.kinematics.motion(body.at(x, y))
-    rows = free.rows([centre.x, centre.y, centre.theta])
-    weight = sparse.diags_array([float(body.mass), float(body.mass), float(body.inertia)])
-    return sparse.csr_array(rows.T @ weight @ rows)
+def _mechanism(assembly: Assembly, exact: bool) -> Mechanism:
+    """Return how a machine can move, its beams discretised or exact; known already if one like it was."""
+    place = _Place(_where(assembly), exact, assembly)
+    return _kept_mechanism(place) if place.decides() else _find_mechanism(assembly, exact)
 
 
-def _beam_mass(beam: Beam, free: FreeCoordinates) -> sparse.csr_array:
-    local = free.local(beam)
-    bending = local.T @ free.kinematics.meshes[beam.name].mass @ local
-    return sparse.csr_array(bending + _axial_mass(beam, free))
+@dataclass(frozen=True)
+class _Place:
+    """Where the parts of a machine are: equal to that of every machine that moves alike."""
+
+    where: tuple[Hashable, ...]
+    exact: bool
+    assembly: Assembly = field(compare=False)
+
+    def decides(self) -> bool:
+        """Return whether equal places mean equal mechanisms; a discretisation that is not compared by value does not."""
+        if any(type(beam.discretization).__hash__ is object.__hash__ for beam in self.assembly._beams()):
+            return False
+        try:
+            hash(self.where)
+        except TypeError:
+            return False
+        return True
 
 
-def _axial_mass(beam: Beam, free: FreeCoordinates) -> sparse.csr_array:
-    """Return the mass matrix of a beam's motion along its axis, as a whole."""
-    axial = free.rows([free.kinematics.frames[beam.name].along(beam.angle)])
-    mass = sum(section.length * section.mass_per_length for section in beam.sections)
-    return sparse.csr_array(mass * (axial.T @ axial))
+def _where(assembly: Assembly) -> tuple[Hashable, ...]:
+    """Return everything that rows depend on."""
+
+    def at(point: Point | None) -> Hashable:
+        return None if point is None else (point.body.name, point.x, point.y)
+
+    def of(body: RigidBody | Beam) -> Hashable:
+        if isinstance(body, RigidBody):
+            return body.name, at(body.parent), body.joint, body.centre
+        lengths = tuple(section.length for section in body.sections)
+        return body.name, at(body.parent), body.joint, body.start, body.angle, body.discretization, lengths
+
+    return (
+        tuple(of(body) for body in assembly.bodies),
+        tuple((at(link.a), at(link.b), link.direction) for link in assembly.links),
+        tuple((f.name, at(f.point), f.direction, at(f.reaction)) for f in assembly.forces),
+        tuple(
+            (o.name, at(o.point), o.direction, at(o.relative_to), o.derivative, o.bandwidth_hz)
+            for o in assembly.outputs
+        ),
+        tuple((at(cut.a), at(cut.b), cut.directions) for cut in assembly.cuts),
+    )
 
 
-def _condensation(
-    elastic: ElasticRows, ports: Ports, massless: Array, names: tuple[str, ...]
-) -> tuple[sparse.csr_array, Array]:
-    """Return the map that lets massless coordinates follow the others statically, which is exact for them.
+@lru_cache(maxsize=_KEPT)
+def _kept_mechanism(place: _Place) -> Mechanism:
+    return _find_mechanism(place.assembly, place.exact)
 
-    It is exact as long as nothing but beams with one common damping constant acts on them.
-    """
-    K, C = elastic.K.tocsr(), elastic.C.tocsr()
-    n = K.shape[0]
-    kept = np.setdiff1d(np.arange(n), massless)
-    K_mm, C_mm = K[massless][:, massless], C[massless][:, massless]
-    ratio = C_mm.diagonal().sum() / max(K_mm.diagonal().sum(), np.finfo(float).tiny)
-    uneven = np.abs(C_mm.diagonal() - ratio * K_mm.diagonal()) > 1e-9 * np.abs(C_mm.diagonal()).max(initial=1e-300)
-    forced = (np.abs(ports.B[0][massless]) > 0).any(axis=1)
-    if (uneven | forced).any():
-        name = names[massless[np.flatnonzero(uneven | forced)[0]]]
-        raise ValueError(f"a damper or torque acts on coordinate {name!r}, which has no inertia: give it some")
-    weak = np.flatnonzero(K_mm.diagonal() <= 0.0)
-    if len(weak):
-        raise ValueError(f"coordinate {names[massless[weak[0]]]!r} has neither inertia nor stiffness: give it some")
-    follow = -linalg.solve(K_mm.toarray(), K[massless][:, kept].toarray(), assume_a="pos")
-    T = np.zeros((n, len(kept)))
-    T[kept, np.arange(len(kept))] = 1.0
-    T[massless] = follow
-    return sparse.csr_array(T), kept
+
+def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
+    points, beams = assembly.points(), assembly._beams()
+    mesh_of = {beam.name: (_segment_mesh if exact else _discretized)(beam, attachments(beam, points)) for beam in beams}
+    motion = kinematics(assembly.bodies, mesh_of, assembly.cuts)
+    if not motion.coordinates:
+        raise ValueError("the assembly has no coordinates: expected a body that can move or a beam")
+    index, meshes = {name: i for i, name in enumerate(motion.coordinates)}, tuple(mesh_of.values())
+    first = [index[f"{beam.name}.{mesh.names[0]}"] for beam, mesh in zip(beams, meshes, strict=True)]
+    T, names = _free_coordinates(motion, index)
+
+    def rows(lines: list[Row]) -> Matrix:
+        return row_matrix(lines, index) @ T
+
+    bodies: list[Row] = []
+    for body in assembly.bodies:
+        if isinstance(body, RigidBody):
+            centre = motion.motion(body.at(*(body.centre or (body.parent.x, body.parent.y))))
+            bodies += [centre.x, centre.y, centre.theta]
+        else:
+            bodies.append(motion.frames[body.name].along(body.angle))
+    N, R = rows(bodies), rows([motion.relative(link.a, link.b, link.direction) for link in assembly.links])
+    S = np.zeros((0, len(names)))
+    if exact and meshes:
+        S = np.vstack([_segment_ends(mesh, dense(T)[at:]) for at, mesh in zip(first, meshes, strict=True)])
+    elif not exact:
+        deflections = [mesh.inertia.matrix(at, len(index)) @ T for at, mesh in zip(first, meshes, strict=True)]
+        strains = [mesh.strain.matrix(at, len(index)) @ T for at, mesh in zip(first, meshes, strict=True)]
+        N, R = _stacked([N, *deflections]), _stacked([R, *strains])
+    layout, ports = Layout(names, N, R), _ports(assembly, motion, rows)
+    return Mechanism(meshes, layout, ExactLayout(layout, S, ports), ports)
+
+
+def _segment_ends(mesh: BeamMesh, T: Array) -> Array:
+    """Return the lines ``w1, l phi1, w2, l phi2`` of each segment of an exact beam, whose coordinates come first in ``T``."""
+    lines = T[2 * np.arange(len(mesh.section))[:, None] + np.arange(4)]
+    lines[:, 1::2] *= np.diff(mesh.nodes)[:, None, None]
+    return lines.reshape(-1, T.shape[1])
+
+
+def _discretized(beam: Beam, stations: list[float]) -> BeamMesh:
+    return beam.discretization.mesh(beam, stations)
 
 
 def _segment_mesh(beam: Beam, stations: list[float]) -> BeamMesh:
@@ -263,3 +282,61 @@ def _segment_mesh(beam: Beam, stations: list[float]) -> BeamMesh:
         # the natural frequencies of a free segment are those of a clamped one, where its own stiffness is infinite
         marks = (marks[0], _UNEVEN * beam.length, marks[1])
     return FiniteElements(marks).mesh(beam, stations)
+
+
+def _free_coordinates(motion: Kinematics, index: dict[str, int]) -> tuple[Matrix, tuple[str, ...]]:
+    """Return how all coordinates follow from those that the joints leave, and the names of these."""
+    if not motion.held:
+        one = sparse.eye_array(len(index), format="csr") if len(index) > DENSE_LIMIT else np.eye(len(index))
+        return one, motion.coordinates
+    labels, held = zip(*motion.held, strict=True)
+    choice = eliminate(row_matrix(held, index).T, labels, motion.weights)
+    return choice.T_q, tuple(motion.coordinates[i] for i in choice.independent)
+
+
+def _stacked(blocks: list[Matrix]) -> Matrix:
+    if not sparse.issparse(blocks[0]):
+        return np.vstack(blocks)
+    return sparse.csr_array(sparse.vstack(blocks))
+
+
+def _ports(assembly: Assembly, motion: Kinematics, rows: Callable[[list[Row]], Matrix]) -> Ports:
+    """Return the inputs and outputs of an assembly over its free coordinates."""
+    columns = dense(rows([motion.relative(f.point, f.reaction, f.direction) for f in assembly.forces])).T
+    lines = dense(rows([motion.relative(o.point, o.relative_to, o.direction) for o in assembly.outputs]))
+    derivative = np.array([o.derivative for o in assembly.outputs], dtype=int)
+    L = np.array([lines * (derivative == k)[:, None] for k in range(3)]).reshape(3, *lines.shape)
+    L.setflags(write=False)
+    return Ports.of_forces(
+        inputs=tuple(f.name for f in assembly.forces),
+        columns=columns,
+        outputs=tuple(o.name for o in assembly.outputs),
+        lines=L,
+        bandwidths=tuple(None if o.bandwidth_hz is None else 2 * np.pi * o.bandwidth_hz for o in assembly.outputs),
+    )
+
+
+def _condensation(structure: Structure, ports: Ports, massless: Array) -> tuple[Matrix, Array]:
+    """Return the map that lets massless coordinates follow the others statically, which is exact for them.
+
+    It is exact as long as nothing but beams with one common damping constant acts on them.
+    """
+    K, C, names = structure.K, structure.C, structure.coordinates
+    n = structure.n
+    kept = np.delete(np.arange(n), massless)
+    K_mm, C_mm, K_mk = dense(K[massless][:, massless]), dense(C[massless][:, massless]), dense(K[massless][:, kept])
+    ratio = C_mm.diagonal().sum() / max(K_mm.diagonal().sum(), np.finfo(float).tiny)
+    uneven = np.abs(C_mm.diagonal() - ratio * K_mm.diagonal()) > _DAMPED_ALIKE * np.abs(C_mm.diagonal()).max(
+        initial=np.finfo(float).tiny
+    )
+    forced = (np.abs(ports.B[0][massless]) > 0).any(axis=1)
+    if (uneven | forced).any():
+        name = names[massless[np.flatnonzero(uneven | forced)[0]]]
+        raise ValueError(f"a damper or torque acts on coordinate {name!r}, which has no inertia: give it some")
+    weak = np.flatnonzero(K_mm.diagonal() <= 0.0)
+    if len(weak):
+        raise ValueError(f"coordinate {names[massless[weak[0]]]!r} has neither inertia nor stiffness: give it some")
+    T = np.zeros((n, len(kept)))
+    T[kept, np.arange(len(kept))] = 1.0
+    T[massless] = -linalg.solve(K_mm, K_mk, assume_a="pos")
+    return sparse.csr_array(T) if n > DENSE_LIMIT else T, kept

@@ -5,18 +5,20 @@ Source: Anthonis & Ramon (2003), Eqs. (2)-(12) and appendix A, with the signs me
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
-from scipy import sparse
 
 from boomctl.arrays import Array, Matrix
 from boomctl.checks import known
 from boomctl.structure.elimination import Elimination, eliminate
-from boomctl.structure.matrices import Structure
+from boomctl.structure.layout import Layout
+from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.ports import Ports, Triple
+from boomctl.structure.ports import Ports
 
 MOTIONS = ("displacement", "velocity", "acceleration")
+_KEPT = 32  # eliminations kept for the next structure with the same rows (a choice of memory)
 
 
 def prescribe_displacement(
@@ -67,21 +69,33 @@ def prescribe_displacement(
     J = np.column_stack([model.ports.force_column(name) for name in both])
     if len(both) >= model.n:
         raise ValueError(f"{len(both)} displacements are prescribed in a model of {model.n} coordinates: nothing moves")
-    choice, old = eliminate(J, both), model.structure
-    T_q, elastic, mirror = choice.T_q, None, None
-    if old.elastic is not None:
-        elastic = old.elastic.congruent(T_q)
-    if old.mirror is not None:
-        mirror = old.mirror.restricted(choice)
-    structure = Structure.of(
-        _congruent(old.M, T_q),
-        _congruent(old.C, T_q) if elastic is None else elastic.C,
-        _congruent(old.K, T_q) if elastic is None else elastic.K,
-        tuple(old.coordinates[i] for i in choice.independent),
-        elastic=elastic,
-        mirror=mirror,
+    old = model.structure
+    if old.layout is None or old.weights is None:
+        choice = eliminate(J, both)
+        moving, imposed = _Side(choice.T_q), _Side(choice.T_d)
+        M, C, K = (choice.T_q.T @ (matrix @ choice.T_q) for matrix in (old.M, old.C, old.K))
+        structure = Structure.of(
+            M,
+            C,
+            K,
+            tuple(old.coordinates[i] for i in choice.independent),
+            None if old.mirror is None else old.mirror.restricted(choice),
+        )
+    else:
+        choice, layout, imposed = _eliminated(old.layout, both, J.tobytes())
+        moving = _Side(choice.T_q, layout)
+        structure = Structure.weighed(layout, old.weights, None if old.mirror is None else layout.mirror)
+    return SecondOrderModel.of(
+        structure, _Prescribed(old, model.ports, moving, imposed, moved, held).ports(orders, reactions)
     )
-    return SecondOrderModel.of(structure, _Prescribed(old, model.ports, choice, moved, held).ports(orders, reactions))
+
+
+@lru_cache(maxsize=_KEPT)
+def _eliminated(layout: Layout, names: tuple[str, ...], columns: bytes) -> tuple[Elimination, Layout, "_Side"]:
+    """Return what imposing motion at the columns of ``names`` makes of rows, whatever the structure weighs."""
+    choice = eliminate(np.frombuffer(columns).reshape(layout.n, len(names)), names)
+    over_imposed = Layout(names, dense(layout.N @ choice.T_d), dense(layout.R @ choice.T_d))
+    return choice, layout.eliminated(choice), _Side(choice.T_d, over_imposed)
 
 
 def _orders(moved: tuple[str, ...], motion: str | Mapping[str, str]) -> dict[str, int]:
@@ -93,15 +107,12 @@ def _orders(moved: tuple[str, ...], motion: str | Mapping[str, str]) -> dict[str
     return {name: MOTIONS.index(known("motion", motion.get(name, "displacement"), MOTIONS)) for name in moved}
 
 
-def _congruent(matrix: Matrix, T: sparse.csr_array) -> Matrix:
-    if sparse.issparse(matrix):
-        return sparse.csr_array(T.T @ matrix @ T)
-    return np.asarray(T.T @ (T.T @ matrix.T).T)
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """A group of coordinates, ``q = T z``: those that still move, or the imposed displacements; rows over them if known."""
 
-
-def _driven(matrix: Matrix, left: sparse.csr_array, right: sparse.csr_array) -> Array:
-    """Return ``left^T matrix right``, dense; ``right`` or ``left`` has few columns."""
-    return np.asarray((left.T @ sparse.csr_array(matrix @ right)).toarray())
+    T: Matrix
+    layout: Layout | None = None
 
 
 @dataclass(frozen=True)
@@ -110,7 +121,8 @@ class _Prescribed:
 
     structure: Structure
     old: Ports
-    choice: Elimination
+    moving: _Side
+    imposed: _Side
     moved: tuple[str, ...]
     held: tuple[str, ...]
 
@@ -119,61 +131,56 @@ class _Prescribed:
         """Inputs that stay, in their old order."""
         return tuple(name for name in self.old.inputs if name not in self.held)
 
-    def blocks(self, left: sparse.csr_array, right: sparse.csr_array) -> Triple:
-        """Return the blocks of ``K, C, M`` between two groups of coordinates, rounding kept small by the strain rows."""
-        K, C, M, rows = self.structure.K, self.structure.C, self.structure.M, self.structure.elastic
-        if rows is None:
-            return _driven(K, left, right), _driven(C, left, right), _driven(M, left, right)
-        R_left, R_right = sparse.csr_array(rows.R @ left), sparse.csr_array(rows.R @ right)
-
-        def block(weight: Array) -> Array:
-            return np.asarray((R_left.T @ sparse.diags_array(weight) @ R_right).toarray())
-
-        return block(rows.k), block(rows.c), _driven(M, left, right)
+    def blocks(self, left: _Side, right: _Side) -> Array:
+        """Return the blocks of ``K, C, M`` between two groups, one of them imposed; from rows, so that rounding is small."""
+        weights = self.structure.weights
+        if weights is None or left.layout is None or right.layout is None:
+            matrices = self.structure.K, self.structure.C, self.structure.M
+            return np.array([left.T.T @ dense(matrix @ right.T) for matrix in matrices])
+        if right is self.moving:
+            return self.blocks(right, left).transpose(0, 2, 1)
+        R, N = left.layout.R.T, left.layout.N.T
+        return np.array(
+            [
+                R @ (weights.k[:, None] * right.layout.R),
+                R @ (weights.c[:, None] * right.layout.R),
+                N @ (weights.m[:, None] * right.layout.N),
+            ]
+        )
 
     def ports(self, orders: Mapping[str, int], reactions: bool) -> Ports:
         """Return the ports of the displacement-driven structure, inputs in their old order."""
-        old, kept, T_d = self.old, self.kept, self.choice.T_d
-        force = old.select(kept, None).congruent(self.choice.T_q)
-        B, L, E = [b.copy() for b in force.B], list(force.L), [e.copy() for e in force.E]
-        driven = self.blocks(self.choice.T_q, T_d)
-        for k in range(3):
-            for j, name in enumerate(self.moved):
-                i = kept.index(name)
-                B[k][:, i] = -driven[k][:, j]
-                E[k][:, i] = old.L[k] @ T_d[:, [j]].toarray()[:, 0]
+        old, kept, T_d = self.old, self.kept, dense(self.imposed.T)
+        force = old.select(kept, None).congruent(self.moving.T)
+        B, L, E = force.B.copy(), force.L, force.E.copy()
+        places = [kept.index(name) for name in self.moved]
+        B[:, :, places] = -self.blocks(self.moving, self.imposed)[:, :, : len(places)]
+        E[:, :, places] = old.L @ T_d[:, : len(places)]
         outputs, bandwidths, both = old.outputs, old.bandwidths, self.moved + self.held
         felt = old.E[0][:, [old.inputs.index(name) for name in both]]
         if reactions or felt.any():
             force_L, force_E = self.reactions()
-            L = [L[k] + felt @ force_L[k] for k in range(3)]
-            E = [E[k] + felt @ force_E[k] for k in range(3)]
+            L, E = L + felt @ force_L, E + felt @ force_E
             if reactions:
-                L, E = (
-                    [np.vstack(pair) for pair in zip(*pairs, strict=True)] for pairs in ((L, force_L), (E, force_E))
-                )
+                L, E = np.concatenate([L, force_L], axis=1), np.concatenate([E, force_E], axis=1)
                 outputs = outputs + tuple(f"{name}_force" for name in both)
                 bandwidths = bandwidths + (None,) * len(both)
         return replace(
             old,
             inputs=kept,
             outputs=outputs,
-            B=(B[0], B[1], B[2]),
-            L=(L[0], L[1], L[2]),
-            E=(E[0], E[1], E[2]),
+            B=B,
+            L=L,
+            E=E,
             moved=tuple(name in self.moved for name in kept),
             integrators=tuple(orders.get(name, 0) for name in kept),
             bandwidths=bandwidths,
         )
 
-    def reactions(self) -> tuple[list[Array], list[Array]]:
+    def reactions(self) -> tuple[Array, Array]:
         """Return the rows of Eq. (7), upper part: ``f_p = M_dd d'' + M_dq q'' + ... - F_d f``."""
-        T_d, kept = self.choice.T_d, self.kept
-        with_d, with_q = self.blocks(T_d, T_d), self.blocks(T_d, self.choice.T_q)
-        E = []
-        for k, acting in enumerate(self.old.select(kept, None).B):
-            feed = -(T_d.T @ acting)
-            for j, name in enumerate(self.moved):
-                feed[:, kept.index(name)] = with_d[k][:, j]
-            E.append(feed)
-        return list(with_q), E
+        kept, T_d = self.kept, dense(self.imposed.T)
+        E = -(T_d.T @ self.old.select(kept, None).B)
+        places = [kept.index(name) for name in self.moved]
+        E[:, :, places] = self.blocks(self.imposed, self.imposed)[:, :, : len(places)]
+        return self.blocks(self.imposed, self.moving), E

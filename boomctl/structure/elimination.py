@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, sparse
 
-from boomctl.arrays import Array
+from boomctl.arrays import DENSE_LIMIT, Array, Matrix
 
+_COUPLED = 1e-15  # of the largest coupling; what is below is rounding of zero
 _RANK_TOLERANCE = 1e-10  # of the largest pivot; conditions that differ by less depend on each other (a choice)
 
 
@@ -21,12 +22,12 @@ class Elimination:
 
     dependent: Array
     independent: Array
-    T_d: sparse.csr_array
-    T_q: sparse.csr_array
+    T_d: Matrix
+    T_q: Matrix
 
 
-def eliminate(J: Array | sparse.csr_array, names: Sequence[str], weights: Array | None = None) -> Elimination:
-    """Choose dependent coordinates by pivoted QR and return the congruence.
+def eliminate(J: Matrix, names: Sequence[str], weights: Array | None = None) -> Elimination:
+    """Choose dependent coordinates by pivoted QR and return the congruence; dense where coordinates are few.
 
     Parameters
     ----------
@@ -42,28 +43,41 @@ def eliminate(J: Array | sparse.csr_array, names: Sequence[str], weights: Array 
     ValueError
         A column is zero, or depends on the others.
     """
-    full = sparse.csr_array(J)
-    n, count = full.shape
-    touched = np.flatnonzero(np.diff(full.indptr))
-    block = full[touched].toarray()
+    n, count = J.shape
+    if sparse.issparse(J):
+        full = sparse.csr_array(J)
+        touched = np.flatnonzero(np.diff(full.indptr))
+        block = full[touched].toarray()
+    else:
+        touched = np.flatnonzero(J.any(axis=1))
+        block = J[touched]
     norms = np.linalg.norm(block, axis=0)
     _check_rank(block, norms, names)
     scaled = (block / norms).T if weights is None else (block / norms).T * weights[touched]
     pivots = np.sort(linalg.qr(scaled, mode="r", pivoting=True)[1][:count])
     dependent = touched[pivots]
-    rest = np.setdiff1d(np.arange(len(touched)), pivots)
+    rest = np.delete(np.arange(len(touched)), pivots)
     inverse = np.linalg.inv(block[pivots].T)
     coupling = -np.linalg.solve(block[pivots].T, block[rest].T)
-    coupling[np.abs(coupling) < 1e-15 * np.abs(coupling).max(initial=1.0)] = 0.0
-    independent = np.setdiff1d(np.arange(n), dependent)
+    coupling[np.abs(coupling) < _COUPLED * np.abs(coupling).max(initial=1.0)] = 0.0
+    independent = np.delete(np.arange(n), dependent)
     column = np.full(n, -1)
     column[independent] = np.arange(n - count)
-    keep = sparse.csr_array((np.ones(n - count), (independent, np.arange(n - count))), shape=(n, n - count))
     r, s = np.nonzero(coupling)
-    solved = sparse.csr_array((coupling[r, s], (dependent[r], column[touched[rest[s]]])), shape=(n, n - count))
+    rows = np.concatenate([independent, dependent[r]])
+    columns = np.concatenate([np.arange(n - count), column[touched[rest[s]]]])
+    T_q = _matrix(rows, columns, np.concatenate([np.ones(n - count), coupling[r, s]]), (n, n - count))
     i, j = np.nonzero(inverse)
-    T_d = sparse.csr_array((inverse[i, j], (dependent[i], j)), shape=(n, count))
-    return Elimination(dependent, independent, T_d, sparse.csr_array(keep + solved))
+    return Elimination(dependent, independent, _matrix(dependent[i], j, inverse[i, j], (n, count)), T_q)
+
+
+def _matrix(rows: Array, columns: Array, values: Array, shape: tuple[int, int]) -> Matrix:
+    """Return a matrix of these entries, each place once; sparse where rows are many."""
+    if shape[0] > DENSE_LIMIT:
+        return sparse.csr_array((values, (rows, columns)), shape=shape)
+    full = np.zeros(shape)
+    full[rows, columns] = values
+    return full
 
 
 def _check_rank(block: Array, norms: Array, names: Sequence[str]) -> None:

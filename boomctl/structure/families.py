@@ -12,7 +12,7 @@ from boomctl.checks import finite_array, known, real, signal_name
 from boomctl.printing import listed, signals
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.ports import Ports, Triple
+from boomctl.structure.ports import Ports
 
 _EXACT = 1e-9  # of the largest entry; a corner missed by less is rounding of the assembly (a choice)
 
@@ -24,7 +24,7 @@ class Slope:
     M: Matrix
     C: Matrix
     K: Matrix
-    B: Triple
+    B: Array
 
 
 @dataclass(frozen=True)
@@ -119,9 +119,9 @@ class AffineFamily:
             sum((x * getattr(s, name) for x, s in zip(d, self.slopes, strict=True)), getattr(c, name))
             for name in ("M", "C", "K")
         )
-        B = tuple(sum((x * s.B[k] for x, s in zip(d, self.slopes, strict=True)), c.ports.B[k]) for k in range(3))
-        ports = replace(c.ports, B=(B[0], B[1], B[2]))
-        return SecondOrderModel.of(Structure.of(M, C, K, c.coordinates, mirror=c.mirror), ports)
+        B = sum((x * s.B for x, s in zip(d, self.slopes, strict=True)), c.ports.B)
+        ports = replace(c.ports, B=B)
+        return SecondOrderModel.of(Structure.of(M, C, K, c.coordinates, c.mirror), ports)
 
     def _delta(self, delta: ArrayLike) -> Array:
         d = finite_array("delta", delta, ndim=1)
@@ -155,5 +155,4 @@ def _slope(centre: SecondOrderModel, end: SecondOrderModel) -> Slope:
     before: Ports = centre.ports
     if end.inputs != centre.inputs or end.outputs != centre.outputs or end.n != centre.n:
         raise ValueError("the structures of a family must have the same coordinates, inputs and outputs")
-    B = tuple(end.ports.B[k] - before.B[k] for k in range(3))
-    return Slope(end.M - centre.M, end.C - centre.C, end.K - centre.K, (B[0], B[1], B[2]))
+    return Slope(end.M - centre.M, end.C - centre.C, end.K - centre.K, end.ports.B - before.B)

@@ -7,7 +7,7 @@ from math import cos, pi, sin
 import numpy as np
 from scipy import sparse
 
-from boomctl.arrays import Array
+from boomctl.arrays import DENSE_LIMIT, Array, Matrix
 from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.parts import Beam, CutJoint, Ground, Point, RigidBody, direction_angle
 
@@ -68,15 +68,16 @@ class Frame:
         return c * self.x + s * self.y
 
 
-def row_matrix(rows: Sequence[Row], index: Mapping[str, int]) -> sparse.csr_array:
-    """Stack rows into a sparse matrix, one line a row and one column a coordinate of ``index``."""
-    data, line, column = [], [], []
-    for i, row in enumerate(rows):
-        for name, value in row.terms.items():
-            data.append(value)
-            line.append(i)
-            column.append(index[name])
-    return sparse.csr_array((np.array(data, float), (line, column)), shape=(len(rows), len(index)))
+def row_matrix(rows: Sequence[Row], index: Mapping[str, int]) -> Matrix:
+    """Stack rows into a matrix, one line a row and one column a coordinate of ``index``; sparse where these are many."""
+    data = [value for row in rows for value in row.terms.values()]
+    line = [i for i, row in enumerate(rows) for _ in row.terms]
+    column = [index[name] for row in rows for name in row.terms]
+    if len(index) > DENSE_LIMIT:
+        return sparse.csr_array((np.array(data, float), (line, column)), shape=(len(rows), len(index)))
+    full = np.zeros((len(rows), len(index)))
+    full[line, column] = data
+    return full
 
 
 @dataclass(frozen=True)

@@ -5,94 +5,75 @@ which it is driven and read.  Models that differ only in inputs and outputs shar
 once: the pencil ready to be factorised, the symmetric and the antisymmetric half.
 """
 
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy import sparse
 
-from boomctl.arrays import Array, Matrix
+from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+from boomctl.structure.layout import HalfLayout, Layout, Weights, squared_sums
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.pencil import Pencil, stored
-from boomctl.structure.symmetry import TOLERANCE, Mirror, half_matrix, half_rows
+from boomctl.structure.symmetry import TOLERANCE, Mirror
 
-DENSE_LIMIT = (  # coordinates up to which matrices are stored dense: products cost half of sparse ones (measured)
-    64  # coordinates up to which matrices are stored dense: a sparse product of that size costs more (measured)
+_DENSE_HALF = (
+    220  # coordinates up to which halves are dense, as their factors are: sparse is faster from there (measured)
 )
 _SYMMETRIC = 1e-12  # change under transposition, of the largest entry, that is rounding: some 1e4 eps
 
 
 @dataclass(frozen=True)
 class ElasticRows:
-    """Stiffness and damping as sums over rows: ``K = R^T diag(k) R``, ``C = R^T diag(c) R``.
+    """Stiffness and damping as sums over rows: ``K = R^T diag(k) R``, ``C = R^T diag(c) R``."""
 
-    Kept beside the matrices because ``R v`` loses no digits where ``K v`` does: the strain of a fine mesh that moves
-    as a whole is a difference of near-equal displacements, its stiffness a difference of huge near-equal forces.
-    """
-
-    R: sparse.csr_array
+    R: Matrix
     k: Array
     c: Array
-
-    def _sum(self, weight: Array) -> sparse.csr_array:
-        total = self.R.T @ sparse.diags_array(weight) @ self.R
-        return sparse.csr_array(0.5 * (total + total.T))
-
-    @property
-    def K(self) -> sparse.csr_array:
-        """Stiffness matrix."""
-        return self._sum(self.k)
-
-    @property
-    def C(self) -> sparse.csr_array:
-        """Damping matrix."""
-        return self._sum(self.c)
-
-    def congruent(self, T: sparse.csr_array | Array) -> "ElasticRows":
-        """Return the rows over coordinates ``z`` with ``q = T z``."""
-        return ElasticRows(sparse.csr_array(self.R @ sparse.csr_array(T)), self.k, self.c)
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """``s^2 M + s C + K`` over named coordinates.
+    """``s^2 M + s C + K`` over named coordinates: matrices given, or rows and what they weigh.
 
     Attributes
     ----------
-    M, C, K : (n, n) ndarray or sparse array
-        Mass, damping and stiffness matrix.
     coordinates : tuple of str
         Names.
-    elastic : ElasticRows or None
-        Stiffness and damping once more, as sums over strains, where they are known.
+    given : triple of (n, n) ndarray or sparse array, or None
+        Mass, damping and stiffness matrix; None: they follow from rows.
+    layout, weights : Layout, Weights, or None
+        Rows over the coordinates and their weights, where they are known.
     mirror : Mirror or None
         The reflection about ``x = 0`` that leaves the matrices as they are, where there is one.
+    dense_up_to : int
+        Coordinates up to which matrices that follow from rows are stored dense.
     """
 
-    M: Matrix
-    C: Matrix
-    K: Matrix
     coordinates: tuple[str, ...]
-    elastic: ElasticRows | None = None
+    given: tuple[Matrix, Matrix, Matrix] | None = None
+    layout: Layout | None = None
+    weights: Weights | None = None
     mirror: Mirror | None = None
+    dense_up_to: int = field(default=DENSE_LIMIT, repr=False)
 
     @classmethod
     def of(
-        cls,
-        M: Matrix,
-        C: Matrix,
-        K: Matrix,
-        coordinates: tuple[str, ...],
-        *,
-        elastic: ElasticRows | None = None,
-        mirror: Mirror | None = None,
+        cls, M: Matrix, C: Matrix, K: Matrix, coordinates: tuple[str, ...], mirror: Mirror | None = None
     ) -> "Structure":
         """Return a structure of matrices known to be sound; small sparse ones are stored dense."""
         M, C, K = (
             dense(matrix) if matrix.shape[0] <= DENSE_LIMIT or not sparse.issparse(matrix) else sparse.csr_array(matrix)
             for matrix in (M, C, K)
         )
-        return cls(M, C, K, coordinates, elastic, mirror)
+        return cls(coordinates, (M, C, K), mirror=mirror)
+
+    @classmethod
+    def weighed(
+        cls, layout: Layout, weights: Weights, mirror: Mirror | None = None, dense_up_to: int = DENSE_LIMIT
+    ) -> "Structure":
+        """Return a structure of rows and what they weigh; its matrices are made when they are asked for."""
+        return cls(layout.coordinates, None, layout, weights, mirror, dense_up_to)
 
     def __getstate__(self) -> dict[str, object]:
         """Pickle what it is made of; what was computed when asked for can be computed again."""
@@ -104,8 +85,43 @@ class Structure:
         return len(self.coordinates)
 
     @cached_property
+    def M(self) -> Matrix:
+        """Mass matrix."""
+        if self.layout is None or self.weights is None:
+            return self._given[0]
+        return self.layout.mass(self.weights.m, self.n <= self.dense_up_to)
+
+    @cached_property
+    def C(self) -> Matrix:
+        """Damping matrix."""
+        if self.layout is None or self.weights is None:
+            return self._given[1]
+        return self.layout.stiffness(self.weights.c, self.n <= self.dense_up_to)
+
+    @cached_property
+    def K(self) -> Matrix:
+        """Stiffness matrix."""
+        if self.layout is None or self.weights is None:
+            return self._given[2]
+        return self.layout.stiffness(self.weights.k, self.n <= self.dense_up_to)
+
+    @property
+    def _given(self) -> tuple[Matrix, Matrix, Matrix]:
+        assert self.given is not None
+        return self.given
+
+    @property
+    def elastic(self) -> ElasticRows | None:
+        """Stiffness and damping once more, as sums over strains, where they are known."""
+        if self.layout is None or self.weights is None:
+            return None
+        return ElasticRows(self.layout.R, self.weights.k, self.weights.c)
+
+    @cached_property
     def symmetric(self) -> bool:
         """Whether the matrices are symmetric and every coordinate has mass."""
+        if self.layout is not None and self.weights is not None:
+            return bool((squared_sums(self.layout.N, self.weights.m) > 0.0).all())
         for matrix in (self.M, self.C, self.K):
             if sparse.issparse(matrix):
                 full = sparse.csr_array(matrix)
@@ -123,8 +139,14 @@ class Structure:
 
     def at(self, s: Array) -> Array:
         """Return ``s^2 M + s C + K`` at each ``s``, dense, shape (len(s), n, n)."""
-        M, C, K = dense(self.M), dense(self.C), dense(self.K)
-        return (s**2)[:, None, None] * M + s[:, None, None] * C + K
+        full = np.empty((len(s), self.n, self.n), dtype=complex)
+        if not s.real.any():  # real and imaginary part apart, which is faster
+            omega = s.imag[:, None, None]
+            full.real, full.imag = dense(self.K) - omega**2 * dense(self.M), omega * dense(self.C)
+            return full
+        at = s[:, None, None]
+        full[:] = dense(self.K) + at * dense(self.C) + at**2 * dense(self.M)
+        return full
 
     def force(self, motion: Array, s: Array) -> Array:
         """Return ``(s^2 M + s C + K) q`` of motions in columns, each with its ``s``; elastic forces through strains."""
@@ -140,15 +162,21 @@ class Structure:
         M = V.T @ (self.M @ V)
         M = 0.5 * (M + M.T)
         if self.elastic is None:
-            return Structure(M, V.T @ (self.C @ V), V.T @ (self.K @ V), names)
+            return Structure(names, (M, V.T @ (self.C @ V), V.T @ (self.K @ V)))
         rows, strain = self.elastic, self.elastic.R @ V
-        return Structure(M, strain.T @ (rows.c[:, None] * strain), strain.T @ (rows.k[:, None] * strain), names)
+        C, K = (strain.T @ (weight[:, None] * strain) for weight in (rows.c, rows.k))
+        return Structure(names, (M, C, K))
 
     def mirrored(self, mirror: Mirror | None) -> "Structure":
         """Return the structure with a mirror, if that leaves its matrices as they are; otherwise as it is."""
-        if mirror is None or any(mirror.change(matrix) > TOLERANCE for matrix in (self.M, self.C, self.K)):
+        if mirror is None:
             return self
-        return replace(self, mirror=mirror)
+        if self.layout is None or self.weights is None:
+            broken = any(mirror.change(matrix) > TOLERANCE for matrix in (self.M, self.C, self.K))
+            return self if broken else replace(self, mirror=mirror)
+        if not self.layout.keeps_mirror(mirror, self.weights):
+            return self
+        return replace(self, layout=_mirrored(self.layout, mirror), mirror=mirror)
 
     @cached_property
     def symmetric_half(self) -> "HalfStructure":
@@ -160,13 +188,6 @@ class Structure:
         """Half of a structure with a mirror, as it moves antisymmetrically."""
         return _half_structure(self, -1)
 
-    def make_halves(self) -> None:
-        """Split a structure with a mirror now, so that no later question waits for it."""
-        if self.mirror is not None:
-            for half in (self.symmetric_half, self.antisymmetric_half):
-                if half.structure.symmetric:
-                    _ = half.structure.pencil
-
 
 @dataclass(frozen=True)
 class HalfStructure:
@@ -176,18 +197,21 @@ class HalfStructure:
     structure: Structure
 
 
+@lru_cache(maxsize=32)
+def _mirrored(layout: Layout, mirror: Mirror) -> Layout:
+    """Return a layout with a mirror; one for all structures that share the layout."""
+    return replace(layout, mirror=mirror)
+
+
 def _half_structure(whole: Structure, parity: int) -> HalfStructure:
-    mirror = whole.mirror
-    if mirror is None:
+    if whole.layout is not None and whole.weights is not None:
+        found: HalfLayout = whole.layout.symmetric_half if parity > 0 else whole.layout.antisymmetric_half
+        return HalfStructure(found.P, Structure.weighed(found.layout, whole.weights, dense_up_to=_DENSE_HALF))
+    if whole.mirror is None:
         raise ValueError("the structure carries no mirror")
-    first, places = mirror.representatives(parity), mirror.places(parity)
-    elastic = whole.elastic
-    if elastic is not None:
-        elastic = ElasticRows(half_rows(elastic.R, places, len(first)), elastic.k, elastic.c)
-    M, C, K = (half_matrix(matrix, mirror, first, places) for matrix in (whole.M, whole.C, whole.K))
-    stem = "sym" if parity > 0 else "anti"
-    names = tuple(f"{whole.coordinates[i]}_{stem}" for i in first)
-    return HalfStructure(mirror.basis(parity), Structure.of(M, C, K, names, elastic=elastic))
+    P, names = whole.mirror.basis(parity), whole.mirror.half_coordinates(whole.coordinates, parity)
+    M, C, K = (P.T @ (matrix @ P) for matrix in (whole.M, whole.C, whole.K))
+    return HalfStructure(P, Structure.of(M, C, K, names))
 
 
 @dataclass(frozen=True)
@@ -214,8 +238,8 @@ def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
         if pair[0] is not None and pair[1] is not None:
             primary = tuple(n for n in pair[0][1] if n in ins[1]), tuple(n for n in pair[1][1] if n in outs[1])
     part = structure.symmetric_half if parity > 0 else structure.antisymmetric_half
-    mixed = ports.congruent(part.P).mixed(ins[0], outs[0], ins[1], outs[1])
-    return Half(part.structure, replace(mixed, primary=primary), ins[0], outs[0])
+    mixed = ports.mixed(ins[0], outs[0], ins[1], outs[1], primary)
+    return Half(part.structure, mixed.congruent(part.P), ins[0], outs[0])
 
 
 def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:

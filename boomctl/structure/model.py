@@ -70,8 +70,8 @@ class SecondOrderModel:
         labels = tuple(coordinates) if coordinates is not None else tuple(f"q{i}" for i in range(n))
         if len(labels) != n or len(set(labels)) != n:
             raise ValueError(f"coordinates: expected {n} different names, got {len(labels)}")
-        zero = np.zeros_like(lines)
-        ports = Ports.of_forces(tuple(force_inputs or ()), columns.T, tuple(outputs or ()), (lines, zero, zero))
+        L = np.array([lines, np.zeros_like(lines), np.zeros_like(lines)])
+        ports = Ports.of_forces(tuple(force_inputs or ()), columns.T, tuple(outputs or ()), L)
         object.__setattr__(self, "structure", Structure.of(**matrices, coordinates=labels))
         object.__setattr__(self, "ports", ports)
 

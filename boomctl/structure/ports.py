@@ -10,32 +10,24 @@ acceleration of a displacement input, ``integrators`` says how often the signal 
 An output may pass a second-order low-pass filter (damping ratio ``1/sqrt 2``) of a given bandwidth.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, Matrix
 from boomctl.checks import known, names
 
 FILTER_DAMPING = np.sqrt(0.5)  # of the outputs' low-pass filters: the flattest pass band (Butterworth)
 
-Triple = tuple[Array, Array, Array]
 
-
-def _map(triple: Triple, function: Callable[[Array], Array]) -> Triple:
-    a, b, c = (function(matrix) for matrix in triple)
-    return a, b, c
-
-
-def evaluate(triple: Triple, s: Array) -> Array:
+def evaluate(terms: Array, s: Array) -> Array:
     """Return ``X0 + s X1 + s^2 X2`` for each ``s``, shape (len(s), rows, columns); zero terms cost nothing."""
-    value = np.zeros((len(s), *triple[0].shape), dtype=complex)
-    for power, matrix in enumerate(triple):
-        if matrix.any():
-            value += (s**power)[:, None, None] * matrix
-    return value
+    used = np.flatnonzero(terms.any(axis=(1, 2)))
+    powers = s[:, None] ** used
+    _, rows, columns = terms.shape
+    return (powers @ terms[used].reshape(len(used), rows * columns)).reshape(len(s), rows, columns)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,8 +38,8 @@ class Ports:
     ----------
     inputs, outputs : tuple of str
         Names of ``m`` inputs and ``p`` outputs.
-    B, L, E : triple of (n, m), (p, n), (p, m) ndarray
-        As in the equations above.
+    B, L, E : (3, n, m), (3, p, n), (3, p, m) ndarray
+        As in the equations above, ``B[0]`` the columns of ``d``, ``B[1]`` those of ``d'``, and so on.
     moved : tuple of bool
         Whether an input imposes motion.
     integrators : tuple of int
@@ -60,9 +52,9 @@ class Ports:
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    B: Triple
-    L: Triple
-    E: Triple
+    B: Array
+    L: Array
+    E: Array
     moved: tuple[bool, ...]
     integrators: tuple[int, ...]
     bandwidths: tuple[float | None, ...]
@@ -74,22 +66,28 @@ class Ports:
         inputs: tuple[str, ...],
         columns: Array,
         outputs: tuple[str, ...],
-        lines: Triple,
+        lines: Array,
         bandwidths: tuple[float | None, ...] | None = None,
     ) -> "Ports":
-        """Return the ports of force inputs (columns, (n, m)) and outputs without feedthrough."""
+        """Return the ports of force inputs (columns, (n, m)) and outputs (lines, (3, p, n)) without feedthrough."""
         n, m, p = columns.shape[0], len(inputs), len(outputs)
-        zero_B, zero_E = np.zeros((n, m)), np.zeros((p, m))
+        B = np.zeros((3, n, m))
+        B[0] = columns.reshape(n, m)
         return cls(
             inputs=inputs,
             outputs=outputs,
-            B=(columns.reshape(n, m), zero_B, zero_B),
+            B=B,
             L=lines,
-            E=(zero_E, zero_E, zero_E),
+            E=np.zeros((3, p, m)),
             moved=(False,) * m,
             integrators=(0,) * m,
             bandwidths=bandwidths or (None,) * p,
         )
+
+    @property
+    def plain(self) -> bool:
+        """Whether no output is filtered and no input integrated."""
+        return not any(self.integrators) and all(bandwidth is None for bandwidth in self.bandwidths)
 
     def select(self, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> "Ports":
         """Return the ports named, in the order asked for; ``None`` means all."""
@@ -102,17 +100,20 @@ class Ports:
             self,
             inputs=ins,
             outputs=outs,
-            B=_map(self.B, lambda b: b[:, i]),
-            L=_map(self.L, lambda line: line[o]),
-            E=_map(self.E, lambda e: e[np.ix_(o, i)]),
+            B=self.B[:, :, i],
+            L=self.L[:, o],
+            E=self.E[:, o][:, :, i],
             moved=tuple(self.moved[k] for k in i),
             integrators=tuple(self.integrators[k] for k in i),
             bandwidths=tuple(self.bandwidths[k] for k in o),
         )
 
-    def congruent(self, T: sparse.csr_array | Array) -> "Ports":
+    def congruent(self, T: Matrix) -> "Ports":
         """Return the ports over coordinates ``z`` with ``q = T z``."""
-        return replace(self, B=_map(self.B, lambda b: T.T @ b), L=_map(self.L, lambda line: (T.T @ line.T).T))
+        if sparse.issparse(T):
+            B = np.array([T.T @ columns for columns in self.B])
+            return replace(self, B=B, L=np.array([(T.T @ lines.T).T for lines in self.L]))
+        return replace(self, B=T.T @ self.B, L=self.L @ T)
 
     def mixed(
         self,
@@ -120,6 +121,7 @@ class Ports:
         W_out: Array,
         inputs: tuple[str, ...],
         outputs: tuple[str, ...],
+        primary: tuple[tuple[str, ...], tuple[str, ...]] | None,
     ) -> "Ports":
         """Return the ports whose inputs ``v`` and outputs are ``d = W_in v``, ``W_out^T y``."""
         first_in, first_out = np.abs(W_in).argmax(axis=0), np.abs(W_out).argmax(axis=0)
@@ -127,12 +129,13 @@ class Ports:
             self,
             inputs=inputs,
             outputs=outputs,
-            B=_map(self.B, lambda b: b @ W_in),
-            L=_map(self.L, lambda line: W_out.T @ line),
-            E=_map(self.E, lambda e: W_out.T @ e @ W_in),
+            B=self.B @ W_in,
+            L=W_out.T @ self.L,
+            E=W_out.T @ self.E @ W_in,
             moved=tuple(self.moved[k] for k in first_in),
             integrators=tuple(self.integrators[k] for k in first_in),
             bandwidths=tuple(self.bandwidths[k] for k in first_out),
+            primary=primary,
         )
 
     def force_column(self, name: str) -> Array:

@@ -2,15 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy import sparse
 
-from boomctl.arrays import Array, Matrix
+from boomctl.arrays import DENSE_LIMIT, Array, Matrix
 from boomctl.structure.elimination import Elimination
 
+_KEPT = 256  # choices of signals kept, so that they are split in halves once (a choice of memory)
 TOLERANCE = 1e-9  # change under reflection, of the largest entry, that is rounding of an assembly (a choice)
-_DENSE = 440  # coordinates up to which halves are dense: faster up to some 700 (measured), memory limits it
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class SignalPair:
     parity: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mirror:
     """How the reflection ``x -> -x`` acts: coordinate ``i`` becomes ``sign[i]`` times coordinate ``partner[i]``."""
 
@@ -46,33 +47,35 @@ class Mirror:
         here = np.arange(len(self.partner))
         return np.flatnonzero((self.partner > here) | ((self.partner == here) & (self.sign == parity)))
 
-    def places(self, parity: int) -> tuple[Array, Array]:
-        """Return which column of the basis moves each coordinate, and by how much; by nothing where none does."""
+    def basis(self, parity: int) -> Matrix:
+        """Return orthonormal columns that span the motions of the given parity (+1 symmetric, -1 antisymmetric)."""
         first = self.representatives(parity)
-        column, amount = np.zeros(len(self.partner), dtype=np.intp), np.zeros(len(self.partner))
-        image = self.partner[first]
+        image, here = self.partner[first], np.arange(len(first))
         paired = image != first
-        column[first] = column[image] = np.arange(len(first))
-        amount[image] = parity * self.sign[first] * np.sqrt(0.5)
-        amount[first] = np.where(paired, np.sqrt(0.5), 1.0)
-        return column, amount
-
-    def basis(self, parity: int) -> Array | sparse.csr_array:
-        """Return orthonormal columns that span the motions of the given parity (+1 symmetric, -1 antisymmetric).
-
-        They are dense for a small structure.
-        """
-        column, amount = self.places(parity)
-        shape = (len(amount), len(self.representatives(parity)))
-        if len(amount) > _DENSE:
-            moved = np.flatnonzero(amount)
-            return sparse.csr_array((amount[moved], (moved, column[moved])), shape=shape)
+        rows = np.concatenate([first, image[paired]])
+        columns = np.concatenate([here, here[paired]])
+        own, other = np.where(paired, np.sqrt(0.5), 1.0), (parity * np.sqrt(0.5)) * self.sign[first[paired]]
+        values, shape = np.concatenate([own, other]), (len(self.partner), len(first))
+        if shape[0] > DENSE_LIMIT:
+            return sparse.csr_array((values, (rows, columns)), shape=shape)
         P = np.zeros(shape)
-        P[np.arange(len(amount)), column] = amount
+        P[rows, columns] = values
         return P
+
+    def half_coordinates(self, coordinates: Sequence[str], parity: int) -> tuple[str, ...]:
+        """Return the names of the coordinates of a half."""
+        return tuple(f"{coordinates[i]}_{'sym' if parity > 0 else 'anti'}" for i in self.representatives(parity))
+
+    def reflect(self, motion: Array) -> Array:
+        """Return a motion, one number a coordinate, as it looks in the mirror."""
+        return self.sign * motion[self.partner]
 
     def change(self, matrix: Matrix) -> float:
         """Return how much a matrix changes under the reflection, relative to its largest entry."""
+        if not sparse.issparse(matrix):
+            reflected = self.sign[:, None] * matrix[np.ix_(self.partner, self.partner)] * self.sign
+            largest = np.abs(matrix).max(initial=0.0)
+            return float(np.abs(reflected - matrix).max(initial=0.0) / largest) if largest else 0.0
         full = sparse.csr_array(matrix)
         S = sparse.csr_array((self.sign, (np.arange(len(self.partner)), self.partner)), shape=full.shape)
         difference = sparse.csr_array(S @ full @ S.T - full)
@@ -89,28 +92,37 @@ class Mirror:
 
     def signals(self, names: Sequence[str], parity: int) -> tuple[Array, tuple[str, ...]] | None:
         """Return the matrix from half signals to full ones, and the half signals' names; None if an image lacks."""
-        place = {name: i for i, name in enumerate(names)}
-        columns, stems, covered = [], [], set()
-        for pair in self.pairs:
-            have = [name for name in (pair.right, pair.left) if name in place]
-            if not have:
-                continue
-            column = np.zeros(len(names))
-            if pair.left is None:
-                column[place[pair.right]] = 1.0 if pair.parity == parity else 0.0
-                label = pair.stem
-            elif len(have) < 2:
-                return None
-            else:
-                column[place[pair.right]], column[place[pair.left]] = np.sqrt(0.5), parity * np.sqrt(0.5)
-                label = f"{pair.stem}_{'sym' if parity > 0 else 'anti'}"
-            covered.update(have)
-            if column.any():
-                columns.append(column)
-                stems.append(label)
-        if covered != set(names):
+        return _half_signals(self.pairs, tuple(names), parity)
+
+
+@lru_cache(maxsize=_KEPT)
+def _half_signals(
+    pairs: tuple[SignalPair, ...], names: tuple[str, ...], parity: int
+) -> tuple[Array, tuple[str, ...]] | None:
+    place = {name: i for i, name in enumerate(names)}
+    columns, stems, covered = [], [], set()
+    for pair in pairs:
+        have = [name for name in (pair.right, pair.left) if name in place]
+        if not have:
+            continue
+        column = np.zeros(len(names))
+        if pair.left is None:
+            column[place[pair.right]] = 1.0 if pair.parity == parity else 0.0
+            label = pair.stem
+        elif len(have) < 2:
             return None
-        return np.array(columns).reshape(-1, len(names)).T, tuple(stems)
+        else:
+            column[place[pair.right]], column[place[pair.left]] = np.sqrt(0.5), parity * np.sqrt(0.5)
+            label = f"{pair.stem}_{'sym' if parity > 0 else 'anti'}"
+        covered.update(have)
+        if column.any():
+            columns.append(column)
+            stems.append(label)
+    if covered != set(names):
+        return None
+    W = np.array(columns).reshape(-1, len(names)).T
+    W.setflags(write=False)
+    return W, tuple(stems)
 
 
 def beam_reflection(names: Sequence[str], nodes: int) -> Mapping[str, tuple[str, int]]:
@@ -123,48 +135,6 @@ def beam_reflection(names: Sequence[str], nodes: int) -> Mapping[str, tuple[str,
         else:
             images[name] = (f"{kind}{nodes - 1 - number}", 1 if kind == "w" else -1)
     return images
-
-
-def half_rows(matrix: sparse.csr_array, places: tuple[Array, Array], width: int) -> sparse.csr_array:
-    """Return ``matrix P`` where each line of ``P`` has one entry, at the column and of the amount given."""
-    column, amount = places
-    data = matrix.data * amount[matrix.indices]
-    indices = column[matrix.indices].astype(matrix.indices.dtype)
-    product = sparse.csr_array((data, indices, matrix.indptr.copy()), shape=(matrix.shape[0], width))
-    product.eliminate_zeros()
-    product.sum_duplicates()
-    return product
-
-
-def half_matrix(matrix: Matrix, mirror: Mirror, first: Array, places: tuple[Array, Array]) -> Matrix:
-    """Return ``P^T matrix P``.
-
-    The lines of ``matrix P`` that belong to mirror images are equal, so one of each pair is enough.
-    """
-    image, amount = mirror.partner[first], places[1]
-    both = np.where(image == first, 1.0, np.sqrt(2.0))
-    if len(amount) > _DENSE:
-        lines = half_rows(sparse.csr_array(matrix)[first], places, len(first))
-        lines.data *= np.repeat(both, np.diff(lines.indptr))
-        return lines
-    if sparse.issparse(matrix):
-        return _small_half(sparse.csr_array(matrix), first, places, both)
-    lines = np.asarray(matrix)[first]
-    other = np.where(image == first, 0.0, amount[image])
-    return both[:, None] * (lines[:, first] * amount[first] + lines[:, image] * other)
-
-
-def _small_half(matrix: sparse.csr_array, first: Array, places: tuple[Array, Array], both: Array) -> Array:
-    """Return the lines ``first`` of ``matrix P``, each times ``both``, as a dense matrix."""
-    column, amount = places
-    n = len(first)
-    line, factor = np.full(len(column), -1), np.zeros(len(column))
-    line[first], factor[first] = np.arange(n), both
-    row = np.repeat(np.arange(len(column)), np.diff(matrix.indptr))
-    kept = np.flatnonzero(line[row] >= 0)
-    row, indices = row[kept], matrix.indices[kept]
-    data = matrix.data[kept] * amount[indices] * factor[row]
-    return np.bincount(line[row] * n + column[indices], data, n * n).reshape(n, n)
 
 
 def mirror_of(

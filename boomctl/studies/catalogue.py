@@ -9,8 +9,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
-from boomctl.checks import known
-
 if TYPE_CHECKING:
     from boomctl.report import Report
 
@@ -135,6 +133,8 @@ def design_file(name: str, *kinds: str) -> DesignFile:
         if not path.is_file():
             raise ValueError(f"design {name!r}: there is no such file")
     else:
+        from boomctl.checks import known  # it imports numpy, which listing the names of designs does not wait for
+
         path = _folder() / f"{known('design', name, design_names(*kinds))}.py"
     module = _loaded(path)
     for kind in kinds or KINDS:

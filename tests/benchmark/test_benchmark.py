@@ -26,7 +26,7 @@ TINY = Settings(
     orders=(4, 12),
     finite=(6,),
     discrete=(6,),
-    imports=1,
+    processes=1,
 )
 
 
@@ -45,7 +45,10 @@ def test_errors_are_finite(report):
 
 
 def test_every_line_is_there(report):
-    assert len({row.section for row in report.rows}) == 7
+    assert len({row.section for row in report.rows}) == 10
+    cold = [row for row in report.rows if row.job.startswith("cold: ")]
+    assert len(cold) == 6
+    assert all(row.ours > 0.0 and row.peer > 0.0 and row.met is not None for row in cold)
     assert {row.met for row in report.rows} >= {True}
     assert any(row.job.startswith("8 elements") and row.peer is None for row in report.rows)
 

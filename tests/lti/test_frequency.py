@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import optimize
 
-from boomctl.lti.frequency import largest_gain, resonance_grid, triangular
+from boomctl.lti.frequency import highest_peak, largest_gain, resonance_grid, singular_values, triangular
 from boomctl.lti.system import Lti, SingularFrequencyWarning
 
 
@@ -63,3 +64,38 @@ def test_the_largest_gain_of_an_oscillator_is_its_closed_form(zeta, omega):
     peak, at = largest_gain(Lti(A, np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))))
     assert peak == pytest.approx(1.0 / (2.0 * zeta * np.sqrt(1.0 - zeta**2) * omega**2), rel=1e-6)
     assert at == pytest.approx(omega * np.sqrt(1.0 - 2.0 * zeta**2), rel=1e-4)
+
+
+@given(st.floats(-7.0, -0.3), st.floats(-2.0, 2.0), st.floats(0.01, 0.99), st.booleans())
+def test_a_peak_is_as_high_as_its_closed_form_wherever_the_grid_lies(decade, scale, offset, screened):
+    zeta, w0 = 10.0**decade, 10.0**scale
+
+    def value(omega):  # 1/|r^2 - 1 + 2j zeta r|, its first part written so that no digits cancel
+        r = omega / w0
+        return 1.0 / np.hypot((r - 1.0) * (r + 1.0), 2.0 * zeta * r)
+
+    step = np.sqrt(0.5) * zeta * w0
+    grid = np.array([0.1 * w0, *(w0 * np.sqrt(1.0 - 2.0 * zeta**2) + step * (offset + np.arange(-3, 3))), 20.0 * w0])
+    peak, at = highest_peak(value, grid, (lambda omega: 0.9 * value(omega)) if screened else None)
+    assert peak == pytest.approx(1.0 / (2.0 * zeta * np.sqrt(1.0 - zeta**2)), rel=1e-12)
+    assert at == pytest.approx(w0 * np.sqrt(1.0 - 2.0 * zeta**2), abs=1e-5 * zeta * w0 + 1e-15 * w0 / zeta)
+
+
+@given(st.integers(0, 10_000), st.integers(1, 12))
+def test_no_peak_is_lower_than_what_a_bounded_search_finds(seed, n):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((n, n))
+    A -= (max(np.linalg.eigvals(A).real.max(), 0.0) + 0.05) * np.eye(n)
+    system = Lti(A, rng.standard_normal((n, 2)), rng.standard_normal((2, n)), np.zeros((2, 2)))
+
+    def value(omega):
+        return singular_values(system.response(omega))[0]
+
+    grid = np.concatenate([[0.0], np.geomspace(0.01, 100.0, 40)])
+    peak, _ = highest_peak(value, grid)
+    found = value(grid).max()
+    for i in np.argsort(value(grid))[::-1][:3]:
+        bounds = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
+        best = optimize.minimize_scalar(lambda w: -value(np.array([w]))[0], bounds=bounds, method="bounded")
+        found = max(found, -best.fun)
+    assert peak >= found * (1.0 - 1e-12)

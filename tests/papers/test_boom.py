@@ -48,7 +48,7 @@ def reproduced(tmp_path_factory):
         if is_quick():
             patch.setattr(boom_report, "POINTS", 9)
             patch.setattr(boom_pictures, "animation_gif", partial(boom_pictures.animation_gif, frames=2))
-        done = boomctl("reproduce", "boom", "--out", str(out), "--json")
+        done = boomctl("reproduce", "boom", "--out", str(out), "--json", "--workers", "1")
     return Reproduced(done, out, **seen)
 
 

@@ -2,6 +2,7 @@
 
 from functools import partial
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.slew import mesh_study, resolve, track
+from boomctl.slew.objectives import OBJECTIVES, Objective
 from tests.profiles import examples
 from tests.slew.systems import rigid
 
@@ -69,6 +71,27 @@ def test_each_objective_is_best_at_its_own(beam):
     assert min(effort, key=lambda name: effort[name]) == "effort"
     assert min(rate, key=lambda name: rate[name]) == "torque-rate"
     assert min(tip, key=lambda name: tip[name]) == "tip"
+
+
+def test_an_entry_in_the_table_is_all_that_a_new_objective_takes(beam, monkeypatch):
+    """The integral of the hub's speed squared, which is least where the hub goes at one speed nearly all the time."""
+
+    def cost(parts, units, s, intervals):
+        ((plant, own),) = parts
+        row = ca.DM(plant.rows["speed"] * units.states[own])
+        a, b = ca.dot(row, s.z[own]), ca.dot(row, s.z1[own])
+        return s.h * (a**2 + a * b + b**2) / 3.0
+
+    def value(history, paths):
+        ((plant, time, z),) = paths
+        return float(np.trapezoid((z @ plant.rows["speed"]) ** 2, time))
+
+    monkeypatch.setitem(OBJECTIVES, "speed", Objective(title="least speed", cost=cost, value=value))
+    speed, effort = (
+        bc.optimal_slew(beam, ANGLE, LIMIT, name, 3.6, method="shooting", intervals=60) for name in ("speed", "effort")
+    )
+    assert speed.title == "least speed"
+    assert ANGLE**2 / 3.6 < speed.cost < np.trapezoid(effort.hub_speed**2, effort.time)
 
 
 @pytest.mark.parametrize(

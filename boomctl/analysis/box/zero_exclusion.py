@@ -23,13 +23,11 @@ from scipy import linalg
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.arrays import Array
 
-_DIRECTIONS = np.exp(
-    -0.25j * np.pi * np.arange(8)
-)  # in which a diagonal may stay from zero: within 8 % of the best (cos 22.5)
+# directions in which a diagonal may stay from zero: within 8 % of the best (cos 22.5)
+_DIRECTIONS = np.exp(-0.25j * np.pi * np.arange(8))
 _TURN = 0.5  # most that eigenvectors follow a parameter across its range: beyond, first order is no help (a choice)
-_WIDTHS = np.array(
-    [-27.0, -3.0, 3.0, 27.0]
-)  # of a resonance, in half-widths, at which intervals are cut first (a choice)
+# places around a resonance, in half-widths, at which intervals are cut first (a choice)
+_WIDTHS = np.array([-27.0, -3.0, 3.0, 27.0])
 _TOP = 4.0  # where the last interval begins, relative to the fastest pole: from there on nothing resonates (a choice)
 _DEPTH = 5  # how often intervals that fail are cut (a choice)
 _PARTS = 4  # into how many
@@ -117,11 +115,11 @@ def prove_cell(centre: LoopPencil, slopes: tuple[LoopPencil, ...], cell: Cell) -
     modes = _modes(here, slopes, cell) if here.stable else None
     if modes is None:
         return CellProof(here.stable, False, int(np.argmax(cell.reach)))
-    worst = _hardest(modes)
-    return CellProof(True, worst is None, 0 if worst is None else _decisive(modes, worst))
+    worst = _unexcluded_frequency(modes)
+    return CellProof(True, worst is None, 0 if worst is None else _parameter_to_halve(modes, worst))
 
 
-def _decisive(modes: _Modes, point: Array) -> int:
+def _parameter_to_halve(modes: _Modes, point: Array) -> int:
     """Return the parameter whose range, halved, would leave the least couplings at a frequency."""
     found = []
     for axis in range(modes.powers.shape[1]):
@@ -182,13 +180,13 @@ def _straightened(poles: Array, E: Array, A: Array, reach: Array) -> _Modes:
     order = sorted(terms, key=lambda power: (-1 in power or len(power) > 2, len(power), power))
     bounds = np.array([_range(power, reach) for power in order])
     return _Modes(
-        poles,
-        np.array([terms[power][0] for power in order]),
-        np.array([terms[power][1] for power in order]),
-        bounds[:, 0],
-        bounds[:, 1],
-        sum(-1 not in power and len(power) <= 2 for power in order),
-        np.array([[power.count(i) for i in range(k)] for power in order]),
+        poles=poles,
+        E=np.array([terms[power][0] for power in order]),
+        A=np.array([terms[power][1] for power in order]),
+        low=bounds[:, 0],
+        high=bounds[:, 1],
+        exact=sum(-1 not in power and len(power) <= 2 for power in order),
+        powers=np.array([[power.count(i) for i in range(k)] for power in order]),
     )
 
 
@@ -198,7 +196,7 @@ def _range(power: tuple[int, ...], reach: Array) -> tuple[float, float]:
     return (0.0 if len(power) == 2 and power[0] == power[1] >= 0 else -size), size
 
 
-def _hardest(modes: _Modes) -> Array | None:
+def _unexcluded_frequency(modes: _Modes) -> Array | None:
     """Return a frequency that could not be excluded, None if the whole imaginary axis is; one of conjugates suffices.
 
     Frequencies are points ``(a, b)`` that stand for the pencil ``j a E - b A``, infinity for ``(1, 0)``.

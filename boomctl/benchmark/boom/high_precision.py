@@ -244,4 +244,7 @@ def damped_eigenvalues(p: BoomParameters, starts: Array, digits: int = 30) -> Ar
 
     with mp.workdps(digits):
         close = [(mp.mpc(complex(s)), mp.mpc(complex(s) * (1 + 1e-6))) for s in np.atleast_1d(starts)]
-        return np.array([complex(mp.findroot(determinant, pair, solver="secant", verify=False)) for pair in close])
+        # a step of half of the digits leaves an error of nearly all of them; a further one may be noise over noise
+        tol = mp.mpf(10) ** (-digits // 2)
+        found = [mp.findroot(determinant, pair, solver="secant", tol=tol, verify=False) for pair in close]
+        return np.array([complex(root) for root in found])

@@ -7,17 +7,20 @@ from itertools import count
 
 import numpy as np
 
-from boomctl.analysis import sigma
-from boomctl.analysis.model_norm import orthonormal_parts
+from boomctl.analysis.model_norm import SplitModel
+from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
+from boomctl.benchmark.boom.cold import cold_lines
 from boomctl.benchmark.boom.high_precision import mesh_response, sigma_of
+from boomctl.benchmark.boom.new_parameters import new_parameters_lines
 from boomctl.benchmark.boom.scene import Scene, Settings, scene
 from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Sheet, Tell, measured, race
-from boomctl.benchmark.timing import Job, import_times, interleaved, peak_memory
-from boomctl.boom import BoomParameters, exact_frequency_response
+from boomctl.benchmark.timing import Job, interleaved, peak_memory
+from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
-from boomctl.structure import SecondOrderModel
+from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.core import build_core, rounding_estimate
 from boomctl.structure.response.direct import AccuracyWarning
 
@@ -25,7 +28,6 @@ from boomctl.structure.response.direct import AccuracyWarning
 _EXACT_TARGETS = {6: 4.0, 100: 150.0}  # ratios, by the peer's number of elements
 _EXACT_ERROR = 1e-9  # of the exact beam
 _FINITE_TARGETS = {100: 40.0, 500: 300.0}  # ratios, by the number of elements
-_IMPORT_TARGET = 1.5  # of the import, in imports of numpy
 _LONG = 500  # elements from which a call of the peer takes half a minute, so that it is timed once
 _ROUNDING_TARGET = 2e-5  # distance to the same mesh in 50 digits
 _TOTAL_TARGET, _TOTAL_AT = 1e-4, 500  # total error, at this number of elements
@@ -67,9 +69,11 @@ def _notes(ground: Scene, settings: Settings) -> tuple[str, ...]:
         "frequencies a call. Ratio: peer over ours.",
         "Error: largest relative error of any singular value, actuators -> tips, against the exact beam in 50 digits; "
         f"{settings.points} points from 0.1 to 10 Hz and {settings.cluster} around each of the first five resonances.",
-        "Models and state spaces are built beforehand, a symmetric model with its two halves and their bands; each call "
-        "gets a model of its own, so that no modes or responses are cached. The exact beam keeps, for each set of "
-        "parameters, what does not depend on frequency; the lines 'prepared anew' use new parameters in every call.",
+        "Models and state spaces are built beforehand; each call gets a model of its own, so that no halves, modes or "
+        "responses are cached. The exact beam keeps, for each set of parameters, what does not depend on frequency; the "
+        "lines 'prepared anew' and 'Cold: a new spring' use new parameters in every call.",
+        "'Cold: first calls': median processor time of whole processes that take turns, from the start of Python to the "
+        "end of the call, with bytecode compiled as in an installed package.",
         f"In 50 digits meshes are solved at {len(ground.judged)} of the {len(ground.omega)} frequencies.",
     ]
     if settings.skipped:
@@ -170,18 +174,6 @@ def _finite_element_row(ground: Scene, settings: Settings, elements: int, tell: 
     return race(_FINITE, f"{elements} elements", mine, theirs, target, met)
 
 
-def import_lines(ground: Scene, settings: Settings, tell: Tell) -> list[Row | Sheet]:
-    """Compare the import of the package with that of numpy."""
-    if not settings.imports:
-        return []
-    tell("imports in fresh interpreters")
-    times = import_times(("boomctl", "numpy"), settings.imports)
-    met = times["boomctl"] < _IMPORT_TARGET * times["numpy"]
-    target = f"< {_IMPORT_TARGET:g} x peer"
-    ours, numpys = Measured(times["boomctl"]), Measured(times["numpy"])
-    return [race("Import; peer: numpy", "import boomctl", ours, numpys, target, met)]
-
-
 def _sigma(model: SecondOrderModel, omega: Array) -> Array:
     """Return singular values, without the warning that the lines here show as a number."""
     with warnings.catch_warnings():
@@ -218,7 +210,7 @@ def rounding_lines(ground: Scene, settings: Settings, tell: Tell) -> list[Row | 
 
 def _estimate(model: SecondOrderModel, omega: Array) -> float:
     """Return the rounding estimate of a model's halves, actuators -> tips; not a number where it has no cores."""
-    parts = orthonormal_parts(model.select(ACTUATORS, TIPS))
+    parts = SplitModel.of(model.select(ACTUATORS, TIPS)).parts
     cores = [(part, build_core(part.structure, part.ports, omega)) for part in parts]
     return max(np.nan if core is None else rounding_estimate(part.structure, core, omega) for part, core in cores)
 
@@ -307,9 +299,10 @@ def accuracy_lines(ground: Scene, settings: Settings, tell: Tell) -> list[Row | 
 _SUBJECTS = (
     exact_lines,
     finite_element_lines,
+    new_parameters_lines,
     rounding_lines,
     memory_lines,
     high_order_lines,
     accuracy_lines,
-    import_lines,
+    cold_lines,
 )

@@ -6,8 +6,9 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.benchmark.boom.high_precision import damped_eigenvalues, exact_response, sigma_of
-from boomctl.boom import BoomParameters, spray_boom
-from boomctl.structure import SecondOrderModel
+from boomctl.boom.model import spray_boom
+from boomctl.boom.parameters import BoomParameters
+from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles
 
 
@@ -29,8 +30,8 @@ class Settings:
         Every how many-th frequency meshes are solved in fifty digits.
     rounding, memory, orders, finite, discrete : tuple of int
         Meshes (orders) of the respective lines.
-    imports : int
-        Fresh interpreters for each import; 0: none.
+    processes : int
+        New processes for each first call and command; 0: none.
     """
 
     points: int = 500
@@ -44,12 +45,12 @@ class Settings:
     orders: tuple[int, ...] = tuple(range(4, 17))
     finite: tuple[int, ...] = (6, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
     discrete: tuple[int, ...] = (6, 10, 20, 50, 100, 200, 400)
-    imports: int = 7
+    processes: int = 7
 
     @classmethod
     def of(cls, full: bool) -> "Settings":
         """Return the settings of a full run, or of one that is not."""
-        return cls(peers=(6, 20, 50, 100, 500), skipped=(), rounds=25, judged=1, imports=15) if full else cls()
+        return cls(peers=(6, 20, 50, 100, 500), skipped=(), rounds=25, judged=1, processes=15) if full else cls()
 
 
 @dataclass(frozen=True)

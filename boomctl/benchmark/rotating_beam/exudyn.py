@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.rotating_beam import HubBeamParameters
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
+from boomctl.rotating_beam.parameters import HubBeamParameters
 
 NEWTON_TOLERANCE = 1e-6
 """Relative and absolute; 1e-8 is often missed in a prescribed motion, and then takes 20 times longer."""

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.rotating_beam import AssumedModesBeam
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
 
 SPIN_UP = SpinUp(2.8, 30.0)  # rad/s, s: of Bai et al. (2009), Fig. 5, near the critical speed of TLAM

@@ -21,12 +21,13 @@ from boomctl.benchmark.rotating_beam.peers import (
     scipy_torque,
 )
 from boomctl.benchmark.timing import Job, in_turns, interleaved
-from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters, hub_beam
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
+from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import SineTorque, SpinUp
+from boomctl.rotating_beam.parameters import HubBeamParameters
 
-LADDER = tuple(
-    10.0**-k for k in range(4, 13)
-)  # tolerances of a peer, of which the loosest that is exact enough is timed
+# tolerances of a peer, of which the loosest that is exact enough is timed
+LADDER = tuple(10.0**-k for k in range(4, 13))
 SCIPY_METHODS = ("Radau", "DOP853", "RK45", "LSODA", "BDF")
 """Of solve_ivp; the first is the fastest one known at 1e-6."""
 

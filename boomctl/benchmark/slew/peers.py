@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.rotating_beam import AssumedModesBeam
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 
 # IPOPT's options: silent, and solved until the objective no longer limits what errors are compared
 _QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}

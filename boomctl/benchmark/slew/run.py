@@ -10,13 +10,15 @@ from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Sheet, Tell
 from boomctl.benchmark.slew.peers import Effort, Failed, has_rockit, opti_fastest, opti_slew, rockit_slew
 from boomctl.benchmark.timing import Job, interleaved
 from boomctl.lti.python_control import control
-from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
-from boomctl.slew import TorqueHistory, mesh_study, optimal_slew
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
+from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.slew.linear import effort_guess
+from boomctl.slew.nlp.mesh_study import mesh_study
 from boomctl.slew.nlp.programme import Programme, Solution, prepare
 from boomctl.slew.nlp.transcription import Scheme
+from boomctl.slew.optimal import optimal_slew
 from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem
-from boomctl.slew.torque import held
+from boomctl.slew.torque import TorqueHistory, held
 
 _EFFORT = Effort(AssumedModesBeam(HubBeamParameters(), "sfoam", 3), np.pi / 2, 200.0, 3.0, 200)
 """A quarter turn in 3 s, a little more than the least time; intervals so short that RK4 is stable on them."""

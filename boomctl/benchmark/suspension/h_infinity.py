@@ -17,12 +17,15 @@ from scipy import linalg
 
 from boomctl.analysis.norm import hinf_norm
 from boomctl.benchmark.report import Measured, Row, Tell, race
-from boomctl.boom import BoomParameters, spray_boom
+from boomctl.boom.model import spray_boom
+from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
-from boomctl.reduction import reduce
-from boomctl.structure import split_symmetric
-from boomctl.synthesis import close_loop, generalized_plant, h_infinity
+from boomctl.reduction.reduce import reduce
+from boomctl.structure.model import split_symmetric
+from boomctl.synthesis.hinf.h_infinity import h_infinity
 from boomctl.synthesis.hinf.native import shared_worker
+from boomctl.synthesis.plants.generalized import generalized_plant
+from boomctl.synthesis.plants.partition import close_loop
 from boomctl.synthesis.plants.units import in_units
 
 _SECTION = "H-infinity synthesis, verification included, the worker warm; the peer does not verify"

@@ -14,11 +14,12 @@ from scipy import integrate
 from boomctl.arrays import Array
 from boomctl.benchmark.report import Measured, Row, Tell, race
 from boomctl.benchmark.timing import Job, interleaved
-from boomctl.boom import BoomParameters, spray_boom
-from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
+from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
-from boomctl.simulation import forced_response, simulate_loop
-from boomctl.structure import SecondOrderModel
+from boomctl.simulation.forced_response import forced_response
+from boomctl.simulation.loop import simulate_loop
+from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import undamped_modes
 
 _LOOP = "Sampled loop with limits, 60 s at 1 kHz, 20 modes; each error is to the exact solution of the loop it solves"

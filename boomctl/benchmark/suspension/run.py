@@ -12,14 +12,14 @@ from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Tell, measu
 from boomctl.benchmark.suspension.h_infinity import h_infinity_lines
 from boomctl.benchmark.suspension.loop import loop_lines
 from boomctl.benchmark.timing import Job, interleaved
-from boomctl.boom import BoomParameters, spray_boom
-from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
+from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, of
-from boomctl.reduction import reduce
 from boomctl.reduction.core import structure_core
+from boomctl.reduction.reduce import reduce
 from boomctl.reduction.verify import verified_norm
-from boomctl.structure import SecondOrderModel
+from boomctl.structure.model import SecondOrderModel
 
 _REDUCTION = "Reduction of the boom, actuators -> tips, verification included; peers do not verify"
 _RATIO = 50.0  # of balred's processor time over ours, which this package promised itself

@@ -1,20 +1,19 @@
 """Anthonis & Ramon (2003) computed again: Table 1, Fig. 3, convergence, mode shapes, and the boom in motion."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from boomctl.analysis import SigmaResult, sigma
+from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
-from boomctl.boom import BoomParameters, exact_eigenfrequencies_hz, exact_frequency_response, spray_boom
-from boomctl.boom.model import ACTUATORS, TIPS, boom_assembly
-from boomctl.structure import DiscreteElements, prescribe_displacement
+from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
+from boomctl.boom.model import ACTUATORS, TIPS, boom_assembly, spray_boom
+from boomctl.boom.parameters import BoomParameters
+from boomctl.structure.beams.elements import DiscreteElements
+from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import direct_response
 from boomctl.structure.response.poles import damped_poles, undamped_modes
-
-Progress = Callable[[str], None]
 
 MEASURED_HZ = (0.34, 0.59, 0.88, 2.8, 4.2)
 """Table 1, measured eigenfrequencies."""
@@ -110,28 +109,21 @@ class BoomReproduction:
     driven: tuple[MachineMotion, ...]
 
 
-def compute(parameters: BoomParameters | None = None, progress: Progress | None = None) -> BoomReproduction:
+def compute(parameters: BoomParameters | None = None) -> BoomReproduction:
     """Compute the paper's results from Table 2, or from other parameters.
 
     Parameters
     ----------
     parameters : BoomParameters, optional
-    progress : callable, optional
-        Told in a few words what is being computed.
     """
     p = BoomParameters() if parameters is None else parameters
-    tell = progress or (lambda _: None)
-    tell("Table 1")
     exact = exact_eigenfrequencies_hz(p, _MODES)
     undamped = exact_eigenfrequencies_hz(p, _MODES, damped=False)
     methods = tuple(_method(p, name, values) for name, values in TABLE_1.items())
     readings = tuple(_reading(p, mass, inner) for mass in ("lumped", "linear") for inner in (2, 4, 6, 8))
-    tell("Fig. 3")
     curves = _curves(p)
     deviation = _deviations(p, curves["exact beam"])
-    tell("convergence")
     convergence = _convergence(p, exact)
-    tell("mode shapes and motions")
     return BoomReproduction(
         measured_hz=np.array(MEASURED_HZ),
         exact_hz=exact,
@@ -218,10 +210,12 @@ def _shape_model(p: BoomParameters) -> tuple[SecondOrderModel, Array]:
     places = [i for i, name in enumerate(model.coordinates) if name.startswith("boom.w")]
     L = np.eye(model.n)[places]
     ports = replace(
-        model.ports.select(ACTUATORS, TIPS), outputs=tuple(model.coordinates[i] for i in places), L=(L, 0 * L, 0 * L)
+        model.ports.select(ACTUATORS, TIPS),
+        outputs=tuple(model.coordinates[i] for i in places),
+        L=np.array([L, 0 * L, 0 * L]),
     )
     E = np.zeros((len(places), len(ACTUATORS)))
-    ports = replace(ports, E=(E, E, E), bandwidths=(None,) * len(places))
+    ports = replace(ports, E=np.array([E, E, E]), bandwidths=(None,) * len(places))
     return SecondOrderModel.of(model.structure, ports), _attached(p, _SHAPE_ELEMENTS)
 
 

@@ -11,24 +11,26 @@ linear fit would have made of it at the cradle's mode, it lowers the response ab
 the lower singular value feels the cradle only where it belongs to jolt, from 1.7 to 3.5 Hz; above, it belongs to yaw.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from boomctl.analysis import sigma
+from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
-from boomctl.boom import BoomParameters, spray_boom
+from boomctl.boom.model import spray_boom
+from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import positive, whole
 from boomctl.report import Picture, Section, Table
-from boomctl.simulation import CoulombFriction, SineResponse, describing_function, swept_sine
-from boomctl.simulation.sines.describing_function import receptances
-from boomctl.structure import SecondOrderModel, split_symmetric
+from boomctl.simulation.contact.friction import CoulombFriction
+from boomctl.simulation.sines.describing_function import SineResponse, describing_function, receptances
+from boomctl.simulation.sines.swept_sine import swept_sine
+from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.structure.response.poles import damped_poles
 
 BAND_HZ = (2.5, 3.5)  # where the paper's measured lower singular value lies below its computed one
 AMPLITUDE = 5e-3  # displacement of each platform actuator [m]; the paper gives none, so this is an assumption
 POINTS = 26  # frequencies of the simulated sines in the report, a third of them in the band
+FULL_POINTS = 42  # those of a full one
 _ELEMENTS = 20  # of the boom: its third frequency is then right to 1e-5
 _SPAN_HZ = (0.4, 6.0)  # drawn: from below the jolt's first resonance to above the end of the mismatch
 _NO_DAMPING = 1e-9  # share of the viscous damping that is left where friction takes its place, for a model wants some
@@ -144,8 +146,7 @@ def matched_force(jolt: SecondOrderModel, damping: float, amplitude: float) -> t
 def friction_study(
     parameters: BoomParameters | None = None,
     amplitude: float = AMPLITUDE,
-    points: int = 42,
-    tell: Callable[[str], None] = lambda text: None,
+    points: int = FULL_POINTS,
 ) -> BoomFriction:
     """Return singular values of the boom with a cradle that sticks and slips.
 
@@ -159,8 +160,6 @@ def friction_study(
         Displacement of each platform actuator [m].
     points : int
         Frequencies of the simulated sines, from 0.4 to 6 Hz.
-    tell : callable, optional
-        Told in a few words what is being computed.
     """
     p = BoomParameters() if parameters is None else parameters
     size, count = positive("amplitude", amplitude) * np.sqrt(2.0), whole("points", points, 8)
@@ -172,7 +171,6 @@ def friction_study(
     H = np.asarray(damped.frequency_response(omega).frdata)
     readings = []
     for name, viscous, share in _READINGS:
-        tell(f"friction {name}")
         left, law = max(viscous, _NO_DAMPING) * p.cradle_damping, CoulombFriction(share * force)
         model = _jolt(replace(p, cradle_damping=left), _ELEMENTS)
         balance = describing_function(model, law, omega, "actuator_sym", size, outputs="tip_sym")

@@ -1,14 +1,16 @@
 """Anthonis & Ramon (2003), reproduced: tables and pictures beside what was published."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from boomctl.analysis import MeasuredCurve
-from boomctl.boom import BoomParameters
+from boomctl.analysis.measured import MeasuredCurve
+from boomctl.boom.parameters import BoomParameters
 from boomctl.papers.anthonis_ramon.figures import BoomReproduction, compute
-from boomctl.papers.anthonis_ramon.friction import POINTS, BoomFriction, friction_section, friction_study
+from boomctl.papers.anthonis_ramon.friction import FULL_POINTS, POINTS, friction_section, friction_study
+from boomctl.papers.side_by_side import Job, side_by_side
 from boomctl.report import Picture, Report, Section, Table
 
 _LEAD = (
@@ -42,15 +44,12 @@ _CONVERGENCE = (
 )
 
 
-STEPS = 6  # what `reproduction` tells of: four parts of the figures, friction, pictures
-
-
 def reproduction(
     parameters: BoomParameters | None = None,
     measured: MeasuredCurve | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> Report:
-    """Compute the paper's results and return their report.
+    """Compute the paper's results, one after the other, and return their report.
 
     Parameters
     ----------
@@ -61,30 +60,65 @@ def reproduction(
     progress : callable, optional
         Told in a few words what is being done.
     """
+    return report(side_by_side(jobs(parameters, measured), 1, progress))
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """Sections of the report, and what they put into ``results.json``."""
+
+    sections: tuple[Section, ...]
+    results: dict[str, Any]
+
+
+def jobs(
+    parameters: BoomParameters | None = None, measured: MeasuredCurve | None = None, full: bool = False
+) -> list[Job]:
+    """Return the pieces of work of the reproduction, the longest first; :func:`report` makes a report of what they find.
+
+    ``full`` takes more frequencies for the simulated sines; the other arguments are those of :func:`reproduction`.
+    """
     p = BoomParameters() if parameters is None else parameters
-    tell: Callable[[str], None] = (lambda text: None) if progress is None else progress
-    result = compute(p, tell)
-    tell("friction in the cradle")
-    friction = friction_study(p, points=POINTS)
-    tell("pictures and report")
-    numbers = {
-        "platform_amplitude": friction.amplitude,
-        "force": friction.force,
-        "matched_hz": friction.matched_hz,
-        "lower_over_linear": friction.numbers(),
-    }
-    sections = _sections(result, p, measured, friction)
-    return Report(
-        "The spray boom of Anthonis & Ramon (2003)", (_LEAD,), sections, {**_results(result), "friction": numbers}
+    return [
+        Job("friction in the cradle", friction_chapter, (p, FULL_POINTS if full else POINTS)),
+        Job("table and figures", figures_chapter, (p, measured)),
+    ]
+
+
+def report(found: list[Chapter]) -> Report:
+    """Return the report of what the jobs have found, in their order."""
+    friction, figures = found
+    sections, results = (*figures.sections, *friction.sections), {**figures.results, **friction.results}
+    return Report("The spray boom of Anthonis & Ramon (2003)", (_LEAD,), sections, results)
+
+
+def friction_chapter(p: BoomParameters, points: int) -> Chapter:
+    """Compute and draw what friction in the cradle does, with simulated sines at so many frequencies."""
+    from boomctl.plotting.boom import draw_friction
+    from boomctl.plotting.canvas import picture
+
+    study = friction_study(p, points=points)
+    sines = picture(
+        "boom_friction",
+        draw_friction(study),
+        "Singular values of jolt and yaw. Lines: describing function; circles: stepped sine on the nonlinear model, at"
+        f" {points} frequencies (boomctl reproduce --full takes {FULL_POINTS}).",
     )
+    numbers = {
+        "platform_amplitude": study.amplitude,
+        "force": study.force,
+        "matched_hz": study.matched_hz,
+        "lower_over_linear": study.numbers(),
+    }
+    return Chapter((friction_section(study, sines),), {"friction": numbers})
 
 
-def _sections(
-    result: BoomReproduction, p: BoomParameters, measured: MeasuredCurve | None, friction: BoomFriction
-) -> tuple[Section, ...]:
-    from boomctl.plotting import picture
-    from boomctl.plotting.boom import animation_gif, draw_convergence, draw_figure_3, draw_friction, draw_modes
+def figures_chapter(p: BoomParameters, measured: MeasuredCurve | None) -> Chapter:
+    """Compute and draw Table 1, Fig. 3, convergence and modes."""
+    from boomctl.plotting.boom import animation_gif, draw_convergence, draw_figure_3, draw_modes
+    from boomctl.plotting.canvas import picture
 
+    result = compute(p)
     figure_3 = picture(
         "boom_figure_3",
         draw_figure_3(result.sigma, result.measured_hz, result.deviation, measured),
@@ -101,18 +135,13 @@ def _sections(
         "The machine driven in yaw and in jolt at its resonances, one period, boom deflection scaled to 1 m.",
         {"gif": animation_gif(result.driven, p)},
     )
-    sines = picture(
-        "boom_friction",
-        draw_friction(friction),
-        "Singular values of jolt and yaw. Lines: describing function; circles: stepped sine on the nonlinear model.",
-    )
-    return (
+    sections = (
         Section("Table 1: eigenfrequencies", (_TABLE_1, _GEOMETRICAL), (_table_1(result), _readings(result))),
         Section("Fig. 3: singular values", (_FIGURE_3,), (_peaks(result),), (figure_3,)),
         Section("Convergence", (_CONVERGENCE,), (), (convergence,)),
         Section("Modes and motion", (), (), (modes, motion)),
-        friction_section(friction, sines),
     )
+    return Chapter(sections, _results(result))
 
 
 def _peaks(result: BoomReproduction) -> Table:

@@ -7,7 +7,9 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.papers.bai.comparison import Comparison, Part, compare, judge
 from boomctl.plotting.rotating_beam import Chart, Line, Panel
-from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters, hub_beam
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
+from boomctl.rotating_beam.factory import hub_beam
+from boomctl.rotating_beam.parameters import HubBeamParameters
 
 TABLE_2 = {
     "natural frequency": (0.4635, 2.9047, 8.1332, 15.9377, 26.3462),

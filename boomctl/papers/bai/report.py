@@ -10,11 +10,13 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.papers.bai import frequencies, spin_up, torque
 from boomctl.papers.bai.comparison import CORRECTED, MET, NOT_REPRODUCIBLE, Part
-from boomctl.papers.bai.validity import TORQUES, section, validity
-from boomctl.plotting.rotating_beam import Chart, Film, chart_bytes, film_bytes
+from boomctl.papers.bai.validity import EXACT, TORQUES, judged, section, tips
+from boomctl.papers.side_by_side import Job, side_by_side
+from boomctl.plotting.rotating_beam import Chart, Film, chart_files, film_bytes
 from boomctl.report import Picture, Report, Section, Table
-from boomctl.rotating_beam import HubBeamParameters, sine_torque
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
+from boomctl.rotating_beam.manoeuvres import sine_torque
+from boomctl.rotating_beam.parameters import HubBeamParameters
 
 PARTS: dict[str, Callable[[], Part]] = {
     "Table 2": frequencies.table_2,
@@ -29,6 +31,14 @@ PARTS: dict[str, Callable[[], Part]] = {
 }
 """Parts of the paper in its order, each computed by one function."""
 
+_TOGETHER = (
+    ("Table 3, Fig. 7", "Fig. 8"),
+    ("Fig. 3", "Fig. 4", "Fig. 5", "Fig. 6", "Fig. 10"),
+    ("Table 2", "critical speeds, Fig. 9"),
+)
+"""Parts that share runs of the beam, and are computed by one process for that; the longest first."""
+_MODELS: tuple[str, ...] = ("cfoam", "foam", "tlam", EXACT, "sfoam", "sfoam-consistent")  # the longest first (measured)
+
 _CURVE_POINTS = 301  # of a curve in results.json: enough to draw it again, and a file of one megabyte
 _SHADES = {MET: "#d8efe2", CORRECTED: "#fff2cc", NOT_REPRODUCIBLE: "#f8d7da"}
 _RULE = (
@@ -41,7 +51,7 @@ _RULE = (
 
 
 def reproduction(torques: tuple[float, ...] = TORQUES, progress: Callable[[str], None] = lambda part: None) -> Report:
-    """Reproduce the paper's tables and figures and return their report.
+    """Reproduce the paper's tables and figures, one after the other, and return their report.
 
     Parameters
     ----------
@@ -49,32 +59,51 @@ def reproduction(torques: tuple[float, ...] = TORQUES, progress: Callable[[str],
         Amplitudes over which the models are held against the geometrically exact beam, N m; at least two, ascending,
         > 0.
     progress : callable
-        Called with the name of each part before it is computed.
+        Called with the name of each piece of work before it is done.
 
     Raises
     ------
     ValueError
         If `torques` are not as said.
     """
+    return report(torques, side_by_side(jobs(torques), 1, progress))
+
+
+def jobs(torques: tuple[float, ...] = TORQUES) -> list[Job]:
+    """Return the pieces of work of the reproduction, the longest first; :func:`report` makes a report of what they find."""
     if len(torques) < 2 or torques[0] <= 0.0 or any(b <= a for a, b in pairwise(torques)):
         raise ValueError(f"torques = {torques!r}: expected at least two, ascending and > 0")
-    parts = []
-    for name, compute in PARTS.items():
-        progress(name)
-        parts.append(compute())
-    progress("validity of the models")
-    parts.append(section(validity(torques)))
-    progress("pictures and report")
-    found = results(parts)
-    counts = "; ".join(f"{count} {verdict}" for verdict, count in found["summary"].items())
+    valid = [Job(f"validity of {model}", tips, (model, torques)) for model in _MODELS]
+    parts = [Job(names[0], _drawn_parts, (names,)) for names in _TOGETHER]
+    return [*valid, *parts, Job("a slew", _film_section)]
+
+
+def report(torques: tuple[float, ...], found: list[Any]) -> Report:
+    """Return the report of what the jobs for these torques have found, in their order."""
+    *several, slew = found
+    models = dict(zip(_MODELS, several, strict=False))
+    drawn = {name: each for group in several[len(_MODELS) :] for name, each in group.items()}
+    valid = section(judged(torques, models))
+    parts, sections = zip(*(drawn[name] for name in PARTS), (valid, _section(valid)), strict=True)
+    values = results(list(parts))
+    counts = "; ".join(f"{count} {verdict}" for verdict, count in values["summary"].items())
     lead = (
         "Bai, Ben-Tzvi, Zhou and Huang, A study on dynamic stiffening of a rotating beam with a tip mass, Sensors & "
         "Transducers 5 (2009) 53-68: every number and curve beside what correct equations give. Numbers and statements: "
         f"{counts}."
     )
+    return Report("A rotating beam with a tip mass, reproduced", (lead, _RULE), (*sections, slew), values)
+
+
+def _drawn_parts(names: tuple[str, ...]) -> dict[str, tuple[Part, Section]]:
+    """Compute and draw parts of the paper."""
+    parts = {name: PARTS[name]() for name in names}
+    return {name: (part, _section(part)) for name, part in parts.items()}
+
+
+def _film_section() -> Section:
     film = Picture("slew", "Geometrically exact beam, drawn to scale, real time", {"gif": film_bytes(_film())})
-    sections = (*map(_section, parts), Section("A slew", pictures=(film,)))
-    return Report("A rotating beam with a tip mass, reproduced", (lead, _RULE), sections, found)
+    return Section("A slew", pictures=(film,))
 
 
 def _section(part: Part) -> Section:
@@ -98,10 +127,7 @@ def _section(part: Part) -> Section:
         heads = ("where", "statement", "ours", "verdict", "why")
         rows = tuple((each.where, each.published, each.computed, each.verdict, each.why) for each in part.claims)
         tables.append(Table(heads, rows, align="l", shades=_SHADES))
-    pictures = tuple(
-        Picture(chart.name, chart.caption, {ending: chart_bytes(chart, ending) for ending in ("png", "svg")})
-        for chart in part.charts
-    )
+    pictures = tuple(Picture(chart.name, chart.caption, chart_files(chart, "png", "svg")) for chart in part.charts)
     return Section(part.title, (), tuple(tables), pictures)
 
 

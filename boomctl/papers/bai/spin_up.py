@@ -1,11 +1,17 @@
 """Figs. 3 to 6 and 10 of Bai et al. (2009): prescribed spin-up, Eq. (43) with its print mended, and a tip mass."""
 
+from functools import cache
+
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.papers.bai.comparison import Comparison, Part, compare, judge
 from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
-from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters, SimulationResult, hub_beam, spin_up
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
+from boomctl.rotating_beam.factory import hub_beam
+from boomctl.rotating_beam.manoeuvres import spin_up
+from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.result import SimulationResult
 
 DURATION = 30.0  # of the spin-up [s], as printed
 TIME = np.linspace(0.0, 60.0, 3001)  # [s]; the paper's figures end at 60 s
@@ -15,6 +21,11 @@ APPROXIMATE = 0.1
 
 
 def _run(model: str, speed: float, modes: int = 5, mass: float = 0.0) -> SimulationResult:
+    return _spun_up(model, speed, modes, mass)
+
+
+@cache  # figures share runs
+def _spun_up(model: str, speed: float, modes: int, mass: float) -> SimulationResult:
     beam = hub_beam(HubBeamParameters(tip_mass=mass), model, modes)
     return beam.simulate(spin_up(final_speed=speed, duration=DURATION), TIME)
 

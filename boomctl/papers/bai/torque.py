@@ -1,13 +1,17 @@
 """Figs. 7 and 8 and Table 3 of Bai et al. (2009): the hub free under a sine torque, Eq. (44)."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.papers.bai.comparison import Comparison, Part, compare, judge
 from boomctl.plotting.rotating_beam import COLOURS, Chart, Line, Panel
-from boomctl.rotating_beam import HubBeamParameters, SimulationResult, hub_beam, sine_torque
+from boomctl.rotating_beam.factory import hub_beam
+from boomctl.rotating_beam.manoeuvres import sine_torque
+from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.result import SimulationResult
 
 PERIOD = 10.0  # of the sine torque [s], which acts for one period, Eq. (44)
 TIME = np.linspace(0.0, 30.0, 3001)  # [s]; the paper's figures end at 30 s
@@ -27,6 +31,11 @@ TOLERANCE = 0.1
 
 
 def _run(model: str, amplitude: float, modes: int = 5, tip_mass: float = 0.0) -> SimulationResult:
+    return _driven(model, amplitude, modes, tip_mass)
+
+
+@cache  # figures share runs
+def _driven(model: str, amplitude: float, modes: int, tip_mass: float) -> SimulationResult:
     beam = hub_beam(HubBeamParameters(tip_mass=tip_mass), model, modes)
     return beam.simulate(sine_torque(amplitude=amplitude, period=PERIOD, duration=PERIOD), TIME, rtol=1e-6)
 

@@ -126,7 +126,17 @@ def contact_at(
     for name in driven:
         if through[0, plant.inputs.index(name)]:
             raise ValueError(f"contact at output {output!r}: the control {name!r} moves it at once, in jumps")
-    return Contact(output, force, row, velocity, through, through[0], column, maps.held[:, i], gain)
+    return Contact(
+        output=output,
+        input=force,
+        position=row,
+        velocity=velocity,
+        through=through,
+        rate=through[0],
+        column=column,
+        held=maps.held[:, i],
+        gain=gain,
+    )
 
 
 def stop_places(limit: StrokeLimit, plant: ModalPlant) -> list[tuple[str, str, float]]:

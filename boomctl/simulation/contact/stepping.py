@@ -83,7 +83,16 @@ def contact_rows(contacts: Contacts, W: Array, h: float, per_point: int, driven:
         pushed = whole @ contacts.stop_maps.states
         sliding = _maps(pushed, n, contacts.stop_maps.limits)
         sticking = _maps(pushed - np.outer(held, pushed[n]) / gain, n, contacts.stop_maps.limits)
-    return ContactRows(reads, offsets, jumps, contacts.law, held, gain, sliding, sticking)
+    return ContactRows(
+        reads=reads,
+        offsets=offsets,
+        jumps=jumps,
+        law=contacts.law,
+        held=held,
+        gain=gain,
+        sliding=sliding,
+        sticking=sticking,
+    )
 
 
 def _maps(rows: Array, n: int, limits: Array) -> StopMaps:

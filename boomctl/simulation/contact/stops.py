@@ -179,17 +179,25 @@ def merged_hits(
         if going_on:
             old = hits[open_hit[stop]]
             hits[open_hit[stop]] = StopHit(
-                old.output,
-                side,
-                old.time,
-                start + (step + 1) * h,
-                old.speed,
-                old.impulse + impulse,
-                max(old.largest_force, abs(impulse) / h),
+                output=old.output,
+                side=side,
+                time=old.time,
+                until=start + (step + 1) * h,
+                speed=old.speed,
+                impulse=old.impulse + impulse,
+                largest_force=max(old.largest_force, abs(impulse) / h),
             )
         else:
             open_hit[stop] = len(hits)
             hits.append(
-                StopHit(names[stop], side, start + step * h, start + (step + 1) * h, speed, impulse, abs(impulse) / h)
+                StopHit(
+                    output=names[stop],
+                    side=side,
+                    time=start + step * h,
+                    until=start + (step + 1) * h,
+                    speed=speed,
+                    impulse=impulse,
+                    largest_force=abs(impulse) / h,
+                )
             )
     return tuple(hits)

@@ -143,7 +143,14 @@ def describing_function(
         force, slip = balanced_friction(moved[slips], H[slips, acts], law.force)
         response = finite_response((moved[rows] + H[rows, acts] * force) / size, grid)
     return SineResponse(
-        grid, response, finite_response(slip, grid), slip == 0.0, size, excited, read, np.zeros(len(grid))
+        omega=grid,
+        response=response,
+        slip=finite_response(slip, grid),
+        stuck=slip == 0.0,
+        amplitude=size,
+        inputs=excited,
+        outputs=read,
+        settled=np.zeros(len(grid)),
     )
 
 

@@ -93,7 +93,16 @@ def swept_sine(
     if stuck.any():
         found[:, stuck] = _held(shaken, grid[stuck])
     slip = np.where(stuck, 0.0, np.abs(found[slip_row]))
-    return SineResponse(grid, finite_response(found[rows] / size, grid), slip, stuck, size, excited, read, settled)
+    return SineResponse(
+        omega=grid,
+        response=finite_response(found[rows] / size, grid),
+        slip=slip,
+        stuck=stuck,
+        amplitude=size,
+        inputs=excited,
+        outputs=read,
+        settled=settled,
+    )
 
 
 @dataclass(frozen=True)
@@ -170,13 +179,13 @@ def _prepared(shaken: _Shaken, grid: Array, count: int) -> _Sweep:
     rates = np.real(1j * grid[:, None, None] * drive[:, None] * turns)
     offset = np.array([place.through[1] @ waves + place.rate @ rate for place, rate in zip(places, rates, strict=True)])
     return _Sweep(
-        np.array([step.Phi for step in maps]),
-        np.ascontiguousarray(np.moveaxis(forcing, 2, 0)),
-        places[0].velocity,
-        np.array([place.held for place in places]),
-        np.array([place.gain for place in places]),
-        offset,
-        _balanced_start(shaken, grid),
+        Phi=np.array([step.Phi for step in maps]),
+        forcing=np.ascontiguousarray(np.moveaxis(forcing, 2, 0)),
+        velocity=places[0].velocity,
+        held=np.array([place.held for place in places]),
+        gain=np.array([place.gain for place in places]),
+        offset=offset,
+        start=_balanced_start(shaken, grid),
     )
 
 

@@ -5,13 +5,13 @@ from scipy.optimize import linprog
 
 from boomctl.arrays import Array
 from boomctl.slew.least_time.arcs import EndMap, Steps
+from boomctl.slew.problem import AT_LIMIT
 from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueHistory, held
 
 _TURNS = 25  # linear programmes at most; a safeguard
 _FARTHEST = 0.05  # share of the duration by which one programme may change it: as far as first derivatives serve
 _PENALTY = 100.0  # of a scaled defect of the end, beside a relative change of the duration: left only at need
-_FULL = 0.999  # share of the limit from which a torque on the grid counts as at it; HiGHS keeps bounds to 1e-7
 _STEP = 1.5  # rad that a step turns at most: half again as long as for the answer, for a grid asks for no more
 _SETTLED, _MET = 1e-7, 1e-5  # relative change of the duration, and defect of the end, at which the programmes end
 
@@ -70,7 +70,7 @@ def _linear_programme(defect: Array, push: Array, longer: Array, values: Array) 
 
 def arcs_behind(values: Array, duration: float, limit: float) -> TorqueHistory:
     """The bang-bang torque behind shares of the limit held on equal intervals: between full ones the mean decides."""
-    h, full = duration / values.size, np.abs(values) > _FULL
+    h, full = duration / values.size, np.abs(values) > AT_LIMIT
     edges, signs, k = [0.0], [], 0
 
     def join(length: float, sign: float) -> None:

@@ -74,8 +74,8 @@ class Sensitivity:
         return -(self.multipliers @ self.by_torque) / self.steps.h
 
     @property
-    def wrong(self) -> float:
-        """Time that the torque turned round where the switching function has the other sign promises, s."""
+    def wrong_sign(self) -> float:
+        """Time that turning the torque round where the switching function has the other sign promises to save, s."""
         return 2.0 * float(np.sum(np.maximum((self.multipliers @ self.by_torque) * self.steps.u, 0.0)))
 
 

@@ -63,8 +63,8 @@ class ArcSlew:
 class _Arcs:
     """Durations of a bang-bang torque's arcs [s] and the sign of the first; what is known of its optimality.
 
-    Sensitivity of the end to the durations, multipliers of the end conditions, Hessian of the weighted end, what time these
-    still promise, and what a switching function of the wrong sign does [s].
+    Sensitivity of the end to the durations, multipliers of the end conditions, Hessian of the weighted end; the time [s] that
+    other durations promise to save, and that where the switching function has the wrong sign.
     """
 
     durations: Array
@@ -73,7 +73,7 @@ class _Arcs:
     weights: Array = field(default_factory=lambda: np.zeros(0))
     hessian: Array = field(default_factory=lambda: np.zeros((0, 0)))
     promised: float = np.inf
-    wrong: float = np.inf
+    wrong_sign: float = np.inf
 
     @staticmethod
     def of(history: TorqueHistory) -> "_Arcs":
@@ -104,14 +104,27 @@ def least_time_arcs(problem: SlewProblem, first: TorqueHistory) -> ArcSlew | Non
     path: tuple[str, ...] = ()
     if near is not None:
         first, path = near.history, ("started from the beam without axial modes", *near.path)
-    half = halved(problem)
+    half = halved(problem)  # none of a beam with axial modes
     ends = end_map(half or problem, first)
     if near is not None:
         found = _refined(ends, _weighed(ends, _Arcs.of(first), _FINER), finer=_FINER, exact=False)
         if found is not None and found.gain < problem.tolerance:
             return replace(found, path=(*path, "durations led to the end, not to the least sum"))
-    start, path = (first_half(first), (*path, "first half")) if half else (first, path)
-    best, gain, overflow = None, np.inf, None
+    arcs, counting = _with_right_signs(ends, first_half(first) if half else first)
+    answer = None if arcs is None else _refined(ends, arcs)
+    if answer is None:
+        return None
+    history, path = (doubled(answer.history), (*path, "first half")) if half else (answer.history, path)
+    return replace(answer, history=history, path=(*path, *counting))
+
+
+def _with_right_signs(ends: EndMap, start: TorqueHistory) -> tuple[_Arcs | None, tuple[str, ...]]:
+    """Stationary durations whose switching function has the torque's sign, or of all that were found the most of it.
+
+    First with the arcs of the torque given; as long as the sign is wrong, with arcs counted on finer and finer grids. What
+    was done comes with them.
+    """
+    best, gain, overflow, path = None, np.inf, None, ()
     for intervals in (0, *_GRIDS):
         try:
             torque = start if intervals == 0 else counted(ends, start, intervals)
@@ -119,18 +132,15 @@ def least_time_arcs(problem: SlewProblem, first: TorqueHistory) -> ArcSlew | Non
             overflow = error
             continue
         found = None if torque is None else _stationary(ends, _Arcs.of(torque), 1)
-        if found is not None and found.wrong / float(found.durations.sum()) < gain:
-            best, gain = found, found.wrong / float(found.durations.sum())
-            start = found.history(problem.limits.torque)
+        if found is not None and found.wrong_sign / float(found.durations.sum()) < gain:
+            best, gain = found, found.wrong_sign / float(found.durations.sum())
+            start = found.history(ends.problem.limits.torque)
         path = (*path, f"arcs counted on {intervals} intervals") if intervals else path
-        if gain < _ENOUGH * problem.tolerance:
+        if gain < _ENOUGH * ends.problem.tolerance:
             break
     if best is None and overflow is not None:
         raise overflow
-    answer = None if best is None else _refined(ends, best)
-    if answer is None:
-        return None
-    return replace(answer, history=doubled(answer.history) if half else answer.history, path=path)
+    return best, path
 
 
 def _refined(ends: EndMap, found: _Arcs, finer: int = 1, exact: bool = True) -> ArcSlew | None:
@@ -149,7 +159,7 @@ def _refined(ends: EndMap, found: _Arcs, finer: int = 1, exact: bool = True) -> 
         return None
     history = settled.history(ends.problem.limits.torque)
     worth = float(np.abs(settled.weights).sum()) * error / _FOURTH_ORDER
-    return ArcSlew(history, (settled.wrong + settled.promised + worth) / history.duration, error, ())
+    return ArcSlew(history, (settled.wrong_sign + settled.promised + worth) / history.duration, error, ())
 
 
 def _weighed(ends: EndMap, found: _Arcs, finer: int) -> _Arcs:
@@ -163,7 +173,7 @@ def _weighed(ends: EndMap, found: _Arcs, finer: int) -> _Arcs:
     middle, change = 0.5 * (p[k] + p[k + 1]), 2.0 * (p[k + 1] - p[k]) / (h[k] + h[k + 1])
     promised = ends.problem.limits.torque * float(np.sum(middle**2 / np.maximum(np.abs(change), 1e-300)))
     slope, weights = reached.by_duration, reached.multipliers
-    return replace(found, slope=slope, weights=weights, promised=promised, wrong=reached.wrong)
+    return replace(found, slope=slope, weights=weights, promised=promised, wrong_sign=reached.wrong_sign)
 
 
 def _corrected(ends: EndMap, found: _Arcs, finer: int) -> tuple[_Arcs | None, float]:
@@ -222,7 +232,7 @@ def _newton(ends: EndMap, found: _Arcs, counts: Array) -> _Arcs | None:
         before, size = size, float(np.abs(onto + beside).max() / total)
         flat = promised < (_FLAT if smooth else _ROUGH) * total
         if flat and np.abs(onto).max() < _SETTLED * total:
-            return replace(found, promised=promised, wrong=reached.wrong)
+            return replace(found, promised=promised, wrong_sign=reached.wrong_sign)
         d = _moved(found.durations, onto)
         found = replace(found, durations=d if flat else _moved(d, beside))
         if found.durations.min() < _shortest(ends, found.durations):

@@ -14,7 +14,7 @@ from scipy.optimize import brentq, linprog
 
 from boomctl.arrays import Array
 from boomctl.slew.linear import LinearFlow, flow
-from boomctl.slew.problem import SlewProblem
+from boomctl.slew.problem import AT_LIMIT, SlewProblem
 from boomctl.slew.result import SlewError
 from boomctl.slew.torque import TorqueHistory, bang_bang
 
@@ -25,7 +25,6 @@ _BRACKET = 0.1  # steps of the logarithm of the time, in which the least is brac
 _BRACKETS = 200  # such steps: e^20 times the guess either way
 _EXACT = 1e-11  # relative accuracy of the least time on a grid, far below what the grid itself costs
 _HOPELESS = 1e9  # torque over its limit that stands for "in no time like this one"
-_AT_LIMIT = 0.999  # share of the limit from which a torque on a grid counts as at it; HiGHS keeps bounds to 1e-7
 _DECIDED = 0.5  # share of the limit from which a torque on a grid shows its sign
 _NEWTON = 60  # steps of Newton's method at most; from where arcs are about to appear it is damped and slow
 _CONVERGED, _ROUNDED = 1e-9, 1e-11  # largest last step of a time over the duration: to be believed; to be left at once
@@ -147,8 +146,8 @@ def _fastest(problem: LinearTimeProblem, guess: float) -> Extremal:
                 raise
             continue
         guess = duration
-        for count_from in (_from_costate, _from_values):
-            first = count_from(problem, duration, values, costate)
+        for switches_from in (_from_costate, _from_values):
+            first = switches_from(problem, duration, values, costate)
             found = None if first is None else _merged(problem, _newton(problem, first))
             if found is not None and misfit(problem, found) < _AGREE:
                 return found
@@ -276,13 +275,13 @@ def _from_values(problem: LinearTimeProblem, duration: float, values: Array, cos
     h = duration / values.size
     switches, sign = [], 0.0
     for k, value in enumerate(values):
-        if abs(value) < _AT_LIMIT:
+        if abs(value) < AT_LIMIT:
             before = values[k - 1] if k else -(values[k + 1] if k + 1 < values.size else -1.0)
             if k + 1 < values.size and before * values[k + 1] < 0.0:
                 switches.append((k + 0.5 * (1.0 + value * np.sign(before))) * h)
-        elif k and abs(values[k - 1]) >= _AT_LIMIT and value * values[k - 1] < 0.0:
+        elif k and abs(values[k - 1]) >= AT_LIMIT and value * values[k - 1] < 0.0:
             switches.append(k * h)
-        sign = sign or float(np.sign(value) if abs(value) > _AT_LIMIT else 0.0)
+        sign = sign or float(np.sign(value) if abs(value) > AT_LIMIT else 0.0)
     rough = Extremal(np.array(switches), duration, sign or 1.0, problem.limit, costate, np.inf)
     return _fitted(problem, rough)
 

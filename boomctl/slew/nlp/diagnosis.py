@@ -12,13 +12,13 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.slew.nlp.transcription import Transcription
+from boomctl.slew.problem import AT_LIMIT
 
 _GIVES = 1e-6  # slack above which a limit is said to give: IPOPT leaves 1e-8
 _COST_WEIGHT = 1e-7  # of the slew's own cost beside the slacks: it decides between slews that need the same
 _MOST = 1e3  # largest slack: what needs more cannot be done
 _START = 0.1  # slack to start from; a choice
 _MET = 1e-6  # of scaled conditions: what the solver leaves in a programme that is solved
-_BINDS = 0.999  # share of a limit from which it is said to be met
 _EXCEEDED = 0.1  # share of the slack above a limit from which the limit counts as exceeded
 _OPTIONS = {
     "ipopt.print_level": 0,
@@ -33,7 +33,7 @@ _OPTIONS = {
 
 @dataclass(frozen=True)
 class Excess:
-    """How a limit fails to allow a slew.
+    """A limit that is too tight for any slew.
 
     Attributes
     ----------
@@ -116,9 +116,9 @@ def relaxed(
     given = [k for k in sorted(kinds, key=lambda k: -slacks[k]) if slacks[k] > _GIVES]
     values = _values(t, unknowns, arguments["p"], limits)
     met = {
-        k: float(np.argmax(values[k] > _BINDS)) * time / values[k].size
+        k: float(np.argmax(values[k] > AT_LIMIT)) * time / values[k].size
         for k in kinds
-        if k not in given and values[k].max() > _BINDS
+        if k not in given and values[k].max() > AT_LIMIT
     }
     return Relaxed(tuple(_excess(k, slacks[k], limits[k], values[k], time) for k in given), met, time, unknowns)
 

@@ -14,8 +14,10 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.slew.linear import Guess
 from boomctl.slew.nlp.diagnosis import Relaxed, relaxed
-from boomctl.slew.nlp.transcription import Scheme, Transcription, Units, transcribe
-from boomctl.slew.problem import UNITS, Limits, SlewProblem
+from boomctl.slew.nlp.interval import Units
+from boomctl.slew.nlp.transcription import Scheme, Transcription, transcribe
+from boomctl.slew.objectives import OBJECTIVES
+from boomctl.slew.problem import AT_LIMIT, UNITS, Limits, SlewProblem
 from boomctl.slew.result import LimitsTooTight, SlewError
 from boomctl.slew.torque import TorqueHistory, held, ramped
 
@@ -43,7 +45,6 @@ _TOLERANCE, _SHARE = 1e-9, 1e-3  # of the optimality conditions at most, and as 
 _EFFORT_PUSH = 1e-9  # as the pushes of a warm start; of least effort the first guess is nearer still
 _LEAST_TIME = 1e-3  # of the duration over its typical size: a bound that only keeps it positive
 _SHOWN = 1e-7  # of a scaled condition: a smaller miss is not told
-_BINDS = 0.999  # share of a limit from which it is said to bind
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +105,7 @@ class Programme:
         lower, upper = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
         lower[layout.torques], upper[layout.torques] = (s * problem.limits.torque / units.torque for s in (-1, 1))
         lower[layout.states[0]] = upper[layout.states[0]] = problem.start / units.states
-        if t.scheme.ramp and (problem.objective != "tip" or "torque_rate" in t.scheme.limits):
+        if t.scheme.ramp and (not OBJECTIVES[problem.objective].bounds_tip or "torque_rate" in t.scheme.limits):
             ends = layout.torques[[0, -1]]
             lower[ends] = upper[ends] = 0.0
         if layout.duration is not None:
@@ -170,10 +171,16 @@ class Programme:
         edges = np.linspace(0.0, duration, scheme.intervals + 1)
         torques = x[layout.torques] * units.torque
         history = ramped(edges, torques) if scheme.ramp else held(edges, torques)
-        # time and tip are in units of the programme's own start: without them meshes could not be compared
-        unit = {"time": units.time, "tip": units.tip}.get(scheme.objective, 1.0)
+        unit = OBJECTIVES[scheme.objective].unit(units)
         iterations = int(self.solver.stats()["iter_count"])
-        return Solution(history, x[layout.states] * units.states, duration, unit * float(raw["f"]), iterations, raw)
+        return Solution(
+            history=history,
+            states=x[layout.states] * units.states,
+            duration=duration,
+            cost=unit * float(raw["f"]),
+            iterations=iterations,
+            raw=raw,
+        )
 
     def _failure(self, problem: SlewProblem, raw: dict[str, Any], low: Array, high: Array) -> str:
         """In words: which condition is missed most, and when."""
@@ -189,7 +196,7 @@ class Programme:
             if stages[k, t.defects + j] > max(worst, _SHOWN):
                 worst, where, when = float(stages[k, t.defects + j]), name, k * duration / N
         torques, most = np.abs(x[t.layout.torques]) * t.units.torque, problem.limits.torque
-        bound = f"torque_limit = {most:g} N m binds on {np.mean(torques > _BINDS * most):.0%} of it"
+        bound = f"torque_limit = {most:g} N m binds on {np.mean(torques > AT_LIMIT * most):.0%} of it"
         return f"no slew of {duration:.6g} s was found: {where} cannot be met at t = {when:.4g} s; {bound}"
 
 

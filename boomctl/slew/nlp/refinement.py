@@ -7,6 +7,7 @@ import numpy as np
 from boomctl.slew.linear import Guess, effort_guess, guess_from, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution, prepare
 from boomctl.slew.nlp.transcription import Scheme
+from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import Limits, SlewProblem
 from boomctl.slew.replay import end_error, played, violation
 from boomctl.slew.result import LimitsTooTight, SlewError
@@ -103,7 +104,7 @@ def _companion(problem: SlewProblem, intervals: int, solution: Solution) -> Solu
 
 def _ramps(problem: SlewProblem) -> bool:
     """Whether the torque is to be continuous."""
-    return problem.objective in ("jerk", "torque-rate", "tip") or problem.limits.torque_rate is not None
+    return OBJECTIVES[problem.objective].continuous or problem.limits.torque_rate is not None
 
 
 def _guess(problem: SlewProblem, least: TorqueHistory | None, before: TorqueHistory | None, intervals: int) -> Guess:
@@ -129,7 +130,13 @@ def _solved(problem: SlewProblem, guess: Guess, intervals: int, rough: bool = Fa
         if programme is None:
             kinds = tuple(limits.beside_torque)
             scheme = Scheme(
-                problem.method, problem.objective, intervals, order, _ramps(problem), problem.duration is None, kinds
+                method=problem.method,
+                objective=problem.objective,
+                intervals=intervals,
+                order=order,
+                ramp=_ramps(problem),
+                free_time=problem.duration is None,
+                limits=kinds,
             )
             programme = prepare(problem, scheme, guess, problem.tolerance)
         solution = programme.solve(problem, before, limits)

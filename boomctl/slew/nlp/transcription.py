@@ -6,7 +6,7 @@ are put together from those of one stage, so that nothing is differentiated twic
 """
 
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -14,11 +14,12 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method, radau_method
 from boomctl.slew.dynamics import explicit_step, rates
+from boomctl.slew.nlp.interval import Interval, Units
+from boomctl.slew.objectives import OBJECTIVES, Parts
 from boomctl.slew.plant import SlewPlant
 
 _AT_NODES = ("speed", "tip", "moment")
 """Limits that are kept at the nodes; that of the torque is a bound, that of its slope a condition of each interval."""
-_CHATTER = 1e-6  # price of the torque and its changes beside the tip's bound: too small to be seen, enough to decide
 
 
 @dataclass(frozen=True)
@@ -47,16 +48,6 @@ class Scheme:
     ramp: bool = False
     free_time: bool = False
     limits: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Units:
-    """Typical sizes, by which unknowns and conditions are divided: of all states, torque [N m], time [s], tip [m]."""
-
-    states: Array
-    torque: float
-    time: float
-    tip: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,10 +140,6 @@ class Transcription:
         return self.stage_rows * self.scheme.intervals
 
 
-Parts: TypeAlias = tuple[tuple[SlewPlant, slice], ...]
-"""Plants, which the one torque drives, with their places in the states."""
-
-
 def transcribe(parts: Parts, ends: Array, scheme: Scheme, units: Units) -> Transcription:
     """Build the programme.
 
@@ -230,9 +217,16 @@ def _layout(scheme: Scheme, n: int) -> Layout:
     duration = bound = None
     if scheme.free_time:
         duration, size = size, size + 1
-    if scheme.objective == "tip":
+    if OBJECTIVES[scheme.objective].bounds_tip:
         bound, size = size, size + 1
-    return Layout(states, torques, first[:, None] + n + 1 + np.arange(extra), duration, bound, size)
+    return Layout(
+        states=states,
+        torques=torques,
+        rates=first[:, None] + n + 1 + np.arange(extra),
+        duration=duration,
+        bound=bound,
+        size=size,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,19 +245,6 @@ class _Stage:
     names: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class _Unknowns:
-    """Of a stage, scaled: states, torque and rates, next states and torque, width of the interval [s], bound of the tip."""
-
-    z: ca.SX
-    u: ca.SX
-    k: ca.SX
-    z1: ca.SX
-    u1: ca.SX
-    h: ca.SX
-    bound: ca.SX | None
-
-
 def _stage(parts: Parts, scheme: Scheme, units: Units, layout: Layout) -> _Stage:
     """The stage function, scaled, and its derivatives."""
     n, extra = units.states.size, layout.rates.shape[1]
@@ -271,14 +252,14 @@ def _stage(parts: Parts, scheme: Scheme, units: Units, layout: Layout) -> _Stage
     at = 2 * n + 1 + extra
     limits = {kind: p[1 + i] for i, kind in enumerate(scheme.limits)}
     time = (v[at + scheme.ramp] if scheme.free_time else p[0]) * units.time
-    s = _Unknowns(
+    s = Interval(
         z=v[:n],
         u=v[n],
         k=v[n + 1 : n + 1 + extra],
         z1=v[n + 1 + extra : at],
         u1=v[at] if scheme.ramp else v[n],
         h=time / scheme.intervals,
-        bound=v[layout.local.shape[1] - 1] if scheme.objective == "tip" else None,
+        bound=v[layout.local.shape[1] - 1] if OBJECTIVES[scheme.objective].bounds_tip else None,
     )
     path, names = _path(parts, units, s, limits)
     value = [_defects(parts, scheme, units, s), path]
@@ -286,7 +267,7 @@ def _stage(parts: Parts, scheme: Scheme, units: Units, layout: Layout) -> _Stage
         change, most = s.u1 - s.u, limits["torque_rate"] * s.h / units.torque
         value += [change - most, -change - most]
         names += ["torque_rate_limit"] * 2
-    value, cost = ca.vertcat(*value), _cost(parts, scheme, units, s)
+    value, cost = ca.vertcat(*value), OBJECTIVES[scheme.objective].cost(parts, units, s, scheme.intervals)
     multipliers, weight = ca.SX.sym("m", value.shape[0]), ca.SX.sym("w")
     jacobian = ca.jacobian(value, v)
     hessian = ca.triu(ca.hessian(weight * cost + ca.dot(multipliers, value), v)[0])
@@ -310,7 +291,7 @@ def _stage(parts: Parts, scheme: Scheme, units: Units, layout: Layout) -> _Stage
     )
 
 
-def _defects(parts: Parts, scheme: Scheme, units: Units, s: _Unknowns) -> ca.SX:
+def _defects(parts: Parts, scheme: Scheme, units: Units, s: Interval) -> ca.SX:
     """By how much the next states, and the rates at the collocation points, miss the equations of motion."""
     u, u1, order = s.u * units.torque, s.u1 * units.torque, scheme.order
     defects, first = [], 0
@@ -346,7 +327,7 @@ def collocation_defects(plant: SlewPlant, points: int, method: str = "collocatio
     return ca.Function("defects", [z, ca.vec(k), u0, u1, h, z1], [ca.vertcat(*defects)])
 
 
-def _path(parts: Parts, units: Units, s: _Unknowns, limits: dict[str, ca.SX]) -> tuple[ca.SX, list[str]]:
+def _path(parts: Parts, units: Units, s: Interval, limits: dict[str, ca.SX]) -> tuple[ca.SX, list[str]]:
     """What is to be <= 0 at the nodes, and what it is called."""
     lines, names = [], []
     for plant, own in parts:
@@ -362,27 +343,6 @@ def _path(parts: Parts, units: Units, s: _Unknowns, limits: dict[str, ca.SX]) ->
             lines += [value - s.bound, -value - s.bound]
             names += ["the bound of the tip"] * 2
     return ca.vertcat(*lines) if lines else ca.SX(0, 1), names
-
-
-def _cost(parts: Parts, scheme: Scheme, units: Units, s: _Unknowns) -> ca.SX:
-    share = s.h / units.time
-    effort = share * (s.u**2 + s.u * s.u1 + s.u1**2) / 3.0
-    if scheme.objective == "time":
-        return share + 0.0 * s.u
-    if scheme.objective == "effort":
-        return effort
-    if scheme.objective == "tip":
-        # where the tip stays at its bound the torque is free to chatter; a small price on its changes keeps it from that
-        assert s.bound is not None
-        return s.bound / scheme.intervals + _CHATTER * (effort + (s.u1 - s.u) ** 2)
-    if scheme.objective == "torque-rate":
-        return (s.u1 - s.u) ** 2 / share
-    total = ca.SX(0)
-    for plant, own in parts:
-        unit, f, row = ca.DM(units.states[own]), rates(plant), ca.DM(plant.rows["speed"])
-        turning, turning1 = (ca.dot(row, f(z[own] * unit, u * units.torque)) for z, u in ((s.z, s.u), (s.z1, s.u1)))
-        total += ((turning1 - turning) * ((plant.inertia or 1.0) / units.torque)) ** 2 / share
-    return total
 
 
 def _assembled(rows: list[Array], columns: list[Array], shape: tuple[int, int], entries: ca.MX) -> ca.MX:

@@ -92,26 +92,25 @@ def _by_exponentials(x: Array) -> Array:
     )
 
 
-def segment_coefficients(segment: Segment, rows: Array) -> Array:
-    """Return the matrices that multiply the six end functions, shape (6, n, n).
+def segment_terms(left: Array, right: Array) -> Array:
+    """Return the matrices that multiply the six end functions, shape (6, n, m), for a segment of ``EI/length^3 = 1``.
 
-    ``rows`` are the segment's ``w1, phi1, w2, phi2`` over the coordinates; the result times ``1 + s c_b`` and the
-    functions, summed, is the segment's share of the dynamic stiffness.
+    ``left`` and ``right`` are the segment's ``w1, length phi1, w2, length phi2`` over two groups of coordinates; the result
+    times ``EI/length^3 (1 + s c_b)`` and the functions, summed, is the segment's share of the dynamic stiffness.
     """
-    length = segment.length
-    w1, f1, w2, f2 = rows[0], length * rows[1], rows[2], length * rows[3]
+    pairs = left[:, None, :, None] * right[None, :, None, :]
 
-    def pair(a: Array, b: Array) -> Array:
-        return np.outer(a, b) + np.outer(b, a)
+    def both(a: int, b: int) -> Array:
+        return pairs[a, b] + pairs[b, a]
 
-    return (segment.bending_stiffness / length**3) * np.array(
+    return np.array(
         [
-            np.outer(w1, w1) + np.outer(w2, w2),
-            pair(w1, f1) - pair(w2, f2),
-            np.outer(f1, f1) + np.outer(f2, f2),
-            pair(w1, w2),
-            pair(w1, f2) - pair(f1, w2),
-            pair(f1, f2),
+            pairs[0, 0] + pairs[2, 2],
+            both(0, 1) - both(2, 3),
+            pairs[1, 1] + pairs[3, 3],
+            both(0, 2),
+            both(0, 3) - both(1, 2),
+            both(1, 3),
         ]
     )
 

@@ -34,8 +34,8 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
 
 def _bracket(model: ExactModel, count: int) -> tuple[float, float]:
     """Return a frequency below all elastic ones and one above ``count`` of them."""
-    longest = max(item.segment.length for item in model.placed)
-    scale = max(np.sqrt(p.segment.bending_stiffness / p.segment.mass_per_length) for p in model.placed) / longest**2
+    longest = max(segment.length for segment in model.segments)
+    scale = max(np.sqrt(s.bending_stiffness / s.mass_per_length) for s in model.segments) / longest**2
     low, high = 1e-6 * scale, scale
     rigid = int(model.count_below(np.array([low]))[0])
     while int(model.count_below(np.array([high]))[0]) < rigid + count:

@@ -7,7 +7,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, whole
-from boomctl.structure.beams.mesh import BeamMesh, SectionValues, element_mesh
+from boomctl.structure.beams.mesh import BeamMesh, element_mesh
 from boomctl.structure.parts import Beam
 
 
@@ -37,7 +37,7 @@ class FiniteElements:
     def mesh(self, beam: Beam, attachments: Sequence[float]) -> BeamMesh:
         """Return the mesh of ``beam``; ``attachments`` need not be nodes."""
         nodes = element_nodes(beam, self.elements)
-        return element_mesh(nodes, section_values(beam, nodes), self.order)
+        return element_mesh(nodes, element_sections(beam, nodes), self.order)
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class DiscreteElements:
                     f"discrete elements of beam {beam.name!r}: something is attached at station {station:g} m,"
                     " which is not a mass allocation point; expected a node there"
                 )
-        return element_mesh(nodes, section_values(beam, nodes), 3, self.mass)
+        return element_mesh(nodes, element_sections(beam, nodes), 3, self.mass)
 
 
 def distinct(stations: Sequence[float], length: float) -> list[float]:
@@ -95,15 +95,10 @@ def distinct(stations: Sequence[float], length: float) -> list[float]:
     return kept
 
 
-def section_values(beam: Beam, nodes: Array) -> SectionValues:
-    """Return the section properties of ``beam`` in each interval between ``nodes``."""
+def element_sections(beam: Beam, nodes: Array) -> Array:
+    """Return of which section of ``beam`` each interval between ``nodes`` is."""
     ends = np.cumsum([section.length for section in beam.sections])
-    which = np.minimum(np.searchsorted(ends, 0.5 * (nodes[1:] + nodes[:-1])), len(beam.sections) - 1)
-
-    def of(attribute: str) -> Array:
-        return np.array([getattr(section, attribute) for section in beam.sections])[which]
-
-    return SectionValues(of("mass_per_length"), of("bending_stiffness"), of("damping"))
+    return np.minimum(np.searchsorted(ends, 0.5 * (nodes[1:] + nodes[:-1])), len(beam.sections) - 1)
 
 
 def element_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:

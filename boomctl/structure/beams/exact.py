@@ -2,27 +2,81 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.structure.beams.dynamic_stiffness import Segment, clamped_count, end_functions, segment_coefficients
-from boomctl.structure.elimination import Elimination, eliminate
+from boomctl.structure.beams.dynamic_stiffness import Segment, clamped_count, end_functions, segment_terms
+from boomctl.structure.elimination import eliminate
+from boomctl.structure.layout import Layout, Weights
 from boomctl.structure.matrices import dense
 from boomctl.structure.ports import Ports
 from boomctl.structure.symmetry import TOLERANCE, Mirror
 
+_KEPT = 32  # layouts and arrangements kept for the next structure with the same rows (a choice of memory)
+_FREE = 1e-13  # smallest over largest singular value of a scaled stiffness; below it is rounding: a rigid-body mode
 _RESIDUAL = 1e-11  # of an equation's terms; where elimination leaves more, LAPACK solves anew (a choice)
 
 Entries = Mapping[tuple[int, int], Array]
 
 
-@dataclass(frozen=True)
-class PlacedSegment:
-    """A segment and the rows of its end displacements and rotations, ``w1, phi1, w2, phi2``."""
+@dataclass(frozen=True, eq=False)
+class ExactLayout:
+    """How a structure with exact beams moves, whatever it weighs: rows over its coordinates, and its signals.
 
-    segment: Segment
-    rows: Array
+    Attributes
+    ----------
+    rigid : Layout
+        ``N``: centres of bodies, and beams along their axes; ``R``: elongations of springs and dampers.
+    S : (4 segments, n) ndarray
+        End displacements and rotations ``w1, l phi1, w2, l phi2`` of each segment of the beams, of length ``l``.
+    ports : Ports
+        Inputs and outputs over the coordinates.
+    moved : tuple of str
+        Inputs that impose motion; the others are forces.
+    imposed : tuple of ndarray
+        ``N, R, S`` over the imposed displacements.
+    direct : (outputs, moved) ndarray
+        What the outputs read of the imposed displacements.
+    """
+
+    rigid: Layout
+    S: Array
+    ports: Ports
+    moved: tuple[str, ...] = ()
+    imposed: tuple[Array, Array, Array] | None = None
+    direct: Array | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return self.rigid.n
+
+    @cached_property
+    def terms(self) -> "_Terms":
+        """What each weight adds to the dynamic stiffness of all coordinates."""
+        rows = self.rows(np.eye(self.n))
+        return _Terms.of(rows, rows, np.zeros((self.n, self.n)))
+
+    def rows(self, P: Array) -> tuple[Array, Array, Array]:
+        """Return ``N, R, S`` over coordinates ``z`` with ``q = P z``."""
+        return self.rigid.N @ P, self.rigid.R @ P, self.S @ P
+
+
+@lru_cache(maxsize=_KEPT)
+def _prescribed(layout: ExactLayout, inputs: tuple[str, ...]) -> ExactLayout:
+    """Return the layout with the motion of the points of the force inputs named imposed."""
+    choice = eliminate(np.column_stack([layout.ports.force_column(name) for name in inputs]), inputs)
+    T_q, T_d = dense(choice.T_q), dense(choice.T_d)
+    return ExactLayout(
+        layout.rigid.eliminated(choice),
+        layout.S @ T_q,
+        layout.ports.congruent(T_q),
+        inputs,
+        layout.rows(T_d),
+        layout.ports.L[0] @ T_d,
+    )
 
 
 @dataclass(frozen=True)
@@ -31,71 +85,54 @@ class ExactModel:
 
     Attributes
     ----------
-    M, C, K : (n, n) ndarray
+    layout : ExactLayout
+        Rows over its coordinates, inputs and outputs.
+    weights : Weights
         Of everything but the beams' bending.
-    placed : tuple of PlacedSegment
+    segments : tuple of Segment
         The beams, segment by segment.
-    ports : Ports
-        Inputs and outputs over the coordinates; force inputs only until :meth:`prescribed`.
-    coordinates : tuple of str
-        Names.
-    driven : Elimination or None
-        Which inputs impose motion, as ``q = T_d d + T_q q_s``.
-    moved : tuple of str
-        Their names.
     mirror : Mirror or None
-        The reflection about ``x = 0``, if there is one.
+        The reflection about ``x = 0`` that leaves the structure as it is, if there is one.
     """
 
-    M: Array
-    C: Array
-    K: Array
-    placed: tuple[PlacedSegment, ...]
-    ports: Ports
-    coordinates: tuple[str, ...]
-    driven: Elimination | None = None
-    moved: tuple[str, ...] = ()
+    layout: ExactLayout
+    weights: Weights
+    segments: tuple[Segment, ...]
     mirror: Mirror | None = None
+
+    @property
+    def ports(self) -> Ports:
+        """Inputs and outputs."""
+        return self.layout.ports
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return self.layout.rigid.coordinates
 
     def prescribed(self, inputs: Sequence[str]) -> "ExactModel":
         """Return the structure with the motion of the points of the force inputs named imposed."""
-        J = np.column_stack([self.ports.force_column(name) for name in inputs])
-        choice = eliminate(J, tuple(inputs))
-        mirror = self.mirror.restricted(choice) if self.mirror is not None else None
-        return replace(self, driven=choice, moved=tuple(inputs), mirror=mirror)
+        layout = _prescribed(self.layout, tuple(inputs))
+        return replace(self, layout=layout, mirror=None if self.mirror is None else layout.rigid.mirror)
 
     def mirrored(self, mirror: Mirror | None) -> "ExactModel":
         """Return the structure with a reflection, if it leaves the structure as it is; otherwise without."""
-        bare = replace(self, mirror=None)
         if mirror is None:
-            return bare
-        system = _System.of(bare, self.ports.select((), ()))
-        S = np.zeros((len(mirror.partner), len(mirror.partner)))
-        S[np.arange(len(S)), mirror.partner] = mirror.sign
-        change = np.abs(S @ system.D @ S.T - system.D).max(axis=(1, 2))
-        return replace(self, mirror=mirror) if (change <= TOLERANCE * np.abs(system.D).max(axis=(1, 2))).all() else bare
+            return replace(self, mirror=None)
+        D = self._dynamic_terms()
+        change = np.abs(mirror.sign[:, None] * D[:, mirror.partner][:, :, mirror.partner] * mirror.sign - D)
+        if (change.max(axis=(1, 2)) > TOLERANCE * np.abs(D).max(axis=(1, 2))).any():
+            return replace(self, mirror=None)
+        return replace(self, layout=_mirrored(self.layout, mirror), mirror=mirror)
 
     def prepared(self, inputs: Sequence[str], outputs: Sequence[str]) -> "PreparedResponse":
         """Return what of the frequency response does not depend on frequency; symmetric structures in halves."""
-        wanted_in, wanted_out = tuple(inputs), tuple(outputs)
-        if self.mirror is not None:
-            wanted_in = self.mirror.completed(wanted_in, self.ports.inputs)
-            wanted_out = self.mirror.completed(wanted_out, self.ports.outputs)
-        ports = self.ports.select(wanted_in, wanted_out)
-        whole = _System.of(self, ports)
-        shape = (len(outputs), len(inputs))
-        parts: list[tuple[_Solver, Array, Array]] = []  # with the half's outputs and inputs over the full ones
-        for parity in (1, -1) if self.mirror is not None else ():
-            assert self.mirror is not None
-            ins, outs = self.mirror.signals(ports.inputs, parity), self.mirror.signals(ports.outputs, parity)
-            if ins is None or outs is None:
-                return replace(self, mirror=None).prepared(inputs, outputs)
-            if ins[0].shape[1] and outs[0].shape[1]:
-                half = whole.half(dense(self.mirror.basis(parity)), ins[0], outs[0])
-                parts.append((half.solver(), outs[0][: shape[0]], ins[0][: shape[1]]))
-        if self.mirror is None:
-            parts = [(whole.solver(), np.eye(shape[0]), np.eye(shape[1]))]
-        return PreparedResponse.of(shape, whole.functions, parts)
+        arranged = _arranged(self.layout, self.mirror, tuple(inputs), tuple(outputs))
+        kinds, shares = self._kinds()
+        coefficients = [
+            [part.terms.weighed(self.weights, shares).T for part in batch.parts] for batch in arranged.batches
+        ]
+        return PreparedResponse(arranged, kinds, tuple(np.stack(group, axis=1) for group in coefficients))
 
     def response(self, omega: Array, inputs: Sequence[str], outputs: Sequence[str]) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies), of displacement outputs."""
@@ -103,93 +140,100 @@ class ExactModel:
 
     def dynamic_stiffness(self, s: Array) -> Array:
         """Return ``D(s)`` of the free coordinates, shape (n, n, len(s))."""
-        system = _System.of(self, self.ports.select((), ()))
-        return system.matrix(system.functions(np.asarray(s, dtype=complex)))
+        n, terms = self.layout.n, self._dynamic_terms()
+        values = _functions(self._kinds()[0], np.asarray(s, dtype=complex))
+        return (terms.reshape(len(terms), -1).T @ values).reshape(n, n, -1)
+
+    def undamped(self) -> "ExactModel":
+        """Return the structure without any damping."""
+        weights = replace(self.weights, c=np.zeros_like(self.weights.c))
+        return replace(self, weights=weights, segments=tuple(replace(s, damping=0.0) for s in self.segments))
 
     def count_below(self, omega: Array) -> Array:
         """Return how many undamped natural frequencies lie below each ``omega`` (Wittrick & Williams 1971)."""
-        undamped = replace(self, C=np.zeros_like(self.C), placed=_undamped(self.placed))
-        D = np.moveaxis(undamped.dynamic_stiffness(1j * omega).real, 2, 0)
+        D = np.moveaxis(self.undamped().dynamic_stiffness(1j * omega).real, 2, 0)
         scale = np.sqrt(np.abs(D).max(axis=2))
         count = (np.linalg.eigvalsh(D / (scale[:, :, None] * scale[:, None, :])) < 0).sum(axis=1)
-        for item in self.placed:
-            seg = item.segment
+        for seg in self.segments:
             z = (omega**2 * seg.mass_per_length / seg.bending_stiffness) ** 0.25 * seg.length
             count = count + clamped_count(z)
         return count
 
+    def _kinds(self) -> tuple[tuple[Segment, ...], Array]:
+        """Return the kinds of segments, and how much of the unit stiffness of each segment is of each kind."""
+        kinds = tuple(dict.fromkeys(self.segments))
+        shares = np.zeros((len(kinds), len(self.segments)))
+        for i, segment in enumerate(self.segments):
+            shares[kinds.index(segment), i] = segment.bending_stiffness / segment.length**3
+        return kinds, shares
 
-def _undamped(placed: tuple[PlacedSegment, ...]) -> tuple[PlacedSegment, ...]:
-    return tuple(
-        PlacedSegment(Segment(p.segment.length, p.segment.mass_per_length, p.segment.bending_stiffness, 0.0), p.rows)
-        for p in placed
-    )
+    def _dynamic_terms(self) -> Array:
+        """Return the matrices that multiply ``1, s, s^2`` and six functions a kind of segment."""
+        n = self.layout.n
+        return self.layout.terms.weighed(self.weights, self._kinds()[1]).reshape(-1, n, n)
 
 
-@dataclass(frozen=True)
-class _System:
-    """Coefficients of ``D`` and of the right-hand side over the functions ``1, s, s^2`` and six a kind of segment."""
+@lru_cache(maxsize=_KEPT)
+def _mirrored(layout: ExactLayout, mirror: Mirror) -> ExactLayout:
+    return replace(layout, rigid=replace(layout.rigid, mirror=mirror))
 
-    kinds: tuple[Segment, ...]
-    D: Array
-    B: Array
-    L: Array
-    E: Array
+
+def _functions(kinds: Sequence[Segment], s: Array) -> Array:
+    """Return ``1, s, s^2`` and six functions a kind of segment at each ``s``."""
+    values = np.empty((3 + 6 * len(kinds), len(s)), dtype=complex)
+    values[0], values[1], values[2] = 1.0, s, s * s
+    for k, seg in enumerate(kinds):
+        modulus = 1.0 + seg.damping * s
+        x = -(s * s) * (seg.mass_per_length * seg.length**4 / seg.bending_stiffness) / modulus
+        values[3 + 6 * k : 9 + 6 * k] = end_functions(x) * modulus
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class _Terms:
+    """What each weight adds to numbers that follow linearly from dynamic stiffness and right-hand side.
+
+    Attributes
+    ----------
+    elastic : (links, ...) ndarray
+        For each spring's stiffness; for each damper's damping likewise.
+    inertia : (mass rows, ...) ndarray
+    bending : (segments, 6, ...) ndarray
+        For each segment's ``EI/l^3``, by end functions.
+    forces : (...) ndarray
+        What is there whatever the weights: the columns of the forces.
+    """
+
+    elastic: Array
+    inertia: Array
+    bending: Array
+    forces: Array
 
     @classmethod
-    def of(cls, model: ExactModel, ports: Ports) -> "_System":
-        if any(x.any() for triple in (ports.L, ports.E) for x in triple[1:]):
-            raise ValueError("the exact beam offers displacement outputs only")
-        if any(bandwidth is not None for bandwidth in ports.bandwidths):
-            raise ValueError("the exact beam offers outputs without a bandwidth only")
-        kinds = tuple(dict.fromkeys(item.segment for item in model.placed))
-        n = len(model.coordinates)
-        full = np.zeros((3 + 6 * len(kinds), n, n))
-        full[0], full[1], full[2] = model.K, model.C, model.M
-        for item in model.placed:
-            first = 3 + 6 * kinds.index(item.segment)
-            full[first : first + 6] += segment_coefficients(item.segment, item.rows)
-        B = np.zeros((len(full), n, len(ports.inputs)))
-        B[0] = ports.B[0]
-        if model.driven is None:
-            return cls(kinds, full, B, ports.L[0], np.zeros((len(ports.outputs), len(ports.inputs))))
-        T_q, T_d = model.driven.T_q.toarray(), model.driven.T_d.toarray()
-        E = np.zeros((len(ports.outputs), len(ports.inputs)))
-        B = np.einsum("ja,fji->fai", T_q, B)
-        for i, name in enumerate(ports.inputs):
-            if name in model.moved:
-                t = T_d[:, model.moved.index(name)]
-                B[:, :, i] = -np.einsum("ja,fjk,k->fa", T_q, full, t)
-                E[:, i] = ports.L[0] @ t
-        return cls(kinds, T_q.T @ full @ T_q, B, ports.L[0] @ T_q, E)
+    def of(cls, left: tuple[Array, Array, Array], right: tuple[Array, Array, Array], forces: Array) -> "_Terms":
+        """Return ``left^T weight right`` for each weight, of rows ``N, R, S``; numbers are the entries."""
+        (N, R, S), (N_r, R_r, S_r) = left, right
+        ends, ends_r = S.reshape(-1, 4, S.shape[1]), S_r.reshape(-1, 4, S_r.shape[1])
+        return cls(
+            elastic=R[:, :, None] * R_r[:, None, :],
+            inertia=N[:, :, None] * N_r[:, None, :],
+            bending=np.array([segment_terms(a, b) for a, b in zip(ends, ends_r, strict=True)]).reshape(
+                len(ends), 6, *forces.shape
+            ),
+            forces=forces,
+        )
 
-    def half(self, P: Array, W_in: Array, W_out: Array) -> "_System":
-        return _System(self.kinds, P.T @ self.D @ P, P.T @ self.B @ W_in, W_out.T @ self.L @ P, W_out.T @ self.E @ W_in)
+    def mapped(self, numbers: Callable[[Array], Array]) -> "_Terms":
+        """Return what each weight adds to other numbers, which follow linearly from these."""
+        return _Terms(*(numbers(item) for item in (self.elastic, self.inertia, self.bending, self.forces)))
 
-    def functions(self, s: Array) -> Array:
-        values = np.empty((3 + 6 * len(self.kinds), len(s)), dtype=complex)
-        values[0], values[1], values[2] = 1.0, s, s * s
-        for k, seg in enumerate(self.kinds):
-            modulus = 1.0 + seg.damping * s
-            x = -(s * s) * (seg.mass_per_length * seg.length**4 / seg.bending_stiffness) / modulus
-            values[3 + 6 * k : 9 + 6 * k] = end_functions(x) * modulus
-        return values
-
-    def matrix(self, functions: Array) -> Array:
-        terms, n, _ = self.D.shape
-        return (self.D.reshape(terms, n * n).T @ functions).reshape(n, n, -1)
-
-    def solver(self) -> "_Solver":
-        """Return the coefficients of the entries that are not zero, ready for many frequencies."""
-        n = self.D.shape[1]
-        occupied = (np.abs(self.D).sum(axis=0) > 0) | np.eye(n, dtype=bool)
-        places = tuple((int(i), int(j)) for i, j in np.argwhere(np.tril(occupied)))
-        weights = 1.0 + 0.5 * np.cos(np.arange(n))
-        rows = [self.D[:, i, j] for i, j in places]
-        rows += list(np.einsum("i,fij->jf", weights, self.D))
-        rows += list(np.moveaxis(self.B, 0, 2).reshape(-1, len(self.B)))
-        rows += list(np.einsum("i,fim->mf", weights, self.B))
-        return _Solver(n=n, inputs=self.B.shape[2], places=places, coefficients=np.array(rows), L=self.L, E=self.E)
+    def weighed(self, weights: Weights, shares: Array) -> Array:
+        """Return the numbers that multiply ``1, s, s^2`` and six functions a kind of segment."""
+        size = self.forces.size
+        elastic, inertia = self.elastic.reshape(-1, size), self.inertia.reshape(-1, size)
+        fixed = weights.k @ elastic + self.forces.ravel(), weights.c @ elastic, weights.m @ inertia
+        bending = shares @ self.bending.reshape(-1, 6 * size)
+        return np.concatenate([fixed, bending.reshape(-1, size)])
 
 
 def _combined(coefficients: Array, values: Array) -> Array:
@@ -197,50 +241,104 @@ def _combined(coefficients: Array, values: Array) -> Array:
     return (coefficients @ values.view(float)).view(complex)
 
 
-@dataclass(frozen=True)
-class _Solver:
-    """One half (or the whole): ``coefficients`` of the entries of ``D``, the checks, ``B`` and its checks."""
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """One half of a structure, or the whole: its equations, and how its signals stand in those asked for.
+
+    ``terms`` are what each weight adds to the entries of ``D`` at ``places``, to the sums of its columns, weighted, to
+    ``B`` and to its sums.  ``W_out`` and ``W_in`` are the part's outputs and inputs over those asked for.
+    """
 
     n: int
     inputs: int
     places: tuple[tuple[int, int], ...]
-    coefficients: Array
+    terms: _Terms
     L: Array
     E: Array
+    W_out: Array
+    W_in: Array
 
-    def check_static(self, functions: Array) -> None:
+    @classmethod
+    def of(
+        cls,
+        layout: ExactLayout,
+        ports: Ports,
+        P: Array,
+        W_in: Array,
+        W_out: Array,
+        shape: tuple[int, int],
+    ) -> "_Part":
+        """Return the equations of the motions ``q = P z`` that the inputs ``d = W_in v`` drive, read by ``W_out^T y``."""
+        moved = [name in layout.moved for name in ports.inputs]
+        N, R, S = layout.rows(P)
+        D_only, m = _Terms.of((N, R, S), (N, R, S), np.zeros((P.shape[1],) * 2)), W_in.shape[1]
+        imposed, direct = (
+            [np.zeros((len(x), len(moved))) for x in (N, R, S)],
+            np.zeros((len(ports.outputs), len(moved))),
+        )
+        for i, name in enumerate(ports.inputs):
+            if layout.imposed is not None and layout.direct is not None and name in layout.moved:
+                j = layout.moved.index(name)
+                for mine, all_imposed in zip(imposed, layout.imposed, strict=True):
+                    mine[:, i] = -all_imposed[:, j]
+                direct[:, i] = layout.direct[[layout.ports.outputs.index(o) for o in ports.outputs], j]
+        forces = P.T @ np.where(moved, 0.0, ports.B[0]) @ W_in
+        N_in, R_in, S_in = (np.hstack([x, y @ W_in]) for x, y in zip((N, R, S), imposed, strict=True))
+        n = P.shape[1]
+        occupied = np.eye(n, dtype=bool)
+        for item in (D_only.elastic, D_only.inertia, D_only.bending):
+            occupied |= np.abs(item).reshape(-1, n, n).sum(axis=0) > 0
+        i, j = np.nonzero(np.tril(occupied))
+        weights = 1.0 + 0.5 * np.cos(np.arange(n))
+
+        def numbers(entries: Array) -> Array:
+            D, B = entries[..., :n], entries[..., n:]
+            flat = (*entries.shape[:-2], n * m)
+            return np.concatenate([D[..., i, j], weights @ D, B.reshape(flat), weights @ B], axis=-1)
+
+        terms = _Terms.of((N, R, S), (N_in, R_in, S_in), np.hstack([np.zeros((n, n)), forces])).mapped(numbers)
+        return cls(
+            n=n,
+            inputs=m,
+            places=tuple(zip(i.tolist(), j.tolist(), strict=True)),
+            terms=terms,
+            L=W_out.T @ ports.L[0] @ P,
+            E=W_out.T @ direct @ W_in,
+            W_out=W_out[: shape[0]],
+            W_in=W_in[: shape[1]],
+        )
+
+    def check_static(self, coefficients: Array, functions: Array) -> None:
+        """Raise if the part can move freely, so that its static response is infinite."""
         D = np.zeros((self.n, self.n))
-        for (i, j), value in zip(self.places, _combined(self.coefficients, functions)[:, 0].real, strict=False):
+        for (i, j), value in zip(self.places, _combined(coefficients, functions)[:, 0].real, strict=False):
             D[i, j] = D[j, i] = value
         scale = np.sqrt(np.abs(np.diag(D))) + np.finfo(float).tiny
         size = np.linalg.svd(D / np.outer(scale, scale), compute_uv=False)
-        if size[-1] <= 1e-13 * size[0]:
+        if size[-1] <= _FREE * size[0]:
             raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its response is infinite")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Batch:
-    """Halves of one pattern, solved together; ``mixing`` takes their unknowns that show to the full response."""
+    """Parts of one pattern, solved together; ``mixing`` takes their unknowns that show to the full response."""
 
-    solvers: tuple[_Solver, ...]
-    coefficients: Array
+    parts: tuple[_Part, ...]
     shown: Array
     mixing: Array
 
     @classmethod
-    def of(cls, parts: Sequence[tuple[_Solver, Array, Array]]) -> "_Batch":
-        count, first = len(parts), parts[0][0]
-        mixing = [np.einsum("ou,uk,iv->oikv", W_out, solver.L, W_in) for solver, W_out, W_in in parts]
-        by_unknown = np.stack(mixing, axis=-1).reshape(-1, first.n * first.inputs * count)
+    def of(cls, parts: Sequence[_Part]) -> "_Batch":
+        first = parts[0]
+        mixing = [np.einsum("ou,uk,iv->oikv", part.W_out, part.L, part.W_in) for part in parts]
+        by_unknown = np.stack(mixing, axis=-1).reshape(-1, first.n * first.inputs * len(parts))
         shown = np.flatnonzero(by_unknown.any(axis=0))
-        coefficients = np.stack([solver.coefficients for solver, _, _ in parts], axis=1)
-        stacked = coefficients.reshape(-1, coefficients.shape[2])
-        return cls(tuple(solver for solver, _, _ in parts), stacked, shown, by_unknown[:, shown])
+        return cls(tuple(parts), shown, by_unknown[:, shown])
 
-    def add(self, functions: Array, total: Array) -> None:
-        """Add the batch's share of the response, (outputs * inputs, frequencies); frequencies of all halves in line."""
-        first, count, points = self.solvers[0], len(self.solvers), functions.shape[1]
-        values = _combined(self.coefficients, functions).reshape(-1, count * points)
+    def add(self, coefficients: Array, functions: Array, total: Array) -> None:
+        """Add the batch's share of the response, (outputs * inputs, frequencies); frequencies of all parts in line."""
+        first, count, points = self.parts[0], len(self.parts), functions.shape[1]
+        values = _combined(coefficients.reshape(-1, coefficients.shape[2]), functions).reshape(-1, count * points)
         entries, n, m = len(first.places), first.n, first.inputs
         D = dict(zip(first.places, values, strict=False))
         check = values[entries : entries + n]
@@ -251,28 +349,54 @@ class _Batch:
             total += _combined(self.mixing, np.array(rows))
 
 
-@dataclass(frozen=True)
-class PreparedResponse:
-    """A structure with exact beams, ready to be asked for its response at any frequencies."""
+@dataclass(frozen=True, eq=False)
+class _Arrangement:
+    """Everything of a response that neither weights nor frequencies change."""
 
-    shape: tuple[int, int]
-    functions: Callable[[Array], Array]
     batches: tuple[_Batch, ...]
     direct: Array
 
-    @classmethod
-    def of(
-        cls,
-        shape: tuple[int, int],
-        functions: Callable[[Array], Array],
-        parts: Sequence[tuple[_Solver, Array, Array]],
-    ) -> "PreparedResponse":
-        """Return the response of parts, each with its outputs and inputs over those of the whole."""
-        alike: dict[object, list[tuple[_Solver, Array, Array]]] = {}
-        for part in parts:
-            alike.setdefault((part[0].places, part[0].inputs), []).append(part)
-        direct = sum((W_out @ solver.E @ W_in.T for solver, W_out, W_in in parts), np.zeros(shape))
-        return cls(shape, functions, tuple(_Batch.of(group) for group in alike.values()), direct)
+
+@lru_cache(maxsize=_KEPT)
+def _arranged(
+    layout: ExactLayout, mirror: Mirror | None, inputs: tuple[str, ...], outputs: tuple[str, ...]
+) -> _Arrangement:
+    wanted_in, wanted_out, shape = inputs, outputs, (len(outputs), len(inputs))
+    if mirror is not None:
+        wanted_in = mirror.completed(wanted_in, layout.ports.inputs)
+        wanted_out = mirror.completed(wanted_out, layout.ports.outputs)
+    ports = layout.ports.select(wanted_in, wanted_out)
+    if any(x.any() for x in ports.L[1:]):
+        raise ValueError("the exact beam offers displacement outputs only")
+    if any(bandwidth is not None for bandwidth in ports.bandwidths):
+        raise ValueError("the exact beam offers outputs without a bandwidth only")
+    parts = []
+    for parity in (1, -1) if mirror is not None else ():
+        assert mirror is not None
+        ins, outs = mirror.signals(ports.inputs, parity), mirror.signals(ports.outputs, parity)
+        if ins is None or outs is None:
+            return _arranged(layout, None, inputs, outputs)
+        if ins[0].shape[1] and outs[0].shape[1]:
+            parts.append(_Part.of(layout, ports, dense(mirror.basis(parity)), ins[0], outs[0], shape))
+    if mirror is None:
+        parts = [_Part.of(layout, ports, np.eye(layout.n), np.eye(shape[1]), np.eye(shape[0]), shape)]
+    alike: dict[object, list[_Part]] = {}
+    for part in parts:
+        alike.setdefault((part.places, part.inputs), []).append(part)
+    direct = sum((part.W_out @ part.E @ part.W_in.T for part in parts), np.zeros(shape))
+    return _Arrangement(tuple(_Batch.of(group) for group in alike.values()), direct)
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedResponse:
+    """A structure with exact beams, ready to be asked for its response at any frequencies.
+
+    ``coefficients`` are, for each batch, those of its numbers over ``1, s, s^2`` and the functions of the ``kinds``.
+    """
+
+    arrangement: _Arrangement
+    kinds: tuple[Segment, ...]
+    coefficients: tuple[Array, ...]
 
     def at(self, omega: Array) -> Array:
         """Return the response, shape (outputs, inputs, frequencies), at ``omega`` [rad/s].
@@ -282,16 +406,18 @@ class PreparedResponse:
         ValueError
             ``omega = 0`` and the structure moves freely.
         """
+        direct = self.arrangement.direct
         if (omega == 0.0).any():
-            for batch in self.batches:
-                for solver in batch.solvers:
-                    solver.check_static(self.functions(np.zeros(1, dtype=complex)))
-        total = np.empty((self.direct.size, len(omega)), dtype=complex)
-        total[:] = self.direct.reshape(-1, 1)
-        functions = self.functions(1j * omega)
-        for batch in self.batches:
-            batch.add(functions, total)
-        return total.reshape(*self.shape, -1)
+            at_rest = _functions(self.kinds, np.zeros(1, dtype=complex))
+            for batch, coefficients in zip(self.arrangement.batches, self.coefficients, strict=True):
+                for i, part in enumerate(batch.parts):
+                    part.check_static(coefficients[:, i], at_rest)
+        total = np.empty((direct.size, len(omega)), dtype=complex)
+        total[:] = direct.reshape(-1, 1)
+        functions = _functions(self.kinds, 1j * omega)
+        for batch, coefficients in zip(self.arrangement.batches, self.coefficients, strict=True):
+            batch.add(coefficients, functions, total)
+        return total.reshape(*direct.shape, -1)
 
 
 def solve_symmetric(n: int, D: Entries, B: list[Array], check: Array, check_B: Array) -> list[Array]:

@@ -4,6 +4,7 @@ Within an element of length ``h``, ``xi`` in [-1, 1], the deflection is the Herm
 ``w1, phi1, w2, phi2`` plus ``h a_k B_k(xi)``, where ``B_k'' = P_k`` (Legendre) and ``B_k`` and ``B_k'`` vanish at both
 ends, ``k = 2, 3, ...``.  The curvature is then a Legendre series whose coefficients are the element's strain modes,
 so that its stiffness matrix is diagonal in them and rigid motion strains nothing, to the last digit.
+Mass is such a sum of squares too: of as many rows on each element as its mass matrix has rank.
 """
 
 from dataclasses import dataclass
@@ -13,12 +14,48 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy import sparse
 
-from boomctl.arrays import Array
+from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+
+
+@dataclass(frozen=True)
+class ElementRows:
+    """Rows over a beam's coordinates, as many on each element, and what they weigh where the beam's property is one.
+
+    Attributes
+    ----------
+    blocks : (elements, rows, order + 1) ndarray
+        Over the coordinates of each element, ``w1, phi1, w2, phi2, bubbles``.
+    place : (elements, order + 1) ndarray
+        Where these stand among the beam's.
+    unit : (elements, rows) ndarray
+        Weight of each row: of mass for one kilogram a metre, of stiffness for one newton square metre.
+    """
+
+    blocks: Array
+    place: Array
+    unit: Array
+
+    def weights(self, values: Array) -> Array:
+        """Return the weight of each row, elements having the property ``values``."""
+        return (values[:, None] * self.unit).ravel()
+
+    def matrix(self, first: int, width: int) -> Matrix:
+        """Return the rows over ``width`` coordinates, the beam's from ``first`` on; sparse where they are many."""
+        count, lines, _ = self.blocks.shape
+        columns = np.broadcast_to(first + self.place[:, None, :], self.blocks.shape)
+        if width <= DENSE_LIMIT:
+            full = np.zeros((count * lines, width))
+            full[np.arange(count * lines).reshape(count, lines, 1), columns] = self.blocks
+            return full
+        ends = np.arange(0, self.blocks.size + 1, self.blocks.shape[2])
+        rows = sparse.csr_array((self.blocks.ravel(), columns.ravel(), ends), shape=(count * lines, width))
+        rows.eliminate_zeros()
+        return rows
 
 
 @dataclass(frozen=True)
 class BeamMesh:
-    """A beam turned into coordinates.
+    """A beam turned into coordinates: where it can bend, whatever it weighs and however stiff it is.
 
     Attributes
     ----------
@@ -26,22 +63,19 @@ class BeamMesh:
         Stations of the nodes [m], ascending.
     names : tuple of str
         One name a coordinate, along the beam: ``w0, phi0, w1, phi1, ...``.
-    mass : sparse array
-        Mass matrix.
-    strain : sparse array
-        One line a strain mode; the stiffness matrix is ``strain^T diag(stiffness) strain``.
-    stiffness, damping : ndarray
-        Stiffness and damping coefficient of each strain mode.
+    section : (elements,) ndarray
+        Of which of the beam's sections each element is.
+    inertia, strain : ElementRows
+        What mass and stiffness matrix are weighted sums of squares of: deflections, and strain modes.
     order : int
         Polynomial order of the deflection within an element.
     """
 
     nodes: Array
     names: tuple[str, ...]
-    mass: sparse.csr_array
-    strain: sparse.csr_array
-    stiffness: Array
-    damping: Array
+    section: Array
+    inertia: ElementRows
+    strain: ElementRows
     order: int
 
     def interpolation(self, station: float, derivative: int) -> tuple[Array, Array]:
@@ -55,15 +89,6 @@ class BeamMesh:
         xi = 2.0 * (station - self.nodes[e]) / h - 1.0
         coefficients = shape_functions(np.array([xi]), h, self.order, derivative)[:, 0]
         return per_node * e + element_coordinates(self.order), coefficients
-
-
-@dataclass(frozen=True)
-class SectionValues:
-    """Section properties, one value an element."""
-
-    mass_per_length: Array
-    bending_stiffness: Array
-    damping: Array
 
 
 def element_coordinates(order: int) -> Array:
@@ -100,74 +125,54 @@ def shape_functions(xi: Array, h: float, order: int, derivative: int) -> Array:
 
 
 @cache
-def reference_mass(order: int) -> Array:
-    """Return the mass matrix of an element of unit length and unit mass, consistent with its shape functions."""
+def _mass_rows(order: int, mass: str) -> Array:
+    """Return rows whose squares sum to the mass matrix of an element of unit length and unit mass."""
+    if mass == "lumped":
+        return _frozen(np.sqrt(0.5) * np.eye(4)[[0, 2]])
+    if mass == "linear":
+        rows = np.zeros((2, 4))
+        rows[:, [0, 2]] = np.linalg.cholesky([[1 / 3, 1 / 6], [1 / 6, 1 / 3]]).T
+        return _frozen(rows)
     xi, weight = legendre.leggauss(order + 1)
     shapes = shape_functions(xi, 1.0, order, 0)
     matrix = 0.5 * (shapes * weight) @ shapes.T
     matrix[:4, :4] = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) / 420.0
-    matrix.setflags(write=False)
-    return matrix
+    return _frozen(np.linalg.cholesky(matrix).T)
 
 
-def _scatter(blocks: Array, rows: Array, columns: Array, shape: tuple[int, int]) -> sparse.csr_array:
-    """Add blocks (element, i, j) into a sparse matrix at ``rows[element, i]``, ``columns[element, j]``."""
-    i = np.broadcast_to(rows[:, :, None], blocks.shape).ravel()
-    j = np.broadcast_to(columns[:, None, :], blocks.shape).ravel()
-    return sparse.coo_array((blocks.ravel(), (i, j)), shape=shape).tocsr()
+def _frozen(array: Array) -> Array:
+    array.setflags(write=False)
+    return array
 
 
-def _strain_blocks(h: Array, order: int) -> Array:
-    """Return, for each element, the strain modes as rows over ``w1, phi1, w2, phi2, bubbles``."""
-    modes = order - 1
-    blocks = np.zeros((len(h), modes, order + 1))
-    blocks[:, 0, [1, 3]] = -1.0, 1.0
-    blocks[:, 1, [1, 3]] = 1.0
-    blocks[:, 1, 0], blocks[:, 1, 2] = 2.0 / h, -2.0 / h
-    for k in range(2, modes):
-        blocks[:, k, k + 2] = 1.0
-    return blocks
-
-
-def element_mesh(nodes: Array, section: SectionValues, order: int, mass: str = "hermite") -> BeamMesh:
+def element_mesh(nodes: Array, section: Array, order: int, mass: str = "hermite") -> BeamMesh:
     """Return the mesh of elements between ``nodes``.
 
     Parameters
     ----------
     nodes : ndarray
         Node stations [m].
-    section : SectionValues
-        Section properties of each element.
+    section : ndarray
+        Of which of the beam's sections each element is.
     order : int
         3 for cubic elements, more for bubbles.
     mass : "hermite", "linear" or "lumped"
         Consistent mass; that of linear interpolation; half of each element concentrated at either node.
     """
     h, count, per_node = np.diff(nodes), len(nodes) - 1, order - 1
-    size = per_node * count + 2
     place = per_node * np.arange(count)[:, None] + element_coordinates(order)[None, :]
     scale = np.ones((count, order + 1))
     scale[:, [1, 3]] = h[:, None]
     scale[:, 4:] = h[:, None]
-    if mass == "hermite":
-        reference = reference_mass(order)
-    else:
-        reference = np.zeros((order + 1, order + 1))
-        reference[np.ix_([0, 2], [0, 2])] = (
-            [[1 / 3, 1 / 6], [1 / 6, 1 / 3]] if mass == "linear" else [[0.5, 0], [0, 0.5]]
-        )
-    blocks = (section.mass_per_length * h)[:, None, None] * scale[:, :, None] * reference * scale[:, None, :]
-    line = np.arange(count * per_node).reshape(count, per_node)
+    mass_rows = _mass_rows(order, mass)
+    inertia = ElementRows(mass_rows * scale[:, None, :], place, np.repeat(h[:, None], len(mass_rows), axis=1))
+    modes = np.zeros((count, per_node, order + 1))
+    modes[:, 0, [1, 3]] = -1.0, 1.0
+    modes[:, 1, [1, 3]] = 1.0
+    modes[:, 1, 0], modes[:, 1, 2] = 2.0 / h, -2.0 / h
+    modes[:, np.arange(2, per_node), np.arange(4, per_node + 2)] = 1.0
     legendre_norm = np.array([1.0, 3.0] + [16.0 / (2 * k + 1) for k in range(2, per_node)])
-    stiffness = ((section.bending_stiffness / h)[:, None] * legendre_norm).ravel()
+    strain = ElementRows(modes, place, legendre_norm / h[:, None])
     letters = ("w", "phi", *(f"b{k}_" for k in range(2, per_node)))
-    names = [f"{letter}{i}" for i in range(count + 1) for letter in letters][:size]
-    return BeamMesh(
-        nodes=nodes,
-        names=tuple(names),
-        mass=_scatter(blocks, place, place, (size, size)),
-        strain=_scatter(_strain_blocks(h, order), line, place, (count * per_node, size)),
-        stiffness=stiffness,
-        damping=stiffness * np.repeat(section.damping, per_node),
-        order=order,
-    )
+    names = [f"{letter}{i}" for i in range(count + 1) for letter in letters][: per_node * count + 2]
+    return BeamMesh(nodes, tuple(names), section, inertia, strain, order)

@@ -7,16 +7,17 @@ did.
 way                 where                                         why
 ==================  ============================================  ====================================================
 halves              a mirror, signals in pairs of images          two structures of half the size; each goes on below
-core                18 coordinates and more, symmetric, verified  a few motions stand for all: small and dense from here
-undamped modes      small, over 4 frequencies a coordinate,       all frequencies at once; dampers as an update of low
+core                80 coordinates and more, symmetric, verified  a few motions stand for all: small and dense from here
+undamped modes      small, 1500 frequencies times coordinates,    all frequencies at once; dampers as an update of low
                     verified                                      rank (Woodbury)
 dense solutions     small                                         always holds
-sparse              18 coordinates and more, without a core       always holds; a factorisation at each frequency
+sparse              80 coordinates and more, without a core       always holds; a factorisation at each frequency
 factorisations
 ==================  ============================================  ====================================================
 """
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,12 +27,11 @@ from scipy.sparse.linalg import splu
 from boomctl.arrays import Array
 from boomctl.structure.matrices import Half, Structure, dense, halves
 from boomctl.structure.ports import Ports, evaluate
-from boomctl.structure.response.core import build_core, rounding_estimate
-from boomctl.structure.response.modes import respond_by_modes
+from boomctl.structure.response.core import Core, build_core, rounding_estimate
+from boomctl.structure.response.modes import Part, respond_by_modes
 
-_MODES_FROM = 5  # coordinates; of fewer, dense solutions are always faster (measured on booms)
-_MODES_PER_COORDINATE = 4  # frequencies a coordinate from which on modes pay, at 17 coordinates (measured on booms)
-_CORE_FROM = 18  # coordinates; of fewer, a core has as many itself; it pays from some 30 on (measured on booms)
+_MODES_FROM = 1500  # frequencies times coordinates; of fewer, dense solutions are faster (measured on booms)
+_CORE_FROM = 80  # coordinates; of fewer, all modes cost less than a core (measured on booms)
 _CORE_ERROR = 1e-8  # estimated, relative; an answer with less stands: far below what a model is good for (a choice)
 _FREE = 1e-13  # smallest over largest singular value of a scaled stiffness; below it is rounding: a rigid-body mode
 _STRAINS_HOLD = 1000  # coordinates; strains lose a few times log10(n) digits, so that far there is nothing to warn of
@@ -70,9 +70,9 @@ def respond(structure: Structure, ports: Ports, omega: Array, available: Ports |
         ports = available.select(ins, mirror.completed(ports.outputs, available.outputs))
     parts = halves(structure, ports)
     if parts is None:
-        found = respond_whole(structure, ports, omega)
+        (found,) = respond_parts([(structure, ports)], omega)
     else:
-        answers = [respond_whole(part.structure, part.ports, omega) for part in parts]
+        answers = respond_parts([(part.structure, part.ports) for part in parts], omega)
         path = sum((answer.path for answer in answers), ("halves",))
         total = np.zeros((len(ports.outputs), len(ports.inputs), len(omega)), dtype=complex)
         for part, answer in zip(parts, answers, strict=True):
@@ -88,27 +88,44 @@ def _add(total: Array, part: Half, values: Array) -> None:
             total[o, i] += (part.W_out[o, u] * part.W_in[i, v]) * values[u, v]
 
 
-def respond_whole(structure: Structure, ports: Ports, omega: Array) -> Response:
-    """Return the response as :func:`respond` does, without looking for symmetry."""
-    if structure.n < _CORE_FROM:
-        return _small(structure, ports, omega)
-    core, why_not = None, "not symmetric"
-    if structure.symmetric:
-        try:
-            core, why_not = build_core(structure, ports, omega), "not one for all modes"
-        except (np.linalg.LinAlgError, RuntimeError):
-            why_not = "not definite"
-    if core is None or core.error > _CORE_ERROR:
-        why_not = why_not if core is None else f"error {core.error:.1g}"
-        return Response(_by_factorization(structure, ports, omega), (f"sparse factorisations (no core: {why_not})",))
+def respond_parts(parts: Sequence[Part], omega: Array) -> list[Response]:
+    """Return the responses of structures as :func:`respond` does, without looking for symmetry; small ones together."""
+    answers: list[Response | None] = [None] * len(parts)
+    small: list[tuple[int, Part, tuple[str, ...]]] = []
+    for i, (structure, ports) in enumerate(parts):
+        if structure.n < _CORE_FROM:
+            small.append((i, (structure, ports), ()))
+            continue
+        core, why_not = _verified_core(structure, ports, omega)
+        if core is None:
+            path = (f"sparse factorisations (no core: {why_not})",)
+            answers[i] = Response(_by_factorization(structure, ports, omega), path)
+        else:
+            small.append((i, (core.structure, core.ports), (f"core of {core.structure.n}",)))
+    for (i, _, path), found in zip(small, _small([part for _, part, _ in small], omega), strict=True):
+        answers[i] = Response(found.values, (*path, *found.path))
+    return [answer for answer in answers if answer is not None]
+
+
+def _verified_core(structure: Structure, ports: Ports, omega: Array) -> tuple[Core | None, str]:
+    """Return a core that stands for the structure, or None and why there is none."""
+    if not structure.symmetric:
+        return None, "not symmetric"
+    try:
+        core = build_core(structure, ports, omega)
+    except (np.linalg.LinAlgError, RuntimeError):
+        return None, "not definite"
+    if core is None:
+        return None, "not one for all modes"
+    if core.error > _CORE_ERROR:
+        return None, f"error {core.error:.1g}"
     rounding = 0.0
     if structure.elastic is None or structure.n > _STRAINS_HOLD:
         rounding = rounding_estimate(structure, core, omega[_glances(len(omega))])
         if rounding > _ROUNDING_SEEN * _ROUNDING_LIMIT:
             rounding = rounding_estimate(structure, core, omega)
     _warn(rounding)
-    small = _small(core.structure, core.ports, omega)
-    return Response(small.values, (f"core of {core.structure.n}", *small.path))
+    return core, ""
 
 
 def _glances(count: int) -> Array:
@@ -116,15 +133,19 @@ def _glances(count: int) -> Array:
     return np.linspace(0, count - 1, min(_GLANCES, count)).astype(int)
 
 
-def _small(structure: Structure, ports: Ports, omega: Array) -> Response:
-    """Return the response of a small dense structure."""
+def _small(parts: Sequence[Part], omega: Array) -> list[Response]:
+    """Return the responses of small dense structures."""
     if (omega == 0.0).any():
-        _check_static(structure)
-    if structure.n >= _MODES_FROM and len(omega) > _MODES_PER_COORDINATE * structure.n:
-        by_modes = respond_by_modes(structure, ports, omega)
-        if by_modes is not None:
-            return Response(by_modes, ("undamped modes",))
-    return Response(direct_response(structure, ports, omega), ("dense solutions",))
+        for structure, _ in parts:
+            _check_static(structure)
+    large = [structure.n * len(omega) >= _MODES_FROM for structure, _ in parts]
+    found = respond_by_modes(parts, omega) if any(large) else [None] * len(parts)
+    return [
+        Response(direct_response(*part, omega), ("dense solutions",))
+        if values is None
+        else Response(values, ("undamped modes",))
+        for part, values in zip(parts, found, strict=True)
+    ]
 
 
 def _check_static(structure: Structure) -> None:
@@ -187,5 +208,7 @@ def _warn(rounding: float) -> None:
 
 
 def _conditioned(ports: Ports, s: Array, Y: Array) -> Array:
+    if ports.plain:
+        return np.moveaxis(Y, 0, 2)
     after, before = ports.conditioning(s)
     return np.moveaxis(after[:, :, None] * Y * before[:, None, :], 0, 2)

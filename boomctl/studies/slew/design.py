@@ -7,21 +7,14 @@ from typing import Any
 import numpy as np
 
 from boomctl.report import Report, Section
-from boomctl.rotating_beam import AssumedModesBeam
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SpinUp
-from boomctl.slew import (
-    MeshStudy,
-    PayloadComparison,
-    Replay,
-    SlewComparison,
-    SlewResult,
-    SwitchingCurve,
-    TrackingResult,
-    compare_payloads,
-    compare_slews,
-    switching_curve,
-    track,
-)
+from boomctl.slew.classical.comparison import SlewComparison, compare_slews
+from boomctl.slew.classical.tracking import TrackingResult, track
+from boomctl.slew.least_time.arcs import SwitchingCurve, switching_curve
+from boomctl.slew.nlp.mesh_study import MeshStudy
+from boomctl.slew.payloads import PayloadComparison, compare_payloads
+from boomctl.slew.result import Replay, SlewResult
 from boomctl.studies.slew import sections
 from boomctl.studies.slew.spin_up import SpinUpMotion, spin_ups
 
@@ -223,10 +216,10 @@ class SlewEvaluation:
             "worth": self.verdict,
             "replays": [asdict(each) for each in replays],
             "mesh_study": None if self.meshes is None else _mesh_results(self.meshes),
-            "comparison": [_picked(line, _COMPARED) for line in self.comparison.lines],
+            "comparison": [_attributes(line, _COMPARED) for line in self.comparison.lines],
             "payloads": None if self.payloads is None else _payload_results(self.payloads),
-            "spin_ups": [_picked(each, _SPUN) for each in self.spin_ups],
-            "tracking": _picked(following, _TRACKED),
+            "spin_ups": [_attributes(each, _SPUN) for each in self.spin_ups],
+            "tracking": _attributes(following, _TRACKED),
             "time": slew.time,
             "torque": slew.torque,
             "hub_angle": slew.hub_angle,
@@ -244,13 +237,13 @@ def _length(value: float) -> str:
     return f"{1e3 * value:.2g} mm" if value < 0.1 else f"{value:.2g} m"
 
 
-def _picked(value: object, keys: tuple[str, ...]) -> dict[str, Any]:
+def _attributes(value: object, keys: tuple[str, ...]) -> dict[str, Any]:
     return {key: getattr(value, key) for key in keys}
 
 
 def _payload_results(payloads: PayloadComparison) -> dict[str, Any]:
     return {
-        "lines": [_picked(line, _CARRIED) for line in payloads.lines],
+        "lines": [_attributes(line, _CARRIED) for line in payloads.lines],
         "tip_masses": payloads.masses,
         "vibrations": payloads.vibrations,
     }

@@ -4,8 +4,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from boomctl.rotating_beam import AssumedModesBeam
-from boomctl.slew import SlewResult, mesh_study, optimal_slew
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
+from boomctl.slew.nlp.mesh_study import mesh_study
+from boomctl.slew.optimal import optimal_slew
+from boomctl.slew.result import SlewResult
 from boomctl.studies.slew.design import SlewDesign, SlewEvaluation
 
 STEPS = 7  # what `evaluated_plan` (3) and the report (4) tell of

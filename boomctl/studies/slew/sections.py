@@ -6,21 +6,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.plotting import picture, plot_slew_comparison, plot_spin_ups, slew_film
+from boomctl.plotting.canvas import picture
+from boomctl.plotting.slew import plot_slew_comparison, plot_spin_ups, slew_film
 from boomctl.report import Picture, Section, Table, number, power
-from boomctl.rotating_beam import AssumedModesBeam
-from boomctl.slew import (
-    MeshStudy,
-    PayloadComparison,
-    Replay,
-    SlewComparison,
-    SlewLine,
-    SlewResult,
-    SwitchingCurve,
-    TrackingResult,
-)
-from boomctl.slew.nlp.mesh_study import MeshLine
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
+from boomctl.slew.classical.comparison import SlewComparison, SlewLine
+from boomctl.slew.classical.tracking import TrackingResult
+from boomctl.slew.least_time.arcs import SwitchingCurve
+from boomctl.slew.nlp.mesh_study import MeshLine, MeshStudy
+from boomctl.slew.payloads import PayloadComparison
 from boomctl.slew.problem import SlewProblem
+from boomctl.slew.result import Replay, SlewResult
 from boomctl.studies.slew.spin_up import SpinUpMotion
 
 _LIMITS = {

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boomctl.rotating_beam import AssumedModesBeam, SimulationResult
+from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SpinUp
-from boomctl.slew import TorqueHistory
+from boomctl.rotating_beam.result import SimulationResult
+from boomctl.slew.torque import TorqueHistory
 
 
 @dataclass(frozen=True, eq=False)

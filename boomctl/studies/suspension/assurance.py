@@ -7,28 +7,21 @@ from math import inf
 
 import numpy as np
 
-from boomctl.analysis import (
-    ExactLoopStability,
-    Margins,
-    RobustStability,
-    SigmaResult,
-    WorstCase,
-    closed_loop_response,
-    exact_loop_stability,
-    margins,
-    robust_stability,
-    sigma,
-    worst_case,
-)
+from boomctl.analysis.box.robustness import RobustStability, WorstCase, robust_stability, worst_case
+from boomctl.analysis.loops import closed_loop_response
+from boomctl.analysis.margins import Margins, margins
+from boomctl.analysis.nyquist import ExactLoopStability, exact_loop_stability
+from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
-from boomctl.boom import BoomParameters, boom_family, exact_frequency_response, yaw_family
-from boomctl.boom.families import scaled_boom
+from boomctl.boom.exact import exact_frequency_response
+from boomctl.boom.families import boom_family, scaled_boom, yaw_family
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
-from boomctl.structure import split_symmetric
+from boomctl.structure.model import split_symmetric
 from boomctl.studies.suspension.performance import loop_between
 from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScene, suspension_model
-from boomctl.synthesis import split_controller
+from boomctl.synthesis.plants.symmetry import split_controller
 
 SPRING = (0.7, 1.3)  # springs over those of Table 2; an assumption, for the paper gives no spread
 MASS = (0.8, 1.2)  # boom's mass over that of Table 2; an assumption, for hoses and liquid are not weighed there

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from math import log10
 from typing import TYPE_CHECKING, Any
 
-from boomctl.analysis import SigmaResult
-from boomctl.boom import BoomParameters
+from boomctl.analysis.sigma import SigmaResult
+from boomctl.boom.parameters import BoomParameters
 from boomctl.report import Report, Section
 from boomctl.studies.suspension import sections
 from boomctl.studies.suspension.assurance import Assurance, assure

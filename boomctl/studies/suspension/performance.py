@@ -5,16 +5,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from boomctl.analysis import SigmaResult, feedback_loop, sigma
+from boomctl.analysis.loops import feedback_loop
 from boomctl.analysis.norm import NormCertificate, hinf_norm
+from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
-from boomctl.boom import BoomParameters, PlatformMotion, SprayResult, nozzle_positions, spray_by_motion
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.boom.motion import PlatformMotion
+from boomctl.boom.parameters import BoomParameters
+from boomctl.boom.spray import SprayResult, nozzle_positions, spray_by_motion
 from boomctl.lti.python_control import control
-from boomctl.simulation import CoulombFriction, LoopResult, simulate_loop
-from boomctl.structure import SecondOrderModel
+from boomctl.simulation.contact.friction import CoulombFriction
+from boomctl.simulation.loop import simulate_loop
+from boomctl.simulation.result import LoopResult
+from boomctl.structure.model import SecondOrderModel
 from boomctl.studies.suspension.scene import CONTROLS, STROKES, FieldScene, suspension_model
-from boomctl.synthesis import select_channels
+from boomctl.synthesis.plants.generalized import select_channels
 
 _FREQUENCIES = np.geomspace(0.15, 130.0, 400)  # [rad/s], drawn beside those that resolve the peaks
 

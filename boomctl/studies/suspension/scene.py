@@ -3,17 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
-from boomctl.boom import (
-    BoomParameters,
-    PlatformMotion,
-    TractorParameters,
-    iso_track,
-    nozzle_positions,
-    platform_motion,
-    spray_boom,
-)
+from boomctl.boom.model import spray_boom
+from boomctl.boom.motion import PlatformMotion, platform_motion
+from boomctl.boom.parameters import BoomParameters
+from boomctl.boom.spray import nozzle_positions
+from boomctl.boom.tracks import iso_track
+from boomctl.boom.tractor import TractorParameters
 from boomctl.checks import nonnegative, positive, whole
-from boomctl.structure import SecondOrderModel
+from boomctl.structure.model import SecondOrderModel
 
 CONTROLS = ("suspension_left", "suspension_right")
 STROKES = ("stroke_left", "stroke_right")

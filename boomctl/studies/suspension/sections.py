@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis import SigmaResult
-from boomctl.boom import BoomParameters
+from boomctl.analysis.sigma import SigmaResult
+from boomctl.boom.parameters import BoomParameters
 from boomctl.report import Section, Table
 from boomctl.studies.suspension.performance import Performance
 from boomctl.studies.suspension.scene import FieldScene
@@ -22,7 +22,7 @@ def weight_sections(weights: "Mapping[str, control.StateSpace]") -> tuple[Sectio
     """Return the section of the weights, of a design that has some."""
     if not weights:
         return ()
-    from boomctl.plotting import picture
+    from boomctl.plotting.canvas import picture
     from boomctl.plotting.suspension import draw_weights
 
     drawn = draw_weights(weights, np.geomspace(0.05, 500.0, 400))
@@ -34,7 +34,7 @@ def sigma_section(
     before: Performance, after: Performance, exact: SigmaResult | None, family: tuple[SigmaResult, ...]
 ) -> Section:
     """Return the section of singular values, with those of the exact boom and of others of the family where there are."""
-    from boomctl.plotting import picture
+    from boomctl.plotting.canvas import picture
     from boomctl.plotting.suspension import draw_suspension_sigma
 
     caption = (
@@ -57,7 +57,7 @@ def assurance_sections(found: Mapping[str, str]) -> tuple[Section, ...]:
 
 def run_section(before: Performance, after: Performance, scene: FieldScene) -> Section:
     """Return the section of the run over the field."""
-    from boomctl.plotting import picture
+    from boomctl.plotting.canvas import picture
     from boomctl.plotting.suspension import draw_run
 
     start = scene.run_in + 0.25 * scene.duration
@@ -75,7 +75,8 @@ def run_section(before: Performance, after: Performance, scene: FieldScene) -> S
 
 def spray_section(before: Performance, after: Performance) -> Section:
     """Return the section of the deposit, whose map has so many cells that it is shown as PNG."""
-    from boomctl.plotting import draw_deposit, picture
+    from boomctl.plotting.canvas import picture
+    from boomctl.plotting.spray import draw_deposit
 
     text = (
         "Deposit relative to the nominal dose, in cells of 0.1 m by 0.1 m. The footprint of a nozzle is a triangle of 1 m"

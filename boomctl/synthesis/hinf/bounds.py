@@ -28,6 +28,7 @@ _ZOOMS, _ZOOM = 4, 9  # narrowings around its peak, and points of each: to 4^-4 
 # Levels tried upwards, as multiples of the first guess: tight where it is a bound, wide where it only has the right unit.
 _GROWTH = (1.01, 1.1, 1.5, 3.0, 10.0, 100.0, 1e4, 1e6, 1e9)
 _STEPS = 60  # levels looked at: every third halves the span, and 20 halvings take a ratio of 1e9 to 1 + 2e-5
+_SLOWEST = 1e-9  # share of the fastest pole below which the frequency bound is not looked for: no peak lies there
 _NOTHING = 1e-8  # share of the plant's own size below which a level counts as zero
 _ABOVE = 1e-3  # how far above the radius of a level that only the coupling refuses another one can be reached
 _REFUTED = 1e-6  # a verified norm below a bound by more than this share refutes it: norms are certified to as much
@@ -115,7 +116,7 @@ def lowest_level(ready: NormalizedPlant, tolerance: float, deadline: Deadline) -
     band = max((float(np.abs(linalg.eigvals(part)).max()) for part in parts if len(part)), default=0.0)
     span, levels = _narrowed(_Span(max(frequency, relaxed.radius), np.inf), ready, tolerance, deadline)
     riccati, reason = _proven([relaxed, *levels])
-    return Bounds(span.high, frequency, omega, riccati, reason, band)
+    return Bounds(reached=span.high, frequency=frequency, omega=omega, riccati=riccati, reason=reason, band=band)
 
 
 def _proven(levels: list[Level]) -> tuple[float, str]:
@@ -230,7 +231,7 @@ def _out_of_reach(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
 
 def _peak(rest: Callable[[Array], Array], poles: Array) -> tuple[float, float]:
     size = np.abs(poles)
-    size = size[size > 1e-9 * size.max()]  # slower ones would only stretch the grid
+    size = size[size > _SLOWEST * size.max()]
     low, high = (size.min(), size.max()) if len(size) else (1.0, 1.0)
     grid = np.unique(np.concatenate([[0.0], np.geomspace(low / 10.0, high * 10.0, _POINTS), np.abs(poles)]))
     values = rest(grid)

@@ -178,7 +178,9 @@ def h_infinity(
         )
         raise SynthesisError(f"gamma = {wanted:.6g} cannot be reached: {why}")
     fastest = allowed if allowed is not None else (_BAND * bounds.band or np.inf)
-    task = Task(plant, ready, bounds, fastest, share, deadline, wanted)
+    task = Task(
+        plant=plant, ready=ready, bounds=bounds, fastest=fastest, tolerance=share, deadline=deadline, wanted=wanted
+    )
     return _result(task, first_accepted(task, strict=allowed is not None))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.python_control import control
+from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
@@ -83,11 +83,11 @@ def _modal_basis(A: Array, B: Array, C: Array) -> Array:
 def _blocks(A: Array) -> tuple[Array, list[int]]:
     """Return columns that bring ``A`` to diagonal blocks without being near to dependent, and the blocks' widths."""
     balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
-    blocks, columns, widths = control.bdschur(balanced, condmax=_INDEPENDENT)
-    basis, start = np.asarray(scale)[:, None] * np.asarray(columns), 0
-    for width in map(int, widths):
+    blocks, columns, widths = block_diagonal(balanced, _INDEPENDENT)
+    basis, start = np.asarray(scale)[:, None] * columns, 0
+    for width in widths:
         part = slice(start, start + width)
         _, (inner, _) = linalg.matrix_balance(blocks[part, part], permute=False, separate=True)
         basis[:, part] *= inner
         start += width
-    return basis, [int(width) for width in widths]
+    return basis, widths

@@ -56,7 +56,16 @@ def _state_feedback(plant: GeneralizedPlant, gamma: float) -> _StateFeedback:
     through = D.T @ C
     F = plant.A - B2 @ C12 + entry @ weight @ through
     G = B2 @ B2.T - entry @ weight @ entry.T
-    return _StateFeedback(plant, entry, weight, through, direct, F, G, C.T @ C + through.T @ weight @ through)
+    return _StateFeedback(
+        plant=plant,
+        entry=entry,
+        weight=weight,
+        through=through,
+        direct=direct,
+        F=F,
+        G=G,
+        Q=C.T @ C + through.T @ weight @ through,
+    )
 
 
 @dataclass(frozen=True)
@@ -196,11 +205,11 @@ def controller_of(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:
     aligned = 0.5 * level.gamma * (left @ right).T
     members = [lower_lft(family.system, static(Q)) for Q in (at_rest, aligned, -aligned)]
 
-    def farness(K: Lti) -> float:
+    def well_posedness(K: Lti) -> float:
         values = linalg.svdvals(np.eye(len(K.D)) + K.D @ D22)
         return float(values[-1] / max(1.0, values[0]))
 
-    return max(members, key=farness)
+    return max(members, key=well_posedness)
 
 
 def controllers_of(ready: NormalizedPlant, level: Level) -> GeneralizedPlant:

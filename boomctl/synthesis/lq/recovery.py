@@ -134,7 +134,15 @@ def loop_transfer_recovery(
     response = inner.response(omega)
     loops = [singular_values(_at_input(design, response, omega)) for design in designs]
     gaps = np.array([float((np.abs(loop - target) / target).max()) for loop in loops])
-    return RecoveryResult(np.array(levels), gaps, omega, target, loops[-1], right_zeros(inner), designs)
+    return RecoveryResult(
+        strengths=np.array(levels),
+        gaps=gaps,
+        omega=omega,
+        target=target,
+        recovered=loops[-1],
+        zeros=right_zeros(inner),
+        designs=designs,
+    )
 
 
 def _at_input(design: LqgResult, plant: Array, omega: Array) -> Array:

@@ -79,15 +79,15 @@ def generalized_plant(
     last = append(*z.values(), *e.values(), _through(read))
     entry = np.block(
         [
-            [_picked(ins, w).T, np.zeros((len(ins), len(n))), _picked(ins, set_).T],
+            [_selection(ins, w).T, np.zeros((len(ins), len(n))), _selection(ins, set_).T],
             [np.zeros((len(n) + len(set_), len(w))), np.eye(len(n) + len(set_))],
         ]
     )
     leave = np.block(
         [
-            [_picked(outs, z), np.zeros((len(z), len(n) + len(set_)))],
-            [np.zeros((len(e), len(outs) + len(n))), _picked(set_, e)],
-            [_picked(outs, read), _picked(read, n).T, np.zeros((len(read), len(set_)))],
+            [_selection(outs, z), np.zeros((len(z), len(n) + len(set_)))],
+            [np.zeros((len(e), len(outs) + len(n))), _selection(set_, e)],
+            [_selection(outs, read), _selection(read, n).T, np.zeros((len(read), len(set_)))],
         ]
     )
     return _joined(first, entry, middle, leave, last)
@@ -186,7 +186,7 @@ def _through(signals: Sequence[str]) -> Lti:
     return static(np.eye(len(signals)), signals, signals)
 
 
-def _picked(choices: Sequence[str], wanted: Iterable[str]) -> Array:
+def _selection(choices: Sequence[str], wanted: Iterable[str]) -> Array:
     """Return the matrix that picks the wanted signals, its rows, from all."""
     return np.eye(len(choices))[[choices.index(name) for name in wanted]]
 

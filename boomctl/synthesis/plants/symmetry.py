@@ -1,15 +1,20 @@
 """Controllers of a symmetric machine: one of each half joined into one, and one split into those of the halves."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.modal import spectral_parts
-from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, append, of
-from boomctl.reduction import reduce
+from boomctl.reduction.reduce import reduce
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
+
+if TYPE_CHECKING:
+    import control
 
 # Share of a half's gain that its reduction may drop, of a state's size that is rounding: half of all digits
 _SPLIT = 1e-7
@@ -19,8 +24,8 @@ _SAME = 1e-6
 
 
 def join_symmetric(
-    model: SecondOrderModel, symmetric: control.StateSpace, antisymmetric: control.StateSpace
-) -> control.StateSpace:
+    model: SecondOrderModel, symmetric: "control.StateSpace", antisymmetric: "control.StateSpace"
+) -> "control.StateSpace":
     """Return the controller of the whole machine whose halves are controlled apart.
 
     Parameters
@@ -58,8 +63,8 @@ def join_symmetric(
 
 
 def split_controller(
-    model: SecondOrderModel, controller: control.StateSpace
-) -> tuple[control.StateSpace, control.StateSpace, float]:
+    model: SecondOrderModel, controller: "control.StateSpace"
+) -> "tuple[control.StateSpace, control.StateSpace, float]":
     """Return the controllers of the halves that a controller of a symmetric machine amounts to, and what they miss.
 
     Parameters
@@ -125,7 +130,7 @@ def _around(K: Lti) -> Array:
 
 def _half(
     K: Lti, grid: Array, read: tuple[Array, tuple[str, ...]], drive: tuple[Array, tuple[str, ...]]
-) -> control.StateSpace:
+) -> "control.StateSpace":
     """Return the channels between signals of one half, reduced to the states that they reach and see."""
     rest, lasting = spectral_parts(K)
     (entry, inputs), (leave, outputs) = read, drive
@@ -163,9 +168,9 @@ def _clusters(A: Array) -> list[tuple[Array, Array]]:
     """Return the columns, and the rows of their inverse, that split a matrix by its eigenvalues, equal ones together."""
     if not len(A):
         return []
-    blocks, columns, widths = control.bdschur(A)
+    blocks, columns, widths = block_diagonal(A)
     rows, ends = linalg.inv(columns), np.cumsum(widths)
-    squares = [np.asarray(blocks)[e - w : e, e - w : e] for w, e in zip(widths, ends, strict=True)]
+    squares = [blocks[e - w : e, e - w : e] for w, e in zip(widths, ends, strict=True)]
     means = np.array([np.trace(square) / len(square) for square in squares])
     sizes = np.array([abs(linalg.det(square)) ** (1.0 / len(square)) for square in squares])
     left, found = list(range(len(widths))), []
@@ -174,7 +179,7 @@ def _clusters(A: Array) -> list[tuple[Array, Array]]:
         scale = _SAME * (sizes[seed] + _SAME * sizes.max())
         near = [k for k in left if abs(means[k] - means[seed]) <= scale and abs(sizes[k] - sizes[seed]) <= scale]
         chosen = np.concatenate([np.arange(ends[k] - widths[k], ends[k]) for k in near])
-        found.append((np.asarray(columns)[:, chosen], np.asarray(rows)[chosen]))
+        found.append((columns[:, chosen], rows[chosen]))
         left = [k for k in left if k not in near]
     return found
 

@@ -1,0 +1,43 @@
+"""Public names that are loaded when first used, so that a scene imports only what it leads to.
+
+A package says which names it offers, and where each is defined, in the imports of its stub ``__init__.pyi`` alone: editors
+and type checkers read it as it stands, and the package itself loads from there.  Modules of boomctl do not import from
+such packages but from where a name is defined.
+"""
+
+import ast
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+
+class _Package(ModuleType):
+    """A package in which a public name stays what it is, though a submodule of the same name is imported."""
+
+    __all__: list[str]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in self.__all__ and isinstance(value, ModuleType):
+            value = getattr(value, name)
+        super().__setattr__(name, value)
+
+
+def loader(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
+    """Return ``__all__``, ``__getattr__`` and ``__dir__`` of a package, from the imports of its stub."""
+    module = sys.modules[package]
+    stub = Path(str(module.__file__)).with_suffix(".pyi").read_text(encoding="utf-8")
+    imports = (node for node in ast.parse(stub).body if isinstance(node, ast.ImportFrom))
+    home = {alias.name: str(node.module) for node in imports for alias in node.names}
+    module.__class__ = _Package
+
+    def load(name: str) -> Any:
+        if name not in home:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}; it offers {', '.join(sorted(home))}")
+        value = getattr(import_module(home[name]), name)
+        setattr(module, name, value)  # found without this function from now on
+        return value
+
+    return sorted(home), load, lambda: sorted({*home, *vars(module)})

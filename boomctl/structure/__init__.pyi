@@ -1,0 +1,47 @@
+# The public names and where each is defined: `__init__.py` loads them from there when they are first used.
+
+from boomctl.structure.assembly import Assembly
+from boomctl.structure.beams.elements import DiscreteElements, FiniteElements
+from boomctl.structure.displacement_input import prescribe_displacement
+from boomctl.structure.families import AffineFamily
+from boomctl.structure.model import SecondOrderModel, split_symmetric
+from boomctl.structure.parts import (
+    GROUND,
+    Beam,
+    BeamSection,
+    CutJoint,
+    Force,
+    Joint,
+    Output,
+    Point,
+    RigidBody,
+    SpringDamper,
+    fixed,
+    free,
+    prismatic,
+    revolute,
+)
+
+__all__ = [
+    "GROUND",
+    "AffineFamily",
+    "Assembly",
+    "Beam",
+    "BeamSection",
+    "CutJoint",
+    "DiscreteElements",
+    "FiniteElements",
+    "Force",
+    "Joint",
+    "Output",
+    "Point",
+    "RigidBody",
+    "SecondOrderModel",
+    "SpringDamper",
+    "fixed",
+    "free",
+    "prescribe_displacement",
+    "prismatic",
+    "revolute",
+    "split_symmetric",
+]

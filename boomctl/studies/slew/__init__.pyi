@@ -1,0 +1,8 @@
+# The public names and where each is defined: `__init__.py` loads them from there when they are first used.
+
+from boomctl.studies.slew.design import SlewDesign, SlewEvaluation
+
+__all__ = [
+    "SlewDesign",
+    "SlewEvaluation",
+]

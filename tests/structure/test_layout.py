@@ -1,0 +1,188 @@
+"""What is found once for machines that differ in weights alone: it changes no answer, and nothing else is shared."""
+
+import pickle
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.structure import Assembly, FiniteElements, SecondOrderModel, assembly
+from boomctl.structure.damping import separated_damping
+from boomctl.structure.layout import Squares
+from boomctl.structure.matrices import halves
+from boomctl.structure.response.direct import respond
+from tests.references import dense, direct
+from tests.strategies import random_machine, seeds
+
+OMEGA = np.geomspace(0.3, 60.0, 400)
+
+
+def heavier(machine, factor):
+    """Return a machine whose parts are at the same places, but weigh and bend otherwise."""
+    bodies = {}
+    for body in machine.bodies:
+        parent = replace(body.parent, body=bodies.get(body.parent.body.name, body.parent.body))
+        if hasattr(body, "sections"):
+            sections = tuple(
+                replace(s, mass_per_length=factor * s.mass_per_length, damping=s.damping / factor)
+                for s in body.sections
+            )
+            bodies[body.name] = replace(body, parent=parent, sections=sections)
+        else:
+            bodies[body.name] = replace(body, parent=parent, mass=factor * body.mass, inertia=factor * body.inertia)
+
+    def moved(point):
+        return None if point is None else replace(point, body=bodies.get(point.body.name, point.body))
+
+    links = tuple(
+        replace(link, a=moved(link.a), b=moved(link.b), stiffness=factor * link.stiffness) for link in machine.links
+    )
+    forces = tuple(replace(f, point=moved(f.point), reaction=moved(f.reaction)) for f in machine.forces)
+    outputs = tuple(replace(o, point=moved(o.point), relative_to=moved(o.relative_to)) for o in machine.outputs)
+    return Assembly(tuple(bodies.values()), links, forces, outputs)
+
+
+def matrices(model):
+    ports = model.ports
+    return [dense(model.M), dense(model.C), dense(model.K), ports.B, ports.L, ports.E]
+
+
+@given(seeds, st.floats(0.2, 5.0))
+def test_a_machine_known_by_its_places_is_the_one_found_anew(seed, factor):
+    machine = random_machine(seed)
+    machine.assemble()  # now its places are known
+    other = heavier(machine, factor)
+    known, exact = other.assemble(), other.exact().response(OMEGA[::40], ("p0",), ("p0",))
+    assembly._kept_mechanism.cache_clear()
+    for a, b in zip(matrices(known), matrices(other.assemble()), strict=True):
+        assert np.array_equal(a, b)
+    assert np.array_equal(exact, other.exact().response(OMEGA[::40], ("p0",), ("p0",)))
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(bc.BoomParameters)])
+def test_every_parameter_of_the_boom_is_felt(name):
+    """None is hidden by what was found for other values of it."""
+    p = replace(bc.BoomParameters(), boom_mass=60.0, boom_inertia=600.0)
+    other = replace(p, **{name: 1.01 * getattr(p, name)})
+    for excitation in ("force", "displacement"):
+        bc.spray_boom(p, excitation=excitation)
+        known = matrices(bc.spray_boom(other, excitation=excitation))
+        assembly._kept_mechanism.cache_clear()
+        for a, b in zip(known, matrices(bc.spray_boom(other, excitation=excitation)), strict=True):
+            assert np.array_equal(a, b)
+    before, after = (matrices(bc.spray_boom(q, excitation="force")) for q in (p, other))
+    exact = [bc.exact_frequency_response(q, [1.0, 9.0], excitation="force").frdata for q in (p, other)]
+    assert any(not np.array_equal(a, b) for a, b in zip(before, after, strict=True))
+    assert not np.array_equal(*exact)
+
+
+def test_a_discretisation_compared_by_identity_is_asked_again():
+    class Changing:
+        elements = 2
+
+        def mesh(self, beam, attachments):
+            return FiniteElements(self.elements).mesh(beam, attachments)
+
+    @dataclass
+    class Unhashable(Changing):
+        elements: int = 2
+
+    for mesh in (Changing(), Unhashable()):
+        machine = bc.boom.model.boom_assembly(bc.BoomParameters(), mesh)
+        sizes = []
+        for mesh.elements in (2, 3):
+            sizes.append(machine.assemble().n)
+        assert sizes[1] == sizes[0] + 2
+
+
+def test_what_models_share_cannot_be_written_to():
+    model = bc.spray_boom(excitation="force")
+    with pytest.raises(ValueError, match="read-only"):
+        model.ports.L[0][0, 0] = 1.0
+
+
+@pytest.mark.parametrize("elements", [6, 7, 31, 40, 120])
+def test_halves_are_those_of_the_matrices(elements):
+    """Rows over the motions of one parity give ``P^T M P``, for the springs of another boom as well."""
+    model = bc.spray_boom(replace(bc.BoomParameters(), spring_stiffness=1800.0), elements=elements)
+    for half in (model.structure.symmetric_half, model.structure.antisymmetric_half):
+        P = dense(half.P)
+        for name in "MCK":
+            whole, part = dense(getattr(model.structure, name)), dense(getattr(half.structure, name))
+            assert np.abs(P.T @ whole @ P - part).max() < 1e-13 * np.abs(part).max()
+            assert np.array_equal(part, part.T)
+
+
+@given(seeds, st.integers(1, 30), st.integers(1, 12))
+def test_sums_of_squares_of_sparse_rows(seed, lines, n):
+    from scipy import sparse
+
+    rng = np.random.default_rng(seed)
+    rows = sparse.random_array((lines, n), density=0.3, rng=rng, format="csr")
+    weight = rng.uniform(0.0, 2.0, lines)
+    expected = rows.toarray().T @ np.diag(weight) @ rows.toarray()
+    for full in (True, False):
+        found = dense(Squares.of(rows).summed(weight, full))
+        assert np.abs(found - expected).max() < 1e-14 * max(1.0, np.abs(expected).max())
+        assert np.array_equal(found, found.T)
+
+
+@pytest.mark.parametrize("elements", [1, 2, 6, 20, 50])
+@pytest.mark.parametrize("excitation", ["displacement", "acceleration", "force"])
+def test_halves_answered_together_are_those_answered_alone(elements, excitation):
+    model = bc.spray_boom(elements=elements, excitation=excitation).select(ACTUATORS, TIPS)
+    found = respond(model.structure, model.ports, OMEGA)
+    alone = np.zeros_like(found.values)
+    for half in halves(model.structure, model.ports):
+        (part,) = [respond(half.structure, half.ports, OMEGA).values]
+        alone += np.einsum("ou,uvf,iv->oif", half.W_out, part, half.W_in)
+    assert np.abs(found.values - alone).max() < 1e-12 * np.abs(alone).max()
+
+
+@pytest.mark.parametrize("elements", [6, 12, 20, 35, 60])
+def test_modes_through_rows_keep_their_digits(elements):
+    """Beside dense solutions, corrected once by the forces that strain rows say are left over."""
+    model = bc.spray_boom(elements=elements).select(ACTUATORS, TIPS)
+    found = respond(model.structure, model.ports, OMEGA)
+    assert found.path == ("halves", "undamped modes", "undamped modes")
+    ports, s = model.ports, 1j * OMEGA
+    B = (ports.B[0][:, :, None] + ports.B[1][:, :, None] * s + ports.B[2][:, :, None] * s**2).transpose(2, 0, 1)
+    D = model.structure.at(s)
+    X = np.linalg.solve(D, B)
+    flat = X.transpose(1, 0, 2).reshape(model.n, -1)
+    force = model.structure.force(flat, np.repeat(s, 2)).reshape(model.n, len(s), 2).transpose(1, 0, 2)
+    expected = (ports.L[0] @ (X + np.linalg.solve(D, B - force))).transpose(1, 2, 0) + ports.E[0][:, :, None]
+    assert np.abs(found.values - expected).max() < 1e-11 * np.abs(expected).max()
+
+
+@given(seeds)
+def test_damping_in_its_parts_is_the_damping(seed):
+    model = random_machine(seed).assemble()
+    for structure in (model.structure, SecondOrderModel(model.M, model.C, model.K).structure):
+        parts = separated_damping(structure)
+        if parts is None:
+            continue
+        K, C = dense(structure.K), dense(structure.C)
+        found = parts.beta * K + parts.U @ np.diag(parts.gamma) @ parts.U.T
+        assert np.abs(found - C).max() <= 1e-8 * np.abs(C).max()
+
+
+def test_pickled_models_carry_what_they_are_made_of_alone():
+    model = bc.spray_boom(elements=300)
+    before = pickle.dumps(model)
+    bc.sigma(model, OMEGA)
+    assert len(pickle.dumps(model)) < 1.01 * len(before)
+    copy = pickle.loads(before)
+    assert np.array_equal(bc.sigma(copy, OMEGA[::50]).sigma, bc.sigma(model, OMEGA[::50]).sigma)
+
+
+@given(seeds)
+def test_a_floating_machine_is_answered_too(seed):
+    model = random_machine(seed, grounded=False).assemble()
+    found = respond(model.structure, model.ports, OMEGA[::10]).values
+    expected = direct(model, OMEGA[::10])
+    assert np.abs(found - expected).max() < 1e-8 * np.abs(expected).max()

@@ -1,0 +1,82 @@
+"""Cold paths: what a scene does not use is not imported; each scene in a process of its own."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+COMMAND = "from boomctl.cli import main"
+HEAVY = {"numpy", "scipy", "control", "slycot", "casadi", "matplotlib", "mpmath", "rich"}
+BOOM = {"control", "slycot", "casadi", "matplotlib", "mpmath", "rich", "tomllib", "scipy.optimize", "scipy.signal"}
+BOOM |= {"scipy.integrate", "scipy.interpolate", "scipy.special", "boomctl.rotating_beam", "boomctl.synthesis"}
+LOOP = {"control", "casadi", "matplotlib", "mpmath", "rich", "scipy.signal", "scipy.integrate"}
+BEAM = {"control", "slycot", "casadi", "matplotlib", "mpmath", "rich", "scipy.signal", "scipy.sparse"}
+BEAM |= {"boomctl.boom", "boomctl.structure", "boomctl.analysis", "boomctl.synthesis", "boomctl.slew"}
+
+
+def imported(scene, *words):
+    """Return the modules that are there after some lines of Python, run as a user runs them."""
+    code = (
+        f"import sys; sys.argv[1:] = {words!r}\ntry:\n    {scene}\nfinally:\n    print(*sys.modules, file=sys.stderr)"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    return set(done.stderr.split())
+
+
+@pytest.mark.parametrize(
+    ("scene", "without"),
+    [
+        ("import boomctl", HEAVY),
+        ("import boomctl.structure, boomctl.analysis, boomctl.slew, boomctl.plotting", HEAVY),
+        (
+            "import boomctl as bc; bc.BoomParameters(); bc.HubBeamParameters()",
+            HEAVY - {"numpy"},
+        ),
+        ("import boomctl as bc; bc.spray_boom()", BOOM | {"boomctl.analysis"}),
+        ("import boomctl as bc; bc.sigma(bc.spray_boom()).peak", BOOM | {"boomctl.reduction"}),
+        ("import boomctl as bc; bc.boom_family(); bc.split_symmetric(bc.spray_boom())", BOOM),
+        (
+            "import boomctl as bc; bc.forced_response(bc.spray_boom(), {'cradle': [0.0, 1.0, 0.0]}, [0.0, 0.1, 0.2])",
+            LOOP,
+        ),
+        (
+            "import boomctl as bc; bc.swept_sine(bc.spray_boom(), bc.CoulombFriction(3.0), [9.0], 'actuator_left', 0.01)",
+            LOOP,
+        ),
+        ("import boomctl as bc; bc.lqg, bc.h2, bc.h_infinity, bc.SynthesisError, bc.simulate_loop, bc.reduce", LOOP),
+        ("import boomctl as bc; bc.hub_beam(modes=2).frequencies_hz(1.0)", BEAM | {"scipy.optimize"}),
+        ("import boomctl as bc; bc.hub_beam(modes=1).simulate(bc.spin_up(1.0, 1.0), [1.0, 2.0])", BEAM),
+    ],
+    ids=["package", "rooms", "parameters", "boom", "sigma", "family", "forced", "sine", "synthesis", "beam", "spin-up"],
+)
+def test_a_first_call_imports_only_what_it_uses(scene, without):
+    assert sorted(imported(scene) & without) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "without"),
+    [
+        (("--version",), HEAVY | {"json", "inspect"}),
+        (("parameters",), HEAVY | {"json", "inspect", "tomllib"}),
+        (("parameters", "--json"), {"scipy", "control", "casadi", "matplotlib", "rich"}),
+        (("design", "--help"), HEAVY),
+        (("sigma",), BOOM),
+        (("sigma", "--json"), BOOM),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_a_command_imports_only_what_it_uses(words, without):
+    assert sorted(imported(f"{COMMAND}; main()", *words) & without) == []
+
+
+def test_systems_of_python_control_pickle_though_it_is_imported_late():
+    """The package learns of python-control where a system of it is made or met, and so does pickle."""
+    scene = (
+        "import boomctl as bc, sys; system = bc.spray_boom(); assert 'control' not in sys.modules;"
+        "import pickle; made = system.to_statespace(); again = pickle.loads(pickle.dumps(made));"
+        "assert (again.A == made.A).all() and again.input_labels == made.input_labels"
+    )
+    assert "control" in imported(scene)
