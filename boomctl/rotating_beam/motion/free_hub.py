@@ -23,9 +23,9 @@ from boomctl.rotating_beam.motion.free_trajectory import FreeTrajectory, Piece
 from boomctl.rotating_beam.motion.oscillators import FAST, flow
 from boomctl.rotating_beam.motion.sweeps import Swept, Window, settle
 
-STEPS = 64  # of a window: a choice; 16 and 64 take as long (measured, a torque on SFOAM, 1 to 10 modes)
-STAGES = 10, 12  # nodes of a step in the two orders, 16 and 20: a choice
-_SCENES = 16  # side by side: a choice, more no longer fit a core's cache with ten modes
+STEPS = 64  # of a window: a choice; 48 take up to twice as long with five modes (measured, a torque on SFOAM)
+STAGES = 10, 12  # nodes of a step in the two orders, 20 and 24: a choice; 8 and 10 take up to twice as long (measured)
+_SCENES = 16  # side by side: a choice, 1.7 to 4 times as fast as singly (measured, ten modes to one); more gain little
 
 _FIRST_PHASE = 1.0  # of the lowest mode in a step of the first window: a choice, the error tells for the others
 _SETTLED = 0.2  # of the error that a window may add, for what its sweeps leave
@@ -33,7 +33,7 @@ _ROUNDING = 1e-14  # of the largest displacement or torque: less is rounding
 _LOCAL = 0.3  # of the allowed error that all windows together may add
 _LEAST_LOCAL = 0.05  # part of this that the shortest window may add
 _UNSEEN = 0.3  # of the allowed error for what the vibrations of fast modes would do
-_ORDER = 12.0  # power of the window's length with which its error goes: less than the 16 of smooth forces, to be safe
+_ORDER = 12.0  # power of the window's length with which its error goes: less than the 20 of smooth forces, to be safe
 _CAUTION = 0.9  # of the length that this promises
 _GROWTH = 0.2, 2.0  # bounds of a window's length over that of the one before
 _MANY_SWEEPS = 25  # for which a window is long enough: more, and two windows of half the length take fewer (measured)
@@ -45,6 +45,7 @@ _DECAYED = 300.0  # decay rate times length of a window at most: its exponential
 _INSIDE = 1e-4  # of a step: so near to its ends a torque is looked at for what the nodes have not seen
 _TIGHTER = 0.1  # factor of the error allowed in a window when all together have missed the tolerance
 _ATTEMPTS = 3  # with ever tighter windows
+_REACHED = 1e-12  # of the whole time: a corner so near ahead is reached already
 _EVEN = 1e-9  # relative difference below which intervals between corners count as equal: rounding of their ends
 
 
@@ -128,12 +129,12 @@ class _Progress:
     @property
     def done(self) -> bool:
         """Whether there is nothing to do any more."""
-        return self.failed or self.time >= self.scene.end
+        return self.failed or self.scene.end - self.time <= _REACHED * self.scene.end
 
     def window(self) -> float:
         """Length of the next window, s: it ends at a corner, or its steps do at all corners within it."""
         length, left = min(self.length, self.longest, STEPS * self.most), self.scene.corners - self.time
-        left = left[left > _EVEN * self.scene.end * 1e-3] if left[-1] > _EVEN * self.scene.end * 1e-3 else left[-1:]
+        left = left[left > _REACHED * self.scene.end]
         gap = left[0]
         if length < 2.0 * gap:
             return float(gap / np.ceil(gap / length * (1.0 - _EVEN)))
