@@ -53,7 +53,7 @@ class FreeModes:
         return self.push[:, None] @ rate
 
     def forces(self, z: Array, rate: Array, torque: Array) -> tuple[Array, Array]:
-        """Modal forces of torque and all that is not linear, and whether the mass matrix is positive definite.
+        """Modal forces of torque and all that is not linear, and what has to be > 0 for them.
 
         The hub's acceleration is solved for: it takes part in the forces, and these in it.
 
@@ -67,7 +67,8 @@ class FreeModes:
         Returns
         -------
         force : ndarray, b x (1 + n) x k
-        valid : ndarray of bool, b
+        solvable : ndarray, b x 1 x k
+            Positive where the mass matrix is positive definite.
         """
         form, x, v = self.form, z[:, 1:], rate[:, 1:]
         push, mobility = self.push[:, None, 1:], self.mobility
@@ -106,7 +107,7 @@ class FreeModes:
             hub = hub - inertia * turning - (first * right[1] - low * right[0]) / solvable
         result = self.push[..., None] * hub
         result[:, 1:] += force
-        return result, np.all(solvable > 0.0, axis=2)[:, 0]
+        return result, solvable
 
     def impulses(self, z: Array, jump: Array) -> Array:
         """Impulses on the modes, b x (1 + n) x k, for vibrations that begin with given rates and are left out from then on.

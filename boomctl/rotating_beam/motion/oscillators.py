@@ -116,13 +116,13 @@ class Flow(NamedTuple):
         u: Array = np.empty((*gained.shape[:2], gained.shape[2] + 1), dtype=complex)
         u[..., 0] = start
         vibrating: Array = u[:, 1:, 1:]
-        np.cumsum(gained[:, 1:] * self.back[..., 1:], axis=-1, out=vibrating)
+        np.add.accumulate(gained[:, 1:] * self.back[..., 1:], axis=-1, out=vibrating)
         vibrating += start[:, 1:, None]
         vibrating *= self.turns[..., 1:]
         speed, place = u[:, 0].real, u[:, 0].imag
-        np.cumsum(np.real(gained[:, 0]), axis=-1, out=speed[:, 1:])
+        np.add.accumulate(gained[:, 0].real, axis=-1, out=speed[:, 1:])
         speed[:, 1:] += speed[:, :1]
-        np.cumsum(np.imag(gained[:, 0]) + self.h[:, None] * speed[:, :-1], axis=-1, out=place[:, 1:])
+        np.add.accumulate(gained[:, 0].imag + self.h[:, None] * speed[:, :-1], axis=-1, out=place[:, 1:])
         place[:, 1:] += place[:, :1]
         return u
 

@@ -99,7 +99,7 @@ def settle(window: Window, force: Array) -> Swept:
             if left.flow.any_fast:
                 begin = left.flow.beginning(left.flow.vibrations(force, states))
                 impulses = left.modes.impulses(left.modes.oscillators.coordinates(states)[0], begin)
-            following, valid = left.modes.forces(z, rate, left.torque)
+            following, solvable = left.modes.forces(z, rate, left.torque)
             seen = np.concatenate([left.rows @ z, left.speed[:, None, None] * left.modes.hub_speed(rate)], axis=1)
             before = change
             if watched is not None:
@@ -109,6 +109,7 @@ def settle(window: Window, force: Array) -> Swept:
             stop = done | np.isnan(change) | (sweep == _SWEEPS)
             if stop.any():
                 which = active[stop]
+                valid = (solvable > 0.0).all(axis=(1, 2))
                 settled[which], sweeps[which] = (done & valid)[stop], sweep
                 if stop.all():
                     kept.append((which, (force, states, z, rate)))
