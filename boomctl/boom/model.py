@@ -31,7 +31,7 @@ from boomctl.structure.symmetry import Mirror, SignalPair, beam_reflection, mirr
 
 ACTUATORS = ("actuator_left", "actuator_right")
 TIPS = ("tip_left", "tip_right")
-_KEPT = 32  # mirrors kept for the next boom of the same mesh (a choice of memory)
+_KEPT = 8  # mirrors kept for the next boom of the same mesh (a choice of memory)
 DISCRETIZATIONS = ("finite", "high-order", "discrete-hermite", "discrete-geometric")
 
 _PAIRS = (

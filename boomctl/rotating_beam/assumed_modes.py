@@ -1,6 +1,7 @@
 """The hub-beam with assumed modes: the models of Bai et al. (2009), from the linear one to the complete one."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, final
@@ -17,7 +18,7 @@ from boomctl.rotating_beam.modal.equations import Equations, block_diagonal
 from boomctl.rotating_beam.modal.first_order import foam, sfoam, tlam
 from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals, mass_points, modal_integrals
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
-from boomctl.rotating_beam.motion.run import Scene, motion_of
+from boomctl.rotating_beam.motion.run import Scene, motion_of, motions_of
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion
 
@@ -180,18 +181,31 @@ class AssumedModesBeam(HubBeam):
     def _motion(
         self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
     ) -> Motion:
+        return motion_of(self._scene(manoeuvre, timepts, start, tolerance))
+
+    def _motions(
+        self,
+        manoeuvres: Sequence[Manoeuvre],
+        timepts: Array,
+        starts: Sequence[tuple[Array, Array]],
+        tolerance: tuple[float, float],
+    ) -> list[Motion]:
+        both = zip(manoeuvres, starts, strict=True)
+        return motions_of([self._scene(manoeuvre, timepts, start, tolerance) for manoeuvre, start in both])
+
+    def _scene(
+        self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
+    ) -> Scene:
         p = self.parameters
-        return motion_of(
-            Scene(
-                equations=self.equations,
-                manoeuvre=manoeuvre,
-                timepts=timepts,
-                start=start,
-                rtol=tolerance[0],
-                atol=tolerance[1],
-                length=p.length,
-                radius=p.hub_radius + p.length,
-            )
+        return Scene(
+            equations=self.equations,
+            manoeuvre=manoeuvre,
+            timepts=timepts,
+            start=start,
+            rtol=tolerance[0],
+            atol=tolerance[1],
+            length=p.length,
+            radius=p.hub_radius + p.length,
         )
 
     def _details(self, manoeuvre: Manoeuvre, timepts: Array, motion: Motion) -> Details:

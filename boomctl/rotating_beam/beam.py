@@ -4,7 +4,7 @@ A model is a final subclass of :class:`HubBeam` in a file of its own, which ente
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, final
@@ -17,7 +17,7 @@ from boomctl.checks import positive, real, whole
 from boomctl.printing import count, listed
 from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque, TorqueDriven
 from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.result import Details, Motion, SimulationResult
+from boomctl.rotating_beam.result import Details, Motion, SimulationResult, named_failure
 
 if TYPE_CHECKING:
     import control
@@ -182,20 +182,53 @@ class HubBeam(ABC):
         """
         instants = _instants(timepts)
         tolerance = positive("rtol", rtol), positive("atol", atol)
-        start = self._start(manoeuvre, initial)
-        if isinstance(manoeuvre, HubProfile):
-            manoeuvre.check_until(float(instants[-1]))
-        found = self._motion(manoeuvre, instants, start, tolerance)
-        return SimulationResult(
-            model=self.model,
-            time=instants,
-            tip_displacement=found.tip,
-            small_deformation_until=found.small_deformation_until,
-            error_estimate=found.error,
-            steps=found.steps,
-            details=partial(self._details, manoeuvre, instants, found),
-            path=found.path,
-        )
+        start = self._start(manoeuvre, initial, float(instants[-1]))
+        return self._result(manoeuvre, instants, self._motion(manoeuvre, instants, start, tolerance))
+
+    def simulate_many(
+        self,
+        manoeuvres: Sequence[Manoeuvre],
+        timepts: ArrayLike,
+        initial: ArrayLike | None = None,
+        rtol: float = 1e-8,
+        atol: float = 1e-10,
+    ) -> tuple[SimulationResult, ...]:
+        """Simulate several manoeuvres, each from t = 0 and by itself; torque-driven ones are computed side by side.
+
+        Every motion is as exact as `simulate` makes it, and the same to rounding.
+
+        Parameters
+        ----------
+        manoeuvres : sequence of PrescribedMotion or TorqueDriven
+        timepts : array_like
+            Instants at which all motions are wanted, s; as in `simulate`.
+        initial : array_like or None
+            States at t = 0, one a manoeuvre, or one state for all; None is rest.
+        rtol, atol : float
+            As in `simulate`, for each motion.
+
+        Returns
+        -------
+        tuple of SimulationResult
+            In the order of the manoeuvres.
+
+        Raises
+        ------
+        TypeError, ValueError, SimulationError
+            As `simulate` does; it names the manoeuvre.
+        """
+        instants = _instants(timepts)
+        tolerance = positive("rtol", rtol), positive("atol", atol)
+        given = tuple(manoeuvres)
+        states = [initial] * len(given) if initial is None or np.ndim(initial) == 1 else list(np.asarray(initial))
+        if len(states) != len(given):
+            raise ValueError(f"initial: {len(states)} states for {len(given)} manoeuvres; expected one each, or one")
+        starts = []
+        for i, (manoeuvre, state) in enumerate(zip(given, states, strict=True)):
+            with named_failure(f"manoeuvres[{i}]"):
+                starts.append(self._start(manoeuvre, state, float(instants[-1])))
+        motions = self._motions(given, instants, starts, tolerance)
+        return tuple(self._result(each, instants, found) for each, found in zip(given, motions, strict=True))
 
     def simulate_torque(
         self,
@@ -319,8 +352,20 @@ class HubBeam(ABC):
                 f"hub_speed = {speed:g}: expected less than {critical:.7g} rad/s, where {self.model} loses its stiffness"
             )
 
-    def _start(self, manoeuvre: Manoeuvre, initial: ArrayLike | None) -> tuple[Array, Array]:
-        """Coordinates and rates at t = 0, the hub's as the manoeuvre has them."""
+    def _result(self, manoeuvre: Manoeuvre, instants: Array, found: Motion) -> SimulationResult:
+        return SimulationResult(
+            model=self.model,
+            time=instants,
+            tip_displacement=found.tip,
+            small_deformation_until=found.small_deformation_until,
+            error_estimate=found.error,
+            steps=found.steps,
+            details=partial(self._details, manoeuvre, instants, found),
+            path=found.path,
+        )
+
+    def _start(self, manoeuvre: Manoeuvre, initial: ArrayLike | None, end: float) -> tuple[Array, Array]:
+        """Coordinates and rates at t = 0, the hub's as the manoeuvre has them; that is checked up to its end [s]."""
         if not isinstance(manoeuvre, PrescribedMotion | TorqueDriven):
             raise TypeError(f"manoeuvre = {manoeuvre!r}: expected one as spin_up, sine_torque, hold, ... return it")
         size = self._size
@@ -334,6 +379,8 @@ class HubBeam(ABC):
                         f"initial hub {name} = {state[index]:g}: expected {prescribed:g}, as the manoeuvre has it"
                     )
                 state[index] = prescribed
+        if isinstance(manoeuvre, HubProfile):
+            manoeuvre.check_until(end)
         return state[:size], state[size:]
 
     @property
@@ -370,6 +417,20 @@ class HubBeam(ABC):
         self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
     ) -> Motion:
         """Motion from coordinates and rates at t = 0, to rtol and atol of the free end's displacement."""
+
+    def _motions(
+        self,
+        manoeuvres: Sequence[Manoeuvre],
+        timepts: Array,
+        starts: Sequence[tuple[Array, Array]],
+        tolerance: tuple[float, float],
+    ) -> list[Motion]:
+        """Motions of several manoeuvres; a model that can compute them side by side does."""
+        found = []
+        for i, (manoeuvre, start) in enumerate(zip(manoeuvres, starts, strict=True)):
+            with named_failure(f"manoeuvres[{i}]"):
+                found.append(self._motion(manoeuvre, timepts, start, tolerance))
+        return found
 
     @abstractmethod
     def _details(self, manoeuvre: Manoeuvre, timepts: Array, motion: Motion) -> Details:

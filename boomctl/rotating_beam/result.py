@@ -1,7 +1,8 @@
 """A motion of the hub-beam, and what a simulation returns of it."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple, final
@@ -196,8 +197,17 @@ class SimulationError(RuntimeError):
     """A motion that the model cannot be followed through: why, and from which instant."""
 
 
+@contextmanager
+def named_failure(name: str) -> Iterator[None]:
+    """Name what a bad value or a failure belongs to."""
+    try:
+        yield
+    except (TypeError, ValueError, SimulationError) as error:
+        raise type(error)(f"{name}: {error}") from None
+
+
 def small_deformation_until(
-    time: Array, tip_displacement: Array, length: float, tip_rate: Callable[[], Array]
+    time: Array, tip_displacement: Array, length: float, tip_rate: Callable[[slice], Array]
 ) -> float:
     """Instant at which ``|tip_displacement|`` first exceeds ``length / 10``, s; inf if it never does.
 
@@ -208,7 +218,7 @@ def small_deformation_until(
     length : float
         Of the beam, m.
     tip_rate : callable
-        Returns the rates of the displacement, k, m/s: between the instants it is taken to be a cubic.
+        Returns the rates of the displacement at some of the instants, m/s: between them it is taken to be a cubic.
     """
     limit = SMALL_DEFORMATION * length
     outside = np.flatnonzero(np.abs(tip_displacement) > limit)
@@ -220,7 +230,7 @@ def small_deformation_until(
     first, side = last - 1, np.sign(tip_displacement[last])
     step = time[last] - time[first]
     before, after = side * tip_displacement[first] - limit, side * tip_displacement[last] - limit
-    slopes = side * step * tip_rate()[first : last + 1]
+    slopes = side * step * tip_rate(slice(first, last + 1))
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         s = 0.5 * (low + high)

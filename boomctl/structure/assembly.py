@@ -27,7 +27,7 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
 from boomctl.structure.ports import Ports
 
-_KEPT = 32  # mechanisms kept for the next machine with its parts at the same places (a choice of memory)
+_KEPT = 8  # mechanisms kept for the next machine with its parts at the same places (a choice of memory)
 _DAMPED_ALIKE = 1e-9  # of the largest damping; what differs less from proportional damping is rounding (a choice)
 _SAME_LENGTH = 13  # digits of a segment's length that count: segments alike are computed once
 _UNEVEN = 0.41421356  # share of its length at which a free beam is cut in two: sqrt 2 - 1, no node of a low mode

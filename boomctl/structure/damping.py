@@ -17,7 +17,7 @@ from boomctl.structure.matrices import Structure, dense
 _SAME = 1e-9  # share of its size up to which a damper's coefficient is the rounding of a proportional one
 _SAME_ROW = 1e-12  # the same where the coefficient of each row is known: some 1e4 eps
 _DIGITS = 13  # of a damper's row, relative to its largest entry, in which its image agrees with it
-_KEPT = 64  # choices of dampers kept for the next structure of the same rows (a choice of memory)
+_KEPT = 16  # choices of dampers kept for the next structure of the same rows (a choice of memory)
 _MOST_DAMPERS = 12  # beyond, damping is not "proportional but for a few" (a choice)
 _ENDS = 8  # coordinates that a damper may touch, where it has to be found in the matrix: two bodies of a beam each
 

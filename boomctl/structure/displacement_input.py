@@ -18,7 +18,7 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
 
 MOTIONS = ("displacement", "velocity", "acceleration")
-_KEPT = 32  # eliminations kept for the next structure with the same rows (a choice of memory)
+_KEPT = 8  # eliminations kept for the next structure with the same rows (a choice of memory)
 
 
 def prescribe_displacement(

@@ -21,9 +21,7 @@ from boomctl.arrays import DENSE_LIMIT, Array, Matrix
 from boomctl.structure.elimination import Elimination
 from boomctl.structure.symmetry import TOLERANCE, Mirror
 
-_PROBE = (
-    0.7390851332151607  # [rad], the angle that is its own cosine: no multiple of it is a multiple of another's period
-)
+_PROBE = 0.7390851332151607  # [rad], for numbers without a pattern: the angle that is its own cosine
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from boomctl.structure.symmetry import TOLERANCE, Mirror
 _DENSE_HALF = (
     220  # coordinates up to which halves are dense, as their factors are: sparse is faster from there (measured)
 )
+_KEPT = 8  # layouts with a mirror kept for the next structure of the same rows (a choice of memory)
 _SYMMETRIC = 1e-12  # change under transposition, of the largest entry, that is rounding: some 1e4 eps
 
 
@@ -197,7 +198,7 @@ class HalfStructure:
     structure: Structure
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=_KEPT)
 def _mirrored(layout: Layout, mirror: Mirror) -> Layout:
     """Return a layout with a mirror; one for all structures that share the layout."""
     return replace(layout, mirror=mirror)

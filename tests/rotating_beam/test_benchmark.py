@@ -16,7 +16,12 @@ def test_benchmark_keeps_its_errors_and_ratios():
     own = [row for row in report.rows if not row.section.startswith("Against")]
     for row in own:
         assert row.error <= (1e-5 if row.job.startswith("residual") else 1e-6), row.job
-    assert len([row for row in own if "ours" in row.job or row.job.startswith("residual")]) == 2
+    assert len([row for row in own if "ours" in row.job or row.job.startswith("residual")]) == 3
+    driven = [row for row in own if row.section.endswith("IDAS") and row.target]
+    assert [row.job for row in driven[:2]] == ["SFOAM, 1, 1e-06", "SFOAM, 1, 1e-08"]
+    assert len(driven) == 10
+    assert all(row.error <= float(row.job.split(", ")[2]) for row in driven)
+    assert any(row.job == "16 torques; peer: IDAS" for row in own)
     against = [row for row in report.rows if row.section.startswith("Against") and row.job.startswith("SFOAM")]
     assert len(against) == 2
     assert [row.target.endswith("exudyn") for row in against] == [True, False]

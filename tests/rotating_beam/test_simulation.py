@@ -281,7 +281,8 @@ def test_result_does_not_depend_on_the_instants_asked_for():
         ("sfoam", spin_up(1.0, 2.0), ("modal collocation",)),
         ("sfoam", hold(), ("steady rotation by modes",)),
         ("tlam", spin_up(1.0, 2.0), ("collocation", "steady rotation by eigenvectors")),
-        ("foam", sine_torque(10.0, 2.0, 2.0), ("collocation",)),
+        ("foam", sine_torque(10.0, 2.0, 2.0), ("free-hub modes",)),
+        ("cfoam", sine_torque(10.0, 2.0, 2.0), ("collocation",)),
         ("geometrically-exact", spin_up(1.0, 2.0), ("collocation of momenta",)),
     ],
 )

@@ -69,9 +69,10 @@ def _notes(ground: Scene, settings: Settings) -> tuple[str, ...]:
         "frequencies a call. Ratio: peer over ours.",
         "Error: largest relative error of any singular value, actuators -> tips, against the exact beam in 50 digits; "
         f"{settings.points} points from 0.1 to 10 Hz and {settings.cluster} around each of the first five resonances.",
-        "Models and state spaces are built beforehand; each call gets a model of its own, so that no halves, modes or "
-        "responses are cached. The exact beam keeps, for each set of parameters, what does not depend on frequency; the "
-        "lines 'prepared anew' and 'Cold: a new spring' use new parameters in every call.",
+        "Models and state spaces are built beforehand, a symmetric model with its two halves and their bands; each call "
+        "gets a model of its own, so that no modes or responses are cached. The exact beam keeps, for each set of "
+        "parameters, what does not depend on frequency; the lines 'prepared anew' and 'Cold: a new spring' use new "
+        "parameters in every call and build everything in it.",
         "'Cold: first calls': median processor time of whole processes that take turns, from the start of Python to the "
         "end of the call, with bytecode compiled as in an installed package.",
         f"In 50 digits meshes are solved at {len(ground.judged)} of the {len(ground.omega)} frequencies.",

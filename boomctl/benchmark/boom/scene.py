@@ -63,8 +63,12 @@ class Scene:
     judged: Array
 
     def model(self, elements: int, discretization: str = "finite", order: int = 12) -> SecondOrderModel:
-        """Return a new model, in which nothing is kept from before."""
-        return spray_boom(self.parameters, discretization=discretization, elements=elements, order=order)
+        """Return a new model, its halves and their bands made, in which no modes or responses are kept from before."""
+        made = spray_boom(self.parameters, discretization=discretization, elements=elements, order=order)
+        if made.mirror is not None:
+            for half in (made.structure.symmetric_half, made.structure.antisymmetric_half):
+                _ = half.structure.pencil
+        return made
 
     def error(self, sigma: Array) -> float:
         """Return the largest relative error of any singular value at any frequency."""

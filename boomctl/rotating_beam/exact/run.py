@@ -105,8 +105,12 @@ def run_to_tolerance(
 
 def _small_until(dynamics: ExactBeamDynamics, timepts: Array, tip: Array, state: tuple[Array, Array]) -> float:
     """Instant up to which the deformation is small, of the tip's positions and the states at k instants."""
-    length = dynamics.basis.length
-    return small_deformation_until(timepts, np.imag(tip), length, lambda: np.imag(dynamics.tip_rate(*state)))
+    q, v = state
+
+    def tip_rate(part: slice) -> Array:
+        return np.imag(dynamics.tip_rate(q[part], v[part]))
+
+    return small_deformation_until(timepts, np.imag(tip), dynamics.basis.length, tip_rate)
 
 
 def _steps(start: float, stop: float, step: float, timepts: Array) -> int:

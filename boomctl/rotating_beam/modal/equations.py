@@ -97,6 +97,49 @@ class NormalForm(NamedTuple):
     push: Array
 
 
+class FreeHubForm(NamedTuple):
+    """Equations with the hub free, in coordinates (r, x) in which the mass matrix of the straight beam is unity.
+
+    With ``theta = r / sqrt(inertia) + lean x``, ``q = to_q x``, hub speed w, hub acceleration a and torque tau they are
+    ``r'' / push_0 = h`` and ``x'' + damping x' + (stiffness - w^2 slope) x = lean h + f``, where
+
+    ``h = tau - (2 axial x + x^T slope x) a - couple - 2 w (axial x' + x^T slope x')``, ``couple = -(gyro x) x''`` and
+    ``f = (gyro x) a + 2 w gyro x' + w^2 axial``.
+
+    Attributes
+    ----------
+    inertia : float
+        Of everything, undeformed, kg m^2.
+    to_q : ndarray, n x n
+    lean : ndarray, n
+        Hub angle that goes with x where the angular momentum is zero.
+    softest : float
+        Lowest eigenvalue of the stiffness, rad^2/s^2.
+    stiffness, slope, gyro, damping : ndarray, n x n
+        The third is skew.
+    axial : ndarray, n
+    keeps_inertia_torque : bool
+        Whether the last term of h is there.
+    has_axial : bool
+        Whether `gyro` and `axial` are there at all.
+    decay : float
+        Largest decay rate of any motion, 1/s; 0 without damping.
+    """
+
+    inertia: float
+    to_q: Array
+    lean: Array
+    softest: float
+    stiffness: Array
+    slope: Array
+    gyro: Array
+    damping: Array
+    axial: Array
+    keeps_inertia_torque: bool
+    has_axial: bool
+    decay: float
+
+
 class Equations(ABC):
     """Equations of motion ``residual(y, y', y'') = (tau, 0)`` of a model.
 
@@ -132,6 +175,11 @@ class Equations(ABC):
     @cached_property
     def normal_form(self) -> NormalForm | None:
         """Beam equations at a given hub motion if the hub's speed merely stiffens it, else None."""
+        return None
+
+    @cached_property
+    def free_hub_form(self) -> FreeHubForm | None:
+        """Equations of hub and beam in coordinates with unit mass, if the kinetic energy is of second order, else None."""
         return None
 
     @abstractmethod

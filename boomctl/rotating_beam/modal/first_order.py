@@ -13,6 +13,7 @@ from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import (
     BeamSpeedTerms,
     Equations,
+    FreeHubForm,
     Inertia,
     NormalForm,
     Tangents,
@@ -71,6 +72,34 @@ class FirstOrderEquations(Equations):
         root: Array = np.linalg.cholesky(terms.M)
         to_q = np.linalg.inv(root).T
         return NormalForm(to_q, root.T, to_q.T @ terms.K @ to_q, to_q.T @ terms.K_w @ to_q, to_q.T @ terms.f_a)
+
+    @cached_property
+    def free_hub_form(self) -> FreeHubForm | None:
+        """None where the straight beam's mass matrix is not positive definite, or a mode is damped too much to vibrate."""
+        try:
+            root: Array = np.linalg.cholesky(self.M - np.outer(self.W, self.W) / self.rigid_inertia)
+        except np.linalg.LinAlgError:
+            return None
+        to_q = np.linalg.inv(root).T
+        stiffness, slope, gyro, damping = (to_q.T @ each @ to_q for each in (self.K, self.N, self.B, self.C))
+        lean = -(self.W @ to_q) / self.rigid_inertia
+        squares, shapes = np.linalg.eigh(stiffness)
+        if np.any(squares <= np.einsum("ji,jk,ki->i", shapes, 0.5 * damping, shapes) ** 2):
+            return None
+        return FreeHubForm(
+            inertia=self.rigid_inertia,
+            to_q=to_q,
+            lean=lean,
+            softest=float(squares[0]),
+            stiffness=stiffness,
+            slope=slope,
+            gyro=gyro,
+            damping=damping,
+            axial=self.V @ to_q,
+            keeps_inertia_torque=self.keeps_inertia_torque,
+            has_axial=self.has_axial,
+            decay=0.5 * float(np.linalg.eigvalsh(damping)[-1]) if np.any(damping) else 0.0,
+        )
 
     def inertia(self, y: Array) -> Inertia:
         q = y[:, 1:]

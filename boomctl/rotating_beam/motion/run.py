@@ -1,6 +1,6 @@
 """From a manoeuvre to the motion at the instants asked for: which way is taken, and what its failures mean."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import NamedTuple, final
@@ -11,13 +11,18 @@ from boomctl.arrays import Array
 from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque
 from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.collocation import StepTooSmall, Trajectory
+from boomctl.rotating_beam.motion.free_hub import FreeScene, free_motions
+from boomctl.rotating_beam.motion.free_trajectory import FreeTrajectory
 from boomctl.rotating_beam.motion.modal_collocation import ModalTrajectory, modal_refine
 from boomctl.rotating_beam.motion.problems import PrescribedProblem, Problem, TorqueDrivenProblem
 from boomctl.rotating_beam.motion.refinement import Accuracy, NotConverged, first_steps, refine, resolving
 from boomctl.rotating_beam.motion.steady_rotation import steady_motion, vibration_amplitudes
-from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, small_deformation_until
+from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, named_failure, small_deformation_until
 
 _WATCHED = 16.0  # instants in a period of the lowest mode at which the tip is watched: it turns by 22 degrees between
+_JUMP = 1e-11  # of the whole time: steps so short are there for a jump of the torque that lies in them
+
+FREE_HUB = "free-hub modes"  # the way that can take several scenes at once
 
 
 class Way(NamedTuple):
@@ -58,6 +63,12 @@ WAYS = (
         lambda scene: scene.prescribed is not None and scene.equations.normal_form is not None,
         lambda scene: _by_modes(scene),
         "without damping and axial modes each mode vibrates in closed form: few, long steps",
+    ),
+    Way(
+        FREE_HUB,
+        lambda scene: scene.prescribed is None and scene.equations.free_hub_form is not None,
+        lambda scene: _by_free_modes([scene])[0],
+        "a torque moves slow modes, which the fast ones follow: each mode's motion is exact, long windows settle by sweeps",
     ),
     Way(
         "collocation",
@@ -130,8 +141,14 @@ class Scene:
         return watched if self.watched is self.timepts else watched[np.searchsorted(self.watched, self.timepts)]
 
 
-def motion_of(scene: Scene) -> Motion:
+def motion_of(scene: Scene, missed: tuple[str, ...] = ()) -> Motion:
     """Find a motion in the first of the :data:`WAYS` that applies and keeps the tolerance.
+
+    Parameters
+    ----------
+    scene : Scene
+    missed : tuple of str
+        Ways that were tried already.
 
     Raises
     ------
@@ -139,14 +156,28 @@ def motion_of(scene: Scene) -> Motion:
         If the mass matrix ceases to be positive definite, the motion grows out of bounds, or the tolerance is not
         reached.
     """
-    given_up: tuple[str, ...] = ()
+    given_up = tuple(f"{name} (given up)" for name in missed)
     for way in WAYS:
-        if way.applies(scene):
+        if way.name not in missed and way.applies(scene):
             found = way.find(scene)
             if found is not None:
                 return replace(found, path=given_up + found.path) if given_up else found
             given_up += (f"{way.name} (given up)",)
     raise AssertionError("the last way applies always, and raises what it cannot do")
+
+
+def motions_of(scenes: Sequence[Scene]) -> list[Motion]:
+    """Find several motions with the same equations as `motion_of` does each, torque-driven ones side by side."""
+    together = [i for i, scene in enumerate(scenes) if next(way for way in WAYS if way.applies(scene)).name == FREE_HUB]
+    found = dict(zip(together, _by_free_modes([scenes[i] for i in together]), strict=True))
+    motions = []
+    for i, scene in enumerate(scenes):
+        motion = found.get(i)
+        if motion is None:
+            with named_failure(f"manoeuvres[{i}]"):
+                motion = motion_of(scene, (FREE_HUB,) if i in found else ())
+        motions.append(motion)
+    return motions
 
 
 def _initial_state(scene: Scene) -> Motion:
@@ -174,7 +205,7 @@ def _by_modes(scene: Scene) -> Motion | None:
     trajectory, error = found
     displacement = trajectory.displacement(tip.transverse, scene.watched)
     until = small_deformation_until(
-        scene.watched, displacement, scene.length, lambda: trajectory(scene.watched)[1] @ tip.transverse
+        scene.watched, displacement, scene.length, lambda part: trajectory(scene.watched[part])[1] @ tip.transverse
     )
     states = partial(_modal_states, trajectory, manoeuvre, scene.timepts)
     steps = trajectory.edges.size - 1
@@ -184,6 +215,46 @@ def _by_modes(scene: Scene) -> Motion | None:
 def _modal_states(trajectory: ModalTrajectory, manoeuvre: PrescribedMotion, timepts: Array) -> tuple[Array, Array]:
     q, v = trajectory(timepts)
     return np.column_stack([manoeuvre.angle(timepts), q]), np.column_stack([manoeuvre.speed(timepts), v])
+
+
+def _by_free_modes(scenes: Sequence[Scene]) -> list[Motion | None]:
+    """Motions under torques of scenes with the same equations."""
+    if not scenes:
+        return []
+    form = scenes[0].equations.free_hub_form
+    assert form is not None
+    found = free_motions(form, [_free_scene(scene) for scene in scenes])
+    return [each if each is None else _free_motion(scene, *each) for scene, each in zip(scenes, found, strict=True)]
+
+
+def _free_scene(scene: Scene) -> FreeScene:
+    manoeuvre, tip = scene.manoeuvre, scene.equations.tip
+    assert not isinstance(manoeuvre, PrescribedMotion)
+    edges = _first_steps(scene, TorqueDrivenProblem(scene.equations, manoeuvre), scene.end, graded=False)
+    jumps = np.flatnonzero(np.diff(edges) < _JUMP * scene.end)
+    known = np.array([each for each in manoeuvre.breakpoints if 0.0 < each < scene.end])
+    return FreeScene(
+        manoeuvre=manoeuvre,
+        start=scene.start,
+        corners=np.union1d(np.concatenate([known, edges[jumps[edges[jumps] > 0.0]], edges[jumps + 1]]), scene.end),
+        rows=np.stack([tip.transverse, tip.axial]),
+        radius=scene.radius,
+        rtol=scene.rtol,
+        atol=scene.atol,
+        given=isinstance(manoeuvre, Torque),
+    )
+
+
+def _free_motion(scene: Scene, trajectory: FreeTrajectory, error: float) -> Motion:
+    row = scene.equations.tip.transverse
+    displacement = trajectory.displacement(row, scene.watched)
+
+    def tip_rate(part: slice) -> Array:
+        return trajectory(scene.watched[part])[1][:, 1:] @ row
+
+    until = small_deformation_until(scene.watched, displacement, scene.length, tip_rate)
+    states = partial(trajectory, scene.timepts)
+    return Motion(scene.asked(displacement), until, states, error, trajectory.steps, (FREE_HUB,))
 
 
 def _collocated(scene: Scene) -> Motion:
@@ -260,6 +331,6 @@ def _sampled(scene: Scene, y: Array, rate: Array, error: float, steps: int, path
     """A motion of coordinates and rates at the watched instants."""
     row = scene.equations.tip.transverse
     tip = y[:, 1:] @ row
-    until = small_deformation_until(scene.watched, tip, scene.length, lambda: rate[:, 1:] @ row)
+    until = small_deformation_until(scene.watched, tip, scene.length, lambda part: rate[part, 1:] @ row)
     states = partial(kept_states, scene.asked(y), scene.asked(rate))
     return Motion(scene.asked(tip), until, states, error, steps, path)

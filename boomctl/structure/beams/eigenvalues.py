@@ -10,37 +10,62 @@ from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles
 
-_BISECTIONS = 60  # the first few bring decades down to octaves, 52 more halve down to the last digit
+_SECTIONS = 24  # parts a decade in which roots are first told apart, all roots at once (measured on booms)
+_ROUNDS = 60  # each halves the brackets at least, which takes 56 to the last digit; secants make it some six
+_AROUND = 1e-3  # share of a bracket to either side of the secant's root that is asked, to close in from both (a choice)
+_LAST = 4.0 * float(np.finfo(float).eps)  # relative width of a bracket that is narrow enough
 _NEWTON_STEPS = 30  # from starts good to 1e-3 some five are taken; many more mean that it does not converge (a choice)
 
 
 def undamped_frequencies(model: ExactModel, count: int) -> Array:
     """Return the ``count`` lowest undamped natural frequencies above zero [rad/s], none missed.
 
-    Bisection on the number of natural frequencies below (Wittrick & Williams 1971), for all of them at once.
+    Every bracket is kept by the number of natural frequencies below its ends (Wittrick & Williams 1971), for all
+    frequencies at once; where the eigenvalue that changes its sign is smooth, its secant narrows it much faster.
     """
-    low, high = _bracket(model, count)
-    rigid = int(model.count_below(np.array([low]))[0])
+    low, high, rigid = _bracket(model, count)
     wanted = rigid + np.arange(count)
-    a, b = np.full(count, low), np.full(count, high)
-    for _ in range(_BISECTIONS):
-        middle = np.where(b > 4.0 * a, np.sqrt(a * b), 0.5 * (a + b))
-        above = model.count_below(middle) > wanted
-        a, b = np.where(above, a, middle), np.where(above, middle, b)
-        if (b - a <= 4 * np.finfo(float).eps * b).all():
+    grid = np.geomspace(low, high, 2 + int(_SECTIONS * np.log10(high / low)))
+    after = np.clip(np.searchsorted(model.count_below(grid), wanted, side="right"), 1, len(grid) - 1)
+    a, b = grid[after - 1], grid[after]
+    at_a, at_b = _deciding(model, np.array([a, b]), wanted)
+    for _ in range(_ROUNDS):
+        width = b - a
+        if (width <= _LAST * b).all():
             break
+        with np.errstate(invalid="ignore", divide="ignore"):
+            root = a + width * at_a / (at_a - at_b)
+        root = np.where(np.isfinite(root), root, a + 0.5 * width)
+        asked = np.sort([root - _AROUND * width, root + _AROUND * width, a + 0.5 * width], axis=0)
+        x = np.vstack([a, np.clip(asked, a, b), b])
+        values = np.vstack([at_a, _deciding(model, x[1:-1], wanted), at_b])
+        k, last = np.arange(count), (values >= 0.0).sum(axis=0) - 1  # they fall from above zero to below it
+        last = np.clip(last, 0, len(x) - 2)
+        a, b, at_a, at_b = x[last, k], x[last + 1, k], values[last, k], values[last + 1, k]
     return 0.5 * (a + b)
 
 
-def _bracket(model: ExactModel, count: int) -> tuple[float, float]:
-    """Return a frequency below all elastic ones and one above ``count`` of them."""
+def _deciding(model: ExactModel, omega: Array, wanted: Array) -> Array:
+    """Return numbers below zero where more than ``wanted`` natural frequencies are below ``omega``, else not.
+
+    They are the eigenvalues of the dynamic stiffness that tell; infinite where the count is told without them.
+    """
+    values, clamped = model.inertia(omega.ravel())
+    values, place = values.reshape(*omega.shape, -1), wanted - clamped.reshape(omega.shape)
+    n = values.shape[2]
+    found = np.take_along_axis(values, np.clip(place, 0, n - 1)[:, :, None], axis=2)[:, :, 0]
+    return np.where(place < 0, -np.inf, np.where(place >= n, np.inf, found))
+
+
+def _bracket(model: ExactModel, count: int) -> tuple[float, float, int]:
+    """Return a frequency below all elastic ones, one above ``count`` of them, and how many are below the former."""
     longest = max(segment.length for segment in model.segments)
     scale = max(np.sqrt(s.bending_stiffness / s.mass_per_length) for s in model.segments) / longest**2
     low, high = 1e-6 * scale, scale
     rigid = int(model.count_below(np.array([low]))[0])
     while int(model.count_below(np.array([high]))[0]) < rigid + count:
         high *= 2.0
-    return low, high
+    return low, high, rigid
 
 
 def damped_eigenvalues(model: ExactModel, start: SecondOrderModel, moved: Sequence[str], count: int) -> Array:

@@ -14,7 +14,7 @@ from boomctl.structure.matrices import dense
 from boomctl.structure.ports import Ports
 from boomctl.structure.symmetry import TOLERANCE, Mirror
 
-_KEPT = 32  # layouts and arrangements kept for the next structure with the same rows (a choice of memory)
+_KEPT = 16  # layouts and arrangements kept for the next structure with the same rows (a choice of memory)
 _FREE = 1e-13  # smallest over largest singular value of a scaled stiffness; below it is rounding: a rigid-body mode
 _RESIDUAL = 1e-11  # of an equation's terms; where elimination leaves more, LAPACK solves anew (a choice)
 
@@ -151,13 +151,21 @@ class ExactModel:
 
     def count_below(self, omega: Array) -> Array:
         """Return how many undamped natural frequencies lie below each ``omega`` (Wittrick & Williams 1971)."""
+        values, clamped = self.inertia(omega)
+        return (values < 0.0).sum(axis=1) + clamped
+
+    def inertia(self, omega: Array) -> tuple[Array, Array]:
+        """Return the eigenvalues of the scaled undamped dynamic stiffness, ascending, (len(omega), n).
+
+        And how many natural frequencies of its clamped segments lie below each ``omega``.
+        """
         D = np.moveaxis(self.undamped().dynamic_stiffness(1j * omega).real, 2, 0)
         scale = np.sqrt(np.abs(D).max(axis=2))
-        count = (np.linalg.eigvalsh(D / (scale[:, :, None] * scale[:, None, :])) < 0).sum(axis=1)
+        clamped = np.zeros(len(omega), dtype=int)
         for seg in self.segments:
             z = (omega**2 * seg.mass_per_length / seg.bending_stiffness) ** 0.25 * seg.length
-            count = count + clamped_count(z)
-        return count
+            clamped += clamped_count(z)
+        return np.linalg.eigvalsh(D / (scale[:, :, None] * scale[:, None, :])), clamped
 
     def _kinds(self) -> tuple[tuple[Segment, ...], Array]:
         """Return the kinds of segments, and how much of the unit stiffness of each segment is of each kind."""

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import lapack
 
 from boomctl.arrays import Array
 from boomctl.structure.damping import separated_damping
@@ -145,9 +146,11 @@ class _Modes:
         """Return the modes; a floating structure is a ``LinAlgError``."""
         mass, V = _eigen(M, K)
         if rows is None:
+            mass, V = _refined(V, M, V.transpose(0, 2, 1) @ K @ V)
             beta, u, gamma = _modal_damping(V[0], C[0])
             return cls(V, mass, np.array([beta]), u[None], gamma[None])
-        mass, V = _refined(V, M, rows)
+        strain = rows.R @ V
+        mass, V = _refined(V, M, strain.transpose(0, 2, 1) @ (rows.k[:, :, None] * strain))
         u = V.transpose(0, 2, 1) @ np.array([item.U for item in group])
         return cls(V, mass, np.array([item.beta for item in group]), u, np.array([item.gamma for item in group]))
 
@@ -209,19 +212,18 @@ class _Modes:
 
 def _eigen(M: Array, K: Array) -> tuple[Array, Array]:
     """Return the eigenvalues and vectors of ``M v = mass K v``, vectors of unit stiffness, of each structure."""
-    inverse = np.linalg.inv(np.linalg.cholesky(K))
-    mass, Q = np.linalg.eigh(inverse @ M @ inverse.transpose(0, 2, 1))
-    return mass, inverse.transpose(0, 2, 1) @ Q
+    found = [lapack.dsygvd(mass, stiffness) for mass, stiffness in zip(M, K, strict=True)]
+    if any(failed for _, _, failed in found):
+        raise np.linalg.LinAlgError("a stiffness matrix is not positive definite")
+    return np.array([mass for mass, _, _ in found]), np.array([V for _, V, _ in found])
 
 
-def _refined(V: Array, M: Array, rows: _Rows) -> tuple[Array, Array]:
-    """Return modes of unit stiffness from nearly right ones, twice as many digits of them, and their masses.
+def _refined(V: Array, M: Array, stiffness: Array) -> tuple[Array, Array]:
+    """Return the masses of modes of unit stiffness and the modes, from nearly right ones and the stiffness between these.
 
     What is left between two modes is taken out to first order (Ogita & Aishima 2018); between two of one frequency there
     is nothing to take out but their stiffness.
     """
-    strain = rows.R @ V
-    stiffness = strain.transpose(0, 2, 1) @ (rows.k[:, :, None] * strain)
     between = V.transpose(0, 2, 1) @ M @ V
     own, n = np.arange(V.shape[2]), V.shape[2]
     mass = between[:, own, own] / stiffness[:, own, own]
@@ -255,10 +257,11 @@ def _hold(
 ) -> Array:
     """Return whether forces left over move no output, at the last frequency and where outputs are largest."""
     last = len(omega) - 1
-    chosen = [sorted({last, *peaks}) for peaks in np.argmax(np.abs(sums), axis=3).reshape(len(sums), -1).tolist()]
+    size = np.abs(sums).max(axis=2)  # of each line, over its columns
+    chosen = [sorted({last, *peaks}) for peaks in size.argmax(axis=2).tolist()]
     most = max(len(places) for places in chosen)
     check = np.array([places + places[-1:] * (most - len(places)) for places in chosen])
-    found = np.take_along_axis(sums, check[:, None, None, :], axis=3)
+    found = np.array([values[:, :, places] for values, places in zip(sums, check, strict=True)])
     s = 1j * omega[check][:, None, None, :]
     X = modes.receptance(modes.V, modes.Vt @ columns, omega[check])
     force = s**2 * _times(M, X)

@@ -1,0 +1,452 @@
+"""Motion under a torque: windows one after another, each swept in two orders whose difference is the error.
+
+Both orders go their own way from t = 0, so that their difference is the error of the lower one with all that it causes
+later; the motion of the higher one is returned. A fast mode follows the slow ones without being resolved; what its own
+vibration would do to them is bounded, and where the bound is too large the steps become short enough for that mode.
+Several scenes go side by side, each with its own windows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import final
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from boomctl.arrays import Array
+from boomctl.gauss import gauss_method
+from boomctl.rotating_beam.manoeuvres import TorqueDriven
+from boomctl.rotating_beam.modal.equations import FreeHubForm
+from boomctl.rotating_beam.motion.free_modes import FreeModes, free_modes
+from boomctl.rotating_beam.motion.free_trajectory import FreeTrajectory, Piece
+from boomctl.rotating_beam.motion.oscillators import FAST, flow
+from boomctl.rotating_beam.motion.sweeps import Swept, Window, settle
+
+STEPS = 64  # of a window: a choice; 48 take up to twice as long with five modes (measured, a torque on SFOAM)
+STAGES = 10, 12  # nodes of a step in the two orders, 20 and 24: a choice; 8 and 10 take up to twice as long (measured)
+_SCENES = 16  # side by side: a choice, 1.7 to 4 times as fast as singly (measured, ten modes to one); more gain little
+
+_FIRST_PHASE = 1.0  # of the lowest mode in a step of the first window: a choice, the error tells for the others
+_SETTLED = 0.2  # of the error that a window may add, for what its sweeps leave
+_ROUNDING = 1e-14  # of the largest displacement or torque: less is rounding
+_LOCAL = 0.3  # of the allowed error that all windows together may add
+_LEAST_LOCAL = 0.05  # part of this that the shortest window may add
+_UNSEEN = 0.3  # of the allowed error for what the vibrations of fast modes would do
+_ORDER = 12.0  # power of the window's length with which its error goes: less than the 20 of smooth forces, to be safe
+_CAUTION = 0.9  # of the length that this promises
+_GROWTH = 0.2, 2.0  # bounds of a window's length over that of the one before
+_MANY_SWEEPS = 25  # for which a window is long enough: more, and two windows of half the length take fewer (measured)
+_RELAXED = 8  # windows after which steps that are short for the sake of a fast mode may become longer again
+_SMALLEST = 1e-6  # of the whole time: where the sweeps of shorter windows do not settle either, they are given up
+_MOST_WINDOWS = 600  # where a motion is given up: as many steps as plain collocation may take, which then does better
+_RESOLVED = 4.0  # times as many windows as it takes to see a fast mode at all, to follow it: measured, axial modes
+_DECAYED = 300.0  # decay rate times length of a window at most: its exponential and its inverse are then finite
+_INSIDE = 1e-4  # of a step: so near to its ends a torque is looked at for what the nodes have not seen
+_TIGHTER = 0.1  # factor of the error allowed in a window when all together have missed the tolerance
+_ATTEMPTS = 3  # with ever tighter windows
+_REACHED = 1e-12  # of the whole time: a corner so near ahead is reached already
+_EVEN = 1e-9  # relative difference below which intervals between corners count as equal: rounding of their ends
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class FreeScene:
+    """A torque-driven motion that is asked for.
+
+    Attributes
+    ----------
+    manoeuvre : TorqueDriven
+    start : pair of ndarray, N
+        Coordinates and rates of hub and beam at t = 0.
+    corners : ndarray
+        Instants at which the torque is not smooth, s; ascending, > 0, the last is the end.
+    rows : ndarray, r x (N - 1)
+        Displacements of the free end over the beam's coordinates, with one common largest value.
+    radius : float
+        Distance of the free end from the axis, m.
+    rtol, atol : float
+        The error of the displacements, and that of the hub angle times the radius, is kept below
+        ``atol + rtol max |displacement|`` [m].
+    given : bool
+        Whether the torque is a user's function, which may be less smooth than it says.
+    """
+
+    manoeuvre: TorqueDriven
+    start: tuple[Array, Array]
+    corners: Array
+    rows: Array
+    radius: float
+    rtol: float
+    atol: float
+    given: bool
+
+    @property
+    def end(self) -> float:
+        """The last instant, s."""
+        return float(self.corners[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class _Progress:
+    """How far a scene has come; states in coordinates (r, x), both orders, 2 x 2 x (1 + n): coordinates, then rates.
+
+    Attributes
+    ----------
+    scene : FreeScene
+    share : float
+        Of the allowed error, for all windows together.
+    time : float
+    states : ndarray
+    length : float
+        Of the next window, s, if no corner comes before.
+    most : float
+        Longest step at which the fast modes that have to be are resolved, s.
+    longest : float
+        Longest window, s.
+    peaks, errors, unseen : ndarray, 2
+        Of displacements and of hub angle times radius, m: the largest so far, its error, what fast modes would add.
+    turning : float
+        Largest mean difference of the orders in the hub's speed, as hub angle times radius at the end, m.
+    pieces : tuple of Piece
+    failed : bool
+    """
+
+    scene: FreeScene
+    share: float
+    time: float
+    states: Array
+    length: float
+    most: float
+    longest: float
+    peaks: Array
+    errors: Array
+    unseen: Array
+    turning: float = 0.0
+    pieces: tuple[Piece, ...] = ()
+    failed: bool = False
+
+    @property
+    def done(self) -> bool:
+        """Whether there is nothing to do any more."""
+        return self.failed or self.scene.end - self.time <= _REACHED * self.scene.end
+
+    def window(self) -> float:
+        """Length of the next window, s: it ends at a corner, or its steps do at all corners within it."""
+        length, left = min(self.length, self.longest, STEPS * self.most), self.scene.corners - self.time
+        left = left[left > _REACHED * self.scene.end]
+        gap = left[0]
+        if length < 2.0 * gap:
+            return float(gap / np.ceil(gap / length * (1.0 - _EVEN)))
+        apart = np.abs(left[:STEPS] - gap * np.arange(1, min(left.size, STEPS) + 1)) > _EVEN * gap
+        even = int(np.argmax(apart)) if apart.any() else apart.size
+        count = min(even, int(length / gap * (1.0 + _EVEN)))
+        return float(left[2 ** (count.bit_length() - 1) - 1])
+
+    def allowed(self, peaks: Array) -> Array:
+        """Allowed errors at given largest values, m."""
+        return self.scene.atol + self.scene.rtol * np.maximum(self.peaks, peaks) + np.finfo(float).tiny
+
+    def addable(self, peaks: Array, length: float) -> Array:
+        """What a window of a length [s] may add to the errors, m."""
+        return self.share * max(_LEAST_LOCAL, length / self.scene.end) * self.allowed(peaks)
+
+
+def free_motions(form: FreeHubForm, scenes: Sequence[FreeScene]) -> list[tuple[FreeTrajectory, float] | None]:
+    """Return the motion of each scene and the error of its free end [m]; None where the tolerance is not kept."""
+    found: list[tuple[FreeTrajectory, float] | None] = [None] * len(scenes)
+    for first in range(0, len(scenes), _SCENES):
+        waiting = list(range(first, min(first + _SCENES, len(scenes))))
+        share = _LOCAL
+        for _ in range(_ATTEMPTS):
+            runs = _march(form, [_begin(form, scenes[i], share) for i in waiting])
+            missed = []
+            for i, run in zip(waiting, runs, strict=True):
+                errors = (
+                    run.errors + run.unseen + np.where(run.peaks > 0.0, _SETTLED * share * run.allowed(run.peaks), 0.0)
+                )
+                if not run.failed and (errors <= run.allowed(run.peaks)).all():
+                    found[i] = FreeTrajectory(form, run.pieces), float(errors[0])
+                elif not run.failed:
+                    missed.append(i)
+            waiting, share = missed, share * _TIGHTER
+            if not waiting:
+                break
+    return found
+
+
+def _begin(form: FreeHubForm, scene: FreeScene, share: float) -> _Progress:
+    states = np.empty((2, form.lean.size + 1))
+    for state, each in zip(states, scene.start, strict=True):
+        state[1:] = np.linalg.solve(form.to_q, each[1:])
+        state[0] = (each[0] - form.lean @ state[1:]) * np.sqrt(form.inertia)
+    none = np.zeros(2)
+    length = STEPS * _FIRST_PHASE / np.sqrt(form.softest)
+    longest = _DECAYED / form.decay if form.decay else np.inf
+    return _Progress(scene, share, 0.0, np.stack([states, states]), length, np.inf, longest, none, none, none)
+
+
+def _march(form: FreeHubForm, runs: list[_Progress]) -> list[_Progress]:
+    while True:
+        active = [i for i, run in enumerate(runs) if not run.done]
+        if not active:
+            return runs
+        for i, run in zip(active, _advance(form, [runs[i] for i in active]), strict=True):
+            runs[i] = run
+
+
+@dataclass(frozen=True, eq=False)
+class _Weights:
+    """What modal states mean for what is watched, b scenes.
+
+    Attributes
+    ----------
+    rows : ndarray, b x r x (1 + n)
+        Displacements of the free end over modal coordinates.
+    tip, hub : ndarray, b x (1 + n)
+        Largest displacement, and hub angle times radius, that goes with a state of size 1.
+    speed : ndarray, b
+        What a hub speed does to the hub angle times radius by the end, s m.
+    radius : ndarray, b
+        Of the free end, m.
+    """
+
+    rows: Array
+    tip: Array
+    hub: Array
+    speed: Array
+    radius: Array
+
+
+def _weights(form: FreeHubForm, modes: FreeModes, runs: Sequence[_Progress]) -> _Weights:
+    radius = np.array([run.scene.radius for run in runs])
+    rows = np.stack([run.scene.rows for run in runs]) @ form.to_q @ modes.shapes
+    rows = np.concatenate([np.zeros((*rows.shape[:2], 1)), rows], axis=2)
+    size = np.ones_like(modes.push)
+    size[:, 1:] = 1.0 / modes.oscillators.omega
+    hub = radius[:, None] * np.abs(modes.push) * size
+    left = np.array([run.scene.end - run.time for run in runs])
+    return _Weights(rows, np.abs(rows).max(axis=1) * size, hub, radius * left, radius)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A window of one scene.
+
+    Attributes
+    ----------
+    length : float
+        s.
+    sweeps : int
+    peaks, errors, unseen : ndarray, 2
+        As in `_Progress`.
+    added, hidden : ndarray, 2
+        What the window has added to the difference of the orders as the linear motion carries it on, and what a user's
+        torque may have hidden between the nodes.
+    turning, turned : float
+        Mean difference of the orders in the hub's speed, and what the window has added to it, both as hub angle times
+        radius at the end, m.
+    needed : float
+        Length of a step at which the fast mode that would do most is resolved, s.
+    states : ndarray, 2 x 2 x (1 + n)
+        At the window's end, as in `_Progress`.
+    piece : Piece
+    """
+
+    length: float
+    sweeps: int
+    peaks: Array
+    errors: Array
+    added: Array
+    hidden: Array
+    turning: float
+    turned: float
+    unseen: Array
+    needed: float
+    states: Array
+    piece: Piece
+
+
+def _advance(form: FreeHubForm, runs: Sequence[_Progress]) -> list[_Progress]:
+    """Take each scene through its next window, or shorten that."""
+    lengths = [run.window() for run in runs]
+    tried = _tried(form, runs, np.array(lengths))
+    return [_after(run, length, window) for run, length, window in zip(runs, lengths, tried, strict=True)]
+
+
+def _after(run: _Progress, length: float, tried: _Tried | None) -> _Progress:
+    """A scene after a window that was tried; None: it did not settle."""
+    if tried is None or not np.isfinite(tried.errors).all():
+        return replace(run, length=0.5 * length, failed=length < _SMALLEST * run.scene.end)
+    # a difference of old turns with what is not linear too: that is no new error where the difference has not grown
+    grown = np.minimum(tried.added, np.maximum(tried.errors - run.errors, 0.0))
+    grown[1] = max(grown[1], min(tried.turned, max(tried.turning - run.turning, 0.0)))
+    excess = float(((grown + tried.hidden) / run.addable(tried.peaks, length)).max())
+    factor = float(np.clip(_CAUTION * max(excess, np.finfo(float).tiny) ** (-1.0 / _ORDER), *_GROWTH))
+    if excess > 1.0:
+        return replace(run, length=min(factor, _CAUTION) * length)
+    if (tried.unseen > _UNSEEN * run.allowed(tried.peaks)).any():
+        hopeless = _RESOLVED * (run.scene.end - run.time) > _MOST_WINDOWS * STEPS * tried.needed
+        return replace(run, most=tried.needed, failed=hopeless)
+    following = length * min(factor, max(_MANY_SWEEPS / tried.sweeps, 0.5))
+    if length < _CAUTION * run.length:  # cut short by a corner, which says nothing of the windows behind it
+        following = max(following, run.length)
+    end, pieces = run.time + length, (*run.pieces, tried.piece)
+    corner = float(run.scene.corners[int(np.argmin(np.abs(run.scene.corners - end)))])
+    return replace(
+        run,
+        time=corner if abs(corner - end) <= _EVEN * length else end,
+        states=tried.states,
+        length=following,
+        most=run.most if len(pieces) % _RELAXED else 2.0 * run.most,
+        peaks=np.maximum(run.peaks, tried.peaks),
+        errors=np.maximum(run.errors, tried.errors),
+        unseen=np.maximum(run.unseen, tried.unseen),
+        turning=max(run.turning, tried.turning),
+        pieces=pieces,
+        failed=len(pieces) >= _MOST_WINDOWS,
+    )
+
+
+def _tried(form: FreeHubForm, runs: Sequence[_Progress], lengths: Array) -> list[_Tried | None]:
+    """Windows of given lengths [s], swept in both orders; None where the sweeps do not settle."""
+    low, high = STAGES
+    begin, h = np.array([run.time for run in runs]), lengths / STEPS
+    states = np.stack([run.states for run in runs])
+    modes = free_modes(form, states[:, 1, 1, 0] / np.sqrt(form.inertia) + states[:, 1, 1, 1:] @ form.lean)
+    weights = _weights(form, modes, runs)
+    states[..., 1:] = states[..., 1:] @ modes.shapes[:, None]
+    starts = [modes.oscillators.states(states[:, order, 0], states[:, order, 1]) for order in (0, 1)]
+    moved = flow(modes.oscillators, h, STEPS, low)
+    torque = _torque(runs, begin, h, low)
+    force = (modes.push[..., None] * torque).reshape(*modes.push.shape, STEPS, low)
+    peaks = _peaks(weights, modes, moved.at_nodes(force, moved.states(force, starts[0]))[0])
+    addable = np.stack([run.addable(*each) for run, *each in zip(runs, peaks, lengths, strict=True)])
+    left = np.maximum(_SETTLED * addable, _ROUNDING * peaks)
+    rows, speed = weights.rows / left[:, :1, None], weights.speed / left[:, 1]
+    coarse = settle(Window(modes, moved, starts[0], torque, rows, speed), force)
+    if not coarse.settled.all():
+        kept = [i for i, settled in enumerate(coarse.settled) if settled]
+        found = iter(_tried(form, [runs[i] for i in kept], lengths[kept]) if kept else [])
+        return [next(found) if settled else None for settled in coarse.settled]
+    torque = _torque(runs, begin, h, high)
+    moved = flow(modes.oscillators, h, STEPS, high)
+    window = Window(modes, moved, starts[1], torque, rows, speed)
+    fine = settle(window, coarse.force @ _between(low, high).T)
+    peaks = _peaks(weights, modes, fine.z)
+    errors, added, turning = _errors(weights, coarse, fine, window)
+    hidden = _overlooked(weights, runs, begin, window)
+    unseen, worst = _unseen(weights, fine, window)
+    ends = np.stack([np.stack(modes.oscillators.coordinates(each.states[..., -1]), 1) for each in (coarse, fine)], 1)
+    ends[..., 1:] = ends[..., 1:] @ modes.shapes.swapaxes(1, 2)[:, None]
+    return [
+        _Tried(
+            length=float(lengths[i]),
+            sweeps=int(coarse.sweeps[i]),
+            peaks=peaks[i],
+            errors=errors[i],
+            added=added[i],
+            hidden=hidden[i],
+            turning=float(turning[i, 0]),
+            turned=float(turning[i, 1]),
+            unseen=unseen[i],
+            needed=_CAUTION * FAST / float(modes.oscillators.omega[i, worst[i]]),
+            states=ends[i],
+            piece=Piece(float(begin[i]), float(h[i]), modes, i, moved.fast[i], fine.force[i], fine.states[i]),
+        )
+        if fine.settled[i]
+        else None
+        for i in range(len(runs))
+    ]
+
+
+def _torque(runs: Sequence[_Progress], begin: Array, h: Array, stages: int) -> Array:
+    """Torque at the nodes of the windows, b x 1 x (m s)."""
+    nodes = (np.arange(STEPS)[:, None] + gauss_method(stages).nodes).ravel()
+    instants = begin[:, None] + h[:, None] * nodes
+    return np.stack([run.scene.manoeuvre.torque(t) for run, t in zip(runs, instants, strict=True)])[:, None]
+
+
+def _overlooked(weights: _Weights, runs: Sequence[_Progress], begin: Array, window: Window) -> Array:
+    """What a user's torque does beside the polynomials through its nodes, by its values near the ends of steps; b x 2."""
+    modes, h, found = window.modes, window.flow.h, np.zeros((len(runs), 2))
+    to_tip = np.sum(weights.tip[:, 1:] * np.abs(modes.push[:, 1:]), axis=1)
+    to_hub = weights.speed * modes.push[:, 0] ** 2
+    places = np.array([_INSIDE, 1.0 - _INSIDE])
+    for i, run in enumerate(runs):
+        if run.scene.given:
+            nodes = window.torque[i].reshape(STEPS, -1)
+            values = run.scene.manoeuvre.torque(begin[i] + h[i] * (np.arange(STEPS)[:, None] + places))
+            apart = np.abs(values - nodes @ _places(nodes.shape[1], tuple(places)).T).max(axis=1)
+            apart[apart <= _ROUNDING * np.abs(values).max()] = 0.0
+            found[i] = h[i] * apart.sum() * np.array([to_tip[i], to_hub[i]])
+    return found
+
+
+def _between(low: int, high: int) -> Array:
+    """From values at the nodes of one order to those at the other's, of the same polynomial."""
+    return _places(low, tuple(gauss_method(high).nodes))
+
+
+@lru_cache(maxsize=4)
+def _places(stages: int, places: tuple[float, ...]) -> Array:
+    """From values at the nodes to those at other places of a step, of the same polynomial."""
+    nodes, at = 2.0 * gauss_method(stages).nodes - 1.0, 2.0 * np.array(places) - 1.0
+    return legendre.legvander(at, stages - 1) @ np.linalg.inv(legendre.legvander(nodes, stages - 1))
+
+
+def _peaks(weights: _Weights, modes: FreeModes, z: Array) -> Array:
+    """Largest displacement of the free end, and hub angle times radius, at the nodes; b x 2."""
+    tip = np.abs(weights.rows @ z).max(axis=(1, 2))
+    return np.stack([tip, weights.radius * np.abs(modes.push[:, None] @ z).max(axis=(1, 2))], axis=1)
+
+
+def _errors(weights: _Weights, coarse: Swept, fine: Swept, window: Window) -> tuple[Array, Array, Array]:
+    """Differences of the orders: in all, what the window has added, and both in the hub's mean speed; b x 2 each."""
+    apart: Array = fine.states - coarse.states
+    own = np.empty_like(apart)
+    own[:, 1:] = apart[:, 1:] - window.flow.turns * apart[:, 1:, :1]
+    elapsed = window.flow.h[:, None] * np.arange(apart.shape[2])
+    own[:, 0] = apart[:, 0] - apart[:, 0, :1] - 1j * elapsed * np.real(apart[:, 0, :1])
+    found = []
+    for each in (apart, own):
+        size = np.abs(each)
+        size[:, 0] = np.abs(np.imag(each[:, 0]))
+        tip, hub = ((weight[:, None] @ size)[:, 0].max(axis=1) for weight in (weights.tip, weights.hub))
+        found.append(np.stack([tip, hub], axis=1))
+    turning = np.stack([np.abs(np.real(each[:, 0]).mean(axis=1)) for each in (apart, own)], axis=1)
+    return found[0], found[1], (weights.speed * window.modes.push[:, 0])[:, None] * turning
+
+
+def _unseen(weights: _Weights, fine: Swept, window: Window) -> tuple[Array, Array]:
+    """What the vibrations of fast modes would do to what is watched, b x 2, and which mode most of it.
+
+    A vibration of amplitude a shifts its own phase, by what is not linear in its own equation, and pushes the hub and
+    the other modes by what couples it to them; that force turns with the vibration, so that its impulse stays bounded.
+    """
+    modes, fast = window.modes, window.flow.fast
+    if not window.flow.any_fast:
+        return np.zeros((fast.shape[0], 2)), np.zeros(fast.shape[0], dtype=int)
+    x, v, omega = fine.z[:, 1:], fine.rate[:, 1:], modes.oscillators.omega
+    rate = np.abs(window.flow.vibrations(fine.force, fine.states)).max(axis=2)
+    speed = np.abs(modes.hub_speed(fine.rate)).max(axis=(1, 2))[:, None]
+    square = np.maximum(speed**2 - modes.square[:, None], modes.square[:, None])
+    pushed, mobility = np.abs(modes.push[:, 1:]), np.sum(modes.push**2, axis=1)[:, None]
+    bent = modes.slope @ x
+    inertia = np.abs(np.einsum("bik,bik->bk", x, bent)).max(axis=1)[:, None]
+    varies = 2.0 * np.abs(np.einsum("bik,bik->bk", v, bent)).max(axis=1)[:, None] * pushed
+    coupling = np.zeros_like(omega)
+    if modes.form.has_axial:
+        coupling = np.abs(modes.gyro @ x).max(axis=2)
+        varies += np.abs(modes.gyro @ v).max(axis=2)
+    slope, gyro = np.abs(modes.slope), np.abs(modes.gyro)
+    own = square * np.einsum("bii->bi", slope) + (omega * pushed) ** 2 * inertia + (omega * coupling) ** 2 * mobility
+    own += 4.0 * speed**2 * np.einsum("bij,bij->bi", gyro, gyro)
+    shift = np.minimum(2.0, 0.5 * own / omega * (window.flow.h * STEPS)[:, None])
+    others = 2.0 * speed[..., None] * gyro + square[..., None] * slope / omega[:, None]
+    to_tip = (weights.tip[:, None, 1:] @ others)[:, 0] + np.sum(weights.tip[:, 1:] * pushed, axis=1)[:, None] * varies
+    tip = (weights.tip[:, 1:] * shift + to_tip / omega) * rate
+    hub = (weights.hub[:, 1:] * shift + (weights.speed * modes.push[:, 0] ** 2)[:, None] * varies / omega) * rate
+    both = np.stack([tip, hub], axis=1)
+    whole = both.sum(axis=2)
+    return whole, np.argmax((both / (whole + np.finfo(float).tiny)[..., None]).sum(axis=1), axis=1)

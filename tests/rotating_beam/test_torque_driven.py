@@ -1,0 +1,288 @@
+"""Motion under a torque, in modes of the free hub: laws, and plain collocation beside it."""
+
+import math
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad_vec, solve_ivp
+
+from boomctl.gauss import gauss_method
+from boomctl.rotating_beam import HubBeamParameters, hub_beam
+from boomctl.rotating_beam.manoeuvres import Torque, free, hold, sine_torque, spin_up, torque
+from boomctl.rotating_beam.motion.oscillators import FAST, Oscillators, flow, responses
+from boomctl.rotating_beam.motion.run import FREE_HUB, Scene, motion_of
+from boomctl.rotating_beam.result import SimulationError
+from boomctl.slew.torque import bang_bang, held
+from tests.profiles import examples
+
+BAI = HubBeamParameters()
+MODELS = ("sfoam", "sfoam-consistent", "foam", "tlam")
+SWEPT = (FREE_HUB,)
+
+
+def collocated(beam, manoeuvre, timepts, rtol):
+    """The same motion by plain collocation."""
+    p, size = beam.parameters, beam.equations.size
+    start = np.zeros(size), np.zeros(size)
+    scene = Scene(beam.equations, manoeuvre, timepts, start, rtol, 1e-14, p.length, p.hub_radius + p.length)
+    return motion_of(scene, (FREE_HUB,))
+
+
+def smooth(rng, end):
+    """A smooth torque of up to 100 N m that begins and ends with no torque."""
+    sizes = rng.uniform(-25.0, 25.0, 4)
+    return torque(lambda t: sum(a * np.sin((k + 1) * np.pi * t / end) for k, a in enumerate(sizes)))
+
+
+@pytest.mark.parametrize("model", MODELS)
+@examples(24)
+@given(
+    modes=st.sampled_from([1, 2, 3]),
+    amplitude=st.sampled_from([1.0, 50.0, 200.0, 400.0]),
+    tip_mass=st.sampled_from([0.0, 0.1, 0.4]),
+    rtol=st.sampled_from([1e-6, 1e-8]),
+)
+def test_the_error_is_below_what_is_asked_for(model, modes, amplitude, tip_mass, rtol):
+    beam = hub_beam(replace(BAI, tip_mass=tip_mass), model, modes)
+    timepts, manoeuvre = np.linspace(0.0, 6.0, 61), sine_torque(amplitude, 4.0, 4.0)
+    result = beam.simulate(manoeuvre, timepts, rtol=rtol, atol=1e-14)
+    exact = collocated(beam, manoeuvre, timepts, 1e-2 * rtol)
+    largest = np.abs(exact.tip).max()
+    error = np.abs(result.tip_displacement - exact.tip).max()
+    assert error <= rtol * largest
+    assert result.error_estimate >= error - 1e-2 * rtol * largest
+    angle = exact.states()[0][:, 0]
+    assert np.abs(result.hub_angle - angle).max() <= rtol * np.abs(angle).max()
+
+
+@pytest.mark.parametrize(
+    ("modes", "rtol"),
+    [pytest.param(modes, rtol, marks=pytest.mark.slow) for modes, rtol in product((5, 10), (1e-6, 1e-8))],
+)
+def test_many_modes_are_as_exact(modes, rtol):
+    beam = hub_beam(BAI, "sfoam", modes)
+    timepts, manoeuvre = np.linspace(0.0, 20.0, 201), sine_torque(200.0, 10.0, 10.0)
+    result = beam.simulate(manoeuvre, timepts, rtol=rtol, atol=1e-14)
+    exact = collocated(beam, manoeuvre, timepts, 0.1 * rtol)
+    assert result.path == SWEPT
+    assert np.abs(result.tip_displacement - exact.tip).max() <= rtol * np.abs(exact.tip).max()
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-8])
+def test_an_explicit_method_of_others_agrees(rtol):
+    beam = hub_beam(BAI, "sfoam", 2)
+    timepts, manoeuvre, n = np.linspace(0.0, 6.0, 31), sine_torque(200.0, 4.0, 4.0), 6
+    equations, x = beam.equations, np.zeros(n)
+    values = [x[None]]
+    for span in ((0.0, 4.0), (4.0, 6.0)):
+        inside = timepts[(timepts > span[0]) & (timepts <= span[1])]
+        solution = solve_ivp(
+            lambda t, x: equations.state_derivative(x, float(manoeuvre.torque(t))),
+            span,
+            values[-1][-1],
+            "DOP853",
+            inside,
+            rtol=1e-11,
+            atol=1e-13,
+        )
+        values.append(solution.y.T)
+    states = np.concatenate(values)
+    result = beam.simulate(manoeuvre, timepts, rtol=rtol, atol=1e-14)
+    tip = states[:, 1 : n // 2] @ equations.tip.transverse
+    assert np.abs(result.tip_displacement - tip).max() <= rtol * np.abs(tip).max()
+    assert np.abs(result.hub_angle - states[:, 0]).max() <= rtol * np.abs(states[:, 0]).max()
+
+
+@pytest.mark.parametrize("model", ["sfoam-consistent", "foam", "tlam"])
+@examples(4)
+@given(seed=st.integers(0, 99))
+def test_the_work_of_the_torque_is_in_the_energy(model, seed):
+    beam, end = hub_beam(BAI, model, 2), 5.0
+    manoeuvre = smooth(np.random.default_rng(seed), end)
+    method = gauss_method(10)
+    edges = np.linspace(0.0, end, 101)
+    nodes = (edges[:-1, None] + np.diff(edges)[:, None] * method.nodes).ravel()
+    result = beam.simulate(manoeuvre, np.append(nodes, end), rtol=1e-9)
+    weights = np.tile(method.weights * (end / 100.0), 100)
+    work = weights @ (result.torque * result.hub_speed)[:-1]
+    scale = np.abs(result.energy).max()
+    assert abs(result.energy[-1] - work) <= 1e-6 * scale
+    momentum = weights @ result.torque[:-1]
+    assert abs(result.angular_momentum[-1] - momentum) <= 1e-7 * np.abs(result.angular_momentum).max()
+
+
+@pytest.mark.parametrize("model", MODELS)
+@examples(4)
+@given(seed=st.integers(0, 99))
+def test_motion_runs_back_when_time_does(model, seed):
+    beam, end = hub_beam(BAI, model, 2), 4.0
+    there = smooth(np.random.default_rng(seed), end)
+    last = beam.simulate(there, [end], rtol=1e-10).states[-1]
+    half = last.size // 2
+    turned = np.concatenate([last[:half], -last[half:]])
+    back = beam.simulate(torque(lambda t: there.torque(end - t)), [end], turned, rtol=1e-10).states[-1]
+    sizes = np.abs(last).max()
+    assert np.abs(back).max() <= 1e-6 * sizes
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_motion_may_be_taken_up_at_any_instant(model):
+    beam = hub_beam(BAI, model, 2)
+    whole = sine_torque(150.0, 5.0, 5.0)
+    middle, end = 2.3, 7.0
+    first = beam.simulate(whole, [middle], rtol=1e-9)
+    later = torque(lambda t: whole.torque(t + middle), (5.0 - middle,))
+    second = beam.simulate(later, [end - middle], first.states[-1], rtol=1e-9)
+    direct = beam.simulate(whole, [end], rtol=1e-9)
+    size = np.abs(direct.states[-1]).max()
+    assert np.abs(second.states[-1] - direct.states[-1]).max() <= 1e-6 * size
+    assert second.tip_displacement[-1] == pytest.approx(direct.tip_displacement[-1], abs=2e-8)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_opposite_torque_mirrors_the_motion(model):
+    beam, timepts = hub_beam(BAI, model, 2), np.linspace(0.0, 5.0, 26)
+    left, right = (beam.simulate(sine_torque(a, 4.0, 4.0), timepts, rtol=1e-8) for a in (100.0, -100.0))
+    assert left.path == SWEPT
+    assert np.abs(left.tip_displacement + right.tip_displacement).max() <= 1e-12 * np.abs(left.tip_displacement).max()
+    assert np.abs(left.hub_angle + right.hub_angle).max() <= 1e-12 * np.abs(left.hub_angle).max()
+    assert np.abs(left.energy - right.energy).max() <= 1e-11 * left.energy.max()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_without_torque_what_rests_stays_at_rest(model):
+    result = hub_beam(BAI, model, 3).simulate(free(), np.linspace(0.0, 60.0, 7))
+    assert result.path == SWEPT
+    assert not result.states.any()
+    assert result.error_estimate == 0.0
+
+
+@pytest.mark.parametrize(
+    "history",
+    [
+        bang_bang(np.array([0.7, 1.9, 2.2]), 3.0, 80.0, 1.0),
+        held(np.linspace(0.0, 3.0, 31), 80.0 * np.cos(np.arange(30.0))),
+    ],
+    ids=["uneven", "even"],
+)
+@pytest.mark.parametrize("model", ["sfoam", pytest.param("foam", marks=pytest.mark.slow)])
+def test_kinks_lie_at_the_ends_of_steps(model, history):
+    """In FOAM they make axial modes ring, which the steps then resolve."""
+    beam, timepts = hub_beam(BAI, model, 2), np.linspace(0.0, 5.0, 51)
+    manoeuvre = torque(history, history.breakpoints)
+    result = beam.simulate(manoeuvre, timepts, rtol=1e-8, atol=1e-14)
+    exact = collocated(beam, manoeuvre, timepts, 1e-9)
+    assert result.path == SWEPT
+    assert np.abs(result.tip_displacement - exact.tip).max() <= 1e-8 * np.abs(exact.tip).max()
+    trajectory = result.details.args[2].states.func
+    ends = np.concatenate([p.begin + p.h * np.arange(p.force.shape[1] + 1) for p in trajectory.pieces])
+    assert np.abs(ends[:, None] - history.edges).min(axis=0).max() <= 1e-9
+
+
+@examples(10)
+@given(jump=st.floats(0.5, 3.5))
+def test_jumps_that_the_user_does_not_name_are_found(jump):
+    beam, timepts = hub_beam(BAI, "sfoam", 1), np.linspace(0.0, 4.0, 21)
+
+    def function(t):
+        return np.where(t < jump, 50.0, -20.0)
+
+    silent = beam.simulate(torque(function), timepts, rtol=1e-8, atol=1e-14)
+    named = beam.simulate(torque(function, (jump,)), timepts, rtol=1e-8, atol=1e-14)
+    assert np.abs(silent.tip_displacement - named.tip_displacement).max() <= 1e-8 * np.abs(named.tip_displacement).max()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_damped_motion_agrees_with_collocation(model):
+    beam, timepts = hub_beam(replace(BAI, damping_ratio=0.03), model, 2), np.linspace(0.0, 8.0, 41)
+    manoeuvre = sine_torque(100.0, 4.0, 4.0)
+    result, exact = beam.simulate(manoeuvre, timepts, rtol=1e-8), collocated(beam, manoeuvre, timepts, 1e-10)
+    assert result.path == SWEPT
+    assert np.abs(result.tip_displacement - exact.tip).max() <= 1e-8 * np.abs(exact.tip).max()
+
+
+def test_modes_that_creep_are_left_to_collocation():
+    beam = hub_beam(replace(BAI, damping_ratio=0.999), "sfoam", 1)
+    assert beam.equations.free_hub_form is None
+    assert beam.simulate(sine_torque(10.0, 2.0, 2.0), [3.0]).path == ("collocation",)
+
+
+def test_a_torque_beyond_the_model_is_refused_in_time():
+    beam = hub_beam(replace(BAI, tip_mass=5.0), "foam", 2)
+    with pytest.raises(SimulationError, match="positive definite"):
+        beam.simulate(sine_torque(400.0, 10.0, 10.0), [10.0], rtol=1e-4)
+
+
+@pytest.mark.parametrize("model", ["sfoam", "foam"])
+def test_many_torques_at_once_move_as_each_alone(model):
+    beam, timepts = hub_beam(BAI, model, 2), np.linspace(0.0, 6.0, 31)
+    history = bang_bang(np.array([1.1]), 2.0, 5.0, 1.0)
+    manoeuvres = [
+        *(sine_torque(a, 4.0, 4.0) for a in (5.0, 120.0, 300.0)),
+        free(),
+        Torque(history, history.breakpoints),
+    ]
+    manoeuvres = [*manoeuvres, hold(), spin_up(1.0, 2.0)]
+    initial = np.zeros((7, 2 * beam.equations.size))
+    initial[3, 1] = 1e-3
+    together = beam.simulate_many(manoeuvres, timepts, initial, rtol=1e-6)
+    for manoeuvre, state, result in zip(manoeuvres, initial, together, strict=True):
+        alone = beam.simulate(manoeuvre, timepts, state, rtol=1e-6)
+        assert (result.path, result.steps) == (alone.path, alone.steps)
+        assert np.abs(result.tip_displacement - alone.tip_displacement).max() <= 1e-12 * np.abs(alone.states).max()
+        assert np.abs(result.states - alone.states).max() <= 1e-11 * np.abs(alone.states).max()
+
+
+def test_more_scenes_than_go_side_by_side_come_in_their_order():
+    beam = hub_beam(BAI, "sfoam", 1)
+    amplitudes = np.linspace(0.0, 20.0, 21)
+    results = beam.simulate_many([sine_torque(a, 1.0, 1.0) for a in amplitudes], [1.0], rtol=1e-6)
+    angles = np.array([result.hub_angle[-1] for result in results])
+    assert angles == pytest.approx(amplitudes / 20.0 * angles[-1], rel=1e-4)
+
+
+@pytest.mark.parametrize("model", ["cfoam", "geometrically-exact"])
+def test_models_without_such_modes_take_one_after_the_other(model):
+    beam = hub_beam(BAI, model, 1)
+    manoeuvres = sine_torque(5.0, 1.0, 1.0), free()
+    results = beam.simulate_many(manoeuvres, [0.5], rtol=1e-5)
+    assert [result.path for result in results] == [beam.simulate(each, [0.5], rtol=1e-5).path for each in manoeuvres]
+    assert beam.simulate_many((), [1.0]) == ()
+
+
+def test_bad_input_of_many_names_the_manoeuvre():
+    beam = hub_beam(BAI, "sfoam", 1)
+    with pytest.raises(TypeError, match=r"manoeuvres\[1\]: manoeuvre = 3"):
+        beam.simulate_many((free(), 3), [1.0])
+    with pytest.raises(ValueError, match="initial: 2 states for 1 manoeuvres"):
+        beam.simulate_many((free(),), [1.0], np.zeros((2, 4)))
+    with pytest.raises(ValueError, match=r"manoeuvres\[0\]: initial of shape"):
+        beam.simulate_many((free(),), [1.0], np.zeros((1, 3)))
+
+
+@examples(20)
+@given(phase=st.floats(1e-3, 60.0), damping=st.sampled_from([0.0, 0.3]), h=st.sampled_from([1.0, 0.02]))
+def test_the_answer_to_a_polynomial_is_exact(phase, damping, h):
+    s, omega = 10, phase / h
+    oscillators = Oscillators(np.array([[damping * omega]]), np.array([[omega]]), damping > 0.0)
+    values = np.random.default_rng(1).normal(size=s)
+    by_force = responses(oscillators, np.array([h]), s, FAST)[0] @ values
+    nodes = gauss_method(s).nodes
+    fit = np.polynomial.Polynomial.fit(nodes, values, s - 1, domain=[0.0, 1.0])
+    rate = complex(-damping * phase, phase)
+    places = np.array([0.0, *nodes, 1.0])
+    exact = np.array(
+        [h * quad_vec(lambda x, c=c: np.exp(rate * (c - x)) * fit(x), 0.0, c, 1e-13, 1e-13)[0] for c in places]
+    )
+    found = by_force[1] - np.exp(rate * places) * by_force[1, 0]
+    assert np.abs(found - exact).max() <= 1e-10 * h * np.abs(values).max()
+    moved = flow(oscillators, np.array([h]), 3, s)
+    force = np.tile(values, (1, 2, 3, 1))
+    u = moved.states(force, np.zeros((1, 2), dtype=complex))
+    assert u[0, 1, 1] == pytest.approx(exact[-1], abs=1e-10 * h * np.abs(values).max())
+    mean = gauss_method(s).weights @ values
+    assert u[0, 0].real == pytest.approx(h * mean * np.arange(4), abs=1e-12 * math.fabs(h * mean) + 1e-15)
