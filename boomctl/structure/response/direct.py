@@ -173,7 +173,8 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
         raise ValueError(
             "omega hits an undamped resonance (or a rigid-body mode at 0): the response is infinite"
         ) from None
-    return _conditioned(ports, s, evaluate(ports.L, s) @ X + evaluate(ports.E, s))
+    Y = evaluate(ports.L, s) @ X
+    return _conditioned(ports, s, Y + evaluate(ports.E, s) if ports.E.any() else Y)
 
 
 def _by_factorization(structure: Structure, ports: Ports, omega: Array) -> Array:
