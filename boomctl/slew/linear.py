@@ -32,14 +32,17 @@ class LinearFlow:
         Phi, push = zero_order_hold(self.A, self.B[:, None], h)
         return Phi, push[:, 0]
 
+    def carried(self, vector: Array, h: float, count: int) -> Array:
+        """A vector v and what an unforced motion makes of it in equal steps: ``v, exp(A h) v, ...``, n x count."""
+        Phi, found = self.step(h)[0], vector[:, None]
+        while found.shape[1] < count:  # each round carries all that are there as far as they reach
+            found, Phi = np.hstack([found, Phi @ found]), Phi @ Phi
+        return found[:, :count]
+
     def responses(self, duration: float, intervals: int) -> Array:
         """End states that unit torque on each of equal intervals causes, n x intervals."""
-        Phi, push = self.step(duration / intervals)
-        columns = np.empty((self.B.size, intervals))
-        for k in range(intervals - 1, -1, -1):
-            columns[:, k] = push
-            push = Phi @ push
-        return columns
+        h = duration / intervals
+        return self.carried(self.step(h)[1], h, intervals)[:, ::-1]
 
     def motion(self, start: Array, duration: float, torques: Array) -> Array:
         """States, (N + 1) x n, between N equal intervals on which torques are held."""

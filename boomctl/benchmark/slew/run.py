@@ -22,6 +22,7 @@ from boomctl.slew.torque import TorqueHistory, held
 
 _EFFORT = Effort(AssumedModesBeam(HubBeamParameters(), "sfoam", 3), np.pi / 2, 200.0, 3.0, 200)
 """A quarter turn in 3 s, a little more than the least time; intervals so short that RK4 is stable on them."""
+_ONE_MODE = 2.0  # ratio of the nonlinear slew with one mode, where building and first calls are most of the time
 _COARSE = 40  # intervals so long that RK4 is unstable in the third mode
 _FINE = 8
 """Substeps with which a peer is as exact as ours, for the comparison of optima."""
@@ -114,7 +115,11 @@ def nonlinear_rows(full: bool, tell: Tell) -> list[Row]:
         job = f"{model}, modes: {modes}; switches: {found.certificate.switches}{share}"
         certificate = found.certificate
         met = mine.error <= 1e-6 and certificate.optimality == "extremal" and certificate.optimality_gap <= 1e-6
-        rows.append(race(section, job, mine, theirs, "<= 1e-06", met))
+        target = "<= 1e-06"
+        if intervals and modes == 1:
+            target = f">= {_ONE_MODE:g}x, <= 1e-06"
+            met = met and theirs.seconds >= _ONE_MODE * mine.seconds and mine.error <= theirs.error
+        rows.append(race(section, job, mine, theirs, target, met))
     return rows
 
 

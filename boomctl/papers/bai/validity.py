@@ -144,7 +144,8 @@ def section(data: Validity) -> Part:
     chart = Chart(
         "validity",
         "Not in the paper: where each model leaves the geometrically exact beam; sine torque of 10 s, 8 modes, "
-        f"{len(data.torques)} torques (boomctl reproduce --full takes {len(FULL_TORQUES)})",
+        f"{len(data.torques)} torques, between which the limits in the table are interpolated, to some 5 % "
+        f"(boomctl reproduce --full takes {len(FULL_TORQUES)})",
         (panel("(a) whole motion, 30 s", data.whole), panel("(b) residual vibration, 10 to 30 s", data.residual)),
         columns=2,
     )

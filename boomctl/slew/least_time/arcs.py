@@ -81,12 +81,20 @@ class Sensitivity:
 
 @dataclass(frozen=True, eq=False)
 class _Stepper:
-    """A plant's step ``(z, u, h) -> z``, its Jacobian n x (n + 2), and the Hessian of l^T z by (z, h)."""
+    """A plant's step ``(z, u, h) -> z`` and its Jacobian n x (n + 2); ``after`` is the step of the symbols."""
 
     plant: SlewPlant
+    symbols: tuple[ca.SX, ca.SX, ca.SX]
+    after: ca.SX
     step: ca.Function
     jacobian: ca.Function
-    hessian: ca.Function
+
+    @cached_property
+    def hessian(self) -> ca.Function:
+        """The Hessian of l^T z by (z, h): made when it is asked for, which many slews do not."""
+        (z, u, h), l = self.symbols, ca.SX.sym("l", self.plant.n)
+        second = ca.densify(ca.hessian(ca.dot(l, self.after), ca.vertcat(z, h))[0])
+        return ca.Function("hessian", [z, u, h, l], [second])
 
     def motion(self, start: Array, u: Array, h: Array) -> Array:
         """States before and after all steps, n x (K + 1)."""
@@ -105,16 +113,11 @@ class _Stepper:
 
 
 def _stepper(plant: SlewPlant) -> _Stepper:
-    z, u, h, l = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h"), ca.SX.sym("l", plant.n)
+    z, u, h = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h")
     after = explicit_step(plant, 1)(z, u, u, h)
     jacobian = ca.densify(ca.jacobian(after, ca.vertcat(z, u, h)))
-    hessian = ca.densify(ca.hessian(ca.dot(l, after), ca.vertcat(z, h))[0])
-    return _Stepper(
-        plant,
-        ca.Function("step", [z, u, h], [after]),
-        ca.Function("jacobian", [z, u, h], [jacobian]),
-        ca.Function("hessian", [z, u, h, l], [hessian]),
-    )
+    step = ca.Function("step", [z, u, h], [after])
+    return _Stepper(plant, (z, u, h), after, step, ca.Function("jacobian", [z, u, h], [jacobian]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,6 @@ import numpy as np
 from scipy.optimize import brentq, linprog
 
 from boomctl.arrays import Array
-from boomctl.lti.hold import observability
 from boomctl.slew.linear import LinearFlow, flow
 from boomctl.slew.problem import AT_LIMIT, SlewProblem
 from boomctl.slew.result import SlewError
@@ -26,12 +25,18 @@ _BRACKET = 0.1  # steps of the logarithm of the time, in which the least is brac
 _BRACKETS = 200  # such steps: e^20 times the guess either way
 _EXACT = 1e-11  # relative accuracy of the least time on a grid, far below what the grid itself costs
 _HOPELESS = 1e9  # torque over its limit that stands for "in no time like this one"
+_SECANTS = 12  # times tried until the least peak on a grid is about the limit; some five do
+_ROUGHLY = 1e-3  # of the logarithm of the peak, near enough for Newton's method: a fifth of an interval of the grid
+_REWEIGHTED = 40  # least-squares problems until the signs stay; a choice, for Newton's method does the rest
+_THIN = 1e-6  # share of the largest |G^T y| below which weights grow no further
 _DECIDED = 0.5  # share of the limit from which a torque on a grid shows its sign
 _NEWTON = 60  # steps of Newton's method at most; from where arcs are about to appear it is damped and slow
 _CONVERGED, _ROUNDED = 1e-9, 1e-11  # largest last step of a time over the duration: to be believed; to be left at once
+_MISSED = 1e-6  # of the end state, by which its conditions may be missed: what a replay is held to
 _SHORTEST = 1e-4  # of a step of Newton's method; below it switching times cross
 _TOGETHER = 1e-7  # share of the duration below which two switching times are one: the arc between them does nothing
 _AGREE = 1e-6  # size of a switching function of the wrong sign, over its largest, that is rounding at the switches
+_EVEN = 1e-12  # share of the duration by which instants may be unevenly spaced: rounding
 _SAMPLES = 4000  # instants at which the signs of torque and switching function are compared; a choice
 _PARTS = 2000  # of the duration, in which the integral of |p| is summed: |p| is smooth between switches
 
@@ -135,6 +140,9 @@ def time_gap(problem: LinearTimeProblem, found: Extremal) -> float:
 
 def _fastest(problem: LinearTimeProblem, guess: float) -> Extremal:
     """The least time from a guess of it [s]."""
+    likely = _likely(problem, guess)
+    if likely is not None:
+        return likely
     best, vibration = None, _fastest_vibration(problem.flow)
     for intervals in _GRIDS:
         turn = vibration * guess / intervals
@@ -157,6 +165,57 @@ def _fastest(problem: LinearTimeProblem, guess: float) -> Extremal:
     raise SwitchesNotFound(f"minimum time: the switching times could not be found; {missing}")
 
 
+def _likely(problem: LinearTimeProblem, guess: float) -> Extremal | None:
+    """The extremal that reweighted least squares on a grid lead to, where they do: ten times as fast as programmes.
+
+    The least peak of the torque for a given time is the largest ``d^T y`` with ``sum |G^T y| <= 1``; so few unknowns y, one
+    an end condition, are found by solving for the weights ``1/|G^T y|`` again and again.  Nothing is taken on trust:
+    Newton's method and the signs of the switching function judge what comes out.
+    """
+    logarithms, peaks = [math.log(guess)], []
+    for _ in range(_SECANTS):
+        system = _grid_system(problem, math.exp(logarithms[-1]), _GRIDS[0])
+        if system is None:
+            return None
+        G, d, scale = system
+        y = _least_sum(G, d)
+        if y is None:
+            return None
+        peaks.append(-math.log(float(np.abs(y @ G).sum())))
+        if abs(peaks[-1]) < _ROUGHLY:
+            duration, costate = math.exp(logarithms[-1]), (y / scale) @ problem.ends
+            first = _from_costate(problem, duration, np.sign(y @ G), costate)
+            found = None if first is None else _merged(problem, _newton(problem, first))
+            return found if found is not None and misfit(problem, found) < _AGREE else None
+        if len(peaks) == 1:
+            further = 0.5 * peaks[0]  # of a rigid body, whose least peak falls with the square of the time
+        else:
+            rise = peaks[-1] - peaks[-2]
+            if rise == 0.0:
+                return None
+            further = -peaks[-1] * (logarithms[-1] - logarithms[-2]) / rise
+        logarithms.append(logarithms[-1] + float(np.clip(further, -1.0, 1.0)))
+    return None
+
+
+def _least_sum(G: Array, d: Array) -> Array | None:
+    """The y with ``d^T y = 1`` and nearly the least ``sum |G^T y|``; None where the equations have no solution."""
+    weights = np.ones(G.shape[1])
+    y = np.zeros(d.size)
+    for _ in range(_REWEIGHTED):
+        try:
+            y = np.linalg.solve((G * weights) @ G.T, d)
+        except np.linalg.LinAlgError:
+            return None
+        reached = float(d @ y)
+        if not np.isfinite(reached) or reached <= 0.0:
+            return None
+        y /= reached
+        size = np.abs(y @ G)
+        weights = 1.0 / np.maximum(size, _THIN * size.max())
+    return y
+
+
 def _fastest_vibration(flow: LinearFlow) -> float:
     """Frequency of the fastest vibration that the torque moves, rad/s."""
     values, left = np.linalg.eig(flow.A.T)
@@ -165,11 +224,21 @@ def _fastest_vibration(flow: LinearFlow) -> float:
 
 
 def switching_function(problem: LinearTimeProblem, found: Extremal, t: Array) -> Array:
-    """``p(t) = costate^T exp(A (T - t)) B`` at instants t [s] an even step apart, 1/(N m s); the torque follows its sign."""
-    last = found.costate @ problem.flow.step(found.duration - float(t[-1]))[0]
-    Phi = problem.flow.step(float(t[-1] - t[0]) / (t.size - 1))[0]
-    rows, _ = observability(Phi, last[None], t.size)
-    return (rows[:, 0] @ problem.flow.B)[::-1]
+    """``p(t) = costate^T exp(A (T - t)) B`` at instants t [s], 1/(N m s); the torque follows its sign."""
+    gaps = np.diff(t)
+    if t.size > 1 and gaps[0] > 0.0 and np.ptp(gaps) <= _EVEN * found.duration:
+        last = problem.flow.step(found.duration - float(t[-1]))[0] @ problem.flow.B
+        return (found.costate @ problem.flow.carried(last, float(t[-1] - t[0]) / (t.size - 1), t.size))[::-1]
+    order = np.argsort(-t)
+    row, before, values = found.costate, found.duration, np.empty(t.size)
+    steps: dict[float, Array] = {}
+    for k in order:
+        gap = float(f"{before - t[k]:.13g}")
+        if gap not in steps:
+            steps[gap] = problem.flow.step(gap)[0]
+        row, before = row @ steps[gap], t[k]
+        values[k] = row @ problem.flow.B
+    return values
 
 
 def lower_bound(problem: LinearTimeProblem, found: Extremal) -> float:
@@ -184,9 +253,8 @@ def lower_bound(problem: LinearTimeProblem, found: Extremal) -> float:
     for arc in np.diff(np.concatenate([[0.0], found.switches, [found.duration]]))[::-1]:
         parts = math.ceil(_PARTS * arc / found.duration)
         Phi, push = problem.flow.step(arc / parts)
-        rows, whole = observability(Phi, row[None], parts)
-        most += problem.limit * float(np.abs(rows[:, 0] @ push).sum())
-        row = row @ whole
+        most += problem.limit * float(np.abs(row @ problem.flow.carried(push, arc / parts, parts)).sum())
+        row = row @ np.linalg.matrix_power(Phi, parts)
     weights = np.linalg.lstsq(problem.ends.T, found.costate, rcond=None)[0]
     needed = float(weights @ problem.target - row @ problem.start)
     return found.duration - abs(needed - most)
@@ -216,17 +284,25 @@ def _grid_solution(problem: LinearTimeProblem, guess: float, intervals: int) -> 
     return duration, values, costate
 
 
-def _least_peak(problem: LinearTimeProblem, duration: float, intervals: int) -> tuple[float, Array, Array]:
-    """Least peak of the torque over its limit, the torque over its limit, and the costate, for a given time."""
+def _grid_system(problem: LinearTimeProblem, duration: float, intervals: int) -> tuple[Array, Array, Array] | None:
+    """``G u = d`` of torques over their limit on equal intervals, rows of size one, and their size; None if it overflows."""
     G = problem.ends @ problem.flow.responses(duration, intervals) * problem.limit
     Phi = problem.flow.step(duration)[0]
     d = problem.target - problem.ends @ (Phi @ problem.start)
     scale = np.linalg.norm(G, axis=1)
     if not np.any(d):
         raise SlewError("angle: the plant is at its end state already; expected a slew that leads somewhere")
-    G, d = G / scale[:, None], d / scale
-    if not np.isfinite(d).all() or scale.min() == 0.0:
+    if not np.isfinite(G).all() or not np.isfinite(d).all() or scale.min() == 0.0:
+        return None
+    return G / scale[:, None], d / scale, scale
+
+
+def _least_peak(problem: LinearTimeProblem, duration: float, intervals: int) -> tuple[float, Array, Array]:
+    """Least peak of the torque over its limit, the torque over its limit, and the costate, for a given time."""
+    system = _grid_system(problem, duration, intervals)
+    if system is None:
         raise SlewError("torque_limit: no torque within it leads to the end state before the motion overflows")
+    G, d, scale = system
     answer = None
     for method in ("highs-ds", "highs-ipm"):
         answer = linprog(
@@ -320,10 +396,14 @@ def _merged(problem: LinearTimeProblem, found: Extremal | None) -> Extremal | No
 
 
 def _newton(problem: LinearTimeProblem, first: Extremal) -> Extremal | None:
-    """Newton's method on all of Pontryagin's conditions; None if the switches cross or it does not converge."""
+    """Newton's method on all of Pontryagin's conditions; None if the switches cross or it does not converge.
+
+    With too few switches its steps, solved for in least squares, may end where the end conditions are not met: None too.
+    """
     found, ends = first, problem.ends
     weights = np.linalg.lstsq(ends.T, first.costate, rcond=None)[0]
-    best, size = None, np.inf
+    best, size, missed = None, np.inf, np.inf
+    reached = max(float(np.abs(problem.target).max()), float(np.abs(ends @ problem.start).max()))
     for _ in range(_NEWTON):
         residual, slope = _conditions(problem, found, weights)
         move = _least_squares(slope, -residual, 1e-14)
@@ -331,6 +411,7 @@ def _newton(problem: LinearTimeProblem, first: Extremal) -> Extremal | None:
         step = float(np.abs(move[: count + 1]).max() / found.duration)
         if step < size:
             best, size = replace(found, costate=weights @ ends, residual=float(step)), step
+            missed = float(np.abs(residual[: ends.shape[0]]).max()) / reached
         elif size < _ROUNDED:
             break
         damping = 1.0
@@ -343,7 +424,7 @@ def _newton(problem: LinearTimeProblem, first: Extremal) -> Extremal | None:
             return None
         found = replace(found, switches=times[:-1], duration=float(times[-1]))
         weights = weights + damping * move[count + 1 :]
-    return best if size < _CONVERGED else None
+    return best if size < _CONVERGED and missed < _MISSED else None
 
 
 def _conditions(problem: LinearTimeProblem, found: Extremal, weights: Array) -> tuple[Array, Array]:

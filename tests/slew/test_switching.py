@@ -1,0 +1,55 @@
+"""Where the switching times of linear plants come from changes nothing of them."""
+
+import numpy as np
+import pytest
+
+import boomctl as bc
+from boomctl.slew.least_time import switching
+from boomctl.slew.linear import LinearFlow
+from boomctl.slew.problem import Limits, slew_problem
+
+
+def problem(modes, tip_mass=0.1, angle=np.pi / 2, limit=200.0):
+    beam = bc.hub_beam(bc.HubBeamParameters(tip_mass=tip_mass), model="sfoam", modes=modes).linearize()
+    return slew_problem(beam, angle, Limits(limit), "time", None)
+
+
+@pytest.mark.parametrize("modes", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("tip_mass", "angle", "limit"), [(0.1, np.pi / 2, 200.0), (2.0, 0.3, 50.0), (0.0, -2.0, 400.0)]
+)
+def test_reweighted_least_squares_and_linear_programmes_lead_to_one_torque(modes, tip_mass, angle, limit, monkeypatch):
+    asked = problem(modes, tip_mass, angle, limit)
+    found = switching.least_time(asked)
+    monkeypatch.setattr(switching, "_likely", lambda *_: None)
+    expected = switching.least_time(asked)
+    assert found.duration == pytest.approx(expected.duration, rel=1e-13)
+    assert found.switches == pytest.approx(expected.switches, abs=1e-10 * expected.duration)
+
+
+def test_too_few_switches_are_not_taken_for_converged():
+    """Solved in least squares, Newton's steps end there too, but the end state is missed."""
+    asked = problem(3, 0.0, -2.0, 400.0)
+    linear, right = switching.linear_time_problem(asked), switching.least_time(asked)
+    fewer = switching.replace(right, switches=np.delete(right.switches, [3, 4]))
+    assert switching._newton(linear, switching._fitted(linear, fewer)) is None
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 64, 201])
+def test_what_is_carried_by_doubling_is_what_is_carried_step_by_step(count):
+    rng = np.random.default_rng(count)
+    flow = LinearFlow(rng.standard_normal((4, 4)), rng.standard_normal(4))
+    vector = rng.standard_normal(4)
+    expected = [vector]
+    for _ in range(count - 1):
+        expected.append(flow.step(0.01)[0] @ expected[-1])
+    found = flow.carried(vector, 0.01, count)
+    assert np.abs(found - np.array(expected).T).max() < 1e-13 * np.abs(found).max()
+
+
+def test_even_instants_have_the_switching_function_of_any():
+    asked = problem(2)
+    linear, found = switching.linear_time_problem(asked), switching.least_time(asked)
+    t = np.linspace(0.0, found.duration, 33)
+    one_by_one = [float(switching.switching_function(linear, found, t[[k]])[0]) for k in range(t.size)]
+    assert switching.switching_function(linear, found, t) == pytest.approx(one_by_one, rel=1e-9, abs=1e-12)
