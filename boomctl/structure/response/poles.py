@@ -12,6 +12,11 @@ from boomctl.structure.response.core import orthonormal
 from boomctl.structure.response.pencil import factorized
 
 _DENSE_MODES = 250  # coordinates up to which modes are found densely; sparse is faster from 200 on (measured)
+_FLOATING = 250  # the same of floating structures, whose rigid motions are told apart there alone (a choice)
+_WHOLE = 100  # coordinates up to which all poles are found, so that none depends on how many are asked for (a choice)
+_SMALL = 60  # coordinates up to which modes are found in strain coordinates, where they cost little more (a choice)
+# share of the lowest stiffness over mass from which on rounding of the largest spoils shapes, and strain coordinates do it
+_GRADED = 0.1
 _FEW = 0.25  # share of modes below which only those wanted are asked for: more cost as much as all (a choice)
 _SPREAD = 1e7  # of stiffnesses, from which on the softest mode counts as nearly floating (a choice)
 _NOISE = 1e3 * float(np.finfo(float).eps)  # of the largest stiffness over mass: rounding, with room (a choice)
@@ -20,10 +25,12 @@ _NOISE = 1e3 * float(np.finfo(float).eps)  # of the largest stiffness over mass:
 def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Array, Array]:
     """Return the lowest undamped angular frequencies [rad/s], ascending, and mass-normalised mode shapes (columns).
 
-    The pencil is solved upside down, ``M v = mu (K + alpha M) v``, so that the low modes are the largest eigenvalues
-    and keep their digits on fine meshes; a Rayleigh quotient over the strain rows mends what rounding is left.  The
-    shift ``alpha``, just above rounding, keeps floating structures definite; where one floats, or nearly does, the pencil
-    is solved once more with the shift at its lowest elastic mode, or the softest modes would take the others' digits.
+    Small structures with rows, and those whose stiffest element is too stiff for a stiffness matrix in double precision,
+    are solved in strain coordinates.  Otherwise the pencil is solved upside down, ``M v = mu (K + alpha M) v``, so that
+    the low modes are the largest eigenvalues and keep their digits on fine meshes; a Rayleigh quotient over the strain
+    rows mends what rounding is left.  The shift ``alpha``, just above rounding, keeps floating structures definite; where
+    one floats, or nearly does, the pencil is solved once more with the shift at its lowest elastic mode, or the softest
+    modes would take the others' digits.
 
     Raises
     ------
@@ -37,6 +44,9 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
             raise ValueError(f"undamped modes need a symmetric {name}")
     if not (M.diagonal() > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
+    if structure.n <= _SMALL and structure.strain_form is not None:
+        frequencies, shapes = structure.strain_form.modes()
+        return frequencies[:wanted], shapes[:, :wanted]
     solve = _dense_modes if wanted > 0.3 * structure.n or structure.n <= _DENSE_MODES else _sparse_modes
     noise = _NOISE * float((np.abs(K.diagonal()) / M.diagonal()).max())
     stiffness, shapes = _sorted(structure, M, solve(M, K, noise, wanted))
@@ -44,6 +54,9 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
     uneven = len(elastic) < len(stiffness) or (len(elastic) and stiffness[-1] > _SPREAD * elastic[0])
     if len(elastic) and uneven and elastic[0] > 10.0 * noise:
         stiffness, shapes = _sorted(structure, M, solve(M, K, float(elastic[0]), wanted))
+    if noise > _GRADED * max(float(stiffness[0]), 0.0) and structure.strain_form is not None:
+        frequencies, shapes = structure.strain_form.modes()
+        return frequencies[:wanted], shapes[:, :wanted]
     return np.sqrt(np.maximum(stiffness, 0.0)), shapes
 
 
@@ -109,12 +122,19 @@ def damped_poles(structure: Structure, count: int) -> Array:
     ValueError
         There are fewer.
     """
+    form = structure.strain_form if structure.n <= _FLOATING else None
+    if form is not None and (form.rigid or structure.n <= max(2 * count + 20, _WHOLE)):
+        return _lowest(form.poles(), count)
     basis = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
     if basis is None:
         poles = first_order_poles(dense(structure.M), dense(structure.C), dense(structure.K))
     else:
         small = structure.projected(basis)
         poles = first_order_poles(small.M, small.C, small.K)
+    return _lowest(poles, count)
+
+
+def _lowest(poles: Array, count: int) -> Array:
     upper = poles[poles.imag > 1e-9 * np.abs(poles)]
     if len(upper) < count:
         raise ValueError(f"count = {count}: the model has only {len(upper)} damped eigenfrequencies")
