@@ -19,6 +19,7 @@ from boomctl.structure import (
     Output,
     RigidBody,
     SpringDamper,
+    free,
     prescribe_displacement,
     revolute,
 )
