@@ -15,8 +15,8 @@ _DENSE_MODES = 250  # coordinates up to which modes are found densely; sparse is
 _FLOATING = 250  # the same of floating structures, whose rigid motions are told apart there alone (a choice)
 _WHOLE = 100  # coordinates up to which all poles are found, so that none depends on how many are asked for (a choice)
 _SMALL = 60  # coordinates up to which modes are found in strain coordinates, where they cost little more (a choice)
-# share of the lowest stiffness over mass from which on rounding of the largest spoils shapes, and strain coordinates do it
-_GRADED = 0.1
+# noise over the lowest stiffness over mass from which on shapes, found otherwise, are good to less than 1e-10 (measured)
+_GRADED = 30.0
 _FEW = 0.25  # share of modes below which only those wanted are asked for: more cost as much as all (a choice)
 _SPREAD = 1e7  # of stiffnesses, from which on the softest mode counts as nearly floating (a choice)
 _NOISE = 1e3 * float(np.finfo(float).eps)  # of the largest stiffness over mass: rounding, with room (a choice)
