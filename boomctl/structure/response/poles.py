@@ -13,6 +13,7 @@ from boomctl.structure.response.pencil import factorized
 
 _DENSE_MODES = 250  # coordinates up to which modes are found densely; sparse is faster from 200 on (measured)
 _FLOATING = 250  # the same of floating structures, whose rigid motions are told apart there alone (a choice)
+_FREE = 1e-7  # share of the highest frequency found below which a motion may be a rigid one (a choice)
 _WHOLE = 100  # coordinates up to which all poles are found, so that none depends on how many are asked for (a choice)
 _SMALL = 60  # coordinates up to which modes are found in strain coordinates, where they cost little more (a choice)
 # noise over the lowest stiffness over mass from which on shapes, found otherwise, are good to less than 1e-10 (measured)
@@ -122,16 +123,17 @@ def damped_poles(structure: Structure, count: int) -> Array:
     ValueError
         There are fewer.
     """
-    form = structure.strain_form if structure.n <= _FLOATING else None
-    if form is not None and (form.rigid or structure.n <= max(2 * count + 20, _WHOLE)):
-        return _lowest(form.poles(), count)
-    basis = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
-    if basis is None:
-        poles = first_order_poles(dense(structure.M), dense(structure.C), dense(structure.K))
-    else:
-        small = structure.projected(basis)
-        poles = first_order_poles(small.M, small.C, small.K)
-    return _lowest(poles, count)
+    if structure.n <= max(2 * count + 20, _WHOLE) and structure.strain_form is not None:
+        return _lowest(structure.strain_form.poles(), count)
+    found = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
+    if found is None:
+        return _lowest(first_order_poles(dense(structure.M), dense(structure.C), dense(structure.K)), count)
+    frequencies, basis = found
+    floats = frequencies[0] <= _FREE * frequencies[-1] and structure.n <= _FLOATING
+    if floats and structure.strain_form is not None:
+        return _lowest(structure.strain_form.poles(), count)
+    small = structure.projected(basis)
+    return _lowest(first_order_poles(small.M, small.C, small.K), count)
 
 
 def _lowest(poles: Array, count: int) -> Array:
@@ -141,8 +143,8 @@ def _lowest(poles: Array, count: int) -> Array:
     return upper[np.argsort(upper.imag)][:count]
 
 
-def _pole_basis(structure: Structure, count: int) -> Array | None:
-    """Return a basis for the ``count`` lowest damped poles: undamped modes and static responses to the dampers.
+def _pole_basis(structure: Structure, count: int) -> tuple[Array, Array] | None:
+    """Return undamped frequencies, and a basis for the ``count`` lowest damped poles: modes, static responses to dampers.
 
     None for matrices without real modes.
     """
@@ -156,8 +158,9 @@ def _pole_basis(structure: Structure, count: int) -> Array | None:
     left, size, _ = linalg.svd(loaded, full_matrices=False)
     forces = left[:, size > 1e-9 * size.max(initial=1e-300)]
     if not forces.shape[1]:
-        return shapes
-    return np.hstack([shapes, orthonormal(M, factorized(sparse.csr_array(K + shift * M))(forces), shapes)])
+        return frequencies, shapes
+    still = factorized(sparse.csr_array(K + shift * M))(forces)
+    return frequencies, np.hstack([shapes, orthonormal(M, still, shapes)])
 
 
 def _common_damping(K: sparse.csr_array, C: sparse.csr_array) -> float:
