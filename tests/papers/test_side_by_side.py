@@ -66,6 +66,11 @@ def test_a_machine_has_cores():
     assert 1 <= cores() <= (os.cpu_count() or 1)
 
 
+def _not_in_the_background():
+    """Let interrupts through: a shell has what it starts in the background ignore them, tests included."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_an_interrupt_of_the_terminal_leaves_no_process_behind(tmp_path):
     script = tmp_path / "sleep.py"
@@ -73,7 +78,13 @@ def test_an_interrupt_of_the_terminal_leaves_no_process_behind(tmp_path):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     words = [sys.executable, str(script)]
     with subprocess.Popen(
-        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True
+        words,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        start_new_session=True,
+        preexec_fn=_not_in_the_background,
     ) as started:
         assert started.stdout is not None
         group = int(started.stdout.readline())
