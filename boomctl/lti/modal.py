@@ -13,7 +13,8 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.system import Lti
+from boomctl.lti.integrators import without_integrators
+from boomctl.lti.system import Lti, append
 
 # Relative damping |Re p|/|p| up to which a pole counts as undamped.  Rounding alone leaves up to 5e-12 in the computed
 # poles of undamped structures (measured: booms of up to 40 elements 2e-13, random coordinates 5e-12), materials have
@@ -136,13 +137,25 @@ def diagonalized(system: Lti) -> ModalSystem | None:
 def spectral_parts(system: Lti) -> tuple[Lti, Lti]:
     """Return the stable part (with ``D``) and the kept part (unstable, undamped, rigid-body; without ``D``).
 
-    Jordan blocks (rigid bodies) stay whole: poles near zero go with a kept one there.
+    Integrators and rigid bodies go first, by structure (:func:`without_integrators`).  Other Jordan blocks stay whole:
+    poles near zero go with a kept one there.
 
     Raises
     ------
     ValueError
         The two parts cannot be told apart.
     """
+    deflated = without_integrators(system)
+    if not len(deflated.chain.A):
+        return _split_by_axis(system)
+    fast, slow = _split_by_axis(deflated.rest)
+    chain = deflated.chain
+    A = append(chain, slow).A
+    return fast, Lti(A, np.vstack([chain.B, slow.B]), np.hstack([chain.C, slow.C]), np.zeros_like(system.D))
+
+
+def _split_by_axis(system: Lti) -> tuple[Lti, Lti]:
+    """Return the poles that decay, and all others."""
     kept = side_of_axis(system.poles) >= 0
     if not kept.any():
         return system, Lti(np.zeros((0, 0)), system.B[:0], system.C[:, :0], np.zeros_like(system.D))

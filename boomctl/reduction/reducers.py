@@ -28,7 +28,7 @@ from boomctl.structure.ports import evaluate
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
 
-_MINIMAL = 1e-11  # share of the largest Hankel singular value up to which a state does nothing but add rounding
+MINIMAL = 1e-11  # share of the largest Hankel singular value up to which a state does nothing but add rounding
 _RANK = 1e-12  # share of the largest eigenvalue of a band's load up to which one is rounding
 _SEEN = 1e-6  # share of its inputs and outputs that a band may miss of a system (a choice)
 _EQUAL = 1e-7  # relative difference up to which Hankel singular values are equal: root of rounding
@@ -83,7 +83,7 @@ def balance(system: Lti, modal: ModalSystem | None) -> Balanced:
         return Balanced(system, np.zeros(0), 0.0)
     F, H = factors(system, modal)
     U, values, Vt = linalg.svd(H.T @ F, full_matrices=False)
-    count = int((values > _MINIMAL * values.max(initial=0.0)).sum())
+    count = int((values > MINIMAL * values.max(initial=0.0)).sum())
     root = np.sqrt(values[:count])
     right, left = F @ Vt[:count].T / root, H @ U[:, :count] / root
     form = Lti(left.T @ system.A @ right, left.T @ system.B, system.C @ right, system.D)
