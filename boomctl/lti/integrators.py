@@ -31,10 +31,13 @@ class Deflated:
         With ``D``.
     chain : Lti
         Strictly upper triangular ``A``; without ``D``.
+    doubt : float
+        How far rounding may have moved the entries of the rest's ``A``, to first order.
     """
 
     rest: Lti
     chain: Lti
+    doubt: float = 0.0
 
 
 def without_integrators(system: Lti) -> Deflated:
@@ -63,7 +66,13 @@ def without_integrators(system: Lti) -> Deflated:
     return Deflated(
         Lti(rest, B[count:], C[:, :count] @ X + C[:, count:], system.D),
         Lti(N, B[:count] - X @ B[count:], C[:, :count], np.zeros_like(system.D)),
+        doubt_of_split(scaled.A, X),
     )
+
+
+def doubt_of_split(A: Array, X: Array) -> float:
+    """Return how far rounding may have moved the entries of a part that was split off: ``X`` decouples it."""
+    return _UNITS * _EPS * float(np.linalg.norm(A)) * (1.0 + (float(np.linalg.norm(X, 2)) if X.size else 0.0))
 
 
 def _small(poles: Array, count: int, largest: float) -> bool:

@@ -40,7 +40,8 @@ class ReductionResult:
     certificate : NormCertificate
         Of the difference between the core and the reduced system.
     truncation_bound : float
-        Bound, in closed form, of what the core leaves out of the full system; part of both errors.
+        Bound, in closed form, of what the core leaves out of the full system, and of what rounding changed in its
+        coordinates; part of both errors.
     hankel_values : (n,) ndarray
         Hankel singular values of the stable part, descending; of the weighted one where a band was asked for.
     kept : int
