@@ -113,7 +113,7 @@ def reduce(
         try:
             smaller, found = reducer.reduced(order) if wanted is None else _within(reducer, wanted)  # type: ignore[arg-type]
         except ReductionError:
-            if wanted is None or reducer.complete or last:
+            if reducer.complete or last:
                 raise
             continue
         if core.complete or last or core.tail <= max(_TAIL_SHARE * found.measured, floor):

@@ -34,6 +34,9 @@ _START = 1e-6  # where the grid of a band from zero begins, relative to its end 
 _ROUNDS = 20  # of raising the largest value found within a band; each rises to a higher peak
 _SLACK = 1e-3  # share by which an error may exceed its bound, for the rounding of Gramians (a choice)
 _ROUNDING = 1e-9  # of the largest response: an error below that is rounding (a choice)
+# Of the largest response: an error below that may exceed its bound, since Hankel singular values are products of factors of
+# Gramians, which keep the square root of rounding.
+_GRAMIANS = float(np.sqrt(4.0 * np.finfo(float).eps))
 _SHARP = 8.0 * float(np.finfo(float).eps)  # of its frequency, by which a pole may have been moved by rounding
 
 
@@ -61,10 +64,13 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
     else:
         sharpness = np.abs(modal.poles) / np.abs(modal.poles.real)  # a pole that moves takes its peak along
         largest = float((modal.sizes * np.maximum(1.0, _SHARP / _ROUNDING * sharpness)).max(initial=0.0))
-    floor = _ROUNDING * max(float(np.linalg.norm(D, 2)) if D.size else 0.0, largest)
+    largest = max(float(np.linalg.norm(D, 2)) if D.size else 0.0, largest)
+    floor = _ROUNDING * largest
     small, own = in_faithful_modes(reduced)
     found = verified_norm(core.stable, modal, reduced, band, floor, small)
     bound += own
+    if found.upper <= _GRAMIANS * largest:
+        bound = max(bound, found.upper)
     if found.lower > bound * (1.0 + _SLACK) + floor:
         raise ReductionError(
             f"the error, {found.lower:.4g} at {found.omega:.4g} rad/s, exceeds its bound {bound:.4g}: the Gramians were "
