@@ -127,9 +127,9 @@ def reduce(
         said = f"order = {order}: {_states(smaller)} states come back; {reason}"
         warnings.warn(said, LowerOrderWarning, stacklevel=2)
     if isinstance(smaller, Lti):
-        smaller = replace(smaller, inputs=given.inputs, outputs=given.outputs)
+        smaller = replace(smaller, inputs=given.inputs, outputs=given.outputs).without_dots()
     return ReductionResult(
-        system=smaller.statespace("reduced") if isinstance(smaller, Lti) else smaller,
+        _reduced=smaller,
         order=_states(smaller),
         asked=order,
         error_bound=found.bound,
