@@ -13,7 +13,8 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.system import Lti
+from boomctl.lti.integrators import doubt_of_split, without_integrators
+from boomctl.lti.system import Lti, append
 
 # Relative damping |Re p|/|p| up to which a pole counts as undamped.  Rounding alone leaves up to 5e-12 in the computed
 # poles of undamped structures (measured: booms of up to 40 elements 2e-13, random coordinates 5e-12), materials have
@@ -133,25 +134,64 @@ def diagonalized(system: Lti) -> ModalSystem | None:
     return ModalSystem(poles, B * scale[:, None], C / scale, system.D)
 
 
+@dataclass(frozen=True)
+class SpectralParts:
+    """A system as a sum.
+
+    Attributes
+    ----------
+    fast : Lti
+        The stable part, with ``D``.
+    kept : Lti
+        The unstable, undamped and rigid-body part, without ``D``.
+    doubt : float
+        How far rounding may have moved the entries of the stable part's ``A``, to first order; 0 where nothing was split.
+    """
+
+    fast: Lti
+    kept: Lti
+    doubt: float
+
+
 def spectral_parts(system: Lti) -> tuple[Lti, Lti]:
+    """Return the stable part and the kept part of a system: see :func:`told_apart`."""
+    parts = told_apart(system)
+    return parts.fast, parts.kept
+
+
+def told_apart(system: Lti) -> SpectralParts:
     """Return the stable part (with ``D``) and the kept part (unstable, undamped, rigid-body; without ``D``).
 
-    Jordan blocks (rigid bodies) stay whole: poles near zero go with a kept one there.
+    Integrators and rigid bodies go first, by structure (:func:`without_integrators`).  Other Jordan blocks stay whole:
+    poles near zero go with a kept one there.
 
     Raises
     ------
     ValueError
         The two parts cannot be told apart.
     """
+    deflated = without_integrators(system)
+    if not len(deflated.chain.A):
+        return _split_by_axis(system)
+    rest, chain = _split_by_axis(deflated.rest), deflated.chain
+    slow = rest.kept
+    joined = Lti(
+        append(chain, slow).A, np.vstack([chain.B, slow.B]), np.hstack([chain.C, slow.C]), np.zeros_like(system.D)
+    )
+    return SpectralParts(rest.fast, joined, deflated.doubt + rest.doubt)
+
+
+def _split_by_axis(system: Lti) -> SpectralParts:
+    """Return the poles that decay, and all others."""
     kept = side_of_axis(system.poles) >= 0
     if not kept.any():
-        return system, Lti(np.zeros((0, 0)), system.B[:0], system.C[:, :0], np.zeros_like(system.D))
+        return SpectralParts(system, Lti(np.zeros((0, 0)), system.B[:0], system.C[:, :0], np.zeros_like(system.D)), 0.0)
     size = np.abs(system.poles)
     near = kept & (size <= _RIGID * size.max())
     if near.any():
         kept |= size <= max(_CLUSTER * float(size[near].max()), _BLOCK_NOISE * float(size.max()))
-    slow, fast = split(system, kept, "unstable, undamped or rigid-body poles")
-    return fast, slow
+    slow, fast, doubt = _split(system, kept, "unstable, undamped or rigid-body poles")
+    return SpectralParts(fast, slow, doubt)
 
 
 def split(system: Lti, chosen: Array, what: str = "poles") -> tuple[Lti, Lti]:
@@ -172,6 +212,11 @@ def split(system: Lti, chosen: Array, what: str = "poles") -> tuple[Lti, Lti]:
     ValueError
         The poles chosen lie too close to others.
     """
+    return _split(system, chosen, what)[:2]
+
+
+def _split(system: Lti, chosen: Array, what: str) -> tuple[Lti, Lti, float]:
+    """Return the two parts, and how far rounding may have moved the entries of the second one's ``A``."""
     ours, others = system.poles[chosen], system.poles[~chosen]
 
     def first(re: float, im: float = 0.0) -> bool:
@@ -188,7 +233,7 @@ def split(system: Lti, chosen: Array, what: str = "poles") -> tuple[Lti, Lti]:
     B, C = Z.T @ system.B, system.C @ Z
     one = Lti(T[:count, :count], B[:count] - X @ B[count:], C[:, :count], np.zeros_like(system.D))
     other = Lti(T[count:, count:], B[count:], C[:, :count] @ X + C[:, count:], system.D)
-    return one, other
+    return one, other, doubt_of_split(system.A, X)
 
 
 def residualised(system: Lti, count: int) -> Lti:

@@ -6,7 +6,8 @@ import numpy as np
 
 from boomctl.analysis.modal_form import in_modes
 from boomctl.arrays import Array
-from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
+from boomctl.lti.faithful_modes import in_faithful_modes
+from boomctl.lti.modal import ModalSystem, diagonalized, told_apart
 from boomctl.lti.system import Lti, append
 from boomctl.reduction.tail_bounds import loads_of, modal_states, tail_bound
 from boomctl.structure.damping import separated_damping
@@ -42,7 +43,7 @@ class SystemCore:
     kept : Lti
         Unstable, undamped and rigid-body states.
     tail : float
-        Bound of the response of what was left out, at all frequencies.
+        Bound of the response of what was left out, and of what rounding changed in the coordinates, at all frequencies.
     complete : bool
         Whether nothing was left out.
     way : str
@@ -81,13 +82,14 @@ def core_of(system: Lti | SecondOrderModel, modes: int) -> SystemCore:
 
 def _statespace_core(system: Lti, states: int, way: str) -> SystemCore:
     """Return a core of a state-space system; modes too weak to matter are left out of a large one."""
-    fast, kept = spectral_parts(system.balanced())
-    modal = diagonalized(fast)
+    parts = told_apart(system.balanced())
+    modal, gap = in_faithful_modes(parts.fast, parts.doubt)
+    fast, kept = parts.fast, parts.kept
     if modal is None:
-        return SystemCore(stable=fast, modal=None, kept=kept, tail=0.0, complete=True, way=way)
+        return SystemCore(stable=fast, modal=None, kept=kept, tail=gap, complete=True, way=way)
     sizes = modal.sizes
     if len(sizes) <= max(_MANY_STATES, states):
-        return SystemCore(stable=modal.blocks, modal=modal, kept=kept, tail=0.0, complete=True, way=way)
+        return SystemCore(stable=modal.blocks, modal=modal, kept=kept, tail=gap, complete=True, way=way)
     strong = sizes >= np.sort(sizes)[-states] * (1.0 - _TIE)
     pair = np.flatnonzero(modal.poles.imag > 0.0)
     strong[pair] = strong[pair + 1] = strong[pair] | strong[pair + 1]
@@ -96,7 +98,7 @@ def _statespace_core(system: Lti, states: int, way: str) -> SystemCore:
         stable=chosen.blocks,
         modal=chosen,
         kept=kept,
-        tail=float(sizes[~strong].sum()),
+        tail=float(sizes[~strong].sum()) + gap,
         complete=bool(strong.all()),
         way=STRONGEST_MODES,
     )
@@ -110,24 +112,26 @@ def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
     else:
         parts = [(SecondOrderModel.of(part.structure, part.ports), part.W_in, part.W_out) for part in split]
         modes = (modes + 1) // 2
-    fast, kept, tail = [], [], 0.0
+    fast, modals, kept, tail = [], [], [], 0.0
     for part, W_in, W_out in parts:
         found = _lowest_modes(part, modes)
         if found is None:
             return None
         system, left_out = found
-        stable, slow = spectral_parts(Lti(system.A, system.B @ W_in.T, W_out @ system.C, W_out @ system.D @ W_in.T))
-        fast.append(stable)
-        kept.append(slow)
-        tail = max(tail, left_out)  # the singular values of orthonormal parts are those of the whole
+        told = told_apart(Lti(system.A, system.B @ W_in.T, W_out @ system.C, W_out @ system.D @ W_in.T))
+        modal, gap = in_faithful_modes(told.fast, told.doubt)
+        fast.append(told.fast)
+        modals.append(modal)
+        kept.append(told.kept)
+        tail = max(tail, left_out + gap)  # the singular values of orthonormal parts are those of the whole
     if not fast:
         return None
     D = np.sum([part.D for part in fast], axis=0)
-    modals = [modal for modal in map(diagonalized, fast) if modal is not None]
+    found = [modal for modal in modals if modal is not None]
     modal = None
-    if len(modals) == len(fast):
-        poles = np.concatenate([part.poles for part in modals])
-        modal = ModalSystem(poles, np.vstack([p.B for p in modals]), np.hstack([p.C for p in modals]), D)
+    if len(found) == len(fast):
+        poles = np.concatenate([part.poles for part in found])
+        modal = ModalSystem(poles, np.vstack([p.B for p in found]), np.hstack([p.C for p in found]), D)
     stable = _parallel(fast, D) if modal is None else modal.blocks
     return SystemCore(
         stable=stable, modal=modal, kept=_parallel(kept, 0.0 * D), tail=tail, complete=False, way=HIGH_MODES_BOUNDED

@@ -1,5 +1,6 @@
 """``reduce``: one door to all methods; every result is verified before it is returned."""
 
+import warnings
 from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING
@@ -8,6 +9,7 @@ from boomctl.checks import finite_array, known, positive, whole
 from boomctl.lti.system import Lti, of
 from boomctl.reduction.core import core_of
 from boomctl.reduction.reducers import (
+    MINIMAL,
     BalancedTruncation,
     HankelApproximation,
     ModalTruncation,
@@ -15,7 +17,7 @@ from boomctl.reduction.reducers import (
     SingularPerturbation,
     StrongestModes,
 )
-from boomctl.reduction.result import ReductionError, ReductionResult
+from boomctl.reduction.result import LowerOrderWarning, ReductionError, ReductionResult
 from boomctl.reduction.verify import Band, Verified
 from boomctl.structure.model import SecondOrderModel
 
@@ -53,8 +55,8 @@ def reduce(
         In continuous time.  Of a large structure a core of its undamped modes is reduced, and what the other modes
         contribute is bounded in closed form.
     order : int, optional
-        Number of states wanted, the kept ones included.  Fewer come back where fewer suffice for rounding, or where
-        "modal" would have to split a pair of poles.
+        Number of states wanted, the kept ones included.  Fewer come back, with a warning, where fewer suffice for
+        rounding, or where "modal" would have to split a pair of poles.
     method : "balanced", "singular-perturbation", "hankel", "modal" or "second-order"
         Balanced truncation (exact at infinite frequency), singular perturbation (exact at zero frequency), optimal
         Hankel-norm approximation, the strongest modes with the static gain of the others; of a structure, likewise
@@ -77,6 +79,11 @@ def reduce(
         order above the system's or below its kept part; a band that does not ascend.
     ReductionError
         The error exceeds its bound or could not be verified; no order has so small an error.
+
+    Warns
+    -----
+    LowerOrderWarning
+        The system returned has fewer states than asked for.
 
     Examples
     --------
@@ -106,16 +113,25 @@ def reduce(
         try:
             smaller, found = reducer.reduced(order) if wanted is None else _within(reducer, wanted)  # type: ignore[arg-type]
         except ReductionError:
-            if wanted is None or reducer.complete or last:
+            if reducer.complete or last:
                 raise
             continue
         if core.complete or last or core.tail <= max(_TAIL_SHARE * found.measured, floor):
             break
+    if order is not None and _states(smaller) < order:
+        reason = (
+            "a pair of poles stays whole"
+            if method == "modal"
+            else f"all others have Hankel singular values below {MINIMAL:g} of the largest, which is rounding"
+        )
+        said = f"order = {order}: {_states(smaller)} states come back; {reason}"
+        warnings.warn(said, LowerOrderWarning, stacklevel=2)
     if isinstance(smaller, Lti):
         smaller = replace(smaller, inputs=given.inputs, outputs=given.outputs).without_dots()
     return ReductionResult(
         _reduced=smaller,
         order=_states(smaller),
+        asked=order,
         error_bound=found.bound,
         measured_error=found.measured,
         method=method,

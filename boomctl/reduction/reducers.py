@@ -28,7 +28,7 @@ from boomctl.structure.ports import evaluate
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
 
-_MINIMAL = 1e-11  # share of the largest Hankel singular value up to which a state does nothing but add rounding
+MINIMAL = 1e-11  # share of the largest Hankel singular value up to which a state does nothing but add rounding
 _RANK = 1e-12  # share of the largest eigenvalue of a band's load up to which one is rounding
 _SEEN = 1e-6  # share of its inputs and outputs that a band may miss of a system (a choice)
 _EQUAL = 1e-7  # relative difference up to which Hankel singular values are equal: root of rounding
@@ -83,7 +83,7 @@ def balance(system: Lti, modal: ModalSystem | None) -> Balanced:
         return Balanced(system, np.zeros(0), 0.0)
     F, H = factors(system, modal)
     U, values, Vt = linalg.svd(H.T @ F, full_matrices=False)
-    count = int((values > _MINIMAL * values.max(initial=0.0)).sum())
+    count = int((values > MINIMAL * values.max(initial=0.0)).sum())
     root = np.sqrt(values[:count])
     right, left = F @ Vt[:count].T / root, H @ U[:, :count] / root
     form = Lti(left.T @ system.A @ right, left.T @ system.B, system.C @ right, system.D)
@@ -190,9 +190,13 @@ class HankelApproximation(GramianReducer):
         n, r = len(values), order
         if r >= n:
             return balanced.system, balanced.lost
-        if r > 0 and values[r - 1] <= values[r] * (1.0 + _EQUAL):
+        distinct = np.concatenate([[0], np.flatnonzero(values[:-1] > values[1:] * (1.0 + _EQUAL)) + 1, [n]])
+        if r not in distinct:
+            kept, place = len(self.core.kept.A), int(np.searchsorted(distinct, r))
+            low, high = int(distinct[place - 1]), int(distinct[place])
             raise ValueError(
-                f"order {r}: Hankel singular values {r} and {r + 1} are equal ({values[r]:.6g}); take {r - 1} or {r + 1}"
+                f"order {r + kept}: Hankel singular values {low + 1} to {high} are equal ({values[r]:.6g}), so that they "
+                f"stay or go together; take {low + kept} or {high + kept}"
             )
         sigma = float(values[r])
         k = int((values[r:] >= sigma * (1.0 - _EQUAL)).sum())
@@ -257,6 +261,12 @@ class ModalTruncation(StateReducer):
             raise ValueError("method 'modal': the stable poles are defective (Jordan blocks), use 'balanced'")
         self.modal = core.modal
         self.values = balance(core.stable, core.modal).values
+
+    def orders(self, error: float) -> Iterator[int]:
+        """Yield orders up to all modes: those whose Hankel singular values are rounding may yet have strong peaks."""
+        kept = len(self.core.kept.A)
+        first = int((self.values > error).sum()) if self.band is None else 0
+        yield from range(kept + first, kept + len(self.modal.poles) + 1)
 
     def shortened(self, order: int) -> tuple[Lti, float]:
         """Return the strongest modes, and a bound of the error.

@@ -18,6 +18,10 @@ class ReductionError(RuntimeError):
     """A reduced system could not be verified; the message says what failed."""
 
 
+class LowerOrderWarning(UserWarning):
+    """A reduced system has fewer states than asked for."""
+
+
 @dataclass(frozen=True)
 class ReductionResult:
     """A reduced system with a bound known beforehand and an error verified afterwards.
@@ -39,11 +43,14 @@ class ReductionResult:
     certificate : NormCertificate
         Of the difference between the core and the reduced system.
     truncation_bound : float
-        Bound, in closed form, of what the core leaves out of the full system; part of both errors.
+        Bound, in closed form, of what the core leaves out of the full system, and of what rounding changed in its
+        coordinates; part of both errors.
     hankel_values : (n,) ndarray
         Hankel singular values of the stable part, descending; of the weighted one where a band was asked for.
     kept : int
         Number of unstable and rigid-body states that are kept exactly.
+    asked : int or None
+        Number of states asked for; None where an error was.
     path : tuple of str
         What stood for the system, smaller cores first: each larger one was needed.
     """
@@ -57,6 +64,7 @@ class ReductionResult:
     truncation_bound: float
     hankel_values: Array = field(repr=False)
     kept: int = 0
+    asked: int | None = None
     path: tuple[str, ...] = ()
 
     @cached_property
@@ -68,4 +76,5 @@ class ReductionResult:
         ends = between(self._reduced.inputs, self._reduced.outputs)
         kept = f", {self.kept} unstable or rigid-body states kept" if self.kept else ""
         error = f"error {self.measured_error:.6g}, verified; bound {self.error_bound:.6g}"
-        return f"ReductionResult: {self.order} states, {self.method}: {ends}\n  {error}{kept}"
+        asked = "" if self.asked in (None, self.order) else f" ({self.asked} asked for)"
+        return f"ReductionResult: {self.order} states{asked}, {self.method}: {ends}\n  {error}{kept}"

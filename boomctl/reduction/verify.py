@@ -17,8 +17,9 @@ from boomctl.analysis.norm import (
     matrices_norm,
 )
 from boomctl.arrays import Array
+from boomctl.lti.faithful_modes import in_faithful_modes
 from boomctl.lti.frequency import Response, highest_peak, resonance_grid, singular_values
-from boomctl.lti.modal import ModalSystem, diagonalized, side_of_axis
+from boomctl.lti.modal import ModalSystem, side_of_axis
 from boomctl.lti.system import Lti
 from boomctl.reduction.core import SystemCore
 from boomctl.reduction.result import ReductionError
@@ -27,11 +28,15 @@ Band = tuple[float, float]
 
 # How far above the largest value found a level is tried, relative, in this order: the closest that rounding allows.
 _LEVELS = (1.0 + 1e-6, 1.0 + 1e-5, 1.0001, 1.001, 1.01, 1.1, 2.0)
+_FLOORS = (1.0, 10.0, 100.0, 1000.0)  # times the level below which errors are rounding: where that itself drowns in it
 _POINTS = 200  # of a band, beside those at the resonances (a choice)
 _START = 1e-6  # where the grid of a band from zero begins, relative to its end (a choice)
 _ROUNDS = 20  # of raising the largest value found within a band; each rises to a higher peak
 _SLACK = 1e-3  # share by which an error may exceed its bound, for the rounding of Gramians (a choice)
 _ROUNDING = 1e-9  # of the largest response: an error below that is rounding (a choice)
+# Of the largest response: an error below that may exceed its bound, since Hankel singular values are products of factors of
+# Gramians, which keep the square root of rounding.
+_GRAMIANS = float(np.sqrt(4.0 * np.finfo(float).eps))
 _SHARP = 8.0 * float(np.finfo(float).eps)  # of its frequency, by which a pole may have been moved by rounding
 
 
@@ -59,8 +64,13 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
     else:
         sharpness = np.abs(modal.poles) / np.abs(modal.poles.real)  # a pole that moves takes its peak along
         largest = float((modal.sizes * np.maximum(1.0, _SHARP / _ROUNDING * sharpness)).max(initial=0.0))
-    floor = _ROUNDING * max(float(np.linalg.norm(D, 2)) if D.size else 0.0, largest)
-    found = verified_norm(core.stable, modal, reduced, band, floor)
+    largest = max(float(np.linalg.norm(D, 2)) if D.size else 0.0, largest)
+    floor = _ROUNDING * largest
+    small, own = in_faithful_modes(reduced)
+    found = verified_norm(core.stable, modal, reduced, band, floor, small)
+    bound += own
+    if found.upper <= _GRAMIANS * largest:
+        bound = max(bound, found.upper)
     if found.lower > bound * (1.0 + _SLACK) + floor:
         raise ReductionError(
             f"the error, {found.lower:.4g} at {found.omega:.4g} rad/s, exceeds its bound {bound:.4g}: the Gramians were "
@@ -70,7 +80,11 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
         raise ReductionError(
             f"the error, at least {found.lower:.4g} at {found.omega:.4g} rad/s, could not be verified ({found.method})"
         )
-    return Verified(reduced, bound + core.tail, found.upper + core.tail, found)
+    if own + core.tail == inf:
+        raise ReductionError(
+            "rounding of the system's matrices may change its response without bound: nothing is verified"
+        )
+    return Verified(reduced, bound + core.tail, found.upper + own + core.tail, found)
 
 
 def _largest_at_poles(system: Lti) -> float:
@@ -93,15 +107,17 @@ def verified_norm(
     reduced: Lti,
     band: Band | None = None,
     floor: float = 0.0,
+    small: ModalSystem | None = None,
 ) -> NormCertificate:
     """Return the norm of the difference of two stable systems, over all frequencies or over a band.
 
+    ``modal`` and ``small`` are the two in modal coordinates, where these keep their digits.
+
     A level barely above the largest value found is tried first; where rounding hides it, higher ones, up to twice
-    that value, or up to ``floor``, below which errors are rounding.  The upper bound is a level proven not to be
+    that value, or up to multiples of ``floor``, below which errors are rounding.  The upper bound is a level proven not to be
     reached; ``inf`` where none could be proven.
     """
-    gap = difference(full, reduced)
-    small = None if modal is None else diagonalized(reduced)  # nearly equal poles lose digits in modal coordinates
+    gap = difference(full, reduced if small is None else small.blocks)
 
     def respond(omega: Array) -> Array:
         first = full.response(omega) if modal is None else modal.response(omega)
@@ -112,7 +128,7 @@ def verified_norm(
     found = matrices_norm(gap, respond)
     if found.upper < inf or found.lower == inf:
         return found
-    for level in sorted([*(found.lower * factor for factor in _LEVELS[1:]), floor]):
+    for level in sorted([*(found.lower * factor for factor in _LEVELS[1:]), *(floor * factor for factor in _FLOORS)]):
         if level > found.lower and level > np.linalg.norm(gap.D, 2) and not len(level_crossings(gap, level)):
             return NormCertificate(found.lower, level, found.omega, NO_CROSSING)
     return found
@@ -133,11 +149,12 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
 
     start = low if low > 0.0 else _START * high
     peak, at = highest_peak(value, resonance_grid(gap.poles, start, high, points=_POINTS, also=[low]))
+    if max(peak, floor) == 0.0:
+        return NormCertificate(0.0, 0.0, at, NO_RESPONSE)
     for _ in range(_ROUNDS):
-        for factor in _LEVELS:
-            level = max(peak * factor, floor)
-            if level == 0.0:
-                return NormCertificate(0.0, 0.0, at, NO_RESPONSE)
+        for level in sorted({max(peak * factor, floor) for factor in _LEVELS} | {floor * factor for factor in _FLOORS}):
+            if level <= peak:
+                continue
             crossings = axis_eigenvalues(gap, level)
             inside = crossings[(crossings > low) & (crossings < high)]
             if not len(inside):

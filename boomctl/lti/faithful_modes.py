@@ -1,0 +1,172 @@
+"""Modal coordinates that answer for themselves: how far their system can be from the one given, at any frequency.
+
+The eigenvectors ``V`` of a solver are taken for a change of coordinates like any other.  In them the system is
+``diag(p) + E`` with ``E = V^-1 (A V - V diag(p))``, whose residual is summed in extended precision; one step of perturbation
+theory takes out what of ``E`` it can, and what stays bounds the distance: with ``|E| <= F`` and ``r = |Re p|``,
+``|(s - diag(p) - E)^-1| <= (diag(r) - F)^-1`` entry by entry, on the imaginary axis.
+"""
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.modal import ModalSystem
+from boomctl.lti.system import Lti
+
+_EPS = float(np.finfo(float).eps)
+_EXTENDED = 400  # states up to which residuals are summed in extended precision: beyond, that takes seconds (a choice)
+_INVERSE = 0.1  # distance from one of an inverse times its matrix up to which it is one to build on (a choice)
+_FIRST_ORDER = 0.01  # of the distance of two poles: couplings above that are not for perturbation theory (a choice)
+_NEUMANN = 8  # terms of (1 + X)^-1, of which each is smaller by a power of _FIRST_ORDER
+_DIGITS = 1e-7  # of the strongest mode: modal coordinates that are off by less are not compared with others (a choice)
+_CANCELS = 1e6  # times the whole response: modes of more cancel, and their Gramians keep few digits (a choice)
+_BACKWARD = 4.0  # units of rounding of the norm of A by which a solver of eigenvalues is off: measured below one
+_CONTRACTS = 0.5  # change of A times its resolvent from which on a series of changes is not trusted (a choice)
+_BETWEEN = 2.0  # a resonance is this much higher than at the frequencies looked at, at most: they lie at its top
+
+
+@dataclass(frozen=True)
+class FaithfulModes:
+    """A stable system in modal coordinates, and a bound of its distance from the given one at all frequencies."""
+
+    modal: ModalSystem
+    gap: float
+
+
+def faithful_modes(system: Lti, doubt: float = 0.0) -> FaithfulModes | None:
+    """Return a stable system in modal coordinates with the bound of their error; None where they carry too few digits.
+
+    Parameters
+    ----------
+    system : Lti
+        Stable.
+    doubt : float
+        How far each entry of ``A`` may be from that of the system that is meant.
+    """
+    A, n = system.A, len(system.A)
+    if not n:
+        return FaithfulModes(ModalSystem(np.zeros(0, complex), system.B + 0j, system.C + 0j, system.D), 0.0)
+    poles, V = linalg.eig(A)
+    try:
+        acts, reads = np.linalg.norm(np.linalg.solve(V, system.B + 0j), axis=1), np.linalg.norm(system.C @ V, axis=0)
+        shown = (acts > 0.0) & (reads > 0.0)
+        V = V * np.sqrt(np.where(shown, acts, 1.0) / np.where(shown, reads, 1.0))
+        W = np.linalg.inv(V)
+    except np.linalg.LinAlgError:
+        return None
+    F = np.abs(np.eye(n) - W @ V) + n * _EPS * (np.abs(W) @ np.abs(V))
+    if not np.isfinite(F).all() or F.sum(axis=1).max() > _INVERSE:
+        return None
+    exact = np.linalg.inv(np.eye(n) - F)  # |V^-1| <= exact |W|, of entries not below zero
+    wide = np.clongdouble if n <= _EXTENDED else np.complex128
+    u = (n + 4) * float(np.finfo(wide).eps)
+    V_, A_, p_ = V.astype(wide), A.astype(wide), poles.astype(wide)
+    size_V, size_W = np.abs(V), np.abs(W)
+
+    residual = (A_ @ V_ - V_ * p_).astype(complex)
+    E = W @ residual
+    lost = u * (np.abs(A) @ size_V + size_V * np.abs(poles)) + doubt * size_V.sum(axis=0)
+    dE = (exact - np.eye(n)) @ np.abs(E) + exact @ (size_W @ (lost + n * _EPS * np.abs(residual)))
+    first = np.flatnonzero(poles.imag > 0.0)
+    mirrored = np.arange(n)
+    mirrored[first], mirrored[first + 1] = first + 1, first
+    own = 0.5 * (E + E[np.ix_(mirrored, mirrored)].conj())  # couplings of a pair are conjugate but for rounding
+    E, dE = own, dE + np.abs(E - own)
+    W_ = W.astype(wide)
+    B = W_ @ system.B
+    B = B + W_ @ (system.B - V_ @ B)
+    left = np.abs(system.B - V_ @ B).astype(float) + u * (np.abs(system.B) + size_V @ np.abs(B).astype(float))
+    dB, C = exact @ (size_W @ left), system.C @ V_
+    dC = u * (np.abs(system.C) @ size_V)
+
+    E_ = E.astype(wide)
+    better = p_ + np.diag(E_)
+    between = better[None, :] - better[:, None]
+    np.fill_diagonal(between, 1.0)
+    weak = (np.abs(E_) * n <= _FIRST_ORDER * np.abs(between)) & (between != 0.0)
+    np.fill_diagonal(weak, False)
+    X = np.where(weak, E_ / np.where(weak, between, 1.0), 0.0)
+    size_X = np.abs(X).astype(float)
+    inverse = np.linalg.inv(np.eye(n) - size_X)  # |(1 + X)^-1| is not above it
+    B_new, C_new = B, C + C @ X
+    for _ in range(_NEUMANN):
+        B_new = B - X @ B_new
+    dB = inverse @ (dB + np.abs(B - B_new - X @ B_new).astype(float) + u * np.abs(B).astype(float))
+    dC = dC + dC @ size_X + u * np.abs(C).astype(float)
+    rest = np.diag(p_ - better) + (p_[:, None] - better[None, :]) * X + E_ + E_ @ X
+    size_E = np.abs(E)
+    rounding = 4.0 * u * (np.abs(poles)[:, None] * size_X + size_X * np.abs(poles) + size_E + size_E @ size_X)
+    F = inverse @ (np.abs(rest).astype(float) + dE + dE @ size_X + rounding)
+
+    if (better.imag[first] <= 0.0).any():  # a pair that is none: two equal real poles
+        return None
+    chosen = _paired(first, better.astype(complex), B_new.astype(complex), C_new.astype(complex), system.D)
+    F[np.diag_indices(n)] += np.abs(better - chosen.poles).astype(float)
+    dB, dC = dB + np.abs(B_new - chosen.B).astype(float), dC + np.abs(C_new - chosen.C).astype(float)
+    return FaithfulModes(chosen, _distance(chosen, F, dB, dC))
+
+
+def rounding_doubt(system: Lti, doubt: float = 0.0) -> float:
+    """Return how much rounding of a stable system's matrices may change its response, where that shows most.
+
+    To all orders of the change, as seen at the resonances; ``inf`` where rounding alone may make it unstable.
+    """
+    if not len(system.A) or not system.D.size:
+        return 0.0
+    size = _BACKWARD * _EPS * float(np.linalg.norm(system.A)) + len(system.A) * doubt
+    omega = np.unique(np.concatenate([[0.0], np.abs(system.poles), np.abs(system.poles.imag)]))
+    eye, worst = np.eye(len(system.A)), 0.0
+    for w in omega:
+        try:
+            resolvent = np.linalg.inv(1j * w * eye - system.A)
+        except np.linalg.LinAlgError:
+            return inf
+        share = size * np.linalg.norm(resolvent, 2)
+        if share >= _CONTRACTS:
+            return inf
+        reads, acts = np.linalg.norm(system.C @ resolvent, 2), np.linalg.norm(resolvent @ system.B, 2)
+        worst = max(worst, float(reads * size * acts / (1.0 - share)))
+    return _BETWEEN * worst
+
+
+def in_faithful_modes(system: Lti, doubt: float = 0.0) -> tuple[ModalSystem | None, float]:
+    """Return a stable system in modal coordinates, None where its own keep more digits, and a bound of what is lost."""
+    found = faithful_modes(system, doubt)
+    if found is None:
+        return None, rounding_doubt(system, doubt)
+    modal = found.modal
+    peak = singular_values(modal.response(np.abs(modal.poles)))[0].max() if len(modal.poles) and modal.D.size else 0.0
+    cancels = modal.sizes.max(initial=0.0) > _CANCELS * peak
+    if not cancels and found.gap <= _DIGITS * peak:
+        return modal, found.gap
+    own = rounding_doubt(system, doubt)
+    return (modal, found.gap) if not cancels and found.gap <= own else (None, own)
+
+
+def _paired(first: Array, poles: Array, B: Array, C: Array, D: Array) -> ModalSystem:
+    """Return a modal system whose pairs are conjugate to the last digit."""
+    poles, B, C = poles.copy(), B.copy(), C.copy()
+    poles[first + 1], B[first + 1], C[:, first + 1] = poles[first].conj(), B[first].conj(), C[:, first].conj()
+    single = np.setdiff1d(np.arange(len(poles)), np.concatenate([first, first + 1]))
+    poles[single], B[single], C[:, single] = poles[single].real, B[single].real, C[:, single].real
+    return ModalSystem(poles, B, C, D)
+
+
+def _distance(modal: ModalSystem, F: Array, dB: Array, dC: Array) -> float:
+    """Return what errors of a modal system, bounded entry by entry, change of its response at most."""
+    decay = -modal.poles.real
+    if decay.min() <= 0.0:
+        return inf
+    try:
+        resolvent = np.linalg.inv(np.eye(len(F)) - F / decay[:, None]) / decay
+    except np.linalg.LinAlgError:
+        return inf
+    if not (resolvent >= 0.0).all():
+        return inf
+    B, C = np.abs(modal.B), np.abs(modal.C)
+    change = (C + dC) @ resolvent @ (F @ (B / decay[:, None]) + dB) + dC @ (B / decay[:, None])
+    return float(np.linalg.norm(change, 2)) if change.size else 0.0

@@ -1,0 +1,70 @@
+"""Poles at zero and their Jordan chains, told by structure in whatever coordinates."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from boomctl.lti.integrators import without_integrators
+from boomctl.lti.modal import spectral_parts
+from boomctl.lti.system import Lti
+from tests.profiles import examples
+from tests.strategies import seeds
+
+
+def integrating(rng, chains, slow):
+    """Chains of integrators beside slow and fast stable poles, coupled, in random orthogonal coordinates."""
+    count, n = sum(chains), sum(chains) + 6
+    A = np.zeros((n, n))
+    start = 0
+    for length in chains:
+        A[start : start + length, start : start + length] = np.diag(np.ones(length - 1), 1)
+        start += length
+    A[count, count], A[count + 1, count + 1] = -slow, -0.3
+    A[-4:, -4:] = np.kron(np.diag([1.0, 7.0]), np.array([[-0.01, 1.0], [-1.0, -0.01]]))
+    A[:count, count:] = rng.standard_normal((count, n - count))
+    Q = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    return Lti(Q @ A @ Q.T, Q @ rng.standard_normal((n, 2)), rng.standard_normal((2, n)) @ Q.T, np.zeros((2, 2)))
+
+
+@examples(60)
+@given(seeds, st.sampled_from([(1,), (2,), (1, 1), (2, 1), (3,), (2, 2), (4,)]), st.floats(-5.0, 0.0))
+def test_all_poles_at_zero_are_found_and_come_out_exactly_there(seed, chains, exponent):
+    system = integrating(np.random.default_rng(seed), chains, 10.0**exponent)
+    found = without_integrators(system)
+    count = sum(chains)
+    assert len(found.chain.A) == count
+    assert not np.linalg.matrix_power(found.chain.A, count).any()  # nilpotent, exactly
+    fast, kept = spectral_parts(system)
+    assert len(kept.A) == count
+    assert fast.poles.real.max() < -1e-6
+    omega = np.geomspace(0.1, 30.0, 60)  # above what rounding does to a chain of four at zero
+    whole, parts = system.response(omega), fast.response(omega) + kept.response(omega)
+    # what decouples a chain of k from a slow pole is as large as its k-th power, and cancels in the sum
+    assert np.abs(whole - parts).max() <= 1e-8 * 10.0 ** (-exponent * max(chains)) * np.abs(whole).max()
+
+
+@examples(40)
+@given(seeds, st.floats(-13.0, -1.0))
+def test_slow_poles_are_not_taken_for_integrators(seed, exponent):
+    rng = np.random.default_rng(seed)
+    slow = 10.0**exponent
+    lags = np.diag([-slow, -slow, -1.0]) + np.diag([rng.uniform(-1.0, 1.0), 0.0], 1)
+    for A in (lags, np.array([[0.0, 1.0], [-slow, -1.0]]), -np.eye(12) + np.diag(np.full(11, 40.0), 1)):
+        system = Lti(A, np.ones((len(A), 1)), np.ones((1, len(A))), np.zeros((1, 1)))
+        assert not len(without_integrators(system).chain.A)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_units_of_time_do_not_matter(scale):
+    system = integrating(np.random.default_rng(3), (2, 1), 1e-3)
+    assert len(without_integrators(Lti(scale * system.A, system.B, system.C, system.D)).chain.A) == 3
+
+
+def test_nothing_but_integrators():
+    system = Lti(np.diag([1.0, 1.0], 1), np.ones((3, 1)), np.ones((1, 3)), np.zeros((1, 1)))
+    found = without_integrators(system)
+    assert len(found.chain.A) == 3
+    assert not len(found.rest.A)
+    omega = np.array([0.5, 2.0])
+    np.testing.assert_allclose(found.chain.response(omega), system.response(omega), rtol=1e-13)
