@@ -99,12 +99,15 @@ class NumberTable:
         Finite numbers.
     lines : tuple of int
         Line of the file in which each row of numbers stands.
+    comments : tuple of (int, str)
+        Line of the file and text of each comment, without its mark.
     """
 
     header: tuple[str, ...]
     header_line: int
     values: Array
     lines: tuple[int, ...]
+    comments: tuple[tuple[int, str], ...]
 
 
 def read_numbers(path: str | Path) -> NumberTable:
@@ -121,13 +124,15 @@ def read_numbers(path: str | Path) -> NumberTable:
         lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise ValueError(f"{path}: expected text in UTF-8") from None
-    told = [(i, line) for i, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
+    full = [(i, line) for i, line in enumerate(lines, 1) if line.strip()]
+    told = [(i, line) for i, line in full if not line.lstrip().startswith("#")]
+    comments = tuple((i, line.lstrip()[1:].strip()) for i, line in full if line.lstrip().startswith("#"))
     if len(told) < 2:
         raise ValueError(f"{path}: expected a line of column names and at least one line of numbers")
     rows = [(i, _cells(path, i, line)) for i, line in told]
     header = tuple(name.strip() for name in rows[0][1])
     values = np.array([_numbers(path, line, row, header) for line, row in rows[1:]])
-    return NumberTable(header, rows[0][0], values, tuple(line for line, _ in rows[1:]))
+    return NumberTable(header, rows[0][0], values, tuple(line for line, _ in rows[1:]), comments)
 
 
 def _cells(path: str | Path, line: int, text: str) -> list[str]:
