@@ -68,7 +68,7 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Return what a TOML file holds.
+    """Return what a TOML file holds, with or without a byte order mark.
 
     Raises
     ------
@@ -80,9 +80,11 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     import tomllib  # only who reads such a file waits for its parser
 
     try:
-        return tomllib.loads(Path(path).read_bytes().decode("utf-8"))
+        return tomllib.loads(Path(path).read_bytes().decode("utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: not a TOML file: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{path}: tables or arrays are nested too deep; expected a few levels") from None
 
 
 @dataclass(frozen=True)

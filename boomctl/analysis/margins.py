@@ -203,7 +203,7 @@ def _disk(S: Lti, G: Array) -> DiskMargin:
     eye = np.eye(len(S.D))
     scale = _scaling(2.0 * G - eye[:, :, None])
     norm = matrices_norm(Lti(S.A, S.B / scale, scale[:, None] * 2.0 * S.C, scale[:, None] * (2.0 * S.D - eye) / scale))
-    return DiskMargin(min(2.0 / norm.upper, 2.0), norm.omega, norm.certified)
+    return DiskMargin(2.0 / max(norm.upper, 1.0), norm.omega, norm.certified)
 
 
 def _scaling(G: Array) -> Array:

@@ -15,6 +15,7 @@ from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, names
 from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_values
+from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti, is_frequency_response, of
 from boomctl.printing import between
 from boomctl.structure.model import SecondOrderModel
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _POINTS = 240  # of a curve, beside those at the resonances: about 100 a decade on a boom's band (a choice)
+_BESIDE = 0.1  # share of it beside an undamped mode that is not drawn: half of the way to the next place (`DRAWN`)
 NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
 
 
@@ -150,6 +152,8 @@ def sigma(
         narrowest=NARROWEST,
         also=[certificate.omega] if found.low <= certificate.omega < np.inf else (),
     )
+    undamped = np.abs(found.poles[side_of_axis(found.poles) == 0].imag)  # where the response cannot be asked
+    grid = grid[(np.abs(grid[:, None] - undamped) > _BESIDE * NARROWEST * undamped).all(axis=1)]
     return SigmaResult(grid, given.singular_values(grid, quiet=True), chosen.inputs, chosen.outputs, certificate)
 
 

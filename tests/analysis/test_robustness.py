@@ -143,3 +143,19 @@ def test_imposed_motions_are_no_controls():
     with pytest.raises(ValueError, match="actuator_anti"):
         robust_stability(boom_family(half="yaw"), K)
     assert SIGNALS["outputs"] == ["u0", "u1"]
+
+
+@given(st.floats(4.5, 100.0), st.floats(-3.0, 3.0), st.floats(0.1, 3.0))
+@examples(20)
+def test_an_overdamped_loop_is_proved_as_its_closed_form_says(damper, gain, width):
+    """All poles are real; ``k + d width - gain > 0`` for stability."""
+
+    def make(values):
+        return SecondOrderModel([[1.0]], [[damper]], [[values["k"]]], {"u": [1.0]}, {"y": [1.0]})
+
+    family, exact = AffineFamily.through({"k": (4.0 - width, 4.0 + width)}, make), (4.0 - gain) / width
+    found = robust_stability(family, feedback(gain))
+    assert found.proved == (exact > 1.0) or abs(exact - 1.0) < 0.01
+    bounds = structured_margin(family, feedback(gain), largest=100.0)
+    assert bounds.stable_up_to <= exact * (1.0 + 1e-9)
+    assert exact <= bounds.unstable_at * (1.0 + 1e-9)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.lti.frequency import singular_values
+from boomctl.structure import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles
 
 
@@ -79,6 +80,32 @@ def test_undamped_modes_have_an_infinite_peak():
     result = bc.sigma(bc.spray_boom(p), [1.0])
     assert result.peak == np.inf
     assert result.certified
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+@pytest.mark.parametrize("shows", [0.0, 1e-15, 1e-9, 1e-6, 1e-3, 1.0])
+@pytest.mark.parametrize("reads", [True, False])
+def test_the_automatic_grid_keeps_clear_of_undamped_modes_however_little_they_show(damping, shows, reads):
+    """Two masses on springs, the second undamped; beside its resonance it is a known addition to the first one's."""
+    read = shows if reads else 1.0
+    model = SecondOrderModel(
+        np.eye(2), np.diag([damping, 0.0]), np.diag([1.0, 4.0]), {"u": [1.0, shows]}, {"y": [1.0, read]}
+    )
+    result = bc.sigma(model)
+    s = 1j * result.omega
+    exact = np.abs(1.0 / (s**2 + damping * s + 1.0) + shows * read / (s**2 + 4.0))
+    assert np.isfinite(result.sigma).all()
+    assert (np.abs(result.omega - 2.0) < 1e-6).any()
+    away = np.abs(result.omega[:, None] - [1.0, 2.0]).min(axis=1) > 1e-3
+    assert result.sigma[0][away] == pytest.approx(exact[away], rel=1e-9)
+    assert not damping or shows or result.peak == pytest.approx(1.0 / (0.1 * np.sqrt(1.0 - 0.0025)), rel=1e-6)
+
+
+def test_an_undamped_boom_is_drawn_beside_its_resonances():
+    p = bc.BoomParameters(cradle_damping=0.0, hinge_damping=0.0, structural_damping=0.0)
+    result = bc.sigma(bc.spray_boom(p))
+    assert result.peak == np.inf
+    assert np.isfinite(result.sigma).all()
 
 
 def test_responses_work_with_the_plots_of_python_control():

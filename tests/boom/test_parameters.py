@@ -93,3 +93,20 @@ def test_a_bad_file_names_file_and_key(tmp_path, text, kind, message):
     with pytest.raises(kind, match=message) as caught:
         bc.BoomParameters.from_toml(path)
     assert "boom.toml" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["a = " + "[" * 100_000 + "]" * 100_000, "a = " + "{b = " * 100_000 + "1" + "}" * 100_000]
+)
+def test_a_file_that_is_nested_too_deep_is_refused(tmp_path, text):
+    path = tmp_path / "boom.toml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=r"boom\.toml: tables or arrays are nested too deep"):
+        bc.BoomParameters.from_toml(path)
+
+
+@pytest.mark.parametrize("kind", [bc.BoomParameters, bc.HubBeamParameters])
+def test_a_byte_order_mark_is_no_part_of_a_file(tmp_path, kind):
+    path = tmp_path / "given.toml"
+    path.write_text("length = 9.0\n", encoding="utf-8-sig")
+    assert kind.from_toml(path) == kind(length=9.0)
