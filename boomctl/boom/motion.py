@@ -166,6 +166,7 @@ def platform_motion(
     if V * h > finest * (1.0 + 1e-9):
         raise ValueError(
             f"sample_time = {h:g}: expected at most {finest / V:g} s, a quarter of a tyre's contact length"
+            f" at speed = {V:g}, or a speed of at most {finest / h:g} m/s"
         )
     before, rest = _driven_before(system, track, V, h, p.wheelbase) if track.periodic else (0, None)
     ground = _ground(track, V * h * np.arange(-before, count + 1), p.wheelbase)
