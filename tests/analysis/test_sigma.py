@@ -108,6 +108,46 @@ def test_an_undamped_boom_is_drawn_beside_its_resonances():
     assert np.isfinite(result.sigma).all()
 
 
+def unstable_systems():
+    plant = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs=["u"], outputs=["y"])
+    K = control.ss([], [], [], [[3.0]], inputs=["y"], outputs=["u"])
+    hidden = control.ss(np.diag([1.0, -1.0]), [[0.0], [1.0]], [[0.0, 1.0]], 0.0)
+    yield bc.feedback_loop(plant, K, "u")
+    yield hidden
+    yield SecondOrderModel(np.eye(2), np.diag([-0.1, 0.1]), np.diag([1.0, 4.0]), {"u": [1.0, 1.0]}, {"y": [1.0, 1.0]})
+    yield SecondOrderModel([[1.0]], [[0.1]], [[-1.0]], {"u": [1.0]}, {"y": [1.0]})
+
+
+@pytest.mark.parametrize("system", list(unstable_systems()), ids=("loop", "hidden", "damper", "spring"))
+@pytest.mark.parametrize("omega", [None, [0.5, 2.0]])
+@pytest.mark.parametrize("label", [None, "mine"])
+def test_an_unstable_system_is_said_to_be_one_in_picture_and_print(system, omega, label):
+    from boomctl.plotting.canvas import new_figure
+
+    ax = new_figure().add_subplot()
+    result = bc.sigma(system, omega)
+    assert "unstable" in repr(result)
+    assert result.unstable
+    result.plot(label, ax)
+    assert "unstable" in ax.texts[0].get_text()
+    assert {line.get_linestyle() for line in ax.lines} == {":"}
+    assert not label or ax.get_legend().get_texts()[0].get_text() == "mine (unstable)"
+
+
+@pytest.mark.parametrize("omega", [None, [0.5, 2.0]])
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_a_stable_or_undamped_system_is_not_said_to_be_unstable(omega, damping):
+    from boomctl.plotting.canvas import new_figure
+
+    ax = new_figure().add_subplot()
+    model = SecondOrderModel([[1.0]], [[damping]], [[1.0]], {"u": [1.0]}, {"y": [1.0]})
+    for system in (model, model.to_statespace(), bc.spray_boom(elements=120)):
+        result = bc.sigma(system, omega)
+        assert "unstable" not in repr(result)
+        result.plot(ax=ax)
+    assert not ax.texts
+
+
 def test_responses_work_with_the_plots_of_python_control():
     import matplotlib as mpl
 
