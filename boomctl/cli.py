@@ -12,7 +12,7 @@ from contextlib import contextmanager, nullcontext, redirect_stdout
 from functools import partial
 from importlib import import_module
 from io import TextIOWrapper
-from math import pi, tau
+from math import isfinite, pi, tau
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -300,7 +300,8 @@ def sigma(words: Sequence[str]) -> None:
     if asked.json:
         _print_json({**summary, "upper_bound": result.certificate.upper, "omega": result.omega, "sigma": result.sigma})
     else:
-        proof = f"certified below {result.certificate.upper:.6g}" if result.certified else result.certificate.method
+        bounded = result.certified and isfinite(result.certificate.upper)
+        proof = f"certified below {result.certificate.upper:.6g}" if bounded else result.certificate.method
         print(f"peak {result.peak:.6g} at {result.peak_omega:.6g} rad/s ({result.peak_omega / tau:.6g} Hz), {proof}")
 
 

@@ -190,6 +190,21 @@ def test_an_angle_of_more_than_a_turn_is_said_to_be_in_radians(tmp_path, angle, 
     assert f"--angle {angle}: {turns} turns; angles are in radians ({angle} degrees are" in done.stderr
 
 
+@pytest.mark.parametrize("text", ["youngs_modulus = 1e-300", "length = 1e6\nboom_mass = 1e15\nboom_inertia = 1e15"])
+def test_no_nonsense_is_certified(text, tmp_path):
+    (tmp_path / "boom.toml").write_text(text)
+    done = boomctl("sigma", "--parameters", "boom.toml", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "boom.toml: " in done.stderr
+
+
+def test_an_infinite_peak_is_given_its_reason_and_no_bound(tmp_path):
+    (tmp_path / "boom.toml").write_text("cradle_damping = 0\nhinge_damping = 0\nstructural_damping = 0\n")
+    done = boomctl("sigma", "--parameters", "boom.toml", cwd=tmp_path)
+    assert done.stdout.startswith("peak inf at ")
+    assert done.stdout.endswith(", a pole on the imaginary axis\n")
+
+
 def test_an_output_folder_that_cannot_be_made_ends_before_any_work(tmp_path):
     (tmp_path / "file").write_text("in the way")
     done = boomctl("reproduce", "boom", "--out", str(tmp_path / "file" / "results"))

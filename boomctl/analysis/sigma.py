@@ -146,7 +146,8 @@ def sigma(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system; unknown signals; frequencies negative or not finite; ``omega`` given for measured data.
+        Another kind of system; unknown signals; frequencies negative or not finite; ``omega`` given for measured data; a
+        response beyond all floating-point numbers.
     """
     if is_frequency_response(system):
         return _of_data(system, omega, inputs, outputs)
@@ -160,7 +161,7 @@ def sigma(
         given = _StateSpace(chosen)
     if omega is not None:
         grid = frequencies("omega", omega)
-        return SigmaResult(grid, given.singular_values(grid), chosen.inputs, chosen.outputs, given)
+        return SigmaResult(grid, _finite(grid, given.singular_values(grid)), chosen.inputs, chosen.outputs, given)
     found, certificate = given.resonances(), given.norm()
     grid = resonance_grid(
         found.poles,
@@ -173,7 +174,19 @@ def sigma(
     )
     undamped = np.abs(found.poles[side_of_axis(found.poles) == 0].imag)  # where the response cannot be asked
     grid = grid[(np.abs(grid[:, None] - undamped) > _BESIDE * NARROWEST * undamped).all(axis=1)]
-    return SigmaResult(grid, given.singular_values(grid, quiet=True), chosen.inputs, chosen.outputs, certificate)
+    values = _finite(grid, given.singular_values(grid, quiet=True))
+    return SigmaResult(grid, values, chosen.inputs, chosen.outputs, certificate)
+
+
+def _finite(omega: Array, values: Array) -> Array:
+    """Return singular values; those beyond all floating-point numbers are refused."""
+    bad = ~np.isfinite(values).all(axis=0)
+    if bad.any():
+        raise ValueError(
+            f"system: its response at {omega[bad][0]:g} rad/s is beyond all floating-point numbers;"
+            " expected a system in units in which it is not"
+        )
+    return values
 
 
 def _of_data(

@@ -159,6 +159,13 @@ def test_responses_work_with_the_plots_of_python_control():
     control.bode_plot(model.frequency_response(omega, "actuator_left", "tip_left"))
 
 
+@pytest.mark.parametrize("omega", [None, [1.0, 2.0]])
+def test_a_response_beyond_all_numbers_is_refused(omega):
+    system = control.ss([[-1.0]], [[1e200]], [[1e200]], 0.0)
+    with np.errstate(all="ignore"), pytest.raises(ValueError, match=r"beyond all floating-point numbers|NaN"):
+        bc.sigma(system, omega)
+
+
 def test_bad_input_is_named():
     with pytest.raises(TypeError, match="expected SecondOrderModel"):
         bc.sigma(3.0)
