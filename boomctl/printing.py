@@ -38,8 +38,8 @@ def between(inputs: Sequence[str], outputs: Sequence[str]) -> str:
 
 
 def system(given: Any) -> str:
-    """Return a python-control system's size and signals in part of a line."""
-    return f"{count(given.nstates, 'state')}, {between(given.input_labels, given.output_labels)}"
+    """Return a linear system's size and signals in part of a line."""
+    return f"{count(len(given.A), 'state')}, {between(given.inputs, given.outputs)}"
 
 
 def value(given: Any) -> str:

@@ -11,6 +11,8 @@ HEAVY = {"numpy", "scipy", "control", "slycot", "casadi", "matplotlib", "mpmath"
 BOOM = {"control", "slycot", "casadi", "matplotlib", "mpmath", "rich", "tomllib", "scipy.optimize", "scipy.signal"}
 BOOM |= {"scipy.integrate", "scipy.interpolate", "scipy.special", "boomctl.rotating_beam", "boomctl.synthesis"}
 LOOP = {"control", "casadi", "matplotlib", "mpmath", "rich", "scipy.signal", "scipy.integrate"}
+COST = "output_weight={'tip_left': 1.0, 'tip_right': 1.0}, controls=['suspension_left']"
+NOISE = "{'actuator_left': 1.0}, 1.0, measurements=['stroke_left']"
 BEAM = {"control", "slycot", "casadi", "matplotlib", "mpmath", "rich", "scipy.signal", "scipy.sparse"}
 BEAM |= {"boomctl.boom", "boomctl.structure", "boomctl.analysis", "boomctl.synthesis", "boomctl.slew"}
 
@@ -46,11 +48,42 @@ def imported(scene, *words):
             "import boomctl as bc; bc.swept_sine(bc.spray_boom(), bc.CoulombFriction(3.0), [9.0], 'actuator_left', 0.01)",
             LOOP,
         ),
+        (
+            "import boomctl as bc; print(bc.reduce(bc.spray_boom().select('actuator_left', 'tip_left'), order=6))",
+            BOOM | {"boomctl.synthesis"},
+        ),
+        (f"import boomctl as bc; print(bc.lqr(bc.spray_boom(), None, 1e-4, {COST}))", LOOP | {"scipy.optimize"}),
+        (f"import boomctl as bc; print(bc.kalman(bc.spray_boom(), {NOISE}))", LOOP | {"scipy.optimize"}),
+        (
+            f"import boomctl as bc; print(bc.lqg(bc.spray_boom(), None, 1e-4, {NOISE}, {COST}))",
+            LOOP | {"scipy.optimize"},
+        ),
         ("import boomctl as bc; bc.lqg, bc.h2, bc.h_infinity, bc.SynthesisError, bc.simulate_loop, bc.reduce", LOOP),
         ("import boomctl as bc; bc.hub_beam(modes=2).frequencies_hz(1.0)", BEAM | {"scipy.optimize"}),
         ("import boomctl as bc; bc.hub_beam(modes=1).simulate(bc.spin_up(1.0, 1.0), [1.0, 2.0])", BEAM),
+        (
+            "import boomctl as bc; print(bc.optimal_slew(bc.hub_beam(modes=1), 1.5, 200.0))",
+            (LOOP | {"boomctl.boom", "boomctl.synthesis"}) - {"casadi"},
+        ),
     ],
-    ids=["package", "rooms", "parameters", "boom", "sigma", "family", "forced", "sine", "synthesis", "beam", "spin-up"],
+    ids=[
+        "package",
+        "rooms",
+        "parameters",
+        "boom",
+        "sigma",
+        "family",
+        "forced",
+        "sine",
+        "reduction",
+        "lqr",
+        "kalman",
+        "lqg",
+        "synthesis",
+        "beam",
+        "spin-up",
+        "slew",
+    ],
 )
 def test_a_first_call_imports_only_what_it_uses(scene, without):
     assert sorted(imported(scene) & without) == []

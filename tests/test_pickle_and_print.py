@@ -250,3 +250,33 @@ def test_python_control_is_imported_where_its_systems_learn_to_pickle():
     for path in set(package.rglob("*.py")) - {allowed, *(package / "benchmark").rglob("*.py")}:
         text = re.sub(r"if TYPE_CHECKING:\n(?:(?: .*)?\n)+", "", path.read_text())
         assert not re.search(r"^ *(import control$|from control import)", text, re.MULTILINE), path
+
+
+MADE_WHEN_READ = {
+    "ReductionResult": ("system",),
+    "LqrResult": ("controller", "closed_loop", "effort"),
+    "KalmanResult": ("estimator",),
+    "LqgResult": ("controller", "closed_loop"),
+    "H2Result": ("controller", "closed_loop"),
+    "HInfinityResult": ("controller", "closed_loop"),
+    "ReducedController": ("controller", "closed_loop"),
+}
+
+
+@pytest.mark.parametrize("name", MADE_WHEN_READ)
+def test_systems_of_a_result_are_made_once_when_read_and_survive_pickle_before_and_after(name):
+    result = FACTORIES[name]()
+    fresh, printed = pickle.loads(pickle.dumps(result)), repr(result)
+    for system in MADE_WHEN_READ[name]:
+        made = getattr(result, system)
+        assert isinstance(made, control.StateSpace)
+        assert getattr(result, system) is made
+        for again in (getattr(fresh, system), getattr(pickle.loads(pickle.dumps(result)), system)):
+            for kind in ("A", "B", "C", "D"):
+                np.testing.assert_array_equal(getattr(again, kind), getattr(made, kind))
+            assert (again.name, again.input_labels, again.output_labels) == (
+                made.name,
+                made.input_labels,
+                made.output_labels,
+            )
+    assert repr(result) == repr(fresh) == printed

@@ -9,7 +9,9 @@ The ways to a norm, in the order tried; a certificate's ``path`` names those tha
 ==================  ================================================  ==================================================
 way                 where                                             why
 ==================  ================================================  ==================================================
-halves              a mirror, signals in pairs of images              the larger of two norms; each goes on below
+halves              a mirror, signals in pairs of images              the larger of two norms; each goes on below, but a
+                                                                      small half that stays below the other's is not
+                                                                      searched for a peak of its own
 core                40 coordinates and more, real modes, definite     a few motions stand for all; goes on below
 scan                over 400 coordinates and no core                  too large for what follows; proves no upper bound
 undamped modes      real modes                                        light damping costs no digits
@@ -28,10 +30,11 @@ import numpy as np
 from scipy import linalg, sparse
 
 from boomctl.analysis.modal_form import elastic, in_modes
-from boomctl.analysis.norm import NormCertificate, grows_towards, matrices_norm
+from boomctl.analysis.norm import NormCertificate, grows_towards, level_crossings, matrices_norm
 from boomctl.arrays import Array
-from boomctl.lti.frequency import Resonances, singular_values
-from boomctl.lti.system import beside
+from boomctl.lti.frequency import Resonances, Response, singular_values
+from boomctl.lti.modal import side_of_axis
+from boomctl.lti.system import Lti, beside
 from boomctl.structure.matrices import dense, halves
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.core import Core, build_core
@@ -53,6 +56,7 @@ _SCANNED = 200  # frequencies of a scan without proof (a choice)
 _SHOWN = 1.5  # how far above its modes a band reaches, so that the last peak is seen from both sides (a choice)
 _BELOW = 0.25  # where it begins, relative to the lowest mode (a choice)
 _ALMOST_ZERO = 1e-9  # [rad/s], in place of zero for integrated inputs, whose response there is infinite
+_NEAR = 1e-9  # share of its frequency by which an undamped pole is missed, where the response is infinite (a choice)
 _INDEFINITE = 1e-9  # share of the largest eigenvalue up to which a negative one is rounding
 
 
@@ -99,7 +103,8 @@ class SplitModel:
         """
         if not self.parts:
             return NormCertificate(0.0, 0.0, 0.0, "no response", ("halves",))
-        found = [_part_norm(part) for part in self.parts]
+        small = len(self.parts) > 1 and all(part.n < _CORE_FROM for part in self.parts)
+        found = _norms_of_small(self.parts) if small else [_part_norm(part) for part in self.parts]
         largest, upper = max(found, key=lambda norm: norm.lower), max(norm.upper for norm in found)
         path = () if self.parts == (self.model,) else ("halves",)
         return replace(largest, upper=upper, path=sum((norm.path for norm in found), path))
@@ -137,12 +142,12 @@ def _part_norm(part: SecondOrderModel) -> NormCertificate:
     """Return the norm of a part by a core, by a scan, or of the part as it is."""
     band = _modal_band(part) if part.n >= _CORE_FROM else None
     if band is None:
-        return _small_norm(part)
+        return _Realised.of(part).norm()
     low, top = band[0], _CORE_ABOVE * band[1]
     core = _built(part, low, top)
     if core is None:
-        return _small_norm(part) if part.n <= _LARGEST_DENSE else _scanned(part, low, top)
-    inside = _small_norm(SecondOrderModel.of(core.structure, core.ports))
+        return _Realised.of(part).norm() if part.n <= _LARGEST_DENSE else _scanned(part, low, top)
+    inside = _Realised.of(SecondOrderModel.of(core.structure, core.ports)).norm()
     inside = replace(inside, path=(f"core of {core.structure.n}", *inside.path))
     if inside.lower == inf:
         return inside
@@ -160,22 +165,62 @@ def _scanned(part: SecondOrderModel, low: float, top: float) -> NormCertificate:
     return NormCertificate(float(values[best]), inf, float(omega[best]), "a scan, without proof", ("scan",))
 
 
-def _small_norm(small: SecondOrderModel) -> NormCertificate:
-    """Return the norm of a small model: over its undamped modes, or without them over its own coordinates.
+@dataclass(frozen=True)
+class _Realised:
+    """A small model in state space: over its undamped modes, or without them over its own coordinates.
 
     Its response comes from its matrices, which is more accurate than any state space.
     """
-    respond = partial(_response, small)
-    try:
-        frequencies, V = undamped_modes(small.structure)
-    except ValueError:
-        found = matrices_norm(realize(small.structure, small.ports).balanced(), respond)
-        return replace(found, path=("given coordinates",))
-    if any(small.ports.integrators) or not elastic(frequencies)[0]:
-        low = float(frequencies[elastic(frequencies)].min(initial=np.inf))
-        if grows_towards(respond, 0.0, low if np.isfinite(low) else 1.0):
-            return NormCertificate(inf, inf, 0.0, "an integrating or rigid-body mode", ("undamped modes",))
-    return replace(matrices_norm(in_modes(small, V).balanced(), respond), path=("undamped modes",))
+
+    system: Lti
+    respond: Response
+    grows: bool  # towards zero frequency: an integrating or rigid-body mode shows
+    path: tuple[str, ...]
+
+    @classmethod
+    def of(cls, small: SecondOrderModel) -> "_Realised":
+        respond = partial(_response, small)
+        try:
+            frequencies, V = undamped_modes(small.structure)
+        except ValueError:
+            return cls(realize(small.structure, small.ports).balanced(), respond, False, ("given coordinates",))
+        grows = False
+        if any(small.ports.integrators) or not elastic(frequencies)[0]:
+            low = float(frequencies[elastic(frequencies)].min(initial=np.inf))
+            grows = grows_towards(respond, 0.0, low if np.isfinite(low) else 1.0)
+        return cls(in_modes(small, V).balanced(), respond, grows, ("undamped modes",))
+
+    def norm(self) -> NormCertificate:
+        """Return the norm between its bounds."""
+        if self.grows:
+            return NormCertificate(inf, inf, 0.0, "an integrating or rigid-body mode", self.path)
+        return replace(matrices_norm(self.system, self.respond), path=self.path)
+
+    def guess(self) -> float:
+        """Return the largest singular value half a width beside the resonances: no bound, but near the norm."""
+        poles = self.system.poles[self.system.poles.imag > 0.0]
+        if self.grows or not len(poles):
+            return inf
+        beside = poles.imag + np.abs(poles.real) + _NEAR * np.abs(poles)
+        return float(singular_values(self.respond(beside))[0].max(initial=0.0))
+
+    def stays_below(self, level: float) -> bool:
+        """Return whether it is proved that no singular value reaches a level at any frequency."""
+        if self.grows or (side_of_axis(self.system.poles) >= 0).any() or np.linalg.norm(self.system.D, 2) >= level:
+            return False
+        return not len(level_crossings(self.system, level))
+
+
+def _norms_of_small(parts: tuple[SecondOrderModel, ...]) -> list[NormCertificate]:
+    """Return the norms of small parts; of one proved to stay below another's norm, the other's bound alone."""
+    systems = [_Realised.of(part) for part in parts]
+    order = sorted(range(len(parts)), key=lambda i: -systems[i].guess())
+    found = {order[0]: systems[order[0]].norm()}
+    first = found[order[0]]
+    for i in order[1:]:
+        below = first.lower == inf or systems[i].stays_below(first.lower)
+        found[i] = replace(first, lower=0.0, path=systems[i].path) if below else systems[i].norm()
+    return [found[i] for i in range(len(parts))]
 
 
 def _response(small: SecondOrderModel, omega: Array) -> Array:

@@ -161,9 +161,11 @@ def axis_eigenvalues(system: Lti, level: float) -> Array:
     near as rounding may have moved them: by a multiple of the norm of the balanced matrix, not of its eigenvalues.
     """
     A, B, C, D = system.A, system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
-    R, S = np.eye(D.shape[1]) - D.T @ D, np.eye(D.shape[0]) - D @ D.T
-    shifted = A + B @ np.linalg.solve(R, D.T @ C)
-    H = np.block([[shifted, B @ np.linalg.solve(R, B.T)], [-C.T @ np.linalg.solve(S, C), -shifted.T]])
+    shifted, acting, reading = A, B.T, C
+    if D.any():
+        R, S = np.eye(D.shape[1]) - D.T @ D, np.eye(D.shape[0]) - D @ D.T
+        shifted, acting, reading = A + B @ np.linalg.solve(R, D.T @ C), np.linalg.solve(R, B.T), np.linalg.solve(S, C)
+    H = np.block([[shifted, B @ acting], [-C.T @ reading, -shifted.T]])
     with np.errstate(invalid="ignore"):  # scipy casts what may be large scales to permutations, which are not used
         H = linalg.matrix_balance(H, permute=False)[0]
     values = linalg.eigvals(H)

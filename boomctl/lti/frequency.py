@@ -148,17 +148,18 @@ def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array, hal
         # the inverse square of a resonance is a parabola
         p, q = (middle - low) * ((top / right) ** 2 - 1.0), (middle - high) * ((top / left) ** 2 - 1.0)
         vertex = middle - 0.5 * ((middle - low) * p - (middle - high) * q) / (p - q)
-    vertex = np.where((vertex > low) & (vertex < high), vertex, middle)
-    asked = [vertex - _CLOSE * (high - low), vertex, vertex + _CLOSE * (high - low)]
+    vertex, beside = np.where((vertex > low) & (vertex < high), vertex, middle), _CLOSE * (high - low)
+    asked = [vertex - beside, vertex, vertex + beside]
     if halved:
         asked += [0.5 * (low + middle), 0.5 * (middle + high)]
-    new = np.clip(np.stack(asked, axis=1), low[:, None], high[:, None])
+    new = np.minimum(np.maximum(np.array(asked), low), high).T
     places = np.concatenate([omega, new], axis=1)
     values = np.concatenate([heights, value(new.ravel()).reshape(new.shape)], axis=1)
-    order = np.argsort(places, axis=1)
-    places, values = np.take_along_axis(places, order, 1), np.take_along_axis(values, order, 1)
-    around = np.clip(np.argmax(values, axis=1)[:, None] + np.array([-1, 0, 1]), 0, places.shape[1] - 1)
-    return np.take_along_axis(places, around, 1), np.take_along_axis(values, around, 1)
+    row, order = np.arange(len(places))[:, None], np.argsort(places, axis=1)
+    places, values = places[row, order], values[row, order]
+    around = np.argmax(values, axis=1)[:, None] + np.array([-1, 0, 1])
+    around = np.minimum(np.maximum(around, 0), places.shape[1] - 1)
+    return places[row, around], values[row, around]
 
 
 def largest_gain(system: Lti, respond: Response | None = None, refined: int = _REFINED) -> tuple[float, float]:

@@ -73,6 +73,11 @@ class Lti:
         outs = tuple(self.outputs[k] for k in o) if self.outputs else ()
         return replace(self, B=self.B[:, i], C=self.C[o], D=self.D[np.ix_(o, i)], inputs=ins, outputs=outs)
 
+    def without_dots(self) -> "Lti":
+        """Return the system with its signals named as in python-control: dots, which it does not allow, become ``_``."""
+        inputs, outputs = (tuple(name.replace(".", "_") for name in names) for names in (self.inputs, self.outputs))
+        return replace(self, inputs=inputs, outputs=outputs)
+
     def balanced(self) -> "Lti":
         """Return the system with states scaled by powers of two, so that rows and columns of ``A`` have like sizes."""
         if not len(self.A):
@@ -137,12 +142,12 @@ class Lti:
     def statespace(self, name: str) -> "control.StateSpace":
         """Return the system as python-control's, with all its names.
 
-        Dots in names of signals, which python-control does not allow, become ``_``.
+        Dots in names of signals become ``_``.
         """
         from boomctl.lti.python_control import control
 
-        signals = {"inputs": self.inputs, "outputs": self.outputs}
-        given = {kind: [label.replace(".", "_") for label in labels] for kind, labels in signals.items() if labels}
+        named = self.without_dots()
+        given = {kind: list(labels) for kind in ("inputs", "outputs") if (labels := getattr(named, kind))}
         states = list(self.states) or None
         time = {} if self.dt == 0.0 else {"dt": True if np.isnan(self.dt) else self.dt}
         return control.ss(self.A, self.B, self.C, self.D, name=name, states=states, **given, **time)
@@ -265,8 +270,8 @@ def of(
     what : str
         What a message calls it: the parameter's name.
     expected : str
-        What a message says was expected.  Anything with a method ``to_statespace`` is taken where "SecondOrderModel" is
-        expected.
+        What a message says was expected.  Where "SecondOrderModel" is expected, anything is taken that has a method
+        ``__lti__``, which returns an :class:`Lti` without python-control, or ``to_statespace``.
     discrete : bool, optional
         True: discrete time is expected; by default, or False, continuous time.
     any_time : bool, optional
@@ -282,30 +287,40 @@ def of(
     if isinstance(system, Lti):
         return system
     given: Any = system
-    if "SecondOrderModel" in expected and hasattr(system, "to_statespace"):
-        given = given.to_statespace()
-    if not is_statespace(given):
-        raise TypeError(f"{what}: expected {expected}, got {type(system).__name__}")
-    continuous = given.isctime()
+    models = "SecondOrderModel" in expected
+    if models and hasattr(system, "__lti__"):
+        found: Lti = given.__lti__().without_dots()
+    else:
+        if models and hasattr(system, "to_statespace"):
+            given = given.to_statespace()
+        if not is_statespace(given):
+            raise TypeError(f"{what}: expected {expected}, got {type(system).__name__}")
+        found = _plain(given)
+    continuous = found.dt == 0.0
     if not any_time and continuous == discrete:
         wanted = "a sampling time" if discrete else "continuous time"
-        found = "continuous time" if continuous else f"a sampling time of {_seconds(given.dt)}"
-        raise ValueError(f"{what}: expected {wanted}, got {found}")
-    matrices = [np.asarray(getattr(given, letter), dtype=float) for letter in "ABCD"]
-    for letter, matrix in zip("ABCD", matrices, strict=True):
+        got = "continuous time" if continuous else f"a sampling time of {_seconds(found.dt)}"
+        raise ValueError(f"{what}: expected {wanted}, got {got}")
+    for letter in "ABCD":
+        matrix = getattr(found, letter)
         if not np.isfinite(matrix).all():
             row, column = np.argwhere(~np.isfinite(matrix))[0]
             value = matrix[row, column]
             raise ValueError(f"{what}: expected finite numbers, got {letter}[{row}, {column}] = {value}")
-    labels = tuple(given.input_labels), tuple(given.output_labels), tuple(given.state_labels)
-    for kind, listed in zip(("input", "output"), labels, strict=False):
+    for kind, listed in (("input", found.inputs), ("output", found.outputs)):
         if len(set(listed)) < len(listed):
             twice = next(label for label in listed if listed.count(label) > 1)
             raise ValueError(f"{what}: {kind} {twice!r} is there twice")
-    A, B, C, D = matrices
-    dt = 0.0 if continuous else float("nan") if given.dt is True else float(given.dt)
+    return found
+
+
+def _plain(system: "control.StateSpace") -> Lti:
+    """Return the matrices, names and time of a python-control system."""
+    A, B, C, D = (np.asarray(getattr(system, letter), dtype=float) for letter in "ABCD")
+    labels = tuple(system.input_labels), tuple(system.output_labels), tuple(system.state_labels)
+    dt = 0.0 if system.isctime() else float("nan") if system.dt is True else float(system.dt)
     return Lti(A, B, C, D, *labels, dt)
 
 
-def _seconds(dt: object) -> str:
-    return "a length not said" if dt is True else f"{dt:g} s"
+def _seconds(dt: float) -> str:
+    return "a length not said" if np.isnan(dt) else f"{dt:g} s"

@@ -112,9 +112,9 @@ def reduce(
         if core.complete or last or core.tail <= max(_TAIL_SHARE * found.measured, floor):
             break
     if isinstance(smaller, Lti):
-        smaller = replace(smaller, inputs=given.inputs, outputs=given.outputs)
+        smaller = replace(smaller, inputs=given.inputs, outputs=given.outputs).without_dots()
     return ReductionResult(
-        system=smaller.statespace("reduced") if isinstance(smaller, Lti) else smaller,
+        _reduced=smaller,
         order=_states(smaller),
         error_bound=found.bound,
         measured_error=found.measured,

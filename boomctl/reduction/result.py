@@ -1,10 +1,12 @@
 """What a reduction returns, and what it raises when it cannot vouch for a result."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
+from boomctl.lti.system import Lti
 from boomctl.printing import between
 from boomctl.structure.model import SecondOrderModel
 
@@ -24,6 +26,7 @@ class ReductionResult:
     ----------
     system : control.StateSpace or SecondOrderModel
         The reduced system, signals named as in the full one; a ``SecondOrderModel`` for the method "second-order".
+        A ``StateSpace`` is made when it is first read.
     order : int
         Number of its states, kept unstable and rigid-body states included.
     error_bound : float
@@ -45,7 +48,7 @@ class ReductionResult:
         What stood for the system, smaller cores first: each larger one was needed.
     """
 
-    system: "control.StateSpace | SecondOrderModel"
+    _reduced: Lti | SecondOrderModel = field(repr=False)
     order: int
     error_bound: float
     measured_error: float
@@ -56,9 +59,13 @@ class ReductionResult:
     kept: int = 0
     path: tuple[str, ...] = ()
 
+    @cached_property
+    def system(self) -> "control.StateSpace | SecondOrderModel":
+        """The reduced system."""
+        return self._reduced.statespace("reduced") if isinstance(self._reduced, Lti) else self._reduced
+
     def __repr__(self) -> str:
-        inputs, outputs = (getattr(self.system, f"{kind}_labels", None) for kind in ("input", "output"))
-        ends = between(inputs or self.system.inputs, outputs or self.system.outputs)  # type: ignore[union-attr]
+        ends = between(self._reduced.inputs, self._reduced.outputs)
         kept = f", {self.kept} unstable or rigid-body states kept" if self.kept else ""
         error = f"error {self.measured_error:.6g}, verified; bound {self.error_bound:.6g}"
         return f"ReductionResult: {self.order} states, {self.method}: {ends}\n  {error}{kept}"

@@ -14,7 +14,6 @@ from boomctl.lti.hidden_modes import unmoved
 
 if TYPE_CHECKING:
     import casadi
-    import control
 
 _NOTHING = 1e-12  # share of a norm at which a push is rounding: a choice, between 1e-16 and any coupling
 _SPLIT = 1e-6  # share of |A| below which an eigenvalue is zero: a double zero splits by the root of rounding, 1e-8
@@ -43,8 +42,8 @@ class SlewMachine(Protocol):
         """``(x, torque) -> (xdot, y)``, y = hub angle, hub speed, tip displacement."""
         ...
 
-    def linearize(self, hub_speed: float = 0.0) -> "control.StateSpace":
-        """Linear model about steady rotation; input torque, outputs as above."""
+    def _linear(self, speed: float) -> lti.Lti:
+        """Linear model about steady rotation [rad/s], without python-control; input torque, outputs as above."""
         ...
 
     def steady_state(self, hub_speed: float = 0.0) -> Array:
@@ -198,8 +197,8 @@ def plant_of(h: object) -> SlewPlant:
 
 def _beam(h: SlewMachine) -> SlewPlant:
     """The beam in modal coordinates of its linear part about rest."""
-    system = h.linearize()
-    A, B, C = (np.asarray(each, dtype=float) for each in (system.A, system.B, system.C))
+    at_rest = h._linear(0.0)
+    A, B, C = at_rest.A, at_rest.B, at_rest.C
     size = A.shape[0] // 2
     values, vectors = np.linalg.eig(-A[size:, :size])
     squares, shapes = np.real(values), np.real(vectors)

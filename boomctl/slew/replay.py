@@ -1,6 +1,5 @@
 """The plan is played back by integrators that planning does not use, and judged."""
 
-import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,33 +71,39 @@ def _ring_down(plant: SlewPlant) -> Array:
 
 
 def _linear_motion(plant: SlewPlant, history: TorqueHistory, start: Array, times: Array) -> Array:
-    """Linear motion by its Taylor series, in steps on which ``A h`` is below one half."""
+    """Linear motion by its Taylor series, in steps on which ``A h`` is below one half; one map for equal steps in a row."""
     knots = np.unique(np.concatenate([times, history.edges]))
     size = max(np.abs(np.linalg.eigvals(plant.A)).max(), 1e-12)
-    states, z, kept = [], start.astype(float), {float(t): i for i, t in enumerate(times)}
-    if float(knots[0]) in kept:
-        states.append(z)
-    for a, b in itertools.pairwise(knots):
-        k = min(int(np.searchsorted(history.edges, 0.5 * (a + b)) - 1), history.left.size - 1)
-        width = history.edges[k + 1] - history.edges[k]
-        slope = (history.right[k] - history.left[k]) / width
-        count = max(1, int(np.ceil(size * (b - a) / _TURN)))
-        h = (b - a) / count
+    widths = np.diff(knots)
+    k = np.minimum(np.searchsorted(history.edges, knots[:-1] + 0.5 * widths) - 1, history.left.size - 1)
+    slopes = ((history.right - history.left) / np.diff(history.edges))[k]
+    torques = history.left[k] + slopes * (knots[:-1] - history.edges[k])
+    counts = np.maximum(1, np.ceil(size * widths / _TURN).astype(int))
+    steps = widths / counts
+    maps = _taylor_maps(plant, steps)
+    states = np.empty((knots.size, plant.n))
+    states[0] = z = start.astype(float)
+    for i, (Phi, count) in enumerate(zip(maps[:, :, : plant.n], counts, strict=True)):
+        push, ramp = maps[i, :, plant.n], maps[i, :, plant.n + 1] * slopes[i]
         for j in range(count):
-            u = history.left[k] + slope * (a + j * h - history.edges[k])
-            term, total = z, z
-            for order in range(1, _TAYLOR):
-                term = plant.A @ term
-                if order == 1:
-                    term = term + plant.B * u
-                elif order == 2:
-                    term = term + plant.B * slope * h
-                term = term * (h / order)
-                total = total + term
-            z = total
-        if float(b) in kept:
-            states.append(z)
-    return np.array(states) @ plant.to_state.T
+            z = Phi @ z + (push * (torques[i] + slopes[i] * (j * steps[i])) + ramp)
+        states[i + 1] = z
+    return states[np.searchsorted(knots, times)] @ plant.to_state.T
+
+
+def _taylor_maps(plant: SlewPlant, steps: Array) -> Array:
+    """What a state, a torque and its slope become in each step h [s], steps x n x (n + 2), by Taylor's series."""
+    longest = steps.max()
+    generator = np.zeros((plant.n + 2, plant.n + 2))
+    generator[: plant.n, : plant.n], generator[: plant.n, plant.n], generator[-2, -1] = plant.A, plant.B, 1.0
+    generator *= longest
+    term, terms = np.eye(plant.n + 2), []
+    for order in range(_TAYLOR):
+        term = term if order == 0 else generator @ term / order
+        terms.append(term[: plant.n].ravel())
+    return ((steps / longest)[:, None] ** np.arange(_TAYLOR) @ np.array(terms)).reshape(
+        steps.size, plant.n, plant.n + 2
+    )
 
 
 def end_error(problem: SlewProblem, motions: tuple[Motion, ...]) -> float:

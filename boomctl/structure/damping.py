@@ -42,7 +42,7 @@ def separated_damping(structure: Structure) -> Damping | None:
     if len(apart) > _MOST_DAMPERS:
         return None
     U, image, share = _distinct_rows(structure.layout, tuple(apart.tolist()))
-    return Damping(beta, U, np.bincount(image, share * gamma[apart], U.shape[1]))
+    return Damping(beta, U, np.bincount(image, share * gamma[apart], U.shape[1])[: U.shape[1]])
 
 
 @lru_cache(maxsize=_KEPT)

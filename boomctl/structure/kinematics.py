@@ -14,6 +14,15 @@ from boomctl.structure.parts import Beam, CutJoint, Ground, Point, RigidBody, di
 Body = RigidBody | Beam
 
 
+_CANCELLED = 8.0 * float(np.finfo(float).eps)  # share of two terms below which their sum is what rounding left of zero
+
+
+def _sum(a: float, b: float) -> float:
+    """Return a sum, zero where only rounding is left of it: places that are one may have been computed in two ways."""
+    total = a + b
+    return 0.0 if abs(total) <= _CANCELLED * max(abs(a), abs(b)) else total
+
+
 @dataclass(frozen=True)
 class Row:
     """A linear combination of coordinates, ``sum(terms[name] * coordinate[name])``.
@@ -32,7 +41,7 @@ class Row:
     def __add__(self, other: "Row") -> "Row":
         terms = dict(self.terms)
         for name, value in other.terms.items():
-            terms[name] = terms.get(name, 0.0) + value
+            terms[name] = _sum(terms.get(name, 0.0), value)
         return Row({name: value for name, value in terms.items() if value != 0.0})
 
     def __mul__(self, factor: float) -> "Row":
@@ -59,7 +68,7 @@ class Frame:
 
     def moved_to(self, x0: float, y0: float) -> "Frame":
         """Return the motion of the point of the same rigid body that rests at ``(x0, y0)``."""
-        dx, dy = x0 - self.x0, y0 - self.y0
+        dx, dy = _sum(x0, -self.x0), _sum(y0, -self.y0)
         return Frame(x0, y0, self.x - dy * self.theta, self.y + dx * self.theta, self.theta)
 
     def along(self, angle: float) -> Row:

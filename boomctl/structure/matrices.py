@@ -15,6 +15,7 @@ from boomctl.arrays import DENSE_LIMIT, Array, Matrix
 from boomctl.structure.layout import HalfLayout, Layout, Weights, squared_sums
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.pencil import Pencil, stored
+from boomctl.structure.strain_coordinates import StrainForm, strain_form
 from boomctl.structure.symmetry import TOLERANCE, Mirror
 
 _DENSE_HALF = (
@@ -132,6 +133,20 @@ class Structure:
             if change.max(initial=0.0) > _SYMMETRIC * size.max(initial=0.0):
                 return False
         return bool((self.M.diagonal() > 0).all())
+
+    @cached_property
+    def strain_form(self) -> StrainForm | None:
+        """The structure in strain coordinates; None without rows and for a large one."""
+        return None if self.layout is None or self.weights is None else strain_form(self.layout, self.weights)
+
+    @cached_property
+    def in_strains(self) -> "Structure":
+        """The structure over strain coordinates where it has them, or itself."""
+        form = self.strain_form
+        if form is None:
+            return self
+        names = tuple(f"z{i}" for i in range(self.n))
+        return Structure(names, (form.N.T @ form.N, form.C, form.K))
 
     @cached_property
     def pencil(self) -> Pencil:

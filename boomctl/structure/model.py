@@ -10,6 +10,7 @@ from scipy import sparse
 
 from boomctl.arrays import Array, Matrix
 from boomctl.checks import finite_array, frequencies, signal_name, whole
+from boomctl.lti.system import Lti
 from boomctl.printing import count, signals
 from boomctl.structure.matrices import Structure, half
 from boomctl.structure.ports import Ports
@@ -181,6 +182,10 @@ class SecondOrderModel:
             The mass matrix is singular, or an output needs a derivative of an input that is not there.
         """
         return realize(self.structure, self.select(inputs, outputs).ports).statespace("structure")
+
+    def __lti__(self) -> Lti:
+        """Return the state-space form as what is computed with a model takes it, without python-control."""
+        return realize(self.structure, self.ports)
 
 
 def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOrderModel]:

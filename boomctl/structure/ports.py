@@ -24,8 +24,12 @@ FILTER_DAMPING = np.sqrt(0.5)  # of the outputs' low-pass filters: the flattest 
 
 def evaluate(terms: Array, s: Array) -> Array:
     """Return ``X0 + s X1 + s^2 X2`` for each ``s``, shape (len(s), rows, columns); zero terms cost nothing."""
-    used = np.flatnonzero(terms.any(axis=(1, 2)))
-    powers = s[:, None] ** used
+    used = [k for k, term in enumerate(terms) if term.any()]
+    if used in ([], [0]):
+        found = np.empty((len(s), *terms[0].shape), complex)
+        found[:] = terms[0]
+        return found
+    powers = s[:, None] ** np.array(used)
     _, rows, columns = terms.shape
     return (powers @ terms[used].reshape(len(used), rows * columns)).reshape(len(s), rows, columns)
 

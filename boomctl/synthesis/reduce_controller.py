@@ -1,7 +1,8 @@
 """Controllers of lower order and without fast poles, accepted only after their loop was verified."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,8 +46,8 @@ class ReducedController:
         Hankel-like singular values of the controller's states within the loop, descending.
     """
 
-    controller: "control.StateSpace"
-    closed_loop: "control.StateSpace"
+    _controller: Lti = field(repr=False)
+    _closed_loop: Lti = field(repr=False)
     order: int
     gamma: float
     full_gamma: float
@@ -55,9 +56,19 @@ class ReducedController:
     method: str
     values: Array
 
+    @cached_property
+    def controller(self) -> "control.StateSpace":
+        """As python-control's, made when first read."""
+        return self._controller.statespace("controller")
+
+    @cached_property
+    def closed_loop(self) -> "control.StateSpace":
+        """As python-control's, made when first read."""
+        return self._closed_loop.statespace("closed_loop")
+
     def __repr__(self) -> str:
         norms = f"norm of the closed loop {self.gamma:.6g}, verified; {self.full_gamma:.6g} with the full controller"
-        return f"ReducedController: controller of {system(self.controller)}, {self.method}\n  {norms}"
+        return f"ReducedController: controller of {system(self._controller)}, {self.method}\n  {norms}"
 
 
 def reduce_controller(
@@ -119,8 +130,8 @@ def reduce_controller(
         found = judged(plant, smaller, allowed)
         if isinstance(found, Candidate):
             return ReducedController(
-                controller=found.K.statespace("controller"),
-                closed_loop=found.loop.statespace("closed_loop"),
+                _controller=found.K,
+                _closed_loop=found.loop,
                 order=len(found.K.A),
                 gamma=found.norm.lower,
                 full_gamma=full.norm.lower,

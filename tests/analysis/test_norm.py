@@ -11,6 +11,7 @@ from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.norm import level_crossings
 from boomctl.boom import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel
@@ -153,3 +154,43 @@ def test_halves_of_which_none_has_inputs_and_outputs_do_not_respond():
     assert none.norm().upper == 0.0
     assert np.array_equal(none.singular_values(np.array([1.0, 2.0])), np.zeros((2, 2)))
     assert len(none.resonances().poles) == 0
+
+
+@examples(20)
+@given(
+    stiffness=st.floats(300.0, 9000.0),
+    damping=st.sampled_from([0.0, 1e-5, 4e-3]),
+    elements=st.integers(2, 12),
+    signals=st.sampled_from(
+        [
+            (["actuator_left", "actuator_right"], ["tip_left", "tip_right"]),
+            (["suspension_left", "suspension_right"], ["stroke_left", "stroke_right"]),
+        ]
+    ),
+)
+def test_a_half_that_stays_below_the_others_norm_needs_no_norm_of_its_own(stiffness, damping, elements, signals):
+    p = BoomParameters(spring_stiffness=stiffness, structural_damping=damping)
+    model = spray_boom(p, elements=elements).select(*signals)
+    split = SplitModel.of(model)
+    each = [SplitModel(part, (part,)).norm() for part in split.parts]
+    largest = max(each, key=lambda norm: norm.lower)
+    found = split.norm()
+    assert (found.lower, found.omega, found.method) == (largest.lower, largest.omega, largest.method)
+    assert found.upper == max(norm.upper for norm in each)
+    assert found.path == ("halves", *each[0].path, *each[1].path)
+
+
+def test_a_half_just_below_the_other_is_searched_and_the_larger_one_found():
+    """Two equal masses side by side, one spring between them: the halves' norms differ by a millionth and less."""
+    for between in (0.0, 1e-9, 1e-7, 1e-3):
+        K = np.array([[4.0 + between, -between], [-between, 4.0 + between]])
+        model = SecondOrderModel(np.eye(2), 0.1 * np.eye(2), K, {"f": [1.0, 0.0]}, {"y": [1.0, 0.0]})
+        parts = tuple(
+            SecondOrderModel([[1.0]], [[0.1]], [[4.0 + 2.0 * extra]], {"f": [1.0]}, {"y": [1.0]})
+            for extra in (between, 0.0)
+        )
+        found = SplitModel(model, parts).norm()
+        expected = 1.0 / (0.1 * np.sqrt(4.0 - 0.05**2))
+        assert found.lower == pytest.approx(expected, rel=1e-12)
+        assert found.certified
+        assert SplitModel(model, parts[::-1]).norm().lower == pytest.approx(found.lower, rel=1e-14)

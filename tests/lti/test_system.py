@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from boomctl.lti.system import Lti, append, lower_lft, series, static
+from boomctl.boom.model import spray_boom
+from boomctl.lti.system import Lti, append, lower_lft, of, series, static
 
 OMEGA = np.array([0.0, 0.3, 2.0, 50.0])
 
@@ -62,3 +63,26 @@ def test_a_loop_without_a_solution_is_refused():
     P = static(np.array([[1.0, 1.0], [1.0, 0.5]]))
     with pytest.raises(ValueError, match="not well-posed"):
         lower_lft(P, static(np.array([[2.0]])))
+
+
+@pytest.mark.parametrize("bandwidth", [None, 20.0])
+def test_a_model_is_the_system_that_python_control_would_have_made_of_it(bandwidth):
+    model = spray_boom(accelerometer_bandwidth_hz=bandwidth)
+    direct, there_and_back = of(model), of(model.to_statespace())
+    for letter in "ABCD":
+        np.testing.assert_array_equal(getattr(direct, letter), getattr(there_and_back, letter))
+    for kind in ("inputs", "outputs", "states", "dt"):
+        assert getattr(direct, kind) == getattr(there_and_back, kind)
+    with pytest.raises(ValueError, match="expected a sampling time, got continuous time"):
+        of(model, discrete=True)
+    with pytest.raises(TypeError, match="expected a StateSpace, got SecondOrderModel"):
+        of(model, expected="a StateSpace")
+
+
+def test_dots_in_names_become_what_python_control_allows():
+    class Machine:
+        def __lti__(self):
+            return Lti(-np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1)), ("a.force",), ("a.place",), ("a.x1",))
+
+    found = of(Machine())
+    assert (found.inputs, found.outputs, found.states) == (("a_force",), ("a_place",), ("a.x1",))

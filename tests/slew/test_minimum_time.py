@@ -1,16 +1,22 @@
 """Minimum time: exact solutions, laws, and the certificate's own honesty."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import control
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import linalg
 
 import boomctl as bc
-from boomctl.slew.least_time.switching import least_time, linear_time_problem, misfit, time_gap
+from boomctl.lti.hold import linear_hold
+from boomctl.slew.least_time.switching import least_time, linear_time_problem, misfit, switching_function, time_gap
+from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import Limits, slew_problem
+from boomctl.slew.replay import _linear_motion
+from boomctl.slew.torque import TorqueHistory
 from tests.profiles import examples
 from tests.slew.systems import rigid, two_masses, two_masses_exact
 
@@ -241,3 +247,30 @@ def test_units_of_the_states_do_not_matter(decades):
     assert slew.states[-1] / unit == pytest.approx([1.0, 1.0, 0.0, 0.0], abs=1e-9)
     bent = bc.optimal_slew(scaled, None, 1.0, initial_state=unit * [0.1, -0.1, 0.0, 0.0])
     assert bent.states[-1][2:] / unit[2:] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("modes", [1, 3])
+def test_the_switching_function_is_the_costate_carried_back(modes):
+    problem = slew_problem(bc.hub_beam(modes=modes).linearize(), 1.0, Limits(200.0))
+    linear, found = linear_time_problem(problem), least_time(problem)
+    t = np.linspace(0.1, found.duration, 57)
+    direct = [found.costate @ linalg.expm((found.duration - at) * linear.flow.A) @ linear.flow.B for at in t]
+    assert switching_function(linear, found, t) == pytest.approx(direct, abs=1e-12 * np.abs(direct).max())
+
+
+def test_a_linear_replay_is_exact_under_torques_that_are_held_or_straight():
+    """Against the exponential of the whole: Taylor's maps, shared by the steps of an interval, leave rounding alone."""
+    plant = plant_of(bc.hub_beam(modes=2).linearize())
+    history = TorqueHistory(np.array([0.0, 0.3, 1.0, 1.7]), np.array([5.0, -2.0, 1.0]), np.array([5.0, 3.0, 0.0]))
+    times = np.unique(np.concatenate([np.linspace(0.0, 1.7, 20), history.edges]))
+    states = _linear_motion(plant, history, np.zeros(plant.n), times) @ plant.from_state.T
+    state, expected = np.zeros(plant.n), [np.zeros(plant.n)]
+    for a, b in pairwise(times):
+        first, last = (
+            history(a),
+            history.right[np.searchsorted(history.edges, b) - 1] if b in history.edges else history(b),
+        )
+        Phi, G, H = linear_hold(plant.A, plant.B[:, None], b - a)
+        state = Phi @ state + G[:, 0] * first + H[:, 0] * (last - first)
+        expected.append(state)
+    assert states == pytest.approx(np.array(expected), abs=1e-12 * np.abs(expected).max())

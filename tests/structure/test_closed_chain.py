@@ -19,6 +19,7 @@ from boomctl.structure import (
     Output,
     RigidBody,
     SpringDamper,
+    free,
     prescribe_displacement,
     revolute,
 )
@@ -121,3 +122,23 @@ def test_a_joint_cut_twice_is_one_too_many():
     machine = linkage((0.0, 1.0), (4.0, 2.0), 50.0, cut=True)
     with pytest.raises(ValueError, match="cut joint between coupler and rocker along x"):
         Assembly(machine.bodies, cuts=(*machine.cuts, machine.cuts[0])).assemble()
+
+
+@pytest.mark.parametrize("place", [0.3, 0.1 + 0.2, 3 * 0.1, 1.0 - 0.7, 0.3 * (1.0 + 4e-16)])
+def test_a_cut_joint_at_a_hinge_is_no_lock(place):
+    """Places that are one but for rounding are one: the joint holds nothing there that the hinge does not hold already."""
+    arm = RigidBody("arm", GROUND.at(0.3), free("x", "theta"), 1.0, 0.1, (0.8, 0.0))
+    pull = Force("pull", arm.at(place), "y")
+    swing = Force("swing", arm.at(1.0), "y")
+    with pytest.raises(ValueError, match="moves no coordinate"):
+        prescribe_displacement(Assembly((arm,), (), (pull, swing)).assemble(), "pull")
+    with pytest.raises(ValueError, match="moves no coordinate"):
+        Assembly((arm,), (), (swing,), cuts=(CutJoint(arm.at(place), GROUND.at(place), ("y",)),)).assemble()
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9])
+def test_a_short_lever_is_a_lever(gap):
+    arm = RigidBody("arm", GROUND.at(0.3), revolute(), 1.0, 0.1)
+    spring = SpringDamper(arm.at(0.3 + gap), GROUND.at(0.3 + gap), "y", 1.0)
+    model = Assembly((arm,), (spring,), (Force("swing", arm.at(1.3), "y"),)).assemble()
+    assert model.K[0, 0] == pytest.approx(gap**2, rel=1e-6)

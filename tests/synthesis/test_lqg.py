@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import linalg
+from scipy import linalg, optimize
 
 import boomctl as bc
 from boomctl.lti.system import Lti, lower_lft, of
-from boomctl.synthesis.lq.output_feedback import observer, quadratic_norm
+from boomctl.synthesis.lq.output_feedback import _distance, observer, quadratic_norm
 from boomctl.synthesis.plants.partition import partition
 from tests.profiles import examples
 from tests.strategies import seeds
@@ -243,3 +243,14 @@ def test_recovery_of_nothing_is_refused(options, message):
     given = {"Q": 1.0, "R": 1.0, "process_noise": {"force": 1.0}, "measurement_noise": 1.0, "strengths": [1.0]}
     with pytest.raises(ValueError, match=message):
         bc.loop_transfer_recovery(mass, **(given | options), band=(0.1, 10.0))
+
+
+@examples(60)
+@given(seeds, st.integers(1, 8), st.sampled_from([1e-9, 0.3, 3.0]))
+def test_poles_are_paired_so_that_the_sum_of_distances_is_least(seed, count, apart):
+    rng = np.random.default_rng(seed)
+    expected = rng.normal(size=count) + 1j * rng.normal(size=count)
+    found = rng.permutation(expected * (1.0 + apart * rng.uniform(-1.0, 1.0, count)))
+    gaps = np.abs(found[:, None] - expected[None, :]) / np.abs(expected)[None, :]
+    rows, columns = optimize.linear_sum_assignment(gaps)
+    assert _distance(found, expected) == gaps[rows, columns].max()

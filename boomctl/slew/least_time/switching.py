@@ -253,9 +253,8 @@ def lower_bound(problem: LinearTimeProblem, found: Extremal) -> float:
     for arc in np.diff(np.concatenate([[0.0], found.switches, [found.duration]]))[::-1]:
         parts = math.ceil(_PARTS * arc / found.duration)
         Phi, push = problem.flow.step(arc / parts)
-        for _ in range(parts):
-            most += problem.limit * abs(float(row @ push))
-            row = row @ Phi
+        most += problem.limit * float(np.abs(row @ problem.flow.carried(push, arc / parts, parts)).sum())
+        row = row @ np.linalg.matrix_power(Phi, parts)
     weights = np.linalg.lstsq(problem.ends.T, found.costate, rcond=None)[0]
     needed = float(weights @ problem.target - row @ problem.start)
     return found.duration - abs(needed - most)

@@ -150,11 +150,14 @@ def _small(parts: Sequence[Part], omega: Array) -> list[Response]:
 
 def _check_static(structure: Structure) -> None:
     """Raise if the structure can move freely, so that its static response is infinite."""
-    K = dense(structure.K)
-    scale = np.sqrt(np.abs(np.diag(dense(structure.M))))
-    scale[scale == 0.0] = 1.0
-    size = np.linalg.svd(K / np.outer(scale, scale), compute_uv=False)
-    if size[-1] <= _FREE * size[0]:
+    if structure.strain_form is None:
+        scale = np.sqrt(np.abs(np.diag(dense(structure.M))))
+        scale[scale == 0.0] = 1.0
+        size = np.linalg.svd(dense(structure.K) / np.outer(scale, scale), compute_uv=False)
+        free = size[-1] <= _FREE * size[0]
+    else:
+        free = structure.strain_form.rigid > 0
+    if free:
         raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its static response is infinite")
 
 
@@ -167,13 +170,16 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
         The structure has an undamped resonance exactly at one of the frequencies.
     """
     s = 1j * omega
+    if structure.strain_form is not None:
+        structure, ports = structure.in_strains, ports.congruent(structure.strain_form.V)
     try:
         X = np.linalg.solve(structure.at(s), evaluate(ports.B, s))
     except np.linalg.LinAlgError:
         raise ValueError(
             "omega hits an undamped resonance (or a rigid-body mode at 0): the response is infinite"
         ) from None
-    return _conditioned(ports, s, evaluate(ports.L, s) @ X + evaluate(ports.E, s))
+    Y = evaluate(ports.L, s) @ X
+    return _conditioned(ports, s, Y + evaluate(ports.E, s) if ports.E.any() else Y)
 
 
 def _by_factorization(structure: Structure, ports: Ports, omega: Array) -> Array:

@@ -20,14 +20,18 @@ _WIDEST_BAND = 24  # half bandwidth up to which bands are used: a boom has 3, wi
 def factorized(matrix: Matrix) -> Solve:
     """Return a solver of a symmetric positive definite matrix, sparse or dense."""
     if matrix.shape[0] <= _DENSE_FACTOR:
-        full = matrix.toarray() if sparse.issparse(matrix) else np.array(matrix)
-        factor, failed = lapack.dpotrf(full.T, lower=0, clean=0, overwrite_a=1)
-        if failed:
-            raise np.linalg.LinAlgError("the matrix is not positive definite")
-        return lambda rhs: lapack.dpotrs(factor, rhs, lower=0)[0]
+        return factorized_dense(matrix.toarray() if sparse.issparse(matrix) else np.array(matrix))
     options = {"SymmetricMode": True}
     lu = splu(sparse.csc_array(matrix), options=options, diag_pivot_thresh=0.0, permc_spec="MMD_AT_PLUS_A")
     return lu.solve
+
+
+def factorized_dense(matrix: Array) -> Solve:
+    """Return a solver of a dense symmetric positive definite matrix, which is written over."""
+    factor, failed = lapack.dpotrf(matrix.T, lower=0, clean=0, overwrite_a=1)
+    if failed:
+        raise np.linalg.LinAlgError("the matrix is not positive definite")
+    return lambda rhs: lapack.dpotrs(factor, rhs, lower=0)[0]
 
 
 def stored(matrix: Matrix, n: int) -> Matrix:

@@ -12,6 +12,12 @@ from boomctl.structure.response.core import orthonormal
 from boomctl.structure.response.pencil import factorized
 
 _DENSE_MODES = 250  # coordinates up to which modes are found densely; sparse is faster from 200 on (measured)
+_FLOATING = 250  # the same of floating structures, whose rigid motions are told apart there alone (a choice)
+_FREE = 1e-7  # share of the highest frequency found below which a motion may be a rigid one (a choice)
+_WHOLE = 100  # coordinates up to which all poles are found, so that none depends on how many are asked for (a choice)
+_SMALL = 60  # coordinates up to which modes are found in strain coordinates, where they cost little more (a choice)
+# noise over the lowest stiffness over mass from which on shapes, found otherwise, are good to less than 1e-10 (measured)
+_GRADED = 30.0
 _FEW = 0.25  # share of modes below which only those wanted are asked for: more cost as much as all (a choice)
 _SPREAD = 1e7  # of stiffnesses, from which on the softest mode counts as nearly floating (a choice)
 _NOISE = 1e3 * float(np.finfo(float).eps)  # of the largest stiffness over mass: rounding, with room (a choice)
@@ -20,10 +26,12 @@ _NOISE = 1e3 * float(np.finfo(float).eps)  # of the largest stiffness over mass:
 def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Array, Array]:
     """Return the lowest undamped angular frequencies [rad/s], ascending, and mass-normalised mode shapes (columns).
 
-    The pencil is solved upside down, ``M v = mu (K + alpha M) v``, so that the low modes are the largest eigenvalues
-    and keep their digits on fine meshes; a Rayleigh quotient over the strain rows mends what rounding is left.  The
-    shift ``alpha``, just above rounding, keeps floating structures definite; where one floats, or nearly does, the pencil
-    is solved once more with the shift at its lowest elastic mode, or the softest modes would take the others' digits.
+    Small structures with rows, and those whose stiffest element is too stiff for a stiffness matrix in double precision,
+    are solved in strain coordinates.  Otherwise the pencil is solved upside down, ``M v = mu (K + alpha M) v``, so that
+    the low modes are the largest eigenvalues and keep their digits on fine meshes; a Rayleigh quotient over the strain
+    rows mends what rounding is left.  The shift ``alpha``, just above rounding, keeps floating structures definite; where
+    one floats, or nearly does, the pencil is solved once more with the shift at its lowest elastic mode, or the softest
+    modes would take the others' digits.
 
     Raises
     ------
@@ -37,6 +45,9 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
             raise ValueError(f"undamped modes need a symmetric {name}")
     if not (M.diagonal() > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
+    if structure.n <= _SMALL and structure.strain_form is not None:
+        frequencies, shapes = structure.strain_form.modes()
+        return frequencies[:wanted], shapes[:, :wanted]
     solve = _dense_modes if wanted > 0.3 * structure.n or structure.n <= _DENSE_MODES else _sparse_modes
     noise = _NOISE * float((np.abs(K.diagonal()) / M.diagonal()).max())
     stiffness, shapes = _sorted(structure, M, solve(M, K, noise, wanted))
@@ -44,6 +55,9 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
     uneven = len(elastic) < len(stiffness) or (len(elastic) and stiffness[-1] > _SPREAD * elastic[0])
     if len(elastic) and uneven and elastic[0] > 10.0 * noise:
         stiffness, shapes = _sorted(structure, M, solve(M, K, float(elastic[0]), wanted))
+    if noise > _GRADED * max(float(stiffness[0]), 0.0) and structure.strain_form is not None:
+        frequencies, shapes = structure.strain_form.modes()
+        return frequencies[:wanted], shapes[:, :wanted]
     return np.sqrt(np.maximum(stiffness, 0.0)), shapes
 
 
@@ -109,20 +123,28 @@ def damped_poles(structure: Structure, count: int) -> Array:
     ValueError
         There are fewer.
     """
-    basis = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
-    if basis is None:
-        poles = first_order_poles(dense(structure.M), dense(structure.C), dense(structure.K))
-    else:
-        small = structure.projected(basis)
-        poles = first_order_poles(small.M, small.C, small.K)
+    if structure.n <= max(2 * count + 20, _WHOLE) and structure.strain_form is not None:
+        return _lowest(structure.strain_form.poles(), count)
+    found = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
+    if found is None:
+        return _lowest(first_order_poles(dense(structure.M), dense(structure.C), dense(structure.K)), count)
+    frequencies, basis = found
+    floats = frequencies[0] <= _FREE * frequencies[-1] and structure.n <= _FLOATING
+    if floats and structure.strain_form is not None:
+        return _lowest(structure.strain_form.poles(), count)
+    small = structure.projected(basis)
+    return _lowest(first_order_poles(small.M, small.C, small.K), count)
+
+
+def _lowest(poles: Array, count: int) -> Array:
     upper = poles[poles.imag > 1e-9 * np.abs(poles)]
     if len(upper) < count:
         raise ValueError(f"count = {count}: the model has only {len(upper)} damped eigenfrequencies")
     return upper[np.argsort(upper.imag)][:count]
 
 
-def _pole_basis(structure: Structure, count: int) -> Array | None:
-    """Return a basis for the ``count`` lowest damped poles: undamped modes and static responses to the dampers.
+def _pole_basis(structure: Structure, count: int) -> tuple[Array, Array] | None:
+    """Return undamped frequencies, and a basis for the ``count`` lowest damped poles: modes, static responses to dampers.
 
     None for matrices without real modes.
     """
@@ -136,8 +158,9 @@ def _pole_basis(structure: Structure, count: int) -> Array | None:
     left, size, _ = linalg.svd(loaded, full_matrices=False)
     forces = left[:, size > 1e-9 * size.max(initial=1e-300)]
     if not forces.shape[1]:
-        return shapes
-    return np.hstack([shapes, orthonormal(M, factorized(sparse.csr_array(K + shift * M))(forces), shapes)])
+        return frequencies, shapes
+    still = factorized(sparse.csr_array(K + shift * M))(forces)
+    return frequencies, np.hstack([shapes, orthonormal(M, still, shapes)])
 
 
 def _common_damping(K: sparse.csr_array, C: sparse.csr_array) -> float:

@@ -6,6 +6,7 @@ For a displacement input (``u = d``) the states are those of Anthonis & Ramon (2
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy import linalg
@@ -14,6 +15,7 @@ from boomctl.arrays import Array
 from boomctl.lti.system import Lti
 from boomctl.structure.matrices import Structure, dense, is_symmetric
 from boomctl.structure.ports import FILTER_DAMPING, Ports
+from boomctl.structure.response.pencil import Solve, factorized_dense
 
 _SINGULAR = 1e14  # condition of a scaled mass matrix from which on its inverse has no digit left: some 0.01/eps
 _FELT = 1e-12  # of its terms; a feedthrough that cancels down to this is rounding: some 1e4 eps
@@ -64,31 +66,25 @@ def realize(structure: Structure, ports: Ports) -> Lti:
     return Lti(A, B, y.X, y.U, ports.inputs, ports.outputs, (*states, *filter_states))
 
 
-def _factor(mass: Array) -> tuple[Array, bool]:
-    """Return a mass matrix ready to be solved with: Cholesky's factor if it is positive definite, else LU."""
+def _solver(mass: Array) -> Solve:
+    """Return a solver of a mass matrix: by Cholesky's factor if it is positive definite, else by LU; nothing for zeros."""
     try:
         if not is_symmetric(mass):
             raise linalg.LinAlgError
-        factor = linalg.cho_factor(mass)
+        factored = factorized_dense(mass.copy())
     except linalg.LinAlgError:
         scale = np.sqrt(np.abs(np.diag(mass)))
         if (scale == 0).any() or np.linalg.cond(mass / np.outer(scale, scale)) > _SINGULAR:
             raise ValueError(
                 "the mass matrix is singular: a coordinate has no inertia, so there is no state-space form"
             ) from None
-        factor = linalg.lu_factor(mass)
-    return factor  # type: ignore[return-value]
-
-
-def _solve(factor: tuple[Array, object], rhs: Array) -> Array:
-    if isinstance(factor[1], (bool, np.bool_)):
-        return linalg.cho_solve(factor, rhs)  # type: ignore[arg-type]
-    return linalg.lu_solve(factor, rhs)  # type: ignore[arg-type]
+        factored = partial(linalg.lu_solve, linalg.lu_factor(mass))
+    return lambda rhs: factored(rhs) if rhs.any() else np.zeros_like(rhs)
 
 
 def _dynamics(structure: Structure, ports: Ports) -> _Dynamics:
     """Return A, B, the signals q, q', q'' and d, d', d'', and what of them is not there."""
-    n, m, factor = structure.n, len(ports.inputs), _factor(dense(structure.M))
+    n, m, solve = structure.n, len(ports.inputs), _solver(dense(structure.M))
     order = np.array(ports.integrators, dtype=int)
     size = 2 * n + int(order.sum())
     d = _input_signals(order, n, size)
@@ -96,14 +92,14 @@ def _dynamics(structure: Structure, ports: Ports) -> _Dynamics:
     x1[:, :n], x2[:, n : 2 * n] = np.eye(n), np.eye(n)
     B0, B1, B2 = ports.B
     K, C = dense(structure.K), dense(structure.C)
-    G = _solve(factor, B2 * (order == 0))
-    H = _solve(factor, (B1 - C @ G) * (order == 0))
-    G_velocity = _solve(factor, B2 * (order == 1))
+    G = solve(B2 * (order == 0))
+    H = solve((B1 - C @ G) * (order == 0))
+    G_velocity = solve(B2 * (order == 1))
     q = _Signal(x1, np.zeros((n, m))) + d[0].through(G)
     rate = _Signal(x2, np.zeros((n, m))) + d[0].through(H) + d[1].through(G_velocity)
     force = q.through(-K) + rate.through(-C) + d[0].through(B0)
     force = force + d[1].through(B1 * (order > 0)) + d[2].through(B2 * (order > 1))
-    acceleration = _Signal(_solve(factor, force.X), _solve(factor, force.U))
+    acceleration = _Signal(solve(force.X), solve(force.U))
     A, B = np.zeros((size, size)), np.zeros((size, m))
     A[:n], B[:n] = rate.X, rate.U
     A[n : 2 * n], B[n : 2 * n] = acceleration.X, acceleration.U
@@ -141,6 +137,10 @@ def _outputs(
     """Return the parts of the outputs with no, one and two derivatives still to be taken (by a filter)."""
     plain = np.array([b is None for b in ports.bandwidths], dtype=bool)[:, None]
     L, E = ports.L, ports.E
+    if plain.all():
+        now, *further = (q[k].through(L[k]) + d[k].through(E[k]) for k in range(3) if L[k].any() or E[k].any() or not k)
+        none = _Signal(np.zeros_like(now.X), np.zeros_like(now.U))
+        return sum(further, now), none, none
     now = q[0].through(L[0] * plain) + d[0].through(E[0] * plain)
     for k in (1, 2):
         now = now + q[k].through(L[k] * plain) + d[k].through(E[k] * plain)
@@ -155,6 +155,8 @@ def _check_proper(ports: Ports, missing: tuple[Array, Array, Array]) -> None:
     L1, L2, E1, E2 = ports.L[1], ports.L[2], ports.E[1] * (order < 1), ports.E[2] * (order < 2)
     moved = np.array(ports.moved, dtype=bool)
     once, twice = L1 @ G + L2 @ H + E1, L2 @ G2 + E2
+    if not (once.any() or twice.any()):
+        return
     size_once = np.abs(L1) @ np.abs(G) + np.abs(L2) @ np.abs(H) + np.abs(E1)
     size_twice = np.abs(L2) @ np.abs(G2) + np.abs(E2)
     for o, output in enumerate(ports.outputs):
@@ -175,6 +177,8 @@ def _filtered(
     """Append the low-pass filters of the outputs, in observer form, and return the outputs."""
     y, once, twice = parts
     bandwidths = [(o, b) for o, b in enumerate(ports.bandwidths) if b is not None]
+    if not bandwidths:
+        return A, B, y, []
     size, names = A.shape[0], []
     A = np.block(
         [[A, np.zeros((size, 2 * len(bandwidths)))], [np.zeros((2 * len(bandwidths), size + 2 * len(bandwidths)))]]

@@ -1,7 +1,7 @@
 """What one suspension does: singular values with a certified peak, a run over the field, the spray it leaves."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -105,7 +105,7 @@ def performance(
     record = run.time >= run.time[0] + scene.run_in
     nozzles = nozzle_positions(parameters.length)
     sprays = spray_by_motion(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
-    return Performance(title, sigma(loop, _grid(loop)), _part(loop, 1.0), _part(loop, -1.0), run, *sprays)
+    return Performance(title, _loop_sigma(loop), _part(loop, 1.0), _part(loop, -1.0), run, *sprays)
 
 
 def loop_between(
@@ -122,9 +122,13 @@ def loop_between(
     return select_channels(whole, list(inputs), list(outputs))
 
 
-def _grid(loop: control.StateSpace) -> Array:
-    """Return frequencies that resolve the loop's peaks, from slow yaw to where the boom no longer follows."""
-    return np.union1d(sigma(loop).omega, _FREQUENCIES)
+def _loop_sigma(loop: control.StateSpace) -> SigmaResult:
+    """Return the loop's singular values where its peaks are, and from slow yaw to where the boom no longer follows."""
+    peaks = sigma(loop)
+    others = sigma(loop, np.setdiff1d(_FREQUENCIES, peaks.omega))
+    omega = np.concatenate([peaks.omega, others.omega])
+    order = np.argsort(omega)
+    return replace(peaks, omega=omega[order], sigma=np.hstack([peaks.sigma, others.sigma])[:, order])
 
 
 def _part(loop: control.StateSpace, parity: float) -> NormCertificate:

@@ -1,13 +1,15 @@
 """``h_infinity``: controllers whose closed loop was verified, and a bound that tells how far from the best they are."""
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from boomctl.analysis.norm import NormCertificate
 from boomctl.checks import positive
+from boomctl.lti.system import Lti
 from boomctl.printing import sentence, system
 from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
 from boomctl.synthesis.hinf.bounds import Deadline, lowest_level
@@ -94,15 +96,25 @@ class HInfinityResult:
     certificate : HInfinityCertificate
     """
 
-    controller: "control.StateSpace"
-    closed_loop: "control.StateSpace"
+    _controller: Lti = field(repr=False)
+    _closed_loop: Lti = field(repr=False)
     gamma: float
     certificate: HInfinityCertificate
+
+    @cached_property
+    def controller(self) -> "control.StateSpace":
+        """As python-control's, made when first read."""
+        return self._controller.statespace("controller")
+
+    @cached_property
+    def closed_loop(self) -> "control.StateSpace":
+        """As python-control's, made when first read."""
+        return self._closed_loop.statespace("closed_loop")
 
     def __repr__(self) -> str:
         least = f"no controller goes below {self.certificate.lower:.6g}"
         verified = f"norm of the closed loop {self.gamma:.6g}, verified; {least}"
-        return f"HInfinityResult: controller of {system(self.controller)}\n  {verified}"
+        return f"HInfinityResult: controller of {system(self._controller)}\n  {verified}"
 
 
 def h_infinity(
@@ -203,9 +215,7 @@ def _result(task: Task, found: Candidate) -> HInfinityResult:
         statement=_statement(task, found),
     )
     K = replace(found.K, inputs=plant.measurements, outputs=plant.controls)
-    return HInfinityResult(
-        K.statespace("controller"), found.loop.statespace("closed_loop"), found.norm.lower, certificate
-    )
+    return HInfinityResult(K, found.loop, found.norm.lower, certificate)
 
 
 def _statement(task: Task, found: Candidate) -> str:

@@ -4,6 +4,7 @@ Doyle, Glover, Khargonekar & Francis (1989), IEEE Transactions on Automatic Cont
 """
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,16 +43,26 @@ class H2Result:
     certificate : FeedbackCertificate
     """
 
-    controller: "control.StateSpace" = field(repr=False)
-    closed_loop: "control.StateSpace" = field(repr=False)
+    _controller: Lti = field(repr=False)
+    _closed_loop: Lti = field(repr=False)
     norm: float
     optimum: float
     poles: Array = field(repr=False)
     certificate: FeedbackCertificate
 
+    @cached_property
+    def controller(self) -> "control.StateSpace":
+        """As python-control's, made when first read."""
+        return self._controller.statespace("h2")
+
+    @cached_property
+    def closed_loop(self) -> "control.StateSpace":
+        """As python-control's, made when first read."""
+        return self._closed_loop.statespace("closed_loop")
+
     def __repr__(self) -> str:
         norms = f"H2 norm of the closed loop {self.norm:.6g}, verified; least possible {self.optimum:.6g}"
-        return f"H2Result: controller of {system(self.controller)}\n  {norms}"
+        return f"H2Result: controller of {system(self._controller)}\n  {norms}"
 
 
 def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
@@ -110,8 +121,8 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
     R, W = shifted.D12.T @ shifted.D12, shifted.B1 @ shifted.B1.T
     certificate = certify(loop, least_cost(W, R, regulator, estimator), regulator, estimator)
     return H2Result(
-        controller=K.statespace("h2"),
-        closed_loop=loop.statespace("closed_loop"),
+        _controller=K,
+        _closed_loop=loop,
         norm=certificate.norm.value,
         optimum=certificate.least_norm,
         poles=np.concatenate([regulator.poles, estimator.poles]),

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,14 +40,19 @@ class KalmanResult:
 
     gain: Array
     covariance: Array = field(repr=False)
-    estimator: "control.StateSpace" = field(repr=False)
+    _estimator: Lti = field(repr=False)
     poles: Array = field(repr=False)
     certificate: RiccatiCertificate
+
+    @cached_property
+    def estimator(self) -> "control.StateSpace":
+        """As python-control's, made when first read."""
+        return self._estimator.statespace("estimator")
 
     def __repr__(self) -> str:
         slowest = f"slowest pole of the estimator {self.poles.real.max(initial=-np.inf):.4g} rad/s"
         checked = f"Riccati residual {self.certificate.residual:.1e}"
-        return f"KalmanResult: estimator of {system(self.estimator)}\n  {slowest}; {checked}"
+        return f"KalmanResult: estimator of {system(self._estimator)}\n  {slowest}; {checked}"
 
 
 def kalman(
@@ -106,7 +112,7 @@ def kalman(
     return KalmanResult(
         gain=L,
         covariance=solution.X,
-        estimator=estimator.statespace("estimator"),
+        _estimator=estimator.without_dots(),
         poles=solution.poles,
         certificate=solution.certificate,
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,19 +43,29 @@ class LqgResult:
     certificate : FeedbackCertificate
     """
 
-    controller: "control.StateSpace" = field(repr=False)
-    closed_loop: "control.StateSpace" = field(repr=False)
+    _controller: Lti = field(repr=False)
+    _closed_loop: Lti = field(repr=False)
     regulator_gain: Array = field(repr=False)
     filter_gain: Array = field(repr=False)
     poles: Array = field(repr=False)
     cost: float
     certificate: FeedbackCertificate
 
+    @cached_property
+    def controller(self) -> "control.StateSpace":
+        """As python-control's, made when first read."""
+        return self._controller.statespace("lqg")
+
+    @cached_property
+    def closed_loop(self) -> "control.StateSpace":
+        """As python-control's, made when first read."""
+        return self._closed_loop.statespace("closed_loop")
+
     def __repr__(self) -> str:
         norms = (
             f"cost {self.cost:.6g}, two Gramians and the Riccati equations agree to {self.certificate.disagreement:.0e}"
         )
-        return f"LqgResult: controller of {system(self.controller)}\n  {norms}"
+        return f"LqgResult: controller of {system(self._controller)}\n  {norms}"
 
 
 def lqg(
@@ -120,8 +131,8 @@ def lqg(
     loop = lower_lft(_weighted(way, problem, noise), K)
     certificate = certify(loop, least_cost(noise.W, problem.R, regulator, estimator), regulator, estimator)
     return LqgResult(
-        controller=K.statespace("lqg"),
-        closed_loop=lower_lft(_between_all(plant, driven, measured), K).statespace("closed_loop"),
+        _controller=K,
+        _closed_loop=lower_lft(_between_all(plant, driven, measured), K),
         regulator_gain=regulator.gain,
         filter_gain=estimator.gain.T,
         poles=np.concatenate([regulator.poles, estimator.poles]),

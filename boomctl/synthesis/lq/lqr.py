@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,18 +75,33 @@ class LqrResult:
 
     gain: Array
     cost: Array = field(repr=False)
-    controller: "control.StateSpace" = field(repr=False)
-    closed_loop: "control.StateSpace" = field(repr=False)
-    effort: "control.StateSpace" = field(repr=False)
+    _controller: Lti = field(repr=False)
+    _closed_loop: Lti = field(repr=False)
+    _effort: Lti = field(repr=False)
     poles: Array = field(repr=False)
     unmoved: tuple[HiddenMode, ...]
     certificate: LqrCertificate
+
+    @cached_property
+    def controller(self) -> "control.StateSpace":
+        """As python-control's, made when first read."""
+        return self._controller.statespace("regulator")
+
+    @cached_property
+    def closed_loop(self) -> "control.StateSpace":
+        """As python-control's, made when first read."""
+        return self._closed_loop.statespace("closed_loop")
+
+    @cached_property
+    def effort(self) -> "control.StateSpace":
+        """As python-control's, made when first read."""
+        return self._effort.statespace("effort")
 
     def __repr__(self) -> str:
         left = f", {count(len(self.unmoved), 'mode')} not moved" if self.unmoved else ""
         slowest = f"slowest pole of the closed loop {self.poles.real.max(initial=-np.inf):.4g} rad/s"
         checked = f"Riccati residual {self.certificate.riccati.residual:.1e}"
-        between_signals = between(self.controller.input_labels, self.controller.output_labels)
+        between_signals = between(self._controller.inputs, self._controller.outputs)
         return f"LqrResult: state feedback, {between_signals}{left}\n  {slowest}; {checked}"
 
 
@@ -160,9 +176,9 @@ def lqr(
     return LqrResult(
         gain=solution.gain,
         cost=solution.X,
-        controller=_controller(plant, driven, integrated, solution.gain).statespace("regulator"),
-        closed_loop=closed_loop.statespace("closed_loop"),
-        effort=effort.statespace("effort"),
+        _controller=_controller(plant, driven, integrated, solution.gain).without_dots(),
+        _closed_loop=closed_loop,
+        _effort=effort,
         poles=solution.poles,
         unmoved=unmoved(plant.A, problem.B, plant.states, stable=True),
         certificate=certificate,

@@ -11,7 +11,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, frequencies, positive
 from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti
 from boomctl.printing import count, listed
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
 from boomctl.synthesis.lq.problem import Weight, chosen, plant_of
@@ -147,7 +147,7 @@ def loop_transfer_recovery(
 
 def _at_input(design: LqgResult, plant: Array, omega: Array) -> Array:
     """Return the loop broken at the plant's input, with the sign of the regulator's."""
-    K = of(design.controller).balanced().response(omega)
+    K = design._controller.balanced().response(omega)
     return np.moveaxis(-np.moveaxis(K, 2, 0) @ np.moveaxis(plant, 2, 0), 0, 2)
 
 

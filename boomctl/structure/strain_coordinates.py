@@ -1,0 +1,111 @@
+"""Coordinates in which stiffness is the unit matrix, found from rows without ever forming the stiffness matrix.
+
+With ``S = diag(sqrt k) R = Q T P^T`` (orthogonal, triangular, permutation) and ``q = P T^-1 z``, ``K`` is the unit matrix,
+and mass and damping are sums over rows of the size that counts.  A stiffness matrix that is formed loses as many digits as
+its stiffest element is stiffer than the structure.  Rows that are sorted by size keep theirs, for Householder's method with
+sorted rows and pivoted columns is stable row by row (Cox & Higham 1998).  What is slow is large in these coordinates, so
+that eigenvalues keep the digits of the slow ones.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.structure.layout import Layout, Weights, squared_sums
+
+LARGEST = 700  # coordinates up to which it is done: a dense decomposition of half a second (a choice)
+_RIGID = 1e-12  # smallest over largest singular value of rows of size one, below which a motion strains nothing
+
+
+@dataclass(frozen=True)
+class StrainForm:
+    """A structure over ``z`` with ``q = V z``, where stiffness is one for strains and zero for rigid motions.
+
+    Attributes
+    ----------
+    V : (n, n) ndarray
+        Its last columns are the rigid motions, of unit mass, and free of mass coupling with the others.
+    N : (rows, n) ndarray
+        Mass rows, ``M = N^T N``.
+    C : (n, n) ndarray
+        Damping.
+    rigid : int
+        Number of rigid motions: those that strain nothing, to rounding.
+    """
+
+    V: Array
+    N: Array
+    C: Array
+    rigid: int
+
+    @property
+    def strains(self) -> int:
+        """Number of coordinates that are not rigid motions."""
+        return len(self.V) - self.rigid
+
+    @property
+    def K(self) -> Array:
+        """Stiffness."""
+        return np.diag(np.repeat([1.0, 0.0], [self.strains, self.rigid]))
+
+    def modes(self) -> tuple[Array, Array]:
+        """Return undamped frequencies [rad/s], ascending, and mass-normalised shapes over the old coordinates.
+
+        Rigid motions have the frequency zero.  The others follow from the singular values of the mass rows, which are the
+        inverse frequencies: the slow ones have all digits.
+        """
+        r = self.strains
+        _, slowness, mixed = np.linalg.svd(self.N[:, :r], full_matrices=False)
+        shapes = np.hstack([self.V[:, r:], self.V[:, :r] @ (mixed.T / slowness)])
+        return np.concatenate([np.zeros(self.rigid), 1.0 / slowness]), shapes
+
+    def poles(self) -> Array:
+        """Return all poles, those of rigid motions that nothing damps exactly zero; the slow ones have all digits.
+
+        They are the inverse of the eigenvalues of ``1/s``.
+        """
+        r, n = self.strains, len(self.V)
+        M = self.N.T @ self.N
+        free = self.rigid and np.abs(self.C[r:]).max() <= _RIGID * np.abs(self.C).max()
+        if free:
+            M, C, n = M[:r, :r], self.C[:r, :r], r
+        else:
+            C = self.C
+        companion = np.block([[np.zeros((n, n)), np.eye(n)], [-M, -C]])
+        if free or not self.rigid:
+            slowness = linalg.eigvals(companion)
+            return np.concatenate([np.zeros(2 * self.rigid), 1.0 / slowness[slowness != 0.0]])
+        alpha, beta = linalg.eigvals(companion, linalg.block_diag(np.eye(n), self.K), homogeneous_eigvals=True)
+        return (beta / alpha)[alpha != 0.0]
+
+
+def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
+    """Return a structure in strain coordinates; None for a large one, and for one without mass or stiffness."""
+    n, elastic = layout.n, weights.k > 0.0
+    if n > LARGEST:
+        return None
+    N, R = (rows.toarray() if hasattr(rows, "toarray") else np.asarray(rows) for rows in (layout.N, layout.R))
+    mass, inertia = squared_sums(N, weights.m), np.sqrt(weights.m)[:, None] * N
+    S = np.sqrt(weights.k[elastic])[:, None] * R[elastic] / np.sqrt(np.where(mass > 0.0, mass, 1.0))
+    size = np.linalg.norm(S, axis=1)
+    if not (mass > 0.0).all() or not size.any():
+        return None
+    unit = S[size > 0.0] / size[size > 0.0][:, None]
+    _, spread, motions = np.linalg.svd(unit, full_matrices=len(unit) < n)
+    r = int((spread > _RIGID * spread[0]).sum())
+    order = np.argsort(-np.abs(S).max(axis=1), kind="stable")
+    Q, T, places = linalg.qr(S[order], mode="economic", pivoting=True)
+    V = np.zeros((n, n))
+    V[places[:r], :r] = linalg.solve_triangular(T[:r, :r], np.eye(r))
+    V[:, r:] = motions[r:].T
+    V /= np.sqrt(mass)[:, None]
+    if r < n:
+        _, own, mixed = np.linalg.svd(inertia @ V[:, r:], full_matrices=False)
+        V[:, r:] = V[:, r:] @ (mixed.T / own)
+        V[:, :r] -= V[:, r:] @ ((inertia @ V[:, r:]).T @ (inertia @ V[:, :r]))
+    Q = np.hstack([Q[:, :r], np.zeros((len(Q), n - r))])
+    loss = (weights.c[elastic] / weights.k[elastic])[order]
+    damped = np.sqrt(weights.c[~elastic])[:, None] * (R[~elastic] @ V)
+    return StrainForm(V, inertia @ V, Q.T @ (loss[:, None] * Q) + damped.T @ damped, n - r)
