@@ -8,10 +8,11 @@ import os
 import sys
 from argparse import ArgumentParser, BooleanOptionalAction
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, redirect_stdout
 from functools import partial
 from importlib import import_module
-from math import pi, tau
+from io import TextIOWrapper
+from math import isfinite, pi, tau
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -52,6 +53,9 @@ def main() -> None:
 
     Matrices here are small and want one thread; who sets the variables of BLAS is obeyed.
     """
+    for stream in (sys.stdout, sys.stderr):  # a letter that a terminal does not know ends no command
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     try:
@@ -140,7 +144,7 @@ def reproduce(words: Sequence[str]) -> None:
     asked = parser.parse_args(words)
 
     from boomctl.checks import known, whole
-    from boomctl.files import plain, prepared_folder, write_json, write_whole
+    from boomctl.files import locked_folder, plain, write_json, write_whole
     from boomctl.papers.side_by_side import cores, side_by_side
     from boomctl.report import bound_reports
 
@@ -148,29 +152,33 @@ def reproduce(words: Sequence[str]) -> None:
     if asked.what == "hub-beam" and (asked.parameters or asked.measured):
         raise ValueError("--parameters and --measured are of the boom: leave them out for hub-beam")
     workers = cores() if asked.workers is None else whole("--workers", asked.workers)
-    folder, results, reports = prepared_folder(asked.out), {}, []
+    results, reports = {}, []
     names = tuple(_PAPERS) if asked.what == "all" else (asked.what,)
     papers = [
         _boom_paper(asked.parameters, asked.measured, asked.full) if name == "boom" else _hub_beam_paper(asked.full)
         for name in names
     ]
-    jobs = [job for work, _ in papers for job in work]
-    with _progress(len(jobs)) as progress:
-        found = iter(side_by_side(jobs, workers, progress))
-    for name, (work, report_of) in zip(names, papers, strict=True):
-        report = report_of([next(found) for _ in work])
-        target = folder / name if asked.what == "all" else folder
-        report.write(target)
-        results[name] = plain(report.results)
-        reports.append((_PAPERS[name], report.html))
-        if not asked.json:
-            _print_paper(name, results[name])
-            print(f"Report: {target / 'report.html'}")
-    if asked.what == "all":
-        write_whole(folder / "report.html", bound_reports("Two papers, computed again", reports))
-        write_json(folder / "results.json", results)
-        if not asked.json:
-            print(f"Both reports in one: {folder / 'report.html'}")
+    with locked_folder(asked.out) as folder:
+        jobs = [job for work, _ in papers for job in work]
+        with _progress(len(jobs)) as progress:
+            found = iter(side_by_side(jobs, workers, progress))
+        for name, (work, report_of) in zip(names, papers, strict=True):
+            report = report_of([next(found) for _ in work])
+            target = folder / name if asked.what == "all" else folder
+            if asked.what == "all":
+                report.write(target)
+            else:
+                report.write_into(target)
+            results[name] = plain(report.results)
+            reports.append((_PAPERS[name], report.html))
+            if not asked.json:
+                _print_paper(name, results[name])
+                print(f"Report: {target / 'report.html'}")
+        if asked.what == "all":
+            write_whole(folder / "report.html", bound_reports("Two papers, computed again", reports))
+            write_json(folder / "results.json", results)
+            if not asked.json:
+                print(f"Both reports in one: {folder / 'report.html'}")
     if asked.json:
         _print_json(results if asked.what == "all" else results[asked.what])
 
@@ -240,24 +248,26 @@ def design(words: Sequence[str]) -> None:
     parser.add_json()
     asked = parser.parse_args(words)
 
-    from boomctl.files import prepared_folder  # after the options, so that help and bad use wait for no numpy
+    from boomctl.files import locked_folder  # after the options, so that help and bad use wait for no numpy
 
-    found = design_file(asked.name)
-    given = {option: getattr(asked, option) for option in ("road_class", "speed", "seed")}
-    chosen = {option: value for option, value in given.items() if value is not None}
-    wrong = [f"--{option.removesuffix('_class')}" for option in chosen if option not in found.kind.options]
-    if wrong:
-        raise ValueError(
-            f"{', '.join(wrong)}: of suspensions only; expected none for the {found.kind.name} {asked.name!r}"
-        )
-    scene, folder = found.kind.design_class.scene(**chosen), prepared_folder(asked.out)
-    with _progress(found.kind.steps) as progress:
-        progress("design")
-        made = found.made()
-        progress("judging")
-        result = made.evaluate(scene)
-        report = result.report(progress)
-    report.write(folder)
+    # what a design prints goes where it does not spoil the results
+    with redirect_stdout(sys.stderr) if asked.json else nullcontext():
+        found = design_file(asked.name)
+        given = {option: getattr(asked, option) for option in ("road_class", "speed", "seed")}
+        chosen = {option: value for option, value in given.items() if value is not None}
+        wrong = [f"--{option.removesuffix('_class')}" for option in chosen if option not in found.kind.options]
+        if wrong:
+            raise ValueError(
+                f"{', '.join(wrong)}: of suspensions only; expected none for the {found.kind.name} {asked.name!r}"
+            )
+        scene = found.kind.design_class.scene(**chosen)
+        with locked_folder(asked.out) as folder, _progress(found.kind.steps) as progress:
+            progress("design")
+            made = found.made()
+            progress("judging")
+            result = made.evaluate(scene)
+            report = result.report(progress)
+            report.write_into(folder)
     if asked.json:
         _print_json(report.results)
         return
@@ -290,7 +300,8 @@ def sigma(words: Sequence[str]) -> None:
     if asked.json:
         _print_json({**summary, "upper_bound": result.certificate.upper, "omega": result.omega, "sigma": result.sigma})
     else:
-        proof = f"certified below {result.certificate.upper:.6g}" if result.certified else result.certificate.method
+        bounded = result.certified and isfinite(result.certificate.upper)
+        proof = f"certified below {result.certificate.upper:.6g}" if bounded else result.certificate.method
         print(f"peak {result.peak:.6g} at {result.peak_omega:.6g} rad/s ({result.peak_omega / tau:.6g} Hz), {proof}")
 
 
@@ -359,16 +370,18 @@ def slew(words: Sequence[str]) -> None:
     parser.add_json()
     asked = parser.parse_args(words)
 
-    from boomctl.files import plain, prepared_folder
+    from boomctl.files import locked_folder, plain
     from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
     from boomctl.rotating_beam.parameters import HubBeamParameters
     from boomctl.studies.slew.plan import STEPS, evaluated_plan
 
-    folder = prepared_folder(asked.out)
+    if abs(asked.angle) > tau:
+        said = f"--angle {asked.angle:g}: {abs(asked.angle) / tau:.3g} turns; angles are in radians"
+        print(f"boomctl: {said} ({asked.angle:g} degrees are {asked.angle * pi / 180.0:.5g} rad)", file=sys.stderr)
     limits = ("torque_rate_limit", "speed_limit", "tip_limit", "moment_limit")
     given = {name: getattr(asked, name) for name in limits if getattr(asked, name) is not None}
     beam = AssumedModesBeam(HubBeamParameters(tip_mass=asked.tip_mass), asked.model, asked.modes)
-    with _progress(STEPS) as progress:
+    with locked_folder(asked.out) as folder, _progress(STEPS) as progress:
         evaluation = evaluated_plan(
             beam,
             angle=asked.angle,
@@ -380,7 +393,7 @@ def slew(words: Sequence[str]) -> None:
             **given,
         )
         report = evaluation.report(progress)
-    report.write(folder)
+        report.write_into(folder)
     found = plain(report.results)
     if asked.json:
         _print_json(found)

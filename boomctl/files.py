@@ -4,7 +4,8 @@ import csv
 import json
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,18 +34,60 @@ def prepared_folder(path: str | Path) -> Path:
     return folder
 
 
+@contextmanager
+def locked_folder(path: str | Path) -> Iterator[Path]:
+    """Give a folder that exists, can be written to, and that no other run writes to meanwhile.
+
+    The lock is the operating system's, on the folder itself: it leaves no file, and ends with the process.  Where there is
+    none (Windows, some network drives) the folder is not locked.
+
+    Raises
+    ------
+    OSError
+        It cannot be made or written to; another run writes to it.
+    """
+    folder = prepared_folder(path)
+    try:
+        import fcntl  # there is none on Windows
+    except ImportError:
+        yield folder
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OSError(
+                f"output folder {folder}: another run writes to it; wait until it has ended, or choose another folder"
+            ) from None
+        except OSError:
+            pass  # a drive without locks
+        yield folder
+    finally:
+        os.close(handle)
+
+
 def write_whole(path: Path, content: bytes | str) -> None:
     """Write a file under another name and move it into place, so that no half of it is ever seen."""
-    data = content.encode("utf-8") if isinstance(content, str) else content
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".boomctl-")
+    write_all({path: content})
+
+
+def write_all(contents: Mapping[Path, bytes | str]) -> None:
+    """Write files under other names and, when all are written, move them into place: all of them, or none."""
+    temporaries: dict[Path, str] = {}
     try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+        for path, content in contents.items():
+            data = content.encode("utf-8") if isinstance(content, str) else content
+            handle, temporaries[path] = tempfile.mkstemp(dir=path.parent, prefix=".boomctl-")
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+            os.chmod(temporaries[path], 0o644)
+        for path in contents:
+            os.replace(temporaries[path], path)
+            del temporaries[path]
+    finally:
+        for temporary in temporaries.values():
+            os.unlink(temporary)
 
 
 def plain(value: Any) -> Any:
@@ -62,27 +105,41 @@ def plain(value: Any) -> Any:
     return value
 
 
+def json_text(value: Any) -> str:
+    """Return numbers, arrays and mappings as JSON in lines."""
+    return json.dumps(plain(value), indent=1, allow_nan=False) + "\n"
+
+
 def write_json(path: Path, value: Any) -> None:
     """Write numbers, arrays and mappings as JSON."""
-    write_whole(path, json.dumps(plain(value), indent=1, allow_nan=False) + "\n")
+    write_whole(path, json_text(value))
+
+
+def _file(path: str | Path) -> Path:
+    """Return a path that is not that of a folder."""
+    if Path(path).is_dir():
+        raise ValueError(f"{path}: expected a file, got a folder")
+    return Path(path)
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Return what a TOML file holds.
+    """Return what a TOML file holds, with or without a byte order mark.
 
     Raises
     ------
     OSError
         The file cannot be read.
     ValueError
-        It is not TOML; the message names the file.
+        It is not TOML, or a folder; the message names the file.
     """
     import tomllib  # only who reads such a file waits for its parser
 
     try:
-        return tomllib.loads(Path(path).read_bytes().decode("utf-8"))
+        return tomllib.loads(_file(path).read_bytes().decode("utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: not a TOML file: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{path}: tables or arrays are nested too deep; expected a few levels") from None
 
 
 @dataclass(frozen=True)
@@ -99,12 +156,15 @@ class NumberTable:
         Finite numbers.
     lines : tuple of int
         Line of the file in which each row of numbers stands.
+    comments : tuple of (int, str)
+        Line of the file and text of each comment, without its mark.
     """
 
     header: tuple[str, ...]
     header_line: int
     values: Array
     lines: tuple[int, ...]
+    comments: tuple[tuple[int, str], ...]
 
 
 def read_numbers(path: str | Path) -> NumberTable:
@@ -115,19 +175,22 @@ def read_numbers(path: str | Path) -> NumberTable:
     OSError
         The file cannot be read.
     ValueError
-        No numbers, a row of another length than the header, a value that is not a finite number; file and line named.
+        A folder; no numbers, a row of another length than the header, a value that is not a finite number; file and line
+        named.
     """
     try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+        lines = _file(path).read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise ValueError(f"{path}: expected text in UTF-8") from None
-    told = [(i, line) for i, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
+    full = [(i, line) for i, line in enumerate(lines, 1) if line.strip()]
+    told = [(i, line) for i, line in full if not line.lstrip().startswith("#")]
+    comments = tuple((i, line.lstrip()[1:].strip()) for i, line in full if line.lstrip().startswith("#"))
     if len(told) < 2:
         raise ValueError(f"{path}: expected a line of column names and at least one line of numbers")
     rows = [(i, _cells(path, i, line)) for i, line in told]
     header = tuple(name.strip() for name in rows[0][1])
     values = np.array([_numbers(path, line, row, header) for line, row in rows[1:]])
-    return NumberTable(header, rows[0][0], values, tuple(line for line, _ in rows[1:]))
+    return NumberTable(header, rows[0][0], values, tuple(line for line, _ in rows[1:]), comments)
 
 
 def _cells(path: str | Path, line: int, text: str) -> list[str]:

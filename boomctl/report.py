@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from boomctl.files import prepared_folder, write_json, write_whole
+from boomctl.files import json_text, locked_folder, write_all
 
 _ROUNDING = 1e-9  # what reports call "less than": nothing in them is measured or computed finer
 _MIME = {"svg": "image/svg+xml", "png": "image/png", "gif": "image/gif"}
@@ -82,25 +82,27 @@ class Report:
         Returns
         -------
         tuple of Path
-            The files.
+            The files; all are written, or none.
 
         Raises
         ------
         OSError
-            The folder cannot be written to.
+            The folder cannot be written to, or another run writes to it.
         """
-        target = prepared_folder(folder)
-        files = {
-            target / f"{picture.name}.{ending}": content
+        with locked_folder(folder) as target:
+            return self.write_into(target)
+
+    def write_into(self, folder: Path) -> tuple[Path, ...]:
+        """Write the report into a folder that is there, and locked by the one who asks."""
+        files: dict[Path, bytes | str] = {
+            folder / f"{picture.name}.{ending}": content
             for section in self.sections
             for picture in section.pictures
             for ending, content in picture.files.items()
         }
-        for path, content in files.items():
-            write_whole(path, content)
-        write_json(target / "results.json", self.results)
-        write_whole(target / "report.html", self.html)
-        return (*files, target / "results.json", target / "report.html")
+        files |= {folder / "results.json": json_text(self.results), folder / "report.html": self.html}
+        write_all(files)
+        return tuple(files)
 
 
 def bound_reports(title: str, reports: Sequence[tuple[str, str]]) -> str:

@@ -36,6 +36,7 @@ _POINTS = 240  # of the grid, beside those at the resonances (a choice)
 _BEYOND = 100.0  # how far the grid reaches below the slowest pole and above the fastest (a choice)
 _INTEGRATING = (1e-3, 1e3)  # [rad/s], the grid of a loop all poles of which are at zero (a choice)
 _ROUNDING = 1e-12  # of L = 1 - 1/S; a factor above 1e12 is none
+_WAY = 9  # frequencies from rest to a crossing at which the gain is looked at; near rest it is a parabola (a choice)
 _POLE = 1e-12  # a sensitivity below this is a pole of the loop, of infinite gain
 _ACTIVE = 24  # frequencies at which a scaling is made good, those of the largest values found so far (a choice)
 _ROUNDS = 12  # of adding those where it is not; two or three do
@@ -94,7 +95,8 @@ class LoopMargin:
     phase_deg, phase_omega : float
         Least angle that makes it unstable, and where; ``inf`` and ``nan`` without a crossing of gain one.
     delay, delay_omega : float
-        Least delay that makes it unstable [s], and where.
+        Least delay that makes it unstable [s], and where; 0 and ``inf`` where the loop's gain at infinite frequency is
+        not below one, so that the least delay does (or leaves no decay at high frequencies).
     disk : DiskMargin
     """
 
@@ -203,7 +205,7 @@ def _disk(S: Lti, G: Array) -> DiskMargin:
     eye = np.eye(len(S.D))
     scale = _scaling(2.0 * G - eye[:, :, None])
     norm = matrices_norm(Lti(S.A, S.B / scale, scale[:, None] * 2.0 * S.C, scale[:, None] * (2.0 * S.D - eye) / scale))
-    return DiskMargin(min(2.0 / norm.upper, 2.0), norm.omega, norm.certified)
+    return DiskMargin(2.0 / max(norm.upper, 1.0), norm.omega, norm.certified)
 
 
 def _scaling(G: Array) -> Array:
@@ -273,7 +275,7 @@ def _loop_margin(signal: str, place: str, S: Lti, quick: Triangular, known: tupl
     """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``, known at some frequencies."""
     disk = _disk(S, known[1][None, None])
     open_loop = _opened(S)
-    more = np.setdiff1d(_grid(open_loop), known[0])
+    more = np.setdiff1d(_grid(S if open_loop is None else open_loop), known[0])
     grid = np.concatenate([known[0], more])
     values = np.concatenate([known[1], quick.response(more)[0, 0]])[order := np.argsort(grid)]
     grid = grid[order]
@@ -284,7 +286,8 @@ def _loop_margin(signal: str, place: str, S: Lti, quick: Triangular, known: tupl
         with np.errstate(divide="ignore", invalid="ignore"):
             return 1.0 - 1.0 / S.response(np.atleast_1d(omega))[0, 0]
 
-    (low, low_omega), (high, high_omega) = _gain_limits(response, grid, values, open_loop)
+    D = inf if open_loop is None else float(open_loop.D[0, 0])
+    (low, low_omega), (high, high_omega) = _gain_limits(response, grid, values, D)
     (phase, phase_omega), (delay, delay_omega) = _phase_limits(response, grid, values, open_loop)
     return LoopMargin(
         signal=signal,
@@ -330,21 +333,26 @@ def _crossings(response: Response, grid: Array, values: Array, height: Callable[
     return found
 
 
-def _opened(S: Lti) -> Lti:
-    """Return ``L = 1 - 1/S``; where ``S`` is zero at infinite frequency there is none."""
+def _opened(S: Lti) -> Lti | None:
+    """Return ``L = 1 - 1/S``; None where ``S`` is zero at infinite frequency, and ``L`` infinite."""
     d = float(S.D[0, 0])
+    if abs(d) <= _POLE:
+        return None
     return Lti(S.A - S.B @ S.C / d, S.B / d, S.C / d, np.array([[1.0 - 1.0 / d]]))
 
 
 def _gain_limits(
-    response: Response, grid: Array, values: Array, L: Lti
+    response: Response, grid: Array, values: Array, D: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the limits of the factor, each with its frequency: where ``L`` is real and positive, it is ``1/L``."""
+    """Return the limits of the factor, each with its frequency: where ``L`` is real and positive, it is ``1/L``.
+
+    ``D`` is ``L`` at infinite frequency.
+    """
     crossings = _crossings(response, grid, values, lambda x: x.imag)
     low, high = (0.0, float("nan")), (inf, float("nan"))
     found = [(1.0 / float(x.real), w) for w in crossings if _positive(x := response(np.array([w]))[0])]
-    if L.D[0, 0] > 0.0:
-        found.append((1.0 / float(L.D[0, 0]), inf))
+    if _ROUNDING < D < inf:
+        found.append((1.0 / D, inf))
     for factor, omega in found:
         if factor > 1.0 and factor < high[0]:
             high = (factor, omega)
@@ -359,18 +367,34 @@ def _positive(value: complex) -> bool:
 
 
 def _phase_limits(
-    response: Response, grid: Array, values: Array, L: Lti
+    response: Response, grid: Array, values: Array, L: Lti | None
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the least angle [degrees] and the least delay [s] from ``L`` to one, where ``|L| = 1``."""
-    crossings = _crossings(response, grid, values, lambda x: np.abs(x) - 1.0)
-    if abs(abs(float(L.D[0, 0])) - 1.0) > _ONE and len(L.A):
-        extra = axis_eigenvalues(L, 1.0)
-        crossings += [float(w) for w in extra if abs(abs(response(np.array([w]))[0]) - 1.0) < _AT_ONE]
+    crossings = [
+        0.0 if _at_rest(response, w, _ONE) else w for w in _crossings(response, grid, values, lambda x: np.abs(x) - 1.0)
+    ]
+    if _at_rest(response, 0.0, _ONE):
+        crossings.append(0.0)
+    D = inf if L is None else float(L.D[0, 0])
     phase, delay = (inf, float("nan")), (inf, float("nan"))
+    if abs(abs(D) - 1.0) <= _ONE:
+        phase = (float(np.degrees(abs(np.angle(D)))), inf)
+    elif L is not None and len(L.A):
+        extra = [float(w) for w in axis_eigenvalues(L, 1.0)]
+        close = [w for w in extra if abs(abs(response(np.array([w]))[0]) - 1.0) < _AT_ONE]
+        crossings += [w for w in close if not _at_rest(response, w, _AT_ONE)]
     for omega in crossings:
         angle = float(np.angle(response(np.array([omega]))[0]))
         if abs(angle) < np.radians(phase[0]):
             phase = (float(np.degrees(abs(angle))), omega)
         if omega > 0.0 and (angle % (2.0 * np.pi)) / omega < delay[0]:
             delay = ((angle % (2.0 * np.pi)) / omega, omega)
+    if abs(D) >= 1.0 - _ONE:  # a delay turns the phase by any angle at some high frequency
+        delay = (0.0, inf)
     return phase, delay
+
+
+def _at_rest(response: Response, omega: float, doubt: float) -> bool:
+    """Return whether a crossing of gain one is that at rest, which rounding has moved: the gain is one all the way."""
+    way = omega * np.linspace(0.0, 1.0, _WAY)
+    return bool((np.abs(np.abs(response(way)) - 1.0) <= doubt).all())

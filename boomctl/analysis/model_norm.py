@@ -34,7 +34,7 @@ from boomctl.analysis.norm import NormCertificate, grows_towards, level_crossing
 from boomctl.arrays import Array
 from boomctl.lti.frequency import Resonances, Response, singular_values
 from boomctl.lti.modal import side_of_axis
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, beside
 from boomctl.structure.matrices import dense, halves
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.core import Core, build_core
@@ -225,7 +225,12 @@ def _norms_of_small(parts: tuple[SecondOrderModel, ...]) -> list[NormCertificate
 
 def _response(small: SecondOrderModel, omega: Array) -> Array:
     seen = np.maximum(omega, _ALMOST_ZERO) if any(small.ports.integrators) else omega
-    return direct_response(small.structure, small.ports, seen)
+    try:
+        return direct_response(small.structure, small.ports, seen)
+    except ValueError:  # one of the frequencies is that of an undamped mode, which may not show
+        if len(seen) > 1:
+            return np.concatenate([_response(small, seen[k : k + 1]) for k in range(len(seen))], axis=2)
+    return direct_response(small.structure, small.ports, beside(seen))
 
 
 def _dissipation_bound(model: SecondOrderModel, omega: float) -> float:

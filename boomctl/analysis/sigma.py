@@ -11,19 +11,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.model_norm import SplitModel
-from boomctl.analysis.norm import NormCertificate, matrices_norm
+from boomctl.analysis.norm import UNSTABLE, NormCertificate, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, names
 from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_values
+from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti, is_frequency_response, of
 from boomctl.printing import between
+from boomctl.structure.matrices import dense
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.poles import first_order_poles
 
 if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
 
 _POINTS = 240  # of a curve, beside those at the resonances: about 100 a decade on a boom's band (a choice)
+_PRINTED = 100  # coordinates up to which printing waits for the poles: tens of milliseconds (measured)
+_BESIDE = 0.1  # share of it beside an undamped mode that is not drawn: half of the way to the next place (`DRAWN`)
 NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
 
 
@@ -83,7 +88,23 @@ class SigmaResult:
             peak = f"peak {self.peak:.6g}{at}, {'certified' if self.certified else 'not certified'}"
         else:  # printing must not cost what the norm costs
             peak = f"largest of these {self.sigma.max():.6g}; the norm is computed when .peak is asked for"
+            if isinstance(self._of, SplitModel) and self._of.model.n > _PRINTED:
+                return f"SigmaResult: {between(self.inputs, self.outputs)}\n  {span}\n  {peak}"
+        if self.unstable:
+            span += "\n  unstable: these are no responses to sines, which would grow without bound"
         return f"SigmaResult: {between(self.inputs, self.outputs)}\n  {span}\n  {peak}"
+
+    @cached_property
+    def unstable(self) -> bool:
+        """Whether the system has an unstable pole: no response to a sine is then as large as its singular value."""
+        if "certificate" in self.__dict__ or isinstance(self._of, NormCertificate):
+            return self.certificate.method == UNSTABLE
+        if isinstance(self._of, _StateSpace):
+            poles = self._of.system.poles
+        else:
+            m = self._of.model
+            poles = first_order_poles(dense(m.M), dense(m.C), dense(m.K)) if m.n <= _PRINTED else None
+        return self.certificate.method == UNSTABLE if poles is None else bool((side_of_axis(poles) > 0).any())
 
     @property
     def peak(self) -> float:
@@ -101,7 +122,7 @@ class SigmaResult:
         return self.certificate.certified
 
     def plot(self, label: str | None = None, ax: "Axes | None" = None) -> "Axes":
-        """Draw the singular values over frequency; return the axes."""
+        """Draw the singular values over frequency; return the axes.  The picture says so if the system is unstable."""
         return import_module("boomctl.plotting").plot_sigma(self, label=label, ax=ax)
 
 
@@ -125,7 +146,8 @@ def sigma(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system; unknown signals; frequencies negative or not finite; ``omega`` given for measured data.
+        Another kind of system; unknown signals; frequencies negative or not finite; ``omega`` given for measured data; a
+        response beyond all floating-point numbers.
     """
     if is_frequency_response(system):
         return _of_data(system, omega, inputs, outputs)
@@ -139,7 +161,7 @@ def sigma(
         given = _StateSpace(chosen)
     if omega is not None:
         grid = frequencies("omega", omega)
-        return SigmaResult(grid, given.singular_values(grid), chosen.inputs, chosen.outputs, given)
+        return SigmaResult(grid, _finite(grid, given.singular_values(grid)), chosen.inputs, chosen.outputs, given)
     found, certificate = given.resonances(), given.norm()
     grid = resonance_grid(
         found.poles,
@@ -150,7 +172,21 @@ def sigma(
         narrowest=NARROWEST,
         also=[certificate.omega] if found.low <= certificate.omega < np.inf else (),
     )
-    return SigmaResult(grid, given.singular_values(grid, quiet=True), chosen.inputs, chosen.outputs, certificate)
+    undamped = np.abs(found.poles[side_of_axis(found.poles) == 0].imag)  # where the response cannot be asked
+    grid = grid[(np.abs(grid[:, None] - undamped) > _BESIDE * NARROWEST * undamped).all(axis=1)]
+    values = _finite(grid, given.singular_values(grid, quiet=True))
+    return SigmaResult(grid, values, chosen.inputs, chosen.outputs, certificate)
+
+
+def _finite(omega: Array, values: Array) -> Array:
+    """Return singular values; those beyond all floating-point numbers are refused."""
+    bad = ~np.isfinite(values).all(axis=0)
+    if bad.any():
+        raise ValueError(
+            f"system: its response at {omega[bad][0]:g} rad/s is beyond all floating-point numbers;"
+            " expected a system in units in which it is not"
+        )
+    return values
 
 
 def _of_data(

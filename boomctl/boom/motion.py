@@ -20,6 +20,7 @@ _SETTLED = 1e-6  # share of the motion at the start that is left when the record
 _DRIFTING = 1e-9  # decay [1/s] below which nothing holds the heading: it would take 30 years (a choice)
 _SIDES = ("time_s", "left_m", "right_m")
 _MOTIONS = ("time_s", "jolt_m", "yaw_rad")
+_STATED = "actuator_distance_m"  # the comment "# actuator_distance_m = 1.78" of a file of motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +166,7 @@ def platform_motion(
     if V * h > finest * (1.0 + 1e-9):
         raise ValueError(
             f"sample_time = {h:g}: expected at most {finest / V:g} s, a quarter of a tyre's contact length"
+            f" at speed = {V:g}, or a speed of at most {finest / h:g} m/s"
         )
     before, rest = _driven_before(system, track, V, h, p.wheelbase) if track.periodic else (0, None)
     ground = _ground(track, V * h * np.arange(-before, count + 1), p.wheelbase)
@@ -254,11 +256,17 @@ def sine_sweep(
     )
 
 
-def read_motion(path: str | Path, actuator_distance: float = _DISTANCE) -> PlatformMotion:
+def read_motion(path: str | Path, actuator_distance: float | None = None) -> PlatformMotion:
     """Read a measured motion from a CSV file.
 
     The first line names the columns, ``time_s, left_m, right_m`` or ``time_s, jolt_m, yaw_rad``, in any order.  Lines that
-    begin with ``#`` are comments.
+    begin with ``#`` are comments; the comment ``# actuator_distance_m = 1.78`` says how far apart the actuators are.
+
+    Parameters
+    ----------
+    path : str or Path
+    actuator_distance : float, optional
+        Between the actuators [m]; by default what the file says, and that of `BoomParameters` if it says nothing.
 
     Raises
     ------
@@ -266,10 +274,11 @@ def read_motion(path: str | Path, actuator_distance: float = _DISTANCE) -> Platf
         The file cannot be read.
     ValueError
         A column is missing, unknown or there twice; a value missing or not finite; times that do not ascend, have a gap
-        or are not equally spaced; the message names file and line.
+        or are not equally spaced; an `actuator_distance` other than the file's; the message names file and line.
     """
-    distance = positive("actuator_distance", actuator_distance)
+    given = None if actuator_distance is None else positive("actuator_distance", actuator_distance)
     table = read_numbers(path)
+    distance = _distance_of(path, table.comments, given)
     found = set(table.header)
     if len(found) != len(table.header) or found not in (set(_SIDES), set(_MOTIONS)):
         raise ValueError(
@@ -287,8 +296,31 @@ def read_motion(path: str | Path, actuator_distance: float = _DISTANCE) -> Platf
     return _of_motions(column["time_s"], column["jolt_m"], column["yaw_rad"], distance)
 
 
+def _distance_of(path: str | Path, comments: tuple[tuple[int, str], ...], given: float | None) -> float:
+    """Return the distance of the actuators [m] that was given, or that the comments of a file state."""
+    stated = [
+        (line, text.partition("=")[2].strip()) for line, text in comments if text.split("=")[0].strip() == _STATED
+    ]
+    if not stated:
+        return _DISTANCE if given is None else given
+    (line, text), *more = stated
+    if more:
+        raise ValueError(f"{path}, line {more[0][0]}: {_STATED} is there twice, the first time in line {line}")
+    try:
+        distance = positive(_STATED, float(text))
+    except ValueError:
+        raise ValueError(f"{path}, line {line}: {_STATED}: expected a number above zero, got {text[:50]!r}") from None
+    if given is not None and given != distance:
+        raise ValueError(
+            f"actuator_distance = {given:g}: expected {distance:g} m, as line {line} of {path} says, or leave it out"
+        )
+    return distance
+
+
 def write_motion(path: str | Path, motion: PlatformMotion) -> None:
     """Write a motion as a CSV file that :func:`read_motion` reads back to the last digit; whole or not at all.
+
+    The distance between the actuators stands in a comment above the columns.
 
     Raises
     ------
@@ -300,5 +332,6 @@ def write_motion(path: str | Path, motion: PlatformMotion) -> None:
     if not isinstance(motion, PlatformMotion):
         raise TypeError(f"motion: expected PlatformMotion, got {type(motion).__name__}")
     rows = np.column_stack([motion.time, motion.left, motion.right]).tolist()
-    lines = [",".join(_SIDES), *(",".join(map(repr, row)) for row in rows)]
+    distance = f"# {_STATED} = {float(motion.actuator_distance)!r}"
+    lines = [distance, ",".join(_SIDES), *(",".join(map(repr, row)) for row in rows)]
     write_whole(Path(path), "\n".join(lines) + "\n")

@@ -1,10 +1,15 @@
 """Parameters of the spray boom."""
 
 from dataclasses import dataclass, fields
+from math import sqrt
 
 from boomctl.checks import nonnegative, positive
 from boomctl.parameters import Parameters, or_default
 
+_LARGEST = 1e15  # of any parameter, SI units: a thousand times the stiffness of diamond, in N/m^2 (a choice)
+# [rad/s], between which the boom may bend: once in a week and 160 kHz (a choice); beyond, no double carries the model
+_BENDING = (1e-5, 1e6)
+_FIRST = 1.8751040687119611  # first root of cos x cosh x = -1: a clamped beam's lowest mode
 _MAY_BE_ZERO = (
     "spring_stiffness",
     "cradle_damping",
@@ -49,7 +54,8 @@ class BoomParameters(Parameters):
     ------
     TypeError, ValueError
         Not a number, not finite, negative, or inconsistent: a section larger inside than outside, a spring beyond the
-        boom's end, less mass or inertia than the tube has.
+        boom's end, less mass or inertia than the tube has; above 1e15; so soft, stiff, long or short that the arms would
+        bend slower than 1e-5 rad/s or faster than 1e6 rad/s.
     """
 
     platform_mass: float = 250.0
@@ -75,7 +81,10 @@ class BoomParameters(Parameters):
     def __post_init__(self) -> None:
         for field in fields(self):
             check = nonnegative if field.name in _MAY_BE_ZERO else positive
-            check(field.name, getattr(self, field.name))
+            if check(field.name, getattr(self, field.name)) > _LARGEST:
+                raise ValueError(
+                    f"{field.name} = {getattr(self, field.name):g}: expected at most {_LARGEST:g}, in SI units"
+                )
         for side in ("width", "height"):
             inner, outer = getattr(self, f"inner_{side}"), getattr(self, f"outer_{side}")
             if inner >= outer:
@@ -90,6 +99,15 @@ class BoomParameters(Parameters):
         ):
             if value < tube * (1.0 - 1e-12):
                 raise ValueError(f"{name} = {value:g}: expected at least that of the tube, {tube:.6g}")
+
+        wave, mass = 2.0 * _FIRST / self.length, self.mass_per_length
+        bending = wave * wave * sqrt(self.bending_stiffness / mass) if mass > 0.0 else 0.0
+        if not _BENDING[0] <= bending <= _BENDING[1]:
+            raise ValueError(
+                f"youngs_modulus = {self.youngs_modulus:g}, density = {self.density:g}, length = {self.length:g},"
+                f" outer_width = {self.outer_width:g}: the boom's arms would bend at {bending:.3g} rad/s;"
+                f" expected {_BENDING[0]:g} to {_BENDING[1]:g} rad/s, in SI units"
+            )
 
     @property
     def area(self) -> float:

@@ -122,11 +122,11 @@ class Lti:
         except np.linalg.LinAlgError:
             if len(omega) > 1:
                 return np.concatenate([self._resolvent(omega[k : k + 1], quiet) for k in range(len(omega))])
-        beside = omega * (1.0 + _BESIDE) + _BESIDE_ZERO
+        asked = beside(omega)
         if not quiet:
-            said = f"a pole lies at {omega[0]:.17g} rad/s: the response there is that at {beside[0]:.17g} rad/s"
+            said = f"a pole lies at {omega[0]:.17g} rad/s: the response there is that at {asked[0]:.17g} rad/s"
             warnings.warn(said, SingularFrequencyWarning, stacklevel=3)
-        return self._resolvent(beside, quiet)
+        return self._resolvent(asked, quiet)
 
     @property
     def static_gain(self) -> Array:
@@ -151,6 +151,11 @@ class Lti:
         states = list(self.states) or None
         time = {} if self.dt == 0.0 else {"dt": True if np.isnan(self.dt) else self.dt}
         return control.ss(self.A, self.B, self.C, self.D, name=name, states=states, **given, **time)
+
+
+def beside(omega: Array) -> Array:
+    """Return the frequencies that answer for those at which a pole lies: a billionth above them [rad/s]."""
+    return omega * (1.0 + _BESIDE) + _BESIDE_ZERO
 
 
 def static(gain: Array, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> Lti:

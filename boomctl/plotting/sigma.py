@@ -21,6 +21,8 @@ def plot_sigma(
 ) -> Any:
     """Draw singular values over frequency, both axes logarithmic, and mark a certified peak.
 
+    Of an unstable system, which answers no sine so, the curves are dotted and the picture says why.
+
     Parameters
     ----------
     result : SigmaResult
@@ -39,6 +41,8 @@ def plot_sigma(
     matplotlib Axes
     """
     scale = 2.0 * np.pi if hz else 1.0
+    if result.unstable:
+        linestyle, label = ":", f"{label} (unstable)" if label else label
     with style():
         if ax is None:
             import matplotlib.pyplot as plt
@@ -49,6 +53,10 @@ def plot_sigma(
                 result.omega / scale, line, linestyle=linestyle, color=color, label=label if k == 0 else None
             )
             color = drawn.get_color()
+        if result.unstable:
+            said = f"{label or 'unstable'}: no response to sines, which would grow"
+            place = 0.97 - 0.06 * len(ax.texts)  # of the axes; below what is said of other systems
+            ax.text(0.5, place, said, transform=ax.transAxes, ha="center", va="top", color=color, fontweight="bold")
         if result.certified and np.isfinite(result.peak):
             ax.plot(result.peak_omega / scale, result.peak, "o", color=color, markersize=4, fillstyle="none")
         ax.set_xlabel("frequency [Hz]" if hz else "frequency [rad/s]")

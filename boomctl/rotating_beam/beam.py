@@ -182,7 +182,8 @@ class HubBeam(ABC):
         """
         instants = _instants(timepts)
         tolerance = positive("rtol", rtol), positive("atol", atol)
-        start = self._start(manoeuvre, initial, float(instants[-1]))
+        start = self._start(manoeuvre, initial)
+        manoeuvre = _checked(manoeuvre, float(instants[-1]))
         return self._result(manoeuvre, instants, self._motion(manoeuvre, instants, start, tolerance))
 
     def simulate_many(
@@ -223,12 +224,14 @@ class HubBeam(ABC):
         states = [initial] * len(given) if initial is None or np.ndim(initial) == 1 else list(np.asarray(initial))
         if len(states) != len(given):
             raise ValueError(f"initial: {len(states)} states for {len(given)} manoeuvres; expected one each, or one")
-        starts = []
+        starts: list[tuple[Array, Array]] = []
+        checked: list[Manoeuvre] = []
         for i, (manoeuvre, state) in enumerate(zip(given, states, strict=True)):
             with named_failure(f"manoeuvres[{i}]"):
-                starts.append(self._start(manoeuvre, state, float(instants[-1])))
-        motions = self._motions(given, instants, starts, tolerance)
-        return tuple(self._result(each, instants, found) for each, found in zip(given, motions, strict=True))
+                starts.append(self._start(manoeuvre, state))
+                checked.append(_checked(manoeuvre, float(instants[-1])))
+        motions = self._motions(checked, instants, starts, tolerance)
+        return tuple(self._result(each, instants, found) for each, found in zip(checked, motions, strict=True))
 
     def simulate_torque(
         self,
@@ -364,8 +367,8 @@ class HubBeam(ABC):
             path=found.path,
         )
 
-    def _start(self, manoeuvre: Manoeuvre, initial: ArrayLike | None, end: float) -> tuple[Array, Array]:
-        """Coordinates and rates at t = 0, the hub's as the manoeuvre has them; that is checked up to its end [s]."""
+    def _start(self, manoeuvre: Manoeuvre, initial: ArrayLike | None) -> tuple[Array, Array]:
+        """Coordinates and rates at t = 0, the hub's as the manoeuvre has them."""
         if not isinstance(manoeuvre, PrescribedMotion | TorqueDriven):
             raise TypeError(f"manoeuvre = {manoeuvre!r}: expected one as spin_up, sine_torque, hold, ... return it")
         size = self._size
@@ -379,8 +382,6 @@ class HubBeam(ABC):
                         f"initial hub {name} = {state[index]:g}: expected {prescribed:g}, as the manoeuvre has it"
                     )
                 state[index] = prescribed
-        if isinstance(manoeuvre, HubProfile):
-            manoeuvre.check_until(end)
         return state[:size], state[size:]
 
     @property
@@ -511,6 +512,11 @@ def _instants(value: ArrayLike) -> Array:
     if (timepts[1:] <= timepts[:-1]).any():
         raise ValueError("timepts: expected strictly ascending instants")
     return timepts
+
+
+def _checked(manoeuvre: Manoeuvre, end: float) -> Manoeuvre:
+    """Return a manoeuvre, a hub profile as it was checked up to an instant [s]."""
+    return manoeuvre.checked_until(end) if isinstance(manoeuvre, HubProfile) else manoeuvre
 
 
 def _initial_state(value: ArrayLike, size: int) -> Array:

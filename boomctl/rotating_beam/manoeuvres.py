@@ -6,7 +6,7 @@ All functions of time take an instant or an array of instants [s] and return an 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import final
 
 import numpy as np
@@ -19,6 +19,10 @@ from boomctl.gauss import gauss_method
 TimeFunction = Callable[..., object]
 
 _CHECKED_INTERVALS = 64  # on which a profile's functions are compared: a choice
+# parts of an interval on which they seem not to belong together, one after the other (a choice)
+_CHECKED_PARTS = (1, 16, 256, 4096)
+_SHORT_STEPS = 48  # steps of a motion found so, each far shorter than what moves (a choice)
+_STILL = 1e-13  # share of the largest step of such a motion below which it rests (a choice)
 _CHECK_POINTS = 6  # Gauss points on each: exact for polynomials of degree 11
 _CHECK_TOLERANCE = 1e-2  # a wrong derivative is off by far more, a table's interpolation by less: a choice
 
@@ -171,8 +175,11 @@ class HubProfile(PrescribedMotion):
             _check_function(name, getattr(self, f"{name}_function"))
         object.__setattr__(self, "breakpoints", _breakpoints(self.breakpoints))
 
-    def check_until(self, end: float) -> None:
-        """Check up to an instant [s] that the functions belong together.
+    def checked_until(self, end: float) -> "HubProfile":
+        """Check up to an instant [s] that the functions belong together; return the profile as it is to be simulated.
+
+        A motion so short that a look at even intervals misses it gets breakpoints around and within it, so that no step
+        passes over it.
 
         Raises
         ------
@@ -180,17 +187,34 @@ class HubProfile(PrescribedMotion):
             If the speed is not the slope of the angle, or the acceleration that of the speed, to 1 %.
         """
         if end <= 0.0:
-            return
-        method = gauss_method(_CHECK_POINTS)
+            return self
+        short: list[Array] = []
         even = np.linspace(0.0, end, _CHECKED_INTERVALS + 1)
         edges = np.unique(np.concatenate([even, [b for b in self.breakpoints if 0.0 < b < end]]))
-        h = np.diff(edges)
-        t = edges[:-1, None] + h[:, None] * method.nodes
         for name, slope in (("angle", "speed"), ("speed", "acceleration")):
-            values = h * (getattr(self, slope)(t) @ method.weights)
-            gained = np.diff(getattr(self, name)(edges))
-            if np.abs(gained - values).max() > _CHECK_TOLERANCE * max(np.abs(values).max(), np.abs(gained).max()):
-                raise ValueError(f"{slope}: expected the derivative of the {name}")
+            missed, size, open_ = np.zeros(len(edges) - 1), np.zeros(len(edges) - 1), np.arange(len(edges) - 1)
+            for parts in _CHECKED_PARTS:
+                ends = np.linspace(edges[open_], edges[open_ + 1], parts + 1, axis=1)
+                gained = getattr(self, name)(ends[:, 1:]) - getattr(self, name)(ends[:, :1])
+                found = np.cumsum(_integrals(getattr(self, slope), ends), axis=1)
+                missed[open_] = np.abs(gained - found).max(axis=1)
+                size[open_] = np.maximum(np.abs(gained), np.abs(found)).max(axis=1)
+                if parts > 1:
+                    short += [_moving(times, way) for times, way in zip(ends, gained, strict=True)]
+                open_ = np.flatnonzero(missed > _CHECK_TOLERANCE * size.max())
+                if not len(open_):
+                    break
+                if parts == 1:  # the tails of a short motion may lie beside
+                    beside = np.unique(np.concatenate([open_ - 1, open_, open_ + 1]))
+                    open_ = beside[(beside >= 0) & (beside < len(missed))]
+            else:
+                worst = int(np.argmax(missed))
+                raise ValueError(
+                    f"{slope}: expected the derivative of the {name}; from {edges[worst]:.6g} to {edges[worst + 1]:.6g} s the"
+                    f" {name} differs by up to {missed[worst]:.3g} from the integral of the {slope}"
+                )
+        inside = np.concatenate([self.breakpoints, *short])
+        return replace(self, breakpoints=tuple(float(t) for t in np.unique(inside))) if short else self
 
     def angle(self, t: ArrayLike) -> Array:
         return _evaluate("angle", self.angle_function, t)
@@ -336,6 +360,19 @@ def free() -> Free:
 def _check_function(name: str, value: object) -> None:
     if not callable(value):
         raise TypeError(f"{name} = {value!r}: expected a function of time")
+
+
+def _moving(times: Array, way: Array) -> Array:
+    """Return the first and the last of some times between which a motion goes its way, and a few between them."""
+    steps = np.abs(np.diff(way, prepend=0.0))
+    moved = np.flatnonzero(steps > _STILL * steps.max())
+    return np.linspace(times[moved[0]], times[moved[-1] + 1], _SHORT_STEPS + 1) if len(moved) else times[:0]
+
+
+def _integrals(function: TimeFunction, ends: Array) -> Array:
+    """Return the integrals of a function over the steps between neighbours of ``ends[interval, place]``."""
+    method, h = gauss_method(_CHECK_POINTS), np.diff(ends, axis=1)
+    return h * (np.asarray(function(ends[:, :-1, None] + h[:, :, None] * method.nodes)) @ method.weights)
 
 
 def _breakpoints(values: tuple[float, ...]) -> tuple[float, ...]:

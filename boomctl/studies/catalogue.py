@@ -2,7 +2,9 @@
 
 import importlib.util
 import sys
-from collections.abc import Callable
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -64,6 +66,7 @@ class Kind:
         return getattr(import_module(self.module), self.returns)
 
 
+_TOLD = (OSError, ImportError, ArithmeticError, RuntimeError, TypeError, ValueError)  # kinds the command line tells
 _SCENE = ("road_class", "speed", "seed")  # options of the suspensions' field
 KINDS = {
     "suspension": Kind(
@@ -81,12 +84,14 @@ class DesignFile:
     ----------
     name : str
         As it was asked for.
+    path : Path
     kind : Kind
     function : callable
         Returns the design; this is where the work is done.
     """
 
     name: str
+    path: Path
     kind: Kind
     function: Callable[[], object]
 
@@ -97,8 +102,12 @@ class DesignFile:
         ------
         TypeError
             The function returns something else.
+        ValueError
+            The file fails by an error of Python; the message names file and line.
         """
-        found, kind = self.function(), self.kind
+        kind = self.kind
+        with _own_code(self.path, refusals=True):
+            found = self.function()
         if not isinstance(found, kind.design_class):
             raise TypeError(
                 f"design {self.name!r}: {kind.function}() returned {type(found).__name__}, expected {kind.returns}"
@@ -126,7 +135,7 @@ def design_file(name: str, *kinds: str) -> DesignFile:
     Raises
     ------
     ValueError
-        No such design or file; the file has no such function.
+        No such design or file; the file has no such function, or fails; the message names file and line.
     """
     path = Path(name)
     if path.suffix == ".py":
@@ -140,7 +149,7 @@ def design_file(name: str, *kinds: str) -> DesignFile:
     for kind in kinds or KINDS:
         function = getattr(module, KINDS[kind].function, None)
         if callable(function):
-            return DesignFile(name, KINDS[kind], function)
+            return DesignFile(name, path, KINDS[kind], function)
     wanted = " or ".join(f"{KINDS[kind].function}()" for kind in kinds or KINDS)
     raise ValueError(f"design {name!r}: expected a file with a function {wanted}")
 
@@ -161,7 +170,40 @@ def _loaded(path: Path) -> ModuleType:
     # dataclasses look their module up while they are made
     sys.modules[label] = module
     try:
-        spec.loader.exec_module(module)
+        with _own_code(path):
+            spec.loader.exec_module(module)
     finally:
         del sys.modules[label]
     return module
+
+
+@contextmanager
+def _own_code(path: Path, refusals: bool = False) -> Iterator[None]:
+    """Run the code of a file: it finds its neighbours as a script does, and its errors name file and line.
+
+    With ``refusals`` what boomctl itself refuses, or cannot do, is left as it is.
+    """
+    folder, before = path.resolve().parent, set(sys.modules)
+    sys.path.insert(0, str(folder))
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        frames = traceback.extract_tb(error.__traceback__)
+        own = [frame for frame in frames if Path(frame.filename).resolve().parent == folder]
+        kind = next((kind for kind in _TOLD if isinstance(error, kind)), None)
+        if isinstance(error, NotImplementedError | RecursionError):
+            kind = None
+        if refusals and kind is not None and frames[-1] not in own:
+            raise
+        where, line = (own[-1].filename, own[-1].lineno) if own else (path, None)
+        said = str(error)
+        if isinstance(error, SyntaxError):
+            where, line, said = error.filename or where, error.lineno, error.msg
+        place = f"{where}, line {line}" if line else str(where)
+        raise (kind or ValueError)(f"{place}: {type(error).__name__}: {said}".rstrip(": ")) from error
+    finally:
+        sys.path.remove(str(folder))
+        # another file may have neighbours of the same names
+        for name in set(sys.modules) - before:
+            if (folder / f"{name}.py").is_file() or (folder / name.split(".")[0] / "__init__.py").is_file():
+                del sys.modules[name]

@@ -100,3 +100,80 @@ def test_one_loop_at_a_time_is_the_loop_closed_by_all_others(seed):
         for field in ("gain_low", "gain_high", "phase_deg", "delay"):
             assert getattr(whole[name], field) == pytest.approx(getattr(alone, field), rel=1e-6)
         assert whole[name].disk.alpha == pytest.approx(alone.disk.alpha, rel=1e-4)
+
+
+def lag(*roots, zeros=(), gain=1.0):
+    """Return the states of ``gain prod(s + zero)/prod(s + root)``."""
+    return control.tf2ss(gain * np.poly(-np.array(zeros)), np.poly(-np.array(roots)))
+
+
+def opened(system, gain):
+    plant = control.ss(system.A, system.B, system.C, system.D, inputs=["u"], outputs=["y"])
+    return margins(plant, control.ss([], [], [], [[-gain]], inputs=["y"], outputs=["u"]))["u"]
+
+
+@given(st.floats(1.001, 50.0), st.floats(0.01, 100.0), st.floats(0.01, 100.0))
+@examples(20)
+def test_no_delay_is_borne_where_the_gain_stays_above_one(gain, zero, pole):
+    """``L = -gain (s + zero)/(s + pole)``: at high frequencies a delay turns it to any angle."""
+    found = opened(lag(pole, zeros=[zero]), gain)
+    assert (found.delay, found.delay_omega) == (0.0, np.inf)
+
+
+@given(st.floats(0.1, 0.99), st.floats(1.1, 10.0), st.floats(0.01, 100.0))
+@examples(20)
+def test_a_delay_is_borne_where_the_gain_falls_below_one(gain, rest, pole):
+    """``L = -gain (s + b)/(s + pole)``, ``rest`` at rest: gain one at a frequency in closed form."""
+    b = rest * pole / gain
+    found = opened(lag(pole, zeros=[b]), gain)
+    omega = np.sqrt((gain**2 * b**2 - pole**2) / (1.0 - gain**2))
+    angle = np.angle(-(1j * omega + b) / (1j * omega + pole)) % (2.0 * np.pi)
+    assert found.delay == pytest.approx(angle / omega, rel=1e-5)
+
+
+@pytest.mark.parametrize("zero", [3.0, 0.5])
+def test_a_gain_of_one_at_infinite_frequency_bears_no_delay(zero):
+    found = opened(lag(1.0, zeros=[zero]), 1.0)
+    assert (found.delay, found.delay_omega, found.phase_deg) == (0.0, np.inf, 180.0)
+
+
+@given(st.integers(1, 6), st.floats(-4.0, 4.0), st.floats(0.5, 2.0))
+@examples(30)
+def test_a_gain_of_one_at_rest_alone_bears_any_delay(order, decade, spread):
+    """Equal and different lags of gain one: below it at every frequency but zero; a delay does nothing at rest."""
+    roots = 10.0**decade * np.geomspace(1.0, spread, order)
+    found = opened(lag(*roots, gain=np.prod(roots)), 1.0)
+    assert found.delay == np.inf
+    assert (found.phase_deg, found.phase_omega) == (180.0, 0.0)
+
+
+@given(st.floats(-7.0, 0.0))
+@examples(10)
+def test_a_gain_a_little_above_one_at_rest_crosses_where_it_does(decade):
+    """``L = -(1 + e)/(s + 1)^3``: gain one at ``sqrt((1 + e)^(2/3) - 1)``."""
+    e = 10.0**decade
+    found = opened(lag(1.0, 1.0, 1.0), 1.0 + e)
+    omega = np.sqrt(np.expm1(np.log1p(e) * 2.0 / 3.0))
+    assert found.delay_omega == pytest.approx(omega, rel=1e-5)
+    assert found.delay == pytest.approx((np.pi - 3.0 * np.arctan(omega)) / omega, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("gain", "phase", "delay"), [(-0.5, np.inf, np.inf), (0.5, np.inf, np.inf), (1.0, 180.0, 0.0), (2.0, np.inf, 0.0)]
+)
+def test_a_loop_without_dynamics_has_margins(gain, phase, delay):
+    """``L = -gain`` at all frequencies; the disk is ``2/|S - T|`` with ``S = 1/(1 + gain)``."""
+    found = opened(control.ss([], [], [], [[1.0]]), gain)
+    assert (found.phase_deg, found.delay) == (phase, delay)
+    assert found.gain_high == (-1.0 / gain if gain < 0.0 else np.inf)
+    exact = abs(2.0 * (1.0 + gain) / (1.0 - gain)) if gain != 1.0 else np.inf
+    assert found.disk.alpha == pytest.approx(min(exact, 2.0), rel=1e-5)
+
+
+def test_loops_without_dynamics_around_one_another_have_margins():
+    """``I - K G`` with a diagonal entry of zero: opened there, the loop has an infinite gain."""
+    plant = control.ss([], [], [], [[1.0, 1.0], [1.0, 0.0]], inputs=["u0", "u1"], outputs=["y0", "y1"])
+    K = control.ss([], [], [], np.diag([1.0, 2.0]), inputs=["y0", "y1"], outputs=["u0", "u1"])
+    found = margins(plant, K)
+    assert all(loop.delay == 0.0 for loop in (found["u1"], found["y1"]))
+    assert np.isfinite(found.everywhere.alpha)

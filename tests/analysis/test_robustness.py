@@ -1,5 +1,7 @@
 """Stability over boxes of parameters: closed forms, no proof where a point is unstable, bounds in order."""
 
+import re
+
 import control
 import numpy as np
 import pytest
@@ -143,3 +145,35 @@ def test_imposed_motions_are_no_controls():
     with pytest.raises(ValueError, match="actuator_anti"):
         robust_stability(boom_family(half="yaw"), K)
     assert SIGNALS["outputs"] == ["u0", "u1"]
+
+
+@given(st.floats(4.5, 100.0), st.floats(-3.0, 3.0), st.floats(0.1, 3.0))
+@examples(20)
+def test_an_overdamped_loop_is_proved_as_its_closed_form_says(damper, gain, width):
+    """All poles are real; ``k + d width - gain > 0`` for stability."""
+
+    def make(values):
+        return SecondOrderModel([[1.0]], [[damper]], [[values["k"]]], {"u": [1.0]}, {"y": [1.0]})
+
+    family, exact = AffineFamily.through({"k": (4.0 - width, 4.0 + width)}, make), (4.0 - gain) / width
+    found = robust_stability(family, feedback(gain))
+    assert found.proved == (exact > 1.0) or abs(exact - 1.0) < 0.01
+    bounds = structured_margin(family, feedback(gain), largest=100.0)
+    assert bounds.stable_up_to <= exact * (1.0 + 1e-9)
+    assert exact <= bounds.unstable_at * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("limit", [1, 3, 20])
+@pytest.mark.parametrize("width", [0.999999, 0.9])
+def test_a_proof_that_is_given_up_says_where_and_why(limit, width):
+    """``k - gain`` and the damper both come close to nothing, which few cells cannot tell from it."""
+    family = oscillators({"k": (4.0 - 3.0 * width, 4.0 + 3.0 * width), "c": (1e-9, 2.0)})
+    found = robust_stability(family, feedback(1.0), limit)
+    if found.proved:
+        assert found.reason == ""
+    else:
+        assert found.unstable_at is None
+        assert found.reason.startswith("given up at k = ")
+        assert re.search(f"(more than max_cells = {limit}|a cell of 1/{limit} of the box)", found.reason)
+        assert found.reason in found.render()
+    assert not robust_stability(oscillators({"k": (3.0, 5.0)}), feedback(1.0)).reason

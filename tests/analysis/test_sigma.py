@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.lti.frequency import singular_values
+from boomctl.structure import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles
 
 
@@ -81,6 +82,72 @@ def test_undamped_modes_have_an_infinite_peak():
     assert result.certified
 
 
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+@pytest.mark.parametrize("shows", [0.0, 1e-15, 1e-9, 1e-6, 1e-3, 1.0])
+@pytest.mark.parametrize("reads", [True, False])
+def test_the_automatic_grid_keeps_clear_of_undamped_modes_however_little_they_show(damping, shows, reads):
+    """Two masses on springs, the second undamped; beside its resonance it is a known addition to the first one's."""
+    read = shows if reads else 1.0
+    model = SecondOrderModel(
+        np.eye(2), np.diag([damping, 0.0]), np.diag([1.0, 4.0]), {"u": [1.0, shows]}, {"y": [1.0, read]}
+    )
+    result = bc.sigma(model)
+    s = 1j * result.omega
+    exact = np.abs(1.0 / (s**2 + damping * s + 1.0) + shows * read / (s**2 + 4.0))
+    assert np.isfinite(result.sigma).all()
+    assert (np.abs(result.omega - 2.0) < 1e-6).any()
+    away = np.abs(result.omega[:, None] - [1.0, 2.0]).min(axis=1) > 1e-3
+    assert result.sigma[0][away] == pytest.approx(exact[away], rel=1e-9)
+    assert not damping or shows or result.peak == pytest.approx(1.0 / (0.1 * np.sqrt(1.0 - 0.0025)), rel=1e-6)
+
+
+def test_an_undamped_boom_is_drawn_beside_its_resonances():
+    p = bc.BoomParameters(cradle_damping=0.0, hinge_damping=0.0, structural_damping=0.0)
+    result = bc.sigma(bc.spray_boom(p))
+    assert result.peak == np.inf
+    assert np.isfinite(result.sigma).all()
+
+
+def unstable_systems():
+    plant = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs=["u"], outputs=["y"])
+    K = control.ss([], [], [], [[3.0]], inputs=["y"], outputs=["u"])
+    hidden = control.ss(np.diag([1.0, -1.0]), [[0.0], [1.0]], [[0.0, 1.0]], 0.0)
+    yield bc.feedback_loop(plant, K, "u")
+    yield hidden
+    yield SecondOrderModel(np.eye(2), np.diag([-0.1, 0.1]), np.diag([1.0, 4.0]), {"u": [1.0, 1.0]}, {"y": [1.0, 1.0]})
+    yield SecondOrderModel([[1.0]], [[0.1]], [[-1.0]], {"u": [1.0]}, {"y": [1.0]})
+
+
+@pytest.mark.parametrize("system", list(unstable_systems()), ids=("loop", "hidden", "damper", "spring"))
+@pytest.mark.parametrize("omega", [None, [0.5, 2.0]])
+@pytest.mark.parametrize("label", [None, "mine"])
+def test_an_unstable_system_is_said_to_be_one_in_picture_and_print(system, omega, label):
+    from boomctl.plotting.canvas import new_figure
+
+    ax = new_figure().add_subplot()
+    result = bc.sigma(system, omega)
+    assert "unstable" in repr(result)
+    assert result.unstable
+    result.plot(label, ax)
+    assert "unstable" in ax.texts[0].get_text()
+    assert {line.get_linestyle() for line in ax.lines} == {":"}
+    assert not label or ax.get_legend().get_texts()[0].get_text() == "mine (unstable)"
+
+
+@pytest.mark.parametrize("omega", [None, [0.5, 2.0]])
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_a_stable_or_undamped_system_is_not_said_to_be_unstable(omega, damping):
+    from boomctl.plotting.canvas import new_figure
+
+    ax = new_figure().add_subplot()
+    model = SecondOrderModel([[1.0]], [[damping]], [[1.0]], {"u": [1.0]}, {"y": [1.0]})
+    for system in (model, model.to_statespace(), bc.spray_boom(elements=120)):
+        result = bc.sigma(system, omega)
+        assert "unstable" not in repr(result)
+        result.plot(ax=ax)
+    assert not ax.texts
+
+
 def test_responses_work_with_the_plots_of_python_control():
     import matplotlib as mpl
 
@@ -90,6 +157,13 @@ def test_responses_work_with_the_plots_of_python_control():
     ax = bc.sigma(model, omega).plot(ax=drawn.axes.ravel()[0])
     assert len(ax.lines) >= 3
     control.bode_plot(model.frequency_response(omega, "actuator_left", "tip_left"))
+
+
+@pytest.mark.parametrize("omega", [None, [1.0, 2.0]])
+def test_a_response_beyond_all_numbers_is_refused(omega):
+    system = control.ss([[-1.0]], [[1e200]], [[1e200]], 0.0)
+    with np.errstate(all="ignore"), pytest.raises(ValueError, match=r"beyond all floating-point numbers|NaN"):
+        bc.sigma(system, omega)
 
 
 def test_bad_input_is_named():

@@ -18,15 +18,54 @@ def written(folder, text, name="motion.csv"):
     return path
 
 
-@given(arrays(float, (2, 9), elements=NUMBERS), st.floats(1e-4, 1.0), st.floats(-5.0, 100.0))
+@given(
+    arrays(float, (2, 9), elements=NUMBERS),
+    st.floats(1e-4, 1.0),
+    st.floats(-5.0, 100.0),
+    st.floats(1e-3, 1e3),
+    st.booleans(),
+)
 @examples(30)
-def test_a_motion_written_is_the_motion_read(tmp_path_factory, moved, step, start):
+def test_a_motion_written_is_the_motion_read(tmp_path_factory, moved, step, start, distance, given_again):
     path = tmp_path_factory.mktemp("motion") / "motion.csv"
-    motion = bc.PlatformMotion(start + step * np.arange(9), *moved, 2.0)
+    motion = bc.PlatformMotion(start + step * np.arange(9), *moved, distance)
     bc.write_motion(path, motion)
-    found = bc.read_motion(path, 2.0)
-    for name in ("time", "left", "right"):
+    found = bc.read_motion(path, distance) if given_again else bc.read_motion(path)
+    assert found.actuator_distance == distance
+    for name in ("time", "left", "right", "yaw"):
         assert (getattr(found, name) == getattr(motion, name)).all()
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        bc.sine_sweep(1.0, 2.0, 1.0, 0.01, "yaw", actuator_distance=3.3),
+        bc.PlatformMotion([0, 1, 2], [0, 0, 0], [0, 1, 2], np.float32(3.3)),
+        bc.PlatformMotion([0, 1, 2], [0, 0, 0], [0, 1, 2], 3),
+    ],
+)
+def test_the_yaw_of_a_motion_that_is_not_of_the_usual_tractor_is_kept(tmp_path, motion):
+    bc.write_motion(tmp_path / "m.csv", motion)
+    found = bc.read_motion(tmp_path / "m.csv")
+    assert found.actuator_distance == motion.actuator_distance
+    assert (found.yaw == motion.yaw).all()
+
+
+def test_a_file_may_state_the_distance_of_the_actuators(tmp_path):
+    columns = "time_s,jolt_m,yaw_rad\n0,0,0.1\n1,0,0.2\n"
+    stated = written(tmp_path, "#actuator_distance_m=2.5\n" + columns)
+    assert bc.read_motion(stated).right == pytest.approx([0.125, 0.25])
+    with pytest.raises(ValueError, match=r"actuator_distance = 2: expected 2\.5 m, as line 1 of .*motion\.csv says"):
+        bc.read_motion(stated, 2.0)
+    silent = written(tmp_path, columns)
+    assert bc.read_motion(silent).actuator_distance == bc.BoomParameters().actuator_distance
+    assert bc.read_motion(silent, 2.0).actuator_distance == 2.0
+    for wrong in ("0", "-1", "nan", "wide", ""):
+        with pytest.raises(ValueError, match=r"motion\.csv, line 1: actuator_distance_m: expected a number above zero"):
+            bc.read_motion(written(tmp_path, f"# actuator_distance_m = {wrong}\n{columns}"))
+    twice = written(tmp_path, "# actuator_distance_m = 1\n" * 2 + columns)
+    with pytest.raises(ValueError, match=r"line 2: actuator_distance_m is there twice, the first time in line 1"):
+        bc.read_motion(twice)
 
 
 def test_jolt_and_yaw_are_left_and_right(tmp_path):

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
+from tests.profiles import examples
 
 NAMES = [field.name for field in dataclasses.fields(bc.BoomParameters)]
 MAY_BE_ZERO = {
@@ -93,3 +94,67 @@ def test_a_bad_file_names_file_and_key(tmp_path, text, kind, message):
     with pytest.raises(kind, match=message) as caught:
         bc.BoomParameters.from_toml(path)
     assert "boom.toml" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["a = " + "[" * 100_000 + "]" * 100_000, "a = " + "{b = " * 100_000 + "1" + "}" * 100_000]
+)
+def test_a_file_that_is_nested_too_deep_is_refused(tmp_path, text):
+    path = tmp_path / "boom.toml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=r"boom\.toml: tables or arrays are nested too deep"):
+        bc.BoomParameters.from_toml(path)
+
+
+@pytest.mark.parametrize("kind", [bc.BoomParameters, bc.HubBeamParameters])
+def test_a_byte_order_mark_is_no_part_of_a_file(tmp_path, kind):
+    path = tmp_path / "given.toml"
+    path.write_text("length = 9.0\n", encoding="utf-8-sig")
+    assert kind.from_toml(path) == kind(length=9.0)
+
+
+HEAVY = {"boom_mass": 1e15, "boom_inertia": 1e15}
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"youngs_modulus": 1e-300},
+        {"youngs_modulus": 1e-100},
+        {"youngs_modulus": 1e-10},
+        {"density": 1e-300},
+        {"outer_width": 1e-100, "inner_width": 0.0},
+        {"outer_width": 1e-200, "inner_width": 0.0, "outer_height": 1e-200, "inner_height": 0.0},
+        {"length": 1e4, **HEAVY},
+        {"length": 1e-6, "spring_distance": 1e-7},
+        {"length": 1e-200, "spring_distance": 1e-201},
+    ],
+)
+def test_a_boom_that_could_not_bend_as_one_is_refused(given):
+    with pytest.raises(ValueError, match=r"would bend at .* expected 1e-05 to 1e\+06 rad/s, in SI units"):
+        bc.BoomParameters(**given)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_parameter_is_larger_than_any_booms(name):
+    with pytest.raises(ValueError, match=rf"^{name} = 1e\+16: expected at most 1e\+15, in SI units"):
+        bc.BoomParameters(**{name: 1e16})
+    with pytest.raises(ValueError, match=name):
+        bc.BoomParameters(**{"length": 1e6, **HEAVY, name: 1e300})
+
+
+@given(
+    st.sampled_from([name for name in NAMES if not name.startswith(("inner", "outer"))]),
+    st.floats(-300.0, 300.0),
+)
+@examples(40)
+def test_whatever_the_parameters_an_infinite_peak_is_not_certified(name, decade):
+    """The boom as it is has a finite peak, and none of its parameters makes it infinite while it stays above zero."""
+    try:
+        result, refusal = bc.sigma(bc.spray_boom(bc.BoomParameters(**{name: 10.0**decade}))), ""
+    except ValueError as error:
+        result, refusal = None, str(error)
+    assert "NaN" not in refusal
+    if result is not None:
+        assert np.isfinite(result.sigma).all()
+        assert np.isfinite(result.peak)

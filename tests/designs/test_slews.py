@@ -1,5 +1,6 @@
 """Each slew of designs/ keeps its promise: certificate, payloads, steady rotation."""
 
+import sys
 from functools import cache
 
 import numpy as np
@@ -116,6 +117,65 @@ def test_a_file_without_a_design_is_refused(tmp_path, text, error, message):
     path.write_text(text)
     with pytest.raises(error, match=message):
         catalogue.design_file(str(path)).made()
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        ("def slew():\n    return {}['fast']\n", ValueError, r"mine\.py, line 2: KeyError: 'fast'"),
+        ("def slew():\n    assert 1 > 2\n", ValueError, r"mine\.py, line 2: AssertionError$"),
+        ("def slew():\n    assert 1 > 2, 'too slow'\n", ValueError, r"mine\.py, line 2: AssertionError: too slow"),
+        ("x = 1\nassert x > 2\ndef slew(): pass\n", ValueError, r"mine\.py, line 2: AssertionError$"),
+        ("def slew():\n    return (1\n", ValueError, r"mine\.py, line 2: SyntaxError: '\(' was never closed"),
+        ("def slew():\n    return undefined\n", ValueError, r"mine\.py, line 2: NameError"),
+        ("def slew():\n    return [][3]\n", ValueError, r"mine\.py, line 2: IndexError"),
+        ("def slew():\n    return (3).angle\n", ValueError, r"mine\.py, line 2: AttributeError"),
+        ("def slew():\n    return slew()\n", ValueError, r"mine\.py, line 2: RecursionError"),
+        ("def slew():\n    raise NotImplementedError\n", ValueError, r"mine\.py, line 2: NotImplementedError$"),
+        ("def slew():\n    return 1 + 'a'\n", TypeError, r"mine\.py, line 2: TypeError: unsupported"),
+        ("def slew():\n    return 1 / 0\n", ArithmeticError, r"mine\.py, line 2: ZeroDivisionError"),
+        ("def slew():\n    return open('none.csv')\n", OSError, r"mine\.py, line 2: FileNotFoundError.*none\.csv"),
+        ("import sys\nsys.exit(0)\n", ValueError, r"mine\.py, line 2: SystemExit: 0"),
+        ("import nowhere_at_all\n", ImportError, r"mine\.py, line 1: ModuleNotFoundError: .*nowhere_at_all"),
+        ("from neighbour import x\ndef slew(): return x['y']\n", ValueError, r"mine\.py, line 2: KeyError: 'y'"),
+        ("import broken\n", ValueError, r"broken\.py, line 1: SyntaxError"),
+    ],
+)
+def test_a_file_that_fails_is_told_by_file_and_line(tmp_path, text, error, message):
+    path = tmp_path / "mine.py"
+    path.write_text(text)
+    (tmp_path / "neighbour.py").write_text("x = {}\n")
+    (tmp_path / "broken.py").write_text("x = = 2\n")
+    before = list(sys.path)
+    with pytest.raises(error, match=message):
+        catalogue.design_file(str(path)).made()
+    assert sys.path == before
+    assert not {"neighbour", "broken"} & set(sys.modules)
+
+
+def test_what_boomctl_refuses_in_a_design_is_said_as_it_is(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text("import boomctl as bc\ndef slew(): return bc.hub_beam(None, 'sfoam', 0)\n")
+    with pytest.raises(ValueError, match=r"^modes = 0: expected"):
+        catalogue.design_file(str(path)).made()
+
+
+@pytest.mark.parametrize("where", ["import angles\n", "", "from angles import inner\n"])
+def test_a_design_file_finds_its_neighbours_each_its_own(tmp_path, where):
+    """While it is read and while it runs; another folder's neighbours of the same name are others."""
+    for folder, value in (("a", 3.0), ("b", 4.0)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "angles").mkdir()
+        (tmp_path / folder / "angles" / "__init__.py").write_text(f"angle = {value}\n")
+        (tmp_path / folder / "angles" / "inner.py").write_text(f"angle = {value}\n")
+        path = tmp_path / folder / "mine.py"
+        path.write_text(f"{where}def slew():\n    from angles.inner import angle\n    return angle\n")
+        assert catalogue.design_file(str(path)).function.__module__
+        with pytest.raises(TypeError, match="returned float"):
+            catalogue.design_file(str(path)).made()
+        found = catalogue.design_file(str(path))
+        with catalogue._own_code(path):
+            assert found.function() == value
 
 
 def test_an_unknown_design_is_refused_with_all_names():

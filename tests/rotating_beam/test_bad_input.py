@@ -4,9 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import special
 
 import boomctl as bc
 from boomctl.rotating_beam import free, hold, hub_beam, hub_profile, sine_torque, spin_up, torque
+from tests.profiles import examples
 
 FIELDS = ("length", "density", "area", "youngs_modulus", "second_moment", "hub_inertia", "hub_radius", "tip_mass")
 BEAM = hub_beam(modes=2)
@@ -121,3 +125,54 @@ def test_speeds():
     for call in (BEAM.frequencies_hz, BEAM.linearize):
         with pytest.raises(ValueError, match=r"^hub_speed = nan"):
             call(math.nan)
+
+
+def short_move(start, length, size, after=0.0):
+    """A smooth turn by ``size`` rad within ``length`` s, and back after a while unless that is zero."""
+
+    def scaled(t, begin):
+        return np.clip((np.asarray(t) - begin) / length, 0.0, 1.0)
+
+    def total(one):
+        return lambda t: one(scaled(t, start)) - (one(scaled(t, start + after)) if after else 0.0)
+
+    return (
+        total(lambda x: size * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)),
+        total(lambda x: size / length * 30.0 * x**2 * (1.0 - x) ** 2),
+        total(lambda x: size / length**2 * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)),
+    )
+
+
+@given(st.floats(0.0, 9.0), st.floats(0.01, 1.0), st.floats(-3.0, 3.0), st.sampled_from([0.0, 0.3]))
+@examples(60)
+def test_a_short_motion_is_told_from_a_wrong_one(start, length, size, after):
+    angle, speed, acceleration = short_move(start, length, size if abs(size) > 1e-3 else 1.0, after)
+    hub_profile(angle, speed, acceleration).checked_until(10.0)
+    for wrong in (
+        (angle, lambda t: 1.1 * speed(t), acceleration),
+        (angle, speed, lambda t: -acceleration(t)),
+    ):
+        with pytest.raises(
+            ValueError, match=r"expected the derivative of the .*; from .* to .* s the .* differs by up to"
+        ):
+            hub_profile(*wrong).checked_until(10.0)
+
+
+@pytest.mark.parametrize("width", [5e-4, 0.01, 0.03])
+@pytest.mark.parametrize("middle", [3.0, 3.05])
+def test_a_short_motion_within_a_long_time_is_simulated(width, middle):
+    """A smooth turn by 0.1 rad within some six widths; nothing of it jumps, so that there is nothing to announce."""
+
+    def speed(t):
+        return 0.1 / (width * np.sqrt(np.pi)) * np.exp(-(((t - middle) / width) ** 2))
+
+    functions = (
+        lambda t: 0.05 * (1.0 + special.erf((t - middle) / width)),
+        speed,
+        lambda t: -2.0 * (t - middle) / width**2 * speed(t),
+    )
+    t, around = np.linspace(0.0, 10.0, 101), tuple(middle + width * np.linspace(-6.0, 6.0, 25))
+    plain, announced = (BEAM.simulate(hub_profile(*functions, breakpoints=b), t) for b in ((), around))
+    largest = np.abs(announced.tip_displacement).max()
+    assert largest > 0.1
+    assert np.abs(plain.tip_displacement - announced.tip_displacement).max() < 1e-8 * largest

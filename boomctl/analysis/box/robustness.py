@@ -50,6 +50,8 @@ class RobustStability:
         Largest real part of the poles at the points tried [rad/s]; a lower bound of that over the box.
     worst : dict
         Parameter values at which that is so.
+    reason : str
+        Why the proof was given up, and where; empty where it was not.
     """
 
     proved: bool
@@ -57,6 +59,7 @@ class RobustStability:
     cells: int
     abscissa: float
     worst: dict[str, float]
+    reason: str = ""
 
     def __repr__(self) -> str:
         return sentence("RobustStability", self.render())
@@ -67,7 +70,7 @@ class RobustStability:
             return f"unstable at {_listed(self.unstable_at)} (pole with real part {self.abscissa:.4g} rad/s)"
         verdict = "stable over the whole box, proved" if self.proved else "stable where tried, but not proved,"
         found = f"real parts of poles found up to {self.abscissa:.4g} rad/s, at {_listed(self.worst)}"
-        return f"{verdict} in {self.cells} cells; {found}"
+        return f"{verdict} in {self.cells} cells{f' ({self.reason})' if self.reason else ''}; {found}"
 
 
 @dataclass(frozen=True)
@@ -193,28 +196,38 @@ def robust_stability(
     worst, abscissa = loops.most_unstable(1.0)
     if not loops.at(worst).stable:
         return RobustStability(False, family.values(worst), 0, abscissa, family.values(worst))
-    proved, cells, bad = _covered(loops, 1.0, limit)
+    proved, cells, bad, open_cell = _covered(loops, 1.0, limit)
     if bad is not None:
         return RobustStability(False, family.values(bad), cells, loops.at(bad).abscissa, family.values(bad))
-    return RobustStability(proved, None, cells, abscissa, family.values(worst))
+    reason = "" if open_cell is None else _given_up(family, loops, open_cell, limit)
+    return RobustStability(proved, None, cells, abscissa, family.values(worst), reason)
 
 
-def _covered(loops: _Loops, factor: float, limit: int) -> tuple[bool, int, Array | None]:
-    """Return whether the box is covered by proved cells, their number, and an unstable point if one was met."""
+def _given_up(family: AffineFamily, loops: _Loops, cell: Cell, limit: int) -> str:
+    """Return why a proof ended at a cell: it is as small as cells get, or there were as many as allowed."""
+    where = f"at {_listed(family.values(cell.middle))}, where poles have real parts up to"
+    where = f"{where} {loops.at(cell.middle).abscissa:.4g} rad/s"
+    if cell.reach.max() < 1.0 / limit:
+        return f"given up {where}: not even a cell of 1/{limit} of the box (max_cells) could be proved there"
+    return f"given up {where}: it would take more than max_cells = {limit}"
+
+
+def _covered(loops: _Loops, factor: float, limit: int) -> tuple[bool, int, Array | None, Cell | None]:
+    """Return whether the box is covered by proved cells, their number, an unstable point met, the cell given up at."""
     size = len(loops.slopes)
     waiting, cells = [Cell(np.zeros(size), np.full(size, factor))], 0
     while waiting:
         cell = waiting.pop()
         found = prove_cell(loops.centre, loops.slopes, cell)
         if not found.stable:
-            return False, cells, cell.middle
+            return False, cells, cell.middle, None
         if found.proved:
             cells += 1
         elif cells + len(waiting) >= limit or cell.reach.max() < factor / limit:
-            return False, cells, None
+            return False, cells, None, cell
         else:
             waiting += cell.halves(found.axis)
-    return True, cells, None
+    return True, cells, None, None
 
 
 def _pattern_search(value: "Callable[[Array], float]", size: int, factor: float) -> tuple[Array, float, int]:
@@ -267,7 +280,7 @@ def structured_margin(
     good, ceiling = 0.0, min(bad, top)
     tried = ceiling * (1.0 - 0.5 * close) if bad < inf else ceiling
     for _ in range(_PROOFS):
-        proved, _, point = _covered(loops, tried, limit)
+        proved, _, point, _ = _covered(loops, tried, limit)
         if point is not None:
             bad, where = float(np.abs(point).max()), point
         good, ceiling = (tried, ceiling) if proved else (good, tried)

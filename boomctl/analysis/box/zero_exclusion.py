@@ -139,7 +139,7 @@ def _modes(here: LoopPencil, slopes: tuple[LoopPencil, ...], cell: Cell) -> _Mod
     state = np.linalg.solve(here.E, here.A)
     balanced, (scale, _) = linalg.matrix_balance(state, permute=False, separate=True)
     poles, V = linalg.eig(balanced)  # type: ignore[misc]
-    V = V * np.asarray(scale)[:, None]
+    V = V.astype(complex) * np.asarray(scale)[:, None]  # of real poles alone they come as real numbers
     try:
         W = np.linalg.inv(here.E @ V)
     except np.linalg.LinAlgError:
