@@ -105,6 +105,21 @@ def test_a_command_imports_only_what_it_uses(words, without):
     assert sorted(imported(f"{COMMAND}; main()", *words) & without) == []
 
 
+@pytest.mark.parametrize("model", ["sfoam", "cfoam", "geometrically-exact"])
+def test_a_beam_knows_all_models_from_wherever_it_comes(model):
+    """A process that has made one beam alone has not imported the others for it."""
+    imported(
+        "from boomctl.rotating_beam.assumed_modes import AssumedModesBeam as B;"
+        f"from boomctl.rotating_beam.parameters import HubBeamParameters as P; B(P(), 'foam', 2).in_model({model!r})"
+    )
+
+
+@pytest.mark.slow  # a slew, its replays and pictures: 6 s
+def test_the_slew_command_works_in_a_process_of_its_own(tmp_path):
+    imported(f"{COMMAND}; main()", "slew", "--angle", "0.6", "--modes", "1", "--out", str(tmp_path / "slew"))
+    assert (tmp_path / "slew" / "report.html").stat().st_size > 0
+
+
 def test_systems_of_python_control_pickle_though_it_is_imported_late():
     """The package learns of python-control where a system of it is made or met, and so does pickle."""
     scene = (

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.rotating_beam.beam import MODELS, HubBeam, SmallMotion
+from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.manoeuvres import Manoeuvre, TorqueDriven
 from boomctl.rotating_beam.modal import energy, frequencies
 from boomctl.rotating_beam.modal.cfoam import cfoam
@@ -234,6 +235,7 @@ class AssumedModesBeam(HubBeam):
 
 
 MODELS.update({name: partial(AssumedModesBeam, model=name) for name in ASSUMED_MODES})
+MODELS.setdefault("geometrically-exact", GeometricallyExactBeam)  # so that each beam knows it, from wherever it comes
 
 
 def _dynamics(equations: Equations, manoeuvre: Manoeuvre, timepts: Array, y: Array, rate: Array) -> tuple[Array, ...]:
