@@ -235,7 +235,9 @@ class AssumedModesBeam(HubBeam):
 
 
 MODELS.update({name: partial(AssumedModesBeam, model=name) for name in ASSUMED_MODES})
-MODELS.setdefault("geometrically-exact", GeometricallyExactBeam)  # so that each beam knows it, from wherever it comes
+MODELS["geometrically-exact"] = (
+    GeometricallyExactBeam  # here, so that each of these beams knows it, from wherever it comes
+)
 
 
 def _dynamics(equations: Equations, manoeuvre: Manoeuvre, timepts: Array, y: Array, rate: Array) -> tuple[Array, ...]:

@@ -1,6 +1,6 @@
 """What every model of the hub-beam offers.
 
-A model is a final subclass of :class:`HubBeam` in a file of its own, which enters it in :data:`MODELS`.
+A model is a final subclass of :class:`HubBeam` in a file of its own; ``assumed_modes`` enters all of them in :data:`MODELS`.
 """
 
 from abc import ABC, abstractmethod
@@ -439,7 +439,7 @@ class HubBeam(ABC):
 
 
 MODELS: dict[str, Callable[..., HubBeam]] = {}
-"""From the name of a model to what makes it of `parameters` and `modes`; the files of the models fill it."""
+"""From the name of a model to what makes it of `parameters` and `modes`; the file of the assumed modes fills it."""
 
 
 def in_model(parameters: HubBeamParameters, model: str, modes: int) -> HubBeam:

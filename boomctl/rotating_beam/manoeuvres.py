@@ -191,6 +191,10 @@ class HubProfile(PrescribedMotion):
         short: list[Array] = []
         even = np.linspace(0.0, end, _CHECKED_INTERVALS + 1)
         edges = np.unique(np.concatenate([even, [b for b in self.breakpoints if 0.0 < b < end]]))
+        # where the angle tells of a motion that the speeds at both ends do not, the acceleration is looked at closely too
+        gains, speeds = np.diff(self.angle(edges)), self.speed(edges)
+        unseen = np.abs(gains - 0.5 * np.diff(edges) * (speeds[1:] + speeds[:-1]))
+        hidden = unseen > _CHECK_TOLERANCE * np.abs(gains).max()
         for name, slope in (("angle", "speed"), ("speed", "acceleration")):
             missed, size, open_ = np.zeros(len(edges) - 1), np.zeros(len(edges) - 1), np.arange(len(edges) - 1)
             for parts in _CHECKED_PARTS:
@@ -201,7 +205,8 @@ class HubProfile(PrescribedMotion):
                 size[open_] = np.maximum(np.abs(gained), np.abs(found)).max(axis=1)
                 if parts > 1:
                     short += [_moving(times, way) for times, way in zip(ends, gained, strict=True)]
-                open_ = np.flatnonzero(missed > _CHECK_TOLERANCE * size.max())
+                close = hidden if parts == 1 and name == "speed" else False
+                open_ = np.flatnonzero((missed > _CHECK_TOLERANCE * size.max()) | close)
                 if not len(open_):
                     break
                 if parts == 1:  # the tails of a short motion may lie beside

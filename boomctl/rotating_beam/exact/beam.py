@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.rotating_beam.beam import MODELS, HubBeam, SmallMotion
+from boomctl.rotating_beam.beam import HubBeam, SmallMotion
 from boomctl.rotating_beam.exact.basis import StrainBasis, strain_basis
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.run import run_to_tolerance
@@ -141,9 +141,6 @@ class GeometricallyExactBeam(HubBeam):
             mass_matrix_margin=margin,
             states=np.hstack([q, v]),
         )
-
-
-MODELS["geometrically-exact"] = GeometricallyExactBeam
 
 
 def _accelerations(
