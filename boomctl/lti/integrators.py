@@ -15,9 +15,8 @@ from boomctl.lti.system import Lti
 
 _EPS = float(np.finfo(float).eps)
 _UNITS = 8.0  # of rounding, a state, that the terms of a product may be off: a change of coordinates and its inverse
-_RIGID = (
-    1e-6  # share of the largest pole below which a simple pole may be one at zero beside other slow ones (a choice)
-)
+# share of the largest pole below which a simple pole may be one at zero beside other slow ones (a choice)
+_RIGID = 1e-6
 _SPREAD = 10.0  # times the root of rounding that poles of a chain may lie apart (a choice)
 
 

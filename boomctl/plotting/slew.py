@@ -12,9 +12,8 @@ from boomctl.plotting.canvas import COLOURS, new_figure, style
 
 _SHAPES = "osDPXph*d<>"
 _NEAR = 0.7  # share of a limit from which a curve is near it, and the limit drawn (a choice)
-_FALLING = (
-    0.5  # slope of an error from which it is said to fall: on coarse meshes fast vibration is not seen (a choice)
-)
+# slope of an error from which it is said to fall: on coarse meshes fast vibration is not seen (a choice)
+_FALLING = 0.5
 _NOTHING = 1e-4  # vibration that is drawn as none [m]: 0.1 mm of a beam of 8 m is not to be seen
 
 

@@ -235,9 +235,8 @@ class AssumedModesBeam(HubBeam):
 
 
 MODELS.update({name: partial(AssumedModesBeam, model=name) for name in ASSUMED_MODES})
-MODELS["geometrically-exact"] = (
-    GeometricallyExactBeam  # here, so that each of these beams knows it, from wherever it comes
-)
+# here, so that each of these beams knows it, from wherever it comes
+MODELS["geometrically-exact"] = GeometricallyExactBeam
 
 
 def _dynamics(equations: Equations, manoeuvre: Manoeuvre, timepts: Array, y: Array, rate: Array) -> tuple[Array, ...]:

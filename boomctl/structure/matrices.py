@@ -18,9 +18,8 @@ from boomctl.structure.response.pencil import Pencil, stored
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
 from boomctl.structure.symmetry import TOLERANCE, Mirror
 
-_DENSE_HALF = (
-    220  # coordinates up to which halves are dense, as their factors are: sparse is faster from there (measured)
-)
+# coordinates up to which halves are dense, as their factors are: sparse is faster from there (measured)
+_DENSE_HALF = 220
 _KEPT = 8  # layouts with a mirror kept for the next structure of the same rows (a choice of memory)
 _SYMMETRIC = 1e-12  # change under transposition, of the largest entry, that is rounding: some 1e4 eps
 
