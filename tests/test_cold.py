@@ -108,10 +108,12 @@ def test_a_command_imports_only_what_it_uses(words, without):
 @pytest.mark.parametrize("model", ["sfoam", "cfoam", "geometrically-exact"])
 def test_a_beam_knows_all_models_from_wherever_it_comes(model):
     """A process that has made one beam alone has not imported the others for it."""
-    imported(
+    found = imported(
         "from boomctl.rotating_beam.assumed_modes import AssumedModesBeam as B;"
-        f"from boomctl.rotating_beam.parameters import HubBeamParameters as P; B(P(), 'foam', 2).in_model({model!r})"
+        f"from boomctl.rotating_beam.parameters import HubBeamParameters as P; other = B(P(), 'foam', 2).in_model({model!r});"
+        f"assert getattr(other, 'model', {model!r}) == {model!r}, other"
     )
+    assert "boomctl.rotating_beam.factory" not in found
 
 
 @pytest.mark.slow  # a slew, its replays and pictures: 6 s

@@ -4,7 +4,7 @@ In undamped modes the dynamic stiffness is diagonal but for the damping, and dam
 stiffness but for a few dampers.  Woodbury's formula then leaves a system of as many equations as there are dampers.
 Where strain rows are known, modes are refined through these rows: on a fine mesh they have lost digits that the rows
 still have.
-The result is verified at the last frequency and at the peaks: forces that are left over there move no output.
+The result is verified at both ends of the frequencies and at the peaks: forces that are left over there move no output.
 
 Structures of one size, as the halves of a symmetric one mostly are, are computed together: the first index of every array
 is that of the structure.
@@ -255,10 +255,10 @@ def _hold(
     columns: Array,
     omega: Array,
 ) -> Array:
-    """Return whether forces left over move no output, at the last frequency and where outputs are largest."""
+    """Return whether forces left over move no output, at both ends of the frequencies and where outputs are largest."""
     last = len(omega) - 1
     size = np.abs(sums).max(axis=2)  # of each line, over its columns
-    chosen = [sorted({last, *peaks}) for peaks in size.argmax(axis=2).tolist()]
+    chosen = [sorted({0, last, *peaks}) for peaks in size.argmax(axis=2).tolist()]
     most = max(len(places) for places in chosen)
     check = np.array([places + places[-1:] * (most - len(places)) for places in chosen])
     found = np.array([values[:, :, places] for values, places in zip(sums, check, strict=True)])

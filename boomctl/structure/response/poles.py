@@ -12,12 +12,15 @@ from boomctl.structure.response.core import orthonormal
 from boomctl.structure.response.pencil import factorized
 
 _DENSE_MODES = 250  # coordinates up to which modes are found densely; sparse is faster from 200 on (measured)
-_FLOATING = 250  # the same of floating structures, whose rigid motions are told apart there alone (a choice)
-_FREE = 1e-7  # share of the highest frequency found below which a motion may be a rigid one (a choice)
-_WHOLE = 100  # coordinates up to which all poles are found, so that none depends on how many are asked for (a choice)
-_SMALL = 60  # coordinates up to which modes are found in strain coordinates, where they cost little more (a choice)
-# noise over the lowest stiffness over mass from which on shapes, found otherwise, are good to less than 1e-10 (measured)
+_SMALL = 60  # coordinates up to which modes are found in strain coordinates at once: they cost little more (a choice)
+# beyond, they are found so where the noise of stiffness over mass is that many times its lowest value: from there on shapes
+# found otherwise are off by more than 1e-10 (measured)
 _GRADED = 30.0
+_WHOLE = 100  # coordinates up to which all poles are found, so that none depends on how many are asked for (a choice)
+_FLOATING = (
+    250  # coordinates up to which all poles of a floating structure are found: it has exact zeros then (a choice)
+)
+_FREE = 1e-7  # share of the highest frequency found below which a motion may be a rigid one (a choice)
 _FEW = 0.25  # share of modes below which only those wanted are asked for: more cost as much as all (a choice)
 _SPREAD = 1e7  # of stiffnesses, from which on the softest mode counts as nearly floating (a choice)
 _NOISE = 1e3 * float(np.finfo(float).eps)  # of the largest stiffness over mass: rounding, with room (a choice)
