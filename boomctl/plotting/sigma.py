@@ -55,8 +55,8 @@ def plot_sigma(
             color = drawn.get_color()
         if result.unstable:
             said = f"{label or 'unstable'}: no response to sines, which would grow"
-            place = 0.97 - 0.06 * len(ax.texts)  # of the axes; below what is said of other systems
-            ax.text(0.5, place, said, transform=ax.transAxes, ha="center", va="top", color=color, fontweight="bold")
+            place = 1.02 + 0.06 * len(ax.texts)  # of the axes: beside all curves, above what is said of other systems
+            ax.text(0.5, place, said, transform=ax.transAxes, ha="center", va="bottom", color=color, fontweight="bold")
         if result.certified and np.isfinite(result.peak):
             ax.plot(result.peak_omega / scale, result.peak, "o", color=color, markersize=4, fillstyle="none")
         ax.set_xlabel("frequency [Hz]" if hz else "frequency [rad/s]")
