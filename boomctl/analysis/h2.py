@@ -1,30 +1,34 @@
 """Certified H2 norms.
 
-Three ways to one number: the Gramian of controllability, that of observability (both in modal coordinates where there
-are any, so that light damping costs no digits), and the sum over pairs of modes
-``|G|^2 = -sum_ij (c_i^* c_j)(b_j b_i^*)/(p_j + p_i^*)``.  What the equations of the Gramians leave over bounds the error:
-with ``A P + P A^T + B B^T = R`` the square of the norm is ``tr(C P C^T) - tr(R Q)``, exactly.
+In modal coordinates that answer for their rounding (:mod:`boomctl.lti.faithful_modes`) three ways lead to one number: the
+Gramian of controllability, that of observability, and the sum over pairs of modes
+``|G|^2 = -sum_ij (c_i^* c_j)(b_j b_i^*)/(p_j + p_i^*)``.  Without such coordinates, the two Gramians in those given: with
+``A P + P A^T + B B^T = R`` the square of the norm is ``tr(C P C^T) - tr(R Q)``, exactly, and ``R`` is summed and taken out
+in extended precision.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.modal_form import modal_form
-from boomctl.analysis.norm import unbounded_pole
+from boomctl.analysis.axis import poles_at_axis
+from boomctl.analysis.norm import DOUBTFUL
 from boomctl.arrays import Array
-from boomctl.lti.gramians import factors
-from boomctl.lti.modal import ModalSystem, diagonalized, spectral_parts
+from boomctl.lti.faithful_modes import FaithfulModes, faithful_modes
+from boomctl.lti.gramians import factors, refined_gramian
+from boomctl.lti.modal import UNDAMPED, split_and_doubt
 from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.modal_form import modal_form
 
 if TYPE_CHECKING:
     import control
 
 _AGREEMENT = 1e-6  # relative distance of bounds and of independent values up to which a norm is certified (a choice)
 _EPS = float(np.finfo(float).eps)
+_TERMS = 16.0  # roundings of a term of a sum over pairs of modes, beside one for each that it is added to
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,7 @@ class H2Certificate:
     value : float
         The norm; ``inf`` with a feedthrough, an unstable pole, or an undamped mode that shows.
     lower, upper : float
-        Bounds from the residual of the Gramian's equation.
+        Bounds: what rounding may have changed, in modal coordinates or by the residual of the Gramian's equation.
     gap : float
         Largest relative difference of the values by the Gramian of controllability, by that of observability and by
         the modes.
@@ -70,55 +74,95 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     TypeError, ValueError
         Another kind of system, discrete time, not finite; an output of a structure that needs a derivative of an input.
     """
-    given = modal_form(system) if isinstance(system, SecondOrderModel) else of(system)
+    given = modal_form(system.structure, system.ports) if isinstance(system, SecondOrderModel) else of(system)
     if given.D.any():
         o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
         return _infinite(f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")
     if not len(given.A) or min(given.D.shape) == 0:
         return H2Certificate(0.0, 0.0, 0.0, 0.0, "no response")
-    balanced = given.balanced()
-    pole = unbounded_pole(balanced.poles, balanced.response)
-    if pole is not None and pole.real > 0.0:
-        return _infinite(f"an unstable pole at {pole.real:.4g}{pole.imag:+.4g}j rad/s")
-    if pole is not None:
+    balanced, doubt = given.balanced(), 0.0
+    axis = poles_at_axis(balanced)
+    if axis.infinite is not None:
+        pole = axis.infinite
+        if pole.real > 0.0:
+            return _infinite(f"an unstable pole at {pole.real:.4g}{pole.imag:+.4g}j rad/s")
         return _infinite(f"a pole on the imaginary axis, at {pole.imag:.6g} rad/s")
-    return _finite(spectral_parts(balanced)[0])
+    if axis.doubtful is not None:
+        near = np.abs(axis.poles.real) <= UNDAMPED * np.abs(axis.poles)
+        near |= np.abs(axis.poles - axis.doubtful) <= UNDAMPED * np.abs(axis.poles).max()
+        return _doubtful(balanced, near, f"a mode at {abs(axis.doubtful):.6g} rad/s {DOUBTFUL}")
+    if axis.silent.any():
+        _, balanced, doubt = split_and_doubt(balanced, axis.silent, "undamped modes that do not show")
+    return _finite(balanced, doubt)
 
 
 def _infinite(why: str) -> H2Certificate:
     return H2Certificate(inf, inf, inf, 0.0, why)
 
 
-def _finite(system: Lti) -> H2Certificate:
+def _doubtful(system: Lti, near: Array, why: str) -> H2Certificate:
+    """Return the value without the modes that may be undamped, where that can be told; the norm may be infinite."""
+    try:
+        rest = _finite(*split_and_doubt(system, near | near[_conjugates(system.poles)], "undamped modes")[1:])
+    except ValueError:
+        return H2Certificate(0.0, 0.0, inf, inf, why)
+    return H2Certificate(rest.value, 0.0, inf, inf, why)
+
+
+def _conjugates(poles: Array) -> Array:
+    return np.abs(poles[:, None] - poles.conj()).argmin(axis=1)
+
+
+def _finite(system: Lti, doubt: float) -> H2Certificate:
     """Return the norm of a stable system without feedthrough."""
     if not len(system.A):
         return H2Certificate(0.0, 0.0, 0.0, 0.0, "no mode that shows")
-    modal = diagonalized(system)
-    used = system if modal is None else modal.blocks
-    F, H = factors(used, None)
-    by_control, by_observation = float(np.linalg.norm(used.C @ F)), float(np.linalg.norm(used.B.T @ H))
-    values = [by_control, by_observation] + ([] if modal is None else [_by_modes(modal)])
-    largest = max(values)
-    gap = (largest - min(values)) / largest if largest > 0.0 else 0.0
-    A, B, P, Q = used.A, used.B, F @ F.T, H @ H.T
-    AP, BB = A @ P, B @ B.T
-    rounding = 2.0 * len(A) * _EPS * (2.0 * (np.abs(A) @ np.abs(P)) + np.abs(BB))
-    left_over = np.abs(AP + AP.T + BB) + rounding + rounding.T  # |R|, and what rounding may have hidden of it
-    margin = float(np.sum(left_over * np.abs(Q)))  # |tr(R Q)| is not larger
-    square = by_control**2
-    return H2Certificate(
-        by_control,
-        float(np.sqrt(max(square - margin, 0.0))),
-        float(np.sqrt(square + margin)),
-        gap,
-        "two Gramians" if modal is None else "two Gramians and the modes",
-    )
+    modes = faithful_modes(system, doubt)
+    found = None if modes is None else _by_modes(modes)
+    if found is not None and (found.certified or doubt):
+        return found
+    other = _by_refined_gramians(system)
+    if doubt:
+        return replace(other, lower=0.0, upper=inf)
+    return other if found is None or other.upper - other.lower < found.upper - found.lower else found
 
 
-def _by_modes(modal: ModalSystem) -> float:
-    """Return the norm as a sum over pairs of modes."""
+def _by_modes(modes: FaithfulModes) -> H2Certificate:
+    """Return the norm as a sum over pairs of modes, beside the two Gramians in modal coordinates."""
+    modal = modes.modal
+    F, H = factors(modal.blocks, modal)
+    values = [float(np.linalg.norm(modal.blocks.C @ F)), float(np.linalg.norm(modal.blocks.B.T @ H))]
     p = modal.poles
     acting: Array = modal.B @ modal.B.conj().T
     reading: Array = modal.C.conj().T @ modal.C
-    square = -np.sum(reading.T * acting / (p[:, None] + p.conj()[None, :]))
-    return float(np.sqrt(max(float(square.real), 0.0)))
+    shares = 1.0 / (p[:, None] + p.conj()[None, :])
+    square = max(float(-np.sum(reading.T * acting * shares).real), 0.0)
+    sizes = (np.abs(modal.C).T @ np.abs(modal.C)) * (np.abs(modal.B) @ np.abs(modal.B).T) * np.abs(shares)
+    rounding = _EPS * (_TERMS + len(p)) * float(np.sum(sizes))
+    value, low = float(np.sqrt(square)), float(np.sqrt(max(square - rounding, 0.0)))
+    high, gap = float(np.sqrt(square + rounding)), modes.energy_gap
+    return H2Certificate(
+        value, max(low - gap, 0.0), high + gap, _relative([value, *values]), "two Gramians and the modes"
+    )
+
+
+def _by_refined_gramians(system: Lti) -> H2Certificate:
+    """Return the norm by two Gramians, refined by residuals that are summed in extended precision."""
+    A, wide = system.A, np.longdouble
+    P, left_P = refined_gramian(A, system.B)
+    Q, _ = refined_gramian(A.T, system.C.T)
+    C, B = system.C.astype(wide), system.B.astype(wide)
+    by_control, by_observation = float(np.sum((C @ P) * C)), float(np.sum((B.T @ Q) * B.T))
+    summed = 2.0 * len(A) * float(np.finfo(wide).eps) * float(np.sum((np.abs(C) @ np.abs(P)) * np.abs(C)))
+    # |tr(R Q)|, with what Q itself may be off: of second order, so that twice is enough where it is small
+    margin = 2.0 * float(np.sum(left_P * np.abs(Q.astype(float)))) + summed + _EPS * abs(by_control)
+    if not (by_control > 0.0 and np.isfinite(margin) and np.isfinite(by_observation)):
+        return H2Certificate(0.0, 0.0, inf, inf, "Gramians that cannot be computed")
+    values = [float(np.sqrt(max(square, 0.0))) for square in (by_control, by_observation)]
+    low, high = (float(np.sqrt(max(by_control + sign * margin, 0.0))) for sign in (-1.0, 1.0))
+    return H2Certificate(values[0], low, high, _relative(values), "two Gramians")
+
+
+def _relative(values: list[float]) -> float:
+    largest = max(values)
+    return (largest - min(values)) / largest if largest > 0.0 else 0.0

@@ -1,5 +1,7 @@
 """Feedback loops ``u = K y`` closed by name, with signals added at controls and measurements."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -10,6 +12,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names
 from boomctl.lti.system import Lti, is_frequency_response, lower_lft, of
+from boomctl.printing import compact
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -36,6 +39,8 @@ class Loop:
     outputs: tuple[str, ...]
     system: Lti
 
+    __repr__ = compact
+
     @property
     def sensitivity(self) -> Lti:
         """From what is added to controls and measurements to controls and measurements: ``(I - [0 K; G 0])^-1``."""
@@ -61,7 +66,7 @@ class Loop:
         return self.system.between(inputs, range(len(self.outputs) + len(self.controls)))
 
 
-def joined(plant: "SecondOrderModel | control.StateSpace", controller: "control.StateSpace") -> Loop:
+def joined(plant: SecondOrderModel | control.StateSpace, controller: control.StateSpace) -> Loop:
     """Return the loop of a plant and a controller, found by name.
 
     Raises
@@ -109,10 +114,10 @@ def signals_of(controller: Lti, inputs: Sequence[str], outputs: Sequence[str]) -
 
 
 def feedback_loop(
-    plant: "SecondOrderModel | control.StateSpace",
-    controller: "control.StateSpace",
+    plant: SecondOrderModel | control.StateSpace,
+    controller: control.StateSpace,
     added: str | Sequence[str] = (),
-) -> "control.StateSpace":
+) -> control.StateSpace:
     """Return the closed loop ``u = K y``; signals of plant and controller meet by name.
 
     Parameters
@@ -140,10 +145,10 @@ def feedback_loop(
 
 
 def closed_loop_response(
-    plant: "Callable[[Array], control.FrequencyResponseData] | control.FrequencyResponseData",
-    controller: "control.StateSpace",
+    plant: Callable[[Array], control.FrequencyResponseData] | control.FrequencyResponseData,
+    controller: control.StateSpace,
     omega: ArrayLike | None = None,
-) -> "control.FrequencyResponseData":
+) -> control.FrequencyResponseData:
     """Return the frequency response of the loop ``u = K y`` of a plant known by its frequency response.
 
     Parameters
@@ -193,9 +198,9 @@ def closed_loop_response(
 
 
 def named_response(
-    plant: "Callable[[Array], control.FrequencyResponseData] | control.FrequencyResponseData",
+    plant: Callable[[Array], control.FrequencyResponseData] | control.FrequencyResponseData,
     omega: ArrayLike | None,
-) -> "control.FrequencyResponseData":
+) -> control.FrequencyResponseData:
     """Return the frequency response of a plant, whether it is data or a function of frequency; refused if not finite."""
     if is_frequency_response(plant):
         if omega is not None:

@@ -6,37 +6,53 @@ with the diameter from ``(1 - a/2)/(1 + a/2)`` to its inverse, all ``a < alpha``
 diagonal scaling, so that it does not depend on units, and the certified upper bound of that norm.
 """
 
+import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import linalg
 
 from boomctl.analysis.loops import joined
 from boomctl.analysis.norm import axis_eigenvalues, matrices_norm
-from boomctl.analysis.sigma import NARROWEST
 from boomctl.arrays import Array
 from boomctl.checks import known
 from boomctl.lti.frequency import DRAWN, Response, Triangular, resonance_grid, singular_values, triangular
-from boomctl.lti.modal import side_of_axis
+from boomctl.lti.modal import resolved, side_of_axis
 from boomctl.lti.system import Lti
 from boomctl.printing import listed, table_html
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.axes import Axes
 
     from boomctl.structure.model import SecondOrderModel
 
 _ONE = 1e-9  # relative distance from one within which a gain or a disk counts as one: rounding of the response
 _AT_ONE = 1e-6  # distance from a gain of one within which a Hamiltonian eigenvalue is a crossing, not another level's
-_REAL = 1e-6  # share of its size that the imaginary part of a real value may have, at a crossing found by its sign
-_REST = 1e-9  # share of the fastest pole up to which a slow one is at rest, and not what a grid begins at (a choice)
+# share of its size that the imaginary part of a real value may have, at a crossing found by its sign: a resonance so narrow
+# that the last digit of a frequency turns it by more is not told from a pole on the axis
+_REAL = 1e-3
+_LAST_DIGIT = 4.0 * float(np.finfo(float).eps)  # of a frequency, to which crossings are found
+_TINY = float(np.finfo(float).tiny)  # least step of a search that ends by the relative one
 _POINTS = 240  # of the grid, beside those at the resonances (a choice)
+_PER_DECADE = 30  # of these at least, where the poles are spread wide (a choice)
+_FLANK = 0.1  # share of its frequency up to which a resonance has points of its own (a choice)
+_NARROWEST = 1e-14  # share of its frequency below which the width of a resonance is rounding
+_FURTHER = 4  # points a decade of the distance from a resonance, from where DRAWN ends to where the grid is as fine
 _BEYOND = 100.0  # how far the grid reaches below the slowest pole and above the fastest (a choice)
 _INTEGRATING = (1e-3, 1e3)  # [rad/s], the grid of a loop all poles of which are at zero (a choice)
-_ROUNDING = 1e-12  # of L = 1 - 1/S; a factor above 1e12 is none
+_ROUNDING = 1e-9  # of L = 1 - 1/S: a factor above 1e9 or below 1e-9 is none
+_MOVED = 1e-13  # share of the fastest pole by which rounding may have moved one on the axis: 500 units (a choice)
+_LOOKED_AT = 32  # least damped resonances at which rounding is looked for (a choice)
+_DIGITS = 1e-5  # share of the response that rounding may change before it is said: that of a certified norm
 _WAY = 9  # frequencies from rest to a crossing at which the gain is looked at; near rest it is a parabola (a choice)
+_SMOOTH = 0.05  # share of its distance from zero, plus one, by which a step of a Nyquist curve may move (a choice)
+_HALVINGS = 10  # of a step of a Nyquist curve at most: a narrow resonance is a circle of many steps (a choice)
 _POLE = 1e-12  # a sensitivity below this is a pole of the loop, of infinite gain
 _ACTIVE = 24  # frequencies at which a scaling is made good, those of the largest values found so far (a choice)
 _ROUNDS = 12  # of adding those where it is not; two or three do
@@ -44,6 +60,17 @@ _LEVELLED = 1e-6  # how much larger the values elsewhere may be, relative
 _SWEEPS = 50  # over rows and columns, to make them alike; few do, for the start of a search
 _SEARCH = {"xatol": 1e-4, "fatol": 1e-6}  # of the logarithm of a scaling, and of the value: alpha to six digits
 _EVALUATIONS = 80  # of the search, a row of the response (a choice)
+_SIMPLEX = 6  # signals up to which a search without slopes is quick; beyond, it takes minutes
+_ROUNDS_OF_MANY = 3  # with more signals than that
+_SEARCHED = 30  # signals beyond which rows and columns are made alike and no more: a search takes tens of seconds
+_DESCENT = {
+    "maxiter": 30,
+    "gtol": 1e-6,
+}  # of a search with slopes, which loses its way at a kink: any scaling is a bound
+
+
+class UncertainMarginsWarning(UserWarning):
+    """Margins have few digits: rounding of the loop's matrices alone changes its response."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +84,7 @@ class DiskMargin:
     omega : float
         Frequency at which it is least [rad/s]; ``inf`` where it is the loop's own at high frequency.
     certified : bool
-        Whether the norm is known to one part in 1e5.
+        Whether the norm is known to one part in 1e5, rounding of the loop's matrices included.
     """
 
     alpha: float
@@ -89,7 +116,7 @@ class LoopMargin:
     signal, place : str
         Where it is opened; ``"control"`` or ``"measurement"``.
     gain_low, gain_high : float
-        The loop stays stable for factors between these; 0 and ``inf`` where there is no limit.
+        The loop stays stable for factors between these; 0 and ``inf`` where there is no limit between 1e-9 and 1e9.
     gain_low_omega, gain_high_omega : float
         Frequencies of the limits [rad/s]; ``nan`` without.
     phase_deg, phase_omega : float
@@ -98,6 +125,9 @@ class LoopMargin:
         Least delay that makes it unstable [s], and where; 0 and ``inf`` where the loop's gain at infinite frequency is
         not below one, so that the least delay does (or leaves no decay at high frequencies).
     disk : DiskMargin
+    rounding : float
+        How much rounding of the loop's matrices may change ``1/(1 - L)``, relative and to first order; margins have no
+        more digits than that leaves.
     """
 
     signal: str
@@ -111,11 +141,48 @@ class LoopMargin:
     delay: float
     delay_omega: float
     disk: DiskMargin
+    rounding: float = 0.0
+    _sensitivity: Lti | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         gains = f"gain {self.gain_low:.4g} to {self.gain_high:.4g}"
         turns = f"phase {self.phase_deg:.4g} deg, delay {self.delay:.4g} s, disk {self.disk.alpha:.4g}"
         return f"LoopMargin: opened at {self.place} {self.signal}\n  {gains}, {turns}"
+
+    @cached_property
+    def open_loop(self) -> tuple[Array, Array]:
+        """Frequencies [rad/s] and the loop's response ``L`` there, so dense that a Nyquist curve through them is smooth."""
+        S = self._sensitivity
+        assert S is not None
+        opened = _opened(S)
+        limits = [self.gain_low_omega, self.gain_high_omega, self.phase_omega, self.delay_omega, self.disk.omega]
+        asked = np.concatenate([_grid(S), [] if opened is None else _grid(opened), limits])
+        omega = np.unique(asked[np.isfinite(asked)])
+        values = _loop_response(S, omega)
+        for _ in range(_HALVINGS):
+            size = np.minimum(np.abs(values[:-1]), np.abs(values[1:]))
+            with np.errstate(invalid="ignore"):
+                far = np.abs(np.diff(values)) > _SMOOTH * (1.0 + size)
+            if not far.any():
+                break
+            between = 0.5 * (omega[:-1] + omega[1:])[far]
+            omega, values = np.append(omega, between), np.append(values, _loop_response(S, between))
+            order = np.argsort(omega)
+            omega, values = omega[order], values[order]
+        there = np.isfinite(values)
+        return omega[there], values[there]
+
+    def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
+        """Draw the loop's Nyquist curve around the critical point, and its margins; return the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        **style
+            Of the curve, as matplotlib's lines take it.
+        """
+        return import_module("boomctl.plotting").plot_loop_margin(self, ax, **style)
 
 
 @dataclass(frozen=True)
@@ -144,6 +211,18 @@ class Margins:
         widths = (24, 9, 9, 11, 10, 6)
         lines = [[f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True)] for row in self._table()]
         return "\n".join(" ".join([f"{line[0].strip():{widths[0]}s}", *line[1:]]) for line in lines)
+
+    def plot(self, ax: Any = None, **style: Any) -> Array:
+        """Draw each loop's Nyquist curve around the critical point, and its margins; return the axes.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw, one axes a loop; by default a new figure of pyplot.
+        **style
+            Of the curves, as matplotlib's lines take it.
+        """
+        return import_module("boomctl.plotting").plot_margins(self, ax, **style)
 
     def __repr__(self) -> str:
         least = [
@@ -177,6 +256,11 @@ def margins(plant: "SecondOrderModel | control.StateSpace", controller: "control
     ------
     TypeError, ValueError
         Other kinds of system, names that do not meet, a loop that is not well-posed, or not stable.
+
+    Warns
+    -----
+    UncertainMarginsWarning
+        Rounding of the loop's matrices alone may change the response by more than one part in 1e5.
     """
     loop = joined(plant, controller)
     poles = loop.system.poles
@@ -188,40 +272,69 @@ def margins(plant: "SecondOrderModel | control.StateSpace", controller: "control
     quick, grid = triangular(S), _grid(S)
     G = quick.response(grid)
     m, total = len(loop.controls), len(S.D)
-    places = ["control"] * m + ["measurement"] * (total - m)
+    places, rounding = ["control"] * m + ["measurement"] * (total - m), _rounding(S)
+    if (most := float(rounding.max(initial=0.0))) > _DIGITS:
+        said = (
+            f"rounding of the loop's matrices alone may change its response by {most:.1g} of its size; scale the states"
+        )
+        warnings.warn(said, UncertainMarginsWarning, stacklevel=2)
     loops = tuple(
-        _loop_margin(name, place, S.between([i], [i]), quick.only([i]), (grid, G[i, i]))
+        _loop_margin(name, place, S.between([i], [i]), quick.only([i]), (grid, G[i, i]), float(rounding[i, i]))
         for i, (name, place) in enumerate(zip(loop.controls + loop.measurements, places, strict=True))
     )
     first, second, every = (
-        _disk(S.between(rows, rows), G[np.ix_(rows, rows)])
+        _disk(S.between(rows, rows), G[np.ix_(rows, rows)], float(rounding[np.ix_(rows, rows)].max(initial=0.0)))
         for rows in (list(range(m)), list(range(m, total)), list(range(total)))
     )
     return Margins(loops, first, second, every)
 
 
-def _disk(S: Lti, G: Array) -> DiskMargin:
+def _rounding(S: Lti) -> Array:
+    """Return by how much of its size, or of one, rounding of ``A`` may change each entry of a response: first order.
+
+    With every entry of ``A`` off by its last digit, ``|C R| |dA| |R B|``, ``R`` the resolvent, at the least damped poles.
+    """
+    poles, n = S.poles[S.poles.imag >= 0.0], len(S.A)
+    if not n:
+        return np.zeros_like(S.D)
+    size = np.abs(poles)
+    chosen = poles[np.argsort(np.abs(poles.real) / np.where(size > 0.0, size, 1.0))[:_LOOKED_AT]]
+    pencils = 1j * np.abs(np.imag(chosen))[:, None, None] * np.eye(n) - S.A
+    try:
+        acts = np.linalg.solve(pencils, S.B.astype(complex))
+        reads = np.linalg.solve(np.moveaxis(pencils, 1, 2), S.C.T.astype(complex))
+    except np.linalg.LinAlgError:  # a pole that rounding alone keeps from the axis
+        return np.full_like(S.D, inf)
+    values = np.abs(S.C @ acts + S.D)
+    changes = np.moveaxis(np.abs(reads), 1, 2) @ (np.finfo(float).eps * np.abs(S.A)) @ np.abs(acts)
+    return (changes / np.maximum(values, 1.0)).max(axis=0)
+
+
+def _disk(S: Lti, G: Array, rounding: float) -> DiskMargin:
     """Return the disk margin of a sensitivity of response ``G`` on a grid; ``S - T = 2 S - 1``."""
     eye = np.eye(len(S.D))
     scale = _scaling(2.0 * G - eye[:, :, None])
     norm = matrices_norm(Lti(S.A, S.B / scale, scale[:, None] * 2.0 * S.C, scale[:, None] * (2.0 * S.D - eye) / scale))
-    return DiskMargin(2.0 / max(norm.upper, 1.0), norm.omega, norm.certified)
+    return DiskMargin(2.0 / max(norm.upper, 1.0), norm.omega, norm.certified and rounding <= _DIGITS)
 
 
 def _scaling(G: Array) -> Array:
     """Return a constant diagonal scaling that makes the largest singular value of a response small.
 
     It is convex in the scaling's logarithm.  It is minimized over the frequencies at which it was found largest, and
-    those added at which the scaling found makes it larger still, until there are none.
+    those added at which the scaling found makes it larger still, until there are none.  With many signals the search is
+    shorter, with very many rows and columns are only made alike: whatever the scaling, the margin holds.
     """
     n = len(G)
     if n == 1:
         return np.ones(1)
     best = _levelled(G)
+    if n > _SEARCHED:
+        return np.exp(np.append(best, 0.0))
     values = _scaled_values(best, G)
     lowest, active = float(values.max()), np.argsort(-values)[:_ACTIVE]
     log = best
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS if n <= _SIMPLEX else _ROUNDS_OF_MANY):
         log, reached = _least(G[:, :, active], log)
         values = _scaled_values(log, G)
         if values.max() < lowest:
@@ -250,8 +363,12 @@ def _scaled_values(log: Array, G: Array) -> Array:
 
 
 def _least(G: Array, start: Array) -> tuple[Array, float]:
+    """Return a scaling that makes the largest singular value of a response small, from a start, and that value."""
     from scipy import optimize  # long to import; a loop of one signal does not come here
 
+    if len(G) > _SIMPLEX:
+        found = optimize.minimize(lambda log: _slope(log, G), start, jac=True, method="BFGS", options=_DESCENT)
+        return found.x, float(found.fun)
     found = optimize.minimize(
         lambda log: float(_scaled_values(log, G).max()),
         start,
@@ -261,19 +378,58 @@ def _least(G: Array, start: Array) -> tuple[Array, float]:
     return found.x, float(found.fun)
 
 
+def _slope(log: Array, G: Array) -> tuple[float, Array]:
+    """Return the largest singular value of a scaled response, and how it grows with the scaling's logarithm."""
+    d = np.exp(np.append(log, 0.0))
+    U, values, Vh = np.linalg.svd(np.moveaxis(d[:, None, None] * G / d[None, :, None], 2, 0))
+    k = int(np.argmax(values[:, 0]))
+    return float(values[k, 0]), values[k, 0] * (np.abs(U[k, :, 0]) ** 2 - np.abs(Vh[k, 0]) ** 2)[:-1]
+
+
 def _grid(system: Lti) -> Array:
+    """Return frequencies that show a system's resonances and anti-resonances, however narrow, from all sides.
+
+    A loop crosses a level or an axis anywhere on the flank of a resonance, so that the places around it reach from
+    within its width to where they are no closer than the rest of the grid.
+    """
     poles = system.poles
     if not len(poles):
         return np.array([0.0])
-    upper = poles[(poles.imag >= 0.0) & (np.abs(poles) > _REST * np.abs(poles).max())]
-    size = np.abs(upper)
-    low, high = (size.min() / _BEYOND, size.max() * _BEYOND) if len(upper) else _INTEGRATING
-    return resonance_grid(upper, low, high, points=_POINTS, places=DRAWN, narrowest=NARROWEST, also=[0.0])
+    around: Array = np.concatenate([poles, _zeros(system)])
+    around = around[(np.imag(around) >= 0.0) & (np.abs(around) <= np.abs(poles).max() * _BEYOND)]
+    size = np.abs(poles[resolved(poles)])
+    low, high = (size.min() / _BEYOND, size.max() * _BEYOND) if len(size) else _INTEGRATING
+    points = max(_POINTS, int(_PER_DECADE * np.log10(high / low)))
+    flanks = [
+        pole.imag + side * np.geomspace(start, end, 1 + int(_FURTHER * np.log10(end / start)))
+        for pole in around
+        if (end := _FLANK * pole.imag) > (start := max(DRAWN[-1] * abs(pole.real), _NARROWEST * abs(pole)))
+        for side in (-1.0, 1.0)
+    ]
+    further = np.concatenate([[0.0], *flanks])
+    return resonance_grid(around, low, high, points=points, places=DRAWN, narrowest=_NARROWEST, also=further)
 
 
-def _loop_margin(signal: str, place: str, S: Lti, quick: Triangular, known: tuple[Array, Array]) -> LoopMargin:
+def _zeros(system: Lti) -> Array:
+    """Return the finite transmission zeros of a system of one input and one output; of others none."""
+    if system.D.shape != (1, 1):
+        return np.zeros(0, complex)
+    pencil = np.block([[system.A, system.B], [system.C, system.D]])
+    found = linalg.eigvals(pencil, np.diag(np.append(np.ones(len(system.A)), 0.0)))
+    return found[np.isfinite(found)]
+
+
+def _loop_response(S: Lti, omega: Array) -> Array:
+    """Return ``L = 1 - 1/S``."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 1.0 - 1.0 / S.response(omega)[0, 0]
+
+
+def _loop_margin(
+    signal: str, place: str, S: Lti, quick: Triangular, known: tuple[Array, Array], rounding: float
+) -> LoopMargin:
     """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``, known at some frequencies."""
-    disk = _disk(S, known[1][None, None])
+    disk = _disk(S, known[1][None, None], rounding)
     open_loop = _opened(S)
     more = np.setdiff1d(_grid(S if open_loop is None else open_loop), known[0])
     grid = np.concatenate([known[0], more])
@@ -283,11 +439,9 @@ def _loop_margin(signal: str, place: str, S: Lti, quick: Triangular, known: tupl
     grid, values = grid[there], 1.0 - 1.0 / values[there]
 
     def response(omega: Array) -> Array:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return 1.0 - 1.0 / S.response(np.atleast_1d(omega))[0, 0]
+        return _loop_response(S, np.atleast_1d(omega))
 
-    D = inf if open_loop is None else float(open_loop.D[0, 0])
-    (low, low_omega), (high, high_omega) = _gain_limits(response, grid, values, D)
+    (low, low_omega), (high, high_omega) = _gain_limits(response, grid, values, open_loop)
     (phase, phase_omega), (delay, delay_omega) = _phase_limits(response, grid, values, open_loop)
     return LoopMargin(
         signal=signal,
@@ -301,6 +455,8 @@ def _loop_margin(signal: str, place: str, S: Lti, quick: Triangular, known: tupl
         delay=delay,
         delay_omega=delay_omega,
         disk=disk,
+        rounding=rounding,
+        _sensitivity=S,
     )
 
 
@@ -327,7 +483,7 @@ def _crossings(response: Response, grid: Array, values: Array, height: Callable[
 
     for i in flips:
         root = optimize.brentq(
-            lambda w: float(height(response(np.array([w])))[0]), grid[i], grid[i + 1], xtol=1e-14, rtol=1e-12
+            lambda w: float(height(response(np.array([w])))[0]), grid[i], grid[i + 1], xtol=_TINY, rtol=_LAST_DIGIT
         )
         found.append(float(root))  # type: ignore[arg-type]
     return found
@@ -342,13 +498,18 @@ def _opened(S: Lti) -> Lti | None:
 
 
 def _gain_limits(
-    response: Response, grid: Array, values: Array, D: float
+    response: Response, grid: Array, values: Array, L: Lti | None
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the limits of the factor, each with its frequency: where ``L`` is real and positive, it is ``1/L``.
 
-    ``D`` is ``L`` at infinite frequency.
+    Beside a pole of ``L`` on the axis, or one that rounding may have moved off it, its sign tells nothing.
     """
-    crossings = _crossings(response, grid, values, lambda x: x.imag)
+    D = inf if L is None else float(L.D[0, 0])
+    crossings = np.array(_crossings(response, grid, values, lambda x: x.imag))
+    if L is not None and len(L.A):
+        undamped = L.poles[side_of_axis(L.poles) == 0]
+        doubt = _MOVED * np.abs(L.poles).max()
+        crossings = crossings[(np.abs(crossings[:, None] - np.abs(undamped.imag)) > doubt).all(axis=1)]
     low, high = (0.0, float("nan")), (inf, float("nan"))
     found = [(1.0 / float(x.real), w) for w in crossings if _positive(x := response(np.array([w]))[0])]
     if _ROUNDING < D < inf:
@@ -363,7 +524,9 @@ def _gain_limits(
 
 def _positive(value: complex) -> bool:
     """Return whether a value is a positive real number, not the other side of a pole, and not rounding."""
-    return bool(np.isfinite(value)) and value.real > _ROUNDING and abs(value.imag) < _REAL * abs(value)
+    return (
+        bool(np.isfinite(value)) and _ROUNDING < value.real < 1.0 / _ROUNDING and abs(value.imag) < _REAL * abs(value)
+    )
 
 
 def _phase_limits(

@@ -23,22 +23,22 @@ The last two give a state-space system, whose norm is that of :mod:`boomctl.anal
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from math import inf
 
 import numpy as np
 from scipy import linalg, sparse
 
-from boomctl.analysis.modal_form import elastic, in_modes
-from boomctl.analysis.norm import NormCertificate, grows_towards, level_crossings, matrices_norm
+from boomctl.analysis.norm import NormCertificate, level_crossings, matrices_norm
 from boomctl.arrays import Array
 from boomctl.lti.frequency import Resonances, Response, singular_values
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti, beside
 from boomctl.structure.matrices import dense, halves
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.core import Core, build_core
-from boomctl.structure.response.direct import direct_response, respond_parts
+from boomctl.structure.response.core import Core, build_core, modal_core, rounding_estimate
+from boomctl.structure.response.direct import direct_response, ports_rounding, respond_parts
+from boomctl.structure.response.modal_form import elastic, in_modes
 from boomctl.structure.response.pencil import factorized
 from boomctl.structure.response.poles import damped_poles, first_order_poles, undamped_modes
 from boomctl.structure.response.realisation import realize
@@ -49,6 +49,9 @@ _CORE_ERROR = 1e-7
 _CORE_POINTS = 16  # frequencies at which a core is built (a choice)
 _CORE_BELOW = 0.1  # where a core begins, relative to the lowest mode (a choice)
 _CORE_ABOVE = 4.0  # where a core ends, relative to the band's last mode: above it dissipation does the rest (a choice)
+_WIDE = 1e7  # ratio of a band's last mode to its lowest: beyond, it ends below (a choice)
+# ratio of a small structure's fastest pole to its lowest mode, from which on no state space holds both: some 1e-3/eps
+_HELD = 1e12
 _BAND = 8  # elastic modes that a picture shows and a core speaks for (a choice)
 _SPARE = 3  # modes asked for beyond these, so that as many are left without the rigid ones of a plane body
 _LARGEST_DENSE = 400  # coordinates up to which a structure without a core is taken whole (a choice of run time)
@@ -67,6 +70,11 @@ class SplitModel:
     model: SecondOrderModel
     parts: tuple[SecondOrderModel, ...]
 
+    @cached_property
+    def seen(self) -> tuple["_Seen | None", ...]:
+        """What stands for each part; None where it is small enough to be taken whole, or has no real modes."""
+        return tuple(_Seen.of(part) if part.n >= _CORE_FROM else None for part in self.parts)
+
     @classmethod
     def of(cls, model: SecondOrderModel) -> "SplitModel":
         """Return a model with its parts; a half without inputs or outputs is none."""
@@ -84,13 +92,14 @@ class SplitModel:
             return np.array([np.maximum(*found)[0], np.minimum(*found)[0]])[:count]
         return -np.sort(-np.vstack([*found, np.zeros((count, len(omega)))]), axis=0)[:count]
 
-    def resonances(self) -> Resonances:
-        """Return the poles up to a few times the eighth mode, and a band that shows them."""
+    def resonances(self, high: float | None = None) -> Resonances:
+        """Return the poles up to a few times the eighth mode, or up to ``high`` [rad/s], and a band that shows them."""
         band = _modal_band(self.model)
         if band is None:
-            return Resonances.of(first_order_poles(dense(self.model.M), dense(self.model.C), dense(self.model.K)))
-        low, top = band[0], _SHOWN * band[1]
-        poles = [np.zeros(0, complex), *(_poles(part, low, top) for part in self.parts)]
+            return Resonances.of(first_order_poles(dense(self.model.M), dense(self.model.C), dense(self.model.K)), high)
+        low, top = band[0], _SHOWN * band[1] if high is None else high
+        found = (_poles(part, seen, top) for part, seen in zip(self.parts, self.seen, strict=True))
+        poles = [np.zeros(0, complex), *found]
         return Resonances(np.concatenate(poles), _BELOW * low, top)
 
     def norm(self) -> NormCertificate:
@@ -104,7 +113,10 @@ class SplitModel:
         if not self.parts:
             return NormCertificate(0.0, 0.0, 0.0, "no response", ("halves",))
         small = len(self.parts) > 1 and all(part.n < _CORE_FROM for part in self.parts)
-        found = _norms_of_small(self.parts) if small else [_part_norm(part) for part in self.parts]
+        if small:
+            found = _norms_of_small(self.parts)
+        else:
+            found = [_part_norm(part, seen) for part, seen in zip(self.parts, self.seen, strict=True)]
         largest, upper = max(found, key=lambda norm: norm.lower), max(norm.upper for norm in found)
         path = () if self.parts == (self.model,) else ("halves",)
         return replace(largest, upper=upper, path=sum((norm.path for norm in found), path))
@@ -117,43 +129,76 @@ def _modal_band(model: SecondOrderModel) -> tuple[float, float] | None:
     except ValueError:
         return None
     shown = frequencies[elastic(frequencies)][:_BAND]
+    shown = shown[shown <= _WIDE * shown[:1]]
     return (float(shown[0]), float(shown[-1])) if len(shown) else None
 
 
-def _poles(part: SecondOrderModel, low: float, top: float) -> Array:
+@dataclass(frozen=True)
+class _Seen:
+    """The band of a part's lowest modes [rad/s], and a core for them and some way above, where there is one."""
+
+    low: float
+    last: float
+    core: Core | None
+
+    @classmethod
+    def of(cls, part: SecondOrderModel) -> "_Seen | None":
+        band = _modal_band(part)
+        if band is None:
+            return None
+        low, last = band
+        omega = np.geomspace(_CORE_BELOW * low, _CORE_ABOVE * last, _CORE_POINTS)
+        try:
+            if part.n < _CORE_FROM or (part.structure.graded and part.structure.strain_form is not None):
+                return cls(low, last, modal_core(part.structure, part.ports, omega))
+            return cls(low, last, build_core(part.structure, part.ports, omega, low))
+        except (np.linalg.LinAlgError, RuntimeError):
+            return cls(low, last, None)
+
+
+def _poles(part: SecondOrderModel, seen: _Seen | None, top: float) -> Array:
     """Return the poles of a part up to a frequency."""
-    core = _built(part, low, top) if part.n >= _CORE_FROM else None
-    small = part.structure if core is None else core.structure
+    small = part.structure if seen is None or seen.core is None else seen.core.structure
     if small.n > _LARGEST_DENSE:
         return damped_poles(part.structure, _BAND)
-    poles = first_order_poles(dense(small.M), dense(small.C), dense(small.K))
+    if small.elastic is not None and small.noise > top**2 and small.strain_form is not None:
+        poles = small.strain_form.poles()
+    else:
+        poles = first_order_poles(dense(small.M), dense(small.C), dense(small.K))
     return poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)]
 
 
-def _built(part: SecondOrderModel, low: float, top: float) -> Core | None:
-    """Return a core for a band of modes, or None where there is none."""
-    try:
-        return build_core(part.structure, part.ports, np.geomspace(_CORE_BELOW * low, top, _CORE_POINTS))
-    except (np.linalg.LinAlgError, RuntimeError):
-        return None
-
-
-def _part_norm(part: SecondOrderModel) -> NormCertificate:
+def _part_norm(part: SecondOrderModel, seen: _Seen | None) -> NormCertificate:
     """Return the norm of a part by a core, by a scan, or of the part as it is."""
-    band = _modal_band(part) if part.n >= _CORE_FROM else None
-    if band is None:
-        return _Realised.of(part).norm()
-    low, top = band[0], _CORE_ABOVE * band[1]
-    core = _built(part, low, top)
+    if seen is None:
+        given = _Realised.of(part)
+        if not given.wide:
+            return given.norm()
+        seen = _Seen.of(part)
+        if seen is None:
+            return given.norm()
+    low, top, core = seen.low, _CORE_ABOVE * seen.last, seen.core
     if core is None:
-        return _Realised.of(part).norm() if part.n <= _LARGEST_DENSE else _scanned(part, low, top)
+        given = _Realised.of(part) if part.n <= _LARGEST_DENSE else None
+        return _scanned(part, low, top) if given is None or given.wide else given.norm()
     inside = _Realised.of(SecondOrderModel.of(core.structure, core.ports)).norm()
     inside = replace(inside, path=(f"core of {core.structure.n}", *inside.path))
     if inside.lower == inf:
         return inside
-    if core.error > _CORE_ERROR:
-        return replace(inside, upper=inf, method="a Galerkin core that could not be verified")
-    upper = max(inside.upper * (1.0 + core.error), _dissipation_bound(part, top))
+    strained = (
+        part.n < _CORE_FROM or part.structure.graded
+    )  # such a core is one over strain coordinates, which keep their digits
+    omega = np.array([low, min(inside.omega, top), seen.last])
+    form = part.structure.strain_form if strained else None
+    if form is None:
+        rounding = rounding_estimate(part.structure, core, omega)
+        rounding += ports_rounding(core.structure, part.ports, core.basis, omega)
+    else:
+        rounding = ports_rounding(part.structure.in_strains, part.ports, form.V, omega)
+    if core.error + rounding > _CORE_ERROR:
+        lower = inside.lower * max(1.0 - core.error - rounding, 0.0)
+        return replace(inside, lower=lower, upper=inf, method="a Galerkin core that could not be verified")
+    upper = max(inside.upper * (1.0 + core.error + rounding), _dissipation_bound(part, top, low))
     return replace(inside, upper=upper, method=f"{inside.method}; dissipation above {top:.3g} rad/s")
 
 
@@ -169,13 +214,14 @@ def _scanned(part: SecondOrderModel, low: float, top: float) -> NormCertificate:
 class _Realised:
     """A small model in state space: over its undamped modes, or without them over its own coordinates.
 
-    Its response comes from its matrices, which is more accurate than any state space.
+    Its response comes from its matrices, which is more accurate than any state space.  One whose poles lie too ``wide`` apart
+    has no state space that holds them all.
     """
 
     system: Lti
     respond: Response
-    grows: bool  # towards zero frequency: an integrating or rigid-body mode shows
     path: tuple[str, ...]
+    wide: bool = False
 
     @classmethod
     def of(cls, small: SecondOrderModel) -> "_Realised":
@@ -183,30 +229,31 @@ class _Realised:
         try:
             frequencies, V = undamped_modes(small.structure)
         except ValueError:
-            return cls(realize(small.structure, small.ports).balanced(), respond, False, ("given coordinates",))
-        grows = False
-        if any(small.ports.integrators) or not elastic(frequencies)[0]:
-            low = float(frequencies[elastic(frequencies)].min(initial=np.inf))
-            grows = grows_towards(respond, 0.0, low if np.isfinite(low) else 1.0)
-        return cls(in_modes(small, V).balanced(), respond, grows, ("undamped modes",))
+            return cls(realize(small.structure, small.ports).balanced(), respond, ("given coordinates",))
+        moving = frequencies[elastic(frequencies)]
+        fastest = max(float(frequencies[-1]), float(V[:, -1] @ (small.C @ V[:, -1])))
+        if len(moving) and fastest > _HELD * moving[0] and small.structure.strain_form is not None:
+            none = Lti(
+                np.zeros((0, 0)), np.zeros((0, len(small.inputs))), np.zeros((len(small.outputs), 0)), small.ports.E[0]
+            )
+            return cls(none, respond, ("undamped modes",), True)
+        return cls(in_modes(small.structure, small.ports, frequencies, V).balanced(), respond, ("undamped modes",))
 
     def norm(self) -> NormCertificate:
         """Return the norm between its bounds."""
-        if self.grows:
-            return NormCertificate(inf, inf, 0.0, "an integrating or rigid-body mode", self.path)
         return replace(matrices_norm(self.system, self.respond), path=self.path)
 
     def guess(self) -> float:
         """Return the largest singular value half a width beside the resonances: no bound, but near the norm."""
         poles = self.system.poles[self.system.poles.imag > 0.0]
-        if self.grows or not len(poles):
+        if not len(poles):
             return inf
         beside = poles.imag + np.abs(poles.real) + _NEAR * np.abs(poles)
         return float(singular_values(self.respond(beside))[0].max(initial=0.0))
 
     def stays_below(self, level: float) -> bool:
         """Return whether it is proved that no singular value reaches a level at any frequency."""
-        if self.grows or (side_of_axis(self.system.poles) >= 0).any() or np.linalg.norm(self.system.D, 2) >= level:
+        if (side_of_axis(self.system.poles) >= 0).any() or np.linalg.norm(self.system.D, 2) >= level:
             return False
         return not len(level_crossings(self.system, level))
 
@@ -214,6 +261,8 @@ class _Realised:
 def _norms_of_small(parts: tuple[SecondOrderModel, ...]) -> list[NormCertificate]:
     """Return the norms of small parts; of one proved to stay below another's norm, the other's bound alone."""
     systems = [_Realised.of(part) for part in parts]
+    if any(system.wide for system in systems):
+        return [_part_norm(part, None) for part in parts]
     order = sorted(range(len(parts)), key=lambda i: -systems[i].guess())
     found = {order[0]: systems[order[0]].norm()}
     first = found[order[0]]
@@ -233,14 +282,18 @@ def _response(small: SecondOrderModel, omega: Array) -> Array:
     return direct_response(small.structure, small.ports, beside(seen))
 
 
-def _dissipation_bound(model: SecondOrderModel, omega: float) -> float:
-    """Return a bound of the response at all frequencies from ``omega`` on; ``inf`` where there is none."""
+def _dissipation_bound(model: SecondOrderModel, omega: float, resolved: float) -> float:
+    """Return a bound of the response at all frequencies from ``omega`` on; ``inf`` where there is none.
+
+    A damping matrix is as noisy as the stiffness matrix: where that hides the mode at ``resolved``, none is formed.
+    """
     ports = model.ports
     if ports.B[2].any() or any(line.any() for line in ports.L[1:]) or any(e.any() for e in ports.E[1:]):
         return inf
-    C = sparse.csr_array(model.C)
+    structure = model.structure
+    form = structure.mixed if structure.elastic is not None and structure.noise > resolved**2 else None
     try:
-        solve = factorized(C)
+        solve = factorized(sparse.csr_array(model.C)) if form is None else form.damping()
         reading, *acting = (_weighed_by_damping(solve, columns) for columns in (ports.L[0].T, ports.B[0], ports.B[1]))
     except (RuntimeError, linalg.LinAlgError, ValueError):
         return inf

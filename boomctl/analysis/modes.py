@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.modal_form import modal_form
 from boomctl.arrays import Array
 from boomctl.lti.modal import diagonalized, side_of_axis
 from boomctl.lti.system import of
 from boomctl.printing import between, table_html
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.modal_form import modal_form
 
 if TYPE_CHECKING:
     import control
@@ -111,7 +111,7 @@ def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
         Another kind of system, discrete time, not finite; poles without eigenvectors of their own (a rigid body that
         no support holds, equal poles in a chain).
     """
-    given = modal_form(system) if isinstance(system, SecondOrderModel) else of(system)
+    given = modal_form(system.structure, system.ports) if isinstance(system, SecondOrderModel) else of(system)
     modal = diagonalized(given.balanced())
     if modal is None:
         raise ValueError(

@@ -5,7 +5,7 @@ system's own response), and a level that no singular value reaches at any freque
 matrix on the imaginary axis; Boyd, Balakrishnan & Kabamba 1989, Bruinsma & Steinbuch 1990).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import inf, isfinite
 from typing import TYPE_CHECKING
@@ -13,9 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
+from boomctl.analysis.axis import poles_at_axis
+from boomctl.analysis.modal_norm import modal_norm
 from boomctl.arrays import Array
-from boomctl.lti.frequency import Response, largest_gain, singular_values
-from boomctl.lti.modal import side_of_axis
+from boomctl.lti.faithful_modes import faithful_modes, rounding_doubt
+from boomctl.lti.frequency import Response, largest_gain, resonance_grid, singular_values
+from boomctl.lti.modal import split_and_doubt
 from boomctl.lti.system import Lti, of
 
 if TYPE_CHECKING:
@@ -24,12 +27,19 @@ if TYPE_CHECKING:
 _LEVEL = 1e-6  # how far above the largest value found a level is tried, relative: a tenth of _CERTIFIED
 _CERTIFIED = 1e-5  # relative distance of the two bounds up to which a norm is certified (a choice)
 _ROUNDS = 30  # levels tried before giving up: each rises to a higher peak, so that a few do
-_NEAR, _FAR = 1e-6, 3e-5  # distances from a pole on the axis, relative: an infinite response grows 30 times in between
-_GROWN = 5.0  # growth from which it is called infinite; beside a pole that does not show it stays the same
-_APART = 1e-6  # share of the fastest pole by which another one lies apart from that on the axis
-# share of the Hamiltonian matrix's norm by which its eigenvalues may be off the axis
-_ROUNDING = 1e2 * float(np.finfo(float).eps)
+_EPS = float(np.finfo(float).eps)
+_ROUNDING = 1e2 * _EPS  # share of the Hamiltonian matrix's norm by which its eigenvalues may be off the axis
+_BESIDE = 1e-2  # share of its size by which an eigenvalue that is worth a look lies off the axis (a choice)
 _RELATIVE_ROUNDING = 1e-12  # and share of the eigenvalue itself (both are choices, far below _LEVEL)
+
+_LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
+_UNITS = 4.0  # of rounding of each entry of A, that a response may be off by (measured: below one)
+_LOOKED_AT = (
+    200  # frequencies, beside those at resonances, at which a response without upper bound is looked at (a choice)
+)
+_BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
+_TINY = 1e-100  # largest entry of B or C below which squares of responses may be zero (a choice)
+_USED = 1e-3  # of the peak: modal coordinates that are off by more are of no use (a choice)
 
 # What tells a norm, in the order looked at: one of these is a certificate's ``method``.
 STATIC_GAIN = "static gain"  # no states: the norm of D
@@ -39,6 +49,9 @@ NO_RESPONSE = "zero response"
 NO_CROSSING = "no Hamiltonian eigenvalue on the imaginary axis"  # what is left: a level just above the largest value
 NOT_TOLD = "a Hamiltonian eigenvalue too close to the imaginary axis to tell"  # no upper bound
 NOT_ENDED = "the level was raised too often"  # no upper bound
+BY_MODES = "cells of frequencies, each proved in modal coordinates"
+LOST = "rounding of the entries changes the peak by more than can be certified"
+DOUBTFUL = "that the digits given do not tell from one on the imaginary axis, where the norm would be infinite"
 
 
 @dataclass(frozen=True)
@@ -48,7 +61,7 @@ class NormCertificate:
     Attributes
     ----------
     lower : float
-        Largest singular value found; it is attained at ``omega``.
+        Largest singular value found, at ``omega``, less what rounding may have added to it.
     upper : float
         No singular value is larger; ``inf`` where that could not be shown.
     omega : float
@@ -86,41 +99,107 @@ def hinf_norm(system: "control.StateSpace") -> NormCertificate:
     TypeError, ValueError
         Another kind of system (:func:`boomctl.sigma` takes structures as well), discrete time, not finite.
     """
-    return matrices_norm(of(system, expected="a StateSpace").balanced())
+    given = of(system, expected="a StateSpace").balanced()
+    largest = [float(np.abs(matrix).max(initial=0.0)) for matrix in (given.B, given.C)]
+    if min(largest) == 0.0 or min(largest) >= _TINY:
+        return matrices_norm(given)
+    # squares of such gains would be zero: they are raised by powers of two, and the norm is lowered again
+    up = [-int(np.floor(np.log2(value))) for value in largest]
+    raised = replace(given, B=np.ldexp(given.B, up[0]), C=np.ldexp(given.C, up[1]), D=np.ldexp(given.D, sum(up)))
+    found = matrices_norm(raised)
+    return replace(found, lower=float(np.ldexp(found.lower, -sum(up))), upper=float(np.ldexp(found.upper, -sum(up))))
 
 
 def matrices_norm(system: Lti, response: Response | None = None) -> NormCertificate:
-    """Return the certified norm of ``A, B, C, D``; ``response`` may offer a more accurate frequency response."""
-    respond = partial(system.response, quiet=True) if response is None else response
+    """Return the certified norm of ``A, B, C, D``, which are balanced; ``response`` may be a more accurate one."""
     if min(system.D.shape) == 0 or not len(system.A):
         value = float(np.linalg.norm(system.D, 2)) if system.D.size else 0.0
         return NormCertificate(value, value, 0.0, STATIC_GAIN)
-    pole = unbounded_pole(system.poles, respond)
-    if pole is not None and pole.real > 0.0:
-        return NormCertificate(inf, inf, float("nan"), UNSTABLE)
-    if pole is not None:
-        return NormCertificate(inf, inf, pole.imag, UNDAMPED)
+    axis = poles_at_axis(system)
+    if axis.infinite is not None:
+        grows = axis.infinite.real > 0.0
+        return NormCertificate(inf, inf, float("nan") if grows else axis.infinite.imag, UNSTABLE if grows else UNDAMPED)
+    doubt = 0.0
+    if axis.silent.any() and axis.doubtful is None:
+        _, system, doubt = split_and_doubt(system, axis.silent, "undamped modes that do not show")
+        if not len(system.A):
+            return matrices_norm(system)
+    if axis.doubtful is not None:
+        peak, at = _surely(system)
+        return NormCertificate(peak, inf, at, f"a mode at {abs(axis.doubtful):.6g} rad/s {DOUBTFUL}")
+    found = level_norm(system, response)
+    felt = _felt(system, found.omega)
+    if found.certified and not doubt and felt <= _LEVEL * found.lower:
+        return replace(found, lower=found.lower - felt, upper=found.upper + felt)
+    return _by_modes(system, found, doubt)
+
+
+def level_norm(system: Lti, response: Response | None = None) -> NormCertificate:
+    """Return the norm of a stable system by levels that its Hamiltonian matrix proves, as if ``A, B, C, D`` had no rounding.
+
+    For those who answer for that rounding themselves; :func:`matrices_norm` does.
+    """
+    respond = partial(system.response, quiet=True) if response is None else response
+    return _raised(system, respond, *_found(system, response))
+
+
+def _found(system: Lti, response: Response | None) -> tuple[float, float]:
+    """Return the largest singular value found, and its frequency."""
     peak, at = largest_gain(system, response)
     static = float(np.linalg.norm(system.D, 2))
-    return _raised(system, respond, max(peak, static), at if peak >= static else inf)
+    return (peak, at) if peak >= static else (static, inf)
 
 
-def unbounded_pole(poles: Array, respond: Response) -> complex | None:
-    """Return a pole that makes a response infinite: an unstable one, or an undamped one that shows; None without."""
-    side, size = side_of_axis(poles), np.abs(poles)
-    if (side > 0).any():
-        return complex(poles[side > 0][0])
-    for omega in np.unique(np.abs(poles[side == 0].imag)):
-        others = size[np.abs(np.abs(poles.imag) - omega) > _APART * size.max()]
-        if grows_towards(respond, float(omega), float(omega) if omega > 0.0 else float(others.min(initial=1.0))):
-            return complex(0.0, omega)
-    return None
+def _felt(system: Lti, omega: float) -> float:
+    """Return how much of the response at a frequency, and at the lightest resonances, may be rounding of ``A``'s entries."""
+    poles = system.poles[system.poles.imag > 0.0]
+    light = poles[np.argsort(np.abs(poles.real) / np.abs(poles))[:_LIGHTEST]]
+    asked = np.concatenate([light.imag, [omega if isfinite(omega) else 0.0]])
+    return float(_responses(system, asked)[1].max())
 
 
-def grows_towards(respond: Response, omega: float, scale: float) -> bool:
-    """Return whether the response grows without bound towards ``omega``, seen from a millionth of ``scale`` away."""
-    near, far = singular_values(respond(omega + scale * np.array([_NEAR, _FAR])))[0]
-    return bool(near > _GROWN * far)
+def _surely(system: Lti) -> tuple[float, float]:
+    """Return the largest singular value that is not rounding, near the poles and between them, and its frequency."""
+    size = np.abs(system.poles)
+    low, high = max(float(size.min()), float(np.finfo(float).tiny) ** 0.5), max(float(size.max()), 1.0)
+    grid = resonance_grid(system.poles[system.poles.imag > 0.0], 0.1 * low, 10.0 * high, points=_LOOKED_AT)
+    G, doubts = _responses(system, grid)
+    values = singular_values(G)[0] - doubts
+    best = int(np.argmax(values))
+    static = float(np.linalg.norm(system.D, 2))
+    return (float(values[best]), float(grid[best])) if values[best] >= static else (static, inf)
+
+
+def _responses(system: Lti, omega: Array) -> tuple[Array, Array]:
+    """Return responses, and how much of each may be rounding of the entries of ``A``; ``inf`` at a pole."""
+    A, places, size = system.A, np.arange(len(system.A)), np.abs(system.A)
+    G, doubts = np.zeros((*system.D.shape, len(omega)), dtype=complex), np.full(len(omega), inf)
+    step = max(1, _BATCH // len(A) ** 2)
+    for k in range(0, len(omega), step):
+        few = slice(k, k + step)
+        pencil = np.tile(-A.astype(complex), (len(omega[few]), 1, 1))
+        pencil[:, places, places] += 1j * omega[few, None]
+        try:
+            acting = np.linalg.solve(pencil, system.B + 0j)
+            reading = np.abs(np.linalg.solve(pencil.transpose(0, 2, 1), system.C.T + 0j))
+        except np.linalg.LinAlgError:
+            continue
+        G[:, :, few] = np.moveaxis(system.C @ acting + system.D, 0, 2)
+        felt = np.linalg.norm(reading.transpose(0, 2, 1) @ (size @ np.abs(acting)), axis=(1, 2))
+        doubts[few] = np.where(np.isfinite(felt), _UNITS * _EPS * felt, inf)
+    return G, doubts
+
+
+def _by_modes(system: Lti, found: NormCertificate, doubt: float) -> NormCertificate:
+    """Return a norm proved in modal coordinates that answer for their rounding, or, without them, what is known."""
+    modes = faithful_modes(system, doubt)
+    if modes is not None and modes.gap <= _USED * found.lower:
+        told = modal_norm(modes.modal)
+        return NormCertificate(max(told.lower - modes.gap, 0.0), told.upper + modes.gap, told.omega, BY_MODES)
+    lost = rounding_doubt(system, doubt)
+    if found.upper + lost <= found.lower * (1.0 + _CERTIFIED):
+        return replace(found, lower=max(found.lower - lost, 0.0), upper=found.upper + lost)
+    return replace(found, lower=max(found.lower - lost, 0.0), upper=found.upper + lost, method=LOST)
 
 
 def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCertificate:
@@ -129,14 +208,14 @@ def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCerti
         level = peak * (1.0 + _LEVEL)
         if level == 0.0:
             return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
-        crossings = level_crossings(system, level)
-        if not len(crossings):
-            return NormCertificate(peak, level, at, NO_CROSSING)
-        middles = np.concatenate([crossings, 0.5 * (crossings[1:] + crossings[:-1])])
-        values = singular_values(respond(middles))[0]
+        crossings, beside = _near_axis(system, level)
+        seen = np.sort(np.concatenate([crossings, beside]))
+        middles = np.concatenate([seen, 0.5 * (seen[1:] + seen[:-1])])
+        values = singular_values(respond(middles))[0] if len(middles) else np.zeros(1)
         best = int(np.argmax(values))
         if values[best] <= level:
-            return NormCertificate(peak, inf, at, NOT_TOLD)
+            told = not len(crossings)
+            return NormCertificate(peak, level if told else inf, at, NO_CROSSING if told else NOT_TOLD)
         peak, at = float(values[best]), float(middles[best])
     return NormCertificate(peak, inf, at, NOT_ENDED)
 
@@ -160,6 +239,15 @@ def axis_eigenvalues(system: Lti, level: float) -> Array:
     They are the imaginary parts, not below zero, of eigenvalues of the Hamiltonian matrix on the imaginary axis, or as
     near as rounding may have moved them: by a multiple of the norm of the balanced matrix, not of its eigenvalues.
     """
+    return _near_axis(system, level)[0]
+
+
+def _near_axis(system: Lti, level: float) -> tuple[Array, Array]:
+    """Return the imaginary parts of eigenvalues on the imaginary axis, and of those that lie so near to it.
+
+    Where two crossings have nearly met, rounding moves their eigenvalues off the axis by its root and more: what lies near
+    is worth a look.
+    """
     A, B, C, D = system.A, system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
     shifted, acting, reading = A, B.T, C
     if D.any():
@@ -170,5 +258,7 @@ def axis_eigenvalues(system: Lti, level: float) -> Array:
         H = linalg.matrix_balance(H, permute=False)[0]
     values = linalg.eigvals(H)
     noise = _ROUNDING * np.linalg.norm(H) + _RELATIVE_ROUNDING * np.abs(values)
-    close = values[(np.abs(values.real) <= noise) & (values.imag >= 0.0)]
-    return np.sort(close.imag)
+    upper = values.imag >= 0.0
+    close = upper & (np.abs(values.real) <= noise)
+    beside = upper & ~close & (np.abs(values.real) <= _BESIDE * np.abs(values))
+    return np.sort(values[close].imag), np.sort(values[beside].imag)

@@ -5,6 +5,8 @@ the axis in steps that are halved until the phase turns little in each and turns
 Beyond a frequency at which ``|G K| < 1`` for good it cannot wind any more.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -15,7 +17,7 @@ from numpy.typing import ArrayLike
 from boomctl.analysis.loops import named_response, signals_of
 from boomctl.analysis.sigma import NARROWEST
 from boomctl.arrays import Array
-from boomctl.checks import positive, whole
+from boomctl.checks import nonnegative, positive, shown, whole
 from boomctl.lti.frequency import DRAWN, resonance_grid, singular_values
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti, of
@@ -86,7 +88,7 @@ class ExactLoopStability:
 class _LoopGain:
     """``L = G K``, from frequencies to a stack of matrices (frequency first)."""
 
-    plant: "Callable[[Array], control.FrequencyResponseData]"
+    plant: Callable[[Array], control.FrequencyResponseData]
     controller: Lti
 
     def parts(self, omega: Array) -> tuple[Array, Array]:
@@ -107,8 +109,8 @@ class _LoopGain:
 
 
 def exact_loop_stability(
-    plant: "Callable[[Array], control.FrequencyResponseData]",
-    controller: "control.StateSpace",
+    plant: Callable[[Array], control.FrequencyResponseData],
+    controller: control.StateSpace,
     poles: ArrayLike,
     plant_bound: Callable[[float], float] | None = None,
     top: float | None = None,
@@ -150,6 +152,8 @@ def exact_loop_stability(
     near = near[np.abs(near) > 0.0]
     near = np.where(near.imag < 0.0, near.conj(), near)
     reach = float(np.abs(near).max(initial=1.0))
+    if plant_bound is not None and not callable(plant_bound):
+        raise TypeError(f"plant_bound = {shown(plant_bound)}: expected a function of the frequency")
     end = _top(gain, K, 2.0 * reach if top is None else positive("top", top), plant_bound)
     low = _BELOW * float(np.abs(near).min(initial=1.0))
     grid = resonance_grid(near, low, end, points=_POINTS, places=DRAWN, narrowest=NARROWEST, also=[0.0, end])
@@ -198,7 +202,7 @@ def _top(gain: _LoopGain, K: Lti, start: float, bound: Callable[[float], float] 
         else:
             far = end * np.logspace(0.0, _FAR, 4 * _SEARCH)
             peak = float(singular_values(K.response(far))[0].max())
-            small = bound(end) * peak * _SAFE < 1.0
+            small = nonnegative("plant_bound(top)", bound(end)) * peak * _SAFE < 1.0
         if small:
             return float(end)
         end *= _WIDER

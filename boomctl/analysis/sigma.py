@@ -1,11 +1,13 @@
 """Singular values over frequency, on a grid that resolves every lightly damped peak, with a certified largest one."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,11 +15,12 @@ from numpy.typing import ArrayLike
 from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.norm import UNSTABLE, NormCertificate, matrices_norm
 from boomctl.arrays import Array
-from boomctl.checks import frequencies, names
+from boomctl.checks import frequencies, known, mapping, names
 from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_values
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti, is_frequency_response, of
-from boomctl.printing import between
+from boomctl.printing import between, listed
+from boomctl.progress import computing
 from boomctl.structure.matrices import dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import first_order_poles
@@ -42,9 +45,9 @@ class _StateSpace:
         """Return the singular values, descending; ``quiet`` as in :meth:`Lti.response`."""
         return singular_values(self.system.response(omega, quiet=quiet))
 
-    def resonances(self) -> Resonances:
-        """Return the lowest resonances, and a band that shows them."""
-        return Resonances.of(self.system.poles)
+    def resonances(self, high: float | None = None) -> Resonances:
+        """Return the lowest resonances, or those up to ``high`` [rad/s], and a band that shows them."""
+        return Resonances.of(self.system.poles, high)
 
     def norm(self) -> NormCertificate:
         """Return the certified H-infinity norm."""
@@ -68,6 +71,8 @@ class SigmaResult:
         undamped, integrating or unstable modes that show), the largest value on the grid of measured data.
     certified : bool
         Whether ``peak`` lies between two bounds computed apart from each other; see ``certificate``.
+    unit : str
+        In which the frequencies were asked for, "Hz" where none were: that of pictures.
     """
 
     omega: Array
@@ -75,6 +80,7 @@ class SigmaResult:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     _of: SplitModel | _StateSpace | NormCertificate  # what the norm is of; the norm itself where it is known
+    unit: str = "Hz"
 
     @cached_property
     def certificate(self) -> NormCertificate:
@@ -121,16 +127,34 @@ class SigmaResult:
         """Whether the peak is certified."""
         return self.certificate.certified
 
-    def plot(self, label: str | None = None, ax: "Axes | None" = None) -> "Axes":
-        """Draw the singular values over frequency; return the axes.  The picture says so if the system is unstable."""
-        return import_module("boomctl.plotting").plot_sigma(self, label=label, ax=ax)
+    @property
+    def frequency_hz(self) -> Array:
+        """The frequencies of ``omega`` in Hz."""
+        return self.omega / (2.0 * np.pi)
+
+    def plot(self, ax: Axes | None = None, *, unit: str | None = None, **style: Any) -> Axes:
+        """Draw the singular values over frequency; return the axes.  The picture says so if the system is unstable.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        unit : {"Hz", "rad/s"}, optional
+            Of the frequency axis.  By default that of the curves that are there already, otherwise that in which the
+            frequencies were asked for.
+        **style
+            Of the curves, as matplotlib's lines take it: ``label``, ``color``, ``linestyle``, ...
+        """
+        return import_module("boomctl.plotting").plot_sigma(self, ax, unit=unit, **style)
 
 
 def sigma(
-    system: "SecondOrderModel | control.StateSpace | control.FrequencyResponseData",
+    system: SecondOrderModel | control.StateSpace | control.FrequencyResponseData,
     omega: ArrayLike | None = None,
     inputs: str | Sequence[str] | None = None,
     outputs: str | Sequence[str] | None = None,
+    *,
+    frequency_hz: ArrayLike | None = None,
 ) -> SigmaResult:
     """Return the singular values of a system over frequency.
 
@@ -142,27 +166,74 @@ def sigma(
         the certified one included.
     inputs, outputs : str or sequence of str, optional
         Between which signals.  By default all; of a boom model, platform actuators and tips.
+    frequency_hz : array_like, optional
+        Frequencies in Hz, in place of ``omega``.
+
+    Returns
+    -------
+    SigmaResult
+        Frequencies, singular values (k x n, descending), the peak and its certificate.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system; unknown signals; frequencies negative or not finite; ``omega`` given for measured data; a
-        response beyond all floating-point numbers.
+        Another kind of system; unknown signals; frequencies negative or not finite, given twice, or given for measured
+        data; a response beyond all floating-point numbers.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> s = sigma(bc.spray_boom(), frequency_hz=[0.1, 1.0])
+    >>> s.sigma.shape, s.unit
+    ((2, 2), 'Hz')
     """
+    asked, unit = _asked(omega, frequency_hz)
     if is_frequency_response(system):
-        return _of_data(system, omega, inputs, outputs)
+        return _of_data(system, asked, inputs, outputs)
+    chosen, given = _parts(system, inputs, outputs)
+    if asked is not None:
+        values = _finite(asked, given.singular_values(asked))
+        return SigmaResult(asked, values, chosen.inputs, chosen.outputs, given, unit)
+    with computing("singular values") as tell:
+        tell("resonances")
+        found = given.resonances()
+        tell("certified peak")
+        certificate = given.norm()
+        grid = drawn_grid(found, [certificate.omega])
+        tell(f"{len(grid)} frequencies")
+        values = _finite(grid, given.singular_values(grid, quiet=True))
+    return SigmaResult(grid, values, chosen.inputs, chosen.outputs, certificate)
+
+
+def _asked(omega: ArrayLike | None, frequency_hz: ArrayLike | None) -> tuple[Array | None, str]:
+    """Return the frequencies asked for [rad/s], None for none, and the unit in which they were."""
+    if frequency_hz is None:
+        return (None, "Hz") if omega is None else (frequencies("omega", omega), "rad/s")
+    if omega is not None:
+        raise ValueError("omega, frequency_hz: expected one of them, got both")
+    return 2.0 * np.pi * frequencies("frequency_hz", frequency_hz), "Hz"
+
+
+def _parts(
+    system: SecondOrderModel | control.StateSpace,
+    inputs: str | Sequence[str] | None,
+    outputs: str | Sequence[str] | None,
+) -> tuple[SecondOrderModel | Lti, SplitModel | _StateSpace]:
+    """Return a system between the chosen signals, and what answers for it."""
     if isinstance(system, SecondOrderModel):
         first = system.ports.primary or (None, None)
-        chosen = system.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
-        given = SplitModel.of(chosen)
-    else:
-        expected = "SecondOrderModel, StateSpace or FrequencyResponseData"
-        chosen = of(system, expected=expected).select(inputs, outputs).balanced()
-        given = _StateSpace(chosen)
-    if omega is not None:
-        grid = frequencies("omega", omega)
-        return SigmaResult(grid, _finite(grid, given.singular_values(grid)), chosen.inputs, chosen.outputs, given)
-    found, certificate = given.resonances(), given.norm()
+        model = system.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
+        for kind, there in (("inputs", model.inputs), ("outputs", model.outputs)):
+            if not there:
+                raise ValueError(f"system: expected a model with {kind}, got none")
+        return model, SplitModel.of(model)
+    expected = "SecondOrderModel, StateSpace or FrequencyResponseData"
+    chosen = of(system, expected=expected).select(inputs, outputs).balanced()
+    return chosen, _StateSpace(chosen)
+
+
+def drawn_grid(found: Resonances, also: Sequence[float] = ()) -> Array:
+    """Return frequencies that show the resonances in their band, and others where they are in it and above it."""
     grid = resonance_grid(
         found.poles,
         found.low,
@@ -170,12 +241,108 @@ def sigma(
         points=_POINTS,
         places=DRAWN,
         narrowest=NARROWEST,
-        also=[certificate.omega] if found.low <= certificate.omega < np.inf else (),
+        also=[omega for omega in also if found.low <= omega < np.inf],
     )
     undamped = np.abs(found.poles[side_of_axis(found.poles) == 0].imag)  # where the response cannot be asked
-    grid = grid[(np.abs(grid[:, None] - undamped) > _BESIDE * NARROWEST * undamped).all(axis=1)]
-    values = _finite(grid, given.singular_values(grid, quiet=True))
-    return SigmaResult(grid, values, chosen.inputs, chosen.outputs, certificate)
+    return grid[(np.abs(grid[:, None] - undamped) > _BESIDE * NARROWEST * undamped).all(axis=1)]
+
+
+@dataclass(frozen=True)
+class SigmaComparison:
+    """Singular values of several systems over the same band.
+
+    Attributes
+    ----------
+    curves : dict of str to SigmaResult
+        By name.
+    """
+
+    curves: dict[str, SigmaResult]
+
+    def __getitem__(self, name: str) -> SigmaResult:
+        """Return the singular values of a system by its name."""
+        return self.curves[known("system", name, tuple(self.curves))]
+
+    def __repr__(self) -> str:
+        heads = [f"SigmaComparison: {listed(list(self.curves))}"]
+        for name, curve in list(self.curves.items())[:3]:
+            state = ", unstable" if curve.unstable else "" if curve.certified else ", not certified"
+            heads.append(f"  {name}: peak {curve.peak:.6g} at {curve.peak_omega:.6g} rad/s{state}")
+        more = len(self.curves) - 3
+        return "\n".join([*heads, f"  ... {more} more"] if more > 0 else heads)
+
+    def plot(self, ax: Axes | None = None, *, unit: str | None = None, **style: Any) -> Axes:
+        """Draw all singular values on one frequency axis, each system in a colour of its own; return the axes.
+
+        Parameters
+        ----------
+        ax, unit
+            As of :meth:`SigmaResult.plot`.
+        **style
+            Of all curves, as matplotlib's lines take it; a ``label`` stands before the names.
+        """
+        return import_module("boomctl.plotting").plot_sigma_comparison(self, ax, unit=unit, **style)
+
+
+def compare_sigma(
+    systems: Mapping[str, SecondOrderModel | control.StateSpace | control.FrequencyResponseData],
+    omega: ArrayLike | None = None,
+    inputs: str | Sequence[str] | None = None,
+    outputs: str | Sequence[str] | None = None,
+    *,
+    frequency_hz: ArrayLike | None = None,
+) -> SigmaComparison:
+    """Return the singular values of several systems over the same band, to be drawn over each other.
+
+    Parameters
+    ----------
+    systems : mapping of str to SecondOrderModel, control.StateSpace or control.FrequencyResponseData
+        By name.
+    omega, frequency_hz : array_like, optional
+        As of :func:`sigma`.  By default the band that shows the lowest modes of all of them, on one grid that resolves
+        each system's peaks in it.  Data have frequencies of their own.
+    inputs, outputs : str or sequence of str, optional
+        As of :func:`sigma`, of all of them.
+
+    Raises
+    ------
+    TypeError, ValueError
+        No systems by name; as :func:`sigma`, with the name of the system.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> boom = bc.spray_boom()
+    >>> both = compare_sigma({"boom": boom, "order 10": bc.reduce(boom.select(boom.inputs[:2], boom.outputs[:2]), 10).system})
+    >>> bool((both["boom"].omega == both["order 10"].omega).all())
+    True
+    """
+    mapping("systems", systems, "systems by name")
+    if not systems:
+        raise ValueError("systems: expected at least one")
+    asked, unit = _asked(omega, frequency_hz)
+    done: dict[str, SigmaResult] = {}
+    models: dict[str, Any] = {}
+    for name, system in systems.items():
+        try:
+            if is_frequency_response(system):
+                done[name] = _of_data(system, None, inputs, outputs)
+            else:
+                models[name] = _parts(system, inputs, outputs)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"systems[{name!r}]: {error}") from None
+    norms: dict[str, Any] = {}
+    grid = np.zeros(0) if asked is None else asked
+    if asked is None and models:
+        norms = {name: given.norm() for name, (_, given) in models.items()}
+        bands = [given.resonances() for _, given in models.values()]
+        low, high = min(found.low for found in bands), max(found.high for found in bands)
+        poles = np.concatenate([given.resonances(high).poles for _, given in models.values()])
+        grid = drawn_grid(Resonances(poles, low, high), [norm.omega for norm in norms.values()])
+    for name, (chosen, given) in models.items():
+        values = _finite(grid, given.singular_values(grid, quiet=asked is None))
+        done[name] = SigmaResult(grid, values, chosen.inputs, chosen.outputs, norms.get(name, given), unit)
+    return SigmaComparison({name: done[name] for name in systems})
 
 
 def _finite(omega: Array, values: Array) -> Array:
@@ -190,8 +357,8 @@ def _finite(omega: Array, values: Array) -> Array:
 
 
 def _of_data(
-    data: "control.FrequencyResponseData",
-    omega: ArrayLike | None,
+    data: control.FrequencyResponseData,
+    omega: Array | None,
     inputs: str | Sequence[str] | None,
     outputs: str | Sequence[str] | None,
 ) -> SigmaResult:

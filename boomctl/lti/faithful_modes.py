@@ -31,10 +31,20 @@ _BETWEEN = 2.0  # a resonance is this much higher than at the frequencies looked
 
 @dataclass(frozen=True)
 class FaithfulModes:
-    """A stable system in modal coordinates, and a bound of its distance from the given one at all frequencies."""
+    """A stable system in modal coordinates, and bounds of its distance from the given one.
+
+    Attributes
+    ----------
+    modal : ModalSystem
+    gap : float
+        Of the responses at all frequencies: the H-infinity norm of the difference is not larger.
+    energy_gap : float
+        Of the impulse responses: the H2 norm of the difference is not larger.
+    """
 
     modal: ModalSystem
     gap: float
+    energy_gap: float
 
 
 def faithful_modes(system: Lti, doubt: float = 0.0) -> FaithfulModes | None:
@@ -49,16 +59,21 @@ def faithful_modes(system: Lti, doubt: float = 0.0) -> FaithfulModes | None:
     """
     A, n = system.A, len(system.A)
     if not n:
-        return FaithfulModes(ModalSystem(np.zeros(0, complex), system.B + 0j, system.C + 0j, system.D), 0.0)
+        return FaithfulModes(ModalSystem(np.zeros(0, complex), system.B + 0j, system.C + 0j, system.D), 0.0, 0.0)
     poles, V = linalg.eig(A)
     try:
-        acts, reads = np.linalg.norm(np.linalg.solve(V, system.B + 0j), axis=1), np.linalg.norm(system.C @ V, axis=0)
-        shown = (acts > 0.0) & (reads > 0.0)
-        V = V * np.sqrt(np.where(shown, acts, 1.0) / np.where(shown, reads, 1.0))
-        W = np.linalg.inv(V)
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is no basis: the next check says so
+            acts, reads = (
+                np.linalg.norm(np.linalg.solve(V, system.B + 0j), axis=1),
+                np.linalg.norm(system.C @ V, axis=0),
+            )
+            shown = (acts > 0.0) & (reads > 0.0)
+            V = V * np.sqrt(np.where(shown, acts, 1.0) / np.where(shown, reads, 1.0))
+            W = np.linalg.inv(V)
     except np.linalg.LinAlgError:
         return None
-    F = np.abs(np.eye(n) - W @ V) + n * _EPS * (np.abs(W) @ np.abs(V))
+    with np.errstate(over="ignore", invalid="ignore"):
+        F = np.abs(np.eye(n) - W @ V) + n * _EPS * (np.abs(W) @ np.abs(V))
     if not np.isfinite(F).all() or F.sum(axis=1).max() > _INVERSE:
         return None
     exact = np.linalg.inv(np.eye(n) - F)  # |V^-1| <= exact |W|, of entries not below zero
@@ -107,7 +122,7 @@ def faithful_modes(system: Lti, doubt: float = 0.0) -> FaithfulModes | None:
     chosen = _paired(first, better.astype(complex), B_new.astype(complex), C_new.astype(complex), system.D)
     F[np.diag_indices(n)] += np.abs(better - chosen.poles).astype(float)
     dB, dC = dB + np.abs(B_new - chosen.B).astype(float), dC + np.abs(C_new - chosen.C).astype(float)
-    return FaithfulModes(chosen, _distance(chosen, F, dB, dC))
+    return FaithfulModes(chosen, *_distances(chosen, F, dB, dC))
 
 
 def rounding_doubt(system: Lti, doubt: float = 0.0) -> float:
@@ -156,17 +171,23 @@ def _paired(first: Array, poles: Array, B: Array, C: Array, D: Array) -> ModalSy
     return ModalSystem(poles, B, C, D)
 
 
-def _distance(modal: ModalSystem, F: Array, dB: Array, dC: Array) -> float:
-    """Return what errors of a modal system, bounded entry by entry, change of its response at most."""
+def _distances(modal: ModalSystem, F: Array, dB: Array, dC: Array) -> tuple[float, float]:
+    """Return what errors of a modal system, bounded entry by entry, change of its response and its H2 norm at most."""
     decay = -modal.poles.real
     if decay.min() <= 0.0:
-        return inf
+        return inf, inf
     try:
         resolvent = np.linalg.inv(np.eye(len(F)) - F / decay[:, None]) / decay
     except np.linalg.LinAlgError:
-        return inf
+        return inf, inf
     if not (resolvent >= 0.0).all():
-        return inf
+        return inf, inf
     B, C = np.abs(modal.B), np.abs(modal.C)
     change = (C + dC) @ resolvent @ (F @ (B / decay[:, None]) + dB) + dC @ (B / decay[:, None])
-    return float(np.linalg.norm(change, 2)) if change.size else 0.0
+    far = float(np.linalg.norm(change, 2)) if change.size else 0.0
+    # the energy of z' = p z + v is that of v/sqrt(2 r) for an impulse, at most that of v over r for what F feeds back
+    own, added = (np.linalg.norm(rows, axis=1) / np.sqrt(2.0 * decay) for rows in (B, dB))
+    states = (resolvent * decay) @ (own + added)
+    moved = added + F @ states / decay
+    reads, lost = np.linalg.norm(C, axis=0), np.linalg.norm(dC, axis=0)
+    return far, float((reads + lost) @ moved + lost @ own)

@@ -1,5 +1,7 @@
 """Many frequencies at once: singular values, grids around resonances, the highest peak, responses from one Schur form."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -29,6 +31,8 @@ _SLOW = 0.25  # share of a bracket that is left after a slow step, which middles
 _REFINED = 3
 # states beyond which eigenvectors show where the peak is, as solving for each frequency takes long (a choice)
 _SCREENED = 60
+_COMPARED = 8  # frequencies of the grid at which eigenvectors must show what solving does (a choice)
+_ALIKE = 1e-6  # relative difference of the two up to which they do: that of a level of a norm
 _SEARCHED = 60  # frequencies between the resonances at which a largest gain is searched for (a choice)
 _LOWEST = 1e-12  # least frequency [rad/s] that is asked for beside zero
 _BAND = 16  # poles that a picture shows by default: eight modes (a choice)
@@ -184,8 +188,18 @@ def largest_gain(system: Lti, respond: Response | None = None, refined: int = _R
     )
     if respond is not None or len(system.A) <= _SCREENED:
         return highest_peak(value, grid, refined=refined)
-    quick = partial_fractions(system)
-    return highest_peak(value, grid, lambda omega: singular_values(quick.response(omega))[0], refined=1)
+    try:
+        quick = partial_fractions(system)
+    except np.linalg.LinAlgError:  # equal poles in a chain have no eigenvectors of their own
+        return highest_peak(value, grid, refined=refined)
+
+    def screen(omega: Array) -> Array:
+        return singular_values(quick.response(omega))[0]
+
+    few = grid[:: max(1, len(grid) // _COMPARED)]
+    if not np.allclose(screen(few), value(few), rtol=_ALIKE, atol=0.0):  # eigenvectors that are nearly dependent
+        return highest_peak(value, grid, refined=refined)
+    return highest_peak(value, grid, screen, refined=1)
 
 
 @dataclass(frozen=True)
@@ -197,11 +211,12 @@ class Resonances:
     high: float
 
     @classmethod
-    def of(cls, poles: Array) -> "Resonances":
-        """Return the lowest resonances among all poles of a system, and a band that shows them."""
+    def of(cls, poles: Array, high: float | None = None) -> Resonances:
+        """Return the lowest resonances among all poles of a system, or those up to ``high``, and a band that shows them."""
         size = np.sort(np.abs(poles[np.abs(poles) > _RESTING * np.abs(poles).max(initial=0.0)]))
-        low, high = (0.25 * size[0], 1.5 * size[min(len(size), _BAND) - 1]) if len(size) else _EMPTY
-        return cls(poles[(poles.imag >= 0.0) & (np.abs(poles) <= high)], float(low), float(high))
+        low, top = (0.25 * size[0], 1.5 * size[min(len(size), _BAND) - 1]) if len(size) else _EMPTY
+        top = top if high is None else high
+        return cls(poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)], float(low), float(top))
 
 
 @dataclass(frozen=True)
@@ -235,7 +250,7 @@ class Triangular:
             x[i] = (self.B[i][:, None] + known) * shares[i]
         return (self.C @ flat).reshape(len(self.C), m, len(s)) + self.D[:, :, None]
 
-    def only(self, chosen: list[int]) -> "Triangular":
+    def only(self, chosen: list[int]) -> Triangular:
         """Return the system from some inputs to the outputs of the same numbers."""
         return Triangular(self.T, self.B[:, chosen], self.C[chosen], self.D[np.ix_(chosen, chosen)])
 

@@ -5,6 +5,8 @@ of one step are corners of one matrix exponential.  Many steps are taken in bloc
 :func:`lifted_response` the outputs, where products take the place of steps.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -141,7 +143,7 @@ class Lifted:
     pulse: Array
 
     @classmethod
-    def of(cls, Phi: Array, G: Array, C: Array, D: Array, size: int) -> "Lifted":
+    def of(cls, Phi: Array, G: Array, C: Array, D: Array, size: int) -> Lifted:
         """Return the blocks of a recursion."""
         seen, power = _observability(Phi, C, size)
         reached = _observability(Phi.T, G.T, size)[0][::-1]

@@ -15,6 +15,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.integrators import doubt_of_split, without_integrators
 from boomctl.lti.system import Lti, append
+from boomctl.printing import compact
 
 # Relative damping |Re p|/|p| up to which a pole counts as undamped.  Rounding alone leaves up to 5e-12 in the computed
 # poles of undamped structures (measured: booms of up to 40 elements 2e-13, random coordinates 5e-12), materials have
@@ -69,6 +70,8 @@ class ModalSystem:
     B: Array
     C: Array
     D: Array
+
+    __repr__ = compact
 
     @property
     def sizes(self) -> Array:
@@ -190,7 +193,7 @@ def _split_by_axis(system: Lti) -> SpectralParts:
     near = kept & (size <= _RIGID * size.max())
     if near.any():
         kept |= size <= max(_CLUSTER * float(size[near].max()), _BLOCK_NOISE * float(size.max()))
-    slow, fast, doubt = _split(system, kept, "unstable, undamped or rigid-body poles")
+    slow, fast, doubt = split_and_doubt(system, kept, "unstable, undamped or rigid-body poles")
     return SpectralParts(fast, slow, doubt)
 
 
@@ -212,10 +215,10 @@ def split(system: Lti, chosen: Array, what: str = "poles") -> tuple[Lti, Lti]:
     ValueError
         The poles chosen lie too close to others.
     """
-    return _split(system, chosen, what)[:2]
+    return split_and_doubt(system, chosen, what)[:2]
 
 
-def _split(system: Lti, chosen: Array, what: str) -> tuple[Lti, Lti, float]:
+def split_and_doubt(system: Lti, chosen: Array, what: str) -> tuple[Lti, Lti, float]:
     """Return the two parts, and how far rounding may have moved the entries of the second one's ``A``."""
     ours, others = system.poles[chosen], system.poles[~chosen]
 

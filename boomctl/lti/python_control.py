@@ -16,14 +16,17 @@ def _state_space(matrices: tuple[Any, ...], dt: float | bool | None, names: dict
     return control.StateSpace(*matrices, dt=dt, remove_useless_states=False, **names)
 
 
-def _parts(system: control.StateSpace) -> tuple[Any, tuple[Any, ...]]:
+def _parts(system: control.StateSpace) -> tuple[Any, tuple[Any, ...], dict[str, Any] | None]:
     names = {
         "name": system.name,
         "inputs": system.input_labels,
         "outputs": system.output_labels,
         "states": system.state_labels,
     }
-    return _state_space, ((system.A, system.B, system.C, system.D), system.dt, names)
+    ours = {
+        name: value for name, value in vars(system).items() if name.startswith("_boomctl_")
+    }  # what boomctl adds to it
+    return _state_space, ((system.A, system.B, system.C, system.D), system.dt, names), ours or None
 
 
 copyreg.pickle(control.StateSpace, _parts)

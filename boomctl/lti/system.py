@@ -16,12 +16,15 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import names
+from boomctl.printing import compact
 
 if TYPE_CHECKING:
     import control
 
 _BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
 # Where a pole is hit exactly, the response is taken so far beside it, relative to the frequency (a choice)
+# sizes of a matrix between which products of its entries, and times of its poles, are numbers still (a choice)
+_SIZES = (1e-250, 1e100)
 _BESIDE = 1e-9
 _BESIDE_ZERO = 1e-12  # and this [rad/s] on top, for a pole at zero (a choice)
 # Least singular value of I - D_K D22 relative to its largest: below it, four digits are left or fewer
@@ -54,6 +57,8 @@ class Lti:
     outputs: tuple[str, ...] = ()
     states: tuple[str, ...] = ()
     dt: float = 0.0
+
+    __repr__ = compact
 
     def select(self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None) -> "Lti":
         """Return the system between the signals named, in that order; ``None`` means all.
@@ -88,7 +93,15 @@ class Lti:
     @cached_property
     def poles(self) -> Array:
         """Eigenvalues of ``A`` [rad/s]."""
+        if "eigensystem" in self.__dict__:
+            return self.eigensystem[0]
         return linalg.eigvals(self.A) if len(self.A) else np.zeros(0, complex)
+
+    @cached_property
+    def eigensystem(self) -> tuple[Array, Array, Array]:
+        """Eigenvalues of ``A`` [rad/s], left and right eigenvectors as columns of length one."""
+        poles, left, right = linalg.eig(self.A, left=True, right=True)  # type: ignore[misc]
+        return poles, left, right
 
     def response(self, omega: Array, *, quiet: bool = False) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies).
@@ -307,6 +320,12 @@ def of(
             row, column = np.argwhere(~np.isfinite(matrix))[0]
             value = matrix[row, column]
             raise ValueError(f"{what}: expected finite numbers, got {letter}[{row}, {column}] = {value}")
+        largest = float(np.abs(matrix).max(initial=0.0))
+        if largest > _SIZES[1] or (letter == "A" and 0.0 < largest < _SIZES[0]):
+            raise ValueError(
+                f"{what}: the largest entry of {letter} is {largest:g} in size; expected from {_SIZES[0]:g} to {_SIZES[1]:g}:"
+                " choose other units"
+            )
     for kind, listed in (("input", found.inputs), ("output", found.outputs)):
         if len(set(listed)) < len(listed):
             twice = next(label for label in listed if listed.count(label) > 1)

@@ -1,6 +1,14 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
 from boomctl.structure.assembly import Assembly
+from boomctl.structure.beams.cross_sections import (
+    CrossSection,
+    bar_section,
+    i_section,
+    rod_section,
+    round_tube_section,
+    tube_section,
+)
 from boomctl.structure.beams.elements import DiscreteElements, FiniteElements
 from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.families import AffineFamily
@@ -28,6 +36,7 @@ __all__ = [
     "Assembly",
     "Beam",
     "BeamSection",
+    "CrossSection",
     "CutJoint",
     "DiscreteElements",
     "FiniteElements",
@@ -38,10 +47,15 @@ __all__ = [
     "RigidBody",
     "SecondOrderModel",
     "SpringDamper",
+    "bar_section",
     "fixed",
     "free",
+    "i_section",
     "prescribe_displacement",
     "prismatic",
     "revolute",
+    "rod_section",
+    "round_tube_section",
     "split_symmetric",
+    "tube_section",
 ]

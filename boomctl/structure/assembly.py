@@ -5,15 +5,19 @@ rows over them.  What the parts weigh and how stiff they are are the weights of 
 weights alone share one mechanism, found once.
 """
 
-from collections.abc import Callable, Hashable
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import pairwise
+from math import hypot
 
 import numpy as np
 from scipy import linalg, sparse
 
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix
-from boomctl.checks import signal_name
+from boomctl.checks import instance, sequence, signal_name
 from boomctl.printing import count, listed, signals
 from boomctl.structure.beams.dynamic_stiffness import Segment
 from boomctl.structure.beams.elements import FiniteElements, distinct, element_nodes
@@ -28,8 +32,11 @@ from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point
 from boomctl.structure.ports import Ports
 
 _KEPT = 8  # mechanisms kept for the next machine with its parts at the same places (a choice of memory)
+_CANCELLED = 16.0 * float(np.finfo(float).eps)  # share of its terms up to which a sum is what rounding left of zero
 _DAMPED_ALIKE = 1e-9  # of the largest damping; what differs less from proportional damping is rounding (a choice)
-_SAME_LENGTH = 13  # digits of a segment's length that count: segments alike are computed once
+_STATIONS_LOSE = 8.0 * float(
+    np.finfo(float).eps
+)  # of a beam's length: rounding of stations, which count from its start
 _UNEVEN = 0.41421356  # share of its length at which a free beam is cut in two: sqrt 2 - 1, no node of a low mode
 
 
@@ -63,6 +70,18 @@ class Assembly:
     cuts: tuple[CutJoint, ...] = ()
 
     def __post_init__(self) -> None:
+        kinds = {
+            "bodies": (RigidBody, Beam),
+            "links": SpringDamper,
+            "forces": Force,
+            "outputs": Output,
+            "cuts": CutJoint,
+        }
+        for name, kind in kinds.items():
+            given = sequence(name, getattr(self, name), "parts")
+            for part in given:
+                instance(name, part, kind)
+            object.__setattr__(self, name, given)
         for what, items in (("body", self.bodies), ("force", self.forces), ("output", self.outputs)):
             seen = [signal_name(f"name of a {what}", item.name) for item in items]
             for name in seen:
@@ -118,13 +137,13 @@ class Assembly:
         mechanism = _mechanism(self, exact=True)
         segments = tuple(
             Segment(
-                round(float(length), _SAME_LENGTH),
+                float(length),
                 body.sections[place].mass_per_length,
                 body.sections[place].bending_stiffness,
                 body.sections[place].damping,
             )
-            for body, mesh in zip(self._beams(), mechanism.meshes, strict=True)
-            for place, length in zip(mesh.section, np.diff(mesh.nodes), strict=True)
+            for body, mesh, lengths in zip(self._beams(), mechanism.meshes, mechanism.lengths, strict=True)
+            for place, length in zip(mesh.section, lengths, strict=True)
         )
         return ExactModel(mechanism.exact, self._rigid_weights(), segments)
 
@@ -158,12 +177,15 @@ class Mechanism:
         The same with the ends of exact beams' segments, if the beams are exact.
     ports : Ports
         Inputs and outputs.
+    lengths : tuple of ndarray
+        Of the segments of exact beams [m].
     """
 
     meshes: tuple[BeamMesh, ...]
     layout: Layout
     exact: ExactLayout
     ports: Ports
+    lengths: tuple[Array, ...] = ()
 
     def weights(self, assembly: Assembly) -> Weights:
         """Return what the rows of ``layout`` weigh in a machine that moves so, its beams not exact."""
@@ -243,7 +265,7 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     T, names = _free_coordinates(motion, index)
 
     def rows(lines: list[Row]) -> Matrix:
-        return row_matrix(lines, index) @ T
+        return _over_free(row_matrix(lines, index), T)
 
     bodies: list[Row] = []
     for body in assembly.bodies:
@@ -253,21 +275,33 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
         else:
             bodies.append(motion.frames[body.name].along(body.angle))
     N, R = rows(bodies), rows([motion.relative(link.a, link.b, link.direction) for link in assembly.links])
-    S = np.zeros((0, len(names)))
+    S, lengths = np.zeros((0, len(names))), ()
     if exact and meshes:
-        S = np.vstack([_segment_ends(mesh, dense(T)[at:]) for at, mesh in zip(first, meshes, strict=True)])
+        lengths = tuple(_segment_lengths(beam, mesh.nodes, points) for beam, mesh in zip(beams, meshes, strict=True))
+        S = np.vstack([_segment_ends(size, dense(T)[at:]) for at, size in zip(first, lengths, strict=True)])
     elif not exact:
         deflections = [mesh.inertia.matrix(at, len(index)) @ T for at, mesh in zip(first, meshes, strict=True)]
-        strains = [mesh.strain.matrix(at, len(index)) @ T for at, mesh in zip(first, meshes, strict=True)]
+        strains = [_over_free(mesh.strain.matrix(at, len(index)), T) for at, mesh in zip(first, meshes, strict=True)]
         N, R = _stacked([N, *deflections]), _stacked([R, *strains])
     layout, ports = Layout(names, N, R), _ports(assembly, motion, rows)
-    return Mechanism(meshes, layout, ExactLayout(layout, S, ports), ports)
+    return Mechanism(meshes, layout, ExactLayout(layout, S, ports), ports, lengths)
 
 
-def _segment_ends(mesh: BeamMesh, T: Array) -> Array:
+def _over_free(lines: Matrix, T: Matrix) -> Matrix:
+    """Return rows over the free coordinates; an entry that is rounding of the terms it was summed from is zero.
+
+    A motion that strains nothing would otherwise strain by rounding, and could be taken for one that is held.
+    """
+    product, terms = lines @ T, abs(lines) @ abs(T)
+    if sparse.issparse(product):
+        return sparse.csr_array(product.multiply(abs(product) > _CANCELLED * terms))
+    return np.where(np.abs(product) > _CANCELLED * terms, product, 0.0)
+
+
+def _segment_ends(lengths: Array, T: Array) -> Array:
     """Return the lines ``w1, l phi1, w2, l phi2`` of each segment of an exact beam, whose coordinates come first in ``T``."""
-    lines = T[2 * np.arange(len(mesh.section))[:, None] + np.arange(4)]
-    lines[:, 1::2] *= np.diff(mesh.nodes)[:, None, None]
+    lines = T[2 * np.arange(len(lengths))[:, None] + np.arange(4)]
+    lines[:, 1::2] *= lengths[:, None, None]
     return lines.reshape(-1, T.shape[1])
 
 
@@ -282,6 +316,33 @@ def _segment_mesh(beam: Beam, stations: list[float]) -> BeamMesh:
         # the natural frequencies of a free segment are those of a clamped one, where its own stiffness is infinite
         marks = (marks[0], _UNEVEN * beam.length, marks[1])
     return FiniteElements(marks).mesh(beam, stations)
+
+
+def _segment_lengths(beam: Beam, nodes: Array, points: Sequence[Point]) -> Array:
+    """Return the lengths of an exact beam's segments.
+
+    They are measured between the points attached, and taken from the sections: a difference of stations, which count
+    from the beam's start, has lost digits where a segment is short.  Lengths that differ by no more than that are one,
+    so that segments alike are computed once.
+    """
+    lengths, lost = np.diff(nodes), _STATIONS_LOSE * beam.length
+    at: dict[int, Point] = {}
+    for point in (beam.parent, *(point for point in points if point.body.name == beam.name)):
+        gap = np.abs(nodes - beam.station(point.x, point.y))
+        if gap.min() <= lost:
+            at.setdefault(int(gap.argmin()), point)
+    marks = np.cumsum([0.0, *(section.length for section in beam.sections)])
+    ends = {int(np.abs(nodes - mark).argmin()): k for k, mark in enumerate(marks)}
+    for i in range(len(lengths)):
+        if i in at and i + 1 in at:
+            lengths[i] = hypot(at[i + 1].x - at[i].x, at[i + 1].y - at[i].y)
+        elif i in ends and ends.get(i + 1) == ends[i] + 1:
+            lengths[i] = beam.sections[ends[i]].length
+    order = np.argsort(lengths)
+    for a, b in pairwise(order):
+        if lengths[b] - lengths[a] <= lost:
+            lengths[b] = lengths[a]
+    return lengths
 
 
 def _free_coordinates(motion: Kinematics, index: dict[str, int]) -> tuple[Matrix, tuple[str, ...]]:

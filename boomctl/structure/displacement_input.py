@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from boomctl.arrays import Array, Matrix
-from boomctl.checks import known
+from boomctl.checks import instance, known, mapping, names, truth
 from boomctl.structure.elimination import Elimination, eliminate
 from boomctl.structure.layout import Layout
 from boomctl.structure.matrices import Structure, dense
@@ -54,9 +54,9 @@ def prescribe_displacement(
         Unknown names, displacements that depend on each other, or a model with displacement inputs already: all are to
         be prescribed in one call.
     """
-    moved = (inputs,) if isinstance(inputs, str) else tuple(inputs)
-    held = (hold,) if isinstance(hold, str) else tuple(hold)
-    both = moved + held
+    there = instance("model", model, SecondOrderModel).inputs
+    moved, held = names("input", inputs, there), names("input", hold, there)
+    both, reactions = moved + held, truth("reactions", reactions)
     for name in both:
         if both.count(name) > 1:
             raise ValueError(f"the displacement of {name!r} is prescribed twice")
@@ -102,7 +102,7 @@ def _orders(moved: tuple[str, ...], motion: str | Mapping[str, str]) -> dict[str
     """Return how often each input is integrated before it is a displacement."""
     if isinstance(motion, str):
         return dict.fromkeys(moved, MOTIONS.index(known("motion", motion, MOTIONS)))
-    for name in motion:
+    for name in mapping("motion", motion, "inputs to motions"):
         known("input", name, moved)
     return {name: MOTIONS.index(known("motion", motion.get(name, "displacement"), MOTIONS)) for name in moved}
 

@@ -1,5 +1,7 @@
 """Structures whose matrices are affine in uncertain parameters."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
@@ -8,13 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array, Matrix
-from boomctl.checks import finite_array, known, real, signal_name
-from boomctl.printing import listed, signals
-from boomctl.structure.matrices import Structure
+from boomctl.checks import finite_array, instance, known, mapping, real, sequence, signal_name
+from boomctl.printing import compact, listed, signals
+from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
 
-_EXACT = 1e-9  # of the largest entry; a corner missed by less is rounding of the assembly (a choice)
+_EXACT = 1e-9  # share of an entry; what is missed by less is rounding of the assembly (a choice)
+_INSIDE = 24  # points inside the box at which a family is checked besides its corners (a choice)
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,8 @@ class Slope:
     C: Matrix
     K: Matrix
     B: Array
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,20 @@ class AffineFamily:
     centre: SecondOrderModel
     slopes: tuple[Slope, ...]
 
+    def __post_init__(self) -> None:
+        count = len([signal_name("parameter", name) for name in sequence("names", self.names, "names of parameters")])
+        instance("centre", self.centre, SecondOrderModel)
+        slopes = [instance("slope", slope, Slope) for slope in sequence("slopes", self.slopes, "Slope")]
+        for name in ("low", "high"):
+            ends = finite_array(name, getattr(self, name), ndim=1)
+            if len(ends) != count:
+                raise ValueError(f"{name}: expected {count} numbers, one a parameter, got {len(ends)}")
+            object.__setattr__(self, name, ends)
+        if len(slopes) != count:
+            raise ValueError(f"slopes: expected {count}, one a parameter, got {len(slopes)}")
+        if not (self.low < self.high).all():
+            raise ValueError(f"low = {self.low.tolist()}, high = {self.high.tolist()}: expected low below high")
+
     def __repr__(self) -> str:
         box = (
             f"{name} {low:.6g} to {high:.6g}" for name, low, high in zip(self.names, self.low, self.high, strict=True)
@@ -62,8 +81,8 @@ class AffineFamily:
     @classmethod
     def through(
         cls, ranges: Mapping[str, tuple[float, float]], make: Callable[[Mapping[str, float]], SecondOrderModel]
-    ) -> "AffineFamily":
-        """Return the family that ``make`` spans, checked at every corner of the box.
+    ) -> AffineFamily:
+        """Return the family that ``make`` spans, checked at every corner of the box and at points drawn inside it.
 
         Parameters
         ----------
@@ -73,10 +92,10 @@ class AffineFamily:
         Raises
         ------
         TypeError, ValueError
-            Empty or reversed ranges; structures of different signals; a corner that the affine family misses, or
-            outputs that change.
+            Empty or reversed ranges; structures of different signals; a corner or a point inside that the affine family
+            misses, or outputs that change.
         """
-        if not ranges:
+        if not mapping("ranges", ranges, "parameters to pairs"):
             raise ValueError("ranges: expected at least one parameter")
         names = tuple(signal_name("parameter", name) for name in ranges)
         pairs = [interval(name, ranges[name]) for name in names]
@@ -89,8 +108,9 @@ class AffineFamily:
         centre = at(np.zeros(len(names)))
         ends = [at(unit) for unit in np.eye(len(names))]
         family = cls(names, low, high, centre, tuple(_slope(centre, end) for end in ends))
-        for corner in product((-1.0, 1.0), repeat=len(names)):
-            family._check(np.array(corner), at(np.array(corner)))
+        inside = np.random.default_rng(0).uniform(-1.0, 1.0, (_INSIDE, len(names)))
+        for delta in (*np.array(list(product((-1.0, 1.0), repeat=len(names)))), *inside):
+            family._check(delta, at(delta))
         return family
 
     @property
@@ -100,7 +120,7 @@ class AffineFamily:
 
     def deltas(self, values: Mapping[str, float]) -> Array:
         """Return parameter values as ``delta``; those not given are in the middle of their range."""
-        for name in values:
+        for name in mapping("values", values, "parameters to numbers"):
             known("parameter", name, self.names)
         middle, width = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
         given = np.array([real(n, values.get(n, middle[i])) for i, n in enumerate(self.names)])
@@ -136,9 +156,19 @@ class AffineFamily:
             mine_3, exact_3 = getattr(mine.ports, group), getattr(exact.ports, group)
             pairs += [(f"{group}{k}", mine_3[k], exact_3[k]) for k in range(3)]
         for name, a, b in pairs:
-            size = np.abs(b).max() if b.shape[0] and b.shape[1] else 0.0
-            if np.abs(a - b).max() > _EXACT * size if size else bool(np.abs(a).max() if min(a.shape) else 0.0):
-                raise ValueError(f"{name} is not affine in {', '.join(self.names)}, or an output changes with them")
+            a, b = dense(a), dense(b)
+            size = np.maximum(np.abs(a), np.abs(b))
+            if name in ("M", "C", "K"):  # an entry may cancel, and is then as exact as the diagonals beside it
+                along = np.sqrt(np.diag(size))
+                size = np.maximum(size, np.outer(along, along))
+            else:
+                size = np.full_like(size, size.max(initial=0.0))
+            if (np.abs(a - b) > _EXACT * size).any():
+                where = ", ".join(f"{key} = {value:.6g}" for key, value in self.values(delta).items())
+                raise ValueError(
+                    f"{name} is not affine in {', '.join(self.names)}, or an output changes with them: the family misses"
+                    f" what was made at {where}"
+                )
 
 
 def interval(name: str, given: object) -> tuple[float, float]:

@@ -29,9 +29,16 @@ class Row:
 
     In a system of small motions everything is a row: a spring adds ``k r^T r``, a force acts through ``r^T``,
     an output reads ``r z``.
+
+    Attributes
+    ----------
+    terms : mapping from coordinate to float
+    sizes : mapping from coordinate to float
+        Of the terms that each was summed from, where these were larger: what is left of them may be rounding.
     """
 
     terms: Mapping[str, float] = field(default_factory=dict)
+    sizes: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, coordinate: str) -> "Row":
@@ -39,13 +46,24 @@ class Row:
         return cls({coordinate: 1.0})
 
     def __add__(self, other: "Row") -> "Row":
-        terms = dict(self.terms)
+        terms, sizes = dict(self.terms), dict(self.sizes)
         for name, value in other.terms.items():
-            terms[name] = _sum(terms.get(name, 0.0), value)
-        return Row({name: value for name, value in terms.items() if value != 0.0})
+            if name not in terms:
+                terms[name] = value
+                if name in other.sizes:
+                    sizes[name] = other.sizes[name]
+                continue
+            size = max(sizes.get(name, abs(terms[name])), other.sizes.get(name, abs(value)))
+            total = terms[name] + value
+            terms[name] = 0.0 if abs(total) <= _CANCELLED * size else total
+            sizes[name] = size
+        return Row({name: value for name, value in terms.items() if value != 0.0}, sizes)
 
     def __mul__(self, factor: float) -> "Row":
-        return Row({name: factor * value for name, value in self.terms.items() if factor * value != 0.0})
+        return Row(
+            {name: factor * value for name, value in self.terms.items() if factor * value != 0.0},
+            {name: abs(factor) * size for name, size in self.sizes.items()},
+        )
 
     __rmul__ = __mul__
 

@@ -18,9 +18,11 @@ import numpy as np
 from scipy import sparse
 
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination
 from boomctl.structure.symmetry import TOLERANCE, Mirror
 
+_FULL = 0.1  # share of the entries of sparse rows beyond which they are dense: their products are nearly all (a choice)
 _PROBE = 0.7390851332151607  # [rad], for numbers without a pattern: the angle that is its own cosine
 
 
@@ -31,6 +33,8 @@ class Weights:
     m: Array
     c: Array
     k: Array
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +56,8 @@ class Squares:
     row: Array
     value: Array
     n: int
+
+    __repr__ = compact
 
     @classmethod
     def of(cls, rows: sparse.csr_array) -> "Squares":
@@ -81,12 +87,18 @@ class Squares:
         return sparse.csr_array((np.bincount(slot, values, len(indices)), indices, ends), shape=(self.n, self.n))
 
 
+def _filled(rows: sparse.csr_array) -> float:
+    return rows.nnz / max(1, rows.shape[0] * rows.shape[1])
+
+
 @dataclass(frozen=True)
 class HalfLayout:
     """The motions of one parity, ``q = P q_half``, and the rows over them."""
 
     P: Matrix
     layout: "Layout"
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +122,8 @@ class Layout:
     R: Matrix
     mirror: Mirror | None = None
 
+    __repr__ = compact
+
     def __getstate__(self) -> dict[str, object]:
         """Pickle what it is made of; its halves can be found again."""
         return {item.name: getattr(self, item.name) for item in fields(self)}
@@ -122,7 +136,7 @@ class Layout:
     def congruent(self, T: Matrix, coordinates: tuple[str, ...], mirror: Mirror | None = None) -> "Layout":
         """Return the rows over coordinates ``z`` with ``q = T z``."""
         N, R = self.N @ T, self.R @ T
-        if len(coordinates) <= DENSE_LIMIT and sparse.issparse(N):
+        if sparse.issparse(N) and (len(coordinates) <= DENSE_LIMIT or max(map(_filled, (N, R))) > _FULL):
             N, R = N.toarray(), R.toarray()
         return Layout(coordinates, N, R, mirror)
 

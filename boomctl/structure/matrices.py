@@ -12,14 +12,19 @@ import numpy as np
 from scipy import sparse
 
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+from boomctl.printing import compact
 from boomctl.structure.layout import HalfLayout, Layout, Weights, squared_sums
 from boomctl.structure.ports import Ports
+from boomctl.structure.response.mixed import MixedForm
 from boomctl.structure.response.pencil import Pencil, stored
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
 from boomctl.structure.symmetry import TOLERANCE, Mirror
 
 # coordinates up to which halves are dense, as their factors are: sparse is faster from there (measured)
 _DENSE_HALF = 220
+# largest over median stiffness over mass of coordinates, from which on a mesh is not split: the rounding of its stations
+# makes images of its shortest elements unlike each other, and a half that holds both would lock
+_GRADED = 1e14
 _KEPT = 8  # layouts with a mirror kept for the next structure of the same rows (a choice of memory)
 _SYMMETRIC = 1e-12  # change under transposition, of the largest entry, that is rounding: some 1e4 eps
 
@@ -31,6 +36,8 @@ class ElasticRows:
     R: Matrix
     k: Array
     c: Array
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +64,8 @@ class Structure:
     weights: Weights | None = None
     mirror: Mirror | None = None
     dense_up_to: int = field(default=DENSE_LIMIT, repr=False)
+
+    __repr__ = compact
 
     @classmethod
     def of(
@@ -152,6 +161,26 @@ class Structure:
         """The matrices, ready to be factorised."""
         return Pencil.of(*(stored(matrix, self.n) for matrix in (self.M, self.C, self.K)))
 
+    @cached_property
+    def mixed(self) -> MixedForm | None:
+        """The structure in mixed form, which needs no stiffness matrix; None without rows, or where they reach far."""
+        return None if self.layout is None or self.weights is None else MixedForm.of(self.layout, self.weights)
+
+    @property
+    def noise(self) -> float:
+        """What rounding of the stiffness matrix is over the mass matrix, at most: an uncertainty of ``omega^2``."""
+        stiffness, mass = np.abs(self.K.diagonal()), self.M.diagonal()
+        return float(np.finfo(float).eps * (stiffness[mass > 0.0] / mass[mass > 0.0]).max(initial=0.0))
+
+    @cached_property
+    def graded(self) -> bool:
+        """Whether rows are known and some elements are so much shorter than most that displacements lose their strains."""
+        if self.layout is None or self.weights is None:
+            return False
+        stiffness, mass = squared_sums(self.layout.R, self.weights.k), squared_sums(self.layout.N, self.weights.m)
+        square = stiffness[mass > 0.0] / mass[mass > 0.0]
+        return len(square) > 0 and bool(square.max() > _GRADED * np.median(square))
+
     def at(self, s: Array) -> Array:
         """Return ``s^2 M + s C + K`` at each ``s``, dense, shape (len(s), n, n)."""
         full = np.empty((len(s), self.n, self.n), dtype=complex)
@@ -191,6 +220,8 @@ class Structure:
             return self if broken else replace(self, mirror=mirror)
         if not self.layout.keeps_mirror(mirror, self.weights):
             return self
+        if self.graded:
+            return self
         return replace(self, layout=_mirrored(self.layout, mirror), mirror=mirror)
 
     @cached_property
@@ -210,6 +241,8 @@ class HalfStructure:
 
     P: Array | sparse.csr_array
     structure: Structure
+
+    __repr__ = compact
 
 
 @lru_cache(maxsize=_KEPT)
@@ -237,6 +270,8 @@ class Half:
     ports: Ports
     W_in: Array
     W_out: Array
+
+    __repr__ = compact
 
 
 def half(structure: Structure, ports: Ports, parity: int) -> Half | None:

@@ -1,5 +1,7 @@
 """SecondOrderModel: mass, damping and stiffness with named inputs and outputs."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -9,14 +11,14 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from boomctl.arrays import Array, Matrix
-from boomctl.checks import finite_array, frequencies, signal_name, whole
+from boomctl.checks import finite_array, frequencies, instance, mapping, sequence, signal_name, some_names, whole
 from boomctl.lti.system import Lti
 from boomctl.printing import count, signals
 from boomctl.structure.matrices import Structure, half
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import respond
+from boomctl.structure.response.modal_form import COORDINATES, MODES, handed_out
 from boomctl.structure.response.poles import damped_poles
-from boomctl.structure.response.realisation import realize
 from boomctl.structure.symmetry import TOLERANCE, Mirror
 
 if TYPE_CHECKING:
@@ -68,11 +70,17 @@ class SecondOrderModel:
             if matrix.shape != (n, n):
                 raise ValueError(f"{name} has shape {matrix.shape}; expected that of M, {(n, n)}")
         columns, lines = _lines("force input", force_inputs, n), _lines("output", outputs, n)
-        labels = tuple(coordinates) if coordinates is not None else tuple(f"q{i}" for i in range(n))
+        labels = (
+            sequence("coordinates", coordinates, "names")
+            if coordinates is not None
+            else tuple(f"q{i}" for i in range(n))
+        )
+        for label in labels:
+            instance("name of a coordinate", label, str)
         if len(labels) != n or len(set(labels)) != n:
             raise ValueError(f"coordinates: expected {n} different names, got {len(labels)}")
         L = np.array([lines, np.zeros_like(lines), np.zeros_like(lines)])
-        ports = Ports.of_forces(tuple(force_inputs or ()), columns.T, tuple(outputs or ()), L)
+        ports = Ports.of_forces(tuple(force_inputs or {}), columns.T, tuple(outputs or {}), L)
         object.__setattr__(self, "structure", Structure.of(**matrices, coordinates=labels))
         object.__setattr__(self, "ports", ports)
 
@@ -81,7 +89,7 @@ class SecondOrderModel:
         return f"SecondOrderModel: {count(self.n, 'coordinate')}{stored}\n{signals(self.inputs, self.outputs)}"
 
     @classmethod
-    def of(cls, structure: Structure, ports: Ports) -> "SecondOrderModel":
+    def of(cls, structure: Structure, ports: Ports) -> SecondOrderModel:
         """Return the model of a structure, which others may share, with these inputs and outputs."""
         model = cls.__new__(cls)
         object.__setattr__(model, "structure", structure)
@@ -130,11 +138,11 @@ class SecondOrderModel:
 
     def select(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
-    ) -> "SecondOrderModel":
+    ) -> SecondOrderModel:
         """Return the model with only the inputs and outputs named, in that order."""
-        for what, wanted in (("inputs", inputs), ("outputs", outputs)):
-            if wanted is not None and not len(wanted):
-                raise ValueError(f"{what}: expected at least one name, got none")
+        for what, wanted, there in (("input", inputs, self.inputs), ("output", outputs, self.outputs)):
+            if wanted is not None:
+                some_names(what, wanted, there)
         return SecondOrderModel.of(self.structure, self.ports.select(inputs, outputs))
 
     def eigenfrequencies_hz(self, count: int = 5) -> Array:
@@ -153,7 +161,7 @@ class SecondOrderModel:
         omega: ArrayLike,
         inputs: str | Sequence[str] | None = None,
         outputs: str | Sequence[str] | None = None,
-    ) -> "control.FrequencyResponseData":
+    ) -> control.FrequencyResponseData:
         """Return the frequency response of the inputs and outputs named, from ``M, C, K``, without a state space.
 
         Parameters
@@ -170,22 +178,49 @@ class SecondOrderModel:
         return control.frd(values, grid, inputs=list(ports.inputs), outputs=list(ports.outputs), name="structure")
 
     def to_statespace(
-        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
-    ) -> "control.StateSpace":
+        self,
+        inputs: str | Sequence[str] | None = None,
+        outputs: str | Sequence[str] | None = None,
+        *,
+        states: str | None = None,
+    ) -> control.StateSpace:
         """Return a state-space system with named inputs, outputs and states.
 
-        Source: Anthonis & Ramon (2003), Eqs. (9), (10), (12), with the signs mended.
+        Each coordinate, or mode, has two states: ``NAME.x1 = q - G d`` and ``NAME.x2 = x1' - H d``, of a displacement input
+        ``d``; without one, place and speed.  Source: Anthonis & Ramon (2003), Eqs. (9), (10), (12), with the signs mended.
+
+        Parameters
+        ----------
+        inputs, outputs : str or sequence of str, optional
+            By default all.
+        states : str, optional
+            ``"modes"``: over undamped modes, ``mode1``, ``mode2``, ..., slowest first, each state scaled by a power of two
+            so that the state matrix is balanced.  What computes with the system, python-control too, then keeps its
+            digits on fine meshes.  ``"coordinates"``: over the coordinates, not scaled.  By default modes for models that
+            were assembled, such as the boom; for matrices given, coordinates if they are even, else modes.  A model
+            without real modes is over its coordinates, scaled.
 
         Raises
         ------
         ValueError
-            The mass matrix is singular, or an output needs a derivative of an input that is not there.
+            The mass matrix is singular, an output needs a derivative of an input that is not there, or another word for
+            ``states``.
+
+        Examples
+        --------
+        >>> m = SecondOrderModel([[1.0]], [[0.1]], [[4.0]], {"force": [1.0]}, {"position": [1.0]})
+        >>> m.to_statespace().state_labels
+        ['q0.x1', 'q0.x2']
+        >>> m.to_statespace(states="modes").state_labels
+        ['mode1.x1', 'mode1.x2']
         """
-        return realize(self.structure, self.select(inputs, outputs).ports).statespace("structure")
+        if states not in (None, MODES, COORDINATES):
+            raise ValueError(f"states = {states!r}: expected {MODES!r}, {COORDINATES!r} or None")
+        return handed_out(self.structure, self.select(inputs, outputs).ports, states).statespace("structure")
 
     def __lti__(self) -> Lti:
         """Return the state-space form as what is computed with a model takes it, without python-control."""
-        return realize(self.structure, self.ports)
+        return handed_out(self.structure, self.ports, None)
 
 
 def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOrderModel]:
@@ -203,6 +238,7 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     ValueError
         The mesh or the machine is not symmetric about ``x = 0``.
     """
+    instance("model", model, SecondOrderModel)
     if model.mirror is None:
         raise ValueError("the model is not symmetric about x = 0 (mesh or machine), so it does not split")
     for name, matrix in (("M", model.M), ("C", model.C), ("K", model.K)):
@@ -230,8 +266,9 @@ def _square(name: str, value: ArrayLike | sparse.sparray) -> Matrix:
 
 
 def _lines(what: str, rows: Mapping[str, ArrayLike] | None, n: int) -> Array:
-    stacked = np.zeros((len(rows or {}), n))
-    for i, (name, row) in enumerate((rows or {}).items()):
+    given = {} if rows is None else mapping(f"{what}s", rows, "names to arrays")
+    stacked = np.zeros((len(given), n))
+    for i, (name, row) in enumerate(given.items()):
         signal_name(f"name of a {what}", name)
         line = finite_array(f"{what} {name!r}", row).ravel()
         if line.shape != (n,):

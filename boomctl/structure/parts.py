@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 from math import cos, hypot, isclose, pi, sin
 from typing import ClassVar, Protocol
 
-from boomctl.checks import known, nonnegative, positive, real
+from boomctl.checks import instance, known, nonnegative, positive, real, sequence, shown, signal_name, truth, whole
 from boomctl.printing import compact
+from boomctl.structure.beams.cross_sections import CrossSection
 from boomctl.structure.beams.mesh import BeamMesh
 
 
@@ -21,6 +22,14 @@ class Joint:
 
     slides: tuple[tuple[str, float], ...] = ()
     turns: bool = False
+
+    def __post_init__(self) -> None:
+        for slide in sequence("slides of a joint", self.slides, "pairs of name and angle"):
+            if not isinstance(slide, tuple) or len(slide) != 2:
+                raise TypeError(f"slides of a joint: expected pairs of name and angle, got {shown(slide)}")
+            signal_name("name of a slide", slide[0])
+            real("angle of a slide", slide[1])
+        truth("turns of a joint", self.turns)
 
 
 def fixed() -> Joint:
@@ -55,6 +64,7 @@ class Point:
     y: float
 
     def __post_init__(self) -> None:
+        instance("body of a point", self.body, (Ground, RigidBody, Beam), "GROUND, a RigidBody or a Beam")
         real("x", self.x)
         real("y", self.y)
         if isinstance(self.body, Beam):
@@ -107,10 +117,13 @@ class RigidBody:
     centre: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
+        signal_name("name of a body", self.name)
+        instance(f"parent of {self.name!r}", self.parent, Point)
+        instance(f"joint of {self.name!r}", self.joint, Joint)
         nonnegative(f"mass of {self.name!r}", self.mass)
         nonnegative(f"inertia of {self.name!r}", self.inertia)
-        for value in self.centre or ():
-            real(f"centre of {self.name!r}", value)
+        if self.centre is not None:
+            _place(f"centre of {self.name!r}", self.centre)
 
     __repr__ = compact
 
@@ -122,6 +135,8 @@ class RigidBody:
 @dataclass(frozen=True)
 class BeamSection:
     """A stretch of a beam with one cross section.
+
+    `BeamSection.from_cross_section` takes the section of a tube, a bar or an I beam and a material instead.
 
     Parameters
     ----------
@@ -145,6 +160,38 @@ class BeamSection:
         positive("mass_per_length", self.mass_per_length)
         positive("bending_stiffness", self.bending_stiffness)
         nonnegative("damping of a beam section", self.damping)
+
+    @classmethod
+    def from_cross_section(
+        cls, length: float, section: CrossSection, youngs_modulus: float, density: float, damping: float = 0.0
+    ) -> "BeamSection":
+        """Return a stretch of one material and one cross section.
+
+        Parameters
+        ----------
+        length : float
+            Of the stretch [m].
+        section : CrossSection
+            From `tube_section`, `round_tube_section`, `bar_section`, `rod_section` or `i_section`.
+        youngs_modulus, density : float
+            Of the material [Pa], [kg/m^3].
+        damping : float
+            As of `BeamSection` [s].
+
+        Raises
+        ------
+        TypeError, ValueError
+            Another kind of section; numbers out of range.
+
+        Examples
+        --------
+        >>> from boomctl.structure import tube_section
+        >>> round(BeamSection.from_cross_section(3.0, tube_section(0.04, 0.04, 0.003), 210e9, 7850.0).mass_per_length, 6)
+        3.4854
+        """
+        given = instance("section", section, CrossSection)
+        stiffness = positive("youngs_modulus", youngs_modulus) * given.second_moment
+        return cls(length, positive("density", density) * given.area, stiffness, damping)
 
 
 class Discretization(Protocol):
@@ -187,10 +234,18 @@ class Beam:
     length: float = field(init=False)
 
     def __post_init__(self) -> None:
-        if not self.sections:
+        signal_name("name of a body", self.name)
+        instance(f"parent of beam {self.name!r}", self.parent, Point)
+        instance(f"joint of beam {self.name!r}", self.joint, Joint)
+        for section in sequence(f"sections of beam {self.name!r}", self.sections, "BeamSection"):
+            instance(f"section of beam {self.name!r}", section, BeamSection)
+        if not len(self.sections):
             raise ValueError(f"beam {self.name!r}: expected at least one section")
-        for value in (*self.start, self.angle):
-            real(f"start or angle of beam {self.name!r}", value)
+        if not callable(getattr(self.discretization, "mesh", None)):
+            given = shown(self.discretization)
+            raise TypeError(f"discretization of beam {self.name!r} = {given}: expected FiniteElements or another one")
+        _place(f"start of beam {self.name!r}", self.start)
+        real(f"angle of beam {self.name!r}", self.angle)
         object.__setattr__(self, "length", float(sum(section.length for section in self.sections)))
         self.station(self.parent.x, self.parent.y)
 
@@ -214,7 +269,17 @@ class Beam:
 
     def at_station(self, station: float) -> Point:
         """Return the point of the beam that rests ``station`` [m] from its start."""
+        station = real("station", station)
         return Point(self, self.start[0] + station * cos(self.angle), self.start[1] + station * sin(self.angle))
+
+
+def _place(name: str, value: object) -> None:
+    """Check that a value is a pair of finite numbers."""
+    pair = sequence(name, value, "two numbers")
+    if len(pair) != 2:
+        raise ValueError(f"{name}: expected two numbers, x and y, got {len(pair)}")
+    for number in pair:
+        real(name, number)
 
 
 def direction_angle(direction: "str | float") -> float | None:
@@ -226,6 +291,8 @@ def direction_angle(direction: "str | float") -> float | None:
 
 def _check_pair(a: Point, b: Point, what: str, direction: "str | float") -> None:
     direction_angle(direction)
+    for point in (a, b):
+        instance(f"an end of a {what}", point, Point)
     if a.body.name == b.body.name:
         raise ValueError(f"{what}: both ends are on {a.body.name!r}; expected two bodies")
 
@@ -270,6 +337,8 @@ class Force:
     reaction: Point | None = None
 
     def __post_init__(self) -> None:
+        signal_name("name of a force", self.name)
+        instance(f"point of force {self.name!r}", self.point, Point)
         direction_angle(self.direction)
         if self.reaction is not None:
             _check_pair(self.point, self.reaction, f"force {self.name!r}", self.direction)
@@ -293,8 +362,12 @@ class Output:
     bandwidth_hz: float | None = None
 
     def __post_init__(self) -> None:
+        signal_name("name of an output", self.name)
+        instance(f"point of output {self.name!r}", self.point, Point)
+        if self.relative_to is not None:
+            instance(f"relative_to of output {self.name!r}", self.relative_to, Point)
         direction_angle(self.direction)
-        if self.derivative not in (0, 1, 2):
+        if whole(f"derivative of output {self.name!r}", self.derivative, least=0) > 2:
             raise ValueError(f"derivative of output {self.name!r} = {self.derivative!r}: expected 0, 1 or 2")
         if self.bandwidth_hz is not None:
             positive(f"bandwidth_hz of output {self.name!r}", self.bandwidth_hz)
@@ -311,7 +384,12 @@ class CutJoint:
     directions: tuple["str | float", ...] = ("x", "y")
 
     def __post_init__(self) -> None:
-        for direction in self.directions:
+        if isinstance(self.directions, str):
+            raise TypeError(f"directions of a cut joint = {self.directions!r}: expected a tuple, as ('x', 'y')")
+        directions = sequence("directions of a cut joint", self.directions, "directions")
+        if not directions:
+            raise ValueError("directions of a cut joint: expected at least one")
+        for direction in directions:
             _check_pair(self.a, self.b, "cut joint", direction)
         gap = hypot(self.a.x - self.b.x, self.a.y - self.b.y)
         if not isclose(gap, 0.0, abs_tol=1e-9 * (1.0 + hypot(self.a.x, self.a.y))):

@@ -18,6 +18,7 @@ from scipy import sparse
 
 from boomctl.arrays import Array, Matrix
 from boomctl.checks import known, names
+from boomctl.printing import compact
 
 FILTER_DAMPING = np.sqrt(0.5)  # of the outputs' low-pass filters: the flattest pass band (Butterworth)
 
@@ -63,6 +64,8 @@ class Ports:
     integrators: tuple[int, ...]
     bandwidths: tuple[float | None, ...]
     primary: tuple[tuple[str, ...], tuple[str, ...]] | None = None
+
+    __repr__ = compact
 
     @classmethod
     def of_forces(

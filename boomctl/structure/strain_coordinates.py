@@ -8,6 +8,7 @@ that eigenvalues keep the digits of the slow ones.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import linalg
@@ -17,6 +18,12 @@ from boomctl.structure.layout import Layout, Weights, squared_sums
 
 LARGEST = 700  # coordinates up to which it is done: a dense decomposition of half a second (a choice)
 _RIGID = 1e-12  # smallest over largest singular value of rows of size one, below which a motion strains nothing
+
+# smallest singular value of such rows, up to which coordinates are scaled evenly before rank is told: short elements beside
+# long ones make small ones too
+_CLEAR = 1e-4
+_ROUNDED = 8.0 * float(np.finfo(float).eps)  # share of a row's largest entry up to which an entry is rounding
+_EVENED = 30  # rounds of scaling: each takes the root of what is uneven (a choice)
 
 
 @dataclass(frozen=True)
@@ -56,10 +63,22 @@ class StrainForm:
         Rigid motions have the frequency zero.  The others follow from the singular values of the mass rows, which are the
         inverse frequencies: the slow ones have all digits.
         """
-        r = self.strains
+        frequencies, own = self.own_modes
+        return frequencies, self.V @ own
+
+    @cached_property
+    def own_modes(self) -> tuple[Array, Array]:
+        """Undamped frequencies and mass-normalised shapes over these coordinates.
+
+        What is faster than rounding can tell has the frequency at which that begins.
+        """
+        r, n = self.strains, len(self.V)
+        own = np.zeros((n, n))
+        own[r:, : self.rigid] = np.eye(self.rigid)
         _, slowness, mixed = np.linalg.svd(self.N[:, :r], full_matrices=False)
-        shapes = np.hstack([self.V[:, r:], self.V[:, :r] @ (mixed.T / slowness)])
-        return np.concatenate([np.zeros(self.rigid), 1.0 / slowness]), shapes
+        slowness = np.maximum(slowness, np.finfo(float).eps * slowness.max(initial=0.0))
+        own[:r, self.rigid :] = mixed.T / slowness
+        return np.concatenate([np.zeros(self.rigid), 1.0 / slowness]), own
 
     def poles(self) -> Array:
         """Return all poles, those of rigid motions that nothing damps exactly zero; the slow ones have all digits.
@@ -81,6 +100,30 @@ class StrainForm:
         return (beta / alpha)[alpha != 0.0]
 
 
+def _spread(S: Array) -> tuple[Array, Array, Array]:
+    """Return the rows that are not zero at size one, their singular values, and all right singular vectors as rows."""
+    size = np.linalg.norm(S, axis=1)
+    unit = S[size > 0.0] / size[size > 0.0][:, None]
+    _, spread, motions = np.linalg.svd(unit, full_matrices=len(unit) < S.shape[1])
+    return unit, spread, motions
+
+
+def _even(rows: Array) -> Array:
+    """Return factors of columns with which all rows and all columns have about one size (Ruiz 2001).
+
+    An entry that is rounding of its row is none: a motion that strains nothing must not be enlarged until its rounding does.
+    """
+    told = np.abs(rows) > _ROUNDED * np.abs(rows).max(axis=1, keepdims=True)
+    factor, scaled = np.ones(rows.shape[1]), np.where(told, rows, 0.0)
+    for _ in range(_EVENED):
+        size = np.linalg.norm(scaled, axis=0)
+        share = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
+        factor, scaled = factor * share, scaled * share
+        size = np.linalg.norm(scaled, axis=1)
+        scaled = scaled / np.sqrt(np.where(size > 0.0, size, 1.0))[:, None]
+    return factor
+
+
 def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
     """Return a structure in strain coordinates; None for a large one, and for one without mass or stiffness."""
     n, elastic = layout.n, weights.k > 0.0
@@ -88,19 +131,22 @@ def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
         return None
     N, R = (rows.toarray() if hasattr(rows, "toarray") else np.asarray(rows) for rows in (layout.N, layout.R))
     mass, inertia = squared_sums(N, weights.m), np.sqrt(weights.m)[:, None] * N
-    S = np.sqrt(weights.k[elastic])[:, None] * R[elastic] / np.sqrt(np.where(mass > 0.0, mass, 1.0))
-    size = np.linalg.norm(S, axis=1)
-    if not (mass > 0.0).all() or not size.any():
+    if not (mass > 0.0).all() or not R[elastic].any():
         return None
-    unit = S[size > 0.0] / size[size > 0.0][:, None]
-    _, spread, motions = np.linalg.svd(unit, full_matrices=len(unit) < n)
+    column = 1.0 / np.sqrt(mass)
+    S = np.sqrt(weights.k[elastic])[:, None] * R[elastic] * column
+    unit, spread, motions = _spread(S)
+    if spread[min(unit.shape) - 1] < _CLEAR:
+        column = _even(R[elastic])
+        S = np.sqrt(weights.k[elastic])[:, None] * R[elastic] * column
+        unit, spread, motions = _spread(S)
     r = int((spread > _RIGID * spread[0]).sum())
     order = np.argsort(-np.abs(S).max(axis=1), kind="stable")
     Q, T, places = linalg.qr(S[order], mode="economic", pivoting=True)
     V = np.zeros((n, n))
     V[places[:r], :r] = linalg.solve_triangular(T[:r, :r], np.eye(r))
     V[:, r:] = motions[r:].T
-    V /= np.sqrt(mass)[:, None]
+    V *= column[:, None]
     if r < n:
         _, own, mixed = np.linalg.svd(inertia @ V[:, r:], full_matrices=False)
         V[:, r:] = V[:, r:] @ (mixed.T / own)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination
 
 _KEPT = 256  # choices of signals kept, so that they are split in halves once (a choice of memory)
@@ -31,6 +32,8 @@ class Mirror:
     partner: Array
     sign: Array
     pairs: tuple[SignalPair, ...]
+
+    __repr__ = compact
 
     def restricted(self, choice: Elimination) -> "Mirror | None":
         """Return the mirror of the independent coordinates, or None if the elimination was not symmetric."""

@@ -1,7 +1,7 @@
 """Stability and performance of a loop over a whole box of real parameters: a proof, and the worst point found."""
 
 from dataclasses import dataclass
-from itertools import product
+from itertools import count, product
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from boomctl.arrays import Array
 from boomctl.checks import positive, whole
 from boomctl.lti.system import of
 from boomctl.printing import sentence
+from boomctl.progress import Listener, Tell, computing
 from boomctl.structure.families import AffineFamily
 
 if TYPE_CHECKING:
@@ -171,7 +172,11 @@ def _loops(family: AffineFamily, controller: "control.StateSpace") -> _Loops:
 
 
 def robust_stability(
-    family: AffineFamily, controller: "control.StateSpace", max_cells: int = _CELLS
+    family: AffineFamily,
+    controller: "control.StateSpace",
+    max_cells: int = _CELLS,
+    *,
+    progress: "Listener | None" = None,
 ) -> RobustStability:
     """Prove that a loop ``u = K y`` is stable over a whole box of parameters, or find where it is not.
 
@@ -185,6 +190,9 @@ def robust_stability(
         Its inputs are outputs of the family, its outputs inputs of it.
     max_cells : int
         After so many neither is claimed.
+    progress : callable, optional
+        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
+        what goes on; `listening` hears whatever runs within it.
 
     Raises
     ------
@@ -193,10 +201,12 @@ def robust_stability(
     """
     limit = whole("max_cells", max_cells)
     loops = _loops(family, controller)
-    worst, abscissa = loops.most_unstable(1.0)
-    if not loops.at(worst).stable:
-        return RobustStability(False, family.values(worst), 0, abscissa, family.values(worst))
-    proved, cells, bad, open_cell = _covered(loops, 1.0, limit)
+    with computing("robust stability", progress) as tell:
+        tell("points of the box")
+        worst, abscissa = loops.most_unstable(1.0)
+        if not loops.at(worst).stable:
+            return RobustStability(False, family.values(worst), 0, abscissa, family.values(worst))
+        proved, cells, bad, open_cell = _covered(loops, 1.0, limit, tell)
     if bad is not None:
         return RobustStability(False, family.values(bad), cells, loops.at(bad).abscissa, family.values(bad))
     reason = "" if open_cell is None else _given_up(family, loops, open_cell, limit)
@@ -212,12 +222,13 @@ def _given_up(family: AffineFamily, loops: _Loops, cell: Cell, limit: int) -> st
     return f"given up {where}: it would take more than max_cells = {limit}"
 
 
-def _covered(loops: _Loops, factor: float, limit: int) -> tuple[bool, int, Array | None, Cell | None]:
+def _covered(loops: _Loops, factor: float, limit: int, tell: Tell) -> tuple[bool, int, Array | None, Cell | None]:
     """Return whether the box is covered by proved cells, their number, an unstable point met, the cell given up at."""
     size = len(loops.slopes)
     waiting, cells = [Cell(np.zeros(size), np.full(size, factor))], 0
     while waiting:
         cell = waiting.pop()
+        tell("cells of the box proved", cells)
         found = prove_cell(loops.centre, loops.slopes, cell)
         if not found.stable:
             return False, cells, cell.middle, None
@@ -258,6 +269,8 @@ def structured_margin(
     largest: float = 4.0,
     tolerance: float = 0.05,
     max_cells: int = _MARGIN_CELLS,
+    *,
+    progress: "Listener | None" = None,
 ) -> StructuredMargin:
     """Return how many times the box may grow about its middle before the loop ``u = K y`` becomes unstable.
 
@@ -271,22 +284,27 @@ def structured_margin(
         The box is not enlarged beyond this factor; what then has no known instability has ``unstable_at = inf``.
     tolerance : float
         Wanted relative distance of the two bounds.
+    progress : callable, optional
+        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
+        what goes on; `listening` hears whatever runs within it.
     """
     top, close, limit = positive("largest", largest), positive("tolerance", tolerance), whole("max_cells", max_cells)
     loops = _loops(family, controller)
     if not loops.centre.stable:
         return StructuredMargin(0.0, 0.0, family.values(np.zeros(family.size)))
-    bad, where = _unstable_factor(loops, top, close)
-    good, ceiling = 0.0, min(bad, top)
-    tried = ceiling * (1.0 - 0.5 * close) if bad < inf else ceiling
-    for _ in range(_PROOFS):
-        proved, _, point, _ = _covered(loops, tried, limit)
-        if point is not None:
-            bad, where = float(np.abs(point).max()), point
-        good, ceiling = (tried, ceiling) if proved else (good, tried)
-        if good >= ceiling * (1.0 - close):
-            break
-        tried = 0.5 * (good + ceiling)
+    with computing("structured margin", progress) as tell:
+        tell("unstable points")
+        bad, where = _unstable_factor(loops, top, close)
+        good, ceiling = 0.0, min(bad, top)
+        tried = ceiling * (1.0 - 0.5 * close) if bad < inf else ceiling
+        for _ in range(_PROOFS):
+            proved, _, point, _ = _covered(loops, tried, limit, tell)
+            if point is not None:
+                bad, where = float(np.abs(point).max()), point
+            good, ceiling = (tried, ceiling) if proved else (good, tried)
+            if good >= ceiling * (1.0 - close):
+                break
+            tried = 0.5 * (good + ceiling)
     return StructuredMargin(good, bad, None if where is None else family.values(where))
 
 
@@ -312,6 +330,8 @@ def worst_case(
     controller: "control.StateSpace",
     inputs: "str | Sequence[str] | None" = None,
     outputs: "str | Sequence[str] | None" = None,
+    *,
+    progress: "Listener | None" = None,
 ) -> WorstCase:
     """Return the largest H-infinity norm of the loop ``u = K y`` found over a box of parameters, certified where found.
 
@@ -324,6 +344,9 @@ def worst_case(
     inputs, outputs : str or sequence of str, optional
         Between which signals of the closed loop (:func:`boomctl.feedback_loop`); by default from all disturbances to
         all outputs of the family.
+    progress : callable, optional
+        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
+        what goes on; `listening` hears whatever runs within it.
     """
     _loops(family, controller)
 
@@ -331,5 +354,12 @@ def worst_case(
         loop = joined(family.at(delta), controller).closed()
         return matrices_norm(loop.select(inputs, family.centre.outputs if outputs is None else outputs).balanced())
 
-    delta, _, tried = _pattern_search(lambda point: at(point).lower, family.size, 1.0)
-    return WorstCase(at(delta), family.values(delta), at(np.zeros(family.size)), tried)
+    looked_at = count(1)
+    with computing("worst case", progress) as tell:
+
+        def peak(point: Array) -> float:
+            tell("points of the box", next(looked_at))
+            return at(point).lower
+
+        delta, _, tried = _pattern_search(peak, family.size, 1.0)
+        return WorstCase(at(delta), family.values(delta), at(np.zeros(family.size)), tried)

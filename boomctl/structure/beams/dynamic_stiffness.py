@@ -3,11 +3,16 @@
 With ``z^4 = omega^2 rhoA l^4/(EI (1 + i omega c_b))`` the forces and moments at the ends of a uniform segment follow
 from the end displacements and rotations through six functions of ``z``.  For small ``|z|`` they are quotients of power
 series in ``z^4``, without cancellation; for large ``|z|`` decaying exponentials keep them from overflow.
+
+The same stiffness over a segment's strains and the motion of its ends as a whole (``strain_functions``) has no static
+share but that of the strains, so that a short segment's huge stiffness is never summed with what is soft.
+
 The interior of a segment with clamped ends has natural frequencies of its own; their number below a frequency is what
 the count of Wittrick and Williams (1971) adds to the negative pivots of the dynamic stiffness.
 """
 
 from dataclasses import dataclass
+from fractions import Fraction
 from math import factorial
 
 import numpy as np
@@ -38,6 +43,47 @@ _SERIES = np.array(
 _SERIES.setflags(write=False)
 
 
+# The six strain functions as sums of the six end functions, derived from end displacements and rotations
+# w +- rise/2 and (shear/2 + rise -+ bend/2)/l.  They are those of w w, w bend, bend bend (symmetric motions), rise rise,
+# rise shear, shear shear (antisymmetric ones).
+_STRAINS = np.array(
+    [
+        [2.0, 0.0, 0.0, 2.0, 0.0, 0.0],
+        [0.0, -1.0, 0.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, 0.5, 0.0, 0.0, -0.5],
+        [0.5, -2.0, 2.0, -0.5, -2.0, 2.0],
+        [0.0, -0.5, 1.0, 0.0, -0.5, 1.0],
+        [0.0, 0.0, 0.5, 0.0, 0.0, 0.5],
+    ]
+)
+_STRAINS.setflags(write=False)
+
+
+def _strain_series() -> Array:
+    """Return the series of the strain functions, summed exactly: static shares cancel to the last digit, and so do others.
+
+    The last line is their common denominator.
+    """
+    kinds = [(1, -4, 2), (2, -4, 2), (3, -4, 4), (1, 1, -2), (2, 1, 2), (3, 1, 2)]  # as of _SERIES
+    lines = []
+    for weights in _STRAINS:
+        parts = [
+            (Fraction(float(w)) * factor, offset, ratio)
+            for w, (offset, ratio, factor) in zip(weights, kinds, strict=True)
+        ]
+        lines.append(
+            [
+                float(sum(w * Fraction(ratio) ** k / factorial(4 * k + offset) for w, offset, ratio in parts))
+                for k in range(_TERMS)
+            ]
+        )
+    return np.array([*lines, _SERIES[6]])
+
+
+_STRAIN_SERIES = _strain_series()
+_STRAIN_SERIES.setflags(write=False)
+
+
 @dataclass(frozen=True)
 class Segment:
     """A uniform stretch of beam between two attachments: length [m], rhoA [kg/m], EI [N m^2], damping [s]."""
@@ -52,21 +98,37 @@ def end_functions(x: Array) -> Array:
     """Return the six end functions of ``x = z^4``, shape (6, len(x)); at ``x = 0``: 12, 6, 4, -12, 6, 2."""
     small = np.abs(x) < _SERIES_LIMIT**4
     if small.all():
-        return _by_series(x)
+        return _by_series(_SERIES, x)
     values = np.empty((6, len(x)), dtype=complex)
     if small.any():
-        values[:, small] = _by_series(x[small])
+        values[:, small] = _by_series(_SERIES, x[small])
     if not small.all():
         values[:, ~small] = _by_exponentials(x[~small])
     return values
 
 
-def _by_series(x: Array) -> Array:
+def strain_functions(x: Array) -> tuple[Array, Array]:
+    """Return the six strain functions of ``x = z^4``, shape (6, len(x)), and the size of what each was summed from.
+
+    At ``x = 0`` they are 0, 0, 1, 0, 0, 3; next to it they keep all digits.
+    """
+    small = np.abs(x) < _SERIES_LIMIT**4
+    values, sizes = np.empty((6, len(x)), dtype=complex), np.empty((6, len(x)))
+    if small.any():
+        values[:, small] = _by_series(_STRAIN_SERIES, x[small])
+        sizes[:, small] = np.abs(values[:, small])
+    if not small.all():
+        ends = _by_exponentials(x[~small])
+        values[:, ~small], sizes[:, ~small] = _STRAINS @ ends, np.abs(_STRAINS) @ np.abs(ends)
+    return values, sizes
+
+
+def _by_series(series: Array, x: Array) -> Array:
     powers = np.empty((_TERMS, len(x)), dtype=complex)
     powers[0] = 1.0
     for k in range(1, _TERMS):
         np.multiply(powers[k - 1], x, out=powers[k])
-    sums = (_SERIES @ powers.view(float)).view(complex)
+    sums = (series @ powers.view(float)).view(complex)
     return sums[:6] / sums[6]
 
 
@@ -111,6 +173,37 @@ def segment_terms(left: Array, right: Array) -> Array:
             both(0, 2),
             both(0, 3) - both(1, 2),
             both(1, 3),
+        ]
+    )
+
+
+def strain_lines(ends: Array) -> Array:
+    """Return ``w, rise, bend, shear`` of each segment, (4 segments, n), from its ``w1, l phi1, w2, l phi2``.
+
+    Mean displacement and rise of its ends move it as a whole; ``bend = l (phi2 - phi1)`` and
+    ``shear = l (phi1 + phi2) - 2 rise`` strain it.
+    """
+    w1, turn1, w2, turn2 = np.moveaxis(ends.reshape(len(ends) // 4, 4, ends.shape[1]), 1, 0)
+    rise = w2 - w1
+    lines = np.stack([0.5 * (w1 + w2), rise, turn2 - turn1, (turn1 + turn2) - 2.0 * rise], axis=1)
+    return lines.reshape(ends.shape)
+
+
+def strain_terms(left: Array, right: Array) -> Array:
+    """Return the matrices that multiply the six strain functions, as :func:`segment_terms` those of the end functions.
+
+    ``left`` and ``right`` are the segment's :func:`strain_lines`.
+    """
+    pairs = left[:, None, :, None] * right[None, :, None, :]
+    w, rise, bend, shear = range(4)
+    return np.array(
+        [
+            pairs[w, w],
+            pairs[w, bend] + pairs[bend, w],
+            pairs[bend, bend],
+            pairs[rise, rise],
+            pairs[rise, shear] + pairs[shear, rise],
+            pairs[shear, shear],
         ]
     )
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.structure.beams.exact import ExactModel
+from boomctl.structure.beams.exact import PROMISED, ExactModel, warn_of_rounding
 from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles
@@ -14,6 +14,11 @@ _SECTIONS = 24  # parts a decade in which roots are first told apart, all roots 
 _ROUNDS = 60  # each halves the brackets at least, which takes 56 to the last digit; secants make it some six
 _AROUND = 1e-3  # share of a bracket to either side of the secant's root that is asked, to close in from both (a choice)
 _LAST = 4.0 * float(np.finfo(float).eps)  # relative width of a bracket that is narrow enough
+_SMOOTH = 1e-7  # relative width down to which a bracket tells a slope; rounding shows in narrower ones (a choice)
+_SLOWEST = 1e-30  # of the frequencies of the longest segment: slower than that, no double tells from rest (a choice)
+_CONVERGED = (
+    1e-11  # last step over the eigenvalue; Newton's method squares it, so that what is left is rounding (a choice)
+)
 _NEWTON_STEPS = 30  # from starts good to 1e-3 some five are taken; many more mean that it does not converge (a choice)
 
 
@@ -29,11 +34,14 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
     after = np.clip(np.searchsorted(model.count_below(grid), wanted, side="right"), 1, len(grid) - 1)
     a, b = grid[after - 1], grid[after]
     at_a, at_b = _deciding(model, np.array([a, b]), wanted)
+    slope = np.zeros(count)
     for _ in range(_ROUNDS):
         width = b - a
         if (width <= _LAST * b).all():
             break
         with np.errstate(invalid="ignore", divide="ignore"):
+            secant = b * (at_a - at_b) / width
+            slope = np.where(np.isfinite(secant) & (width > _SMOOTH * b), secant, slope)
             root = a + width * at_a / (at_a - at_b)
         root = np.where(np.isfinite(root), root, a + 0.5 * width)
         asked = np.sort([root - _AROUND * width, root + _AROUND * width, a + 0.5 * width], axis=0)
@@ -42,7 +50,18 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
         k, last = np.arange(count), (values >= 0.0).sum(axis=0) - 1  # they fall from above zero to below it
         last = np.clip(last, 0, len(x) - 2)
         a, b, at_a, at_b = x[last, k], x[last + 1, k], values[last, k], values[last + 1, k]
+    lost = model.strains.unit_rounding * model.layout.n
+    with np.errstate(divide="ignore"):
+        rounding = np.where(slope > 0.0, lost / slope, 0.0)
+    _warn_of_worst(0.5 * (a + b), rounding)
     return 0.5 * (a + b)
+
+
+def _warn_of_worst(values: Array, rounding: Array) -> None:
+    """Warn if an eigenfrequency may be off by more than is promised."""
+    worst = int(np.argmax(rounding))
+    if rounding[worst] > PROMISED:
+        warn_of_rounding(f"the exact beam's eigenfrequency of {values[worst]:.6g} rad/s", float(rounding[worst]))
 
 
 def _deciding(model: ExactModel, omega: Array, wanted: Array) -> Array:
@@ -58,11 +77,12 @@ def _deciding(model: ExactModel, omega: Array, wanted: Array) -> Array:
 
 
 def _bracket(model: ExactModel, count: int) -> tuple[float, float, int]:
-    """Return a frequency below all elastic ones, one above ``count`` of them, and how many are below the former."""
+    """Return a frequency below all elastic ones, one above ``count`` of them, and how many are zero."""
     longest = max(segment.length for segment in model.segments)
     scale = max(np.sqrt(s.bending_stiffness / s.mass_per_length) for s in model.segments) / longest**2
-    low, high = 1e-6 * scale, scale
-    rigid = int(model.count_below(np.array([low]))[0])
+    low, high, rigid = 1e-6 * scale, scale, model.strains.rigid
+    while low > _SLOWEST * scale and int(model.count_below(np.array([low]))[0]) > rigid:
+        low *= 1e-3
     while int(model.count_below(np.array([high]))[0]) < rigid + count:
         high *= 2.0
     return low, high, rigid
@@ -88,24 +108,19 @@ def damped_eigenvalues(model: ExactModel, start: SecondOrderModel, moved: Sequen
     first = damped_poles(prescribe_displacement(start, moved).structure, count)
     s = np.array(first, dtype=complex)
     step = np.full(len(s), np.inf + 0j)
+    rounding = np.zeros(len(s))
     for _ in range(_NEWTON_STEPS):
-        step = _newton_step(model, s)
+        step, rounding = model.strains.newton_step(s)
         s = s - step
-        if (np.abs(step) <= 1e-13 * np.abs(s)).all():
+        if (np.abs(step) <= np.maximum(1e-13 * np.abs(s), 0.1 * rounding)).all():
             break
-    worst = int(np.argmax(np.abs(step) / np.abs(s)))
-    if not np.abs(step[worst]) <= 1e-11 * np.abs(s[worst]):
+    missed = np.abs(step) / np.maximum(np.abs(s), rounding / PROMISED)
+    worst = int(np.argmax(missed))
+    if not missed[worst] <= _CONVERGED:
         raise ArithmeticError(f"Newton's method for the eigenvalue near {first[worst]:.6g} did not converge")
     if (np.abs(s - first) > 1e-3 * np.abs(first)).any():
         raise ArithmeticError("Newton's method left its start: refine the starting discretisation")
     if len(s) > 1 and np.abs(np.diff(np.sort_complex(s))).min() < 1e-9 * np.abs(s).max() * 1e-3:
         raise ArithmeticError("two iterations came to the same eigenvalue")
+    _warn_of_worst(np.abs(s), rounding / np.abs(s))
     return s
-
-
-def _newton_step(model: ExactModel, s: Array) -> Array:
-    """Return ``det D/(det D)'`` at each ``s``: one over the trace of ``D^-1 D'``."""
-    h = 1e-6 * np.abs(s)
-    D, up, down = (np.moveaxis(model.dynamic_stiffness(x), 2, 0) for x in (s, s + h, s - h))
-    slope = (up - down) / (2.0 * h)[:, None, None]
-    return 1.0 / np.einsum("fii->f", np.linalg.solve(D, slope))

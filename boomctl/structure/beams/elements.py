@@ -6,9 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, known, whole
+from boomctl.checks import exactly, finite_array, from_on, known, whole
 from boomctl.structure.beams.mesh import BeamMesh, element_mesh
 from boomctl.structure.parts import Beam
+
+MOST_ELEMENTS = 1_000_000  # of a beam: rounding has long taken what a finer mesh gains (a choice)
+_SHORTEST = 5e-13  # of the beam's length: modes lose digits with shorter elements beside stiff ones (measured)
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class FiniteElements:
 
     def __post_init__(self) -> None:
         if isinstance(self.elements, (int, np.integer)):
-            whole("elements", self.elements)
+            whole("elements", self.elements, most=MOST_ELEMENTS)
         if not 3 <= whole("order", self.order, least=3) <= 20:
             raise ValueError(f"order = {self.order}: expected 3 to 20")
 
@@ -60,7 +63,7 @@ class DiscreteElements:
 
     def __post_init__(self) -> None:
         if isinstance(self.elements, (int, np.integer)):
-            whole("elements", self.elements)
+            whole("elements", self.elements, most=MOST_ELEMENTS)
         known("mass allocation", self.mass, ("hermite", "linear", "lumped"))
 
     def mesh(self, beam: Beam, attachments: Sequence[float]) -> BeamMesh:
@@ -74,7 +77,7 @@ class DiscreteElements:
         if isinstance(self.elements, (int, np.integer)):
             marks = element_nodes(beam, (0.0, *distinct(attachments, beam.length), beam.length))
             why = f"beam {beam.name!r} has {len(marks) - 1} intervals between attachments"
-            nodes = shared_out(marks, whole("elements", self.elements), why)
+            nodes = shared_out(marks, whole("elements", self.elements, most=MOST_ELEMENTS), why)
         else:
             nodes = element_nodes(beam, self.elements)
         for station in attachments:
@@ -109,8 +112,21 @@ def element_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
     Raises
     ------
     ValueError
-        Fewer elements than sections; stations not ascending or not from 0 to the beam's length.
+        Fewer elements than sections; stations not ascending or not from 0 to the beam's length; an element shorter than
+        5e-13 of the beam.
     """
+    nodes = _all_nodes(beam, elements)
+    widths = np.diff(nodes)
+    shortest = int(np.argmin(widths))
+    if widths[shortest] < _SHORTEST * beam.length:
+        raise ValueError(
+            f"beam {beam.name!r}: between {exactly(nodes[shortest])} and {exactly(nodes[shortest + 1])} m its element is"
+            f" {widths[shortest]:.2g} m long; expected at least {from_on(_SHORTEST * beam.length)} m, or one node for both"
+        )
+    return nodes
+
+
+def _all_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
     length = beam.length
     ends = np.cumsum([section.length for section in beam.sections])[:-1]
     if isinstance(elements, (int, np.integer)):
@@ -120,8 +136,8 @@ def element_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
     if len(nodes) < 2 or not (np.diff(nodes) > 0.0).all():
         raise ValueError(f"node stations of beam {beam.name!r}: expected at least two, ascending")
     if abs(nodes[0]) > 1e-9 * length or abs(nodes[-1] - length) > 1e-9 * length:
-        span = f"run from {nodes[0]:g} to {nodes[-1]:g} m"
-        raise ValueError(f"node stations of beam {beam.name!r} {span}; expected 0 to {length:g} m")
+        span = f"run from {exactly(nodes[0])} to {exactly(nodes[-1])} m"
+        raise ValueError(f"node stations of beam {beam.name!r} {span}; expected 0 to {exactly(length)} m")
     missing = [end for end in ends if np.abs(nodes - end).min() > 1e-9 * length]
     return np.sort(np.concatenate([nodes, missing]))
 

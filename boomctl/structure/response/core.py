@@ -17,13 +17,22 @@ from scipy.sparse.linalg import splu
 from boomctl.arrays import Array, Matrix
 from boomctl.structure.matrices import Structure
 from boomctl.structure.ports import Ports, evaluate
-from boomctl.structure.response.pencil import Solve
+from boomctl.structure.response.mixed import MixedForm
+from boomctl.structure.response.pencil import Pencil, Solve
 
+# rounding of the stiffness matrix, as an uncertainty of omega^2 and of that at the top of the band, above which a core
+# found with it is not accepted any more (measured on booms: 20,000 elements up to 10 Hz)
+NOISY = 1e-2
 _SPACING = 16.0  # ratio of neighbouring shifts; cores of booms cost the same from 8 to 64 (measured)
 _WIDEST = 1e4  # ratio of the highest to the lowest shift; a structure answers as at rest below (a choice)
 _LEVELS = 2  # solutions in a row at each shift; one needs more enrichments, three make cores larger (measured on booms)
 _ROUNDS = 6  # enrichments before a core is given up (a choice; none or one does for booms)
 _TOLERANCE = 1e-10  # estimated error at the probes that ends enrichment: below _CORE_ERROR, above rounding (a choice)
+_ROUNDED = 1e-8  # error below which enrichment that stalls meets the rounding of a fine mesh (a choice)
+_STALLED = 0.3  # of the error before, from which on enrichment stalls (a choice)
+# times the top of the band: a motion faster than that follows at once, so that it may be as slow as that (its share of the
+# response, small as it is, changes by the inverse square of it)
+_FASTEST = 1e4
 _DROP = 1e-12  # of the largest column; what is left of a column below it is rounding
 _SAMPLES = 24  # frequencies at which rounding is estimated (a choice)
 _EPS = np.finfo(float).eps  # unit in the last place: what operands are shaken by
@@ -85,35 +94,120 @@ def _span(M: Matrix, block: Array) -> Array:
     return Q if failed else lapack.dtrtrs(factor, Q.T, lower=0, trans=1)[0].T
 
 
-def build_core(structure: Structure, ports: Ports, omega: Array) -> Core | None:
+def modal_core(structure: Structure, ports: Ports, omega: Array) -> Core | None:
+    """Return all modes of a structure with strain coordinates as a core: accurate up to the highest of ``omega`` [rad/s].
+
+    Modes so fast that no state space holds them beside the slow ones get more mass: see :data:`_FASTEST`.
+    """
+    form, fastest = structure.strain_form, _FASTEST * max(float(omega.max()), 1e-2)
+    if form is None:
+        return None
+    strained, seen, (frequencies, own) = structure.in_strains, ports.congruent(form.V), form.own_modes
+    damping = np.einsum("ij,ij->j", own, form.C @ own)
+    basis = own / np.sqrt(_masses(frequencies**2, damping, fastest))
+    n = len(frequencies)
+    small = Structure(
+        tuple(f"v{i}" for i in range(n)),
+        (np.eye(n), basis.T @ (form.C @ basis), np.diag(frequencies**2 / _masses(frequencies**2, damping, fastest))),
+    )
+    core = Core(small, seen.congruent(basis), basis, np.inf)
+    error, _ = _defect(strained, seen, core, _probes(frequencies, omega), strained.pencil)
+    return replace(core, error=error)
+
+
+def _masses(stiffness: Array, damping: Array, fastest: float) -> Array:
+    """Return how much mass, instead of one, motions need so that neither they nor their decay is faster than a limit."""
+    return np.maximum(1.0, np.maximum(stiffness / fastest**2, damping / fastest))
+
+
+def build_core(structure: Structure, ports: Ports, omega: Array, resolved: float = 0.0) -> Core | None:
     """Return a core that is accurate over the frequencies ``omega`` [rad/s]; None where there is no small one.
 
     The structure's matrices must be symmetric, its mass matrix positive definite.  There is no small core for a structure
     with modes in the band that inputs and outputs do not show, or with very many.
+
+    Where rounding of the stiffness matrix reaches what the frequency ``resolved`` [rad/s] is found with, or leaves the
+    matrix indefinite, the core is built without it, in mixed form: slower, and all its frequencies are judged rightly.
     """
     top = max(float(omega.max()), 1e-2)
-    pencil = structure.pencil
-    M, K = pencil.M, pencil.K
+    pencil = solver(structure, top)
+    fine = structure.elastic is not None and structure.noise > resolved**2 > 0.0
+    if fine and structure.mixed is not None:
+        pencil = structure.mixed
+    try:
+        return _built(structure, ports, omega, pencil, resolved > 0.0)
+    except np.linalg.LinAlgError:
+        if isinstance(pencil, MixedForm) or structure.mixed is None:
+            raise
+    return _built(structure, ports, omega, structure.mixed, resolved > 0.0)
+
+
+def _built(structure: Structure, ports: Ports, omega: Array, pencil: Pencil | MixedForm, decays: bool) -> Core | None:
+    """Return a core; if it ``decays`` no faster than it moves, its poles too are slow enough for a state space."""
+    top, M = max(float(omega.max()), 1e-2), pencil.M
     bottom = max(float(omega[omega > 0].min(initial=top)), top / _WIDEST)
     count = 2 + int(np.ceil(np.log(top / bottom) / np.log(_SPACING)))
     shifts = np.geomspace(bottom, top * 1.2, count)
     V = _krylov(M, [pencil.factorized(s) for s in shifts], _sources(ports))
-    core, ritz, missing = _judged(structure, ports, V, omega)
+    core, ritz, missing = _judged(structure, ports, V, omega, pencil, decays)
     for _ in range(_ROUNDS):
         if core.error <= _TOLERANCE:
             break
-        V = np.hstack([V, orthonormal(M, missing, V)])
-        core, ritz, missing = _judged(structure, ports, V, omega)
-    return core if int((ritz < top).sum()) == count_below(K - top**2 * M) else None
+        V, last = np.hstack([V, orthonormal(M, missing, V)]), core.error
+        core, ritz, missing = _judged(structure, ports, V, omega, pencil, decays)
+        if core.error <= _ROUNDED and core.error > _STALLED * last:
+            break
+    found = int((ritz < top).sum())
+    return core if found == _modes_below(pencil, top, found) else None
 
 
-def _judged(structure: Structure, ports: Ports, V: Array, omega: Array) -> tuple[Core, Array, Array]:
+def solver(structure: Structure, top: float) -> Pencil | MixedForm:
+    """Return what solves a structure up to the frequency ``top`` [rad/s]: its mixed form where stiffness is too noisy."""
+    if structure.elastic is not None and structure.noise > NOISY * top**2 and structure.mixed is not None:
+        return structure.mixed
+    return structure.pencil
+
+
+def _modes_below(pencil: Pencil | MixedForm, top: float, found: int) -> int:
+    """Return how many modes lie below ``top``, or one more than ``found`` if they are more than that."""
+    if isinstance(pencil, Pencil):
+        return count_below(pencil.K - top**2 * pencil.M)
+    frequencies = pencil.lowest(top**2, min(found + 1, pencil.M.shape[0] - 1))[0]
+    return int((frequencies < top).sum())
+
+
+def _judged(
+    structure: Structure, ports: Ports, V: Array, omega: Array, pencil: Pencil | MixedForm, decays: bool
+) -> tuple[Core, Array, Array]:
     """Return the core of a basis, its undamped frequencies, and the motions that the basis does not have."""
-    small, seen = structure.projected(V), ports.congruent(V)
+    V, small = _slowed(structure, V, structure.projected(V), _FASTEST * max(float(omega.max()), 1e-2), decays)
+    seen = ports.congruent(V)
     ritz = np.sqrt(np.maximum(linalg.eigh(small.K, small.M, eigvals_only=True, check_finite=False), 0.0))
     core = Core(small, seen, V, np.inf)
-    error, missing = _defect(structure, ports, core, _probes(ritz, omega))
+    error, missing = _defect(structure, ports, core, _probes(ritz, omega), pencil)
     return replace(core, error=error), ritz, missing
+
+
+def _slowed(structure: Structure, V: Array, small: Structure, fastest: float, decays: bool) -> tuple[Array, Structure]:
+    """Return a basis in which motions faster than ``fastest`` are as slow as that, and the structure in it.
+
+    A fine mesh has motions so fast that a stiffness matrix that holds them has no digit left of the slow ones: mostly what
+    rounding has left of dependent columns.  They are parted from the slow ones by their strains, and get more mass; so do, if
+    asked for, those that ``decay`` faster.
+    """
+    rows = structure.elastic
+    if rows is None or (_masses(np.diag(small.K), decays * np.diag(small.C), fastest) <= np.diag(small.M)).all():
+        return V, small
+    strain = np.sqrt(rows.k)[:, None] * (rows.R @ V)
+    turned = np.linalg.svd(np.linalg.qr(strain, mode="r"))[2].T
+    V = V @ turned
+    strain = rows.R @ V
+    stiffness, damping = (np.einsum("ij,i,ij->j", strain, weight, strain) for weight in (rows.k, rows.c))
+    share = 1.0 / np.sqrt(_masses(stiffness, decays * damping, fastest))
+    V = V * share
+    small = structure.projected(V)
+    heavy = small.M + np.diag(1.0 - share**2)
+    return V, Structure(small.coordinates, (heavy, small.C, small.K))
 
 
 def count_below(shifted: Matrix) -> int:
@@ -136,7 +230,9 @@ def _probes(ritz: Array, omega: Array) -> Array:
     return np.unique([*ends, *inside[:1]])
 
 
-def _defect(structure: Structure, ports: Ports, core: Core, probes: Array) -> tuple[float, Array]:
+def _defect(
+    structure: Structure, ports: Ports, core: Core, probes: Array, pencil: Pencil | MixedForm
+) -> tuple[float, Array]:
     """Return how far the core's outputs are off at the probes, relative, and the motions that it does not have.
 
     The residual is put through the structure itself: a solution at real shifts would not do, for it is orthogonal to
@@ -148,7 +244,7 @@ def _defect(structure: Structure, ports: Ports, core: Core, probes: Array) -> tu
     count, r, m = X.shape
     full: Array = core.basis @ np.moveaxis(X, 1, 0).reshape(r, -1)  # a column for each probe and input
     residual: Array = np.moveaxis(B, 1, 0).reshape(structure.n, -1) - structure.force(full, np.repeat(s, m))
-    steps = [structure.pencil.solved(value, residual[:, f * m : (f + 1) * m]) for f, value in enumerate(s)]
+    steps = [pencil.solved(value, residual[:, f * m : (f + 1) * m]) for f, value in enumerate(s)]
     outputs = L @ np.moveaxis(full.reshape(-1, count, m), 1, 0) + E
     scale, moved = (np.abs(value).max(axis=1, initial=0.0) for value in (outputs, L @ np.array(steps)))
     worst = float((moved[scale > 0] / scale[scale > 0]).max(initial=0.0))

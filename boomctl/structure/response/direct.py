@@ -14,6 +14,8 @@ dense solutions     small                                         always holds
 sparse              80 coordinates and more, without a core       always holds; a factorisation at each frequency
 factorisations
 ==================  ============================================  ====================================================
+
+Meshes so fine that their stiffness matrix has lost the band asked for are solved in mixed form, without that matrix.
 """
 
 import warnings
@@ -27,7 +29,8 @@ from scipy.sparse.linalg import splu
 from boomctl.arrays import Array
 from boomctl.structure.matrices import Half, Structure, dense, halves
 from boomctl.structure.ports import Ports, evaluate
-from boomctl.structure.response.core import Core, build_core, rounding_estimate
+from boomctl.structure.response.core import Core, build_core, rounding_estimate, solver
+from boomctl.structure.response.mixed import MixedForm
 from boomctl.structure.response.modes import Part, respond_by_modes
 
 _MODES_FROM = 1500  # frequencies times coordinates; of fewer, dense solutions are faster (measured on booms)
@@ -38,6 +41,7 @@ _STRAINS_HOLD = 1000  # coordinates; strains lose a few times log10(n) digits, s
 _DENSE_CHECK = 1000  # coordinates up to which a singular stiffness is looked for: a dense SVD of a second (a choice)
 _ROUNDING_LIMIT = 1e-4  # estimated rounding, relative, from which on a user is warned: it would show in a plot
 _ROUNDING_SEEN = 1e-3  # share of that limit from which on more than a few frequencies are looked at (a choice)
+_UNEVEN = 1e-2  # noise of stiffness, of the highest frequency squared, from which on rounding is looked at (a choice)
 _GLANCES = 7  # frequencies at which rounding is looked at first (a choice)
 
 
@@ -93,7 +97,7 @@ def respond_parts(parts: Sequence[Part], omega: Array) -> list[Response]:
     answers: list[Response | None] = [None] * len(parts)
     small: list[tuple[int, Part, tuple[str, ...]]] = []
     for i, (structure, ports) in enumerate(parts):
-        if structure.n < _CORE_FROM:
+        if structure.n < _CORE_FROM or (structure.graded and structure.strain_form is not None):
             small.append((i, (structure, ports), ()))
             continue
         core, why_not = _verified_core(structure, ports, omega)
@@ -120,6 +124,9 @@ def _verified_core(structure: Structure, ports: Ports, omega: Array) -> tuple[Co
     if core.error > _CORE_ERROR:
         return None, f"error {core.error:.1g}"
     rounding = 0.0
+    if structure.elastic is not None and structure.noise > _UNEVEN * float(omega.max()) ** 2:
+        rounding = ports_rounding(core.structure, ports, core.basis, omega[_glances(len(omega))])
+        _warn(rounding)
     if structure.elastic is None or structure.n > _STRAINS_HOLD:
         rounding = rounding_estimate(structure, core, omega[_glances(len(omega))])
         if rounding > _ROUNDING_SEEN * _ROUNDING_LIMIT:
@@ -161,6 +168,28 @@ def _check_static(structure: Structure) -> None:
         raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its static response is infinite")
 
 
+def ports_rounding(small: Structure, ports: Ports, V: Array, omega: Array) -> float:
+    """Return how much of the largest output rounding may be, where motions ``V`` are pushed and read through ports.
+
+    An imposed displacement acts through the stiffness beside it, as forces that nearly cancel: beside a short element they
+    are so large that what is left of them is rounding.
+    """
+    s = 1j * np.unique(omega)
+    at, seen, size = small.at(s), ports.congruent(V), np.abs(V)
+    try:
+        X = np.linalg.solve(at, evaluate(seen.B, s))
+        pushed = [np.finfo(float).eps * (size.T @ np.abs(term)) for term in ports.B]
+        acting = sum(np.abs(s)[:, None, None] ** k * term for k, term in enumerate(pushed))
+        reading = np.abs(np.linalg.solve(at.transpose(0, 2, 1), evaluate(seen.L, s).transpose(0, 2, 1)))
+    except np.linalg.LinAlgError:
+        return 0.0  # an undamped resonance, which is refused where it is asked for
+    read = sum(np.abs(s)[:, None, None] ** k * (np.abs(line) @ size) for k, line in enumerate(ports.L))
+    moved = reading.transpose(0, 2, 1) @ acting + np.finfo(float).eps * read @ np.abs(X)
+    Y = np.abs(evaluate(seen.L, s) @ X + evaluate(ports.E, s)).max(axis=1)
+    off = moved.max(axis=1)
+    return float((off[Y > 0] / Y[Y > 0]).max(initial=0.0))
+
+
 def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
     """Return the response by a dense solution at each frequency.
 
@@ -169,9 +198,12 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
     ValueError
         The structure has an undamped resonance exactly at one of the frequencies.
     """
-    s = 1j * omega
+    s, rounding = 1j * omega, 0.0
     if structure.strain_form is not None:
+        if structure.noise > _UNEVEN * float(np.max(omega, initial=0.0)) ** 2:
+            rounding = ports_rounding(structure.in_strains, ports, structure.strain_form.V, omega)
         structure, ports = structure.in_strains, ports.congruent(structure.strain_form.V)
+    _warn(rounding)
     try:
         X = np.linalg.solve(structure.at(s), evaluate(ports.B, s))
     except np.linalg.LinAlgError:
@@ -192,10 +224,16 @@ def _by_factorization(structure: Structure, ports: Ports, omega: Array) -> Array
     glances = set(_glances(len(s)))
     shaken = np.finfo(float).eps * np.abs(K.diagonal())[:, None]
     rounding = 0.0
+    form = solver(structure, float(omega.max()))
+    if isinstance(form, MixedForm):
+        shaken = 0.0 * shaken
     for f, value in enumerate(s):
         try:
-            solve = splu(sparse.csc_array(K + value * C + value**2 * M)).solve
-        except RuntimeError:
+            if isinstance(form, MixedForm):
+                solve = form.factorized(value)
+            else:
+                solve = splu(sparse.csc_array(K + value * C + value**2 * M)).solve
+        except (RuntimeError, np.linalg.LinAlgError):
             raise ValueError(f"the response at omega = {omega[f]:g} is infinite: an undamped resonance") from None
         X = solve(B[f])
         Y[f] = L[f] @ X + E[f]

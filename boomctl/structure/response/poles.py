@@ -8,7 +8,8 @@ from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from boomctl.arrays import Array, Matrix
 from boomctl.structure.matrices import Structure, dense, is_symmetric
-from boomctl.structure.response.core import orthonormal
+from boomctl.structure.response.core import NOISY, orthonormal
+from boomctl.structure.response.mixed import MixedForm
 from boomctl.structure.response.pencil import factorized
 
 _DENSE_MODES = 250  # coordinates up to which modes are found densely; sparse is faster from 200 on (measured)
@@ -20,9 +21,22 @@ _WHOLE = 100  # coordinates up to which all poles are found, so that none depend
 _FLOATING = (
     250  # coordinates up to which all poles of a floating structure are found: it has exact zeros then (a choice)
 )
+_SAME_ROW = 1e-12  # share of a strain's damping by which it may be off the common one by rounding: some 1e4 eps
+# share of its size that a pole's imaginary part has at least: those of overdamped motions, of which many are nearly equal,
+# leave the real axis by rounding
+_CRITICAL = 1e-6
+_RIGID = 1e-8  # share of the highest frequency found up to which a mode may be a rigid-body one: root of rounding
 _FREE = 1e-7  # share of the highest frequency found below which a motion may be a rigid one (a choice)
+_SPARSE_SHARE = 0.3  # of all modes up to which they are found by Lanczos' method: more cost as much as all (a choice)
 _FEW = 0.25  # share of modes below which only those wanted are asked for: more cost as much as all (a choice)
 _SPREAD = 1e7  # of stiffnesses, from which on the softest mode counts as nearly floating (a choice)
+# coordinates from which on modes are found in mixed form at once: a stiffness matrix that fine has too few digits left, and
+# beyond some 2,000 equal elements costs time for nothing (measured on booms)
+_MIXED_FROM = 4000
+_SPARE = 12  # modes beyond twice those wanted in a basis for damped poles (a choice)
+_LARGEST_DENSE = 3000  # coordinates up to which all poles can be found at once: a minute, a gigabyte (a choice)
+_LANCZOS = 500  # iterations up to which Lanczos' method converges if it does; some ten are usual (a choice)
+_LOST = "singular to rounding: expected elements that differ less, or a description from which its rows are known"
 _NOISE = 1e3 * float(np.finfo(float).eps)  # of the largest stiffness over mass: rounding, with room (a choice)
 
 
@@ -49,19 +63,60 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
     if not (M.diagonal() > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
     if structure.n <= _SMALL and structure.strain_form is not None:
-        frequencies, shapes = structure.strain_form.modes()
-        return frequencies[:wanted], shapes[:, :wanted]
-    solve = _dense_modes if wanted > 0.3 * structure.n or structure.n <= _DENSE_MODES else _sparse_modes
+        return _graded_modes(structure, wanted)
+    few = wanted <= _SPARSE_SHARE * structure.n
+    if structure.n > _MIXED_FROM and few and structure.mixed is not None:
+        return _mixed_modes(structure.mixed, structure.noise, wanted)
+    solve = _dense_modes if not few or structure.n <= _DENSE_MODES else _sparse_modes
     noise = _NOISE * float((np.abs(K.diagonal()) / M.diagonal()).max())
-    stiffness, shapes = _sorted(structure, M, solve(M, K, noise, wanted))
+    try:
+        vectors = solve(M, K, noise, wanted)
+    except (RuntimeError, linalg.LinAlgError):
+        return _graded_modes(structure, wanted)
+    stiffness, shapes = _sorted(structure, M, vectors)
     elastic = stiffness[stiffness > 0.1 * noise]
     uneven = len(elastic) < len(stiffness) or (len(elastic) and stiffness[-1] > _SPREAD * elastic[0])
     if len(elastic) and uneven and elastic[0] > 10.0 * noise:
         stiffness, shapes = _sorted(structure, M, solve(M, K, float(elastic[0]), wanted))
-    if noise > _GRADED * max(float(stiffness[0]), 0.0) and structure.strain_form is not None:
-        frequencies, shapes = structure.strain_form.modes()
-        return frequencies[:wanted], shapes[:, :wanted]
-    return np.sqrt(np.maximum(stiffness, 0.0)), shapes
+    graded = noise > _GRADED * max(float(stiffness[0]), 0.0)
+    if graded and (structure.strain_form is not None or (few and structure.mixed is not None)):
+        return _graded_modes(structure, wanted)
+    return _told(K, np.sqrt(np.maximum(stiffness, 0.0)), shapes), shapes
+
+
+def _told(K: Matrix, frequencies: Array, shapes: Array) -> Array:
+    """Return frequencies with those of rigid motions exactly zero: what the terms of ``v^T K v`` leave is rounding."""
+    slow = np.flatnonzero(frequencies <= _RIGID * frequencies.max(initial=0.0))
+    if not len(slow):
+        return frequencies
+    size = np.abs(shapes[:, slow])
+    terms = np.einsum("ij,ij->j", size, abs(K) @ size)
+    told = frequencies.copy()
+    told[slow[frequencies[slow] ** 2 <= _NOISE * terms]] = 0.0
+    return told
+
+
+def _graded_modes(structure: Structure, count: int) -> tuple[Array, Array]:
+    """Return the lowest modes in strain coordinates, or in mixed form: some stiff elements do not spoil them there."""
+    if structure.strain_form is None and structure.mixed is not None and count <= _SPARSE_SHARE * structure.n:
+        return _mixed_modes(structure.mixed, structure.noise, count)
+    if structure.strain_form is None:
+        raise ValueError(f"undamped modes: the stiffness matrix of {structure.n} coordinates is {_LOST}")
+    frequencies, shapes = structure.strain_form.modes()
+    return frequencies[:count], shapes[:, :count]
+
+
+def _mixed_modes(form: MixedForm, noise: float, count: int) -> tuple[Array, Array]:
+    """Return the lowest modes by the mixed form, whose own noise is that of the stiffness matrix times the unit rounding.
+
+    Where a motion is that soft, it is a rigid one: the shift is then raised to the lowest elastic mode.
+    """
+    floor = _NOISE * noise
+    frequencies, shapes = form.lowest(floor, count)
+    elastic = frequencies[frequencies**2 > 10.0 * floor]
+    if len(elastic) and (len(elastic) < count or frequencies[-1] ** 2 > _SPREAD * elastic[0] ** 2):
+        frequencies, shapes = form.lowest(float(elastic[0]) ** 2, count)
+    return np.where(frequencies**2 > 10.0 * floor, frequencies, 0.0), shapes
 
 
 def _sorted(structure: Structure, M: Matrix, vectors: Array) -> tuple[Array, Array]:
@@ -90,7 +145,7 @@ def _sparse_modes(M: Matrix, K: Matrix, shift: float, count: int) -> Array:
     factor = splu(sparse.csc_array(K + shift * M))
     inverse: Any = LinearOperator(M.shape, matvec=factor.solve, dtype=float)  # type: ignore[call-arg]
     start = np.random.default_rng(0).standard_normal(M.shape[0])
-    _, vectors = eigsh(K, count, M, sigma=-shift, OPinv=inverse, v0=start, tol=1e-12)
+    _, vectors = eigsh(K, count, M, sigma=-shift, OPinv=inverse, v0=start, tol=1e-12, maxiter=_LANCZOS)
     return vectors
 
 
@@ -126,6 +181,9 @@ def damped_poles(structure: Structure, count: int) -> Array:
     ValueError
         There are fewer.
     """
+    if structure.n > _LARGEST_DENSE and 2 * count + _SPARE > _SPARSE_SHARE * structure.n:
+        most = int(_SPARSE_SHARE * structure.n - _SPARE) // 2
+        raise ValueError(f"count = {count}: expected at most {most} of a model of {structure.n} coordinates")
     if structure.n <= max(2 * count + 20, _WHOLE) and structure.strain_form is not None:
         return _lowest(structure.strain_form.poles(), count)
     found = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
@@ -133,14 +191,16 @@ def damped_poles(structure: Structure, count: int) -> Array:
         return _lowest(first_order_poles(dense(structure.M), dense(structure.C), dense(structure.K)), count)
     frequencies, basis = found
     floats = frequencies[0] <= _FREE * frequencies[-1] and structure.n <= _FLOATING
-    if floats and structure.strain_form is not None:
+    moving = frequencies[frequencies > 0.0]
+    graded = structure.elastic is not None and len(moving) and structure.noise > _GRADED * moving[0] ** 2
+    if (floats or graded) and structure.strain_form is not None:
         return _lowest(structure.strain_form.poles(), count)
     small = structure.projected(basis)
     return _lowest(first_order_poles(small.M, small.C, small.K), count)
 
 
 def _lowest(poles: Array, count: int) -> Array:
-    upper = poles[poles.imag > 1e-9 * np.abs(poles)]
+    upper = poles[poles.imag > _CRITICAL * np.abs(poles)]
     if len(upper) < count:
         raise ValueError(f"count = {count}: the model has only {len(upper)} damped eigenfrequencies")
     return upper[np.argsort(upper.imag)][:count]
@@ -152,17 +212,30 @@ def _pole_basis(structure: Structure, count: int) -> tuple[Array, Array] | None:
     None for matrices without real modes.
     """
     try:
-        frequencies, shapes = undamped_modes(structure, min(structure.n, 2 * count + 12))
+        frequencies, shapes = undamped_modes(structure, min(structure.n, 2 * count + _SPARE))
     except ValueError:
         return None
     M, K, C = (sparse.csr_array(matrix) for matrix in (structure.M, structure.K, structure.C))
     shift = max(1e-3 * float(frequencies[-1]) ** 2, 1e-2)
-    loaded = sparse.csr_array(C - _common_damping(K, C) * K) @ shapes
+    rows = structure.elastic
+    if rows is None:
+        loaded = sparse.csr_array(C - _common_damping(K, C) * K) @ shapes
+    else:  # through strains, whose differences keep the digits that those of two matrices lose
+        ratios = rows.c[rows.k > 0.0] / rows.k[rows.k > 0.0]
+        common = float(np.median(ratios)) * rows.k if len(ratios) else 0.0 * rows.k
+        apart = np.where(np.abs(rows.c - common) > _SAME_ROW * np.maximum(rows.c, common), rows.c - common, 0.0)
+        loaded = rows.R.T @ (apart[:, None] * (rows.R @ shapes))
     left, size, _ = linalg.svd(loaded, full_matrices=False)
     forces = left[:, size > 1e-9 * size.max(initial=1e-300)]
     if not forces.shape[1]:
         return frequencies, shapes
-    still = factorized(sparse.csr_array(K + shift * M))(forces)
+    noisy = structure.elastic is not None and structure.noise > NOISY * shift
+    form = structure.mixed if noisy or structure.n > _MIXED_FROM else None
+    try:
+        solve = factorized(sparse.csr_array(K + shift * M)) if form is None else form.shifted(shift)
+    except (RuntimeError, linalg.LinAlgError):
+        raise ValueError(f"poles: the stiffness matrix of {structure.n} coordinates is {_LOST}") from None
+    still = solve(forces)
     return frequencies, np.hstack([shapes, orthonormal(M, still, shapes)])
 
 

@@ -1,0 +1,271 @@
+"""Exact beams in strain coordinates: where a nodal dynamic stiffness loses digits, and how much rounding is left here.
+
+A short segment is as stiff as ``EI/l^3``: where its nodal stiffness is summed with what is soft (springs, inertia), the soft
+part is lost.  Here the coordinates are the strains of the segments that are shorter than a wave at the frequency asked for,
+and of the springs; every other motion strains them by zero, exactly (see :mod:`boomctl.structure.strain_coordinates`).  The
+dynamic stiffness of these segments has no static share but that of its strains, and segments longer than a wave are soft.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.structure.beams.dynamic_stiffness import Segment, strain_functions, strain_lines, strain_terms
+from boomctl.structure.beams.terms import Lines, Terms, kinds_of
+from boomctl.structure.layout import Weights
+
+_UNFELT = (
+    1e-100  # of the largest stiffness: no coordinate is made of a spring softer than that, whose scale would overflow
+)
+_SHORT = 1.0  # |z| up to which strains of a segment are coordinates; rounding is alike from 0.5 to 2 (measured)
+_RIGID = 1e-12  # smallest over largest singular value of rows of size one, below which a motion strains nothing
+_DIFFERENCE = 1e-6  # of |s|, over which a slope is a difference: rounding and curvature leave some 1e-10 (a choice)
+_EPS = float(np.finfo(float).eps)
+
+
+def wave_numbers(segments: Sequence[Segment], s: Array) -> Array:
+    """Return ``|z|`` of each undamped segment at each ``s``, shape (len(s), segments)."""
+    unit = [(part.mass_per_length / part.bending_stiffness) ** 0.25 * part.length for part in segments]
+    return np.sqrt(np.abs(s))[:, None] * np.array(unit)
+
+
+@dataclass(frozen=True, eq=False)
+class StrainEquations:
+    """``D(s) z = B(s) d`` over strain coordinates, ``q = V z``.
+
+    Attributes
+    ----------
+    V : (n, n) ndarray
+    rigid : int
+        Number of coordinates that strain neither a short segment nor a spring.
+    kinds : tuple of Segment
+    coefficients, sizes : (numbers, n, n + m) ndarray
+        What multiplies ``1, s, s^2`` and six strain functions a kind of segment in ``[D, B]``; how large the products are
+        that it was summed from.
+    """
+
+    V: Array
+    rigid: int
+    kinds: tuple[Segment, ...]
+    coefficients: Array
+    sizes: Array
+
+    @classmethod
+    def of(
+        cls, left: Lines, right: Lines, forces: Array, weights: Weights, segments: Sequence[Segment], short: Array
+    ) -> "StrainEquations":
+        """Return the equations over coordinates of which rows are given.
+
+        Parameters
+        ----------
+        left : tuple of ndarray
+            ``N, R, S`` over the ``n`` coordinates.
+        right : tuple of ndarray
+            The same over the ``m`` inputs, with the sign of a load.
+        forces : (n, m) ndarray
+            Loads themselves.
+        weights, segments : Weights, sequence of Segment
+        short : (segments,) ndarray of bool
+            Segments whose strains become coordinates.
+        """
+        kinds, shares = kinds_of(segments)
+        N, R, S = left
+        n, stiffness = N.shape[1], shares.sum(axis=0)
+        lines = strain_lines(S)
+        scale = np.sqrt(np.stack([stiffness, 3.0 * stiffness], axis=1)).ravel()
+        strains = lines.reshape(-1, 4, n)[:, 2:].reshape(-1, n) * scale[:, None]
+        felt = weights.k > _UNFELT * max(float(stiffness.max(initial=0.0)), float(weights.k.max(initial=0.0)))
+        springs = np.sqrt(weights.k)[:, None] * R
+        rows = np.concatenate([strains, springs])
+        used = np.concatenate([np.repeat(short, 2), felt]) & rows.any(axis=1)
+        V, strained, rigid = _coordinates(rows[used])
+        rows, sizes = rows @ V, np.abs(rows) @ np.abs(V)
+        rows[used], sizes[used] = strained, np.abs(strained)
+        count = len(strains)
+
+        def placed(rows: Array, lines: Array, links: Array) -> tuple[Array, Array]:
+            """Return the lines with strains for theirs, and the links, all with their own unit again."""
+            lines = lines.copy()
+            lines.reshape(-1, 4, n)[:, 2:] = (rows[:count] / scale[:, None]).reshape(-1, 2, n)
+            elongations = np.where(
+                felt[:, None],
+                rows[count:] / np.sqrt(np.where(felt, weights.k, 1.0))[:, None],
+                links,
+            )
+            return elongations, lines
+
+        large = np.abs(V)
+        own = (N @ V, *placed(rows, lines @ V, R @ V))
+        own_size = (np.abs(N) @ large, *placed(sizes, np.abs(lines) @ large, np.abs(R) @ large))
+        N_r, R_r, S_r = right[0], right[1], strain_lines(right[2])
+        m = forces.shape[1]
+        loads = np.hstack([np.zeros((n, n)), V.T @ forces])
+        loads_size = np.hstack([np.zeros((n, n)), large.T @ np.abs(forces)])
+        both = _beside(own, (N_r, R_r, S_r))
+        both_size = _beside(own_size, (np.abs(N_r), np.abs(R_r), np.abs(S_r)))
+        terms, term_sizes = (
+            Terms.of(own, both, loads, strain_terms),
+            Terms.of(own_size, both_size, loads_size, strain_terms),
+        )
+        return cls(
+            V,
+            rigid,
+            kinds,
+            terms.weighed(weights, shares).reshape(-1, n, n + m),
+            term_sizes.weighed(weights, shares).reshape(-1, n, n + m),
+        )
+
+    def functions(self, s: Array) -> tuple[Array, Array]:
+        """Return ``1, s, s^2`` and six strain functions a kind of segment at each ``s``, and their size."""
+        values = np.empty((len(self.coefficients), len(s)), dtype=complex)
+        sizes = np.empty(values.shape)
+        values[0], values[1], values[2] = 1.0, s, s * s
+        sizes[:3] = np.abs(values[:3])
+        for k, kind in enumerate(self.kinds):
+            modulus = 1.0 + kind.damping * s
+            x = -(s * s) * (kind.mass_per_length * kind.length**4 / kind.bending_stiffness) / modulus
+            six, six_size = strain_functions(x)
+            values[3 + 6 * k : 9 + 6 * k], sizes[3 + 6 * k : 9 + 6 * k] = six * modulus, six_size * np.abs(modulus)
+        return values, sizes
+
+    def at(self, values: Array) -> Array:
+        """Return ``[D, B]`` at frequencies of these function values, (frequencies, n, n + m)."""
+        flat = self.coefficients.reshape(len(self.coefficients), -1).T
+        return (flat @ values).T.reshape(-1, *self.coefficients.shape[1:])
+
+    def size(self, sizes: Array) -> Array:
+        """Return how large the terms are that ``[D, B]`` is summed from, functions being of these sizes."""
+        return (self.sizes.reshape(len(self.sizes), -1).T @ sizes).T.reshape(-1, *self.sizes.shape[1:])
+
+    def scale(self, sizes: Array) -> Array:
+        """Return by what lines and columns are scaled, so that no term of the diagonal exceeds one, (frequencies, n)."""
+        terms = np.einsum("kii->ki", self.sizes[:, :, : self.V.shape[0]])
+        return 1.0 / np.sqrt(np.maximum(sizes.T @ terms, np.finfo(float).tiny))
+
+    @property
+    def unit_rounding(self) -> float:
+        """What sum and elimination of an equation lose at most, of the size of its terms (Higham 2002, section 3.1)."""
+        return (len(self.coefficients) + self.V.shape[0]) * _EPS
+
+
+def _beside(left: Lines, right: Lines) -> Lines:
+    """Return rows over coordinates and inputs, side by side."""
+    return np.hstack([left[0], right[0]]), np.hstack([left[1], right[1]]), np.hstack([left[2], right[2]])
+
+
+def _coordinates(rows: Array) -> tuple[Array, Array, int]:
+    """Return ``V`` for weighted rows, ``rows V``, and how many of its last columns strain nothing."""
+    n = rows.shape[1]
+    if not len(rows):
+        return np.eye(n), rows, n
+    unit = rows / np.linalg.norm(rows, axis=1)[:, None]
+    reach = np.linalg.norm(unit, axis=0)
+    unit = unit / np.where(reach > 0.0, reach, 1.0)
+    spread = np.linalg.svd(unit / np.linalg.norm(unit, axis=1)[:, None], compute_uv=False)
+    r = int((spread > _RIGID * spread[0]).sum())
+    order = np.argsort(-np.abs(rows).max(axis=1), kind="stable")  # what Householder's method needs to keep soft rows
+    Q, T, places = linalg.qr(rows[order], mode="economic", pivoting=True)
+    V, strained = np.zeros((n, n)), np.zeros(rows.shape)
+    V[places[:r], :r] = linalg.solve_triangular(T[:r, :r], np.eye(r))
+    V[places[:r], r:] = -linalg.solve_triangular(T[:r, :r], T[:r, r:])
+    V[places[r:], r:] = np.eye(n - r)
+    strained[order, :r] = Q[:, :r]
+    return V, strained, n - r
+
+
+@dataclass(frozen=True, eq=False)
+class StrainSystem:
+    """Rows of a structure with exact beams, ready for strain coordinates at any frequency; arguments as there."""
+
+    left: Lines
+    right: Lines
+    forces: Array
+    weights: Weights
+    segments: tuple[Segment, ...]
+    _known: dict[bytes, StrainEquations] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def rigid(self) -> int:
+        """Number of motions that strain nothing."""
+        return self._equations(np.ones(len(self.segments), dtype=bool)).rigid
+
+    @property
+    def unit_rounding(self) -> float:
+        """That of the equations."""
+        return self._equations(np.ones(len(self.segments), dtype=bool)).unit_rounding
+
+    def _equations(self, short: Array) -> StrainEquations:
+        """Return the equations over the strains of the segments that are short, found once."""
+        key = short.tobytes()
+        if key not in self._known:
+            self._known[key] = StrainEquations.of(
+                self.left, self.right, self.forces, self.weights, self.segments, short
+            )
+        return self._known[key]
+
+    def groups(self, s: Array) -> list[tuple[Array, StrainEquations]]:
+        """Return the equations, and for which of ``s`` they are meant."""
+        short = wave_numbers(self.segments, s) < _SHORT
+        count = short.sum(axis=1)  # tells which they are: the shortest ones
+        groups = [np.flatnonzero(count == k) for k in range(len(self.segments) + 1)]
+        return [(places, self._equations(short[places[0]])) for places in groups if len(places)]
+
+    def check_static(self) -> None:
+        """Raise if the structure can move freely, so that its static response is infinite."""
+        if self.rigid:
+            raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its response is infinite")
+
+    def inertia(self, omega: Array) -> Array:
+        """Return the eigenvalues of the scaled undamped dynamic stiffness, ascending, shape (len(omega), n)."""
+        n = self.forces.shape[0]
+        values = np.empty((len(omega), n))
+        for places, equations in self.groups(omega):
+            functions, sizes = equations.functions(1j * omega[places])
+            D, scale = equations.at(functions), equations.scale(sizes)
+            values[places] = np.linalg.eigvalsh(scale[:, :, None] * D.real * scale[:, None, :])
+        return values
+
+    def newton_step(self, s: Array) -> tuple[Array, Array]:
+        """Return ``det D/(det D)'`` at each ``s``: one over the trace of ``D^-1 D'``; and a bound of its rounding."""
+        step, rounding = np.empty(len(s), dtype=complex), np.empty(len(s))
+        for places, equations in self.groups(s):
+            at, h = s[places], _DIFFERENCE * np.abs(s[places])
+            (functions, sizes), up, down = (equations.functions(x) for x in (at, at + h, at - h))
+            D, size, scale = equations.at(functions), equations.size(sizes), equations.scale(sizes)
+            slope = equations.at(up[0] - down[0]) / (2.0 * h)[:, None, None]
+            both = scale[:, :, None] * scale[:, None, :]
+            try:
+                inverse = np.linalg.inv(both * D)
+            except np.linalg.LinAlgError:  # an iterate is an eigenvalue to the last digit
+                inverse = np.linalg.inv(both * D + _EPS * np.eye(D.shape[1]))
+            trace = np.einsum("fij,fji->f", inverse, both * slope)
+            step[places] = 1.0 / trace
+            lost = np.einsum("fij,fji->f", np.abs(inverse), both * size)
+            rounding[places] = equations.unit_rounding * lost / np.abs(trace)
+        return step, rounding
+
+    def response(self, s: Array, L: Array) -> tuple[Array, Array]:
+        """Return ``L q`` at each ``s``, (len(s), outputs, m), and a bound of its rounding."""
+        n, m = self.forces.shape
+        found = np.empty((len(s), len(L), m), dtype=complex)
+        rounding = np.empty(found.shape)
+        for places, equations in self.groups(s):
+            functions, sizes = equations.functions(s[places])
+            both, size, scale = equations.at(functions), equations.size(sizes), equations.scale(sizes)
+            D = scale[:, :, None] * both[:, :, :n] * scale[:, None, :]
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                try:
+                    inverse = np.linalg.inv(D)
+                    z = scale[:, :, None] * np.linalg.solve(D, scale[:, :, None] * both[:, :, n:])
+                except np.linalg.LinAlgError:
+                    raise ValueError("omega hits an undamped resonance: the response is infinite") from None
+                read = L @ equations.V
+                backward = size[:, :, :n] @ np.abs(z) + size[:, :, n:]
+                forward = scale[:, :, None] * (np.abs(inverse) @ (scale[:, :, None] * backward))
+                found[places] = read @ z
+                forward += np.abs(z)
+                rounding[places] = equations.unit_rounding * (np.abs(L) @ (np.abs(equations.V) @ forward))
+        return found, rounding
