@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boomctl.analysis.modal_form import in_modes
 from boomctl.arrays import Array
 from boomctl.lti.faithful_modes import in_faithful_modes
 from boomctl.lti.modal import ModalSystem, diagonalized, told_apart
@@ -13,6 +12,7 @@ from boomctl.reduction.tail_bounds import loads_of, modal_states, tail_bound
 from boomctl.structure.damping import separated_damping
 from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.modal_form import in_modes
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
 
@@ -72,12 +72,14 @@ def core_of(system: Lti | SecondOrderModel, modes: int) -> SystemCore:
         )
     try:
         # the highest modes come first: solvers of eigenvalues keep the digits of what stands last in a graded matrix
-        V = None if system.structure.elastic is None else undamped_modes(system.structure)[1][:, ::-1]
+        modes_of = None if system.structure.elastic is None else undamped_modes(system.structure)
     except ValueError:
-        V = None
-    if V is None:
+        modes_of = None
+    if modes_of is None:
         return _statespace_core(realize(system.structure, system.ports), 2 * modes, WHOLE)
-    return _statespace_core(in_modes(system, V), 2 * modes, ALL_MODES)
+    return _statespace_core(
+        in_modes(system.structure, system.ports, modes_of[0][::-1], modes_of[1][:, ::-1]), 2 * modes, ALL_MODES
+    )
 
 
 def _statespace_core(system: Lti, states: int, way: str) -> SystemCore:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from boomctl.checks import finite_array, known, positive, whole
 from boomctl.lti.system import Lti, of
+from boomctl.progress import Listener, Tell, computing
 from boomctl.reduction.core import core_of
 from boomctl.reduction.reducers import (
     MINIMAL,
@@ -44,10 +45,11 @@ def reduce(
     *,
     error: float | None = None,
     band: tuple[float, float] | None = None,
+    progress: "Listener | None" = None,
 ) -> ReductionResult:
     """Return a smaller system, with a bound of its error known beforehand and the error verified afterwards.
 
-    Unstable, undamped, integrating and rigid-body states are split off and kept exactly.
+    Unstable, undamped, integrating and rigid-body states are split off and kept as they are, but for rounding.
 
     Parameters
     ----------
@@ -67,6 +69,9 @@ def reduce(
     band : (float, float), optional
         Frequencies that matter [rad/s], ascending.  The measured error is then that within the band; the bound still
         holds at all frequencies.
+    progress : callable, optional
+        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
+        what goes on; `listening` hears whatever runs within it.
 
     Returns
     -------
@@ -102,22 +107,24 @@ def reduce(
     if method == "second-order" and isinstance(given, Lti):
         raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
     modes, path = _MODES + (order or 0), []
-    while True:
-        core = core_of(given, modes)
-        path.append(core.way)
-        reducer: Reducer = METHODS[method](given, core, limits, modes)
-        last, floor = modes >= _LARGEST_CORE, _ROUNDING * float(reducer.values.max(initial=0.0))
-        modes *= 2  # of the next core, where this one does not do
-        if not (core.complete or last) and wanted is not None and core.tail > max(_TAIL_SHARE * wanted, floor):
-            continue  # what this core leaves out alone is more than may be
-        try:
-            smaller, found = reducer.reduced(order) if wanted is None else _within(reducer, wanted)  # type: ignore[arg-type]
-        except ReductionError:
-            if reducer.complete or last:
-                raise
-            continue
-        if core.complete or last or core.tail <= max(_TAIL_SHARE * found.measured, floor):
-            break
+    with computing("reduction", progress) as tell:
+        while True:
+            tell(f"core of up to {modes} modes")
+            core = core_of(given, modes)
+            path.append(core.way)
+            reducer: Reducer = METHODS[method](given, core, limits, modes)
+            last, floor = modes >= _LARGEST_CORE, _ROUNDING * float(reducer.values.max(initial=0.0))
+            modes *= 2  # of the next core, where this one does not do
+            if not (core.complete or last) and wanted is not None and core.tail > max(_TAIL_SHARE * wanted, floor):
+                continue  # what this core leaves out alone is more than may be
+            try:
+                smaller, found = reducer.reduced(order) if wanted is None else _within(reducer, wanted, tell)  # type: ignore[arg-type]
+            except ReductionError:
+                if reducer.complete or last:
+                    raise
+                continue
+            if core.complete or last or core.tail <= max(_TAIL_SHARE * found.measured, floor):
+                break
     if order is not None and _states(smaller) < order:
         reason = (
             "a pair of poles stays whole"
@@ -129,6 +136,7 @@ def reduce(
     if isinstance(smaller, Lti):
         smaller = replace(smaller, inputs=given.inputs, outputs=given.outputs).without_dots()
     return ReductionResult(
+        _full=given,
         _reduced=smaller,
         order=_states(smaller),
         asked=order,
@@ -140,6 +148,8 @@ def reduce(
         hankel_values=reducer.values,
         kept=len(core.kept.A),
         path=tuple(path),
+        band=limits,
+        full_order=_states(given),
     )
 
 
@@ -161,7 +171,7 @@ def _band(band: object) -> Band | None:
     return float(limits[0]), float(limits[1])
 
 
-def _within(reducer: Reducer, error: float) -> tuple[Lti | SecondOrderModel, Verified]:
+def _within(reducer: Reducer, error: float, tell: Tell) -> tuple[Lti | SecondOrderModel, Verified]:
     """Return the reduction of lowest order whose verified error is not above the one wanted.
 
     Raises
@@ -171,6 +181,7 @@ def _within(reducer: Reducer, error: float) -> tuple[Lti | SecondOrderModel, Ver
     """
     best = inf
     for order in reducer.orders(error):
+        tell(f"{order} states")
         try:
             smaller, found = reducer.reduced(order)
         except ValueError:  # a repeated Hankel singular value across the cut: the next order

@@ -14,7 +14,6 @@ from typing import Protocol, final
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.modal_form import elastic
 from boomctl.arrays import Array
 from boomctl.lti.gramians import band_integral, factors
 from boomctl.lti.modal import ModalSystem, residualised, spectral_parts
@@ -25,6 +24,7 @@ from boomctl.reduction.tail_bounds import Loads, loads_of, truncation_bound
 from boomctl.reduction.verify import Band, Verified, verified
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
+from boomctl.structure.response.modal_form import elastic
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
 

@@ -2,16 +2,27 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from importlib import import_module
+from math import inf
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.norm import NormCertificate
+from boomctl.analysis.sigma import drawn_grid
 from boomctl.arrays import Array
+from boomctl.lti.frequency import Resonances, singular_values
 from boomctl.lti.system import Lti
-from boomctl.printing import between
+from boomctl.printing import between, compact
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.direct import respond
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.axes import Axes
+
+_BESIDE = 1.5  # how far above the frequency of the largest error a picture reaches at least (a choice)
 
 
 class ReductionError(RuntimeError):
@@ -20,6 +31,28 @@ class ReductionError(RuntimeError):
 
 class LowerOrderWarning(UserWarning):
     """A reduced system has fewer states than asked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReductionCurves:
+    """Singular values before and after a reduction.
+
+    Attributes
+    ----------
+    omega : (n,) ndarray
+        Frequencies [rad/s] that show the lowest resonances of the full system and the largest error.
+    full, reduced : (k, n) ndarray
+        Singular values of the full and of the reduced system, descending.
+    error : (n,) ndarray
+        Largest singular value of their difference.
+    """
+
+    omega: Array
+    full: Array
+    reduced: Array
+    error: Array
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True)
@@ -37,7 +70,8 @@ class ReductionResult:
         A priori bound of the largest singular value of the difference at any frequency; ``inf`` where none is known.
     measured_error : float
         H-infinity norm of the difference, within the band where one was asked for: a level proven not to be reached,
-        the bound of the modes left out of the core included.
+        the bound of the modes left out of the core included.  Kept states are the system's own but for rounding, which
+        beside an undamped pole changes the response by any amount: that is not in it.
     method : str
         How the system was reduced.
     certificate : NormCertificate
@@ -48,13 +82,20 @@ class ReductionResult:
     hankel_values : (n,) ndarray
         Hankel singular values of the stable part, descending; of the weighted one where a band was asked for.
     kept : int
-        Number of unstable and rigid-body states that are kept exactly.
+        Number of unstable, undamped and rigid-body states that are kept as they are, but for rounding.
     asked : int or None
         Number of states asked for; None where an error was.
     path : tuple of str
         What stood for the system, smaller cores first: each larger one was needed.
+    band : (float, float) or None
+        Frequencies asked for [rad/s]: ``measured_error`` is that within them, ``error_bound`` holds everywhere.
+    full : control.StateSpace or SecondOrderModel
+        The system that was reduced.
+    full_order : int
+        Number of its states.
     """
 
+    _full: Lti | SecondOrderModel = field(repr=False, compare=False)
     _reduced: Lti | SecondOrderModel = field(repr=False)
     order: int
     error_bound: float
@@ -66,15 +107,61 @@ class ReductionResult:
     kept: int = 0
     asked: int | None = None
     path: tuple[str, ...] = ()
+    band: tuple[float, float] | None = None
+    full_order: int = 0
 
     @cached_property
     def system(self) -> "control.StateSpace | SecondOrderModel":
         """The reduced system."""
         return self._reduced.statespace("reduced") if isinstance(self._reduced, Lti) else self._reduced
 
+    @cached_property
+    def full(self) -> "control.StateSpace | SecondOrderModel":
+        """The system that was reduced, as python-control's where it is not a structure."""
+        return self._full.statespace("full") if isinstance(self._full, Lti) else self._full
+
     def __repr__(self) -> str:
         ends = between(self._reduced.inputs, self._reduced.outputs)
         kept = f", {self.kept} unstable or rigid-body states kept" if self.kept else ""
         error = f"error {self.measured_error:.6g}, verified; bound {self.error_bound:.6g}"
         asked = "" if self.asked in (None, self.order) else f" ({self.asked} asked for)"
-        return f"ReductionResult: {self.order} states{asked}, {self.method}: {ends}\n  {error}{kept}"
+        return (
+            f"ReductionResult: {self.order} of {self.full_order} states{asked}, {self.method}: {ends}\n  {error}{kept}"
+        )
+
+    @cached_property
+    def curves(self) -> ReductionCurves:
+        """Singular values of the full system, of the reduced one and of their difference, computed when first asked for."""
+        full, worst = self._full, self.certificate.omega
+        top = _BESIDE * max(worst if worst < inf else 0.0, 0.0 if self.band is None else self.band[1])
+        if isinstance(full, Lti):
+            found = Resonances.of(full.poles)
+            found = Resonances.of(full.poles, top) if top > found.high else found
+        else:
+            split = SplitModel.of(full)
+            found = split.resonances()
+            found = split.resonances(top) if top > found.high else found
+        omega = drawn_grid(found, [worst])
+        before, after = (_response(system, omega) for system in (full, self._reduced))
+        error = singular_values(before - after)[0]
+        return ReductionCurves(omega, singular_values(before), singular_values(after), error)
+
+    def plot(self, ax: "Axes | None" = None, *, unit: str | None = None, **style: Any) -> "Axes":
+        """Draw singular values before and after, the error, and what it is proven not to exceed; return the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        unit : {"Hz", "rad/s"}, optional
+            Of the frequency axis, by default Hz.
+        **style
+            Of all curves, as matplotlib's lines take it.
+        """
+        return import_module("boomctl.plotting").plot_reduction(self, ax, unit=unit, **style)
+
+
+def _response(system: Lti | SecondOrderModel, omega: Array) -> Array:
+    if isinstance(system, Lti):
+        return np.asarray(system.response(omega, quiet=True))
+    return respond(system.structure, system.ports, omega).values

@@ -6,20 +6,23 @@ from math import inf
 import numpy as np
 from scipy import linalg
 
+from boomctl.analysis.modal_norm import modal_norm
 from boomctl.analysis.norm import (
+    BY_MODES,
     NO_CROSSING,
     NO_RESPONSE,
     NOT_TOLD,
+    STATIC_GAIN,
     UNSTABLE,
     NormCertificate,
     axis_eigenvalues,
     level_crossings,
-    matrices_norm,
+    level_norm,
 )
 from boomctl.arrays import Array
 from boomctl.lti.faithful_modes import in_faithful_modes
 from boomctl.lti.frequency import Response, highest_peak, resonance_grid, singular_values
-from boomctl.lti.modal import ModalSystem, side_of_axis
+from boomctl.lti.modal import ModalSystem, resolved, side_of_axis
 from boomctl.lti.system import Lti
 from boomctl.reduction.core import SystemCore
 from boomctl.reduction.result import ReductionError
@@ -69,13 +72,13 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
     small, own = in_faithful_modes(reduced)
     found = verified_norm(core.stable, modal, reduced, band, floor, small)
     bound += own
-    if found.upper <= _GRAMIANS * largest:
-        bound = max(bound, found.upper)
-    if found.lower > bound * (1.0 + _SLACK) + floor:
+    if found.lower > max(bound * (1.0 + _SLACK) + floor, _GRAMIANS * largest):
         raise ReductionError(
             f"the error, {found.lower:.4g} at {found.omega:.4g} rad/s, exceeds its bound {bound:.4g}: the Gramians were "
             "not solved accurately"
         )
+    if found.lower > bound or found.upper <= _GRAMIANS * largest:  # by rounding, which the bound does not know
+        bound = max(bound, found.upper)
     if found.upper == inf:
         raise ReductionError(
             f"the error, at least {found.lower:.4g} at {found.omega:.4g} rad/s, could not be verified ({found.method})"
@@ -113,9 +116,9 @@ def verified_norm(
 
     ``modal`` and ``small`` are the two in modal coordinates, where these keep their digits.
 
-    A level barely above the largest value found is tried first; where rounding hides it, higher ones, up to twice
-    that value, or up to multiples of ``floor``, below which errors are rounding.  The upper bound is a level proven not to be
-    reached; ``inf`` where none could be proven.
+    A level barely above the largest value found is tried first; where rounding hides it, or poles lie too far apart, cells
+    of frequencies in modal coordinates; then higher levels, up to twice that value, or up to multiples of ``floor``, below
+    which errors are rounding.  The upper bound is a level proven not to be reached; ``inf`` where none could be proven.
     """
     gap = difference(full, reduced if small is None else small.blocks)
 
@@ -125,8 +128,21 @@ def verified_norm(
 
     if band is not None:
         return band_norm(gap, respond, band, floor)
-    found = matrices_norm(gap, respond)
-    if found.upper < inf or found.lower == inf:
+    if (side_of_axis(gap.poles) >= 0).any():
+        return NormCertificate(inf, inf, float("nan"), UNSTABLE)
+    if not (len(gap.A) and gap.D.size):
+        value = float(np.linalg.norm(gap.D, 2)) if gap.D.size else 0.0
+        return NormCertificate(value, value, 0.0, STATIC_GAIN)
+    found = level_norm(gap, respond)
+    seen = bool(resolved(gap.poles).all())  # matrices do not show what is slower than rounding of the fastest pole
+    if found.lower == inf or (seen and found.upper < inf):
+        return found
+    if modal is not None and small is not None:
+        poles, B = np.concatenate([modal.poles, small.poles]), np.vstack([modal.B, small.B])
+        proved = modal_norm(ModalSystem(poles, B, np.hstack([modal.C, -small.C]), gap.D), floor)
+        if proved.upper < inf or not seen:
+            return NormCertificate(max(proved.lower, 0.0), proved.upper, proved.omega, BY_MODES)
+    if found.upper < inf:
         return found
     for level in sorted([*(found.lower * factor for factor in _LEVELS[1:]), *(floor * factor for factor in _FLOORS)]):
         if level > found.lower and level > np.linalg.norm(gap.D, 2) and not len(level_crossings(gap, level)):

@@ -8,7 +8,7 @@ from scipy import linalg
 
 from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
-from boomctl.checks import known
+from boomctl.checks import exactly, known, up_to
 from boomctl.lti.system import Lti, of
 from boomctl.simulation.plant import ModalPlant
 
@@ -90,7 +90,8 @@ def _discrete(controller: Lti, sample_time: float, method: str) -> Lti:
     if controller.dt != 0.0:
         if abs(controller.dt - sample_time) > _SAME * sample_time:
             raise ValueError(
-                f"controller: its sampling time is {controller.dt:g} s; expected sample_time = {sample_time:g} s"
+                f"controller: its sampling time is {exactly(controller.dt)} s; expected sample_time = "
+                f"{exactly(sample_time)} s"
             )
         return controller
     poles = np.linalg.eigvals(controller.A) if len(controller.A) else np.zeros(1)
@@ -98,8 +99,8 @@ def _discrete(controller: Lti, sample_time: float, method: str) -> Lti:
     limit = np.pi / sample_time
     if abs(fastest) > limit:
         raise ValueError(
-            f"sample_time = {sample_time:g} s is too long for the controller's pole at {fastest:.4g} rad/s: half the "
-            f"sampling rate is {limit:.4g} rad/s; sample at least every {np.pi / abs(fastest):.3g} s"
+            f"sample_time = {exactly(sample_time)} s is too long for the controller's pole at {fastest:.4g} rad/s: half the "
+            f"sampling rate is {limit:.4g} rad/s; sample at least every {up_to(np.pi / abs(fastest))} s"
         )
     from boomctl.lti.python_control import (
         control,  # where a controller is sampled, and not to name what can be asked for

@@ -4,9 +4,12 @@ A structure answers with as many modes as a wanted accuracy needs; the modes lef
 what the highest modes kept do beyond that estimates the error.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -63,8 +66,22 @@ class ForcedResponse:
         """Return an output by name."""
         return self.outputs[known("output", name, tuple(self.outputs))]
 
+    def plot(self, ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any) -> Array:
+        """Draw inputs and outputs over time; return the axes.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw: inputs, outputs and accelerations among them; by default a new figure of pyplot.
+        outputs : str or sequence of str, optional
+            By default the first six.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_forced_response(self, ax, outputs=outputs, **style)
+
     @property
-    def response(self) -> "control.TimeResponseData":
+    def response(self) -> control.TimeResponseData:
         """The same as python-control's named time response."""
         from boomctl.lti.python_control import control
 
@@ -80,7 +97,7 @@ class ForcedResponse:
 
 
 def forced_response(
-    plant: "SecondOrderModel | control.StateSpace",
+    plant: SecondOrderModel | control.StateSpace,
     signals: Mapping[str, ArrayLike],
     timepts: ArrayLike,
     outputs: str | Sequence[str] | None = None,

@@ -12,6 +12,8 @@ There are four ways to run a loop, tried in this order; the result's ``path`` na
 =====================  ==============================================================================================
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -19,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, nonnegative
+from boomctl.checks import exactly, finite_array, nonnegative, truth
 from boomctl.simulation.blocks import in_blocks, run_fast, run_if_no_stop_is_met
 from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, stop_places
 from boomctl.simulation.contact.friction import CoulombFriction, friction_law
@@ -37,12 +39,13 @@ if TYPE_CHECKING:
 
 # steps from one point of the grid to the next where there are stops: strokes between points are seen
 _STOP_SUBSTEPS = 4
+_MOST_STEPS = 1e9  # of a delay: more than any run has (a choice)
 _ROUNDING = 1e-9  # share of a step up to which a delay is a whole number of steps (a choice)
 
 
 def simulate_loop(
-    plant: "control.StateSpace | SecondOrderModel",
-    controller: "control.StateSpace | None",
+    plant: control.StateSpace | SecondOrderModel,
+    controller: control.StateSpace | None,
     disturbance: Mapping[str, ArrayLike] | ArrayLike | None,
     timepts: ArrayLike,
     *,
@@ -107,7 +110,7 @@ def simulate_loop(
     modal = modal_plant(plant, _contact_inputs(plant, friction, stroke_limit))
     places = stop_places(stroke_limit, modal)
     grid = time_grid(timepts, sample_time)
-    K = sampled_controller(controller, modal, float(sample_time), anti_windup, discretization)
+    K = sampled_controller(controller, modal, float(sample_time), truth("anti_windup", anti_windup), discretization)
     rows = disturbance_rows(disturbance, modal.inputs, K.outputs, len(grid.time))
     limits = Limits(
         per_signal("force_limit", force_limit, K.outputs),
@@ -146,7 +149,7 @@ def _check_strokes(places: list[tuple[str, str, float]], outputs: Array, names: 
         value = float(outputs[names.index(output)])
         if abs(value) > limit:
             raise ValueError(
-                f"stroke_limit: {output!r} is {value:g} m at the first time, beyond its stop at {limit:g} m"
+                f"stroke_limit: {output!r} is {exactly(value)} m at the first time, beyond its stop at {exactly(limit)} m"
             )
 
 
@@ -158,13 +161,15 @@ def _substeps(friction: CoulombFriction | None, stops: bool) -> int:
 
 def _whole_steps(delay: float, h: float) -> tuple[int, float]:
     """Return a delay as whole steps and what is left of it."""
+    if delay / h > _MOST_STEPS:
+        raise ValueError(f"delay = {delay:g}: expected at most {_MOST_STEPS:g} steps of {h:g} s")
     lag = int(np.floor(delay / h + _ROUNDING))
     rest = delay - lag * h
     return lag, rest if rest > _ROUNDING * h else 0.0
 
 
 def _contact_inputs(
-    plant: "control.StateSpace | SecondOrderModel", friction: CoulombFriction | None, limit: StrokeLimit
+    plant: control.StateSpace | SecondOrderModel, friction: CoulombFriction | None, limit: StrokeLimit
 ) -> tuple[str, ...]:
     """Return the inputs of a model at which contact forces act."""
     if not isinstance(plant, SecondOrderModel):

@@ -1,8 +1,9 @@
 """What a simulated loop returns."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from boomctl.arrays import Array
 from boomctl.checks import known
@@ -11,7 +12,6 @@ from boomctl.simulation.contact.stops import StopHit
 
 if TYPE_CHECKING:
     import control
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -124,6 +124,17 @@ class LoopResult:
             sysname="loop",
         )
 
-    def plot(self, outputs: tuple[str, ...] | None = None) -> "Figure":
-        """Draw outputs, controls asked for and applied, stops and friction over time; return the figure."""
-        return import_module("boomctl.plotting.loop").draw_loop(self, outputs)
+    def plot(self, ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any) -> Array:
+        """Draw outputs, controls asked for and applied, stops and friction over time; return the axes.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw: outputs, accelerations among them, strokes, controls and friction, those that there are; by
+            default a new figure of pyplot.
+        outputs : str or sequence of str, optional
+            By default the first six that are not strokes.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_loop(self, ax, outputs=outputs, **style)

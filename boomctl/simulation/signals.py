@@ -1,5 +1,7 @@
 """Checks of what a simulation is given: times, disturbances, limits."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -7,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, known, nonnegative, plain_array, positive
+from boomctl.checks import exactly, finite_array, known, nonnegative, plain_array, positive
 
 _EVEN = 1e-6  # relative unevenness of steps that count as equal: times printed with seven digits pass
 
@@ -66,7 +68,8 @@ def uniform_times(timepts: ArrayLike) -> Array:
     if off.max() > _EVEN * mean + 1e-12 * np.abs(time).max():
         k = int(off.argmax())
         raise ValueError(
-            f"timepts: expected equal steps of {mean:g} s, got {steps[k]:g} s after {time[k]:g} s; resample the signals"
+            f"timepts: expected equal steps of {exactly(mean)} s, got {exactly(steps[k])} s after "
+            f"{exactly(time[k])} s; resample the signals"
         )
     return time
 
@@ -86,7 +89,8 @@ def time_grid(timepts: ArrayLike, sample_time: float, substeps: int = 1) -> Time
     h = min(step, sample)
     if abs(h * per_point - step) > _EVEN * step or abs(h * per_sample - sample) > _EVEN * sample:
         raise ValueError(
-            f"sample_time = {sample:g} s, steps of timepts {step:g} s: expected one to be a whole multiple of the other"
+            f"sample_time = {exactly(sample)} s, steps of timepts {exactly(step)} s: expected one to be a "
+            f"whole multiple of the other"
         )
     exact = step / per_point
     return TimeGrid(time, exact / substeps, per_point * substeps, per_sample * substeps)
@@ -150,7 +154,10 @@ def per_signal(what: str, levels: Levels, signals: Sequence[str], zero: bool = F
     found = np.full(len(signals), np.inf)
     if levels is None:
         return found
-    check = nonnegative if zero else positive
+
+    def check(name: str, value: object) -> float:
+        return 0.0 if zero and nonnegative(name, value) == 0.0 else positive(name, value)
+
     if isinstance(levels, Mapping):
         for name, value in levels.items():
             known(f"signal of {what}", name, signals)

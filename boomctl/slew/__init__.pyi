@@ -1,5 +1,6 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
+from boomctl.slew.budget import SlewProgress
 from boomctl.slew.classical.comparison import SlewComparison, SlewLine, compare_slews
 from boomctl.slew.classical.shapers import Shaper, classical_spin_up, classical_torque, shaper
 from boomctl.slew.classical.tracking import TrackingResult, track
@@ -20,6 +21,7 @@ __all__ = [
     "SlewComparison",
     "SlewError",
     "SlewLine",
+    "SlewProgress",
     "SlewResult",
     "SwitchingCurve",
     "TorqueHistory",

@@ -10,13 +10,20 @@ The ways, in the order in which they are tried; the path of a result names those
    the durations of its arcs once more.
 """
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
 from numpy.typing import ArrayLike
 
+from boomctl.checks import positive
+from boomctl.printing import compact
+from boomctl.progress import Tell, computing
+from boomctl.slew.budget import Budget, OutOfTime, SlewProgress, listening
 from boomctl.slew.least_time.arc_count import arcs_behind
 from boomctl.slew.least_time.newton import least_time_arcs
 from boomctl.slew.least_time.switching import Extremal, least_time, linear_time_problem, time_gap
@@ -25,7 +32,7 @@ from boomctl.slew.nlp.programme import Programme, Solution
 from boomctl.slew.nlp.refinement import refined, solved_again
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem
-from boomctl.slew.replay import binding, end_error, other_models, played, violation
+from boomctl.slew.replay import binding, free_errors, other_models, played, prescribed_error, violation
 from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
 from boomctl.slew.torque import TorqueHistory
 
@@ -34,6 +41,7 @@ if TYPE_CHECKING:
 
     from boomctl.slew.plant import SlewMachine
 
+TIME_LIMIT = 120.0  # [s] for a search unless another is given: ten times what the slowest of the designs takes
 _EXTREMAL = 1e-4  # time that durations of arcs may leave to be gained, relative: more, and there are too few arcs
 _ROUNDING = 1e-12  # error of the end, relative, that no tolerance forbids
 
@@ -45,6 +53,8 @@ class Planned:
     problem: SlewProblem
     programme: Programme | None
     solution: Solution | None
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +123,7 @@ _WAYS: tuple[tuple[Callable[[SlewProblem], bool], Callable[..., _Outcome]], ...]
 
 
 def optimal_slew(
-    h: "SlewMachine | control.StateSpace",
+    h: SlewMachine | control.StateSpace,
     angle: float | None,
     torque_limit: float,
     objective: str = "time",
@@ -130,6 +140,8 @@ def optimal_slew(
     method: str = "collocation",
     tolerance: float = 1e-6,
     intervals: int | None = None,
+    time_limit: float = TIME_LIMIT,
+    progress: Callable[[SlewProgress], object] | None = None,
 ) -> SlewResult:
     """Turn a flexible beam, or any linear system, through an angle in the best way that the limits allow.
 
@@ -154,9 +166,15 @@ def optimal_slew(
     method : str
         "collocation" (Gauss-Legendre), "radau" (Radau IIA) or "shooting", on the same mesh.
     tolerance : float
-        Of the end state in the replay, relative.
+        Of the prescribed end state in the replay, relative. What the torque does not move in the linear part, as FOAM's axial
+        motion, is not prescribed; what is left of it is in ``end_error``.
     intervals : int or None
         Of the mesh; None refines it until halving it changes the cost by less than 1e-4.
+    time_limit : float
+        Time to search for it, s; judging what was found takes a little more. When it is over, the slew on the finest mesh so
+        far is returned, if the replay confirms it.
+    progress : callable or None
+        Called with a `SlewProgress` now and then, in the thread that calls this.
 
     Returns
     -------
@@ -166,8 +184,17 @@ def optimal_slew(
     ------
     TypeError, ValueError, SlewError
         A bad argument; a slew that no torque within the limits can do: the message names the limits that bind, since
-        when, and what would do.
+        when, and what would do; the time limit is over before there is a slew: the message says what was reached.
+    KeyboardInterrupt
+        Within two seconds of an interrupt, also while a solver runs.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 200.0, "effort", 4.0, time_limit=30.0).certificate.switches is None
+    True
     """
+    budget = _budget(time_limit, progress)
     problem = slew_problem(
         h,
         angle,
@@ -181,7 +208,14 @@ def optimal_slew(
         method=method,
         tolerance=tolerance,
         intervals=intervals,
+        budget=budget,
     )
+    with computing("optimal slew") as tell, _in_time(budget):
+        return _planned(replace(problem, budget=_told(budget, tell)))
+
+
+def _planned(problem: SlewProblem) -> SlewResult:
+    """Plan a slew by the first way that finds one."""
     least = least_time(problem) if problem.objective == "time" else None  # of the linear part: where every way starts
     path = () if least is None else least.path
     for serves, planned in _WAYS:
@@ -193,7 +227,39 @@ def optimal_slew(
     raise AssertionError("the last way finds a torque or says why there is none")
 
 
-def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: float | None = None) -> SlewResult:
+def _told(budget: Budget, tell: Tell) -> Budget:
+    """Return a budget that is told of as a computation is, where the caller named nobody."""
+    return budget if budget.tell is not None else replace(budget, tell=lambda seen: tell(seen.stage))
+
+
+def _budget(time_limit: float, progress: Callable[[SlewProgress], object] | None) -> Budget:
+    """Check what bounds a search and who is told of it."""
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress = {progress!r}: expected a function of a SlewProgress, or None")
+    return Budget(positive("time_limit", time_limit), progress)
+
+
+@contextmanager
+def _in_time(budget: Budget) -> Iterator[None]:
+    """Turn the end of the time into words."""
+    try:
+        with listening(budget):
+            yield
+    except OutOfTime as over:
+        raise SlewError(
+            f"time_limit = {budget.limit:g} s: over before there was a slew that the replay confirms; reached: {over}. "
+            "Expected more time, fewer modes or payloads, or a larger tolerance"
+        ) from None
+
+
+def resolve(
+    result: SlewResult,
+    *,
+    angle: float | None = None,
+    torque_limit: float | None = None,
+    time_limit: float = TIME_LIMIT,
+    progress: Callable[[SlewProgress], object] | None = None,
+) -> SlewResult:
     """Solve a slew's programme again with other data, started from its solution; nothing is built anew.
 
     Parameters
@@ -202,6 +268,8 @@ def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: flo
         Of `optimal_slew` with method "collocation" or "shooting" in its certificate.
     angle, torque_limit : float or None
         What is new; None: as before.
+    time_limit, progress
+        As in `optimal_slew`.
 
     Returns
     -------
@@ -219,8 +287,10 @@ def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: flo
     before = result.plan
     if before is None or before.programme is None or before.solution is None:
         raise ValueError("result: expected a slew planned by collocation or shooting; plan this one anew")
-    problem = changed(before.problem, angle, torque_limit)
-    solution = solved_again(problem, before.programme, before.solution)
+    budget = _budget(time_limit, progress)
+    problem = replace(changed(before.problem, angle, torque_limit), budget=budget)
+    with computing("slew") as tell, _in_time(budget):
+        solution = solved_again(replace(problem, budget=_told(budget, tell)), before.programme, before.solution)
     gap = result.certificate.optimality_gap
     path = (f"{problem.method}, solved again on its mesh",)
     found = _Candidate(
@@ -237,9 +307,10 @@ def resolve(result: SlewResult, *, angle: float | None = None, torque_limit: flo
 
 def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
     """Play a torque back, judge it, and put the result together."""
-    history = found.history
+    history, problem = found.history, replace(problem, budget=Budget())  # what is kept of it tells nobody
     motions = played(problem, history)
-    error, excess = end_error(problem, motions), violation(problem, history, motions)
+    error, free = prescribed_error(problem, motions), free_errors(problem, motions)
+    excess, whole = violation(problem, history, motions), max(error, *free.values(), 0.0)
     if error > max(problem.tolerance, _ROUNDING):
         raise SlewError(
             f"the replay ends {error:.1e} off the end state; expected {problem.tolerance:.1e}. "
@@ -247,7 +318,9 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
         )
     certificate = SlewCertificate(
         method=found.method,
-        end_error=error,
+        end_error=whole,
+        prescribed_error=error,
+        free_errors=free,
         constraint_violation=max(excess.values()),
         binding=binding(problem, history, motions),
         optimality_gap=found.gap,
@@ -270,7 +343,7 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
         root_moment=rows.get("moment"),
         states=first.states,
         residual_energy=first.residual_energy,
-        end_error=error,
+        end_error=whole,
         certificate=certificate,
         history=history,
         replay=partial(other_models, problem, history),

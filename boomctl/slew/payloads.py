@@ -3,18 +3,15 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import nonnegative
+from boomctl.checks import nonnegative, sequence
 from boomctl.printing import compact, table_html
 from boomctl.slew.plant import SlewMachine, plant_of
 from boomctl.slew.result import SlewResult
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _SWEEP = 21  # payloads of a curve of vibrations: it is drawn
 _COARSE = {"rtol": 1e-5, "atol": 1e-6}  # a tenth of what a picture shows
@@ -105,9 +102,17 @@ class PayloadComparison:
         lines = [line for line in self.lines if line.slew == slew and planned in (None, line.planned)]
         return max(lines, key=lambda line: line.vibration)
 
-    def plot(self) -> "Figure":
-        """Draw tip displacements over time and vibration over payload; returns a matplotlib figure."""
-        return import_module("boomctl.plotting").plot_payloads(self)
+    def plot(self, ax: Any = None, **style: Any) -> Array:
+        """Draw tip displacements over time and vibration over payload; return the axes.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw: one a slew, and the vibration; by default a new figure of pyplot.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_payloads(self, ax, **style)
 
 
 def compare_payloads(
@@ -133,7 +138,7 @@ def compare_payloads(
     TypeError, ValueError
         Slews of a linear system; a bad mass; no mass.
     """
-    masses = [nonnegative("tip_masses", mass) for mass in tip_masses]
+    masses = [nonnegative("tip_masses", mass) for mass in sequence("tip_masses", tip_masses, "masses in kg")]
     if not masses or not slews:
         raise ValueError("tip_masses: expected one payload at least, and one slew")
     machine = next(iter(slews.values())).plan.problem.plants[0].machine

@@ -1,5 +1,7 @@
 """What is slewed, as the planning sees it: a linear system, or a hub-beam in coordinates of its vibrations."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
@@ -38,7 +40,7 @@ class SlewMachine(Protocol):
         """Row that reads the bending moment at the clamp off a state, N m."""
         ...
 
-    def casadi_function(self) -> "casadi.Function":
+    def casadi_function(self) -> casadi.Function:
         """``(x, torque) -> (xdot, y)``, y = hub angle, hub speed, tip displacement."""
         ...
 
@@ -66,11 +68,11 @@ class SlewMachine(Protocol):
         """Motion under a torque: a result with ``states``, ``tip_displacement``, ``hub_angle``, ``hub_speed``."""
         ...
 
-    def with_tip_mass(self, tip_mass: float) -> "SlewMachine":
+    def with_tip_mass(self, tip_mass: float) -> SlewMachine:
         """The same model with another tip mass, kg."""
         ...
 
-    def with_stiffness(self, factor: float) -> "SlewMachine":
+    def with_stiffness(self, factor: float) -> SlewMachine:
         """The same model with its bending stiffness multiplied by a factor."""
         ...
 

@@ -1,9 +1,10 @@
 """What is asked of a slew, checked at the boundary, and refused where no torque can do it."""
 
+from __future__ import annotations
+
 import itertools
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +12,9 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, expm
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, known, nonnegative, positive, real, whole
+from boomctl.checks import exactly, finite_array, from_on, known, nonnegative, positive, real, sequence, whole
+from boomctl.printing import compact
+from boomctl.slew.budget import Budget
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
 from boomctl.slew.result import SlewError
@@ -100,6 +103,8 @@ class SlewProblem:
     intervals : int or None
     tip_masses : tuple of float
         Of the other payloads, kg.
+    budget : Budget
+        How long it may be sought, and who is told.
     """
 
     plants: tuple[SlewPlant, ...]
@@ -116,6 +121,9 @@ class SlewProblem:
     tolerance: float
     intervals: int | None
     tip_masses: tuple[float, ...] = ()
+    budget: Budget = field(default_factory=Budget)
+
+    __repr__ = compact
 
     @cached_property
     def parts(self) -> tuple[tuple[SlewPlant, slice], ...]:
@@ -180,6 +188,7 @@ def slew_problem(
     method: str = "collocation",
     tolerance: float = 1e-6,
     intervals: int | None = None,
+    budget: Budget | None = None,
 ) -> SlewProblem:
     """Check and put together what is asked; the arguments are those of `optimal_slew`."""
     known("objective", objective, OBJECTIVES)
@@ -190,9 +199,7 @@ def slew_problem(
             if objective == "time"
             else f"duration = None: expected a number of seconds with objective {objective!r}"
         )
-    if isinstance(tip_masses, str) or not isinstance(tip_masses, Iterable):
-        raise TypeError(f"tip_masses = {tip_masses!r}: expected numbers of kilograms in a tuple")
-    masses = tuple(nonnegative("tip_masses", mass) for mass in tip_masses)
+    masses = tuple(nonnegative("tip_masses", mass) for mass in sequence("tip_masses", tip_masses, "masses in kg"))
     plants = _plants(h, masses)
     for kind, output in (("tip", "tip_displacement"), ("moment", "root_moment")):
         if (kind in limits.given or (kind == "tip" and OBJECTIVES[objective].bounds_tip)) and kind not in plants[
@@ -216,6 +223,7 @@ def slew_problem(
         tolerance=positive("tolerance", tolerance),
         intervals=None if intervals is None else whole("intervals", intervals, 4),
         tip_masses=masses,
+        budget=Budget() if budget is None else budget,
     )
     _refuse(problem)
     return problem
@@ -314,14 +322,16 @@ def _refuse(problem: SlewProblem) -> None:
     turn, change = (abs(float(plant.rows[name] @ gap)) for name in ("angle", "speed"))
     most = problem.limits.most("speed")
     if abs(problem.final_speed) > most:
-        raise SlewError(f"final_speed = {problem.final_speed:g}: expected at most speed_limit = {most:g} rad/s")
+        raise SlewError(
+            f"final_speed = {exactly(problem.final_speed)}: expected at most speed_limit = {exactly(most)} rad/s"
+        )
     _refuse_states(problem)
     if problem.duration is None:
         return
     if problem.angle is not None and turn > most * problem.duration:
         raise SlewError(
-            f"duration = {problem.duration:g} s: too short for {turn:g} rad at speed_limit = {most:g} rad/s, "
-            f"which takes {turn / most:.6g} s at least"
+            f"duration = {exactly(problem.duration)} s: too short for {turn:g} rad at speed_limit = {exactly(most)} rad/s, "
+            f"which takes {from_on(turn / most)} s at least"
         )
     if problem.waits and plant.inertia is not None:
         resting = change == 0.0 and not np.any(np.abs(plant.rows["speed"] @ problem.start[own]) > 0.0)
@@ -373,6 +383,7 @@ def _refuse_short(problem: SlewProblem, inertia: float, turn: float, change: flo
         if margin * least > T:
             limit, needed, kind = limited
             raise SlewError(
-                f"duration = {T:g} s: too short for {what}; a rigid body of {inertia:.4g} kg m^2 takes "
-                f"{least:.6g} s at {kind}_limit = {limit:g} {UNITS[kind]}, or needs {needed:.4g} {UNITS[kind]}"
+                f"duration = {exactly(T)} s: too short for {what}; a rigid body of {inertia:.4g} kg m^2 takes "
+                f"{from_on(least)} s at {kind}_limit = {exactly(limit)} {UNITS[kind]}, or needs "
+                f"{from_on(needed)} {UNITS[kind]}"
             )

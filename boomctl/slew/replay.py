@@ -106,14 +106,36 @@ def _taylor_maps(plant: SlewPlant, steps: Array) -> Array:
     )
 
 
-def end_error(problem: SlewProblem, motions: tuple[Motion, ...]) -> float:
+def prescribed_error(problem: SlewProblem, motions: tuple[Motion, ...]) -> float:
     """Largest miss of the prescribed end, each condition over its largest size on the way."""
-    end = np.concatenate([motion.coordinates[-1] for motion in motions])
-    sizes = np.concatenate([np.abs(motion.coordinates).max(axis=0) for motion in motions])
-    sizes = np.maximum(sizes, np.abs(problem.target))
+    end, sizes = _ends(problem, motions)
     miss = np.abs(problem.ends @ (end - problem.target))
     scale = np.abs(problem.ends) @ sizes
     return float((miss / np.where(scale > 0.0, scale, 1.0)).max())
+
+
+def free_errors(problem: SlewProblem, motions: tuple[Motion, ...]) -> dict[str, float]:
+    """What is left of the motion in coordinates that planning does not prescribe, for the linear torque does not move them.
+
+    By the names of the plants' coordinates: those of a beam are its modes in the order of their frequencies, the rigid one
+    0. Each deviation from the target over its coordinate's largest size on the way, and of mode and rate the larger one.
+    """
+    end, sizes = _ends(problem, motions)
+    left = np.abs(end - problem.target) / np.where(sizes > 0.0, sizes, 1.0)
+    found = {}
+    for k, (plant, own) in enumerate(problem.parts):
+        half = plant.n // 2
+        payload = f" with payload {k}" if k else ""
+        for mode in np.flatnonzero(~plant.controllable[:half]):
+            found[f"mode {mode}{payload}"] = float(max(left[own][mode], left[own][mode + half]))
+    return found
+
+
+def _ends(problem: SlewProblem, motions: tuple[Motion, ...]) -> tuple[Array, Array]:
+    """Coordinates of all plants at the end, and their largest sizes on the way."""
+    end = np.concatenate([motion.coordinates[-1] for motion in motions])
+    sizes = np.concatenate([np.abs(motion.coordinates).max(axis=0) for motion in motions])
+    return end, np.maximum(sizes, np.abs(problem.target))
 
 
 def _followed(

@@ -4,15 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from boomctl.arrays import Array
 from boomctl.printing import compact
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.torque import TorqueHistory
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class SlewError(RuntimeError):
@@ -70,7 +67,13 @@ class SlewCertificate:
     method : str
         "switching times", "collocation", "radau" or "shooting".
     end_error : float
-        Largest deviation of the prescribed end state in the replay, each relative to its largest size on the way.
+        Largest deviation of the end state in the replay, of all coordinates of the model, each relative to its largest size
+        on the way.
+    prescribed_error : float
+        Likewise of what planning prescribes: all but what the torque does not move in the linear part, as the axial
+        motion of FOAM. This is held to the tolerance.
+    free_errors : dict of str to float
+        Likewise of the coordinates that planning leaves free, the modes in the order of their frequencies.
     constraint_violation : float
         Largest relative excess over any limit on the dense replay; 0 if there is none.
     binding : dict of str to float
@@ -89,6 +92,8 @@ class SlewCertificate:
 
     method: str
     end_error: float
+    prescribed_error: float
+    free_errors: dict[str, float]
     constraint_violation: float
     binding: dict[str, float]
     optimality_gap: float
@@ -98,7 +103,8 @@ class SlewCertificate:
 
     def __repr__(self) -> str:
         met = f"; limits met: {', '.join(self.binding)}" if self.binding else ""
-        errors = f"end error {self.end_error:.1e}, limits exceeded by {self.constraint_violation:.1e}{met}"
+        free = f" ({self.prescribed_error:.1e} without axial motion, left free)" if self.free_errors else ""
+        errors = f"end error {self.end_error:.1e}{free}, limits exceeded by {self.constraint_violation:.1e}{met}"
         return f"SlewCertificate: {self.method}\n  {self.verdict}\n  {errors}"
 
     @property
@@ -110,6 +116,8 @@ class SlewCertificate:
         if self.optimality == "extremal":
             within = f" within {gap:.0e}" if gap > 0.0 else ""
             return f"Pontryagin's conditions hold{within}, on a problem that is not convex"
+        if gap == float("inf"):
+            return f"stationary on its mesh of {self.intervals} intervals; there was no time for another mesh"
         return f"stationary on its mesh of {self.intervals} intervals; half as many change the cost by {gap:.0e}"
 
 
@@ -138,7 +146,7 @@ class SlewResult:
     residual_energy : float or None
         Energy left after the end, J; None of a linear system.
     end_error : float
-        As in the certificate.
+        As in the certificate: of all coordinates of the model, also of those that planning does not prescribe.
     certificate : SlewCertificate
     history : TorqueHistory
         The torque as a function of time.
@@ -171,7 +179,10 @@ class SlewResult:
     def __repr__(self) -> str:
         turned = f"{self.hub_angle[-1] - self.hub_angle[0]:.6g} rad in {self.duration:.6g} s"
         tip = f", tip up to {abs(self.tip_displacement).max():.4g} m" if self.tip_displacement is not None else ""
-        left = f", {self.residual_energy:.1e} J left" if self.residual_energy is not None else ""
+        free = (
+            f" ({self.certificate.prescribed_error:.1e} without axial motion)" if self.certificate.free_errors else ""
+        )
+        left = f"{free}, {self.residual_energy:.1e} J left" if self.residual_energy is not None else free
         torque = f"torque up to {self.history.peak:.6g} N m{tip}"
         return (
             f"SlewResult: {self.title}, {turned}\n  {torque}\n"
@@ -188,6 +199,15 @@ class SlewResult:
         """What the torque does to the other payloads, to FOAM and to the geometrically exact beam; computed when asked."""
         return self.replay()
 
-    def plot(self) -> "Figure":
-        """Draw torque, hub and tip over time; returns a matplotlib figure."""
-        return import_module("boomctl.plotting").plot_slew(self)
+    def plot(self, ax: Any = None, **style: Any) -> Array:
+        """Draw torque, hub and tip over time, with the limits near them; return the axes.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw: torque, hub angle, hub speed, tip displacement and root moment, those that there are; by default
+            a new figure of pyplot.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_slew(self, ax, **style)

@@ -1,12 +1,21 @@
 """A torque as a function of time: constant or a straight line on each of its intervals."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.printing import count
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_SWITCH = 0.5  # share of the peak either side of a switch: an arc of a bang-bang torque has all of it (a choice)
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +35,8 @@ class TorqueHistory:
     right: Array
 
     def __repr__(self) -> str:
-        parts = f"{count(len(self.left), 'interval')}, {count(len(self.switches), 'switch', 'switches')}"
+        switching = f", {count(len(self.switches), 'switch', 'switches')}" if self.switches.size else ""
+        parts = f"{count(len(self.left), 'interval')}{switching}"
         return f"TorqueHistory: {self.duration:.6g} s, up to {self.peak:.6g} N m; {parts}"
 
     def __call__(self, t: ArrayLike) -> Array:
@@ -37,6 +47,18 @@ class TorqueHistory:
         value = self.left[k] + along * (self.right[k] - self.left[k])
         return np.where((t >= 0.0) & (t <= self.edges[-1]), value, 0.0)
 
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
+        """Draw the torque over time; return the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        **style
+            Of the curve, as matplotlib's lines take it.
+        """
+        return import_module("boomctl.plotting").plot_torque(self, ax, **style)
+
     @property
     def duration(self) -> float:
         """Instant at which the torque ends, s."""
@@ -44,8 +66,12 @@ class TorqueHistory:
 
     @property
     def switches(self) -> Array:
-        """Instants at which the torque changes its sign by a jump, s."""
-        jumps = np.sign(self.right[:-1]) * np.sign(self.left[1:]) < 0.0
+        """Instants at which the torque jumps from at least half of its peak to at least half of it the other way, s.
+
+        Other changes of the sign, as on the steps of a mesh on which a smooth torque goes through zero, are no switches.
+        """
+        before, after, enough = self.right[:-1], self.left[1:], _SWITCH * self.peak
+        jumps = (before * after < 0.0) & (np.minimum(np.abs(before), np.abs(after)) >= enough)
         return self.edges[1:-1][jumps]
 
     @property

@@ -8,6 +8,7 @@ from boomctl.synthesis.lq.kalman import KalmanResult, kalman
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
 from boomctl.synthesis.lq.lqr import LqrResult, lqr
 from boomctl.synthesis.lq.recovery import RecoveryResult, loop_transfer_recovery
+from boomctl.synthesis.plants.full_plant import FullPlantCertificate, ReductionWarning
 from boomctl.synthesis.plants.generalized import generalized_plant, mixed_sensitivity, select_channels
 from boomctl.synthesis.plants.partition import close_loop
 from boomctl.synthesis.plants.symmetry import join_symmetric, split_controller
@@ -16,6 +17,7 @@ from boomctl.synthesis.plants.weights import band_pass, high_pass, low_pass, she
 from boomctl.synthesis.reduce_controller import ReducedController, reduce_controller
 
 __all__ = [
+    "FullPlantCertificate",
     "H2Result",
     "HInfinityCertificate",
     "HInfinityResult",
@@ -24,6 +26,7 @@ __all__ = [
     "LqrResult",
     "RecoveryResult",
     "ReducedController",
+    "ReductionWarning",
     "SynthesisError",
     "band_pass",
     "close_loop",

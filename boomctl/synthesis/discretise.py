@@ -3,7 +3,7 @@
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import known, positive
+from boomctl.checks import exactly, from_on, known, positive, up_to
 from boomctl.lti.python_control import control
 from boomctl.lti.system import of
 
@@ -57,14 +57,18 @@ def discretize(
     T = positive("sample_time", sample_time)
     known("method", method, _METHODS)
     if positive("samples_per_period", samples_per_period) < 2.0:
-        raise ValueError(f"samples_per_period = {samples_per_period:g}: expected at least 2, the limit of Nyquist")
+        raise ValueError(
+            f"samples_per_period = {exactly(samples_per_period)}: expected at least 2, the limit of Nyquist"
+        )
     warped = None
     if prewarp_omega is not None:
         if method != "tustin":
             raise ValueError(f"prewarp_omega: expected only with method 'tustin', got method {method!r}")
         warped = positive("prewarp_omega", prewarp_omega)
         if warped >= np.pi / T:
-            raise ValueError(f"prewarp_omega = {warped:g}: expected less than pi/sample_time = {np.pi / T:g} rad/s")
+            raise ValueError(
+                f"prewarp_omega = {exactly(warped)}: expected less than pi/sample_time = {up_to(np.pi / T)} rad/s"
+            )
     _check_rate(poles, T, samples_per_period)
     if method == "tustin":
         _check_corner(poles, T if warped is None else 2.0 * np.tan(0.5 * warped * T) / warped)
@@ -88,7 +92,7 @@ def _check_rate(poles: Array, T: float, samples: float) -> None:
     needed = samples * abs(fastest) / (2.0 * np.pi)
     if needed * T > 1.0:
         raise ValueError(
-            f"sample_time = {T:g} s: too long for the pole of the controller at {fastest:.4g} rad/s, which needs "
-            f"{needed:.4g} Hz or more ({samples:g} samples in each {2.0 * np.pi / abs(fastest):.4g} s); sample faster, "
+            f"sample_time = {exactly(T)} s: too long for the pole of the controller at {fastest:.4g} rad/s, which needs "
+            f"{from_on(needed)} Hz or more ({samples:g} samples in each {2.0 * np.pi / abs(fastest):.4g} s); sample faster, "
             "or reduce the controller first"
         )

@@ -11,7 +11,7 @@ Source: Moreau (1988) and Jean (1999) for the time stepping; the division of the
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from boomctl.checks import nonnegative, positive, signal_name, whole
+from boomctl.checks import exactly, nonnegative, positive, signal_name, whole
 
 _END = 1e-12  # share of a step: what rounding leaves of it is no rest
 
@@ -51,7 +51,9 @@ class CoulombFriction:
         signal_name("output", self.output)
         whole("substeps", self.substeps)
         if self.static_force is not None and nonnegative("static_force", self.static_force) < self.force:
-            raise ValueError(f"static_force = {self.static_force:g}: expected no less than force = {self.force:g}")
+            raise ValueError(
+                f"static_force = {exactly(self.static_force)}: expected no less than force = {exactly(self.force)}"
+            )
 
     @property
     def breakaway(self) -> float:

@@ -8,15 +8,18 @@ damping ``4 F/(pi omega A)`` at the slip amplitude ``A``.  With the plant's rece
 Source: Den Hartog (1931) for the damper, Gelb & Vander Velde (1968) for the method.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import frequencies, known, names, positive
+from boomctl.checks import frequencies, known, names, positive, some_names
 from boomctl.lti.frequency import singular_values
 from boomctl.printing import between
 from boomctl.simulation.contact.friction import CoulombFriction, friction_law
@@ -71,6 +74,20 @@ class SineResponse:
         """Length of the response per length of the excitation: the singular value of a single pattern, (n,)."""
         return singular_values(self.response[:, None, :])[0]
 
+    def plot(self, ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
+        """Draw the gain of each output and the slip over frequency; return the axes.  Hollow markers: the contact sticks.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw: gains and slip; by default a new figure of pyplot.
+        unit : {"Hz", "rad/s"}, optional
+            Of the frequency axis, by default Hz.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_sines(self, ax, unit=unit, **style)
+
 
 def sine_pattern(inputs: Sequence[str], excitation: str | dict[str, complex]) -> tuple[tuple[str, ...], Array]:
     """Return the inputs excited and their complex amplitudes, scaled to length one."""
@@ -89,7 +106,7 @@ def sine_pattern(inputs: Sequence[str], excitation: str | dict[str, complex]) ->
 
 
 def receptances(
-    plant: "SecondOrderModel | control.StateSpace", omega: Array, inputs: Sequence[str], outputs: Sequence[str]
+    plant: SecondOrderModel | control.StateSpace, omega: Array, inputs: Sequence[str], outputs: Sequence[str]
 ) -> Array:
     """Return the frequency response of some signals, (outputs, inputs, frequencies)."""
     if isinstance(plant, SecondOrderModel):
@@ -101,7 +118,7 @@ def receptances(
 
 
 def describing_function(
-    plant: "SecondOrderModel | control.StateSpace",
+    plant: SecondOrderModel | control.StateSpace,
     friction: CoulombFriction,
     omega: ArrayLike,
     excitation: str | dict[str, complex],
@@ -131,7 +148,7 @@ def describing_function(
     """
     grid, size, law = positive_grid(omega), positive("amplitude", amplitude), friction_law(friction)
     excited, shape = sine_pattern(plant_inputs(plant), excitation)
-    read = names("output", outputs, plant_outputs(plant))
+    read = some_names("output", outputs, plant_outputs(plant))
     known("input of the friction", law.input, plant_inputs(plant))
     known("output of the friction", law.output, plant_outputs(plant))
     ins, outs = tuple(dict.fromkeys((*excited, law.input))), tuple(dict.fromkeys((*read, law.output)))
@@ -182,7 +199,7 @@ def balanced_friction(slip: Array, receptance: Array, force: float) -> tuple[Arr
     return held, amplitude
 
 
-def plant_inputs(plant: "SecondOrderModel | control.StateSpace") -> tuple[str, ...]:
+def plant_inputs(plant: SecondOrderModel | control.StateSpace) -> tuple[str, ...]:
     """Return the names of a plant's inputs; another kind of plant is an error."""
     from boomctl.lti.python_control import control
 
@@ -191,7 +208,7 @@ def plant_inputs(plant: "SecondOrderModel | control.StateSpace") -> tuple[str, .
     return plant.inputs if isinstance(plant, SecondOrderModel) else tuple(plant.input_labels)
 
 
-def plant_outputs(plant: "SecondOrderModel | control.StateSpace") -> tuple[str, ...]:
+def plant_outputs(plant: SecondOrderModel | control.StateSpace) -> tuple[str, ...]:
     """Return the names of a plant's outputs."""
     return plant.outputs if isinstance(plant, SecondOrderModel) else tuple(plant.output_labels)
 

@@ -4,6 +4,8 @@ All frequencies are stepped together, each with a step of its own, from the stat
 what is kept is the fundamental of the last period.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -12,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import known, names, positive, whole
+from boomctl.checks import known, positive, some_names, whole
 from boomctl.lti.frequency import singular_values
 from boomctl.simulation.contact.contacts import Contact, contact_at
 from boomctl.simulation.contact.friction import CoulombFriction, Slip, friction_law, friction_step
@@ -33,11 +35,12 @@ if TYPE_CHECKING:
 _LEAST_PERIODS = 3  # periods before the response may count as steady: one to settle, two to compare
 # share of a force's velocity that must be left at the end of a step: steps follow the motion at the contact
 _FINE = 0.8
+_MOST = 10_000  # steps a period, and periods, that can be asked for: a choice of patience
 _DOUBLINGS = 6  # of the steps a period, at most: 64 times the number asked for
 
 
 def swept_sine(
-    plant: "SecondOrderModel | control.StateSpace",
+    plant: SecondOrderModel | control.StateSpace,
     friction: CoulombFriction,
     omega: ArrayLike,
     excitation: str | dict[str, complex],
@@ -54,9 +57,9 @@ def swept_sine(
     plant, friction, omega, excitation, amplitude, outputs
         As for :func:`describing_function`; break-away at ``static_force`` is simulated.
     steps : int
-        Steps a period, at least 16; more are taken at frequencies so low that a step would be long for the plant.
+        Steps a period, 16 to 10,000; more are taken at frequencies so low that a step would be long for the plant.
     periods : int
-        Most periods.
+        Most periods, at most 10,000.
     tolerance : float
         Change of the response from one window of periods to the next, relative to its size, at which it counts as
         steady.
@@ -72,10 +75,10 @@ def swept_sine(
         Unknown signals; amplitude, frequencies or tolerance not above zero; too few steps or periods.
     """
     grid, size, law = positive_grid(omega), positive("amplitude", amplitude), friction_law(friction)
-    count, most = whole("steps", steps, 16), whole("periods", periods, _LEAST_PERIODS)
+    count, most = whole("steps", steps, 16, _MOST), whole("periods", periods, _LEAST_PERIODS, _MOST)
     modal = modal_plant(plant, (law.input,) if isinstance(plant, SecondOrderModel) else ())
     excited, shape = sine_pattern(modal.inputs, excitation)
-    read = names("output", outputs, modal.outputs)
+    read = some_names("output", outputs, modal.outputs)
     known("input of the friction", law.input, modal.inputs)
     drive = np.zeros(len(modal.inputs), dtype=complex)
     drive[[modal.inputs.index(name) for name in excited]] = size * shape
@@ -242,7 +245,7 @@ def _period(
 
 
 def sine_sigma(
-    plant: "SecondOrderModel | control.StateSpace",
+    plant: SecondOrderModel | control.StateSpace,
     friction: CoulombFriction,
     omega: ArrayLike,
     patterns: Sequence[dict[str, complex]],

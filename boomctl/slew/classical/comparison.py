@@ -1,9 +1,9 @@
 """Optimal and classical slews under the same limit, side by side."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +14,6 @@ from boomctl.slew.classical.shapers import classical_spin_up, classical_torque, 
 from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
 from boomctl.slew.result import SlewResult
 from boomctl.slew.torque import TorqueHistory
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 CLASSICAL = (
     ("bang-bang", "none"),
@@ -110,9 +107,19 @@ class SlewComparison:
         known("slew", name, [line.name for line in self.lines])
         return next(line for line in self.lines if line.name == name)
 
-    def plot(self) -> "Figure":
-        """Draw torques and tip displacements; returns a matplotlib figure."""
-        return import_module("boomctl.plotting").plot_slew_comparison(self)
+    def plot(self, ax: Any = None, *, names: Sequence[str] = (), **style: Any) -> Array:
+        """Draw torques and tip displacements over time, and vibration over duration; return the axes.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw: the torque of each slew shown, the tip and the vibration; by default a new figure of pyplot.
+        names : sequence of str, optional
+            Which slews to draw over time, by default the first four; the vibration is drawn of all.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_slew_comparison(self, ax, names=names, **style)
 
 
 def compare_slews(

@@ -6,7 +6,7 @@ stationary solution at the end state, whose gain also serves after the end. All 
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -17,9 +17,6 @@ from boomctl.checks import nonnegative, positive
 from boomctl.slew.dynamics import explicit_step
 from boomctl.slew.plant import SlewPlant, plant_of
 from boomctl.slew.result import SlewError, SlewResult
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _FEWEST = 8  # samples of a slew at least: fewer would not follow it
 _SETTLE = 4.0  # slowest periods for which the plant is followed after the end
@@ -72,9 +69,17 @@ class TrackingResult:
         swing = f"tip swing {self.tip_swing:.3g} m, in open loop {self.open_tip_swing:.3g}"
         return f"TrackingResult: tip mass {self.tip_mass:.4g} kg\n  {angle}\n  {swing}"
 
-    def plot(self) -> "Figure":
-        """Draw angle, tip and torque over time; returns a matplotlib figure."""
-        return import_module("boomctl.plotting").plot_tracking(self)
+    def plot(self, ax: Any = None, **style: Any) -> Array:
+        """Draw angle, tip and torque over time; return the axes.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw: hub angle, tip displacement and torque; by default a new figure of pyplot.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_tracking(self, ax, **style)
 
 
 def track(

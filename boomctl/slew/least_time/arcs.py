@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -21,9 +21,6 @@ from boomctl.slew.plant import SlewPlant
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import SlewResult
 from boomctl.slew.torque import TorqueHistory
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _FOLLOWED = 0.5  # steps a radian for a mode that the torque does not move: its own scheme is exact in the linear part
 _CURVE = 1500  # steps at least of a switching curve: it is drawn
@@ -246,9 +243,17 @@ class SwitchingCurve:
         """Share of the duration on which the torque has the sign of the switching function."""
         return float(np.mean(self.values * self.torque > 0.0))
 
-    def plot(self) -> "Figure":
-        """Draw the switching function above the torque; returns a matplotlib figure."""
-        return import_module("boomctl.plotting").plot_switching(self)
+    def plot(self, ax: Any = None, **style: Any) -> Array:
+        """Draw the switching function above the torque; return the axes.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw: switching function and torque; by default a new figure of pyplot.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_switching(self, ax, **style)
 
 
 def switching_curve(result: SlewResult) -> SwitchingCurve:

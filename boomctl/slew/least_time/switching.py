@@ -7,12 +7,13 @@ programme on a grid shows how often p changes its sign; Newton's method on the e
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import brentq, linprog
 
 from boomctl.arrays import Array
+from boomctl.slew.budget import Budget
 from boomctl.slew.linear import LinearFlow, flow
 from boomctl.slew.problem import AT_LIMIT, SlewProblem
 from boomctl.slew.result import SlewError
@@ -58,6 +59,8 @@ class LinearTimeProblem:
     target : ndarray, m
     limit : float
         Of the torque, N m.
+    budget : Budget
+        How long the switching times may be sought.
     """
 
     flow: LinearFlow
@@ -65,6 +68,7 @@ class LinearTimeProblem:
     ends: Array
     target: Array
     limit: float
+    budget: Budget = field(default_factory=Budget)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +110,7 @@ class Extremal:
 def linear_time_problem(problem: SlewProblem) -> LinearTimeProblem:
     """Minimum time of the linear part under the torque's limit alone."""
     target = problem.ends @ problem.target
-    return LinearTimeProblem(flow(problem), problem.start, problem.ends, target, problem.limits.torque)
+    return LinearTimeProblem(flow(problem), problem.start, problem.ends, target, problem.limits.torque, problem.budget)
 
 
 def least_time(problem: SlewProblem) -> Extremal:
@@ -299,6 +303,7 @@ def _grid_system(problem: LinearTimeProblem, duration: float, intervals: int) ->
 
 def _least_peak(problem: LinearTimeProblem, duration: float, intervals: int) -> tuple[float, Array, Array]:
     """Least peak of the torque over its limit, the torque over its limit, and the costate, for a given time."""
+    problem.budget.spend(f"switching times of the linear part on {intervals} intervals")
     system = _grid_system(problem, duration, intervals)
     if system is None:
         raise SlewError("torque_limit: no torque within it leads to the end state before the motion overflows")

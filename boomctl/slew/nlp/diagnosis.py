@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.slew.budget import Budget, Watch, solved
 from boomctl.slew.nlp.transcription import Transcription
 from boomctl.slew.problem import AT_LIMIT
 
@@ -63,7 +64,7 @@ class Relaxed:
 
 
 def relaxed(
-    t: Transcription, arguments: dict[str, Array], limits: dict[str, float], duration: float | None
+    t: Transcription, arguments: dict[str, Array], limits: dict[str, float], duration: float | None, budget: Budget
 ) -> Relaxed | None:
     """Solve with limits that give.
 
@@ -76,6 +77,7 @@ def relaxed(
         By kind, the torque's first.
     duration : float or None
         s; None if free.
+    budget : Budget
 
     Returns
     -------
@@ -97,14 +99,17 @@ def relaxed(
     inner = layout.torques[1:-1] if t.scheme.ramp else layout.torques
     lower[inner], upper[inner] = -np.inf, np.inf
     count, rows = len(kinds), 2 * layout.torques.size
-    raw = ca.nlpsol("relaxed", "ipopt", nlp, _OPTIONS)(
-        x0=np.append(arguments["x0"], np.full(count, _START)),
-        p=arguments["p"],
-        lbx=np.append(lower, np.zeros(count)),
-        ubx=np.append(upper, np.full(count, _MOST)),
-        lbg=np.append(arguments["lbg"], np.full(rows, -np.inf)),
-        ubg=np.append(arguments["ubg"], np.zeros(rows)),
-    )
+    watch = Watch(layout.size + count, g.shape[0] + rows)
+    solver = ca.nlpsol("relaxed", "ipopt", nlp, _OPTIONS | {"iteration_callback": watch})
+    data = {
+        "x0": np.append(arguments["x0"], np.full(count, _START)),
+        "p": arguments["p"],
+        "lbx": np.append(lower, np.zeros(count)),
+        "ubx": np.append(upper, np.full(count, _MOST)),
+        "lbg": np.append(arguments["lbg"], np.full(rows, -np.inf)),
+        "ubg": np.append(arguments["ubg"], np.zeros(rows)),
+    }
+    raw = solved(solver, watch, data, budget, f"which limits are too tight, on {t.scheme.intervals} intervals")
     found, g = np.array(raw["x"]).ravel(), np.array(raw["g"]).ravel()
     high, low = arguments["ubg"], arguments["lbg"]
     equal = np.flatnonzero(high == low)

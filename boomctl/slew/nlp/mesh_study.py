@@ -2,21 +2,22 @@
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.printing import compact, listed
+from boomctl.progress import Listener, computing
 from boomctl.slew.linear import guess_from, least_effort
 from boomctl.slew.nlp.programme import prepare
 from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.problem import Limits, slew_problem
-from boomctl.slew.replay import end_error, played
+from boomctl.slew.replay import played, prescribed_error
 from boomctl.slew.result import SlewError
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
 _FLOOR = 3e-9  # error below which a replay, to 1e-10, does not tell schemes apart
 _TOLERANCE = 1e-9  # of the end, for which IPOPT is to leave nothing of its own
@@ -60,9 +61,17 @@ class MeshStudy:
         meshes = f"{self.intervals[0]} to {self.intervals[-1]} intervals"
         return f"MeshStudy: a slew of {self.duration:.6g} s on {meshes}\n  {listed(orders, 94)}"
 
-    def plot(self) -> "Figure":
-        """Draw the errors; returns a matplotlib figure."""
-        return import_module("boomctl.plotting").plot_mesh_study(self)
+    def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
+        """Draw the errors over the number of intervals; return the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_mesh_study(self, ax, **style)
 
 
 def mesh_study(
@@ -72,6 +81,8 @@ def mesh_study(
     duration: float,
     schemes: tuple[tuple[str, int], ...] = (("shooting", 1), ("collocation", 2), ("radau", 2), ("collocation", 3)),
     intervals: tuple[int, ...] = (50, 100, 200, 400, 800),
+    *,
+    progress: "Listener | None" = None,
 ) -> MeshStudy:
     """Solve a least-effort slew on several meshes.
 
@@ -83,6 +94,9 @@ def mesh_study(
         Order is the number of collocation points, or of substeps.
     intervals : tuple of int
         Ascending.
+    progress : callable, optional
+        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
+        what goes on; `listening` hears whatever runs within it.
 
     Returns
     -------
@@ -91,20 +105,26 @@ def mesh_study(
         mesh without a solution leaves a gap.
     """
     lines, cost = [], np.zeros(len(intervals))
-    for method, order in schemes:
-        problem = slew_problem(h, angle, Limits(torque_limit), "effort", duration, method=method)
-        errors = np.full(len(intervals), np.nan)
-        cost = np.full(len(intervals), np.nan)
-        for k, count in enumerate(intervals):
-            guess = guess_from(problem, least_effort(problem, duration, count).history, count)
-            programme = prepare(problem, Scheme(method, "effort", count, order), guess, _TOLERANCE)
-            try:
-                history = programme.solve(problem, guess).history
-            except SlewError:
-                continue
-            errors[k], cost[k] = end_error(problem, played(problem, history, 3)), history.effort
-        theory = {"shooting": 4.0, "collocation": 2.0 * order, "radau": 2.0 * order - 1.0}[method]
-        lines.append(MeshLine(_label(method, order), errors, _slope(intervals, errors), theory))
+    with computing("mesh study", progress) as tell:
+        for method, order in schemes:
+            problem = slew_problem(h, angle, Limits(torque_limit), "effort", duration, method=method)
+            errors = np.full(len(intervals), np.nan)
+            cost = np.full(len(intervals), np.nan)
+            for k, count in enumerate(intervals):
+                tell(
+                    f"{_label(method, order)}, {count} intervals",
+                    len(lines) * len(intervals) + k,
+                    len(schemes) * len(intervals),
+                )
+                guess = guess_from(problem, least_effort(problem, duration, count).history, count)
+                programme = prepare(problem, Scheme(method, "effort", count, order), guess, _TOLERANCE)
+                try:
+                    history = programme.solve(problem, guess).history
+                except SlewError:
+                    continue
+                errors[k], cost[k] = prescribed_error(problem, played(problem, history, 3)), history.effort
+            theory = {"shooting": 4.0, "collocation": 2.0 * order, "radau": 2.0 * order - 1.0}[method]
+            lines.append(MeshLine(_label(method, order), errors, _slope(intervals, errors), theory))
     best = cost[-1] - (cost[-2] - cost[-1]) / 3.0
     held = np.append(np.abs(cost / best - 1.0)[:-1], 0.0)
     lines.append(MeshLine("least effort, torque held on each interval", held, _slope(intervals, held), 2.0))

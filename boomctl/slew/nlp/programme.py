@@ -12,6 +12,8 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.printing import compact
+from boomctl.slew.budget import Watch, solved
 from boomctl.slew.linear import Guess
 from boomctl.slew.nlp.diagnosis import Relaxed, relaxed
 from boomctl.slew.nlp.interval import Units
@@ -34,6 +36,10 @@ _OPTIONS = {
     "ipopt.max_iter": 500,  # a safeguard; a mesh that takes more is passed over for a finer one
     "ipopt.nlp_scaling_method": "none",  # the transcription scales
     "ipopt.mu_strategy": "adaptive",
+    # the order and the threshold of pivots: left to itself MUMPS loses digits where payloads are nearly equal, and takes
+    # up to 27 iterations for 3, each twice as long (measured)
+    "ipopt.mumps_pivot_order": 0,
+    "ipopt.mumps_pivtol": 1e-4,
     "ipopt.fixed_variable_treatment": "make_parameter",
     "ipopt.warm_start_init_point": "yes",
     "ipopt.warm_start_bound_push": 1e-6,  # starts are near the answer: left almost where they are
@@ -58,6 +64,8 @@ class Solution:
     iterations: int
     raw: dict[str, Any] = field(repr=False)
 
+    __repr__ = compact
+
 
 @dataclass(frozen=True, eq=False)
 class Programme:
@@ -66,6 +74,9 @@ class Programme:
     transcription: Transcription
     tolerance: float
     solver: Any
+    watch: Watch
+
+    __repr__ = compact
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle what it was made of; the solver is built anew."""
@@ -93,10 +104,16 @@ class Programme:
             arguments["x0"] = np.array(start.raw["x"]).ravel()
         else:
             arguments |= self._start(problem, start)
-        raw = self.solver(**arguments)
+        raw = self._run(problem, arguments)
         if not self.solver.stats()["success"]:
             raw = self._again(problem, arguments, raw)
         return self._read(problem, raw)
+
+    def _run(self, problem: SlewProblem, arguments: dict[str, Array]) -> dict[str, Any]:
+        scheme = self.transcription.scheme
+        unit = OBJECTIVES[scheme.objective].unit(self.transcription.units)
+        stage = f"{scheme.method} of order {scheme.order} on {scheme.intervals} intervals"
+        return solved(self.solver, self.watch, arguments, problem.budget, stage, unit)
 
     def _bounds(self, problem: SlewProblem, limits: Limits) -> dict[str, Array]:
         """Data, and bounds of unknowns and conditions."""
@@ -146,14 +163,14 @@ class Programme:
     def _again(self, problem: SlewProblem, arguments: dict[str, Array], raw: dict[str, Any]) -> dict[str, Any]:
         """Let the limits give: where none has to, start from what that finds; else say which gives, when and how much."""
         limits = problem.limits.given
-        found = relaxed(self.transcription, arguments, limits, problem.duration)
+        found = relaxed(self.transcription, arguments, limits, problem.duration, problem.budget)
         if found is None:
             raise SlewError(self._failure(problem, raw, arguments["lbg"], arguments["ubg"]))
         if found.excesses:
             most = found.excesses[0]
             raise LimitsTooTight(_told(problem, found), most.needed / limits[most.kind] - 1.0)
         plain = {name: value for name, value in arguments.items() if not name.startswith("lam")}
-        raw = self.solver(**(plain | {"x0": found.unknowns}))
+        raw = self._run(problem, plain | {"x0": found.unknowns})
         if not self.solver.stats()["success"]:
             raise SlewError(
                 f"a slew of {found.duration:.6g} s within all limits exists, but no best one was found on "
@@ -237,4 +254,6 @@ def _solvable(transcription: Transcription, tolerance: float) -> Programme:
     options = _OPTIONS | transcription.derivatives | {"ipopt.tol": min(_TOLERANCE, _SHARE * tolerance)}
     if transcription.scheme.objective == "effort":
         options |= {f"ipopt.warm_start_{kind}_push": _EFFORT_PUSH for kind in ("bound", "mult_bound", "slack_bound")}
-    return Programme(transcription, tolerance, ca.nlpsol("slew", "ipopt", transcription.nlp, options))
+    watch = Watch(transcription.layout.size, int(transcription.nlp.size1_out(1)))
+    options |= {"iteration_callback": watch}
+    return Programme(transcription, tolerance, ca.nlpsol("slew", "ipopt", transcription.nlp, options), watch)

@@ -4,18 +4,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from boomctl.slew.budget import OutOfTime
 from boomctl.slew.linear import Guess, effort_guess, guess_from, least_effort
 from boomctl.slew.nlp.programme import Programme, Solution, prepare
 from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import Limits, SlewProblem
-from boomctl.slew.replay import end_error, played, violation
+from boomctl.slew.replay import played, prescribed_error, violation
 from boomctl.slew.result import LimitsTooTight, SlewError
 from boomctl.slew.torque import TorqueHistory
 
 _MESHES = (50, 100, 200, 400, 800)  # intervals, the coarsest and the finest a choice; each halves those before
 _MESH_GAP = 1e-4  # relative change of the cost by a halved mesh that is accepted: what a user would see
 _TOO_MUCH = 0.05  # by which a coarse mesh may exceed a limit and a finer still keep it; a choice
+_SEARCH = 0.6  # share of the time in which meshes are refined; the rest is for a verified answer on a coarser one
 _ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
 _EXCESS = 1e-9  # relative, over a limit, in a replay: rounding of the integrator
 _TIGHTER, _AT_LEAST = 1.1, 1e-6  # by how many times an excess, and how much more, a limit is tightened
@@ -32,7 +34,7 @@ class Refined:
     programme : Programme
     solution : Solution
     gap : float
-        Change of the cost when the mesh is halved, relative.
+        Change of the cost when the mesh is halved, relative; infinite if there was no time for another mesh.
     path : tuple of str
         The meshes that were tried, in words.
     """
@@ -58,12 +60,38 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
     Raises
     ------
     SlewError
-        If no mesh has a solution that a replay confirms.
+        If no mesh has a solution that a replay confirms; if the time is over before, the message says what was reached.
     """
     if problem.intervals is not None:
+        path = (f"{problem.method} on {problem.intervals} intervals",)
         programme, solution = _solved(problem, _guess(problem, least, None, problem.intervals), problem.intervals)
-        gap = _gap(solution.cost, _companion(problem, problem.intervals, solution).cost)
-        return Refined(programme, solution, gap, (f"{problem.method} on {problem.intervals} intervals",))
+        try:
+            gap = _gap(solution.cost, _companion(problem, problem.intervals, solution).cost)
+        except OutOfTime as over:
+            return Refined(programme, solution, np.inf, (*path, f"out of time: {over}"))
+        return Refined(programme, solution, gap, path)
+    best: list[Refined] = []
+    budget = problem.budget
+    try:
+        return _on_finer_meshes(replace(problem, budget=replace(budget, limit=_SEARCH * budget.limit)), least, best)
+    except OutOfTime as over:
+        if not best:
+            raise
+        found = best[-1]
+        motions = played(problem, found.solution.history)
+        excess = violation(problem, found.solution.history, motions)
+        path = (*found.path, f"out of time: {over}")
+        if prescribed_error(problem, motions) <= problem.tolerance and max(excess.values()) <= _EXCESS:
+            return replace(found, path=path)
+        found = best[max(0, len(best) - 2)]  # a coarser mesh, on which the order can be raised in the time that is left
+        intervals = found.programme.transcription.scheme.intervals
+        guess = _guess(problem, least, found.solution.history, intervals)
+        programme, solution = _solved(problem, guess, intervals)
+        return Refined(programme, solution, found.gap, (*path, f"{problem.method} on {intervals} intervals"))
+
+
+def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: list[Refined]) -> Refined:
+    """Solve on finer and finer meshes; all that is solved on the way is entered in `best`."""
     cost, failure, before, path, coarser = np.inf, SlewError("no mesh was tried"), np.inf, (), None
     for intervals in _MESHES:
         last, path = intervals == _MESHES[-1], (*path, f"{problem.method} on {intervals} intervals")
@@ -71,6 +99,7 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
             guess = _guess(problem, least, coarser, intervals)
             programme, solution = _solved(problem, guess, intervals, rough=not last)
             gap = _gap(solution.cost, cost)
+            best.append(Refined(programme, solution, gap, path))
             if gap < _MESH_GAP and not last:
                 guess = _guess(problem, least, solution.history, intervals)
                 programme, solution = _solved(problem, guess, intervals)
@@ -145,7 +174,7 @@ def _solved(problem: SlewProblem, guess: Guess, intervals: int, rough: bool = Fa
         motions = played(problem, solution.history)
         excess = violation(problem, solution.history, motions)
         worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
-        missed = end_error(problem, motions)
+        missed = prescribed_error(problem, motions)
         if missed > problem.tolerance:
             if order >= _HIGHEST and problem.method != "shooting":
                 break

@@ -17,6 +17,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
+from boomctl.progress import Tell
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import COUPLING, Level, gains, level_of
@@ -40,11 +41,12 @@ class Deadline:
 
     limit: float
     end: float
+    tell: Tell
 
     @classmethod
-    def after(cls, limit: float) -> "Deadline":
-        """Return the moment ``limit`` seconds from now."""
-        return cls(limit, time.monotonic() + limit)
+    def after(cls, limit: float, tell: Tell = lambda stage: None) -> "Deadline":
+        """Return the moment ``limit`` seconds from now; ``tell`` is told what is done until then."""
+        return cls(limit, time.monotonic() + limit, tell)
 
     def left(self, doing: str) -> float:
         """Return the seconds left.
@@ -54,6 +56,7 @@ class Deadline:
         SynthesisError
             None is left.
         """
+        self.tell(doing)
         rest = self.end - time.monotonic()
         if rest <= 0.0:
             raise SynthesisError(f"the time limit of {self.limit:g} s ran out while {doing}; no controller is returned")

@@ -8,19 +8,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.norm import NormCertificate
-from boomctl.checks import positive
+from boomctl.checks import positive, within
 from boomctl.lti.system import Lti
 from boomctl.printing import sentence, system
+from boomctl.progress import Listener, computing
+from boomctl.reduction.result import ReductionResult
 from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
 from boomctl.synthesis.hinf.bounds import Deadline, lowest_level
 from boomctl.synthesis.hinf.candidates import Candidate, Task, first_accepted, largest_pole
 from boomctl.synthesis.hinf.native import NativeFailure, shared_worker
 from boomctl.synthesis.hinf.normal_form import normalised
+from boomctl.synthesis.plants.full_plant import FullPlantCertificate, ReducedPlant, judged_on_full_plant, origin_of
 from boomctl.synthesis.plants.partition import partition
 
 if TYPE_CHECKING:
     import control
 
+_LEVELS = (1e-100, 1e100)  # between which a wanted level lies: squares of them are numbers still (a choice)
 _BAND = 1000.0  # poles so many times faster than plant and H2 loop cannot be implemented (a choice)
 _SEARCH = 0.25  # share of the tolerance to which the lowest level is found: the rest is left to the controllers
 
@@ -54,6 +58,8 @@ class HInfinityCertificate:
         What was tried, in that order: solver, level and what came of it.
     statement : str
         All this in a sentence.
+    full_plant : FullPlantCertificate or None
+        Of a design on a reduced plant: what is known of the loop on the full one.
     """
 
     norm: NormCertificate
@@ -69,9 +75,11 @@ class HInfinityCertificate:
     solver: str
     path: tuple[str, ...]
     statement: str
+    full_plant: FullPlantCertificate | None = None
 
     def __repr__(self) -> str:
-        return sentence("HInfinityCertificate", self.statement)
+        full = "" if self.full_plant is None else f"; {self.full_plant.statement}"
+        return sentence("HInfinityCertificate", self.statement + full)
 
     @property
     def distance(self) -> float:
@@ -114,11 +122,18 @@ class HInfinityResult:
     def __repr__(self) -> str:
         least = f"no controller goes below {self.certificate.lower:.6g}"
         verified = f"norm of the closed loop {self.gamma:.6g}, verified; {least}"
-        return f"HInfinityResult: controller of {system(self._controller)}\n  {verified}"
+        full = self.certificate.full_plant
+        known = {
+            True: "stable on the full plant",
+            False: "UNSTABLE on the full plant",
+            None: "not proved on the full plant",
+        }
+        told = "" if full is None else f"\n  {known[full.stable]}"
+        return f"HInfinityResult: controller of {system(self._controller)}\n  {verified}{told}"
 
 
 def h_infinity(
-    P: "control.StateSpace",
+    P: "control.StateSpace | ReductionResult",
     nmeas: int,
     ncon: int,
     *,
@@ -126,6 +141,7 @@ def h_infinity(
     tolerance: float = 0.01,
     fastest_pole: float | None = None,
     time_limit: float = 60.0,
+    progress: "Listener | None" = None,
 ) -> HInfinityResult:
     """Return a controller ``u = K y`` that holds the H-infinity norm of the closed loop near the lowest possible.
 
@@ -135,9 +151,10 @@ def h_infinity(
 
     Parameters
     ----------
-    P : control.StateSpace
+    P : control.StateSpace or ReductionResult
         Generalised plant in continuous time: the last ``nmeas`` outputs are measured, the last ``ncon`` inputs are
-        controls (`generalized_plant` makes one).
+        controls (`generalized_plant` makes one).  Where it, or the plant that `generalized_plant` was given, is what
+        `reduce` returned, the design is judged on the full plant too: ``certificate.full_plant``.
     nmeas, ncon : int
     gamma : float, optional
         A level that is enough: the closed loop's norm will not exceed it, and nothing lower is sought.
@@ -149,6 +166,9 @@ def h_infinity(
         would cost more than twice the lowest norm.
     time_limit : float
         Seconds after which it gives up; starting the process for native synthesis, once, does not count.
+    progress : callable, optional
+        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
+        what goes on; `listening` hears whatever runs within it.
 
     Returns
     -------
@@ -162,6 +182,12 @@ def h_infinity(
         An assumption fails, at the signal or mode named; ``gamma`` lies below what any controller reaches; no
         controller could be verified; out of time.
 
+    Warns
+    -----
+    ReductionWarning
+        The controller was designed on a reduced plant, and the loop is unstable on the full one, is not proved stable
+        there, or its norm there is worse by more than a tenth.
+
     Examples
     --------
     >>> import control
@@ -170,33 +196,35 @@ def h_infinity(
     >>> bool(design.gamma <= 1.01 * design.certificate.lower)
     True
     """
-    plant = partition(P, nmeas, ncon)
-    wanted = None if gamma is None else positive("gamma", gamma)
+    plant = partition(P.system if isinstance(P, ReductionResult) else P, nmeas, ncon)
+    wanted = None if gamma is None else within("gamma", gamma, *_LEVELS)
     share, limit = positive("tolerance", tolerance), positive("time_limit", time_limit)
     allowed = None if fastest_pole is None else positive("fastest_pole", fastest_pole)
     check_ranks(plant)
     ready = normalised(plant)
     check_modes(plant, ready)
     check_zeros(plant, ready)
-    with suppress(NativeFailure):  # without it the Riccati equations here must do
-        shared_worker().warm()
-    deadline = Deadline.after(limit)
-    bounds = lowest_level(ready, _SEARCH * share, deadline)
-    if wanted is not None and wanted < bounds.lower:
-        why = (
-            f"at {bounds.omega:.4g} rad/s no controller goes below {bounds.frequency:.6g}"
-            if bounds.frequency >= bounds.riccati
-            else f"below {bounds.riccati:.6g} {bounds.reason}"
+    with computing("H-infinity synthesis", progress) as tell:
+        tell("starting the native solver")
+        with suppress(NativeFailure):  # without it the Riccati equations here must do
+            shared_worker().warm()
+        deadline = Deadline.after(limit, tell)
+        bounds = lowest_level(ready, _SEARCH * share, deadline)
+        if wanted is not None and wanted < bounds.lower:
+            why = (
+                f"at {bounds.omega:.4g} rad/s no controller goes below {bounds.frequency:.6g}"
+                if bounds.frequency >= bounds.riccati
+                else f"below {bounds.riccati:.6g} {bounds.reason}"
+            )
+            raise SynthesisError(f"gamma = {wanted:.6g} cannot be reached: {why}")
+        fastest = allowed if allowed is not None else (_BAND * bounds.band or np.inf)
+        task = Task(
+            plant=plant, ready=ready, bounds=bounds, fastest=fastest, tolerance=share, deadline=deadline, wanted=wanted
         )
-        raise SynthesisError(f"gamma = {wanted:.6g} cannot be reached: {why}")
-    fastest = allowed if allowed is not None else (_BAND * bounds.band or np.inf)
-    task = Task(
-        plant=plant, ready=ready, bounds=bounds, fastest=fastest, tolerance=share, deadline=deadline, wanted=wanted
-    )
-    return _result(task, first_accepted(task, strict=allowed is not None))
+        return _result(task, first_accepted(task, strict=allowed is not None), origin_of(P))
 
 
-def _result(task: Task, found: Candidate) -> HInfinityResult:
+def _result(task: Task, found: Candidate, origin: ReducedPlant | None) -> HInfinityResult:
     task = replace(task, bounds=task.bounds.below(found.norm.upper))
     plant, bounds = task.plant, task.bounds
     certificate = HInfinityCertificate(
@@ -213,6 +241,7 @@ def _result(task: Task, found: Candidate) -> HInfinityResult:
         solver=found.solver,
         path=found.path,
         statement=_statement(task, found),
+        full_plant=None if origin is None else judged_on_full_plant(origin, plant, found.K, found.norm.upper),
     )
     K = replace(found.K, inputs=plant.measurements, outputs=plant.controls)
     return HInfinityResult(K, found.loop, found.norm.lower, certificate)

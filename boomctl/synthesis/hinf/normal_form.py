@@ -46,7 +46,8 @@ def normalised(plant: GeneralizedPlant) -> NormalizedPlant:
     D[plant.nz - ncon : plant.nz, plant.nw :] = np.eye(ncon)
     D[plant.nz :, plant.nw - nmeas : plant.nw] = np.eye(nmeas)
     modes = _modal_basis(plant.A, B, C)
-    inverse = linalg.inv(modes) if len(modes) else modes
+    lengths = np.linalg.norm(modes, axis=0)  # those of modes hardly driven or seen differ by many decades
+    inverse = np.linalg.inv(modes / lengths) / lengths[:, None] if len(modes) else modes
     names = tuple(plant.system.states[k] for k in np.abs(modes).argmax(axis=0)) if len(modes) else ()
     system = Lti(inverse @ plant.A @ modes, inverse @ B, C @ modes, D, states=names)
     return NormalizedPlant(system, nmeas, ncon, from_controls, from_measurements, modes)

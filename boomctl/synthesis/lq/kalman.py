@@ -1,5 +1,7 @@
 """Stationary Kalman filters: the estimate of least variance, the dual of the regulator."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -45,7 +47,7 @@ class KalmanResult:
     certificate: RiccatiCertificate
 
     @cached_property
-    def estimator(self) -> "control.StateSpace":
+    def estimator(self) -> control.StateSpace:
         """As python-control's, made when first read."""
         return self._estimator.statespace("estimator")
 
@@ -56,7 +58,7 @@ class KalmanResult:
 
 
 def kalman(
-    system: "control.StateSpace | SecondOrderModel",
+    system: control.StateSpace | SecondOrderModel,
     process_noise: Weight,
     measurement_noise: Weight,
     *,

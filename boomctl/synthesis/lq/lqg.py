@@ -1,5 +1,7 @@
 """Linear-quadratic-Gaussian controllers: a regulator fed by a Kalman filter."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -52,12 +54,12 @@ class LqgResult:
     certificate: FeedbackCertificate
 
     @cached_property
-    def controller(self) -> "control.StateSpace":
+    def controller(self) -> control.StateSpace:
         """As python-control's, made when first read."""
         return self._controller.statespace("lqg")
 
     @cached_property
-    def closed_loop(self) -> "control.StateSpace":
+    def closed_loop(self) -> control.StateSpace:
         """As python-control's, made when first read."""
         return self._closed_loop.statespace("closed_loop")
 
@@ -69,7 +71,7 @@ class LqgResult:
 
 
 def lqg(
-    system: "control.StateSpace | SecondOrderModel",
+    system: control.StateSpace | SecondOrderModel,
     Q: Weight | None,
     R: Weight,
     process_noise: Weight,

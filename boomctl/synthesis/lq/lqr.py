@@ -1,5 +1,7 @@
 """Linear-quadratic regulators: the state feedback of least cost, with integral action and output weighting."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -10,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array
+from boomctl.checks import finite_array, sequence
 from boomctl.lti.frequency import largest_gain
 from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.lti.system import Lti
@@ -59,7 +61,7 @@ class LqrResult:
     cost : (n, n) ndarray
         ``X``: from the state ``x`` the cost is ``x^T X x``.
     controller : control.StateSpace
-        ``u = K x`` with the sign of the house, ``K = -F``: inputs named as the states, dots replaced by ``_``, and
+        ``u = K x``, so ``K = -F``: inputs named as the states, dots replaced by ``_``, and
         behind them the integrated outputs; outputs named as the controls.  Static unless it integrates.
     closed_loop : control.StateSpace
         From the inputs that are no controls (if there are none: from signals added to the controls, of their names) to
@@ -83,17 +85,17 @@ class LqrResult:
     certificate: LqrCertificate
 
     @cached_property
-    def controller(self) -> "control.StateSpace":
+    def controller(self) -> control.StateSpace:
         """As python-control's, made when first read."""
         return self._controller.statespace("regulator")
 
     @cached_property
-    def closed_loop(self) -> "control.StateSpace":
+    def closed_loop(self) -> control.StateSpace:
         """As python-control's, made when first read."""
         return self._closed_loop.statespace("closed_loop")
 
     @cached_property
-    def effort(self) -> "control.StateSpace":
+    def effort(self) -> control.StateSpace:
         """As python-control's, made when first read."""
         return self._effort.statespace("effort")
 
@@ -106,7 +108,7 @@ class LqrResult:
 
 
 def lqr(
-    system: "control.StateSpace | SecondOrderModel",
+    system: control.StateSpace | SecondOrderModel,
     Q: Weight | None,
     R: Weight,
     *,
@@ -157,8 +159,10 @@ def lqr(
     bare = plant_of(system)
     driven = chosen("controls", controls, bare.inputs)
     listed = (integral,) if isinstance(integral, str) else integral
-    integrals = dict(listed) if isinstance(listed, Mapping) else dict.fromkeys(listed, 1.0)
-    integrated = chosen("integral", tuple(integrals), bare.outputs) if integrals else ()
+    if not isinstance(listed, Mapping):
+        listed = sequence("integral", listed, "names of outputs")
+    integrated = chosen("integral", tuple(listed), bare.outputs) if len(listed) else ()
+    integrals = dict(listed) if isinstance(listed, Mapping) else dict.fromkeys(integrated, 1.0)
     problem = regulator_problem(bare, driven, Q, R, output_weight, N=N)
     plant = bare
     if integrated:

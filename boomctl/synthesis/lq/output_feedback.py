@@ -11,11 +11,13 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.gramians import EXTENDED, refined_gramian
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiSolution
 
+_ALIKE = 1e-6  # relative difference of two norms' squares above which their Gramians are solved once more (a choice)
 _AGREEMENT = 1e-4  # relative difference of the three H2 norms above which none is vouched for (a choice)
 
 
@@ -122,7 +124,7 @@ def certify(loop: Lti, least: float, regulator: RiccatiSolution, estimator: Ricc
 
 
 def quadratic_norm(system: Lti) -> QuadraticNorm:
-    """Return the H2 norm of a system in continuous time, by both Gramians."""
+    """Return the H2 norm of a system in continuous time, by both Gramians; refined ones where these differ."""
     if not len(system.A):
         value = np.inf if system.D.any() else 0.0
         return QuadraticNorm(value, value)
@@ -132,6 +134,9 @@ def quadratic_norm(system: Lti) -> QuadraticNorm:
     P = linalg.solve_continuous_lyapunov(s.A, -s.B @ s.B.T)
     Q = linalg.solve_continuous_lyapunov(s.A.T, -s.C.T @ s.C)
     squares = float(np.trace(s.C @ P @ s.C.T)), float(np.trace(s.B.T @ Q @ s.B))
+    if abs(squares[0] - squares[1]) > _ALIKE * max(squares) and len(s.A) <= EXTENDED:
+        P, Q = refined_gramian(s.A, s.B)[0], refined_gramian(s.A.T, s.C.T)[0]
+        squares = float(np.sum((s.C @ P) * s.C)), float(np.sum((s.B.T @ Q) * s.B.T))
     return QuadraticNorm(*(float(np.sqrt(max(square, 0.0))) for square in squares))
 
 

@@ -1,5 +1,7 @@
 """What a linear-quadratic design is given, checked: a plant, weights by signal, intensities of noise."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -17,6 +19,8 @@ Weight: TypeAlias = ArrayLike | Mapping[str, float]
 
 # Eigenvalue of a weight with unit diagonal, by row, that rounding may have made; a choice, far above eps
 _ROUNDING = 1e-12
+# sizes of weights and intensities: products of a few of them are numbers still (a choice)
+_LEAST, _MOST = 1e-60, 1e60
 _ASYMMETRY = 1e-10  # share of the largest entry by which a symmetric matrix may be off: products computed by the user
 
 
@@ -91,12 +95,15 @@ def square_root(matrix: Array) -> Array:
 
 def _matrix(what: str, value: Weight, signals: Sequence[str]) -> Array:
     n = len(signals)
+    diagonal = np.zeros(n)
     if isinstance(value, Mapping):
-        diagonal = np.zeros(n)
         for name, number in value.items():
             diagonal[signals.index(known(f"signal in {what}", name, signals))] = real(f"{what}[{name!r}]", number)
-        return np.diag(diagonal)
-    array = finite_array(what, value)
+    array = diagonal if isinstance(value, Mapping) else finite_array(what, value)
+    size = np.abs(array[array != 0.0])
+    if size.size and not (size.min() >= _LEAST and size.max() <= _MOST):
+        wrong = size.min() if size.min() < _LEAST else size.max()
+        raise ValueError(f"{what}: expected zeros and numbers from {_LEAST:g} to {_MOST:g} in size, got {wrong:g}")
     if array.ndim == 0:
         return float(array) * np.eye(n)
     if array.shape == (n,):

@@ -1,8 +1,11 @@
 """Loop transfer recovery: how near the loop of an LQG controller comes to that of its regulator."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -67,9 +70,23 @@ class RecoveryResult:
         )
         return f"RecoveryResult: relative gap to the regulator's loop, by strength of the noise\n  {gaps}{zeros}"
 
+    def plot(self, ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
+        """Draw the regulator's loop and the recovered one over frequency, and the gap over the strength; return the axes.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw: loops and gaps; by default a new figure of pyplot.
+        unit : {"Hz", "rad/s"}, optional
+            Of the frequency axis, by default Hz.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_recovery(self, ax, unit=unit, **style)
+
 
 def loop_transfer_recovery(
-    system: "control.StateSpace | SecondOrderModel",
+    system: control.StateSpace | SecondOrderModel,
     Q: Weight | None,
     R: Weight,
     process_noise: Weight,

@@ -41,6 +41,8 @@ class RiccatiProblem:
     R: Array
     N: Array
 
+    __repr__ = compact
+
     @property
     def shifted(self) -> tuple[Array, Array, Array]:
         """``A - B R^-1 N^T``, ``B R^-1/2`` and ``Q - N R^-1 N^T``: the problem without its cross term."""
@@ -110,6 +112,8 @@ class RiccatiSolution:
     gain: Array
     poles: Array
     certificate: RiccatiCertificate
+
+    __repr__ = compact
 
 
 Change = tuple[Array, Array]

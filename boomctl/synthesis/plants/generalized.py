@@ -1,7 +1,10 @@
 """Generalised plants put together from a plant and weights at its signals, in state space; every name survives."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,13 +14,15 @@ from boomctl.checks import known, names, real
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, append, of, series, static
+from boomctl.reduction.result import ReductionResult
 from boomctl.structure.model import SecondOrderModel
+from boomctl.synthesis.plants.full_plant import carrying, plant_within, warn_of_lost_channels
 
 Weight = float | control.StateSpace
 
 
 def generalized_plant(
-    plant: control.StateSpace | SecondOrderModel,
+    plant: control.StateSpace | SecondOrderModel | ReductionResult,
     *,
     disturbances: Mapping[str, Weight],
     performance: Mapping[str, Weight],
@@ -33,8 +38,10 @@ def generalized_plant(
 
     Parameters
     ----------
-    plant : control.StateSpace or SecondOrderModel
-        In continuous time, with named signals.
+    plant : control.StateSpace, SecondOrderModel or ReductionResult
+        In continuous time, with named signals.  Of a reduction, what `reduce` returns, the reduced system is taken; the
+        generalised plant remembers its error, and `h_infinity` says what the design is worth on the full one.  Other
+        operations on the generalised plant forget it.
     disturbances : mapping from input to weight
         What drives the plant; ``"actuator_sym"`` becomes the input ``"w_actuator_sym"`` in front of its weight.
     performance : mapping from output to weight
@@ -56,8 +63,14 @@ def generalized_plant(
     TypeError, ValueError
         Another kind of system; unknown or repeated signals; a weight that is not a number or a stable system with one
         input and one output, in continuous time; nothing to disturb or nothing that shall be small.
+
+    Warns
+    -----
+    ReductionWarning
+        The error of the reduction is as large as all that the reduced plant does from disturbances to performance
+        outputs, or from controls to measurements.
     """
-    system = of(plant, "plant")
+    system = plant_within(plant)
     ins, outs = system.inputs, system.outputs
     read, set_ = names("measurement", measurements, outs), names("control", controls, ins)
     w = _weighted("disturbance", "w_", disturbances, ins)
@@ -72,6 +85,27 @@ def generalized_plant(
     ):
         if not found:
             raise ValueError(f"expected at least one {what}")
+    ways = {
+        "disturbances to performance outputs": (tuple(w), tuple(z)),
+        "controls to measurements": (set_, read),
+    }
+    warn_of_lost_channels(plant, ways)
+    around = partial(_weighed, w=w, n=n, z=z, e=e, read=read, set_=set_)
+    return carrying(around(system).statespace("generalized_plant"), plant, around)
+
+
+def _weighed(
+    system: Lti,
+    *,
+    w: dict[str, Lti],
+    n: dict[str, Lti],
+    z: dict[str, Lti],
+    e: dict[str, Lti],
+    read: tuple[str, ...],
+    set_: tuple[str, ...],
+) -> Lti:
+    """Return a plant with weights: of disturbances, noises, outputs and efforts, then measurements and controls."""
+    ins, outs = system.inputs, system.outputs
     # disturbances and noises pass their weights; the plant takes its inputs, beside it pass noises and controls;
     # what is shown, costs and is read is picked and passes its weights
     first = append(*w.values(), *n.values(), _through(set_))
@@ -94,7 +128,7 @@ def generalized_plant(
 
 
 def mixed_sensitivity(
-    plant: control.StateSpace | SecondOrderModel,
+    plant: control.StateSpace | SecondOrderModel | ReductionResult,
     W1: Weight | None = None,
     W2: Weight | None = None,
     W3: Weight | None = None,
@@ -106,8 +140,8 @@ def mixed_sensitivity(
 
     Parameters
     ----------
-    plant : control.StateSpace or SecondOrderModel
-        In continuous time, with named signals; all inputs are controls, all outputs are controlled.
+    plant : control.StateSpace, SecondOrderModel or ReductionResult
+        As of `generalized_plant`; all inputs are controls, all outputs are controlled.
     W1, W2, W3 : float or control.StateSpace, optional
         Weights of errors, controls and outputs, each for every signal of its kind; None leaves them out.
 
@@ -122,7 +156,7 @@ def mixed_sensitivity(
     TypeError, ValueError
         Another kind of system or weight, as of `generalized_plant`; no weight at all.
     """
-    system = of(plant, "plant")
+    system = plant_within(plant)
     ins, outs = system.inputs, system.outputs
     errors = tuple(f"error_{name}" for name in outs)
     weights = [
@@ -132,6 +166,15 @@ def mixed_sensitivity(
     ]
     if not weights:
         raise ValueError("W1, W2, W3: expected at least one weight")
+    around = partial(_weighed_sensitivity, weights=weights, given=[W is not None for W in (W1, W2, W3)])
+    warn_of_lost_channels(plant, {"controls to measurements": (ins, outs)})
+    return carrying(around(system).statespace("generalized_plant"), plant, around)
+
+
+def _weighed_sensitivity(system: Lti, *, weights: list[Lti], given: list[bool]) -> Lti:
+    """Return a plant under control errors, with the weights of errors, controls and outputs that are given."""
+    ins, outs = system.inputs, system.outputs
+    errors = tuple(f"error_{name}" for name in outs)
     p, m = len(outs), len(ins)
     first = _through((*(f"r_{name}" for name in outs), *ins))
     middle = append(_through(outs), system, _through(ins))
@@ -139,18 +182,18 @@ def mixed_sensitivity(
     error = np.hstack([np.eye(p), -np.eye(p), np.zeros((p, m))])
     output = np.hstack([np.zeros((p, p)), np.eye(p), np.zeros((p, m))])
     effort = np.hstack([np.zeros((m, 2 * p)), np.eye(m)])
-    shown = [rows for rows, weight in ((error, W1), (effort, W2), (output, W3)) if weight is not None]
+    shown = [rows for rows, there in zip((error, effort, output), given, strict=True) if there]
     return _joined(first, entry, middle, np.vstack([*shown, error]), append(*weights, _through(errors)))
 
 
-def _joined(first: Lti, entry: Array, middle: Lti, leave: Array, last: Lti) -> control.StateSpace:
+def _joined(first: Lti, entry: Array, middle: Lti, leave: Array, last: Lti) -> Lti:
     """Return what is driven by weights, mixed into the plant, mixed again and weighed; no name may come twice."""
     joined = series(series(series(series(first, static(entry)), middle), static(leave)), last)
     for what, listed in (("input", joined.inputs), ("output", joined.outputs)):
         twice = [name for name in listed if listed.count(name) > 1]
         if twice:
             raise ValueError(f"{what} {twice[0]!r} would exist twice")
-    return joined.statespace("generalized_plant")
+    return joined
 
 
 def _weighted(what: str, prefix: str, given: Mapping[str, Weight], choices: Sequence[str]) -> dict[str, Lti]:

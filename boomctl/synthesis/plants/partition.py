@@ -9,6 +9,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import whole
 from boomctl.lti.system import Lti, lower_lft, of, static
+from boomctl.printing import compact
 
 if TYPE_CHECKING:
     import control
@@ -29,6 +30,8 @@ class GeneralizedPlant:
     system: Lti
     nmeas: int
     ncon: int
+
+    __repr__ = compact
 
     @property
     def dual(self) -> "GeneralizedPlant":

@@ -1,5 +1,6 @@
 """Controllers of a symmetric machine: one of each half joined into one, and one split into those of the halves."""
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -7,20 +8,22 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.block_diagonal import block_diagonal
-from boomctl.lti.modal import spectral_parts
+from boomctl.lti.modal import resolved
 from boomctl.lti.system import Lti, append, of
-from boomctl.reduction.reduce import reduce
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
 
 if TYPE_CHECKING:
     import control
 
-# Share of a half's gain that its reduction may drop, of a state's size that is rounding: half of all digits
-_SPLIT = 1e-7
+_EPS = float(np.finfo(float).eps)
+_FAINT = 1e-7, 1e-9, 1e-11  # shares of a state's size that are rounding, tried in turn until nothing is lost (choices)
+_NO_GAIN = 1e-7  # share of the largest gain that is none: half of all digits
+_LOST = 1e-6  # share of a half's gain, at any frequency looked at, that it may differ by from the controller (a choice)
+_FELT = 100.0  # units of rounding of the norm of A by which its poles may be off, with room (a choice)
+_UNITS = 1e3  # of rounding of a product, below which an entry tells nothing (a choice)
 _BESIDE = 1e-3  # relative distance kept from undamped poles, where a response has no end (a choice)
-# Relative distance of eigenvalues that belong together: a double one is split by rounding to its root, 1e-8
-_SAME = 1e-6
+_SAME = 1e-6  # share of its size below which what A makes of a column is rounding (a choice)
 
 
 def join_symmetric(
@@ -91,21 +94,51 @@ def split_controller(
         without its mirror image.
     """
     mirror, K = _mirror(model), of(controller, "controller", "StateSpace").balanced()
-    grid = _around(K)
-    halves, entries, leaves = [], [], []
+    sides = []
     for parity in (1, -1):
         read, drive = mirror.signals(K.inputs, parity), mirror.signals(K.outputs, parity)
         if read is None or drive is None:
             raise ValueError("controller: expected both signals of each pair, left and right")
-        entries.append(read[0])
-        leaves.append(drive[0])
-        halves.append(_half(K, grid, read, drive))
+        sides.append(_Side(read[0], drive[0], read[1], drive[1]))
+    grid = _around(K)
     response = np.moveaxis(K.response(grid, quiet=True), 2, 0)
-    unit = np.abs(response).max(axis=(0, 1))
-    response = response / np.where(unit > 0.0, unit, 1.0)
-    gains = {(i, j): np.abs(leaves[i].T @ response @ entries[j]).max(initial=0.0) for i in (0, 1) for j in (0, 1)}
+    largest = np.abs(response).max(axis=(0, 1), initial=0.0)
+    units = [(side.entry**2).T @ np.where(largest > 0.0, largest, 1.0) for side in sides]  # the same for both of a pair
+    parts = {(i, j): sides[i].leave.T @ response @ sides[j].entry / units[j] for i in (0, 1) for j in (0, 1)}
+    size = max(float(np.abs(part).max(initial=0.0)) for part in parts.values())
+    nearest = np.abs(1j * grid[:, None] - K.poles).min(axis=1, initial=np.inf)
+    moved = _FELT * _EPS * float(np.linalg.norm(K.A)) / nearest  # share of a gain that is rounding of the poles
+    halves, lost = [], np.full((2, len(grid)), np.inf)
+    for faint in _FAINT:
+        halves = _told_apart(K, sides, faint)
+        for k, half in enumerate(halves):
+            found, whole = np.moveaxis(half.response(grid, quiet=True), 2, 0) / units[k], parts[k, k]
+            gain = np.maximum(np.abs(whole).max(axis=(1, 2), initial=0.0), _NO_GAIN * size)
+            share = np.abs(found - whole).max(axis=(1, 2), initial=0.0) / np.where(gain > 0.0, gain, 1.0)
+            lost[k] = np.maximum(share - moved, 0.0)
+        if lost.max() <= _LOST:
+            break
+    else:
+        k = int(np.argmax(lost.max(axis=1)))
+        raise ValueError(
+            f"controller: its {('symmetric', 'antisymmetric')[k]} half would differ from it by"
+            f" {100.0 * lost[k].max():.2g} % at {grid[int(np.argmax(lost[k]))]:.4g} rad/s; expected poles that rounding"
+            " does not mix so much between the halves"
+        )
+    gains = {key: np.abs(part).max(initial=0.0) for key, part in parts.items()}
     kept = max(gains[0, 0], gains[1, 1])
-    return halves[0], halves[1], float(max(gains[0, 1], gains[1, 0]) / kept) if kept else 0.0
+    missed = float(max(gains[0, 1], gains[1, 0]) / kept) if kept else 0.0
+    return halves[0].statespace("controller"), halves[1].statespace("controller"), missed
+
+
+@dataclass(frozen=True)
+class _Side:
+    """What the controller of a half reads and drives: columns over the machine's signals, and names."""
+
+    entry: Array
+    leave: Array
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
 
 
 def _mirror(model: SecondOrderModel) -> Mirror:
@@ -120,7 +153,8 @@ def _around(K: Lti) -> Array:
     """Return frequencies at a controller's poles and around, beside those that are undamped."""
     poles = K.poles if len(K.A) else -np.ones(1)
     size = np.abs(poles)
-    poles, size = poles[size > 0.0], size[size > 0.0]
+    seen = resolved(poles) & (size > 0.0)
+    poles, size = poles[seen], size[seen]
     low, high = (float(size.min()), float(size.max())) if len(size) else (1.0, 1.0)
     grid = np.union1d(np.geomspace(0.01 * low, 10.0 * high, 200), size)
     for omega in size[np.abs(poles.real) <= _BESIDE * size]:
@@ -128,78 +162,97 @@ def _around(K: Lti) -> Array:
     return grid
 
 
-def _half(
-    K: Lti, grid: Array, read: tuple[Array, tuple[str, ...]], drive: tuple[Array, tuple[str, ...]]
-) -> "control.StateSpace":
-    """Return the channels between signals of one half, reduced to the states that they reach and see."""
-    rest, lasting = spectral_parts(K)
-    (entry, inputs), (leave, outputs) = read, drive
-    lasting = _lasting(lasting, entry, leave)
-    states = len(rest.A) + len(lasting.A)
-    half = Lti(
-        linalg.block_diag(rest.A, lasting.A).reshape(states, states),
-        np.vstack([rest.B @ entry, lasting.B]),
-        np.hstack([leave.T @ rest.C, lasting.C]),
-        leave.T @ rest.D @ entry,
-        inputs,
-        outputs,
-    )
-    size = float(np.abs(half.response(grid, quiet=True)).max(initial=0.0))
-    named = half.statespace("controller")
-    return named if not states or size == 0.0 else reduce(named, error=_SPLIT * size).system
+def _told_apart(K: Lti, sides: list[_Side], faint: float) -> list[Lti]:
+    """Return the controllers of the halves: of each group of poles, the states that a half reaches and sees.
+
+    Poles apart are groups of their own.  A group that both halves use, with more states than it has, holds poles that
+    rounding has mixed, such as equal ones of the two halves: it is joined with the nearest.
+    """
+    waiting, done = _blocks(K), []
+    while waiting:
+        block = waiting.pop()
+        parts = [_minimal(block, side, faint) for side in sides]
+        if not waiting or sum(len(part.A) for part in parts) <= len(block.A):
+            done.append(parts)
+            continue
+        distance = [_apart(block, other) for other in waiting]
+        other = waiting.pop(int(np.argmin(distance)))
+        waiting.append(_joined(block, other))
+    halves = []
+    for k, side in enumerate(sides):
+        D = side.leave.T @ K.D @ side.entry
+        empty = Lti(np.zeros((0, 0)), np.zeros((0, D.shape[1])), np.zeros((len(D), 0)), D)
+        found = [parts[k] for parts in done if len(parts[k].A)]
+        A = linalg.block_diag(*(part.A for part in found)) if found else empty.A
+        B, C = np.vstack([empty.B, *(part.B for part in found)]), np.hstack([empty.C, *(part.C for part in found)])
+        halves.append(Lti(A, B, C, D, side.inputs, side.outputs))
+    return halves
 
 
-def _lasting(part: Lti, read: Array, drive: Array) -> Lti:
-    """Return, of unstable and undamped states, those that one half reaches and sees; no reduction takes the others."""
-    found = [
-        _minimal(Lti(rows @ part.A @ columns, rows @ part.B, part.C @ columns, part.D), read, drive)
-        for columns, rows in _clusters(part.A)
-    ]
-    count = sum(len(one.A) for one in found)
-    return Lti(
-        linalg.block_diag(*(one.A for one in found)).reshape(count, count),
-        np.vstack([np.zeros((0, read.shape[1])), *(one.B for one in found)]),
-        np.hstack([np.zeros((drive.shape[1], 0)), *(one.C for one in found)]),
-        np.zeros((drive.shape[1], read.shape[1])),
-    )
+@dataclass(frozen=True)
+class _Block:
+    """Some poles of a controller, with what of ``B`` and ``C`` is theirs, and how far rounding may have moved that."""
+
+    A: Array
+    B: Array
+    C: Array
+    noise_B: Array
+    noise_C: Array
 
 
-def _clusters(A: Array) -> list[tuple[Array, Array]]:
-    """Return the columns, and the rows of their inverse, that split a matrix by its eigenvalues, equal ones together."""
-    if not len(A):
-        return []
-    blocks, columns, widths = block_diagonal(A)
-    rows, ends = linalg.inv(columns), np.cumsum(widths)
-    squares = [blocks[e - w : e, e - w : e] for w, e in zip(widths, ends, strict=True)]
-    means = np.array([np.trace(square) / len(square) for square in squares])
-    sizes = np.array([abs(linalg.det(square)) ** (1.0 / len(square)) for square in squares])
-    left, found = list(range(len(widths))), []
-    while left:
-        seed = left[0]
-        scale = _SAME * (sizes[seed] + _SAME * sizes.max())
-        near = [k for k in left if abs(means[k] - means[seed]) <= scale and abs(sizes[k] - sizes[seed]) <= scale]
-        chosen = np.concatenate([np.arange(ends[k] - widths[k], ends[k]) for k in near])
-        found.append((columns[:, chosen], rows[chosen]))
-        left = [k for k in left if k not in near]
+def _blocks(K: Lti) -> list[_Block]:
+    blocks, columns, widths = block_diagonal(K.A)
+    rows = linalg.inv(columns) if len(K.A) else K.A
+    B, C = rows @ K.B, K.C @ columns
+    noise_B, noise_C = _UNITS * _EPS * (np.abs(rows) @ np.abs(K.B)), _UNITS * _EPS * (np.abs(K.C) @ np.abs(columns))
+    ends = np.cumsum(widths).astype(int)
+    found = []
+    for end, width in zip(ends, widths, strict=True):
+        own = slice(end - width, end)
+        found.append(_Block(blocks[own, own], B[own], C[:, own], noise_B[own], noise_C[:, own]))
     return found
 
 
-def _minimal(part: Lti, read: Array, drive: Array) -> Lti:
-    """Return the states that one half reaches and sees, of those with about the same eigenvalue."""
-    entry, leave = part.B @ read, drive.T @ part.C
-    sizes = np.sqrt((np.linalg.norm(part.B, axis=0) ** 2) @ read**2), np.sqrt(drive.T**2 @ (part.C**2).sum(axis=1))
-    V = _spanned(part.A, entry / np.where(sizes[0] > 0.0, sizes[0], 1.0))
-    A, entry, leave = V.T @ part.A @ V, V.T @ entry, leave @ V
-    W = _spanned(A.T, (leave / np.where(sizes[1] > 0.0, sizes[1], 1.0)[:, None]).T)
+def _joined(one: _Block, other: _Block) -> _Block:
+    return _Block(
+        linalg.block_diag(one.A, other.A),
+        np.vstack([one.B, other.B]),
+        np.hstack([one.C, other.C]),
+        np.vstack([one.noise_B, other.noise_B]),
+        np.hstack([one.noise_C, other.noise_C]),
+    )
+
+
+def _apart(one: _Block, other: _Block) -> float:
+    """Return the least distance of the poles of two blocks."""
+    poles, others = linalg.eigvals(one.A), linalg.eigvals(other.A)
+    return float(np.abs(poles[:, None] - others).min())
+
+
+def _minimal(block: _Block, side: _Side, faint: float) -> Lti:
+    """Return the states that one half reaches and sees, of those of a block."""
+    entry, leave = block.B @ side.entry, side.leave.T @ block.C
+    unsure = block.noise_B @ np.abs(side.entry), np.abs(side.leave.T) @ block.noise_C
+    sizes = (
+        np.linalg.norm(block.B) * np.linalg.norm(side.entry, axis=0),
+        np.linalg.norm(block.C) * np.linalg.norm(side.leave.T, axis=1),
+    )
+    entry, leave = np.where(np.abs(entry) > unsure[0], entry, 0.0), np.where(np.abs(leave) > unsure[1], leave, 0.0)
+    V = columns_spanned(block.A, entry / np.where(sizes[0] > 0.0, sizes[0], 1.0), faint)
+    A, entry, leave = V.T @ block.A @ V, V.T @ entry, leave @ V
+    W = columns_spanned(A.T, (leave / np.where(sizes[1] > 0.0, sizes[1], 1.0)[:, None]).T, faint)
     return Lti(W.T @ A @ W, W.T @ entry, leave @ W, np.zeros((len(leave), entry.shape[1])))
 
 
-def _spanned(A: Array, start: Array) -> Array:
-    """Return orthonormal columns that span what ``A`` makes of those given, rounding left out."""
+def columns_spanned(A: Array, start: Array, faint: float) -> Array:
+    """Return orthonormal columns that span what ``A`` makes of those given, without what is fainter than a share of them."""
     basis, size = np.zeros((len(A), 0)), max(float(np.linalg.norm(A)), float(np.finfo(float).tiny))
     while start.shape[1]:
         left, strength, _ = linalg.svd(start - basis @ (basis.T @ start), full_matrices=False)
-        new = left[:, strength > _SPLIT]
+        new = left[:, strength > faint]
+        new = linalg.qr(new - basis @ (basis.T @ new), mode="economic")[
+            0
+        ]  # what a faint column lost of its right angle
         basis, onward = np.hstack([basis, new]), A @ new
         # a column that A nearly annihilates is rounding, and stays small
         start = onward / np.maximum(np.linalg.norm(onward, axis=0), _SAME * size)

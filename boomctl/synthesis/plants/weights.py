@@ -1,9 +1,11 @@
 """Weights for generalised plants: small stable filters in state space, corner frequencies in rad/s."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.checks import positive, real, whole
+from boomctl.checks import exactly, positive, real, whole
 from boomctl.lti.python_control import control
 
 _BUTTERWORTH = float(np.sqrt(0.5))  # damping ratio of the flattest second-order filter: gain/sqrt(2) at the corner
@@ -77,7 +79,7 @@ def band_pass(gain: float, low: float, high: float) -> control.StateSpace:
     """
     g, a, b = real("gain", gain), positive("low", low), positive("high", high)
     if a >= b:
-        raise ValueError(f"low, high = {a:g}, {b:g}: expected ascending frequencies [rad/s]")
+        raise ValueError(f"low, high = {exactly(a)}, {exactly(b)}: expected ascending frequencies [rad/s]")
     centre = float(np.sqrt(a * b))
     damping = (b - a) / (2.0 * centre)
     return _filter(*_second(centre, damping), [[0.0, 2.0 * g * damping]], 0.0)

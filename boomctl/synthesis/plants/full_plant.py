@@ -1,0 +1,211 @@
+"""Designs on a reduced plant, judged on the full one.
+
+The full plant is the reduced one and a stable error beside it, whose size `reduce` has verified.  A loop ``u = K y`` that
+is stable on the reduced plant is stable on the full one too if ``K S``, from what is added to the measurements to the
+controls, times that error stays below one at every frequency (small gain; ``S = (I - G K)^-1``).  That is sufficient, not
+necessary: where it does not hold, and the full plant is not too large, the poles of its loop are computed.
+"""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, matrices_norm
+from boomctl.arrays import Array
+from boomctl.lti.frequency import largest_gain, singular_values
+from boomctl.lti.modal import side_of_axis
+from boomctl.lti.system import Lti, lower_lft, of
+from boomctl.printing import compact, sentence
+from boomctl.reduction.result import ReductionResult
+from boomctl.reduction.verify import band_norm
+from boomctl.synthesis.plants.partition import GeneralizedPlant
+
+if TYPE_CHECKING:
+    import control
+
+_ORIGIN = "_boomctl_reduced_plant"  # the attribute in which a generalised plant carries what it was made of
+_MOST_POLES = 800  # states of a full loop whose poles are computed: two seconds (a choice)
+_MOST_NORM = 200  # states of a full loop whose norm is certified: a second (a choice)
+_WORSE = 1.1  # times the norm on the reduced plant: a norm on the full one above that is worth a warning (a choice)
+_BEYOND = 2.0  # times the end of a band: a frequency beyond it
+
+
+class ReductionWarning(UserWarning):
+    """The error of a reduction touches a design: on the full plant the loop is not what it is on the reduced one."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedPlant:
+    """What a generalised plant was made of.
+
+    Attributes
+    ----------
+    reduction : ReductionResult
+        Of the plant within.
+    around : callable
+        Makes the generalised plant around any plant with the same signals.
+    """
+
+    reduction: ReductionResult
+    around: Callable[[Lti], Lti]
+
+    __repr__ = compact
+
+
+@dataclass(frozen=True)
+class FullPlantCertificate:
+    """What is known of a loop on the full plant whose controller was designed on a reduced one.
+
+    Attributes
+    ----------
+    stable : bool or None
+        Whether the loop is stable on the full plant; None where that was not proved either way.
+    share : float
+        The largest ``K S`` (from what is added to the measurements to the controls) times the error of the reduction, at
+        any frequency: below one, the loop is proved stable.
+    error : float
+        Of the reduction, verified.
+    full_order : int
+        States of the full plant, without weights.
+    slowest_pole : float
+        Largest real part of the poles of the full loop [rad/s]; ``nan`` where they were not computed.
+    norm : NormCertificate or None
+        H-infinity norm of the loop on the full plant; None where it is not stable, or was not computed.
+    statement : str
+        All this in a sentence.
+    """
+
+    stable: bool | None
+    share: float
+    error: float
+    full_order: int
+    slowest_pole: float
+    norm: NormCertificate | None = field(repr=False)
+    statement: str
+
+    def __repr__(self) -> str:
+        return sentence("FullPlantCertificate", self.statement)
+
+
+def plant_within(plant: Any, expected: str = "SecondOrderModel, StateSpace or ReductionResult") -> Lti:
+    """Return the system that a design is made on: what was handed in, or the reduced one of a reduction."""
+    return of(plant.system if isinstance(plant, ReductionResult) else plant, "plant", expected)
+
+
+def carrying(P: "control.StateSpace", plant: Any, around: Callable[[Lti], Lti]) -> "control.StateSpace":
+    """Return a generalised plant that knows, where its plant is a reduction, what that was made of."""
+    if isinstance(plant, ReductionResult):
+        setattr(P, _ORIGIN, ReducedPlant(plant, around))
+    return P
+
+
+def origin_of(P: Any) -> ReducedPlant | None:
+    """Return what a generalised plant was made of, if its plant is a reduction, or it is one itself."""
+    return ReducedPlant(P, of) if isinstance(P, ReductionResult) else getattr(P, _ORIGIN, None)
+
+
+def warn_of_lost_channels(plant: Any, channels: dict[str, tuple[tuple[str, ...], tuple[str, ...]]]) -> None:
+    """Warn where the error of a reduction is as large as all that the reduced plant does between some signals.
+
+    Parameters
+    ----------
+    plant : ReductionResult or any other
+        Of another kind nothing is said.
+    channels : mapping
+        From what a message calls them to inputs and outputs.
+    """
+    if not isinstance(plant, ReductionResult):
+        return
+    system, lost = of(plant.system), []
+    for what, (inputs, outputs) in channels.items():
+        if inputs and outputs and len(system.A):
+            peak, _ = largest_gain(system.select(inputs, outputs))
+            if peak <= plant.measured_error:
+                lost.append(f"{what} (at most {peak:.3g})")
+    if lost:
+        said = (
+            f"the reduction's error, up to {plant.measured_error:.3g}, is as large as all that the reduced plant does from "
+            f"{' and from '.join(lost)}; reduce to more states, or in units in which these signals have like sizes (in_units)"
+        )
+        warnings.warn(said, ReductionWarning, stacklevel=3)
+
+
+def judged_on_full_plant(origin: ReducedPlant, plant: GeneralizedPlant, K: Lti, gamma: float) -> FullPlantCertificate:
+    """Return what is known of a loop on the full plant, and warn; ``gamma`` is its norm on the reduced one."""
+    reduction = origin.reduction
+    share = _share(reduction, plant, K)
+    size = reduction.full_order + len(plant.A) - reduction.order + len(K.A)  # with weights and controller
+    stable, slowest, norm = True if share < 1.0 else None, float("nan"), None
+    if size <= _MOST_POLES:
+        try:
+            loop = lower_lft(origin.around(of(reduction.full)), K).balanced()
+        except ValueError:  # not well-posed on the full plant
+            stable, slowest = False, inf
+        else:
+            slowest, side = float(loop.poles.real.max(initial=-inf)), int(side_of_axis(loop.poles).max(initial=-1))
+            stable = {-1: True, 0: stable, 1: False}[side]  # of poles that stand on the axis the small gain alone tells
+            if stable and size <= _MOST_NORM:
+                norm = matrices_norm(loop)
+    statement = _statement(reduction, stable, share, slowest, norm)
+    if not stable or (norm is not None and norm.upper > _WORSE * gamma):
+        warnings.warn(f"the controller was designed on a reduced plant: {statement}", ReductionWarning, stacklevel=4)
+    return FullPlantCertificate(stable, share, reduction.measured_error, reduction.full_order, slowest, norm, statement)
+
+
+def _statement(
+    reduction: ReductionResult, stable: bool | None, share: float, slowest: float, norm: NormCertificate | None
+) -> str:
+    gain = f"K S times the reduction's error of {reduction.measured_error:.3g} is up to {share:.3g}"
+    if stable is False:
+        return (
+            f"on the full plant of {reduction.full_order} states the loop is UNSTABLE (a pole with real part {slowest:.3g} "
+            f"rad/s); {gain}; reduce to more states"
+        )
+    if stable is None:
+        return (
+            f"it is not proved that the loop is stable on the full plant of {reduction.full_order} states; {gain}, and below "
+            "1 would prove it; reduce to more states, or look at the full loop (feedback_loop, margins)"
+        )
+    how = f"proved: {gain}, below 1" if share < 1.0 else f"its poles were computed, the slowest at {slowest:.3g} rad/s"
+    told = f"stable on the full plant of {reduction.full_order} states ({how})"
+    if norm is None:
+        return told
+    if isfinite(norm.upper):
+        return f"{told}; its norm there is {norm.upper:.6g}"
+    return f"{told}; its norm there is at least {norm.lower:.6g} ({norm.method})"
+
+
+def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float:
+    """Return the largest ``K S`` times the error of a reduction; at least one where that is not proved to be less."""
+    n, m, p = len(plant.A), plant.ncon, plant.nmeas
+    added = Lti(
+        plant.A,
+        np.hstack([np.zeros((n, p)), plant.B2]),
+        np.vstack([np.zeros((m, n)), plant.C2]),
+        np.block([[np.zeros((m, p)), np.eye(m)], [np.eye(p), plant.D22]]),
+    )
+    KS = lower_lft(added, K).balanced()
+    if reduction.measured_error == 0.0:
+        return 0.0
+    if reduction.band is None:
+        return matrices_norm(KS).upper * min(reduction.measured_error, reduction.error_bound)
+    everywhere = matrices_norm(KS).upper * reduction.error_bound
+    if everywhere < 1.0:
+        return everywhere
+    inside = band_norm(KS, KS.response, reduction.band).upper * reduction.measured_error
+    low, high = reduction.band
+    outside = np.array([0.0, 0.5 * low, _BEYOND * high] if low > 0.0 else [_BEYOND * high])
+    values = np.append(singular_values(KS.response(outside, quiet=True))[0], np.linalg.norm(KS.D, 2))
+    if values.max() * reduction.error_bound >= 1.0:
+        return max(inside, float(values.max()) * reduction.error_bound)
+    crossings = axis_eigenvalues(KS, 1.0 / reduction.error_bound)
+    return inside if _within(crossings, low, high) else max(inside, everywhere)
+
+
+def _within(omega: Array, low: float, high: float) -> bool:
+    """Return whether all of these lie within a band, so that nothing reaches the level outside of it."""
+    return bool(((omega > low) & (omega < high)).all())
