@@ -15,7 +15,7 @@ from boomctl.analysis.measured import MeasuredCurve, read_measured_curve
 from boomctl.analysis.modes import ModeRow, ModeTable, mode_table
 from boomctl.analysis.norm import NormCertificate, hinf_norm
 from boomctl.analysis.nyquist import ExactLoopStability, exact_loop_stability
-from boomctl.analysis.sigma import SigmaResult, sigma
+from boomctl.analysis.sigma import SigmaComparison, SigmaResult, compare_sigma, sigma
 
 __all__ = [
     "DiskMargin",
@@ -28,10 +28,12 @@ __all__ = [
     "ModeTable",
     "NormCertificate",
     "RobustStability",
+    "SigmaComparison",
     "SigmaResult",
     "StructuredMargin",
     "WorstCase",
     "closed_loop_response",
+    "compare_sigma",
     "exact_loop_stability",
     "feedback_loop",
     "h2_norm",

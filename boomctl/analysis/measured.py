@@ -1,19 +1,30 @@
-"""Measured curves from CSV files."""
+"""Measured curves from CSV files, complex frequency responses from CSV files and universal files (UFF)."""
 
 from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
+from math import tau
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.checks import path as checked_path
 from boomctl.files import read_numbers
 from boomctl.lti.frequency import singular_values
 from boomctl.printing import listed
 
+if TYPE_CHECKING:
+    import control
+    from matplotlib.axes import Axes
+
+_UNIVERSAL = (".uff", ".unv", ".uf", ".58")  # ends of the names of universal files
+
 
 @dataclass(frozen=True)
 class MeasuredCurve:
-    """Measured singular values over frequency.
+    """Measured singular values over frequency, and the complex response that they are of, where it is known.
 
     Attributes
     ----------
@@ -23,32 +34,80 @@ class MeasuredCurve:
         One line a curve, as they stand in the file, or the singular values of a measured frequency response.
     labels : tuple of str
         One a curve.
+    entries : (p, m, n) ndarray or None
+        The complex frequency response; None where the file has magnitudes only.
+    inputs, outputs : tuple of str
+        Names of its signals.
     """
 
     freq_hz: Array
     magnitude: Array
     labels: tuple[str, ...]
+    entries: Array | None = None
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         span = f"{len(self.freq_hz)} frequencies, {self.freq_hz[0]:.4g} to {self.freq_hz[-1]:.4g} Hz"
-        return f"MeasuredCurve: {listed(self.labels)}\n  {span}, largest {self.magnitude.max():.6g}"
+        of = "" if self.entries is None else f"; with phase, {len(self.outputs)} x {len(self.inputs)}"
+        return f"MeasuredCurve: {listed(self.labels)}\n  {span}, largest {self.magnitude.max():.6g}{of}"
+
+    @cached_property
+    def response(self) -> "control.FrequencyResponseData | None":
+        """The complex frequency response, as python-control has it; None where the file has magnitudes only."""
+        if self.entries is None:
+            return None
+        from boomctl.lti.python_control import control
+
+        names: dict[str, Any] = {"inputs": list(self.inputs), "outputs": list(self.outputs), "name": "measured"}
+        return control.frd(self.entries, tau * self.freq_hz, **names)
+
+    def plot(self, ax: "Axes | None" = None, *, unit: str | None = None, **style: Any) -> "Axes":
+        """Draw the curve over frequency, on a sigma plot over the computed ones; return the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        unit : {"Hz", "rad/s"}, optional
+            Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
+        **style
+            Of the dots, as matplotlib's lines take it; a ``label`` stands before the names in the file.
+        """
+        return import_module("boomctl.plotting").plot_measured(self, ax, unit=unit, **style)
 
 
 def read_measured_curve(path: str | Path) -> MeasuredCurve:
-    """Read a measured curve.
+    """Read a measured curve or frequency response.
 
-    The first line names the columns.  ``freq_hz`` [Hz] comes first.  Magnitudes: any further names, one column a curve.
-    Complex frequency response: pairs of columns ``re_OUT_IN, im_OUT_IN`` (``OUT``, ``IN`` whole numbers from 1), of
-    which the singular values are taken.  Lines that begin with ``#`` are comments.
+    CSV: the first line names the columns.  ``freq_hz`` [Hz] comes first.  Magnitudes: any further names, one column a
+    curve.  Complex frequency response: pairs of columns ``re_OUT_IN, im_OUT_IN`` (``OUT``, ``IN`` whole numbers from 1), of
+    which the singular values are taken; ``response`` keeps the phase.  Lines that begin with ``#`` are comments.  Values
+    are separated by commas; or by semicolons or tabs, and then decimal commas are read as well as decimal points.
+
+    Universal files (``.uff``, ``.unv``, ``.58``): the frequency responses of all data sets 58, one an entry, their signals
+    named by node and direction, such as ``3+y``, in SI units.  This needs the package pyuff: ``pip install 'boomctl[uff]'``.
 
     Raises
     ------
     OSError
         The file cannot be read.
     ValueError
-        A column or value is missing, not a number, negative where it cannot be, or frequencies do not ascend; the
-        message names file and line.
+        A column or value is missing, not a number, negative where it cannot be, or frequencies do not ascend; data sets do
+        not make up a whole matrix at the same frequencies; the message names file and line or data set.
+    ImportError
+        A universal file, and pyuff is not installed.
+
+    Examples
+    --------
+    >>> curve = read_measured_curve("shaker.csv")  # doctest: +SKIP
+    >>> curve.magnitude, curve.response  # doctest: +SKIP
     """
+    file = checked_path("path", path)
+    if file.suffix.lower() in _UNIVERSAL:
+        from boomctl.analysis.universal_files import read_responses
+
+        return _of_response(*read_responses(file))
     table = read_numbers(path)
     header, values = table.header, table.values
     if header[0] != "freq_hz" or len(header) < 2:
@@ -62,8 +121,10 @@ def read_measured_curve(path: str | Path) -> MeasuredCurve:
             f"{path}, line {table.lines[bad]}: expected freq_hz not below zero and ascending, got {freq[bad]:g}"
         )
     if header[1].startswith(("re_", "im_")):
-        curves = singular_values(_complex_response(path, header, values))
-        return MeasuredCurve(freq, curves, tuple(f"measured {i + 1}" for i in range(len(curves))))
+        response = _complex_response(path, header, values)
+        p, m, _ = response.shape
+        names = tuple(f"in_{i + 1}" for i in range(m)), tuple(f"out_{o + 1}" for o in range(p))
+        return _of_response(freq, response, *names)
     if (values[:, 1:] < 0).any():
         line, column = (int(i) for i in np.argwhere(values[:, 1:] < 0)[0])
         raise ValueError(
@@ -72,19 +133,29 @@ def read_measured_curve(path: str | Path) -> MeasuredCurve:
     return MeasuredCurve(freq, values[:, 1:].T.copy(), header[1:])
 
 
+def _of_response(freq_hz: Array, response: Array, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> MeasuredCurve:
+    """Return a response with its singular values."""
+    curves = singular_values(response)
+    labels = tuple(f"measured {i + 1}" for i in range(len(curves)))
+    return MeasuredCurve(freq_hz, curves, labels, response, inputs, outputs)
+
+
 def _complex_response(path: str | Path, header: tuple[str, ...], table: Array) -> Array:
     entries = {}
     for column, name in enumerate(header[1:], 1):
         part, *place = name.split("_")
         if part not in ("re", "im") or len(place) != 2 or not all(text.isdigit() and int(text) > 0 for text in place):
             raise ValueError(f"{path}: expected columns re_OUT_IN and im_OUT_IN with numbers from 1, got {name!r}")
-        entries[part, int(place[0]) - 1, int(place[1]) - 1] = table[:, column]
+        key = part, int(place[0]) - 1, int(place[1]) - 1
+        if key in entries:
+            raise ValueError(f"{path}: column {name} is there twice")
+        entries[key] = table[:, column]
     p, m = 1 + max(key[1] for key in entries), 1 + max(key[2] for key in entries)
+    if 2 * p * m > len(entries):  # before an array of that size is made: numbers may be any
+        parts = ((part, o, i) for o in range(p) for i in range(m) for part in ("re", "im"))
+        part, o, i = next(key for key in parts if key not in entries)
+        raise ValueError(f"{path}: column {part}_{o + 1}_{i + 1} is missing")
     response = np.zeros((p, m, len(table)), dtype=complex)
-    for o in range(p):
-        for i in range(m):
-            for part, unit in (("re", 1.0), ("im", 1j)):
-                if (part, o, i) not in entries:
-                    raise ValueError(f"{path}: column {part}_{o + 1}_{i + 1} is missing")
-                response[o, i] += unit * entries[part, o, i]
+    for (part, o, i), column in entries.items():
+        response[o, i] += column if part == "re" else 1j * column
     return response

@@ -1,5 +1,7 @@
 """The spray boom as a machine of rigid bodies, a beam, springs and dampers; read it beside Fig. 1 of the paper."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -8,9 +10,9 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters, boom_parameters
-from boomctl.checks import finite_array, known, positive, whole
+from boomctl.checks import exactly, finite_array, from_on, known, positive, sequence, shown, up_to, whole
 from boomctl.structure.assembly import Assembly
-from boomctl.structure.beams.elements import DiscreteElements, FiniteElements
+from boomctl.structure.beams.elements import MOST_ELEMENTS, DiscreteElements, FiniteElements
 from boomctl.structure.displacement_input import MOTIONS, prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.parts import (
@@ -160,7 +162,7 @@ def boom_discretization(
     known("discretization", discretization, DISCRETIZATIONS)
     stations: int | tuple[float, ...]
     if isinstance(elements, (int, np.integer)):
-        count = whole("elements", elements)
+        count = whole("elements", elements, most=MOST_ELEMENTS)
         stations = count if discretization == "finite" else _attached_nodes(p, count)
     else:
         stations = tuple(_node_positions(p, elements) + p.length / 2)
@@ -173,15 +175,16 @@ def boom_discretization(
 
 def _node_positions(p: BoomParameters, elements: Sequence[float] | Array) -> Array:
     """Return node positions, refused unless they ascend from tip to tip."""
-    if isinstance(elements, (str, bytes)) or not hasattr(elements, "__iter__"):
-        raise TypeError(f"elements = {elements!r}: expected a whole number or a sequence of node positions")
-    x = finite_array("elements (node positions)", np.asarray(list(elements)), ndim=1)
+    if not hasattr(elements, "__iter__"):
+        raise TypeError(f"elements = {shown(elements)}: expected a whole number or a sequence of node positions")
+    x = finite_array("elements (node positions)", sequence("elements", elements, "node positions"), ndim=1)
     if len(x) < 2 or not (np.diff(x) > 0.0).all():
-        raise ValueError(f"elements = {x.tolist()}: expected at least two node positions, ascending")
+        raise ValueError(f"elements = {shown(x.tolist())}: expected at least two node positions, ascending")
     half = p.length / 2
     if abs(x[0] + half) > 1e-9 * half or abs(x[-1] - half) > 1e-9 * half:
         raise ValueError(
-            f"elements: nodes run from {x[0]:g} to {x[-1]:g} m; expected {-half:g} to {half:g} m, tip to tip"
+            f"elements: nodes run from {exactly(x[0])} to {exactly(x[-1])} m; expected {exactly(-half)} to "
+            f"{exactly(half)} m, tip to tip"
         )
     return x
 
@@ -210,7 +213,10 @@ def _nozzle_places(p: BoomParameters, nozzles: Sequence[float] | Array) -> tuple
         raise ValueError("nozzles: expected at least one place along the boom, ascending")
     half = p.length / 2
     if x[0] < -half or x[-1] > half:
-        raise ValueError(f"nozzles: expected places on the boom, {-half:g} to {half:g} m, got {x[0]:g} to {x[-1]:g}")
+        raise ValueError(
+            f"nozzles: expected places on the boom, {from_on(-half)} to {up_to(half)} m, got "
+            f"{exactly(x[0])} to {exactly(x[-1])}"
+        )
     return tuple(x.tolist())
 
 

@@ -1,15 +1,18 @@
 """Motion of the platform: of a tractor on a track, sine sweeps, measured motions and their files."""
 
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters
-from boomctl.boom.tracks import Track, step_count
+from boomctl.boom.tracks import MOST_STEPS, SPEEDS, Track, step_count
 from boomctl.boom.tractor import TractorParameters, tractor_lti
-from boomctl.checks import finite_array, known, positive, real
+from boomctl.checks import exactly, finite_array, from_on, known, positive, real, truth, up_to, within
+from boomctl.checks import path as checked_path
 from boomctl.files import read_numbers, write_whole
 from boomctl.lti.hold import linear_hold, linear_hold_response, recursion
 from boomctl.lti.system import Lti
@@ -64,6 +67,18 @@ class PlatformMotion:
         span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
         left, right = (f"{side.min():.4g} to {side.max():.4g} m" for side in (self.left, self.right))
         return f"PlatformMotion: {span}\n  left {left}, right {right}; actuators {self.actuator_distance:.4g} m apart"
+
+    def plot(self, ax: Any = None, **style: Any) -> Array:
+        """Draw jolt and yaw over time; return the axes.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw: jolt and yaw; by default a new figure of pyplot.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_motion(self, ax, **style)
 
     @property
     def sample_time(self) -> float:
@@ -146,27 +161,28 @@ def platform_motion(
     """
     if not isinstance(track, Track):
         raise TypeError(f"track: expected Track, got {type(track).__name__}")
-    p, V = or_default(TractorParameters, "tractor", tractor), positive("speed", speed)
+    p, V = or_default(TractorParameters, "tractor", tractor), within("speed", speed, *SPEEDS, "m/s")
     system = tractor_lti(p, V, positive("actuator_distance", actuator_distance))
     h = positive("sample_time", sample_time)
     if not np.isclose(track.width, p.track_width, rtol=1e-6):
         raise ValueError(
-            f"track: its sides are {track.width:g} m apart; expected track_width, {p.track_width:g} m, of the tractor"
+            f"track: its sides are {exactly(track.width)} m apart; expected track_width, "
+            f"{exactly(p.track_width)} m, of the tractor"
         )
     way = track.length if track.periodic else track.length - p.wheelbase  # that the rear axle can drive
     if way <= 0.0:
         raise ValueError(f"track: {track.length:g} m are shorter than the wheelbase, {p.wheelbase:g} m")
     wanted = way / V if duration is None else positive("duration", duration)
     if not track.periodic and wanted * V > way * (1.0 + 1e-9):
-        raise ValueError(f"duration = {wanted:g}: expected at most {way / V:g} s, where the track ends")
+        raise ValueError(f"duration = {exactly(wanted)}: expected at most {up_to(way / V)} s, where the track ends")
     count = step_count("duration", wanted, h, "s")
     if count < 1:
-        raise ValueError(f"sample_time = {h:g}: expected less than the duration, {wanted:g} s")
+        raise ValueError(f"sample_time = {exactly(h)}: expected less than the duration, {exactly(wanted)} s")
     finest = max(0.25 * p.contact_length, track.step)
     if V * h > finest * (1.0 + 1e-9):
         raise ValueError(
-            f"sample_time = {h:g}: expected at most {finest / V:g} s, a quarter of a tyre's contact length"
-            f" at speed = {V:g}, or a speed of at most {finest / h:g} m/s"
+            f"sample_time = {exactly(h)}: expected at most {up_to(finest / V)} s, a quarter of a tyre's contact length"
+            f" at speed = {exactly(V)}, or a speed of at most {up_to(finest / h)} m/s"
         )
     before, rest = _driven_before(system, track, V, h, p.wheelbase) if track.periodic else (0, None)
     ground = _ground(track, V * h * np.arange(-before, count + 1), p.wheelbase)
@@ -190,9 +206,15 @@ def _driven_before(system: Lti, track: Track, speed: float, h: float, wheelbase:
     slowest = -float(np.linalg.eigvals(system.A).real.max())
     if slowest <= _DRIFTING:
         return 0, None
-    settling, steps = -np.log(_SETTLED) / (slowest * h), int(np.ceil(track.length / (speed * h)))
-    if settling <= steps:
-        return int(np.ceil(settling)), None
+    settling, once = -np.log(_SETTLED) / slowest, track.length / speed
+    if min(settling, once) / h > MOST_STEPS:
+        raise ValueError(
+            f"sample_time = {exactly(h)}: expected at least {from_on(min(settling, once) / MOST_STEPS)} s, for the tractor"
+            f" drives {min(settling, once):.3g} s before its motion is stationary"
+        )
+    if settling <= once:
+        return int(np.ceil(settling / h)), None
+    steps = int(np.ceil(once / h))
     step = track.length / (speed * steps)
     ground = _ground(track, -steps * speed * h + speed * step * np.arange(steps + 1), wheelbase)
     Phi, G, H = linear_hold(system.A, system.B, step)
@@ -238,12 +260,12 @@ def sine_sweep(
     known("motion", motion, ("jolt", "yaw", "left", "right"))
     if max(low, high) * h >= 0.5:
         raise ValueError(
-            f"sample_time = {h:g}: expected less than {0.5 / max(low, high):g} s, half the shortest period"
+            f"sample_time = {exactly(h)}: expected less than {up_to(0.5 / max(low, high))} s, half the shortest period"
         )
     time = h * np.arange(step_count("duration", T, h, "s") + 1)
     if len(time) < 2:
-        raise ValueError(f"sample_time = {h:g}: expected less than the duration, {T:g} s")
-    if logarithmic and low != high:
+        raise ValueError(f"sample_time = {exactly(h)}: expected less than the duration, {exactly(T)} s")
+    if truth("logarithmic", logarithmic) and low != high:
         rate = (np.log(high) - np.log(low)) / T
         cycles = low * np.expm1(rate * time) / rate
     else:
@@ -312,7 +334,8 @@ def _distance_of(path: str | Path, comments: tuple[tuple[int, str], ...], given:
         raise ValueError(f"{path}, line {line}: {_STATED}: expected a number above zero, got {text[:50]!r}") from None
     if given is not None and given != distance:
         raise ValueError(
-            f"actuator_distance = {given:g}: expected {distance:g} m, as line {line} of {path} says, or leave it out"
+            f"actuator_distance = {exactly(given)}: expected {exactly(distance)} m, as line {line} of "
+            f"{path} says, or leave it out"
         )
     return distance
 
@@ -331,7 +354,10 @@ def write_motion(path: str | Path, motion: PlatformMotion) -> None:
     """
     if not isinstance(motion, PlatformMotion):
         raise TypeError(f"motion: expected PlatformMotion, got {type(motion).__name__}")
+    file = checked_path("path", path)
+    if file.is_dir():
+        raise ValueError(f"path = {str(file)!r}: expected a file, got a folder")
     rows = np.column_stack([motion.time, motion.left, motion.right]).tolist()
     distance = f"# {_STATED} = {float(motion.actuator_distance)!r}"
     lines = [distance, ",".join(_SIDES), *(",".join(map(repr, row)) for row in rows)]
-    write_whole(Path(path), "\n".join(lines) + "\n")
+    write_whole(file, "\n".join(lines) + "\n")

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from math import sqrt
 
-from boomctl.checks import nonnegative, positive
+from boomctl.checks import exactly, from_on, nonnegative, positive
 from boomctl.parameters import Parameters, or_default
 
 _LARGEST = 1e15  # of any parameter, SI units: a thousand times the stiffness of diamond, in N/m^2 (a choice)
@@ -83,22 +83,23 @@ class BoomParameters(Parameters):
             check = nonnegative if field.name in _MAY_BE_ZERO else positive
             if check(field.name, getattr(self, field.name)) > _LARGEST:
                 raise ValueError(
-                    f"{field.name} = {getattr(self, field.name):g}: expected at most {_LARGEST:g}, in SI units"
+                    f"{field.name} = {exactly(getattr(self, field.name))}: expected at most {_LARGEST:g}, in SI units"
                 )
         for side in ("width", "height"):
             inner, outer = getattr(self, f"inner_{side}"), getattr(self, f"outer_{side}")
             if inner >= outer:
-                raise ValueError(f"inner_{side} = {inner:g}: expected less than outer_{side} = {outer:g}")
+                raise ValueError(f"inner_{side} = {exactly(inner)}: expected less than outer_{side} = {exactly(outer)}")
         if self.spring_distance >= self.length:
             raise ValueError(
-                f"spring_distance = {self.spring_distance:g}: expected less than the boom's length = {self.length:g}"
+                f"spring_distance = {exactly(self.spring_distance)}: expected less than the boom's length = "
+                f"{exactly(self.length)}"
             )
         for name, value, tube in (
             ("boom_mass", self.boom_mass, self.tube_mass),
             ("boom_inertia", self.boom_inertia, self.tube_inertia),
         ):
             if value < tube * (1.0 - 1e-12):
-                raise ValueError(f"{name} = {value:g}: expected at least that of the tube, {tube:.6g}")
+                raise ValueError(f"{name} = {exactly(value)}: expected at least that of the tube, {from_on(tube)}")
 
         wave, mass = 2.0 * _FIRST / self.length, self.mass_per_length
         bending = wave * wave * sqrt(self.bending_stiffness / mass) if mass > 0.0 else 0.0

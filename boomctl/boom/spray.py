@@ -8,10 +8,12 @@ nothing is lost or made.  Where a nozzle moves back over the ground (``y' < -V``
 Under a point footprint the dose is ``1/(1 + y'/V)`` times the nominal one; small motion varies it by ``sigma(y')/V``.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,10 +21,11 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.boom.motion import uneven
 from boomctl.boom.parameters import BoomParameters
-from boomctl.checks import finite_array, known, nonnegative, positive
+from boomctl.boom.tracks import SPEEDS
+from boomctl.checks import exactly, finite_array, known, nonnegative, positive, within
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
 _SHAPES = ("triangle", "box")
 _MOST_CELLS = 20_000_000  # of a field: 160 MB (a choice)
@@ -130,9 +133,17 @@ class SprayResult:
         """Largest deposit of a cell over the nominal one."""
         return float(self.judged.max())
 
-    def plot(self) -> "Figure":
-        """Draw the deposit on the field; see :func:`boomctl.plotting.draw_deposit`."""
-        return import_module("boomctl.plotting").draw_deposit({"deposit": self})
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
+        """Draw the deposit on the field, beside its scale of colours; return the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        **style
+            Of the map, as matplotlib's ``pcolormesh`` takes it; a ``label`` is its title.
+        """
+        return import_module("boomctl.plotting").plot_deposit(self, ax, **style)
 
     @property
     def relative_tip_speed(self) -> float:
@@ -150,9 +161,11 @@ def nozzle_positions(length: float = BoomParameters.length, spacing: float = 0.5
     """Return nozzles ``spacing`` apart along a boom, the outermost half a spacing from its tips if it divides evenly [m]."""
     count = int(min(positive("length", length) / positive("spacing", spacing) + 1e-9, _MOST_CELLS))
     if count == _MOST_CELLS:
-        raise ValueError(f"spacing = {spacing:g}: expected fewer than {_MOST_CELLS:g} nozzles on {length:g} m")
+        raise ValueError(
+            f"spacing = {exactly(spacing)}: expected fewer than {_MOST_CELLS:g} nozzles on {exactly(length)} m"
+        )
     if not count:
-        raise ValueError(f"spacing = {spacing:g}: expected at most the boom's length, {length:g} m")
+        raise ValueError(f"spacing = {exactly(spacing)}: expected at most the boom's length, {exactly(length)} m")
     return spacing * (np.arange(count) - 0.5 * (count - 1))
 
 
@@ -198,7 +211,7 @@ def spray_deposit(
         for the size of the cells.
     """
     t, x, moved = _points(time, displacement, positions)
-    V = positive("speed", speed)
+    V = within("speed", speed, *SPEEDS, "m/s")
     at = x if nozzles is None else _nozzles(nozzles, x)
     spacing = _spacing(at)
     pattern = Footprint(2.0 * spacing) if footprint is None else footprint
@@ -308,7 +321,7 @@ def _points(time: ArrayLike, displacement: ArrayLike, positions: ArrayLike) -> t
 def _nozzles(nozzles: ArrayLike, x: Array) -> Array:
     at = finite_array("nozzles", nozzles, ndim=1)
     if not len(at) or at.min() < x[0] - 1e-9 or at.max() > x[-1] + 1e-9:
-        raise ValueError(f"nozzles: expected places between the points given, {x[0]:g} to {x[-1]:g} m")
+        raise ValueError(f"nozzles: expected places between the points given, {exactly(x[0])} to {exactly(x[-1])} m")
     return at
 
 

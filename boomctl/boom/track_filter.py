@@ -1,7 +1,10 @@
 """Spectra of the platform's motion on a random track, and shaping filters with these spectra for controller design."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,15 +12,16 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.boom.tracks import BAND, class_number, road_density, track_coherence, wave_band
+from boomctl.boom.tracks import BAND, SPEEDS, class_number, road_density, track_coherence, wave_band
 from boomctl.boom.tractor import TractorParameters, tractor_lti
-from boomctl.checks import frequencies, positive, whole
+from boomctl.checks import frequencies, positive, whole, within
 from boomctl.lti.system import Lti, append, series, static
 from boomctl.parameters import or_default
 from boomctl.printing import compact
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.axes import Axes
 
 _FITTED_HZ = (0.04, 6.0)  # band of the fit: from far below a boom's first yaw mode to above its first bending modes
 _PER_OCTAVE = 12  # points of the fit: four within the width of the smoothing (a choice)
@@ -43,6 +47,18 @@ class PlatformDensity:
     difference: Array
 
     __repr__ = compact
+
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
+        """Draw both densities over frequency; return the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_density(self, ax, **style)
 
 
 def platform_density(
@@ -72,7 +88,7 @@ def platform_density(
         As these do; a frequency of zero; numbers so far out that the densities are not finite.
     """
     low, high = wave_band(band)
-    p, V = or_default(TractorParameters, "tractor", tractor), positive("speed", speed)
+    p, V = or_default(TractorParameters, "tractor", tractor), within("speed", speed, *SPEEDS, "m/s")
     system = tractor_lti(p, V, positive("actuator_distance", actuator_distance))
     f = frequencies("freq_hz", freq_hz)
     wave = f / V
@@ -111,7 +127,7 @@ def track_filter(
     sections: int = 3,
     coherence: str = "isotropic",
     actuator_distance: float = BoomParameters.actuator_distance,
-) -> "control.StateSpace":
+) -> control.StateSpace:
     """Return a small filter from white noise to the platform's motion, for use as a disturbance weight.
 
     Parameters

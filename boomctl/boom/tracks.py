@@ -13,20 +13,28 @@ slope -2, and the cross density of two lines ``b`` apart is its cosine transform
 with the modified Bessel function ``K1``: one for waves much longer than ``b``, nought for shorter ones.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, frequencies, known, positive, real, whole
+from boomctl.checks import exactly, finite_array, frequencies, from_on, known, positive, real, sequence, up_to, whole
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 ROAD_CLASSES = "ABCDEFGH"
 COHERENCES = ("isotropic", "full", "none")
 REFERENCE_WAVE_NUMBER = 0.1  # 1/m, at which ISO 8608 states the densities of its classes
+SPEEDS = (1e-6, 1e6)  # m/s at which a machine may drive: far beyond any, and not yet numbers that overflow (a choice)
 BAND = (0.01, 3.0)  # 1/m: waves of 100 m to 0.33 m, 0.025 to 7.5 Hz at 2.5 m/s; tyres smooth shorter ones (a choice)
-_MOST_STEPS = 50_000_000  # of a track or a motion: 400 MB a signal (a choice)
+MOST_STEPS = 50_000_000  # of a track or a motion: 400 MB a signal (a choice)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +77,18 @@ class Track:
         sides = f"left {left}, right {right}; {self.width:.4g} m apart"
         return f"Track: {self.length:.6g} m, {kind}, a point each {self.step:.4g} m\n  {sides}"
 
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
+        """Draw the height of the ground under the left and the right wheels over the distance; return the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_track(self, ax, **style)
+
     @property
     def distance(self) -> Array:
         """Where the points are, from the beginning of the track [m]."""
@@ -95,7 +115,7 @@ class Track:
 def wave_band(band: tuple[float, float]) -> tuple[float, float]:
     """Return the two wave numbers of a band [1/m], checked: both above zero, the lower first."""
     try:
-        low, high = (positive("band", value) for value in band)
+        low, high = (positive("band", value) for value in sequence("band", band, "two wave numbers"))
     except TypeError as error:
         raise TypeError(f"band = {band!r}: expected two wave numbers ({error})") from None
     except ValueError as error:
@@ -186,10 +206,14 @@ def iso_track(
     spacing, longest = positive("step", step), positive("length", length)
     low, high = wave_band(band)
     if high >= 0.5 / spacing:
-        raise ValueError(f"step = {spacing:g}: expected less than {0.5 / high:g} m, half the shortest wave of the band")
+        raise ValueError(
+            f"step = {exactly(spacing)}: expected less than {up_to(0.5 / high)} m, half the shortest wave of the band"
+        )
     count = step_count("length", longest, spacing, "m")
     if count < 2 or count * spacing * high < 1.0:
-        raise ValueError(f"length = {longest:g}: expected at least the shortest wave of the band, {1 / high:g} m")
+        raise ValueError(
+            f"length = {exactly(longest)}: expected at least the shortest wave of the band, {from_on(1 / high)} m"
+        )
     n = np.arange(1, count // 2 + 1) / (count * spacing)
     inside = (n >= low) & (n <= high)
     if not inside.any():
@@ -208,8 +232,8 @@ def iso_track(
 
 def step_count(name: str, extent: float, step: float, unit: str) -> int:
     """Return the number of steps in a length or a duration, if memory holds them."""
-    if extent / step > _MOST_STEPS:
-        raise ValueError(f"{name} = {extent:g}: expected at most {_MOST_STEPS:g} steps of {step:g} {unit}")
+    if extent / step > MOST_STEPS:
+        raise ValueError(f"{name} = {exactly(extent)}: expected at most {MOST_STEPS:g} steps of {exactly(step)} {unit}")
     return round(extent / step)
 
 
@@ -247,9 +271,11 @@ def bump_track(
     peak, extent, begin = real("height", height), positive("bump_length", bump_length), positive("position", position)
     spacing, whole_length = positive("step", step), positive("length", length)
     if begin + extent > whole_length:
-        raise ValueError(f"position = {begin:g}: expected the bump to end before the track does, at {whole_length:g} m")
+        raise ValueError(
+            f"position = {exactly(begin)}: expected the bump to end before the track does, at {up_to(whole_length)} m"
+        )
     if extent < 10.0 * spacing:
-        raise ValueError(f"bump_length = {extent:g}: expected at least ten steps, {10 * spacing:g} m")
+        raise ValueError(f"bump_length = {exactly(extent)}: expected at least ten steps, {from_on(10 * spacing)} m")
     s = (spacing * np.arange(step_count("length", whole_length, spacing, "m") + 1) - begin) / extent
     raised = np.where((s > 0.0) & (s < 1.0), 0.5 * peak * (1.0 - np.cos(2.0 * np.pi * s)), 0.0)
     level = np.zeros_like(raised)

@@ -29,7 +29,8 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.checks import nonnegative, positive
+from boomctl.boom.tracks import SPEEDS
+from boomctl.checks import exactly, nonnegative, positive, within
 from boomctl.lti.system import Lti
 from boomctl.parameters import Parameters, or_default
 
@@ -106,7 +107,8 @@ class TractorParameters(Parameters):
             check(field.name, getattr(self, field.name))
         if self.centre_to_rear >= self.wheelbase:
             raise ValueError(
-                f"centre_to_rear = {self.centre_to_rear:g}: expected less than the wheelbase, {self.wheelbase:g}"
+                f"centre_to_rear = {exactly(self.centre_to_rear)}: expected less than the wheelbase, "
+                f"{exactly(self.wheelbase)}"
             )
 
     @property
@@ -123,9 +125,9 @@ class TractorParameters(Parameters):
     def yaw_damping(self, speed: float) -> float:
         """Return the moment over yaw rate of the rolling tyres' side forces [N m s/rad]."""
         ahead, behind = self.axle_positions
-        return (
-            2.0 * (self.cornering_stiffness_front * ahead**2 + self.cornering_stiffness_rear * behind**2)
-        ) / positive("speed", speed)
+        return (2.0 * (self.cornering_stiffness_front * ahead**2 + self.cornering_stiffness_rear * behind**2)) / within(
+            "speed", speed, *SPEEDS, "m/s"
+        )
 
 
 @dataclass(frozen=True)
@@ -200,7 +202,7 @@ def tractor_system(
     """
     return tractor_lti(
         or_default(TractorParameters, "tractor", tractor),
-        positive("speed", speed),
+        within("speed", speed, *SPEEDS, "m/s"),
         positive("actuator_distance", actuator_distance),
     ).statespace("tractor")
 

@@ -33,7 +33,7 @@ def draw_figure_3(
         ax, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
         for i, (name, curve) in enumerate(reversed(curves.items())):
             linestyle = next(value for key, value in _LINES.items() if name.startswith(key))
-            plot_sigma(curve, name, ax, linestyle=linestyle, color=COLOURS[(5, 1, 0)[i]])
+            plot_sigma(curve, ax, unit="Hz", label=name, linestyle=linestyle, color=COLOURS[(5, 1, 0)[i]])
         for k, freq in enumerate(measured_hz):
             ax.axvline(
                 freq, color="#777777", linewidth=0.8, dashes=(2, 2), label="measured frequency" if k == 0 else None

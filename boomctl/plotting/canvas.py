@@ -1,17 +1,35 @@
-"""Figures with one look, and their bytes."""
+"""What pictures are drawn on: axes of the user, a figure that pyplot shows, or a plain one of a report; and their look.
+
+Every function ``plot_*`` takes ``ax`` and hands it to :func:`panels`; nothing else in the package knows pyplot.
+"""
 
 import io
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
+from re import search
+from threading import RLock
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from cycler import cycler
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
+from matplotlib.cbook import normalize_kwargs
+from matplotlib.figure import Figure, FigureBase
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogFormatterSciNotation
 
+from boomctl.arrays import Array
+from boomctl.checks import shown
 from boomctl.report import Picture
 
-COLOURS = ("#0b559f", "#c8501e", "#3a7d34", "#7b3fa0", "#8a6d00", "#444444")
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#444444")
+"""Colours told apart by colour-blind readers too (Okabe & Ito 2008), and a dark grey."""
+
+UNITS = {"Hz": 2.0 * np.pi, "rad/s": 1.0}
+"""Units of a frequency axis, and what angular frequencies [rad/s] are divided by in each."""
 
 _LOOK: dict[Any, Any] = {
     "axes.grid": True,
@@ -31,17 +49,199 @@ _LOOK: dict[Any, Any] = {
     "svg.hashsalt": "boomctl",
 }
 
+_DECADES, _FRACTION = (
+    0.9,
+    0.4,
+)  # of a span: below the first some minor ticks are labelled, below the second all (a choice)
+_SETTINGS = RLock()  # matplotlib's settings belong to the whole process: one thread at a time may change them
+
+
+if hasattr(os, "register_at_fork"):  # a process that is forked off must not wait for a thread that it does not have
+    os.register_at_fork(before=_SETTINGS.acquire, after_in_parent=_SETTINGS.release, after_in_child=_SETTINGS.release)
+
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Draw with the project's look; the caller's settings come back afterwards."""
-    with mpl.rc_context(_LOOK):
+    """Draw with the project's look; the caller's settings come back afterwards, also where several threads draw."""
+    with _SETTINGS, mpl.rc_context(_LOOK):
         yield
 
 
 def new_figure(width: float = 7.0, height: float = 4.2) -> Figure:
     """Return an empty figure of ``width`` by ``height`` inches that belongs to no window."""
     return Figure(figsize=(width, height), layout="constrained")
+
+
+class Sheet(Figure):
+    """A figure that belongs to no window, and takes the size of the picture that is drawn on it."""
+
+
+def figure_of(plot: Callable[..., Any], *given: Any, **options: Any) -> Figure:
+    """Return a picture as a figure that belongs to no window: pyplot is not imported, and has nothing to close.
+
+    For reports and servers, which draw many pictures, in threads and processes.
+
+    Parameters
+    ----------
+    plot : callable
+        A function ``plot_*`` or a result's method ``plot``.
+    *given, **options
+        Its arguments, all but ``ax``.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> figure_of(bc.iso_track(length=50.0).plot, color="black").axes[0].get_xlabel()
+    'distance [m]'
+    """
+    sheet = Sheet(layout="constrained")
+    plot(*given, ax=sheet, **options)
+    return sheet
+
+
+Divide = Callable[[FigureBase], Iterable[Axes]]
+"""Divides a figure into the axes of a picture."""
+
+
+@contextmanager
+def panels(ax: Any, names: Sequence[str], size: tuple[float, float], divide: Divide | None = None) -> Iterator[Array]:
+    """Give the axes of a picture, to be drawn on with the project's look.
+
+    Parameters
+    ----------
+    ax : None, Axes, sequence of Axes, Figure or SubFigure
+        None makes a figure that pyplot knows; a figure is divided; axes are drawn on as they are.
+    names : sequence of str
+        What each of the axes shows; so many are needed.
+    size : (float, float)
+        Of a new figure [in].
+    divide : callable, optional
+        Divides a figure into the axes; by default one below the other, with one abscissa.
+
+    Yields
+    ------
+    (n,) ndarray of Axes
+
+    Raises
+    ------
+    TypeError, ValueError
+        ``ax`` is something else, or not as many axes as the picture has.
+    """
+    if ax is not None:
+        with style():
+            yield _axes(ax, names, size, divide)
+        return
+    import matplotlib.pyplot as plt  # the only place: reports must not have figures that pyplot keeps
+
+    # before the look, whose end takes settings back: a notebook's backend sets some when it meets its first figure
+    made = plt.figure(figsize=size, layout="constrained")
+    try:
+        with style():
+            yield _axes(made, names, size, divide)
+    except BaseException:
+        plt.close(made)
+        raise
+
+
+def _axes(ax: Any, names: Sequence[str], size: tuple[float, float], divide: Divide | None) -> Array:
+    if isinstance(ax, FigureBase):
+        if isinstance(ax, Sheet):
+            ax.set_size_inches(*size)
+        parts: Any = ax.subplots(len(names), 1, sharex=True) if divide is None else divide(ax)
+        given = list(np.ravel(np.asarray(parts, dtype=object)))
+    else:
+        given = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
+        if not all(isinstance(each, Axes) for each in given):
+            many = f"a sequence of {len(names)} ({', '.join(names)})" if len(names) > 1 else "a figure"
+            raise TypeError(f"ax = {shown(ax)}: expected matplotlib axes, or {many}")
+        if len(given) != len(names):
+            raise ValueError(f"ax: expected {len(names)} axes ({', '.join(names)}), got {len(given)}")
+    found = np.empty(len(given), dtype=object)
+    found[:] = given
+    return found
+
+
+def line_look(asked: Mapping[str, Any], **default: Any) -> dict[str, Any]:
+    """Return how a line looks: by default, but for what is asked for in matplotlib's words, long or short.
+
+    A label that is asked for stands before the line's own: "LQG: tip_left".
+
+    Raises
+    ------
+    TypeError
+        What is asked for is nothing that a line has.
+    """
+    given = normalize_kwargs(dict(asked), Line2D)
+    for name in given:
+        if not hasattr(Line2D, f"set_{name}"):
+            there = [word.removeprefix("set_") for word in dir(Line2D) if word.startswith("set_")]
+            close = get_close_matches(name, there, n=1, cutoff=0.6)
+            hint = f"; did you mean {close[0]!r}?" if close else ""
+            raise TypeError(f"plot() got an unexpected keyword argument {name!r}, which is no property of a line{hint}")
+    own = default.get("label")
+    if given.get("label") is not None and own is not None:
+        given["label"] = f"{given['label']}: {own}"
+    elif given.get("label") is None:
+        given.pop("label", None)
+    return default | given
+
+
+def legend(ax: Any, **place: Any) -> None:
+    """Draw a legend if a curve has a name."""
+    if ax.get_legend_handles_labels()[1]:
+        ax.legend(**place)
+
+
+def few_labels(ax: Any) -> None:
+    """Label the ticks between the decades of logarithmic axes only where there are few decades, so that none touch."""
+    for axis in (ax.xaxis, ax.yaxis):
+        if axis.get_scale() == "log":
+            axis.set_minor_formatter(LogFormatterSciNotation(minor_thresholds=(_DECADES, _FRACTION)))
+
+
+def beside(ax: Any) -> bool:
+    """Return whether what stands beside the axes is given room by the figure's layout."""
+    return ax.figure.get_layout_engine() is not None
+
+
+def common_legend(ax: Any, axes: Any, place: str = "lower center", **options: Any) -> None:
+    """Draw the legend of one of the axes: below the whole picture if it has a figure to itself, otherwise within them.
+
+    ``ax`` is what the user gave.
+    """
+    if ax is None or isinstance(ax, FigureBase):
+        axes.figure.legend(*axes.get_legend_handles_labels(), loc=f"outside {place}", **options)
+    else:
+        axes.legend()
+
+
+def frequency_axis(ax: Any, unit: str | None = None, natural: str = "Hz") -> float:
+    """Label an axis of frequencies, and return what angular frequencies [rad/s] are divided by on it.
+
+    Parameters
+    ----------
+    ax : Axes
+    unit : {"Hz", "rad/s"}, optional
+        By default that of the curves that are there already, also python-control's; otherwise ``natural``.
+    natural : str
+
+    Raises
+    ------
+    ValueError
+        Another unit, or another one than that of the curves that are there.
+    """
+    if unit is not None and unit not in UNITS:
+        raise ValueError(f"unit = {shown(unit)}: expected 'Hz' or 'rad/s'")
+    there = None
+    for each in [ax, *ax.get_shared_x_axes().get_siblings(ax)]:
+        words = each.get_xlabel() if each.has_data() else ""
+        there = there or ("Hz" if search(r"(?<![A-Za-z])Hz\b", words) else "rad/s" if "rad/s" in words else None)
+    if unit is not None and there not in (None, unit):
+        raise ValueError(f"unit = {unit!r}: the curves on these axes are in {there}; leave it out, or use other axes")
+    chosen = unit or there or natural
+    if there is None:
+        ax.set_xlabel(f"frequency [{chosen}]")
+    return UNITS[chosen]
 
 
 def picture(name: str, figure: Any, caption: str, *kinds: str) -> Picture:

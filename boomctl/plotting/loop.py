@@ -1,71 +1,130 @@
-"""A simulated loop over time: outputs, controls asked for and applied, end stops, friction."""
+"""Pictures over time: a simulated loop with its controls, stops and friction, and a forced response."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.checks import names
-from boomctl.plotting.canvas import COLOURS, new_figure, style
+from boomctl.plotting.canvas import COLOURS, beside, legend, line_look, panels
 
 if TYPE_CHECKING:
+    from boomctl.simulation.forced_response import ForcedResponse
     from boomctl.simulation.result import LoopResult
 
 _MOST = 6  # outputs that are drawn unless some are named: as many as there are colours
+_ABOVE = 1.6  # of the largest control, shown of what was asked for (a choice)
 
 
-def draw_loop(result: "LoopResult", outputs: str | Sequence[str] | None = None) -> Any:
+def plot_loop(
+    result: "LoopResult", ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any
+) -> Array:
     """Draw a simulated loop, one panel a kind of signal.
 
     Parameters
     ----------
     result : LoopResult
+    ax : sequence of matplotlib Axes, or a figure, optional
+        One for the outputs, the accelerations among them, the strokes, the controls and the friction, those that there
+        are; by default a new figure of pyplot.
     outputs : str or sequence of str, optional
         By default the first six that are not strokes.
+    **style
+        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
 
     Returns
     -------
-    matplotlib Figure
+    (n,) ndarray of matplotlib Axes
+
+    Raises
+    ------
+    TypeError, ValueError
+        Unknown outputs; other axes, or not so many; no property of a line.
     """
-    plain = [name for name in result.outputs if name not in result.strokes][:_MOST]
-    chosen = list(names("output", outputs, tuple(result.outputs))) if outputs is not None else plain
-    panels: list[tuple[str, dict[str, Any]]] = [
-        ("outputs", {name: result.outputs[name] for name in chosen}),
+    groups: list[tuple[str, dict[str, Any]]] = [
+        *_outputs(result.outputs, outputs, without=result.strokes),
         ("strokes", result.strokes),
         ("controls", result.controls),
     ]
     if result.friction is not None:
-        panels.append(("friction [N]", {result.friction.input: result.friction.force}))
-    shown = [(title, signals) for title, signals in panels if signals]
-    with style():
-        figure = new_figure(7.4, 1.2 + 1.7 * len(shown))
-        axes = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
-        for ax, (title, signals) in zip(axes, shown, strict=True):
-            _lines(ax, result, title, signals)
-        axes[-1].set_xlim(result.time[0], result.time[-1])
+        groups.append(("friction [N]", {result.friction.input: result.friction.force}))
+    shown = [(title, signals) for title, signals in groups if signals]
+    if not shown:
+        raise ValueError("outputs: expected at least one name, got none, and there is nothing else to draw")
+    with panels(ax, [title for title, _ in shown], (7.4, 1.2 + 1.7 * len(shown))) as axes:
+        for each, (title, signals) in zip(axes, shown, strict=True):
+            _draw(each, result, title, signals, style)
         axes[-1].set_xlabel("time [s]")
-    return figure
+        axes[0].figure.align_ylabels(list(axes))
+    return axes
 
 
-def _lines(ax: Any, result: "LoopResult", title: str, signals: dict[str, Any]) -> None:
+def _outputs(
+    there: dict[str, Any], asked: str | Sequence[str] | None, without: Iterable[str] = ()
+) -> list[tuple[str, dict[str, Any]]]:
+    """Return the outputs to draw, those asked for or the first; accelerations apart: one panel would show no other."""
+    if asked is not None:
+        chosen = list(names("output", asked, tuple(there)))
+    else:
+        chosen = [name for name in there if name not in without][:_MOST]
+    fast = {name: there[name] for name in chosen if name.endswith("_acceleration")}
+    return [("outputs", {name: there[name] for name in chosen if name not in fast}), ("accelerations", fast)]
+
+
+def _draw(ax: Any, result: "LoopResult", title: str, signals: dict[str, Any], style: dict[str, Any]) -> None:
     """Draw some signals; behind controls what was asked for, on strokes where a stop was met."""
+    low, high = ax.get_ylim() if ax.has_data() else (0.0, 0.0)
     for k, (name, values) in enumerate(signals.items()):
-        color = COLOURS[k % len(COLOURS)]
+        look = line_look(style, color=COLOURS[k % len(COLOURS)], linewidth=1.0, label=name)
         if title == "controls" and (result.saturation_share[name] or result.rate_share[name]):
-            ax.plot(result.time, result.asked[name], color=color, linewidth=0.8, alpha=0.35, label=f"{name}, asked for")
-        ax.plot(result.time, values, color=color, linewidth=1.0, label=name)
-        if title == "strokes":
-            _stops(ax, result, name, values, color)
-    if title == "controls":
-        size = max((float(np.abs(values).max()) for values in signals.values()), default=0.0)
-        ax.set_ylim(-1.6 * size or -1.0, 1.6 * size or 1.0)
+            behind = look | {"linewidth": 0.8, "alpha": 0.35, "label": f"{look['label']}, asked for"}
+            ax.plot(result.time, result.asked[name], **behind)
+        ax.plot(result.time, values, **look)
+        hits = [hit.time for hit in result.stops if hit.output == name] if title == "strokes" else []
+        if hits:
+            label = f"{look['label']}: {len(hits)} {'hit' if len(hits) == 1 else 'hits'}"
+            at = np.interp(hits, result.time, values)
+            ax.plot(hits, at, "v", color=look["color"], markersize=4, label=label)
+    if title == "controls":  # what was asked for may be far beyond what was given
+        size = _ABOVE * max((float(np.abs(values).max()) for values in signals.values()), default=0.0) or 1.0
+        ax.set_ylim(min(low, -size), max(high, size))
+    _finish(ax, title)
+
+
+def _finish(ax: Any, title: str) -> None:
+    ax.set_xmargin(0.0)
     ax.set_ylabel(title)
-    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    legend(ax, **({"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)} if beside(ax) else {}))
 
 
-def _stops(ax: Any, result: "LoopResult", name: str, values: Any, color: str) -> None:
-    hits = [hit for hit in result.stops if hit.output == name]
-    if hits:
-        at = np.array([hit.time for hit in hits])
-        label = f"{name}: {len(hits)} hits"
-        ax.plot(at, np.interp(at, result.time, values), "v", color=color, markersize=4, label=label)
+def plot_forced_response(
+    result: "ForcedResponse", ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any
+) -> Array:
+    """Draw what drives a plant, and its outputs, over time.
+
+    Parameters
+    ----------
+    result : ForcedResponse
+    ax : sequence of matplotlib Axes, or a figure, optional
+        One for the inputs, one for the outputs, and one for accelerations among them; by default a new figure of pyplot.
+    outputs : str or sequence of str, optional
+        By default the first six.
+    **style
+        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+    Returns
+    -------
+    (n,) ndarray of matplotlib Axes
+    """
+    groups = [("inputs", result.inputs), *_outputs(result.outputs, outputs)]
+    shown = [(title, signals) for title, signals in groups if signals]
+    with panels(ax, [title for title, _ in shown], (7.4, 1.2 + 1.7 * len(shown))) as axes:
+        for each, (title, signals) in zip(axes, shown, strict=True):
+            for k, (name, values) in enumerate(signals.items()):
+                look = line_look(style, color=COLOURS[k % len(COLOURS)], linewidth=1.0, label=name)
+                each.plot(result.time, values, **look)
+            _finish(each, title)
+        axes[-1].set_xlabel("time [s]")
+        axes[0].figure.align_ylabels(list(axes))
+    return axes

@@ -2,7 +2,7 @@
 
 import io
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from boomctl.rotating_beam.result import SimulationResult
 
 Place = Literal["", "best", "upper left", "upper right", "lower left", "lower right"]
 """Where a legend stands; "" is nowhere."""
@@ -29,6 +31,53 @@ COLOURS = {
 """One colour a model, told apart by colour-blind readers too (Okabe & Ito 2008)."""
 
 _CYCLE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+
+
+def plot_simulation(result: "SimulationResult", ax: Any = None, **style: Any) -> Array:
+    """Draw torque, hub angle, hub speed and tip displacement of the hub-beam over time.
+
+    Where the tip exceeds a tenth of the length, the beginning of that is marked.
+
+    Parameters
+    ----------
+    result : SimulationResult
+    ax : sequence of four matplotlib Axes, or a figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it.
+
+    Returns
+    -------
+    (4,) ndarray of matplotlib Axes
+    """
+    from boomctl.plotting.canvas import line_look, panels
+
+    rows = (
+        ("torque [N m]", result.torque),
+        ("hub angle [rad]", result.hub_angle),
+        ("hub speed [rad/s]", result.hub_speed),
+        ("tip displacement [m]", result.tip_displacement),
+    )
+    with panels(ax, [label for label, _ in rows], (7.0, 6.2)) as axes:
+        first, look = not axes[0].has_data(), line_look(style)
+        for each, (label, values) in zip(axes, rows, strict=True):
+            each.plot(result.time, values, **look)
+            each.set_ylabel(label)
+            each.set_xmargin(0.0)
+        until = result.small_deformation_until
+        if result.time[0] <= until <= result.time[-1]:
+            axes[-1].axvline(until, color="0.4", linewidth=0.9, linestyle="--")
+            axes[-1].annotate(
+                "beyond a tenth\nof the length", (until, 0.04), xycoords=("data", "axes fraction"),
+                xytext=(4, 0), textcoords="offset points", fontsize=7, color="0.3",
+            )  # fmt: skip
+        if first:
+            axes[0].set_title(f"Hub-beam, model {result.model}")
+        if "label" in look:
+            axes[0].legend()
+        axes[-1].set_xlabel("time [s]")
+        axes[0].figure.align_ylabels(list(axes))
+    return axes
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,24 +1,20 @@
-"""Singular-value (sigma) plots."""
+"""Pictures over frequency: singular values, of one system or several, and measured ones."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.plotting.canvas import style
+from boomctl.plotting.canvas import few_labels, frequency_axis, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.analysis.measured import MeasuredCurve
-    from boomctl.analysis.sigma import SigmaResult
+    from boomctl.analysis.sigma import SigmaComparison, SigmaResult
+
+_PEAK = "certified peak"
+_SIZE = (6.4, 4.2)  # in: a column and a half of a paper
 
 
-def plot_sigma(
-    result: "SigmaResult",
-    label: str | None = None,
-    ax: Any = None,
-    hz: bool = True,
-    linestyle: str = "-",
-    color: Any = None,
-) -> Any:
+def plot_sigma(result: "SigmaResult", ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
     """Draw singular values over frequency, both axes logarithmic, and mark a certified peak.
 
     Of an unstable system, which answers no sine so, the curves are dotted and the picture says why.
@@ -26,50 +22,103 @@ def plot_sigma(
     Parameters
     ----------
     result : SigmaResult
-    label : str, optional
-        For the legend.
-    ax : matplotlib Axes, optional
-        Where to draw, for instance an axes of one of python-control's own plots (with ``hz=False``); by default a new
-        figure.
-    hz : bool
-        Frequency in Hz, else in rad/s.
-    linestyle, color : optional
-        As matplotlib takes them.
+    ax : matplotlib Axes, Figure or SubFigure, optional
+        Where to draw, for instance an axes of one of python-control's own plots; by default a new figure of pyplot.
+    unit : {"Hz", "rad/s"}, optional
+        Of the frequency axis.  By default that of the curves that are there already, otherwise that in which the
+        frequencies were asked for, Hz where none were.
+    **style
+        Of the curves, as matplotlib's lines take it: ``label``, ``color``, ``linestyle``, ...
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Raises
+    ------
+    TypeError, ValueError
+        Other axes; an unknown unit, or another one than that of the curves that are there; no property of a line.
+    """
+    with panels(ax, ("singular values",), _SIZE) as (axes,):
+        _draw(result, axes, unit, style)
+        _legend(axes)
+    return axes
+
+
+def _draw(result: "SigmaResult", ax: Any, unit: str | None, style: dict[str, Any]) -> None:
+    look = line_look(style)
+    scale, label = frequency_axis(ax, unit, result.unit), look.pop("label", None)
+    if result.unstable:
+        look["linestyle"], label = ":", f"{label} (unstable)" if label else label
+    seen = result.omega > 0.0  # there is no zero on a logarithmic axis
+    draw = ax.loglog if (result.sigma[:, seen] > 0.0).any() or ax.has_data() else ax.semilogx
+    for k, line in enumerate(result.sigma):
+        (drawn,) = draw(result.omega[seen] / scale, line[seen], label=label if k == 0 else None, **look)
+        look["color"] = drawn.get_color()
+    color = look.get("color")
+    if result.unstable:
+        said = f"{label or 'unstable'}: no response to sines, which would grow"
+        place = 1.02 + 0.06 * len(ax.texts)  # of the axes: beside all curves, above what is said of other systems
+        ax.text(0.5, place, said, transform=ax.transAxes, ha="center", va="bottom", color=color, fontweight="bold")
+    if result.certified and np.isfinite(result.peak) and result.peak_omega > 0.0:
+        said = None if _PEAK in ax.get_legend_handles_labels()[1] else _PEAK
+        x, y = result.peak_omega / scale, result.peak
+        ax.plot(x, y, "o", color=color, markersize=4, fillstyle="none", label=said)
+    ax.set_ylabel("singular values")
+    few_labels(ax)
+
+
+def _legend(ax: Any) -> None:
+    """Draw the legend, what the circles are last."""
+    found = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda each: each[1] == _PEAK)
+    if found:
+        ax.legend(*zip(*found, strict=True))
+
+
+def plot_sigma_comparison(
+    comparison: "SigmaComparison", ax: Any = None, *, unit: str | None = None, **style: Any
+) -> Any:
+    """Draw the singular values of several systems, each in a colour of its own, on one frequency axis.
+
+    Parameters
+    ----------
+    comparison : SigmaComparison
+    ax, unit, **style
+        As of :func:`plot_sigma`; ``style`` is that of all curves.
 
     Returns
     -------
     matplotlib Axes
     """
-    scale = 2.0 * np.pi if hz else 1.0
-    if result.unstable:
-        linestyle, label = ":", f"{label} (unstable)" if label else label
-    with style():
-        if ax is None:
-            import matplotlib.pyplot as plt
-
-            _, ax = plt.subplots(layout="constrained")
-        for k, line in enumerate(result.sigma):
-            (drawn,) = ax.loglog(
-                result.omega / scale, line, linestyle=linestyle, color=color, label=label if k == 0 else None
-            )
-            color = drawn.get_color()
-        if result.unstable:
-            said = f"{label or 'unstable'}: no response to sines, which would grow"
-            place = 1.02 + 0.06 * len(ax.texts)  # of the axes: beside all curves, above what is said of other systems
-            ax.text(0.5, place, said, transform=ax.transAxes, ha="center", va="bottom", color=color, fontweight="bold")
-        if result.certified and np.isfinite(result.peak):
-            ax.plot(result.peak_omega / scale, result.peak, "o", color=color, markersize=4, fillstyle="none")
-        ax.set_xlabel("frequency [Hz]" if hz else "frequency [rad/s]")
-        ax.set_ylabel("singular values")
-        if label:
-            ax.legend()
-    return ax
+    with panels(ax, ("singular values",), _SIZE) as (axes,):
+        for name, result in comparison.curves.items():
+            _draw(result, axes, unit, line_look(style, label=name))
+        _legend(axes)
+    return axes
 
 
-def plot_measured(curve: "MeasuredCurve", ax: Any, color: Any = "#444444") -> Any:
-    """Lay a measured curve over a sigma plot in Hz."""
-    with style():
+def plot_measured(curve: "MeasuredCurve", ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
+    """Draw a measured curve, by dots; on a sigma plot it lies over the computed ones.
+
+    Parameters
+    ----------
+    curve : MeasuredCurve
+    ax, unit, **style
+        As of :func:`plot_sigma`; by default in Hz, as measured.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    with panels(ax, ("measured",), _SIZE) as (axes,):
+        fresh = not axes.has_data()
+        scale = frequency_axis(axes, unit)
         for label, line in zip(curve.labels, curve.magnitude, strict=True):
-            ax.plot(curve.freq_hz, line, ".", color=color, markersize=3, label=label)
-        ax.legend()
-    return ax
+            look = line_look(style, label=label, color="#444444", linestyle="none", marker=".", markersize=4)
+            seen = (curve.freq_hz > 0.0) & (line > 0.0) if fresh else slice(None)
+            axes.plot(2.0 * np.pi * curve.freq_hz[seen] / scale, line[seen], **look)
+        if fresh:
+            axes.set(xscale="log", yscale="log", ylabel="measured magnitude")
+            few_labels(axes)
+        legend(axes)
+    return axes

@@ -1,28 +1,40 @@
 """Pictures of slews: one, several side by side, feedback, meshes, switching function, payloads, spin-ups, the film."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, FigureBase
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from boomctl.arrays import Array
-from boomctl.plotting.canvas import COLOURS, new_figure, style
+from boomctl.checks import known
+from boomctl.plotting.canvas import COLOURS, common_legend, line_look, new_figure, panels, style
 
 _SHAPES = "osDPXph*d<>"
 _NEAR = 0.7  # share of a limit from which a curve is near it, and the limit drawn (a choice)
 # slope of an error from which it is said to fall: on coarse meshes fast vibration is not seen (a choice)
 _FALLING = 0.5
 _NOTHING = 1e-4  # vibration that is drawn as none [m]: 0.1 mm of a beam of 8 m is not to be seen
+_AROUND = 0.01  # share of the time that is left free at both ends, where a torque begins and ends upright (a choice)
 
 
-def plot_slew(result: Any) -> Figure:
+def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
     """Draw torque, hub angle and speed, tip displacement and root moment of a slew over time, with the limits near them.
 
     Parameters
     ----------
     result : SlewResult
+    ax : sequence of matplotlib Axes, or a figure, optional
+        One for each of these that there are; by default a new figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it.
+
+    Returns
+    -------
+    (n,) ndarray of matplotlib Axes
     """
     limits = result.plan.problem.limits.given
     curves = [
@@ -33,24 +45,50 @@ def plot_slew(result: Any) -> Figure:
         ("root moment [N m]", result.root_moment, limits.get("moment")),
     ]
     curves = [curve for curve in curves if curve[1] is not None]
-    with style():
-        figure = new_figure(7.0, 1.45 * len(curves) + 0.4)
-        axes = np.atleast_1d(figure.subplots(len(curves), 1, sharex=True))
-        limited = False
-        for ax, (label, values, limit) in zip(axes, curves, strict=True):
-            limited |= _draw_limit(ax, limit, values)
+    names = [label for label, _, _ in curves]
+    with panels(ax, names, (7.0, 1.45 * len(curves) + 0.4)) as axes:
+        first, limited, look = not axes[0].has_data(), False, line_look(style)
+        for each, (label, values, limit) in zip(axes, curves, strict=True):
+            limited |= _draw_limit(each, limit, values)
             if label.startswith("torque"):
-                _draw_torque(ax, result.history, COLOURS[0])
+                _draw_torque(each, result.history, look)
             else:
-                ax.plot(result.time, values)
-            ax.set_ylabel(label)
-        axes[0].set_title(
-            f"{result.title.capitalize()}: {result.duration:.4g} s" + ("; broken lines: limits" if limited else "")
-        )
+                each.plot(result.time, values, **look)
+            each.set_ylabel(label)
+            each.set_xmargin(_AROUND)
+        if first:
+            note = "; broken lines: limits" if limited else ""
+            axes[0].set_title(f"{result.title.capitalize()}: {result.duration:.4g} s{note}")
+        if "label" in look:
+            axes[0].legend()
         axes[-1].set_xlabel("time [s]")
-        axes[-1].set_xlim(-0.01 * result.duration, 1.01 * result.duration)
-        figure.align_ylabels(axes)
-    return figure
+        axes[0].figure.align_ylabels(list(axes))
+    return axes
+
+
+def plot_torque(history: Any, ax: Any = None, **style: Any) -> Any:
+    """Draw a torque over time.
+
+    Parameters
+    ----------
+    history : TorqueHistory
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the curve, as matplotlib's lines take it.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    with panels(ax, ("torque",), (6.4, 2.6)) as (axes,):
+        look = line_look(style)
+        _draw_torque(axes, history, look)
+        axes.set(xlabel="time [s]", ylabel="torque [N m]")
+        axes.set_xmargin(_AROUND)
+        if "label" in look:
+            axes.legend()
+    return axes
 
 
 def _draw_limit(ax: Any, limit: float | None, values: Any) -> bool:
@@ -61,34 +99,53 @@ def _draw_limit(ax: Any, limit: float | None, values: Any) -> bool:
     return bool(levels)
 
 
-def _draw_torque(ax: Any, history: Any, colour: str) -> None:
+def _draw_torque(ax: Any, history: Any, look: dict[str, Any]) -> None:
     t = np.repeat(history.edges, 2)
     values = np.concatenate([[0.0], np.column_stack([history.left, history.right]).ravel(), [0.0]])
-    ax.plot(t, values, color=colour)
+    ax.plot(t, values, **look)
 
 
-def plot_slew_comparison(comparison: Any, names: tuple[str, ...] = ()) -> Figure:
+def plot_slew_comparison(comparison: Any, ax: Any = None, *, names: Sequence[str] = (), **style: Any) -> Array:
     """Draw torque and tip displacement of several slews, and duration against vibration at three frequencies.
 
     Parameters
     ----------
     comparison : SlewComparison
-    names : tuple of str
-        Which slews to draw over time; all stand in the right-hand panel. () draws the first four.
+    ax : sequence of matplotlib Axes, or a figure, optional
+        One for the torque of each slew drawn over time, one for their tips, one for the vibration; by default a new
+        figure of pyplot.
+    names : sequence of str
+        Which slews to draw over time; the vibration is drawn of all. () draws the first four.
+    **style
+        Of the curves over time, as matplotlib's lines take it.
+
+    Returns
+    -------
+    (n,) ndarray of matplotlib Axes
     """
+    for name in names:
+        known("slew", name, [line.name for line in comparison.lines])
     shown = [line for line in comparison.lines if line.name in names] if names else list(comparison.lines[:4])
     # those drawn over time come first, for colours repeat
     ranked = [*shown, *(line for line in comparison.lines if line not in shown)]
     looks = {line.name: _line_style(k) for k, line in enumerate(ranked)}
-    with style():
-        figure = new_figure(10.5, 0.75 * len(shown) + 3.6)
-        figure.set_layout_engine("constrained", h_pad=0.03)
-        grid = figure.add_gridspec(len(shown) + 1, 2, width_ratios=(1.2, 1.0), height_ratios=[1.0] * len(shown) + [2.6])
-        _draw_over_time(figure, grid, comparison, shown, looks)
-        right = figure.add_subplot(grid[:, 1])
-        _draw_vibration(right, comparison.lines, looks)
-        figure.legend(*right.get_legend_handles_labels(), loc="outside lower center", ncols=4, columnspacing=1.2)
-    return figure
+
+    def divide(figure: FigureBase) -> Iterable[Axes]:
+        engine = figure.get_layout_engine() if isinstance(figure, Figure) else None
+        if isinstance(engine, ConstrainedLayoutEngine):
+            engine.set(h_pad=0.03)
+        heights = [1.0] * len(shown) + [2.6]
+        grid = figure.add_gridspec(len(shown) + 1, 2, width_ratios=(1.2, 1.0), height_ratios=heights)
+        tip = figure.add_subplot(grid[len(shown), 0])
+        strips = [figure.add_subplot(grid[k, 0], sharex=tip) for k in range(len(shown))]
+        return [*strips, tip, figure.add_subplot(grid[:, 1])]
+
+    titles = [*(f"torque of {line.name}" for line in shown), "tips", "vibration"]
+    with panels(ax, titles, (10.5, 0.75 * len(shown) + 3.6), divide) as axes:
+        _draw_over_time(axes, comparison, shown, looks, style)
+        _draw_vibration(axes[-1], comparison.lines, looks)
+        common_legend(ax, axes[-1], ncols=4, columnspacing=1.2)
+    return axes
 
 
 def _line_style(k: int) -> dict[str, Any]:
@@ -98,20 +155,23 @@ def _line_style(k: int) -> dict[str, Any]:
     return {"color": colour, "marker": _SHAPES[k % len(_SHAPES)], "markerfacecolor": colour if filled else "white"}
 
 
-def _draw_over_time(figure: Figure, grid: Any, comparison: Any, shown: list[Any], looks: dict[str, Any]) -> None:
+def _draw_over_time(
+    axes: Array, comparison: Any, shown: list[Any], looks: dict[str, Any], style: dict[str, Any]
+) -> None:
     """One strip of torque a slew, for bang-bang torques hide each other, and all tips below."""
-    tip = figure.add_subplot(grid[len(shown), 0])
-    limit = comparison.torque_limit
+    tip, limit = axes[len(shown)], comparison.torque_limit
     for k, line in enumerate(shown):
-        strip = figure.add_subplot(grid[k, 0], sharex=tip)
-        _draw_torque(strip, line.history, looks[line.name]["color"])
+        strip, look = axes[k], line_look(style, color=looks[line.name]["color"])
+        _draw_torque(strip, line.history, look)
         strip.set(ylim=(-1.25 * limit, 1.25 * limit), yticks=(-limit, 0.0, limit))
         strip.tick_params(labelbottom=False)
         strip.text(0.99, 0.92, line.name, transform=strip.transAxes, ha="right", va="top", fontsize=8)
         if k == 0:
             strip.set_title("Torque [N m]")
-        tip.plot(line.time, line.tip_displacement, color=looks[line.name]["color"])
+        tip.plot(line.time, line.tip_displacement, **look)
     tip.set(xlabel="time [s]", xlim=(0.0, 1.02 * max(line.time[-1] for line in shown)))
+    for strip in axes[: len(shown)]:
+        strip.set_xlim(tip.get_xlim())
     tip.set_title("Tip displacement [m]")
 
 
@@ -147,117 +207,151 @@ def _apart(values: list[float]) -> Array:
     return places
 
 
-def plot_tracking(result: Any) -> Figure:
+def plot_tracking(result: Any, ax: Any = None, **style: Any) -> Array:
     """Draw hub angle, tip displacement and torque with and without feedback.
 
     Parameters
     ----------
     result : TrackingResult
+    ax : sequence of three matplotlib Axes, or a figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it.
+
+    Returns
+    -------
+    (3,) ndarray of matplotlib Axes
     """
     rows = (
         ("hub angle [rad]", result.reference_angle, result.open_hub_angle, result.hub_angle),
         ("tip displacement [m]", result.reference_tip, result.open_tip_displacement, result.tip_displacement),
         ("torque [N m]", None, result.open_torque, result.torque),
     )
-    with style():
-        figure = new_figure(7.0, 5.4)
-        axes = figure.subplots(3, 1, sharex=True)
-        for ax, (label, planned, free, closed) in zip(axes, rows, strict=True):
+    with panels(ax, [row[0] for row in rows], (7.0, 5.4)) as axes:
+        for each, (label, planned, free, closed) in zip(axes, rows, strict=True):
             if planned is not None:
-                ax.plot(result.time, planned, color="0.6", linewidth=2.6, label="planned")
-            ax.plot(result.time, free, color=COLOURS[1], label="feedforward alone")
-            ax.plot(result.time, closed, color=COLOURS[0], label="with feedback")
-            ax.set_ylabel(label)
+                each.plot(result.time, planned, **line_look(style, color="0.6", linewidth=2.6, label="planned"))
+            each.plot(result.time, free, **line_look(style, color=COLOURS[1], label="feedforward alone"))
+            each.plot(result.time, closed, **line_look(style, color=COLOURS[0], label="with feedback"))
+            each.set_ylabel(label)
+            each.set_xmargin(0.0)
         axes[0].legend(loc="lower right")
         axes[0].set_title(f"The plan followed with a tip mass of {result.tip_mass:g} kg")
         axes[-1].set_xlabel("time [s]")
-        axes[-1].set_xlim(0.0, result.time[-1])
-    return figure
+        axes[0].figure.align_ylabels(list(axes))
+    return axes
 
 
-def plot_mesh_study(study: Any) -> Figure:
+def plot_mesh_study(study: Any, ax: Any = None, **style: Any) -> Any:
     """Draw errors over the number of intervals, each with its order.
 
     Parameters
     ----------
     study : MeshStudy
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it.
+
+    Returns
+    -------
+    matplotlib Axes
     """
-    with style():
-        figure = new_figure(7.0, 4.4)
-        ax = figure.add_subplot()
+    with panels(ax, ("errors",), (7.0, 4.4)) as (axes,):
         for k, line in enumerate(study.lines):
             kept = line.errors > 0.0
             order = f"order {line.order:.1f}" if line.order > _FALLING else "order not seen"
-            ax.loglog(
-                study.intervals[kept], line.errors[kept], markersize=5, label=f"{line.name}: {order}", **_line_style(k),
-            )  # fmt: skip
+            look = line_look(style, markersize=5, label=f"{line.name}: {order}", **_line_style(k))
+            axes.loglog(study.intervals[kept], line.errors[kept], **look)
         ticks = [int(n) for n in study.intervals]
-        ax.set_xlim(0.92 * ticks[0], 1.09 * ticks[-1])
-        ax.set_xticks(ticks, [str(n) for n in ticks])
-        ax.set_xticks([], minor=True)
-        ax.set(xlabel="number of intervals", ylabel="relative error")
-        ax.set_title(f"Minimum effort, {study.duration:.3g} s: error against mesh size")
-        figure.legend(loc="outside lower center", ncols=2)
-    return figure
+        axes.set_xlim(0.92 * ticks[0], 1.09 * ticks[-1])
+        axes.set_xticks(ticks, [str(n) for n in ticks])
+        axes.set_xticks([], minor=True)
+        axes.set(xlabel="number of intervals", ylabel="relative error")
+        axes.set_title(f"Minimum effort, {study.duration:.3g} s: error against mesh size")
+        common_legend(ax, axes, ncols=2)
+    return axes
 
 
-def plot_switching(curve: Any) -> Figure:
+def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
     """Draw the switching function above the torque, which is to have its sign.
 
     Parameters
     ----------
     curve : SwitchingCurve
+    ax : sequence of two matplotlib Axes, or a figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the two curves, as matplotlib's lines take it.
+
+    Returns
+    -------
+    (2,) ndarray of matplotlib Axes
     """
-    with style():
-        figure = new_figure(7.0, 3.6)
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
-        for ax in (upper, lower):
+
+    def divide(figure: FigureBase) -> Iterable[Axes]:
+        return figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
+
+    with panels(ax, ("switching function", "torque"), (7.0, 3.6), divide) as axes:
+        upper, lower = axes
+        for each in axes:
             for t in curve.switches:
-                ax.axvline(t, color="0.7", linewidth=0.7, zorder=0)
+                each.axvline(t, color="0.7", linewidth=0.7, zorder=0)
+            each.set_xmargin(0.0)
         upper.axhline(0.0, color="0.3", linewidth=0.8)
         for sign, colour in ((1.0, COLOURS[0]), (-1.0, COLOURS[1])):
             inside = np.maximum(sign * curve.values, 0.0) * sign
             upper.fill_between(curve.time, 0.0, inside, color=colour, alpha=0.18, linewidth=0.0)
-        upper.plot(curve.time, curve.values, color="0.15")
+        upper.plot(curve.time, curve.values, **line_look(style, color="0.15"))
         # most switches stand where the function is small
         upper.set_yscale("function", functions=(np.cbrt, lambda root: root**3))
         ticks = (-1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0)
         upper.set_yticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
         upper.set_ylabel("switching function\n(cube-root scale)")
         upper.set_title("The sign of the switching function, and the torque")
-        lower.step(curve.time, curve.torque, where="mid", color=COLOURS[0])
+        lower.step(curve.time, curve.torque, where="mid", **line_look(style, color=COLOURS[0]))
         limit = curve.torque_limit
         lower.set(ylabel="torque [N m]", xlabel="time [s]", ylim=(-1.2 * limit, 1.2 * limit))
         lower.set_yticks((-limit, 0.0, limit))
-        lower.set_xlim(0.0, float(curve.time[-1]))
-        figure.align_ylabels((upper, lower))
-    return figure
+        upper.figure.align_ylabels((upper, lower))
+    return axes
 
 
-def plot_payloads(comparison: Any) -> Figure:
+def plot_payloads(comparison: Any, ax: Any = None, **style: Any) -> Array:
     """Draw tip displacements over time, one panel a slew, and the vibration left over the payload.
 
     Parameters
     ----------
     comparison : PayloadComparison
+    ax : sequence of matplotlib Axes, or a figure, optional
+        One a slew and one for the vibration; by default a new figure of pyplot.
+    **style
+        Of the tips over time, as matplotlib's lines take it.
+
+    Returns
+    -------
+    (n,) ndarray of matplotlib Axes
     """
     names = list(comparison.durations)
     masses = sorted({line.tip_mass for line in comparison.lines})
     shades = dict(zip(masses, _shades(len(masses)), strict=True))
-    with style():
-        figure = new_figure(10.5, 2.3 * len(names) + 0.5)
+
+    def divide(figure: FigureBase) -> Iterable[Axes]:
         grid = figure.add_gridspec(len(names), 2, width_ratios=(1.35, 1.0))
-        first = None
-        for k, name in enumerate(names):
-            first = figure.add_subplot(grid[k, 0], sharex=first, sharey=first)
-            _draw_tips(first, comparison, name, shades)
-            first.tick_params(labelbottom=k == len(names) - 1)
-        figure.axes[-1].set_xlabel("time [s]")
-        figure.axes[0].legend(ncols=2, loc="lower right", title="payload", title_fontsize=8)
-        right = figure.add_subplot(grid[:, 1])
-        _draw_sweep(right, comparison, names)
-        figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=len(names))
-    return figure
+        tips = [figure.add_subplot(grid[0, 0])]
+        tips += [figure.add_subplot(grid[k, 0], sharex=tips[0], sharey=tips[0]) for k in range(1, len(names))]
+        for each in tips[:-1]:
+            each.tick_params(labelbottom=False)
+        return [*tips, figure.add_subplot(grid[:, 1])]
+
+    with panels(ax, [*names, "vibration"], (10.5, 2.3 * len(names) + 0.5), divide) as axes:
+        for each, name in zip(axes, names, strict=False):
+            _draw_tips(each, comparison, name, shades, style)
+        axes[-2].set_xlabel("time [s]")
+        axes[0].legend(ncols=2, loc="lower right", title="payload", title_fontsize=8)
+        _draw_sweep(axes[-1], comparison, names)
+        common_legend(ax, axes[-1], "lower right", ncols=len(names))
+    return axes
 
 
 def _shades(count: int) -> list[tuple[float, ...]]:
@@ -267,13 +361,13 @@ def _shades(count: int) -> list[tuple[float, ...]]:
     return [tuple(colour) for colour in mpl.colormaps["viridis"](np.linspace(0.0, 0.88, count))]
 
 
-def _draw_tips(ax: Any, comparison: Any, name: str, shades: dict[float, Any]) -> None:
+def _draw_tips(ax: Any, comparison: Any, name: str, shades: dict[float, Any], style: dict[str, Any]) -> None:
     ax.axvspan(0.0, comparison.durations[name], color="0.94", zorder=0)
     for line in comparison.lines:
         if line.slew == name:
             dash = "-" if line.planned else (0, (4, 1.5))
-            label = f"{line.tip_mass:g} kg"
-            ax.plot(line.time, line.tip_displacement, color=shades[line.tip_mass], linestyle=dash, label=label)
+            look = line_look(style, color=shades[line.tip_mass], linestyle=dash, label=f"{line.tip_mass:g} kg")
+            ax.plot(line.time, line.tip_displacement, **look)
     ax.set_title(name[:1].upper() + name[1:])
     ax.set_ylabel("tip displacement [m]")
     ax.set_xlim(0.0, max(float(line.time[-1]) for line in comparison.lines))
@@ -282,12 +376,18 @@ def _draw_tips(ax: Any, comparison: Any, name: str, shades: dict[float, Any]) ->
 def _draw_sweep(ax: Any, comparison: Any, names: Sequence[str]) -> None:
     """Vibration over payload; less than 0.1 mm counts as nothing and stands on the lower edge."""
     for k, name in enumerate(names):
-        ax.plot(comparison.masses, np.maximum(comparison.vibrations[name], _NOTHING), color=COLOURS[k], label=name)
-        for planned, face in ((True, COLOURS[k]), (False, "white")):
+        ax.plot(
+            comparison.masses,
+            np.maximum(comparison.vibrations[name], _NOTHING),
+            color=COLOURS[k % len(COLOURS)],
+            label=name,
+        )
+        for planned, face in ((True, COLOURS[k % len(COLOURS)]), (False, "white")):
             lines = [line for line in comparison.lines if line.slew == name and line.planned is planned]
             x, y = [line.tip_mass for line in lines], [max(line.vibration, _NOTHING) for line in lines]
             ax.plot(
-                x, y, linestyle="none", marker="os"[k % 2], color=COLOURS[k], markerfacecolor=face, clip_on=False, zorder=3,
+                x, y, linestyle="none", marker="os"[k % 2], color=COLOURS[k % len(COLOURS)], markerfacecolor=face,
+                clip_on=False, zorder=3,
             )  # fmt: skip
     ax.set(yscale="log", xlabel="payload [kg]")
     top = max(float(values.max()) for values in comparison.vibrations.values())

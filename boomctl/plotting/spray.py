@@ -1,17 +1,23 @@
 """Pictures of excitation and spray: deposit on the field, motion over time, tracks beside their class."""
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
 from numpy.typing import ArrayLike
 
+from boomctl.arrays import Array
 from boomctl.checks import finite_array, positive, real
-from boomctl.plotting.canvas import COLOURS, new_figure, style
+from boomctl.plotting.canvas import COLOURS, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.boom.motion import PlatformMotion
     from boomctl.boom.spray import SprayResult
+    from boomctl.boom.track_filter import PlatformDensity
     from boomctl.boom.tracks import Track
 
 # doses at which the colour changes: ±2, 5, 10 and 20 % as deposits are judged by, then coarser
@@ -32,7 +38,33 @@ _SHADES = (
 _MORE = "#1a0a3c"
 
 
-def draw_deposit(results: "Mapping[str, SprayResult]", length: float | None = None, start: float | None = None) -> Any:
+def plot_deposit(result: SprayResult, ax: Any = None, *, label: str = "deposit", **style: Any) -> Any:
+    """Draw the deposit on the field.
+
+    Parameters
+    ----------
+    result : SprayResult
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    label : str
+        The title.
+    **style
+        Of the map, as matplotlib's ``pcolormesh`` takes it.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    return draw_deposit({label: result}, ax=ax, **style)[0]
+
+
+def draw_deposit(
+    results: Mapping[str, SprayResult],
+    length: float | None = None,
+    start: float | None = None,
+    ax: Any = None,
+    **style: Any,
+) -> Array:
     """Draw the deposit on the field, one panel a result, all on one scale of discrete steps about the nominal dose.
 
     Parameters
@@ -43,15 +75,19 @@ def draw_deposit(results: "Mapping[str, SprayResult]", length: float | None = No
         Of field to show [m]; by default all that is judged.
     start : float, optional
         Where it begins [m]; by default where judging does.
+    ax : sequence of matplotlib Axes, or a figure, optional
+        One a result; by default a new figure of pyplot.
+    **style
+        Of the maps, as matplotlib's ``pcolormesh`` takes it.
 
     Returns
     -------
-    matplotlib Figure
+    (n,) ndarray of matplotlib Axes
 
     Raises
     ------
     TypeError, ValueError
-        No results by title; a length not above zero, a start that is no number.
+        No results by title; a length not above zero, a start that is no number; other axes, or not so many.
     """
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
@@ -62,28 +98,30 @@ def draw_deposit(results: "Mapping[str, SprayResult]", length: float | None = No
     extent = None if length is None else positive("length", length)
     begin = None if start is None else real("start", start)
     colours = ListedColormap(list(_SHADES), over=_MORE)
-    norm = BoundaryNorm(_STEPS, len(_SHADES))
-    with style():
-        figure = new_figure(9.0, 1.2 + 1.75 * len(results))
-        axes = np.atleast_1d(figure.subplots(len(results), 1, sharex=True, sharey=True))
+    look: dict[str, Any] = {"cmap": colours, "norm": BoundaryNorm(_STEPS, len(_SHADES)), "rasterized": True, **style}
+
+    def divide(figure: FigureBase) -> Iterable[Axes]:
+        return np.atleast_1d(figure.subplots(len(results), 1, sharex=True, sharey=True))
+
+    with panels(ax, list(results), (9.0, 1.2 + 1.75 * len(results)), divide) as axes:
         drawn: Any = None
-        for ax, (title, result) in zip(axes, results.items(), strict=True):
-            drawn = ax.pcolormesh(
-                result.y_edges, result.x_edges, result.deposit, cmap=colours, norm=norm, rasterized=True
-            )
-            _frame(ax, result, extent, begin)
-            ax.set_title(f"{title}: {_figures(result)}", fontsize=8.5)
-            ax.set_ylabel("along boom [m]")
+        for each, (title, result) in zip(axes, results.items(), strict=True):
+            drawn = each.pcolormesh(result.y_edges, result.x_edges, result.deposit, **look)
+            _frame(each, result, extent, begin)
+            each.set_title(f"{title}: {_figures(result)}", fontsize=8.5)
+            each.set_ylabel("along boom [m]")
         axes[-1].set_xlabel("along the drive [m]  (boom moves to the right)")
-        bar = figure.colorbar(
-            drawn, ax=list(axes), extend="max", spacing="uniform", ticks=_STEPS, aspect=12 + 8 * len(results)
+        options: dict[str, Any] = (
+            {"spacing": "uniform", "ticks": _STEPS, "extend": "max"} if "norm" not in style else {}
         )
-        bar.ax.set_yticklabels([f"{step:g}" for step in _STEPS])
-        bar.set_label("deposit over nominal\n(red: too little, blue: too much)")
-    return figure
+        bar = axes[0].figure.colorbar(drawn, ax=list(axes), aspect=12 + 8 * len(results), **options)
+        if options:
+            bar.ax.set_yticklabels([f"{step:g}" for step in _STEPS])
+        bar.set_label("deposit over nominal" + ("" if "cmap" in style else "\n(red: too little, blue: too much)"))
+    return axes
 
 
-def _frame(ax: Any, result: "SprayResult", length: float | None, start: float | None) -> None:
+def _frame(ax: Any, result: SprayResult, length: float | None, start: float | None) -> None:
     """Show the part of the field that is judged."""
     along, across = result.y_judged, result.x_judged
     begin = result.y_edges[along.start] if start is None else start
@@ -93,7 +131,7 @@ def _frame(ax: Any, result: "SprayResult", length: float | None, start: float | 
     ax.grid(visible=False)
 
 
-def _figures(result: "SprayResult") -> str:
+def _figures(result: SprayResult) -> str:
     return (
         f"CV {100 * result.cv:.1f} %, {_share(result.share_outside_10)} outside ±10 %,"
         f" {_share(result.share_outside_20)} outside ±20 %, doses {result.lowest_dose:.2f} to {result.highest_dose:.2f}"
@@ -105,8 +143,12 @@ def _share(value: float) -> str:
 
 
 def draw_motion(
-    motion: "PlatformMotion", tips: "Mapping[str, ArrayLike]", span: tuple[float, float] | None = None
-) -> Any:
+    motion: PlatformMotion,
+    tips: Mapping[str, ArrayLike],
+    span: tuple[float, float] | None = None,
+    ax: Any = None,
+    **style: Any,
+) -> Array:
     """Draw the platform's jolt and yaw over time, and the tips' motion below it.
 
     Parameters
@@ -117,10 +159,14 @@ def draw_motion(
         one scale.
     span : (float, float), optional
         Times to show [s].
+    ax : sequence of matplotlib Axes, or a figure, optional
+        One for the platform and one for each of the tips' motions; by default a new figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it.
 
     Returns
     -------
-    matplotlib Figure
+    (n,) ndarray of matplotlib Axes
 
     Raises
     ------
@@ -140,31 +186,31 @@ def draw_motion(
                 f"span = ({begin:g}, {end:g}): expected times within {motion.time[0]:g} to {motion.time[-1]:g} s,"
                 " the earlier first"
             )
-    with style():
-        figure = new_figure(8.0, 2.2 + 1.6 * len(tips))
-        axes = np.atleast_1d(figure.subplots(1 + len(tips), 1, sharex=True))
-        axes[0].plot(motion.time, 1e3 * motion.jolt, color=COLOURS[0], label="jolt", linewidth=1.0)
+    with panels(ax, ["platform", *moved], (8.0, 2.2 + 1.6 * len(tips))) as axes:
         turned = 0.5e3 * motion.actuator_distance * motion.yaw
-        axes[0].plot(motion.time, turned, color=COLOURS[1], label="yaw, at an actuator", linewidth=1.0)
+        for line, name, colour in ((1e3 * motion.jolt, "jolt", 0), (turned, "yaw, at an actuator", 1)):
+            axes[0].plot(motion.time, line, **line_look(style, color=COLOURS[colour], linewidth=1.0, label=name))
         axes[0].set_title("platform")
         if span is not None:
             axes[0].set_xlim(*span)
         largest = 0.0
-        for ax, (title, lines) in zip(axes[1:], moved.items(), strict=True):
+        for each, (title, lines) in zip(axes[1:], moved.items(), strict=True):
             for side, line, colour in zip(("left tip", "right tip"), lines, COLOURS[2:4], strict=True):
-                ax.plot(motion.time, line, color=colour, label=side, linewidth=1.0)
+                each.plot(motion.time, line, **line_look(style, color=colour, linewidth=1.0, label=side))
             largest = max(largest, float(np.abs(lines[:, shown]).max()))
-            ax.set_title(title)
-        for ax in axes:
-            ax.set_ylabel("ahead [mm]")
-            ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncols=2)
-        for ax in axes[1:] if largest > 0.0 else ():
-            ax.set_ylim(-1.25 * largest, 1.25 * largest)
+            each.set_title(title)
+        for each in axes:
+            each.set_ylabel("ahead [mm]")
+            each.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncols=2)
+        for each in axes[1:] if largest > 0.0 else ():
+            each.set_ylim(-1.25 * largest, 1.25 * largest)
         axes[-1].set_xlabel("time [s]")
-    return figure
+    return axes
 
 
-def draw_track_density(tracks: "Mapping[str, Sequence[Track]]", band: tuple[float, float] = (0.01, 3.0)) -> Any:
+def draw_track_density(
+    tracks: Mapping[str, Sequence[Track]], band: tuple[float, float] = (0.01, 3.0), ax: Any = None, **style: Any
+) -> Any:
     """Draw the density of tracks over the wave number, beside the line of their class.
 
     Parameters
@@ -174,10 +220,14 @@ def draw_track_density(tracks: "Mapping[str, Sequence[Track]]", band: tuple[floa
         a class and, times the squared wave number, over a twelfth of an octave.
     band : (float, float)
         Of wave numbers [1/m].
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the tracks' curves, as matplotlib's lines take it.
 
     Returns
     -------
-    matplotlib Figure
+    matplotlib Axes
 
     Raises
     ------
@@ -187,17 +237,94 @@ def draw_track_density(tracks: "Mapping[str, Sequence[Track]]", band: tuple[floa
     from boomctl.boom.tracks import averaged_density, road_density
 
     densities = {letter: averaged_density(several, band, f"tracks[{letter!r}]") for letter, several in tracks.items()}
-    with style():
-        figure = new_figure(6.4, 4.4)
-        ax = figure.subplots()
+    with panels(ax, ("density",), (6.4, 4.4)) as (axes,):
         line = np.geomspace(*band, 50)
-        for i, (letter, points) in enumerate(densities.items()):
+        points: dict[str, Any] = {"marker": ".", "linewidth": 0.7, "markersize": 3, "alpha": 0.8}
+        for i, (letter, drawn) in enumerate(densities.items()):
             colour = COLOURS[i % len(COLOURS)]
-            ax.loglog(*points, ".-", color=colour, linewidth=0.7, markersize=3, alpha=0.8)
-            ax.loglog(line, road_density(letter, line), color=colour, linewidth=1.6, label=f"class {letter}")
-        ax.loglog([], [], ".-", color="#555555", linewidth=0.7, markersize=3, label="tracks")
-        ax.set_xlabel("wave number n [1/m]")
-        ax.set_ylabel("one-sided density G$_d$(n) [m³]")
-        ax.legend()
-        figure.suptitle("Random tracks beside ISO 8608", x=0.01, ha="left", fontsize=10, fontweight="bold")
-    return figure
+            axes.loglog(*drawn, **line_look(style, color=colour, **points))
+            axes.loglog(line, road_density(letter, line), color=colour, linewidth=1.6, label=f"class {letter}")
+        axes.loglog([], [], **line_look(style, color="#555555", label="tracks", **points))
+        axes.set_xlabel("wave number n [1/m]")
+        axes.set_ylabel("one-sided density G$_d$(n) [m³]")
+        axes.set_title("Random tracks beside ISO 8608")
+        axes.legend()
+    return axes
+
+
+def plot_track(track: Track, ax: Any = None, **style: Any) -> Any:
+    """Draw the height of the ground under the left and the right wheels over the distance.
+
+    Parameters
+    ----------
+    track : Track
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    with panels(ax, ("height",), (7.4, 2.8)) as (axes,):
+        for side, heights, colour in (("left", track.left, COLOURS[0]), ("right", track.right, COLOURS[1])):
+            axes.plot(track.distance, 1e3 * heights, **line_look(style, color=colour, linewidth=1.0, label=side))
+        axes.set(xlabel="distance [m]", ylabel="height [mm]")
+        axes.set_xmargin(0.0)
+        axes.legend()
+    return axes
+
+
+def plot_motion(motion: PlatformMotion, ax: Any = None, **style: Any) -> Array:
+    """Draw jolt and yaw of the platform over time.
+
+    Parameters
+    ----------
+    motion : PlatformMotion
+    ax : sequence of two matplotlib Axes, or a figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it.
+
+    Returns
+    -------
+    (2,) ndarray of matplotlib Axes
+    """
+    with panels(ax, ("jolt", "yaw"), (7.4, 4.0)) as axes:
+        look = line_look(style, linewidth=1.0)
+        for each, values, label in zip(
+            axes, (1e3 * motion.jolt, 1e3 * motion.yaw), ("jolt, ahead [mm]", "yaw [mrad]"), strict=True
+        ):
+            each.plot(motion.time, values, **look)
+            each.set_ylabel(label)
+            each.set_xmargin(0.0)
+        legend(axes[0])
+        axes[-1].set_xlabel("time [s]")
+        axes[0].figure.align_ylabels(list(axes))
+    return axes
+
+
+def plot_density(density: PlatformDensity, ax: Any = None, **style: Any) -> Any:
+    """Draw the densities of the platform's motion over frequency.
+
+    Parameters
+    ----------
+    density : PlatformDensity
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    with panels(ax, ("density",), (6.4, 3.8)) as (axes,):
+        lines = (("jolt", density.jolt, COLOURS[0]), ("yaw, at an actuator", density.difference, COLOURS[1]))
+        for name, values, colour in lines:
+            seen = values > 0.0  # beyond the band of the ground there is no motion
+            axes.loglog(density.freq_hz[seen], values[seen], **line_look(style, color=colour, label=name))
+        axes.set(xlabel="frequency [Hz]", ylabel="one-sided density [m²/Hz]")
+        axes.legend()
+    return axes

@@ -47,8 +47,8 @@ def draw_suspension_sigma(
         for k, each in enumerate(others):
             label = "uncertain springs and mass" if k == 0 else None
             ax.loglog(each.omega / (2 * np.pi), each.sigma[0], color=_FAINT, linewidth=0.8, label=label)
-        plot_sigma(passive, labels[0], ax, color=_PASSIVE)
-        plot_sigma(active, labels[1], ax, color=_ACTIVE)
+        plot_sigma(passive, ax, unit="Hz", label=labels[0], color=_PASSIVE)
+        plot_sigma(active, ax, unit="Hz", label=labels[1], color=_ACTIVE)
         if exact is not None:
             for k, line in enumerate(exact.sigma):
                 label = f"{labels[1]}, exact boom" if k == 0 else None

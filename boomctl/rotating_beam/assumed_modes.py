@@ -1,5 +1,7 @@
 """The hub-beam with assumed modes: the models of Bai et al. (2009), from the linear one to the complete one."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
+from boomctl.checks import finite_array
 from boomctl.rotating_beam.beam import MODELS, HubBeam, SmallMotion
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.manoeuvres import Manoeuvre, TorqueDriven
@@ -106,7 +109,9 @@ class AssumedModesBeam(HubBeam):
         ``1/2 r^T M r + 1/2 q^T K q`` with the differences r of the rates and q of the beam's coordinates.
         """
         equations, size = self.equations, self._size
-        x = np.asarray(state, dtype=float)
+        x = finite_array("state", state, ndim=1)
+        if len(x) != 2 * size:
+            raise ValueError(f"state: expected {2 * size} numbers, got {len(x)}")
         apart = x - self.steady_state(hub_speed)
         rate, q = apart[None, size:], apart[1:size]
         momenta = equations.inertia(x[None, :size]).momenta(rate)
@@ -122,7 +127,7 @@ class AssumedModesBeam(HubBeam):
 
     def shape(self, states: ArrayLike) -> Array:
         p, size, n = self.parameters, self._size, self.modes
-        y = np.atleast_2d(np.asarray(states, dtype=float))[:, :size]
+        y = self._states(states)[:, :size]
         x = np.linspace(0.0, p.length, _PLACES)
         bending, shapes = y[:, size - n :], transverse_modes(n, p.length)
         across = bending @ shapes(x).T
@@ -149,7 +154,7 @@ class AssumedModesBeam(HubBeam):
             keeps_inertia_torque=self.model != "sfoam",
         )
 
-    def casadi_function(self) -> "casadi.Function":
+    def casadi_function(self) -> casadi.Function:
         """Return the model as a CasADi function ``(x, torque) -> (xdot, y)``, derived from its energies.
 
         States and outputs are those of `to_nlsys`; symbolic, hence differentiable to any order.

@@ -3,6 +3,8 @@
 A model is a final subclass of :class:`HubBeam` in a file of its own; ``assumed_modes`` enters all of them in :data:`MODELS`.
 """
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
@@ -13,7 +15,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import positive, real, whole
+from boomctl.checks import (
+    exactly,
+    finite_array,
+    plain_array,
+    positive,
+    real,
+    sequence,
+    shown,
+    truth,
+    up_to,
+    whole,
+    within,
+)
 from boomctl.printing import count, listed
 from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque, TorqueDriven
 from boomctl.rotating_beam.parameters import HubBeamParameters
@@ -26,6 +40,9 @@ if TYPE_CHECKING:
 
 INPUTS = ("torque",)
 OUTPUTS = ("hub_angle", "hub_speed", "tip_displacement")
+_SHORTEST = 1e-60  # s between instants: its powers are numbers still (a choice)
+_LATEST = 1e9  # s that a motion may last: 30 years (a choice)
+_FASTEST = 1e60  # rad/s that a hub may turn at: powers of it are numbers still (a choice)
 
 _START_TOLERANCE = 1e-12  # an initial hub angle or speed is the manoeuvre's but for rounding, relative or in rad, rad/s
 
@@ -137,8 +154,8 @@ class HubBeam(ABC):
         ValueError
             At a hub speed at which the stiffness is lost, or if `coupled` is asked of a model without axial modes.
         """
-        speed = real("hub_speed", hub_speed)
-        if coupled and not self.has_axial_modes:
+        speed = within("hub_speed", hub_speed, -_FASTEST, _FASTEST, "rad/s")
+        if truth("coupled", coupled) and not self.has_axial_modes:
             raise ValueError(f"coupled = True: expected False, for model {self.model!r} has no axial modes")
         self._check_speed(speed, self.critical_speed())
         return self._frequencies_hz(speed, coupled)
@@ -220,8 +237,9 @@ class HubBeam(ABC):
         """
         instants = _instants(timepts)
         tolerance = positive("rtol", rtol), positive("atol", atol)
-        given = tuple(manoeuvres)
-        states = [initial] * len(given) if initial is None or np.ndim(initial) == 1 else list(np.asarray(initial))
+        given = sequence("manoeuvres", manoeuvres, "manoeuvres")
+        starting = None if initial is None else finite_array("initial", initial)
+        states = [starting] * len(given) if starting is None or starting.ndim == 1 else list(np.atleast_2d(starting))
         if len(states) != len(given):
             raise ValueError(f"initial: {len(states)} states for {len(given)} manoeuvres; expected one each, or one")
         starts: list[tuple[Array, Array]] = []
@@ -263,19 +281,26 @@ class HubBeam(ABC):
     def shape(self, states: ArrayLike) -> Array:
         """Positions x + i y along the beam in fixed axes, from clamp to free end, for k states: k x points, m."""
 
+    def _states(self, states: ArrayLike) -> Array:
+        """Return states that a user hands in, one a row."""
+        rows = np.atleast_2d(finite_array("states", states))
+        if rows.ndim != 2 or rows.shape[1] != 2 * self._size:
+            raise ValueError(f"states: expected {2 * self._size} numbers a state, got shape {np.shape(states)}")
+        return rows
+
     def with_tip_mass(self, tip_mass: float) -> Self:
         """Return the same model with another tip mass [kg]."""
         return self._with(tip_mass=tip_mass)
 
     def with_stiffness(self, factor: float) -> Self:
         """Return the same model with the bending stiffness multiplied by a factor; the axial stiffness stays."""
-        return self._with(second_moment=factor * self.parameters.second_moment)
+        return self._with(second_moment=positive("factor", factor) * self.parameters.second_moment)
 
-    def in_model(self, model: str, modes: int | None = None) -> "HubBeam":
+    def in_model(self, model: str, modes: int | None = None) -> HubBeam:
         """Return the same machine in another model; `modes` as here unless given."""
         return in_model(self.parameters, model, self.modes if modes is None else modes)
 
-    def to_nlsys(self) -> "control.NonlinearIOSystem":
+    def to_nlsys(self) -> control.NonlinearIOSystem:
         """Return the model as a nonlinear input-output system.
 
         Axial modes make it stiff: give ``control.input_output_response`` an implicit ``solve_ivp_method`` then.
@@ -298,7 +323,7 @@ class HubBeam(ABC):
         x, size = np.asarray(x, dtype=float), self._size
         return np.array([x[0], x[size], self._tip_displacement(x[:size])])
 
-    def linearize(self, hub_speed: float = 0.0) -> "control.StateSpace":
+    def linearize(self, hub_speed: float = 0.0) -> control.StateSpace:
         """Linearise about steady rotation at a hub speed, the beam stretched as the model has it, the hub free.
 
         Parameters
@@ -318,7 +343,7 @@ class HubBeam(ABC):
         """
         return self._linear(self._steady_speed(hub_speed)).statespace(self._system_name)
 
-    def lpv(self) -> "HubSpeedFamily":
+    def lpv(self) -> HubSpeedFamily:
         """Return the linear models as a family over the hub speed."""
         return HubSpeedFamily(self)
 
@@ -330,7 +355,7 @@ class HubBeam(ABC):
         copy: Any = self  # every model is a dataclass
         return replace(copy, parameters=replace(self.parameters, **changes))
 
-    def _linear(self, speed: float) -> "Lti":
+    def _linear(self, speed: float) -> Lti:
         from boomctl.lti.system import Lti  # brings scipy.linalg, which a simulation may do without
 
         motion = self._small_motion(speed)
@@ -345,14 +370,15 @@ class HubBeam(ABC):
         return Lti(A, B, C, np.zeros((3, 1)), inputs=INPUTS, outputs=OUTPUTS, states=self.state_names)
 
     def _steady_speed(self, hub_speed: float) -> float:
-        speed = real("hub_speed", hub_speed)
+        speed = within("hub_speed", hub_speed, -_FASTEST, _FASTEST, "rad/s")
         self._check_speed(speed, self.steady_limit)
         return speed
 
     def _check_speed(self, speed: float, critical: float) -> None:
         if abs(speed) >= critical:
             raise ValueError(
-                f"hub_speed = {speed:g}: expected less than {critical:.7g} rad/s, where {self.model} loses its stiffness"
+                f"hub_speed = {exactly(speed)}: expected less than {up_to(critical)} rad/s, where "
+                f"{self.model} loses its stiffness"
             )
 
     def _result(self, manoeuvre: Manoeuvre, instants: Array, found: Motion) -> SimulationResult:
@@ -370,7 +396,9 @@ class HubBeam(ABC):
     def _start(self, manoeuvre: Manoeuvre, initial: ArrayLike | None) -> tuple[Array, Array]:
         """Coordinates and rates at t = 0, the hub's as the manoeuvre has them."""
         if not isinstance(manoeuvre, PrescribedMotion | TorqueDriven):
-            raise TypeError(f"manoeuvre = {manoeuvre!r}: expected one as spin_up, sine_torque, hold, ... return it")
+            raise TypeError(
+                f"manoeuvre = {shown(manoeuvre)}: expected one as spin_up, sine_torque, hold, ... return it"
+            )
         size = self._size
         state = np.zeros(2 * size) if initial is None else _initial_state(initial, 2 * size)
         if isinstance(manoeuvre, PrescribedMotion):
@@ -379,7 +407,8 @@ class HubBeam(ABC):
                 apart = abs(state[index] - prescribed)
                 if initial is not None and apart > _START_TOLERANCE * max(1.0, abs(prescribed)):
                     raise ValueError(
-                        f"initial hub {name} = {state[index]:g}: expected {prescribed:g}, as the manoeuvre has it"
+                        f"initial hub {name} = {exactly(state[index])}: expected {exactly(prescribed)}, as "
+                        f"the manoeuvre has it"
                     )
                 state[index] = prescribed
         return state[:size], state[size:]
@@ -444,8 +473,8 @@ MODELS: dict[str, Callable[..., HubBeam]] = {}
 
 def in_model(parameters: HubBeamParameters, model: str, modes: int) -> HubBeam:
     """Return a machine in a model; see `hub_beam`."""
-    if model not in MODELS:
-        raise ValueError(f"model = {model!r}: expected one of {', '.join(MODELS)}")
+    if not isinstance(model, str) or model not in MODELS:
+        raise ValueError(f"model = {shown(model)}: expected one of {', '.join(MODELS)}")
     return MODELS[model](parameters=parameters, modes=modes)
 
 
@@ -464,11 +493,11 @@ class HubSpeedFamily:
     def __repr__(self) -> str:
         return f"HubSpeedFamily: linear models over the hub speed\n  {self.beam!r}"
 
-    def at(self, hub_speed: float) -> "control.StateSpace":
+    def at(self, hub_speed: float) -> control.StateSpace:
         """Linear model at a hub speed [rad/s]; as `HubBeam.linearize`."""
         return self.beam.linearize(hub_speed)
 
-    def affine(self) -> tuple["control.StateSpace", Array]:
+    def affine(self) -> tuple[control.StateSpace, Array]:
         """Return the family as one model and one matrix: ``A(w) = A(0) + w^2 slope``, all else independent of w.
 
         This holds for the two variants of SFOAM without approximation, for ``D - M2`` enters with the speed squared.
@@ -492,17 +521,17 @@ class HubSpeedFamily:
         rest = self.beam.linearize(0.0)
         return rest, np.asarray(self.beam.linearize(1.0).A) - np.asarray(rest.A)
 
-    def grid(self, hub_speeds: Array) -> tuple["control.StateSpace", ...]:
+    def grid(self, hub_speeds: Array) -> tuple[control.StateSpace, ...]:
         """Linear models at several hub speeds [rad/s]."""
         return tuple(self.at(real("hub_speeds", float(each))) for each in np.ravel(hub_speeds))
 
 
 def _instants(value: ArrayLike) -> Array:
     """Return the instants at which a simulation is wanted: one-dimensional, finite, strictly ascending, from 0 on."""
-    try:
-        timepts = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise TypeError("timepts: expected a sequence of real numbers [s]") from error
+    array = plain_array("timepts", value)
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"timepts: expected a sequence of real numbers [s], got an array of {array.dtype}")
+    timepts = array.astype(float)
     if timepts.ndim != 1 or timepts.size == 0:
         raise ValueError(f"timepts of shape {timepts.shape}: expected one dimension and at least one instant")
     if not np.isfinite(timepts).all():
@@ -511,20 +540,24 @@ def _instants(value: ArrayLike) -> Array:
         raise ValueError(f"timepts[0] = {timepts[0]!r}: expected instants >= 0; a manoeuvre starts at 0")
     if (timepts[1:] <= timepts[:-1]).any():
         raise ValueError("timepts: expected strictly ascending instants")
+    if timepts[-1] > _LATEST:
+        raise ValueError(f"timepts[-1] = {exactly(timepts[-1])}: expected at most {_LATEST:g} s")
+    if timepts.size > 1 and np.diff(timepts).min() < _SHORTEST:
+        raise ValueError(f"timepts: expected instants at least {_SHORTEST:g} s apart, got {np.diff(timepts).min():g} s")
     return timepts
 
 
 def _checked(manoeuvre: Manoeuvre, end: float) -> Manoeuvre:
-    """Return a manoeuvre, a hub profile as it was checked up to an instant [s]."""
-    return manoeuvre.checked_until(end) if isinstance(manoeuvre, HubProfile) else manoeuvre
+    """Return a manoeuvre; one made of a user's functions as it was checked up to an instant [s]."""
+    return manoeuvre.checked_until(end) if isinstance(manoeuvre, HubProfile | Torque) else manoeuvre
 
 
 def _initial_state(value: ArrayLike, size: int) -> Array:
     """Return an initial state of `size` finite numbers."""
-    try:
-        state = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"initial: expected {size} real numbers") from error
+    array = plain_array("initial", value)
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"initial: expected {size} real numbers, got an array of {array.dtype}")
+    state = array.astype(float)
     if state.shape != (size,):
         raise ValueError(f"initial of shape {state.shape}: expected ({size},), the states of to_nlsys() in their order")
     if not np.all(np.isfinite(state)):

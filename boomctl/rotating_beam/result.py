@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple, final
+from importlib import import_module
+from typing import Any, NamedTuple, final
 
 import numpy as np
 
@@ -132,6 +133,18 @@ class SimulationResult:
         if np.isfinite(self.small_deformation_until):
             tip += f", beyond a tenth of the length after {self.small_deformation_until:.4g} s"
         return f"SimulationResult: {self.model}, {span}\n  {tip}\n  {error}"
+
+    def plot(self, ax: Any = None, **style: Any) -> Array:
+        """Draw torque, hub and tip over time, and from when on the deformation is not small; return the axes.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw: torque, hub angle, hub speed and tip displacement; by default a new figure of pyplot.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        """
+        return import_module("boomctl.plotting").plot_simulation(self, ax, **style)
 
     @cached_property
     def _details(self) -> Details:

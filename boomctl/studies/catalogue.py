@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     from boomctl.report import Report
+    from boomctl.studies.machine import MachineDesign
+    from boomctl.studies.slew.design import SlewDesign
+    from boomctl.studies.suspension.design import SuspensionDesign
 
 
 class Evaluation(Protocol):
@@ -72,6 +75,7 @@ KINDS = {
     "suspension": Kind(
         "suspension", "design", "boomctl.studies.suspension.design", "SuspensionDesign", _SCENE, steps=3
     ),
+    "machine": Kind("machine", "design", "boomctl.studies.machine", "MachineDesign", (), steps=3),
     "slew": Kind("slew", "slew", "boomctl.studies.slew.design", "SlewDesign", (), steps=6),
 }
 
@@ -108,17 +112,28 @@ class DesignFile:
         kind = self.kind
         with _own_code(self.path, refusals=True):
             found = self.function()
-        if not isinstance(found, kind.design_class):
+        alike = [other for other in KINDS.values() if other.function == kind.function]
+        if not any(isinstance(found, other.design_class) for other in alike):
+            expected = " or ".join(other.returns for other in alike)
             raise TypeError(
-                f"design {self.name!r}: {kind.function}() returned {type(found).__name__}, expected {kind.returns}"
+                f"design {self.name!r}: {kind.function}() returned {type(found).__name__}, expected {expected}"
             )
-        return found
+        return found  # type: ignore[return-value]
 
 
 def design_names(*kinds: str) -> tuple[str, ...]:
-    """Return the names of the designs that come with boomctl, of all kinds unless some are given."""
+    """Return the names of the designs that come with boomctl.
+
+    Parameters
+    ----------
+    kinds : str
+        "suspension", "slew"; both unless given.
+    """
+    for kind in kinds:
+        if not (isinstance(kind, str) and kind in KINDS):
+            raise ValueError(f"kind = {kind!r}: expected one of {', '.join(KINDS)}")
     marks = [f"\ndef {KINDS[kind].function}(" for kind in kinds or KINDS]
-    texts = {path.stem: path.read_text(encoding="utf-8") for path in _folder().glob("*.py")}
+    texts = {path.stem: path.read_text(encoding="utf-8") for path in shipped("designs").glob("*.py")}
     return tuple(sorted(name for name, text in texts.items() if any(mark in text for mark in marks)))
 
 
@@ -144,21 +159,51 @@ def design_file(name: str, *kinds: str) -> DesignFile:
     else:
         from boomctl.checks import known  # it imports numpy, which listing the names of designs does not wait for
 
-        path = _folder() / f"{known('design', name, design_names(*kinds))}.py"
+        path = shipped("designs") / f"{known('design', name, design_names(*kinds))}.py"
     module = _loaded(path)
     for kind in kinds or KINDS:
         function = getattr(module, KINDS[kind].function, None)
         if callable(function):
             return DesignFile(name, path, KINDS[kind], function)
-    wanted = " or ".join(f"{KINDS[kind].function}()" for kind in kinds or KINDS)
+    wanted = " or ".join(dict.fromkeys(f"{KINDS[kind].function}()" for kind in kinds or KINDS))
     raise ValueError(f"design {name!r}: expected a file with a function {wanted}")
 
 
-def _folder() -> Path:
-    """Return the folder of the designs: within an installed package, or beside the package in a source tree."""
+def load_design(name: str) -> "SuspensionDesign | MachineDesign | SlewDesign":
+    """Make a design that comes with boomctl, or one of your own.
+
+    Parameters
+    ----------
+    name : str
+        One of `design_names`, or a Python file with a function ``design()`` that returns a `SuspensionDesign` or a
+        `MachineDesign`, or ``slew()`` that returns a `SlewDesign`.
+
+    Returns
+    -------
+    SuspensionDesign, MachineDesign or SlewDesign
+        ``.evaluate()`` judges it; a suspension in a `FieldScene`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        No such design or file, or one that makes something else; what fails in a file is named with file and line.
+
+    Examples
+    --------
+    >>> load_design("passive_tuning").parameters.spring_stiffness < 1100.0
+    True
+    """
+    if not isinstance(name, (str, Path)):
+        raise TypeError(f"name: expected the name of a design or a file, got {type(name).__name__}")
+    made: Any = design_file(str(name)).made()
+    return made
+
+
+def shipped(name: str) -> Path:
+    """Return a folder that comes with boomctl: within an installed package, or beside the package in a source tree."""
     package = Path(__file__).parents[1]
-    installed = package / "designs"
-    return installed if installed.is_dir() else package.parent / "designs"
+    installed = package / name
+    return installed if installed.is_dir() else package.parent / name
 
 
 def _loaded(path: Path) -> ModuleType:

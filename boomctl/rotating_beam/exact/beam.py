@@ -1,5 +1,7 @@
 """The geometrically exact hub-beam: the model against which the others are measured."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import final
@@ -90,7 +92,7 @@ class GeometricallyExactBeam(HubBeam):
 
     def shape(self, states: ArrayLike) -> Array:
         """Positions x + i y in fixed axes for k states, from the clamp through the Gauss points to the free end, m."""
-        return self.dynamics.positions(np.atleast_2d(np.asarray(states, dtype=float))[:, : self._size])
+        return self.dynamics.positions(self._states(states)[:, : self._size])
 
     @property
     def _size(self) -> int:

@@ -23,6 +23,11 @@ _COINCIDENT = 1e-9  # fraction of a step within which an instant is the end of a
 _MOST_STEPS = 300_000  # where a run is given up: a choice
 _CAUTION = 3.0  # a halved step is taken to divide the error by no more than 4; the order of the rule gives 256
 _PROBES = 513  # instants, besides those asked for, at which two runs must agree
+_LONG = (
+    20_000  # steps of the first run from which a five-hundredth of it is run before, to tell whether the whole can be
+)
+_PILOT = 500.0
+_HOPELESS = 2.0  # times the most steps that this has to promise for a run to be refused: it may be the hardest part
 _STUCK = 0.7  # part of the last error above which a refinement has not lowered it
 _MOST_STUCK = 3  # refinements that do not lower the error before the run is given up
 
@@ -59,7 +64,7 @@ def run_to_tolerance(
     Raises
     ------
     SimulationError
-        The tolerance was not reached.
+        The tolerance was not reached, or its beginning shows that the whole would take far too many steps.
     """
     end = float(timepts[-1])
     if end == 0.0:
@@ -67,6 +72,14 @@ def run_to_tolerance(
         tip, states = dynamics.tip(q), partial(kept_states, q, v)
         until = _small_until(dynamics, timepts, tip, (q, v))
         return Motion(np.imag(tip), until, states, 0.0, 0, ("initial state",))
+    if end / first_step > _LONG:
+        tried = {"first_step": first_step, "rtol": rtol, "atol": atol}
+        pilot = run_to_tolerance(dynamics, manoeuvre, np.array([end / _PILOT]), state, **tried)
+        if _PILOT * pilot.steps > _HOPELESS * _MOST_STEPS:
+            raise SimulationError(
+                f"the motion until t = {end:g} s would take about {_PILOT * pilot.steps:.1e} steps; expected at most about "
+                f"{end * _MOST_STEPS / (_PILOT * pilot.steps):.2g} s, a larger rtol or atol, or another model"
+            )
     bounds = np.array([0.0, *(c for c in sorted(manoeuvre.breakpoints) if 0.0 < c < end), end])
     probes = np.union1d(timepts, np.linspace(0.0, end, _PROBES))
     radius = float(np.sum(dynamics.basis.tip_row))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.printing import compact
 from boomctl.rotating_beam.modal.shapes import AxialModes, TransverseModes, axial_modes, transverse_modes
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
@@ -50,6 +51,8 @@ class ModalIntegrals:
     tip2: Array
     S_tip: Array
 
+    __repr__ = compact
+
 
 @dataclass(frozen=True)
 class MassPoints:
@@ -72,6 +75,8 @@ class MassPoints:
     f1: Array
     f2: Array
     S: Array
+
+    __repr__ = compact
 
 
 def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals:

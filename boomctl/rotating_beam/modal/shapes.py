@@ -1,5 +1,7 @@
 """Mode shapes of the plain clamped-free beam, transverse and axial, in a form that neither overflows nor cancels."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -40,6 +40,9 @@ _MANY_SWEEPS = 25  # for which a window is long enough: more, and two windows of
 _RELAXED = 8  # windows after which steps that are short for the sake of a fast mode may become longer again
 _SMALLEST = 1e-6  # of the whole time: where the sweeps of shorter windows do not settle either, they are given up
 _MOST_WINDOWS = 600  # where a motion is given up: as many steps as plain collocation may take, which then does better
+_MORE_WINDOWS = (
+    4.0  # more of them for every window of the first length, for long motions, and for every corner: a choice
+)
 _RESOLVED = 4.0  # times as many windows as it takes to see a fast mode at all, to follow it: measured, axial modes
 _DECAYED = 300.0  # decay rate times length of a window at most: its exponential and its inverse are then finite
 _INSIDE = 1e-4  # of a step: so near to its ends a torque is looked at for what the nodes have not seen
@@ -104,6 +107,8 @@ class _Progress:
         Longest step at which the fast modes that have to be are resolved, s.
     longest : float
         Longest window, s.
+    most_windows : float
+        Where the motion is given up.
     peaks, errors, unseen : ndarray, 2
         Of displacements and of hub angle times radius, m: the largest so far, its error, what fast modes would add.
     turning : float
@@ -119,6 +124,7 @@ class _Progress:
     length: float
     most: float
     longest: float
+    most_windows: float
     peaks: Array
     errors: Array
     unseen: Array
@@ -183,7 +189,8 @@ def _begin(form: FreeHubForm, scene: FreeScene, share: float) -> _Progress:
     none = np.zeros(2)
     length = STEPS * _FIRST_PHASE / np.sqrt(form.softest)
     longest = _DECAYED / form.decay if form.decay else np.inf
-    return _Progress(scene, share, 0.0, np.stack([states, states]), length, np.inf, longest, none, none, none)
+    windows = _MOST_WINDOWS + _MORE_WINDOWS * (scene.end / length + scene.corners.size)
+    return _Progress(scene, share, 0.0, np.stack([states, states]), length, np.inf, longest, windows, none, none, none)
 
 
 def _march(form: FreeHubForm, runs: list[_Progress]) -> list[_Progress]:
@@ -286,7 +293,7 @@ def _after(run: _Progress, length: float, tried: _Tried | None) -> _Progress:
     if excess > 1.0:
         return replace(run, length=min(factor, _CAUTION) * length)
     if (tried.unseen > _UNSEEN * run.allowed(tried.peaks)).any():
-        hopeless = _RESOLVED * (run.scene.end - run.time) > _MOST_WINDOWS * STEPS * tried.needed
+        hopeless = _RESOLVED * (run.scene.end - run.time) > run.most_windows * STEPS * tried.needed
         return replace(run, most=tried.needed, failed=hopeless)
     following = length * min(factor, max(_MANY_SWEEPS / tried.sweeps, 0.5))
     if length < _CAUTION * run.length:  # cut short by a corner, which says nothing of the windows behind it
@@ -304,7 +311,7 @@ def _after(run: _Progress, length: float, tried: _Tried | None) -> _Progress:
         unseen=np.maximum(run.unseen, tried.unseen),
         turning=max(run.turning, tried.turning),
         pieces=pieces,
-        failed=len(pieces) >= _MOST_WINDOWS,
+        failed=len(pieces) >= run.most_windows,
     )
 
 

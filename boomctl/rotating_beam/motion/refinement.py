@@ -27,6 +27,13 @@ _DRIVE_PASSES = 45  # halvings of a first step: 2^-45 is below the smallest step
 _FIRST_TOLERANCE = 1e-6  # change of a coordinate at which Newton's method stops on the first steps, m: they are a start
 _NEWTON_SHARE = 0.05  # of the allowed error that Newton's method may leave
 _MOST_STEPS = 40000  # where the run is given up: ten times as many as FOAM takes for a minute and nine digits
+_LONG = (
+    5000  # first steps from which a hundredth of a motion is solved before, to tell whether the whole can be (a choice)
+)
+_PILOT = 100
+_HOPELESS = (
+    2.0  # times the most steps that the pilot has to promise for a motion to be refused: it may be the hardest part
+)
 _SMOOTH = 0.02  # part of the allowed error below which a step's highest terms leave it as it is
 
 
@@ -53,7 +60,7 @@ def first_steps(equations: Equations, breakpoints: tuple[float, ...], end: float
     for left, right in pairwise(corners):
         count = max(1, ceil((right - left) * lowest / phase))
         if graded:
-            halvings = ceil(log2(highest / lowest))
+            halvings = max(0, ceil(log2((right - left) / count * highest / phase)))
             edges.append(left + (right - left) / count * 0.5 ** np.arange(halvings, 0, -1))
         edges.append(right - (right - left) / count * np.arange(count - 1, -1, -1))
     return np.concatenate(edges)
@@ -125,6 +132,14 @@ class NotConverged(Exception):
         self.error = error
 
 
+class TooLong(Exception):
+    """A motion would take too many steps: how many, and up to when they would do [s]."""
+
+    def __init__(self, steps: float, until: float) -> None:
+        super().__init__(f"about {steps:.2g} steps")
+        self.steps, self.until = steps, until
+
+
 def refine(problem: Problem, edges: Array, start: tuple[Array, Array], accuracy: Accuracy) -> tuple[Trajectory, float]:
     """Solve on steps halved again and again until the watched displacements are as exact as asked for.
 
@@ -148,9 +163,16 @@ def refine(problem: Problem, edges: Array, start: tuple[Array, Array], accuracy:
     ------
     NotConverged
         If the tolerance is not reached.
+    TooLong
+        If the beginning shows that the whole would take far too many steps.
     StepTooSmall
         If the equations have no solution from some instant on.
     """
+    if edges.size > _LONG:
+        first = edges[: edges.size // _PILOT]
+        needed = refine(problem, first, start, accuracy)[0].edges.size / first.size * edges.size
+        if needed > _HOPELESS * _MOST_STEPS:
+            raise TooLong(needed, float(edges[-1]) * _MOST_STEPS / needed)
     method = gauss_method(STAGES)
     coarse = march(problem, method, edges, start, None, _FIRST_TOLERANCE)
     error = np.inf

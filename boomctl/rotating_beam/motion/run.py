@@ -15,12 +15,13 @@ from boomctl.rotating_beam.motion.free_hub import FreeScene, free_motions
 from boomctl.rotating_beam.motion.free_trajectory import FreeTrajectory
 from boomctl.rotating_beam.motion.modal_collocation import ModalTrajectory, modal_refine
 from boomctl.rotating_beam.motion.problems import PrescribedProblem, Problem, TorqueDrivenProblem
-from boomctl.rotating_beam.motion.refinement import Accuracy, NotConverged, first_steps, refine, resolving
+from boomctl.rotating_beam.motion.refinement import Accuracy, NotConverged, TooLong, first_steps, refine, resolving
 from boomctl.rotating_beam.motion.steady_rotation import steady_motion, vibration_amplitudes
 from boomctl.rotating_beam.result import Motion, SimulationError, kept_states, named_failure, small_deformation_until
 
 _WATCHED = 16.0  # instants in a period of the lowest mode at which the tip is watched: it turns by 22 degrees between
 _JUMP = 1e-11  # of the whole time: steps so short are there for a jump of the torque that lies in them
+_LONGEST = 3e5  # radians of the slowest mode that a motion may last: half a minute and some gigabytes (measured)
 
 FREE_HUB = "free-hub modes"  # the way that can take several scenes at once
 
@@ -292,6 +293,11 @@ def _collocate(
         return refine(problem, _first_steps(scene, problem, end, graded=True), start, accuracy)
     except StepTooSmall as failure:
         raise SimulationError(problem.why(failure.time)) from None
+    except TooLong as failure:
+        raise SimulationError(
+            f"the motion until t = {end:g} s would take about {failure.steps:.1e} steps; expected at most about "
+            f"{failure.until:.2g} s, a larger rtol or atol, or a model without axial motion"
+        ) from None
     except NotConverged as failure:
         raise SimulationError(
             f"the tip displacement's error stays at {failure.error:.1e} m: raise rtol or atol"
@@ -299,6 +305,12 @@ def _collocate(
 
 
 def _first_steps(scene: Scene, problem: Problem, end: float, *, graded: bool) -> Array:
+    radians = end * scene.equations.frequency_range[0]
+    if radians > _LONGEST:
+        raise SimulationError(
+            f"the motion until t = {end:g} s is {radians:.2g} radians of the slowest mode; expected at most {_LONGEST:g},"
+            f" which is about {_LONGEST / scene.equations.frequency_range[0]:.2g} s here"
+        )
     edges = first_steps(scene.equations, scene.manoeuvre.breakpoints, end, graded=graded)
     given = isinstance(scene.manoeuvre, HubProfile | Torque)  # a user's functions, which may jump where they do not say
     return resolving(edges, problem) if given else edges

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from boomctl.printing import compact
 from boomctl.report import Report, Section
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SpinUp
@@ -60,6 +61,8 @@ class SlewDesign:
     profile: SpinUp | None = None
     notes: tuple[str, ...] = ()
 
+    __repr__ = compact
+
     @property
     def slew(self) -> SlewResult:
         """The slew designed."""
@@ -113,6 +116,8 @@ class SlewEvaluation:
     payloads: PayloadComparison | None
     spin_ups: tuple[SpinUpMotion, ...]
     meshes: MeshStudy | None = None
+
+    __repr__ = compact
 
     @property
     def verdict(self) -> str:

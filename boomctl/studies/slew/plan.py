@@ -5,8 +5,9 @@ from dataclasses import replace
 from typing import Any
 
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
+from boomctl.slew.budget import SlewProgress
 from boomctl.slew.nlp.mesh_study import mesh_study
-from boomctl.slew.optimal import optimal_slew
+from boomctl.slew.optimal import TIME_LIMIT, optimal_slew
 from boomctl.slew.result import SlewResult
 from boomctl.studies.slew.design import SlewDesign, SlewEvaluation
 
@@ -23,6 +24,8 @@ def evaluated_plan(
     torque_limit: float,
     meshes: tuple[int, ...] | None = None,
     tell: Callable[[str], None] = lambda text: None,
+    time_limit: float = TIME_LIMIT,
+    progress: Callable[[SlewProgress], object] | None = None,
     **asked: Any,
 ) -> SlewEvaluation:
     """Plan a slew and judge it beside the fastest, the cheapest and classical ones.
@@ -37,13 +40,16 @@ def evaluated_plan(
         bending vibration; () leaves that out.
     tell : callable
         Told in words what comes next.
+    time_limit, progress
+        Of each slew, as `optimal_slew` has them.
     asked
         Objective, duration and further limits by the names that `optimal_slew` has for them.
     """
     tell("the slew asked for")
-    slew = optimal_slew(h, angle, torque_limit, **asked)
+    search = {"time_limit": time_limit, "progress": progress}
+    slew = optimal_slew(h, angle, torque_limit, **asked, **search)
     tell("slews to compare")
-    planned = _beside(h, slew, angle, torque_limit)
+    planned = _beside(h, slew, angle, torque_limit, search)
     evaluation = SlewDesign("slew", "A slew of a flexible beam", h, planned).evaluate()
     tell("errors over meshes")
     roomy = _ROOM * planned["minimum time"].duration
@@ -61,13 +67,15 @@ def _title(slew: SlewResult) -> str:
     return f"{slew.title}{limited}" if slew.objective == "time" else f"{slew.title}, {slew.duration:.3g} s{limited}"
 
 
-def _beside(h: AssumedModesBeam, slew: SlewResult, angle: float, torque_limit: float) -> dict[str, SlewResult]:
+def _beside(
+    h: AssumedModesBeam, slew: SlewResult, angle: float, torque_limit: float, search: dict[str, Any]
+) -> dict[str, SlewResult]:
     """Return the slew asked for, the fastest one, and the cheapest in a little more than the least time."""
     named = {_title(slew): slew}
     if "minimum time" not in named:
-        named["minimum time"] = optimal_slew(h, angle, torque_limit)
+        named["minimum time"] = optimal_slew(h, angle, torque_limit, **search)
     roomy = _ROOM * named["minimum time"].duration
-    effort = optimal_slew(h, angle, torque_limit, "effort", roomy, method="shooting", intervals=200)
+    effort = optimal_slew(h, angle, torque_limit, "effort", roomy, method="shooting", intervals=200, **search)
     named.setdefault(_title(effort), effort)
     return named
 

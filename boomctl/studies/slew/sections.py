@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.plotting.canvas import picture
-from boomctl.plotting.slew import plot_slew_comparison, plot_spin_ups, slew_film
+from boomctl.plotting.canvas import figure_of, picture
+from boomctl.plotting.slew import plot_spin_ups, slew_film
 from boomctl.report import Picture, Section, Table, number, power
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.slew.classical.comparison import SlewComparison, SlewLine
@@ -35,7 +35,9 @@ def slew_section(h: AssumedModesBeam, slew: SlewResult, notes: tuple[str, ...]) 
         "Torque, hub angle and speed, tip displacement and bending moment at the clamp. Broken lines: limits, where they are "
         "near."
     )
-    return Section("The slew", (*_slew_text(h, slew), *notes), (), (picture("slew", slew.plot(), caption, "png"),))
+    return Section(
+        "The slew", (*_slew_text(h, slew), *notes), (), (picture("slew", figure_of(slew.plot), caption, "png"),)
+    )
 
 
 def _slew_text(h: AssumedModesBeam, slew: SlewResult) -> tuple[str, ...]:
@@ -49,11 +51,16 @@ def _slew_text(h: AssumedModesBeam, slew: SlewResult) -> tuple[str, ...]:
     kept = "no limit is exceeded"
     if c.constraint_violation > 0.0:
         kept = f"no limit is exceeded by more than {power(c.constraint_violation, 1)} of it"
+    free = (
+        ""
+        if not c.free_errors
+        else f"; {number(c.prescribed_error, 2)} without axial motion, which planning leaves free"
+    )
     text = (
         f"{_asked(slew)} with at most {problem.limits.torque:g} N m takes {slew.duration:.7g} s. Model: "
         f"{_name(h.model)} with {modes} and {payload}.",
         f"Method: {c.method}. Optimality: {verdict}. In the replay the end state is missed by "
-        f"{number(c.end_error, 2)} (each part relative to its largest size on the way), "
+        f"{number(c.end_error, 2)} (each part relative to its largest size on the way{free}), "
         f"{number(slew.residual_energy or 0.0, 2)} J remain, and {kept}. Limits reached: {binding}.",
     )
     if c.switches is not None:
@@ -89,7 +96,9 @@ def switching_section(curve: SwitchingCurve) -> Section:
         f"the torque's sign on {share} of the duration."
     )
     caption = "Switching function over its largest size, on a scale of cube roots, and torque."
-    return Section("The switching function", (text,), (), (picture("switching", curve.plot(), caption, "png"),))
+    return Section(
+        "The switching function", (text,), (), (picture("switching", figure_of(curve.plot), caption, "png"),)
+    )
 
 
 def payload_section(nominal: float, payloads: PayloadComparison) -> Section:
@@ -113,7 +122,7 @@ def payload_section(nominal: float, payloads: PayloadComparison) -> Section:
         "Right: vibration left over the payload, filled markers where it was planned for; what is below 0.1 mm stands on the "
         "lower edge."
     )
-    pictures = (picture("payloads", payloads.plot(), caption, "png"),)
+    pictures = (picture("payloads", figure_of(payloads.plot), caption, "png"),)
     return Section("The same torque with every payload", (text,), (Table(heads, body),), pictures)
 
 
@@ -160,7 +169,7 @@ def comparison_section(comparison: SlewComparison, shown: tuple[str, ...]) -> Se
         "Beside other spin-ups" if free else "Beside other slews",
         (text,),
         (_comparison_table(comparison.lines, free),),
-        (picture("comparison", plot_slew_comparison(comparison, shown), caption, "png"),),
+        (picture("comparison", figure_of(comparison.plot, names=shown), caption, "png"),),
     )
 
 
@@ -227,7 +236,9 @@ def tracking_section(planned: float, t: TrackingResult) -> Section:
         ),
     )
     caption = "Hub angle, tip displacement and torque: as planned, with the feedforward alone, and with feedback."
-    return Section("Followed with another payload", (text,), (table,), (picture("tracking", t.plot(), caption, "png"),))
+    return Section(
+        "Followed with another payload", (text,), (table,), (picture("tracking", figure_of(t.plot), caption, "png"),)
+    )
 
 
 def mesh_section(study: MeshStudy) -> Section:
@@ -248,7 +259,7 @@ def mesh_section(study: MeshStudy) -> Section:
     heads = ("relative error of", *(f"{n} intervals" for n in intervals), "order", "order in theory")
     body = tuple((line.name, *_mesh_cells(line)) for line in lines)
     caption = "Relative error over the number of intervals, and the order of each scheme."
-    pictures = (picture("mesh", study.plot(), caption, "png"),)
+    pictures = (picture("mesh", figure_of(study.plot), caption, "png"),)
     return Section("Error against mesh size", tuple(text), (Table(heads, body),), pictures)
 
 

@@ -18,6 +18,7 @@ from boomctl.boom.families import boom_family, scaled_boom, yaw_family
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
+from boomctl.printing import compact
 from boomctl.structure.model import split_symmetric
 from boomctl.studies.suspension.performance import loop_between
 from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScene, suspension_model
@@ -49,6 +50,8 @@ class HalfAssurance:
     box: RobustStability
     worst: WorstCase
 
+    __repr__ = compact
+
 
 @dataclass(frozen=True)
 class Assurance:
@@ -76,6 +79,8 @@ class Assurance:
     exact_sigma: SigmaResult = field(repr=False)
     family_sigma: tuple[SigmaResult, ...] = field(repr=False)
     mixed: float
+
+    __repr__ = compact
 
     @property
     def robust(self) -> bool:

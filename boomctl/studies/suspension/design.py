@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from boomctl.analysis.sigma import SigmaResult
 from boomctl.boom.parameters import BoomParameters
+from boomctl.exchange.controller_files import controller_contents
+from boomctl.printing import compact
 from boomctl.report import Report, Section
 from boomctl.studies.suspension import sections
 from boomctl.studies.suspension.assurance import Assurance, assure
@@ -15,6 +17,9 @@ from boomctl.studies.suspension.scene import FieldScene
 
 if TYPE_CHECKING:
     import control
+
+
+_CONTROLLER = "controller"  # name of the files of a design's controller
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,8 @@ class SuspensionDesign:
     facts: Mapping[str, str] = field(default_factory=dict)
     weights: "Mapping[str, control.StateSpace]" = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    __repr__ = compact
 
     @staticmethod
     def scene(**options: Any) -> FieldScene:
@@ -102,6 +109,8 @@ class SuspensionResult:
     passive: Performance
     active: Performance
     assured: Assurance | None = field(repr=False)
+
+    __repr__ = compact
 
     @property
     def yaw_reduction_db(self) -> float:
@@ -189,7 +198,30 @@ class SuspensionResult:
             sections.spray_section(before, after),
         ]
         lead = f"{design.title}: what it does to the boom's motion and to the spray, beside the boom as it is."
-        return Report(f"Suspension: {design.title}", (lead,), tuple(parts), self.as_dict())
+        files = self.controller_files()
+        if files:
+            parts.append(sections.files_section(tuple(files), scene))
+        return Report(f"Suspension: {design.title}", (lead,), tuple(parts), self.as_dict(), files)
+
+    def controller_files(self) -> dict[str, bytes | str]:
+        """Return the controller for other programs, as contents by name of file: JSON, MATLAB, and C99 with its limits.
+
+        A controller that is too fast for the scene's sampling has no C code.
+        """
+        K, scene = self.design.controller, self.scene
+        if K is None:
+            return {}
+        told = {"design": self.design.name, "title": self.design.title, **self.design.facts}
+        shared: dict[str, Any] = {"certificate": dict(self.assurance), "provenance": told}
+        found = controller_contents(K, _CONTROLLER, ".json", **shared)
+        found |= controller_contents(K, _CONTROLLER, ".mat", **shared)
+        try:
+            found |= controller_contents(
+                K, _CONTROLLER, ".c", sample_time=scene.sample_time, force_limit=scene.force_limit, **shared
+            )
+        except ValueError:
+            return found
+        return found
 
 
 def _numbers(p: Performance) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from boomctl.boom.motion import PlatformMotion
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.spray import SprayResult, nozzle_positions, spray_by_motion
 from boomctl.lti.python_control import control
+from boomctl.printing import compact
 from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.result import LoopResult
@@ -49,6 +50,8 @@ class Performance:
     spray: SprayResult = field(repr=False)
     spray_by_jolt: SprayResult = field(repr=False)
     spray_by_yaw: SprayResult = field(repr=False)
+
+    __repr__ = compact
 
     @property
     def stroke(self) -> float:

@@ -10,6 +10,7 @@ from boomctl.boom.spray import nozzle_positions
 from boomctl.boom.tracks import iso_track
 from boomctl.boom.tractor import TractorParameters
 from boomctl.checks import nonnegative, positive, whole
+from boomctl.printing import compact
 from boomctl.structure.model import SecondOrderModel
 
 CONTROLS = ("suspension_left", "suspension_right")
@@ -65,6 +66,8 @@ class FieldScene:
     acceleration_step: float = 5e-3
     accelerometer_hz: float = 20.0
     elements: int = 20
+
+    __repr__ = compact
 
     def __post_init__(self) -> None:
         for each in fields(self):

@@ -75,14 +75,14 @@ def run_section(before: Performance, after: Performance, scene: FieldScene) -> S
 
 def spray_section(before: Performance, after: Performance) -> Section:
     """Return the section of the deposit, whose map has so many cells that it is shown as PNG."""
-    from boomctl.plotting.canvas import picture
+    from boomctl.plotting.canvas import figure_of, picture
     from boomctl.plotting.spray import draw_deposit
 
     text = (
         "Deposit relative to the nominal dose, in cells of 0.1 m by 0.1 m. The footprint of a nozzle is a triangle of 1 m"
         " along the boom, nozzles 0.5 m apart, and an even 0.1 m along the drive; both are assumptions, and so is the track."
     )
-    drawn = draw_deposit({before.title: before.spray, after.title: after.spray}, length=_FIELD)
+    drawn = figure_of(draw_deposit, {before.title: before.spray, after.title: after.spray}, length=_FIELD)
     pictures = (picture("deposit", drawn, "Deposit, passive and active.", "png", "svg"),)
     return Section("Spray on the field", (text,), pictures=pictures)
 
@@ -166,3 +166,15 @@ def _limit_table(before: Performance, after: Performance, scene: FieldScene) -> 
         )
     heads = ("", "largest stroke", "end stops hit", "largest force", "time at the force limit", "largest force rate")
     return Table(heads, tuple(lines))
+
+
+def files_section(names: tuple[str, ...], scene: FieldScene) -> Section:
+    """Return what lies beside the report for other programs."""
+    text = (
+        "Beside this report lies the controller for other programs: " + ", ".join(names) + ".",
+        f"boomctl.read_controller reads the JSON file. The C code runs every {scene.sample_time:g} s, holds forces within "
+        f"{scene.force_limit:g} N and corrects its states where it meets that limit, as the run on the field above."
+        if "controller.c" in names
+        else "There is no C code: the controller is too fast for the sampling of the field run.",
+    )
+    return Section("The controller in files", text)

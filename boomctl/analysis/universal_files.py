@@ -1,0 +1,95 @@
+"""Frequency responses from universal files (UFF), data sets 58; the package pyuff, an extra, reads them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+
+_FREQUENCY = 18  # what an abscissa of data set 58 is of, if it is frequency
+_RESPONSES = (4, 5)  # function types of data set 58: frequency response, transmissibility
+_DIRECTIONS = {0: "", 1: "+x", 2: "+y", 3: "+z", 4: "+rx", 5: "+ry", 6: "+rz"}  # codes of data set 58
+_DIRECTIONS |= {-k: word.replace("+", "-") for k, word in _DIRECTIONS.items() if k}  # codes below zero: the other way
+_SAME = 1e-9  # relative difference up to which two numbers of a universal file are the same: rounding of its text
+
+
+def read_responses(path: Path) -> tuple[Array, Array, tuple[str, ...], tuple[str, ...]]:
+    """Return frequencies [Hz], the response (outputs, inputs, frequencies), and the names of inputs and outputs.
+
+    Raises
+    ------
+    OSError, ValueError, ImportError
+        As of :func:`boomctl.read_measured_curve`.
+    """
+    found: dict[tuple[tuple[int, int], tuple[int, int]], Array] = {}
+    grid = None
+    kinds, sets = _data_sets(path)
+    for k, each in sets:
+        if int(each["func_type"]) not in _RESPONSES or int(each["abscissa_spec_data_type"]) != _FREQUENCY:
+            continue  # coherences, spectra and time histories may stand beside them
+        place = f"{path}, data set {k + 1}"
+        out, into = ((int(each[f"{side}_node"]), int(each[f"{side}_dir"])) for side in ("rsp", "ref"))
+        freq, values = _curve(place, each)
+        grid = freq if grid is None else grid
+        if freq.shape != grid.shape or not np.allclose(freq, grid, rtol=_SAME, atol=0.0):
+            raise ValueError(f"{place}: expected the frequencies of the data sets before it")
+        if (out, into) in found:
+            raise ValueError(f"{place}: the response of {_signal(out)} to {_signal(into)} is there twice")
+        found[out, into] = values
+    if grid is None:
+        there = ", ".join(str(kind) for kind in sorted(set(kinds))) or "none"
+        raise ValueError(f"{path}: expected data sets 58 with frequency responses, got data sets {there}")
+    outputs, inputs = (sorted({key[side] for key in found}) for side in (0, 1))
+    hole = next(((out, into) for out in outputs for into in inputs if (out, into) not in found), None)
+    if hole is not None:
+        raise ValueError(f"{path}: the response of {_signal(hole[0])} to {_signal(hole[1])} is missing")
+    response = np.array([[found[out, into] for into in inputs] for out in outputs])
+    return grid, response, tuple(map(_signal, inputs)), tuple(map(_signal, outputs))
+
+
+def _data_sets(path: Path) -> tuple[list[int], list[tuple[int, dict[str, Any]]]]:
+    """Return the kinds of all data sets, and the data sets 58 with their numbers."""
+    try:
+        import pyuff  # an extra of its own
+    except ImportError:
+        raise ImportError(
+            f"{path}: universal files are read by the package pyuff: pip install 'boomctl[uff]'"
+        ) from None
+    if path.is_dir():
+        raise ValueError(f"{path}: expected a file, got a folder")
+    path.open("rb").close()  # pyuff's own message for a file that is not there names no file
+    try:
+        file = pyuff.UFF(str(path))
+        kinds = [int(kind) for kind in file.get_set_types()]
+        sets = [(k, file.read_sets(k)) for k, kind in enumerate(kinds) if kind == 58]
+        units = [file.read_sets(k) for k, kind in enumerate(kinds) if kind == 164]
+        factors = [(name, float(each[name])) for each in units for name in ("length", "force")]
+        for _, each in sets:
+            _ = int(each["func_type"]), int(each["abscissa_spec_data_type"]), each["x"], each["data"]
+    except Exception as error:  # of a broken file it may raise anything
+        raise ValueError(f"{path}: not a universal file that pyuff can read: {error}") from None
+    for name, factor in factors:
+        if abs(factor - 1.0) > _SAME:
+            raise ValueError(
+                f"{path}: expected SI units, got a file whose unit of {name} is 1/{factor:g} of that (data set 164)"
+            )
+    return kinds, sets
+
+
+def _curve(place: str, each: dict[str, Any]) -> tuple[Array, Array]:
+    """Return frequencies and complex values of one data set, checked."""
+    freq, values = np.asarray(each["x"], dtype=float), np.asarray(each["data"])
+    if not np.iscomplexobj(values):
+        raise ValueError(f"{place}: expected a complex frequency response, got real numbers")
+    if not (np.isfinite(freq).all() and np.isfinite(values).all() and len(freq) and freq.shape == values.shape):
+        raise ValueError(f"{place}: expected finite numbers, one a frequency")
+    if (freq < 0.0).any() or not (np.diff(freq) > 0.0).all():
+        raise ValueError(f"{place}: expected frequencies not below zero and ascending")
+    return freq, values
+
+
+def _signal(place: tuple[int, int]) -> str:
+    """Return a node and direction as a name."""
+    node, direction = place
+    return f"{node}{_DIRECTIONS.get(direction, f'({direction})')}"

@@ -1,0 +1,283 @@
+"""Controllers written to files and read again: JSON, MATLAB, C99."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.checks import known, positive
+from boomctl.checks import path as checked_path
+from boomctl.exchange.c_code import RunningController, c_files
+from boomctl.exchange.matlab import matlab_files, read_matlab
+from boomctl.files import json_text, write_all
+from boomctl.lti.system import Lti, of
+from boomctl.printing import listed
+from boomctl.simulation.controller import conditioning_gain
+from boomctl.simulation.signals import per_signal
+
+if TYPE_CHECKING:
+    import control
+
+_FORMAT = "boomctl controller"
+_VERSION = 1  # of what stands in a JSON file; another one is refused
+SUFFIXES = (".json", ".mat", ".c")
+_UNITS = {"stroke": "m", "tip": "m", "cradle_slip": "m", "suspension": "N", "cradle": "N", "torque": "N m"}  # by stem
+_RATES = {"_acceleration": "m/s^2", "_speed": "m/s", "hub_angle": "rad", "hub_speed": "rad/s"}  # these come first
+
+
+@dataclass(frozen=True)
+class ControllerNotes:
+    """What a controller's file says beside its matrices.
+
+    Attributes
+    ----------
+    units : mapping from signal to str
+        "" where none was given.
+    certificate : mapping
+        Numbers and words of the certificate of the synthesis; empty where none was given.
+    provenance : mapping
+        What made the file: at least ``"boomctl"``, its version; whatever else was given.
+    """
+
+    units: Mapping[str, str] = field(default_factory=dict)
+    certificate: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        told = [f"{name} [{unit}]" if unit else name for name, unit in self.units.items()]
+        parts = f"{len(self.certificate)} entries of a certificate, {len(self.provenance)} of provenance"
+        return f"ControllerNotes: {listed(told, 100)}\n  {parts}"
+
+
+def write_controller(
+    controller: "control.StateSpace | Any",
+    path: str | Path,
+    *,
+    sample_time: float | None = None,
+    force_limit: float | Mapping[str, float] | None = None,
+    rate_limit: float | Mapping[str, float] | None = None,
+    anti_windup: bool = True,
+    units: Mapping[str, str] | None = None,
+    certificate: object = None,
+    provenance: Mapping[str, Any] | None = None,
+) -> tuple[Path, ...]:
+    """Write a controller ``u = K y`` to a file; what is written depends on the file's suffix.
+
+    =========  ==========================================================================================================
+    ``.json``  matrices, time step, names, units, certificate, provenance; numbers to the last bit
+    ``.mat``   the same matrices for MATLAB and Octave, and beside it ``NAME.m``, a function that gives ``ss`` with names
+    ``.c``     C99: ``NAME.c`` and ``NAME.h``, one function a sample, with limits and anti-windup as
+               :func:`boomctl.simulate_loop` has them, in double or (``-DNAME_SINGLE``) single precision, no memory
+               allocated; and ``NAME_test.c``, a program that compares it with numbers computed here
+    =========  ==========================================================================================================
+
+    Parameters
+    ----------
+    controller : control.StateSpace or a result with ``.controller``
+        A result of a synthesis; its certificate is written too.
+    path : str or Path
+        Its folder must exist.
+    sample_time : float, optional
+        [s]; a controller in continuous time is sampled by :func:`boomctl.discretize`.  Needed for C.
+    force_limit, rate_limit : float or mapping from control to float, optional
+        For C: largest control, and largest change of it per second.
+    anti_windup : bool
+        For C: correct the state by what limits took away.
+    units : mapping from signal to str, optional
+        By default those of the boom's signals, "" of others.
+    certificate : object, optional
+        A certificate, or a mapping; by default that of the result.
+    provenance : mapping, optional
+        Whatever shall stand in the file beside boomctl's version.
+
+    Returns
+    -------
+    tuple of Path
+        The files written: all of them, or none.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of controller or suffix; names of signals not there; continuous time for C; a name that is none in C
+        or MATLAB.
+    OSError
+        The folder cannot be written to.
+
+    Examples
+    --------
+    >>> import control, tempfile
+    >>> from pathlib import Path
+    >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="stroke", outputs="force")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     written = write_controller(lag, Path(folder) / "lag.c", sample_time=0.01, force_limit=60.0)
+    ...     [file.name for file in written]
+    ['lag.c', 'lag.h', 'lag_test.c']
+    """
+    file = checked_path("path", path)
+    contents = controller_contents(
+        controller, file.stem, file.suffix, sample_time=sample_time, force_limit=force_limit, rate_limit=rate_limit,
+        anti_windup=anti_windup, units=units, certificate=certificate, provenance=provenance,
+    )  # fmt: skip
+    named = {file.parent / name: content for name, content in contents.items()}
+    write_all(named)
+    return tuple(named)
+
+
+def controller_contents(
+    controller: "control.StateSpace | Any",
+    name: str,
+    suffix: str,
+    *,
+    sample_time: float | None = None,
+    force_limit: float | Mapping[str, float] | None = None,
+    rate_limit: float | Mapping[str, float] | None = None,
+    anti_windup: bool = True,
+    units: Mapping[str, str] | None = None,
+    certificate: object = None,
+    provenance: Mapping[str, Any] | None = None,
+) -> dict[str, bytes | str]:
+    """Return what :func:`write_controller` writes, as contents by name of file."""
+    known("suffix", suffix, SUFFIXES)
+    own = getattr(controller, "certificate", None)
+    K = of(getattr(controller, "controller", controller), "controller", "StateSpace", any_time=True)
+    if sample_time is not None:
+        K = _sampled(K, positive("sample_time", sample_time))
+    notes = ControllerNotes(
+        _units(K, units or {}), _plain(own if certificate is None else certificate), _provenance(provenance or {})
+    )
+    if suffix == ".c":
+        if K.dt == 0.0 or np.isnan(K.dt):
+            raise ValueError(f"{name}.c: C code runs once a sample: expected sample_time in seconds")
+        L = conditioning_gain(K.A, K.B, K.C, K.D) if anti_windup and len(K.A) else np.zeros((len(K.A), len(K.C)))
+        force = per_signal("force_limit", force_limit, K.outputs)
+        rate = per_signal("rate_limit", rate_limit, K.outputs) * K.dt
+        return {**c_files(name, RunningController(K, L, force, rate), notes.units)}
+    if force_limit is not None or rate_limit is not None:
+        raise ValueError(
+            f"{name}{suffix}: limits are written to C files alone; expected neither force_limit nor rate_limit"
+        )
+    if suffix == ".mat":
+        return matlab_files(name, K, notes.units)
+    return {f"{name}.json": json_text(_record(name, K, notes))}
+
+
+def read_controller(path: str | Path) -> "control.StateSpace":
+    """Return the controller that :func:`write_controller` wrote to a ``.json`` or ``.mat`` file, with all its names.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        Another kind of file; what is wrong with it is named.
+    """
+    return _read(checked_path("path", path))[0].statespace(checked_path("path", path).stem)
+
+
+def read_controller_notes(path: str | Path) -> ControllerNotes:
+    """Return what a controller's ``.json`` file says beside its matrices: units, certificate, provenance.
+
+    Raises
+    ------
+    OSError, ValueError
+        As of :func:`read_controller`.
+    """
+    return _read(checked_path("path", path))[1]
+
+
+def _read(file: Path) -> tuple[Lti, ControllerNotes]:
+    known("suffix", file.suffix, (".json", ".mat"))
+    if file.suffix == ".mat":
+        return read_matlab(file), ControllerNotes()
+    try:
+        held = json.loads(file.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{file}: not a JSON file: {error}") from None
+    if not isinstance(held, dict) or held.get("format") != _FORMAT:
+        raise ValueError(f"{file}: expected a file of write_controller, whose format is {_FORMAT!r}")
+    if held.get("version") != _VERSION:
+        raise ValueError(f"{file}: its version is {held.get('version')!r}; expected {_VERSION}")
+    try:
+        names = {key: tuple(str(name) for name in held[key]) for key in ("inputs", "outputs", "states")}
+        n, m, p = len(names["states"]), len(names["inputs"]), len(names["outputs"])
+        shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
+        matrices = {letter: np.array(held[letter], dtype=float).reshape(shape) for letter, shape in shapes.items()}
+        dt = float("nan") if held["sample_time"] is True else float(held["sample_time"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{file}: a controller is not complete there: {type(error).__name__} {error}") from None
+    for letter, matrix in matrices.items():
+        if not np.isfinite(matrix).all():
+            raise ValueError(f"{file}: expected finite numbers in {letter}")
+    notes = ControllerNotes(held.get("units", {}), held.get("certificate", {}), held.get("provenance", {}))
+    A, B, C, D = (matrices[letter] for letter in "ABCD")
+    return Lti(A, B, C, D, names["inputs"], names["outputs"], names["states"], dt), notes
+
+
+def _sampled(K: Lti, sample_time: float) -> Lti:
+    if K.dt == 0.0:
+        from boomctl.synthesis.discretise import discretize  # with python-control, for those who sample
+
+        return of(discretize(K.statespace("controller"), sample_time), any_time=True)
+    if K.dt != sample_time:
+        raise ValueError(f"sample_time = {sample_time:g} s: the controller's own is {K.dt:g} s; expected that or None")
+    return K
+
+
+def _units(K: Lti, given: Mapping[str, str]) -> dict[str, str]:
+    for name in given:
+        known("signal", name, (*K.inputs, *K.outputs))
+    found = {}
+    for name in (*K.inputs, *K.outputs):
+        rate = next((unit for ending, unit in _RATES.items() if ending in name), None)
+        stem = next((unit for start, unit in _UNITS.items() if name.startswith(start)), "")
+        found[name] = str(given.get(name, rate or stem))
+    return found
+
+
+def _record(name: str, K: Lti, notes: ControllerNotes) -> dict[str, Any]:
+    return {
+        "format": _FORMAT,
+        "version": _VERSION,
+        "name": name,
+        "law": "u = K y; y: inputs, u: outputs",
+        "sample_time": True if np.isnan(K.dt) else K.dt,
+        "inputs": list(K.inputs),
+        "outputs": list(K.outputs),
+        "states": list(K.states) or [f"x{i}" for i in range(len(K.A))],
+        "units": dict(notes.units),
+        "A": K.A,
+        "B": K.B,
+        "C": K.C,
+        "D": K.D,
+        "certificate": notes.certificate,
+        "provenance": notes.provenance,
+    }
+
+
+def _plain(certificate: object) -> dict[str, Any]:
+    """Return the numbers and words of a certificate, of those within it too."""
+    if certificate is None:
+        return {}
+    if isinstance(certificate, Mapping):
+        return dict(certificate)
+    if not is_dataclass(certificate) or isinstance(certificate, type):
+        raise TypeError(f"certificate: expected a certificate or a mapping, got {type(certificate).__name__}")
+    found: dict[str, Any] = {}
+    for entry in fields(certificate):
+        value = getattr(certificate, entry.name)
+        if is_dataclass(value) and not isinstance(value, type):
+            found[entry.name] = _plain(value)
+        elif value is None or isinstance(value, (bool, int, float, str, np.generic)):
+            found[entry.name] = value
+        elif isinstance(value, (tuple, list)) and all(isinstance(item, (bool, int, float, str)) for item in value):
+            found[entry.name] = list(value)
+    return found
+
+
+def _provenance(given: Mapping[str, Any]) -> dict[str, Any]:
+    from boomctl import __version__
+
+    return {"boomctl": __version__, **given}

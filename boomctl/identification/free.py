@@ -1,0 +1,180 @@
+"""The free parameters of a fit: positive ones by their logarithms, others by shares of a range."""
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from types import UnionType
+from typing import Any, Union, get_args, get_origin
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.checks import known, mapping, names, real
+from boomctl.structure.families import AffineFamily, interval
+
+_AROUND = 2.0  # factor up and down within which starts are drawn where no range is given (a choice)
+_FAR = 1e4  # factor up and down, without a range, within which the end of an interval is looked for (a choice)
+
+
+@dataclass(frozen=True)
+class FreeParameters:
+    """What is free in a record of parameters, in coordinates of no unit that are zero at the start.
+
+    A parameter that is above zero has the coordinate ``ln(value/start)``, others ``(value - start)/scale``.
+
+    Attributes
+    ----------
+    names : tuple of str
+    record : dataclass or dict
+        The parameters to begin from.
+    start : (p,) ndarray
+        Values of the free ones there.
+    scale : (p,) ndarray
+        Unit of a coordinate; ``nan`` where it is a logarithm.
+    low, high : (p,) ndarray
+        Range of the coordinates; infinite where none was given.
+    """
+
+    names: tuple[str, ...]
+    record: Any
+    start: Array
+    scale: Array
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, build: object, free: object, start: object) -> "FreeParameters":
+        """Return what is free, checked against the record of parameters."""
+        record = _start(build, free, start)
+        if free is None and isinstance(build, AffineFamily):
+            free = build.names
+        if free is None:
+            raise TypeError("free = None: expected names of parameters, or a mapping from names to (low, high)")
+        numbers = _numbers(record)
+        ranges: dict[str, Any] = dict(free) if isinstance(free, Mapping) else {}
+        listed = names("free parameter", tuple(ranges) if ranges else free, tuple(numbers))  # type: ignore[arg-type]
+        if not listed:
+            raise ValueError("free: expected at least one parameter, got none")
+        if isinstance(build, AffineFamily):
+            box = dict(zip(build.names, zip(build.low.tolist(), build.high.tolist(), strict=True), strict=True))
+            ranges = {name: ranges.get(name) or box[name] for name in listed}
+        first, scale = np.empty(len(listed)), np.full(len(listed), np.nan)
+        low, high = np.full(len(listed), -np.inf), np.full(len(listed), np.inf)
+        for i, name in enumerate(listed):
+            first[i] = value = real(f"start of {name}", numbers[name])
+            ends = None if ranges.get(name) is None else interval(name, ranges[name])
+            if ends is not None and not ends[0] <= value <= ends[1]:
+                raise ValueError(
+                    f"start of {name} = {value:g}: expected a value in its range, {ends[0]:g} to {ends[1]:g}"
+                )
+            if value > 0.0 and (ends is None or ends[0] > 0.0):
+                if ends is not None:
+                    low[i], high[i] = np.log(ends[0] / value), np.log(ends[1] / value)
+            elif ends is not None:
+                scale[i] = ends[1] - ends[0]
+                low[i], high[i] = (ends[0] - value) / scale[i], (ends[1] - value) / scale[i]
+            elif value < 0.0:
+                scale[i] = -value
+            else:
+                raise ValueError(
+                    f"start of {name} = 0: expected a start above zero, or a range in `free`, for its size"
+                )
+        return cls(listed, record, first, scale, low, high)
+
+    @property
+    def size(self) -> int:
+        """How many are free."""
+        return len(self.names)
+
+    @property
+    def logarithmic(self) -> Array:
+        """Which coordinates are logarithms."""
+        return np.isnan(self.scale)
+
+    def values(self, x: Array) -> Array:
+        """Return the parameters at coordinates."""
+        with np.errstate(over="ignore"):  # beyond all numbers the model refuses it
+            grown = self.start * np.exp(np.where(self.logarithmic, x, 0.0))
+        return np.where(self.logarithmic, grown, self.start + self.scale * np.where(self.logarithmic, 0.0, x))
+
+    def slopes(self, x: Array) -> Array:
+        """Return the derivatives of the parameters with respect to their coordinates."""
+        return np.where(self.logarithmic, self.values(x), self.scale)
+
+    def at(self, x: Array) -> Any:
+        """Return the whole record of parameters at coordinates."""
+        found = {name: float(value) for name, value in zip(self.names, self.values(x), strict=True)}
+        return {**self.record, **found} if isinstance(self.record, dict) else replace(self.record, **found)
+
+    def drawn(self, count: int, seed: int) -> list[Array]:
+        """Return so many starts: the first as given, the others drawn evenly over the ranges."""
+        near = np.log(_AROUND)
+        low = np.where(np.isfinite(self.low), self.low, -near)
+        high = np.where(np.isfinite(self.high), self.high, near)
+        others = np.random.default_rng(seed).uniform(low, high, (count - 1, self.size))
+        return [np.zeros(self.size), *others]
+
+    def reach(self, x: Array, i: int, sign: int) -> float:
+        """Return how far a coordinate may go from ``x`` while the end of an interval is looked for."""
+        end = self.high[i] if sign > 0 else self.low[i]
+        far = np.log(_FAR) if self.logarithmic[i] else _FAR
+        return abs(end - x[i]) if np.isfinite(end) else far + abs(x[i])
+
+    def told(self, i: int, x: float) -> str:
+        """Return a change of one coordinate in words."""
+        if self.logarithmic[i]:
+            return f"{self.names[i]} times {np.exp(x):.3g}"
+        return f"{self.names[i]} {'plus' if x > 0 else 'minus'} {abs(x) * self.scale[i]:.3g}"
+
+
+def _start(build: object, free: object, start: object) -> Any:
+    """Return the record to begin from: the one given, a family's middle, or what `build` says it takes, by default."""
+    if isinstance(build, AffineFamily):
+        middle = build.values(np.zeros(build.size))
+        if start is None:
+            return middle
+        for name in mapping("start", start, "parameters of the family to numbers"):
+            known("parameter", name, build.names)
+        return {**middle, **start}  # type: ignore[dict-item]
+    if isinstance(start, Mapping):
+        return dict(start)
+    if is_dataclass(start) and not isinstance(start, type):
+        return start
+    if start is not None:
+        raise TypeError(f"start: expected a dataclass or a mapping of parameters, got {type(start).__name__}")
+    kind = _record_of(build) if callable(build) else None
+    if kind is not None:
+        try:
+            return kind()
+        except TypeError:
+            raise TypeError(f"start: expected a {kind.__name__}, which has no defaults of its own, got None") from None
+    if isinstance(free, Mapping) and free and all(pair is not None for pair in free.values()):
+        ends = {str(name): interval(str(name), pair) for name, pair in free.items()}
+        return {n: float(np.sqrt(a) * np.sqrt(b)) if a > 0.0 else 0.5 * (a + b) for n, (a, b) in ends.items()}
+    raise TypeError("start: expected the parameters to begin from, a dataclass or a mapping, got None")
+
+
+def _record_of(build: Callable[..., Any]) -> type | None:
+    """Return the dataclass that a function takes first, if it says so."""
+    try:
+        first = next(iter(inspect.signature(build).parameters.values()), None)
+    except (TypeError, ValueError):
+        return None
+    said = None if first is None else first.annotation
+    if isinstance(said, str):
+        try:
+            said = eval(said, getattr(inspect.unwrap(build), "__globals__", {}))  # as typing.get_type_hints reads it
+        except (NameError, SyntaxError, TypeError, AttributeError):  # of another parameter's module, or none at all
+            return None
+    kinds = get_args(said) if get_origin(said) in (Union, UnionType) else (said,)
+    return next((kind for kind in kinds if isinstance(kind, type) and is_dataclass(kind)), None)
+
+
+def _numbers(record: Any) -> dict[str, Any]:
+    """Return the parameters of a record by name."""
+    if isinstance(record, dict):
+        for name in record:
+            if not isinstance(name, str):
+                raise TypeError(f"start: expected names of parameters, got {name!r}")
+        return record
+    return {field.name: getattr(record, field.name) for field in fields(record) if field.init}

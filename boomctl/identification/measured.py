@@ -1,0 +1,393 @@
+"""What is fitted to: measured eigenfrequencies, complex frequency responses, singular values; and what a model answers."""
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.analysis.measured import MeasuredCurve
+from boomctl.analysis.sigma import SigmaResult, sigma
+from boomctl.arrays import Array
+from boomctl.checks import finite_array, frequencies, known, plain_array, positive, sequence, some_names, whole
+from boomctl.lti.frequency import singular_values
+from boomctl.lti.system import is_frequency_response, is_statespace, of
+from boomctl.printing import compact
+from boomctl.structure.families import AffineFamily
+from boomctl.structure.model import SecondOrderModel
+
+ERRORS = ("relative", "absolute")
+BOUNDED = "bounded relative"  # for the search alone
+_MISSED = 3  # modes that the measurement may have missed and that are offered beside those measured (a choice)
+_SAME = 1e-9  # relative difference of two frequencies up to which they are the same: rounding between Hz and rad/s
+_HANDED = ("omega", "count", "inputs", "outputs")  # what a function is given where it has a parameter of this name
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Measured values with the size of their errors.
+
+    Attributes
+    ----------
+    kind : str
+        ``"eigenfrequencies"``, ``"frequency response"`` or ``"singular values"``.
+    values : ndarray
+        Eigenfrequencies [Hz], (m,); complex response, (p, m, n); singular values, descending, (k, n).
+    spread : ndarray
+        Shape of ``values``: how large their errors are beside each other; infinite where a value is left out.
+    errors : "relative" or "absolute"
+        Whether errors are of the logarithm or of the value itself.
+    omega : (n,) ndarray or None
+        Angular frequencies [rad/s].
+    modes : tuple of int or None
+        Which mode of the model each eigenfrequency is, from 1; None: the nearest, in order.
+    inputs, outputs : tuple of str or None
+        Signals that the user named.
+    labels : (tuple of str, tuple of str) or None
+        Inputs and outputs that stand in the measured data.
+    """
+
+    kind: str
+    values: Array
+    spread: Array
+    errors: str = "relative"
+    omega: Array | None = None
+    modes: tuple[int, ...] | None = None
+    inputs: tuple[str, ...] | None = None
+    outputs: tuple[str, ...] | None = None
+    labels: tuple[tuple[str, ...], tuple[str, ...]] | None = None
+
+    __repr__ = compact
+
+    @classmethod
+    def of(
+        cls,
+        measured: object,
+        modes: object,
+        weights: object,
+        errors: object,
+        inputs: object,
+        outputs: object,
+    ) -> "Measured":
+        """Return what was measured, checked."""
+        known("kind of errors", errors, ERRORS)
+        signals = {}
+        for name, given in (("inputs", inputs), ("outputs", outputs)):
+            listed = (given,) if isinstance(given, str) else given
+            signals[name] = None if given is None else tuple(sequence(name, listed, "names"))
+        labels = omega = None
+        if isinstance(measured, (MeasuredCurve, SigmaResult)):
+            curve = isinstance(measured, MeasuredCurve)
+            omega = frequencies("frequencies of measured", 2.0 * np.pi * measured.freq_hz if curve else measured.omega)
+            found = finite_array("measured", measured.magnitude if curve else measured.sigma, ndim=2)
+            kind, values = "singular values", -np.sort(-found, axis=0)
+            if not curve:
+                labels = measured.inputs, measured.outputs
+        elif is_frequency_response(measured):
+            kind, values = "frequency response", np.asarray(measured.frdata, dtype=complex)
+            omega = frequencies("frequencies of measured", np.asarray(measured.omega))
+            labels = tuple(measured.input_labels), tuple(measured.output_labels)
+            if not np.isfinite(values).all():
+                raise ValueError("measured: expected finite frequency response data")
+        else:
+            kind = "eigenfrequencies"
+            values, modes = _eigenfrequencies(measured, modes)
+        if kind != "eigenfrequencies" and modes is not None:
+            raise ValueError("modes: expected None, as what was measured are no eigenfrequencies")
+        if kind == "eigenfrequencies" and (inputs is not None or outputs is not None):
+            raise ValueError("inputs, outputs: expected None, as eigenfrequencies have no signals")
+        spread = _spread(weights, values)
+        if errors == "relative" and (values[np.isfinite(spread)] == 0.0).any():
+            raise ValueError(
+                "measured: a value of zero has no relative error; expected weights that leave it out, or errors='absolute'"
+            )
+        return cls(kind, values, spread, str(errors), omega, modes, **signals, labels=labels)  # type: ignore[arg-type]
+
+    @property
+    def kept(self) -> Array:
+        """Which values are not left out."""
+        return np.isfinite(self.spread)
+
+    @property
+    def size(self) -> int:
+        """How many numbers were measured; a complex one counts twice."""
+        return int(self.kept.sum()) * (2 if np.iscomplexobj(self.values) else 1)
+
+    @property
+    def scale(self) -> float:
+        """What a relative error of one is in the residuals: root of the mean square."""
+        kept = self.kept
+        size = np.abs(self.values[kept]) if self.errors == "absolute" else 1.0
+        return float(np.sqrt(np.mean(np.square(size / self.spread[kept]))))
+
+    def nearest(self, offered: Array) -> tuple[int, ...]:
+        """Return which of the modes offered each eigenfrequency is, from 1: the nearest ones, in order.
+
+        The sum of the squared distances is the least that is possible (dynamic programming).
+        """
+        if self.modes is not None:
+            return self.modes
+        m, n = len(self.values), len(offered)
+        cost = np.square(_difference(offered[None, :], self.values[:, None], self.errors) / self.spread[:, None])
+        cost[~self.kept] = 0.0
+        best = np.full((m + 1, n + 1), np.inf)
+        best[0] = 0.0
+        for i in range(1, m + 1):
+            for j in range(i, n + 1):
+                best[i, j] = min(best[i, j - 1], best[i - 1, j - 1] + cost[i - 1, j - 1])
+        modes, j = [], n
+        for i in range(m, 0, -1):
+            while best[i, j] == best[i, j - 1]:
+                j -= 1
+            modes.append(j)
+            j -= 1
+        return tuple(reversed(modes))
+
+    def matched(self, answer: Array, modes: tuple[int, ...] | None) -> Array:
+        """Return the answer's values in the places of those measured."""
+        return answer if modes is None else answer[np.array(modes) - 1]
+
+    def difference(self, fitted: Array) -> Array:
+        """Return measured less fitted; of relative errors, of the logarithms."""
+        return -_difference(fitted, self.values, self.errors)
+
+    def residuals(self, fitted: Array) -> Array:
+        """Return the differences over their spread, real, those left out left out."""
+        kept = self.kept
+        if self.errors == BOUNDED:
+            spread = self.spread[kept]
+            return np.concatenate([part / spread for part in _on_the_sphere(fitted[kept] / self.values[kept])])
+        scaled = (self.difference(fitted)[kept] / self.spread[kept]).ravel()
+        return np.concatenate([scaled.real, scaled.imag]) if np.iscomplexobj(self.values) else scaled
+
+
+def _on_the_sphere(ratio: Array) -> tuple[Array, ...]:
+    """Return where ratios lie on the Riemann sphere, less where one lies: what relative errors are where they are small.
+
+    A ratio goes through infinity where a resonance passes a measured frequency.  Its logarithm has a pole and a jump
+    there, and keeps a search from passing; on the sphere it goes smoothly, and no value is further than two from another.
+    """
+    size = np.square(np.abs(ratio))
+    height = (size - 1.0) / (size + 1.0)
+    if not np.iscomplexobj(ratio):
+        return (height,)
+    flat = 2.0 * ratio / (size + 1.0)
+    return height, flat.real - 1.0, flat.imag
+
+
+def _difference(fitted: Array, measured: Array, errors: str) -> Array:
+    if errors == "absolute":
+        return fitted - measured
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.log(fitted / np.where(measured == 0.0, np.nan, measured))
+
+
+def _eigenfrequencies(measured: object, modes: object) -> tuple[Array, tuple[int, ...] | None]:
+    """Return measured eigenfrequencies and, where they are said, which modes they are."""
+    if isinstance(measured, Mapping):
+        if modes is not None:
+            raise ValueError("modes: expected None, as measured names its modes")
+        modes, measured = tuple(measured), list(measured.values())
+    kinds = "eigenfrequencies [Hz], FrequencyResponseData, a MeasuredCurve or a SigmaResult"
+    if measured is None or isinstance(measured, (str, bytes)):
+        raise TypeError(f"measured: expected {kinds}, got {type(measured).__name__}")
+    array = plain_array("measured", measured)  # type: ignore[arg-type]
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"measured: expected {kinds}, got {type(measured).__name__}")
+    values = finite_array("measured", array, ndim=1)
+    if not len(values):
+        raise ValueError("measured: expected at least one eigenfrequency, got none")
+    for value in values:
+        positive("measured eigenfrequency", float(value))
+    if modes is None:
+        if not (np.diff(values) >= 0).all():
+            raise ValueError(
+                f"measured = {values.tolist()}: expected eigenfrequencies in ascending order, or their modes"
+            )
+        return values, None
+    numbers = tuple(whole("mode", mode) for mode in sequence("modes", modes, "whole numbers"))
+    if len(numbers) != len(values) or len(set(numbers)) != len(numbers):
+        raise ValueError(
+            f"modes = {list(numbers)}: expected {len(values)} different ones, one a measured eigenfrequency"
+        )
+    return values, numbers
+
+
+def _spread(weights: object, values: Array) -> Array:
+    """Return the inverse of the weights, in the shape of the values."""
+    if weights is None:
+        return np.ones(values.shape)
+    given = finite_array("weights", weights)  # type: ignore[arg-type]
+    if (given < 0.0).any() or not (given > 0.0).any():
+        raise ValueError("weights: expected numbers not below zero, some of them above it")
+    try:
+        shaped = np.broadcast_to(given, values.shape)
+    except ValueError:
+        raise ValueError(
+            f"weights: expected the shape of what was measured, {values.shape}, or one that spreads to it, got {given.shape}"
+        ) from None
+    with np.errstate(divide="ignore"):
+        return 1.0 / shaped
+
+
+@dataclass(frozen=True)
+class Builder:
+    """A model as a function of its parameters, and how its answer is compared with what was measured.
+
+    Attributes
+    ----------
+    build : callable or AffineFamily
+    data : Measured
+    handed : tuple of str
+        Which of ``omega``, ``count``, ``inputs``, ``outputs`` the function is given.
+    """
+
+    build: Callable[..., Any] | AffineFamily
+    data: Measured
+    handed: tuple[str, ...]
+
+    @classmethod
+    def of(cls, build: Any, data: Measured) -> "Builder":
+        """Return the function, and what it is given beside the parameters."""
+        if isinstance(build, AffineFamily):
+            return cls(build, data, ())
+        if not callable(build):
+            raise TypeError(
+                f"build: expected a function of the parameters or an AffineFamily, got {type(build).__name__}"
+            )
+        try:
+            there = list(inspect.signature(build).parameters)[1:]
+        except (TypeError, ValueError):  # some functions of other languages do not say what they take
+            there = []
+        return cls(build, data, tuple(name for name in _HANDED if name in there))
+
+    def __call__(self, parameters: Any) -> Array:
+        """Return all values that the model offers: modes [Hz], its response, or singular values."""
+        data = self.data
+        if isinstance(self.build, AffineFamily):
+            model = self.build.at(self.build.deltas(parameters))
+        else:
+            given = {
+                "omega": data.omega,
+                "count": self._count(),
+                "inputs": data.inputs,
+                "outputs": data.outputs,
+            }
+            handed = {name: given[name] for name in self.handed if given[name] is not None}
+            model = self.build(parameters, **handed)
+        if data.kind == "eigenfrequencies":
+            return self._frequencies(model)
+        return self._response(model) if data.kind == "frequency response" else self._singular_values(model)
+
+    def _count(self) -> int | None:
+        data = self.data
+        if data.kind != "eigenfrequencies":
+            return None
+        return max(data.modes) if data.modes else len(data.values) + _MISSED
+
+    def _frequencies(self, model: Any) -> Array:
+        wanted = self._count() or 0
+        least = max(self.data.modes) if self.data.modes else len(self.data.values)
+        if isinstance(model, SecondOrderModel):
+            for count in range(min(wanted, model.n), 0, -1):
+                try:
+                    offered = model.eigenfrequencies_hz(count)
+                    break
+                except ValueError:  # fewer oscillate: some are damped too much
+                    if count <= least:
+                        raise
+            else:
+                offered = np.zeros(0)
+        elif hasattr(model, "frequencies_hz"):
+            offered = np.asarray(model.frequencies_hz(), dtype=float)
+        elif is_statespace(model):
+            poles = of(model, "build").poles
+            offered = np.sort(poles.imag[poles.imag > 0.0]) / (2.0 * np.pi)
+        else:
+            offered = np.sort(finite_array("answer of build", _numbers(model, "eigenfrequencies [Hz]"), ndim=1))
+        if (offered <= 0.0).any():
+            raise ValueError(f"build: expected eigenfrequencies above zero, got {offered.min():g}")
+        if len(offered) < least:
+            raise ValueError(f"build: expected a model with at least {least} eigenfrequencies, got {len(offered)}")
+        return offered
+
+    def _response(self, model: Any) -> Array:
+        data = self.data
+        assert data.omega is not None
+        model = model.linearize() if hasattr(model, "frequencies_hz") else model  # a hub-beam
+        if isinstance(model, SecondOrderModel):
+            ins, outs = _signals(data, model)
+            found = np.asarray(model.frequency_response(data.omega, ins, outs).frdata)
+        elif is_statespace(model):
+            system = of(model, "build")
+            found = system.select(*_signals(data, system)).response(data.omega)
+        elif is_frequency_response(model):
+            found = _of_data(model, data)
+        else:
+            found = np.asarray(_numbers(model, "a model or its frequency response"), dtype=complex)
+        if found.shape != data.values.shape:
+            raise ValueError(
+                f"build: expected a response of shape {data.values.shape} (outputs, inputs, frequencies), as it was measured,"
+                f" got {found.shape}; say `inputs` and `outputs`"
+            )
+        return found
+
+    def _singular_values(self, model: Any) -> Array:
+        data = self.data
+        assert data.omega is not None
+        model = model.linearize() if hasattr(model, "frequencies_hz") else model  # a hub-beam
+        said = data.inputs is not None and data.outputs is not None
+        if isinstance(model, SecondOrderModel) or is_statespace(model):
+            found = sigma(model, data.omega, data.inputs, data.outputs).sigma
+        elif is_frequency_response(model):
+            found = singular_values(_of_data(model, data))
+        else:
+            found = finite_array("answer of build", _numbers(model, "a model or its singular values"), ndim=2)
+        curves = len(data.values)
+        if len(found) < curves or (len(found) > curves and not said) or found.shape[1] != len(data.omega):
+            raise ValueError(
+                f"build: expected {curves} singular values at {len(data.omega)} frequencies, as they were measured, got"
+                f" {len(found)} at {found.shape[1]}; say `inputs` and `outputs`"
+            )
+        return found[:curves]
+
+
+def _numbers(answer: Any, expected: str) -> ArrayLike:
+    """Return an answer of numbers; anything else is refused."""
+    if (
+        answer is None
+        or isinstance(answer, (str, bytes))
+        or plain_array("answer of build", answer).dtype.kind not in "iufc"
+    ):
+        raise TypeError(f"build: expected {expected}, got {type(answer).__name__}")
+    return answer
+
+
+def _signals(data: Measured, model: Any) -> tuple[Sequence[str] | None, Sequence[str] | None]:
+    """Return between which signals a model is asked: those named, those of the data, or the model's own."""
+    found: list[Sequence[str] | None] = []
+    primary = getattr(getattr(model, "ports", None), "primary", None) or (None, None)
+    for k, (name, said) in enumerate((("inputs", data.inputs), ("outputs", data.outputs))):
+        there, label = getattr(model, name), data.labels[k] if data.labels else ()
+        if said is not None:
+            found.append(some_names(name[:-1], said, there))
+        elif label and set(label) <= set(there):
+            found.append(label)
+        else:
+            found.append(primary[k])
+    return found[0], found[1]
+
+
+def _of_data(model: Any, data: Measured) -> Array:
+    """Return frequency response data between the signals asked for, at the measured frequencies."""
+    grid, asked = np.asarray(model.omega), np.asarray(data.omega)
+    if grid.shape != asked.shape or not np.allclose(grid, asked, rtol=_SAME, atol=0.0):
+        raise ValueError("build: expected a response at the measured frequencies; take them as a parameter `omega`")
+    there = SimpleNamespace(inputs=tuple(model.input_labels), outputs=tuple(model.output_labels))
+    ins, outs = _signals(data, there)
+    i = [there.inputs.index(name) for name in ins or there.inputs]
+    o = [there.outputs.index(name) for name in outs or there.outputs]
+    return np.asarray(model.frdata)[np.ix_(o, i)]

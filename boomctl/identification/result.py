@@ -1,0 +1,151 @@
+"""The result of a fit: parameters, how sure they are, what the measurements do not see."""
+
+from dataclasses import dataclass
+from importlib import import_module
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.identification.certificate import FitCertificate
+from boomctl.identification.identifiability import Combination
+from boomctl.identification.measured import Measured
+from boomctl.printing import LINES, WIDTH, count, table_html
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """Parameters of a model that fit measurements.
+
+    Attributes
+    ----------
+    parameters : dataclass or dict
+        The whole record, of the kind begun from, with what was fitted in it.
+    names : tuple of str
+        The free parameters.
+    values : dict of str to float
+        Theirs.
+    intervals : dict of str to (float, float)
+        Within which each lies with ``confidence``: by profile likelihood, so that they need not be symmetric.  An end
+        is infinite (0 for a parameter above zero) where the measurements do not bound the parameter.
+    confidence : float
+    standard_errors : dict of str to float
+        Of the linearised model; ``inf`` where a parameter is not seen.
+    covariance : (p, p) ndarray
+        Of the linearised model, in the parameters' units; ``inf`` and ``nan`` in rows and columns of what is not seen.
+    correlation : (p, p) ndarray
+        ``nan`` for what is not seen.
+    measured : Measured
+        What was fitted to, as it was compared.
+    fitted, begun : ndarray
+        The model's values in the places of those measured, at the fit and at the start.
+    modes : tuple of int or None
+        Which mode of the model each measured eigenfrequency is, from 1.
+    residuals : ndarray
+        Measured less fitted, in the shape of ``fitted``: of relative errors the difference of logarithms.
+    deviation : float
+        Standard deviation of the errors (relative or absolute, of weight 1; of complex values, of each part): as given,
+        or estimated from the residuals; ``nan`` where there are too few to tell.
+    estimated : bool
+        Whether it was estimated.
+    freedom : int
+        Measured numbers beyond those that the seen combinations of parameters take up.
+    unseen : tuple of Combination
+        Combinations of parameters that the measurements do not see, or hardly see.
+    certificate : FitCertificate
+    path : tuple of str
+        What was done, in order.
+    """
+
+    parameters: Any
+    names: tuple[str, ...]
+    values: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    confidence: float
+    standard_errors: dict[str, float]
+    covariance: Array
+    correlation: Array
+    measured: Measured
+    fitted: Array
+    begun: Array
+    modes: tuple[int, ...] | None
+    residuals: Array
+    deviation: float
+    estimated: bool
+    freedom: int
+    unseen: tuple[Combination, ...]
+    certificate: FitCertificate
+    path: tuple[str, ...]
+
+    @property
+    def certified(self) -> bool:
+        """Whether the fit is certified; see ``certificate``."""
+        return self.certificate.certified
+
+    def interval_text(self, name: str) -> str:
+        """Return the interval of a parameter in words."""
+        low, high = self.intervals[name]
+        if low in (0.0, -inf) and high == inf:
+            return "not determined"
+        if high == inf:
+            return f"{low:.5g} or more"
+        if low == -inf or (low == 0.0 and self.values[name] > 0.0):
+            return f"{high:.5g} or less"
+        return f"{low:.5g} to {high:.5g}"
+
+    def render(self) -> str:
+        """Return parameters, intervals, what is not seen and the certificate as lines of text."""
+        width = max(len(name) for name in self.names)
+        head = (
+            f"fit of {count(len(self.names), 'parameter')} to {self._data()}, {100.0 * self.confidence:g} % intervals"
+        )
+        lines = [head, *(f"  {n:{width}}  {self.values[n]:<12.6g} {self.interval_text(n)}" for n in self.names)]
+        lines += [f"  not determined: {each.text}" for each in self.unseen]
+        return "\n".join([*lines, f"  {self._errors()}", *map(str.strip, f"  {self._verdict()}".split("\n"))])
+
+    def __repr__(self) -> str:
+        shown = self.names[: LINES - 3 if self.unseen else LINES - 2]
+        more = f", {len(self.names) - len(shown)} more" if len(shown) < len(self.names) else ""
+        lines = [f"FitResult: {count(len(self.names), 'parameter')} to {self._data()}"]
+        for k, name in enumerate(shown):
+            after = more if k == len(shown) - 1 else ""
+            lines.append(f"  {name} = {self.values[name]:.6g} ({self.interval_text(name)}){after}")
+        if self.unseen:
+            lines.append(f"  {self.unseen[0].text}" + (f" ({len(self.unseen)} such)" if len(self.unseen) > 1 else ""))
+        lines.append(f"  {self._verdict()}")
+        return "\n".join(line if len(line) <= WIDTH else line[: WIDTH - 3] + "..." for line in lines)
+
+    def _repr_html_(self) -> str:
+        heads = ("parameter", "fitted", f"{100.0 * self.confidence:g} % interval")
+        rows = [(name, f"{self.values[name]:.6g}", self.interval_text(name)) for name in self.names]
+        rows += [("", each.text, "") for each in self.unseen]
+        return table_html(f"{self._data()}: {self._errors()}; {self._verdict()}", heads, rows)
+
+    def _data(self) -> str:
+        return f"{self.measured.size} numbers ({self.measured.kind})"
+
+    def _errors(self) -> str:
+        if np.isnan(self.deviation):
+            return "as many parameters as numbers: the residuals do not tell how large the errors are; give a deviation"
+        unit = " %" if self.measured.errors == "relative" else ""
+        size = 100.0 * self.deviation if unit else self.deviation
+        return f"errors of {size:.3g}{unit}, {'estimated from the residuals' if self.estimated else 'as given'}"
+
+    def _verdict(self) -> str:
+        return f"{'certified' if self.certified else 'NOT certified'}: {self.certificate.statement}"
+
+    def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
+        """Draw measured values beside fitted ones and those at the start; return the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure, which pyplot knows.
+        **style
+            Of what is fitted, as matplotlib's ``plot`` takes it.
+        """
+        return import_module("boomctl.plotting.identification").plot_fit(self, ax=ax, **style)

@@ -1,0 +1,160 @@
+"""Pictures over frequency of what designs are judged by: reductions, recovered loops, sines with friction."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
+
+from boomctl.arrays import Array
+from boomctl.plotting.canvas import COLOURS, UNITS, few_labels, frequency_axis, legend, line_look, panels
+
+if TYPE_CHECKING:
+    from boomctl.reduction.result import ReductionResult
+    from boomctl.simulation.sines.describing_function import SineResponse
+    from boomctl.synthesis.lq.recovery import RecoveryResult
+
+_BELOW = 1e-4  # share of the largest error down to which it is shown (a choice)
+_MOST = 6  # outputs that have a colour of their own
+
+
+def plot_reduction(result: "ReductionResult", ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
+    """Draw singular values before and after a reduction, the error, and the levels it is proven not to exceed.
+
+    Parameters
+    ----------
+    result : ReductionResult
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    unit : {"Hz", "rad/s"}, optional
+        Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
+    **style
+        Of all curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    curves = result.curves
+    looks: list[tuple[str, Array, dict[str, Any]]] = [
+        ("full", curves.full, {"color": "0.6", "linewidth": 2.6}),
+        (f"reduced, {result.order} states", curves.reduced, {"color": COLOURS[0]}),
+        ("largest error", curves.error[None, :], {"color": COLOURS[1]}),
+    ]
+    with panels(ax, ("singular values",), (6.4, 4.4)) as (axes,):
+        x = curves.omega / frequency_axis(axes, unit)
+        for name, lines, default in looks:
+            for k, line in enumerate(lines):
+                if line.any():
+                    axes.loglog(x, line, **line_look(style, **default, **({"label": name} if k == 0 else {})))
+        ends = np.array(result.band if result.band is not None else (curves.omega[0], curves.omega[-1]))
+        ends = np.maximum(ends, curves.omega[0]) * x[0] / curves.omega[0]
+        where = "in the band" if result.band is not None else "everywhere"
+        levels = [("verified", where, result.measured_error, "--", ends)]
+        levels += [("bound beforehand", "everywhere", result.error_bound, ":", x[[0, -1]])]
+        for name, place, level, dash, across in levels:
+            if 0.0 < level < np.inf:
+                text = f"{name}: at most {level:.3g} {place}"
+                axes.plot(across, [level, level], linestyle=dash, color="0.2", linewidth=1.0, label=text)
+        if (largest := float(curves.error.max())) > 0.0:
+            low, high = axes.get_ylim()
+            axes.set_ylim(max(low, _BELOW * largest), high)
+        axes.set_ylabel("singular values")
+        few_labels(axes)
+        axes.set_title(f"Reduction by the method {result.method!r}")
+        axes.legend()
+    return axes
+
+
+def plot_recovery(result: "RecoveryResult", ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
+    """Draw the regulator's loop and the recovered one over frequency, and the gap over the strength of the noise.
+
+    Parameters
+    ----------
+    result : RecoveryResult
+    ax : sequence of two matplotlib Axes, or a figure, optional
+        By default a new figure of pyplot.
+    unit : {"Hz", "rad/s"}, optional
+        Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
+    **style
+        Of all curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+    Returns
+    -------
+    (2,) ndarray of matplotlib Axes
+    """
+
+    def divide(figure: FigureBase) -> Iterable[Axes]:
+        return figure.subplots(1, 2, width_ratios=(1.4, 1.0))
+
+    with panels(ax, ("loops", "gaps"), (9.0, 3.6), divide) as axes:
+        left, right = axes
+        x = result.omega / frequency_axis(left, unit)
+        for name, lines, default in (
+            ("regulator", result.target, {"color": "0.6", "linewidth": 2.6}),
+            (f"LQG, strength {result.strengths[-1]:.3g}", result.recovered, {"color": COLOURS[0]}),
+        ):
+            for k, line in enumerate(lines):
+                left.loglog(x, line, **line_look(style, **default, **({"label": name} if k == 0 else {})))
+        left.axhline(1.0, color="0.3", linewidth=0.7, zorder=0)
+        left.set_ylabel("singular values of the loop")
+        left.set_title("Loop at the plant's input")
+        left.legend()
+        order = np.argsort(result.strengths)
+        look = line_look(style, color=COLOURS[0], marker="o", markersize=4)
+        right.loglog(result.strengths[order], result.gaps[order], **look)
+        right.set(xlabel="strength of the fictitious noise", ylabel="largest relative gap")
+        for each in axes:
+            few_labels(each)
+        zeros = len(result.zeros)
+        right.set_title("Gap" if not zeros else f"Gap; stays: {zeros} zero{'s' * (zeros > 1)} in the right half-plane")
+        legend(right)
+    return axes
+
+
+def plot_sines(result: "SineResponse", ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
+    """Draw the gain of each output and the slip of a plant with friction over frequency.
+
+    Where the contact sticks, gains have hollow markers, and there is no slip.
+
+    Parameters
+    ----------
+    result : SineResponse
+    ax : sequence of two matplotlib Axes, or a figure, optional
+        By default a new figure of pyplot.
+    unit : {"Hz", "rad/s"}, optional
+        Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
+    **style
+        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+    Returns
+    -------
+    (2,) ndarray of matplotlib Axes
+    """
+    stuck = np.asarray(result.stuck, dtype=bool)
+    with panels(ax, ("gains", "slip"), (6.4, 5.2)) as axes:
+        top, below = axes
+        scale = frequency_axis(below, unit)
+        x = result.omega / scale
+        for k, (name, line) in enumerate(list(zip(result.outputs, np.abs(result.response), strict=True))[:_MOST]):
+            look = line_look(style, color=COLOURS[k % len(COLOURS)], marker="o", markersize=3, label=name)
+            top.loglog(x, line, **look)
+            top.plot(x[stuck], line[stuck], "o", color=look["color"], markersize=4, markerfacecolor="white")
+        if stuck.any():
+            top.plot([], [], "o", color="0.3", markersize=4, markerfacecolor="white", label="stuck")
+        look = line_look(style, color=COLOURS[0], marker="o", markersize=3)
+        below.loglog(x, np.where(stuck, np.nan, result.slip), **look)
+        top.set_ylabel("gain of the fundamental")
+        excited = ", ".join(result.inputs)
+        top.set_title(f"Excited: {excited}, amplitude {result.amplitude:.4g}")
+        below.set_ylabel("slip [m]")
+        legend(top)
+        if top.get_shared_x_axes().joined(top, below):
+            top.tick_params(labelbottom=False)
+        else:
+            top.set_xlabel(f"frequency [{next(name for name, divisor in UNITS.items() if divisor == scale)}]")
+        for each in axes:
+            few_labels(each)
+        top.figure.align_ylabels(list(axes))
+    return axes

@@ -1,0 +1,124 @@
+"""Nyquist curves of loops around the critical point, with the margins marked."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
+
+from boomctl.arrays import Array
+from boomctl.plotting.canvas import COLOURS, beside, line_look, panels
+
+if TYPE_CHECKING:
+    from boomctl.analysis.margins import LoopMargin, Margins
+
+_IN_A_ROW = 3  # panels (a choice)
+_LEAST, _MOST = (
+    1.6,
+    4.0,
+)  # half of the side of the square that is shown: unit circle and critical point at least (a choice)
+_ROOM = 1.15  # of the square beyond the farthest margin (a choice)
+_FLAT = 1e3  # gain of a disk margin from which the disk is a half plane to the eye (a choice)
+_SHADE = "#f3d9c9"
+
+
+def plot_margins(result: "Margins", ax: Any = None, **style: Any) -> Array:
+    """Draw the Nyquist curve of each loop, opened at one signal with all others closed, and its margins.
+
+    Parameters
+    ----------
+    result : Margins
+    ax : sequence of matplotlib Axes, or a figure, optional
+        One axes a loop; by default a new figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it.
+
+    Returns
+    -------
+    (n,) ndarray of matplotlib Axes
+    """
+    count = len(result.loops)
+    columns = min(count, _IN_A_ROW)
+    rows = -(-count // columns)
+
+    def divide(figure: FigureBase) -> Iterable[Axes]:
+        return [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
+
+    names = [f"{loop.place} {loop.signal}" for loop in result.loops]
+    with panels(ax, names, (3.4 * columns, 4.3 * rows), divide) as axes:
+        for each, loop in zip(axes, result.loops, strict=True):
+            _draw(each, loop, style)
+    return axes
+
+
+def plot_loop_margin(result: "LoopMargin", ax: Any = None, **style: Any) -> Any:
+    """Draw the Nyquist curve of a loop around the critical point, and its margins.
+
+    The loop ``u = K y`` has the response ``L``, and ``-L`` must not meet -1.  Shaded is the disk that ``-L`` does not enter
+    by its disk margin.
+
+    Parameters
+    ----------
+    result : LoopMargin
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the curve, as matplotlib's lines take it.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    with panels(ax, ("Nyquist curve",), (4.4, 5.4)) as (axes,):
+        _draw(axes, result, style)
+    return axes
+
+
+def _draw(ax: Any, loop: "LoopMargin", style: dict[str, Any]) -> None:
+    omega, L = loop.open_loop
+    curve, disk = -L, loop.disk
+    look = line_look(style, color=COLOURS[0], marker="." if len(L) == 1 else "none")  # a static loop is a point
+    angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    across, up = np.cos(angle), np.sin(angle)
+    far = [1.0, *(1.0 / factor for factor in (loop.gain_low, loop.gain_high) if 0.0 < factor < np.inf)]
+    half = float(np.clip(_ROOM * max(far), _LEAST, _MOST))
+    if disk.gain < _FLAT:
+        middle, radius = -0.5 * (disk.gain + 1.0 / disk.gain), 0.5 * (disk.gain - 1.0 / disk.gain)
+        ax.fill(middle + radius * across, radius * up, color=_SHADE, zorder=0)
+    else:
+        ax.axvspan(-_MOST * 10.0, 0.0, color=_SHADE, zorder=0)
+    ax.plot(across, up, color="0.6", linewidth=0.8, linestyle=":")
+    ax.plot(curve.real, curve.imag, **look)
+    ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8, "label": None}))
+    ax.plot([-1.0], [0.0], "+", color="black", markersize=9, markeredgewidth=1.6)
+    for words, places, marker, colour in _marks(loop, omega, curve):
+        look = {"marker": marker, "color": colour, "markersize": 5, "markerfacecolor": "white", "linestyle": "none"}
+        ax.plot(np.real(places), np.imag(places), label=words, **look)
+    ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
+    inside = {"loc": "upper left", "frameon": True, "framealpha": 0.85, "edgecolor": "none"}
+    above = {"loc": "lower left", "bbox_to_anchor": (-0.05, 1.0)}
+    opened = f"Opened at {loop.signal}"
+    ax.legend(title=opened, title_fontsize=8, fontsize=7, alignment="left", **(above if beside(ax) else inside))
+
+
+def _marks(loop: "LoopMargin", omega: Array, curve: Array) -> list[tuple[str, list[complex], str, str]]:
+    """Return the margins in words, and where on the curve they are."""
+
+    def place(at: float) -> list[complex]:
+        return [complex(curve[np.argmin(np.abs(omega - at))])] if np.isfinite(at) else []
+
+    def hz(at: float) -> str:
+        return f" at {at / (2.0 * np.pi):.3g} Hz" if np.isfinite(at) else ""
+
+    gains = [complex(-1.0 / factor) for factor in (loop.gain_low, loop.gain_high) if 0.0 < factor < np.inf]
+    high = f"{loop.gain_high:.3g}" if np.isfinite(loop.gain_high) else "∞"
+    phase = f"phase ±{loop.phase_deg:.3g}°{hz(loop.phase_omega)}" if np.isfinite(loop.phase_deg) else "phase: any"
+    delay = f"delay {loop.delay:.3g} s{hz(loop.delay_omega)}" if np.isfinite(loop.delay) else "delay: any"
+    doubt = "" if loop.disk.certified else ", not certified"
+    return [
+        (f"gain {loop.gain_low:.3g} to {high}", gains, "s", COLOURS[1]),
+        (phase, place(loop.phase_omega), "o", COLOURS[2]),
+        (delay, place(loop.delay_omega), "^", COLOURS[3]),
+        (f"disk {loop.disk.alpha:.3g}{doubt}{hz(loop.disk.omega)}", place(loop.disk.omega), "D", COLOURS[5]),
+    ]

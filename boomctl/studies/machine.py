@@ -1,0 +1,206 @@
+"""A controller for a machine of one's own: judged by certified peaks before and after, and by margins; a report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.analysis.loops import joined
+from boomctl.analysis.margins import Margins, margins
+from boomctl.analysis.sigma import SigmaResult, sigma
+from boomctl.checks import instance, names, positive, signal_name
+from boomctl.exchange.controller_files import controller_contents
+from boomctl.lti.modal import side_of_axis
+from boomctl.printing import compact
+from boomctl.report import Report, Section, Table
+
+if TYPE_CHECKING:
+    import control
+
+    from boomctl.structure.model import SecondOrderModel
+
+_CONTROLLER = "controller"  # name of the files of a design's controller
+
+
+@dataclass(frozen=True, eq=False)
+class MachineDesign:
+    """A machine, such as `boomctl.structure` assembles, and a controller for it.
+
+    Attributes
+    ----------
+    name, title : str
+        In one word, and in a line.
+    plant : SecondOrderModel or control.StateSpace
+        Signals named.
+    controller : control.StateSpace
+        ``u = K y`` in continuous time; its inputs are outputs of the plant, its outputs inputs of it.
+    inputs, outputs : str or sequence of str, optional
+        Between which signals of the plant the loop is judged; by default from all inputs that the controller does not
+        drive to all outputs.
+    sample_time : float, optional
+        For C code of the controller [s]; without, there is none.
+    force_limit : float, optional
+        Of each control, for C code.
+    facts : mapping of str to str
+        What synthesis and reduction say of themselves.
+    notes : tuple of str
+        What a reader should know.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Other kinds of system; signals that do not meet.
+    """
+
+    name: str
+    title: str
+    plant: SecondOrderModel | control.StateSpace
+    controller: control.StateSpace
+    inputs: str | Sequence[str] | None = None
+    outputs: str | Sequence[str] | None = None
+    sample_time: float | None = None
+    force_limit: float | None = None
+    facts: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    __repr__ = compact
+
+    def __post_init__(self) -> None:
+        signal_name("name", self.name)
+        instance("title", self.title, str)
+        loop = joined(self.plant, self.controller)
+        names("input", self.inputs, loop.disturbances)
+        names("output", self.outputs, loop.outputs)
+        for what in ("sample_time", "force_limit"):
+            if getattr(self, what) is not None:
+                positive(what, getattr(self, what))
+
+    @staticmethod
+    def scene(**options: Any) -> None:
+        """Return the scene: a machine of one's own has none.
+
+        Raises
+        ------
+        ValueError
+            Options are given.
+        """
+        if options:
+            raise ValueError(f"{', '.join(options)}: of suspensions only; expected none for a machine of one's own")
+
+    def evaluate(self, scene: None = None) -> MachineResult:
+        """Judge the design: peaks without and with the controller, stability, margins.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As of :func:`boomctl.sigma` and :func:`boomctl.margins`.
+        """
+        loop = joined(self.plant, self.controller)
+        inputs = names("input", self.inputs, loop.disturbances)
+        outputs = names("output", self.outputs, loop.outputs)
+        closed = loop.closed().select(inputs, outputs)
+        whole = closed.statespace("closed loop")
+        before, after = sigma(self.plant, inputs=inputs, outputs=outputs), sigma(whole)
+        omega = np.union1d(before.omega, after.omega)  # both on one grid, with the peaks of either
+        stable = bool((side_of_axis(loop.system.poles) < 0).all())
+        return MachineResult(
+            design=self,
+            before=sigma(self.plant, omega, inputs, outputs),
+            after=sigma(whole, omega),
+            margins=margins(self.plant, self.controller) if stable else None,
+            stable=stable,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class MachineResult:
+    """What a controller does for a machine.
+
+    Attributes
+    ----------
+    design : MachineDesign
+    before, after : SigmaResult
+        Singular values without and with the controller, with certified peaks.
+    margins : Margins or None
+        None of an unstable loop.
+    stable : bool
+        Whether every pole of the closed loop decays, hidden ones included.
+    """
+
+    design: MachineDesign
+    before: SigmaResult
+    after: SigmaResult
+    margins: Margins | None
+    stable: bool
+
+    __repr__ = compact
+
+    @property
+    def verdict(self) -> str:
+        """The result in a sentence."""
+        peaks = [f"{s.peak:.4g}" if isfinite(s.peak) else "infinite" for s in (self.before, self.after)]
+        proof = "certified" if self.after.certified else "NOT certified"
+        held = "The loop is stable" if self.stable else "The loop is NOT stable"
+        return f"{held}; largest singular value from {peaks[0]} to {peaks[1]}, {proof}."
+
+    def __str__(self) -> str:
+        """Return what a terminal shows."""
+        facts = "".join(f"\n  {name}: {found}" for name, found in self.design.facts.items())
+        return f"{self.design.title}: {self.verdict}{facts}" + (f"\n{self.margins.render()}" if self.margins else "")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the numbers, for JSON."""
+        numbers: dict[str, Any] = {
+            "design": self.design.name,
+            "stable": self.stable,
+            "synthesis": dict(self.design.facts),
+        }
+        for name, found in (("before", self.before), ("after", self.after)):
+            peak = {"peak": found.peak, "peak_omega": found.peak_omega, "certified": bool(found.certified)}
+            numbers[name] = {key: value if isfinite(value) else None for key, value in peak.items()}
+        numbers["disk_margin"] = self.margins.everywhere.alpha if self.margins else None
+        return numbers
+
+    def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
+        """Return the report: pictures, margins, the controller in files; ``tell`` is told what comes next."""
+        from boomctl.plotting.canvas import new_figure, picture
+        from boomctl.plotting.sigma import plot_sigma
+
+        tell("pictures")
+        figure = new_figure()
+        ax = figure.add_subplot()
+        plot_sigma(self.before, label="without controller", ax=ax)
+        plot_sigma(self.after, label="with controller", ax=ax)
+        ax.legend()
+        caption = f"Singular values from {', '.join(self.after.inputs)} to {', '.join(self.after.outputs)}."
+        facts = Table(("synthesis", ""), tuple(self.design.facts.items()), align="l")
+        parts = [
+            Section("What it is worth", (self.verdict, *self.design.notes), (facts,) if self.design.facts else ()),
+            Section("Singular values", pictures=(picture("sigma", figure, caption),)),
+        ]
+        if self.margins is not None:
+            heads, *lines = self.margins._table()
+            parts.append(Section("Margins", tables=(Table(heads, tuple(lines)),)))
+        files = self.controller_files()
+        said = "Beside this report lies the controller for other programs: " + ", ".join(files) + "."
+        parts.append(Section("The controller in files", (said,)))
+        lead = f"{self.design.title}: the machine without and with its controller."
+        return Report(f"Machine: {self.design.title}", (lead,), tuple(parts), self.as_dict(), files)
+
+    def controller_files(self) -> dict[str, bytes | str]:
+        """Return the controller for other programs, as contents by name of file: JSON, MATLAB, C99 where it is sampled."""
+        K, design = self.design.controller, self.design
+        shared: dict[str, Any] = {
+            "certificate": {"verdict": self.verdict},
+            "provenance": {"design": design.name, "title": design.title, **design.facts},
+        }
+        found = controller_contents(K, _CONTROLLER, ".json", **shared)
+        found |= controller_contents(K, _CONTROLLER, ".mat", **shared)
+        if design.sample_time is not None:
+            limit = {} if design.force_limit is None else {"force_limit": design.force_limit}
+            found |= controller_contents(K, _CONTROLLER, ".c", sample_time=design.sample_time, **limit, **shared)
+        return found
