@@ -8,7 +8,7 @@ from boomctl.analysis.measured import read_measured_curve
 from boomctl.analysis.modes import mode_table
 from boomctl.analysis.norm import hinf_norm
 from boomctl.analysis.nyquist import exact_loop_stability
-from boomctl.analysis.sigma import sigma
+from boomctl.analysis.sigma import compare_sigma, sigma
 from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
 from boomctl.boom.families import boom_family, yaw_family
 from boomctl.boom.model import spray_boom
@@ -18,6 +18,10 @@ from boomctl.boom.spray import Footprint, nozzle_positions, split_motion, spray_
 from boomctl.boom.track_filter import platform_density, track_filter
 from boomctl.boom.tracks import Track, bump_track, iso_track
 from boomctl.boom.tractor import TractorParameters, tractor_system
+from boomctl.exchange.controller_files import read_controller, read_controller_notes, write_controller
+from boomctl.exchange.other_libraries import to_pymor, to_scipy
+from boomctl.identification.fit import fit
+from boomctl.progress import Progress, listening
 from boomctl.reduction.reduce import reduce
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import free, hold, hub_profile, sine_torque, spin_up, torque
@@ -30,6 +34,12 @@ from boomctl.simulation.sines.swept_sine import sine_sigma, swept_sine
 from boomctl.slew.optimal import optimal_slew
 from boomctl.slew.result import SlewError, SlewResult
 from boomctl.structure.model import split_symmetric
+from boomctl.studies.catalogue import design_names, load_design
+from boomctl.studies.machine import MachineDesign
+from boomctl.studies.slew.design import SlewDesign
+from boomctl.studies.suspension.design import SuspensionDesign
+from boomctl.studies.suspension.performance import performance
+from boomctl.studies.suspension.scene import FieldScene
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.discretise import discretize
 from boomctl.synthesis.hinf.h_infinity import h_infinity
@@ -38,6 +48,7 @@ from boomctl.synthesis.lq.kalman import kalman
 from boomctl.synthesis.lq.lqg import lqg
 from boomctl.synthesis.lq.lqr import lqr
 from boomctl.synthesis.lq.recovery import loop_transfer_recovery
+from boomctl.synthesis.plants.full_plant import ReductionWarning
 from boomctl.synthesis.plants.generalized import generalized_plant, mixed_sensitivity, select_channels
 from boomctl.synthesis.plants.partition import close_loop
 from boomctl.synthesis.plants.symmetry import join_symmetric, split_controller
@@ -45,16 +56,35 @@ from boomctl.synthesis.plants.units import from_units, in_units
 from boomctl.synthesis.plants.weights import band_pass, high_pass, low_pass, shelf
 from boomctl.synthesis.reduce_controller import reduce_controller
 
+from . import analysis as analysis
+from . import boom as boom
+from . import exchange as exchange
+from . import identification as identification
+from . import plotting as plotting
+from . import reduction as reduction
+from . import rotating_beam as rotating_beam
+from . import simulation as simulation
+from . import slew as slew
+from . import structure as structure
+from . import studies as studies
+from . import synthesis as synthesis
+
 __version__: str
 
 __all__ = [
     "BoomParameters",
     "CoulombFriction",
+    "FieldScene",
     "Footprint",
     "HubBeamParameters",
+    "MachineDesign",
     "PlatformMotion",
+    "Progress",
+    "ReductionWarning",
+    "SlewDesign",
     "SlewError",
     "SlewResult",
+    "SuspensionDesign",
     "SynthesisError",
     "Track",
     "TractorParameters",
@@ -64,12 +94,15 @@ __all__ = [
     "bump_track",
     "close_loop",
     "closed_loop_response",
+    "compare_sigma",
     "describing_function",
+    "design_names",
     "discretize",
     "exact_eigenfrequencies_hz",
     "exact_frequency_response",
     "exact_loop_stability",
     "feedback_loop",
+    "fit",
     "forced_response",
     "free",
     "from_units",
@@ -86,6 +119,8 @@ __all__ = [
     "iso_track",
     "join_symmetric",
     "kalman",
+    "listening",
+    "load_design",
     "loop_transfer_recovery",
     "low_pass",
     "lqg",
@@ -95,8 +130,11 @@ __all__ = [
     "mode_table",
     "nozzle_positions",
     "optimal_slew",
+    "performance",
     "platform_density",
     "platform_motion",
+    "read_controller",
+    "read_controller_notes",
     "read_measured_curve",
     "read_motion",
     "reduce",
@@ -118,10 +156,13 @@ __all__ = [
     "spray_deposit",
     "structured_margin",
     "swept_sine",
+    "to_pymor",
+    "to_scipy",
     "torque",
     "track_filter",
     "tractor_system",
     "worst_case",
+    "write_controller",
     "write_motion",
     "yaw_family",
 ]

@@ -1,13 +1,92 @@
 """Checks at the boundary: bad input is refused in one line that names parameter, value and what was expected."""
 
-from collections.abc import Iterable, Sequence
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from difflib import get_close_matches
-from math import isfinite
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
+
+_FASTEST = 1e60  # rad/s; of what is faster, the fourth power times a mass may be beyond all numbers (a choice)
+_LARGEST_WHOLE = 2**53  # whole numbers up to here are also numbers in double precision
+# sizes of numbers that a parameter may have: products and quotients of three of them are numbers still (a choice)
+_SMALLEST, _LARGEST = 1e-100, 1e100
+_SHOWN = 60  # letters of a value in a message: enough to know it by (a choice)
+_Kind = TypeVar("_Kind")
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it: in one line, and no long one."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+
+
+def exactly(value: float) -> str:
+    """Return a number in as few digits as tell it from all others: two that differ never read alike."""
+    short = f"{value:g}"
+    return short if float(short) == value else repr(float(value))
+
+
+def up_to(limit: float) -> str:
+    """Return a number of few digits that is not above a limit: what a message offers is then allowed."""
+    return _towards(limit, ROUND_FLOOR)
+
+
+def from_on(limit: float) -> str:
+    """Return a number of few digits that is not below a limit: what a message offers is then allowed."""
+    return _towards(limit, ROUND_CEILING)
+
+
+def _towards(limit: float, rounding: str) -> str:
+    short = f"{limit:.7g}"
+    if float(short) == limit or not np.isfinite(limit):
+        return short
+    return f"{float(Context(prec=7, rounding=rounding).create_decimal(float(limit))):.7g}"
+
+
+def instance(name: str, value: object, kind: type[_Kind] | tuple[type[_Kind], ...], expected: str = "") -> _Kind:
+    """Return ``value`` if it is of a kind; a TypeError names what was expected."""
+    if not isinstance(value, kind):
+        wanted = expected or " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
+        raise TypeError(f"{name} = {shown(value)}: expected {wanted}, got {type(value).__name__}")
+    return value
+
+
+def truth(name: str, value: object) -> bool:
+    """Return ``value`` if it is True or False."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} = {shown(value)}: expected True or False, got {type(value).__name__}")
+    return bool(value)
+
+
+def sequence(name: str, value: object, of: str = "values") -> tuple[Any, ...]:
+    """Return what a sequence holds; a text, and what is no sequence, are a TypeError."""
+    if type(value) is tuple:  # nearly every one is
+        return value
+    if isinstance(value, (str, bytes)) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
+        raise TypeError(f"{name} = {shown(value)}: expected a sequence of {of}, got {type(value).__name__}")
+    return tuple(value)
+
+
+def mapping(name: str, value: object, of: str) -> Mapping[Any, Any]:
+    """Return ``value`` if it is a mapping."""
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} = {shown(value)}: expected a mapping of {of}, got {type(value).__name__}")
+    return value
+
+
+def path(name: str, value: object) -> Path:
+    """Return ``value`` as the path of a file or folder."""
+    if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
+        raise TypeError(f"{name} = {shown(value)}: expected a path, got {type(value).__name__}")
+    return Path(value)
 
 
 def real(name: str, value: object) -> float:
@@ -20,10 +99,10 @@ def real(name: str, value: object) -> float:
     ValueError
         ``value`` is not finite.
     """
-    if type(value) is float and isfinite(value):  # nearly every value is one: a model's description asks for a hundred
+    if type(value) is float and -_LARGEST <= value <= _LARGEST:  # as nearly all of a model's hundred values
         return value
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise TypeError(f"{name} = {value!r}: expected a real number, got {type(value).__name__}")
+        raise TypeError(f"{name} = {shown(value)}: expected a real number, got {type(value).__name__}")
     try:
         number = float(value)
     except OverflowError:
@@ -32,6 +111,17 @@ def real(name: str, value: object) -> float:
         ) from None
     if not np.isfinite(number):
         raise ValueError(f"{name} = {value!r}: expected a finite number")
+    if abs(number) > _LARGEST:
+        raise ValueError(f"{name} = {value!r}: expected a number of at most {_LARGEST:g} in size")
+    return number
+
+
+def within(name: str, value: object, low: float, high: float, unit: str = "") -> float:
+    """Return ``value`` as a finite float from ``low`` to ``high``."""
+    number = real(name, value)
+    if not low <= number <= high:
+        of = f" {unit}" if unit else ""
+        raise ValueError(f"{name} = {value!r}: expected a number from {low:g} to {high:g}{of}")
     return number
 
 
@@ -40,6 +130,8 @@ def positive(name: str, value: object) -> float:
     number = real(name, value)
     if number <= 0.0:
         raise ValueError(f"{name} = {value!r}: expected a number greater than zero")
+    if number < _SMALLEST:
+        raise ValueError(f"{name} = {value!r}: expected a number of at least {_SMALLEST:g}")
     return number
 
 
@@ -51,12 +143,15 @@ def nonnegative(name: str, value: object) -> float:
     return number
 
 
-def whole(name: str, value: object, least: int = 1) -> int:
-    """Return ``value`` as an integer not below ``least``."""
+def whole(name: str, value: object, least: int = 1, most: int = _LARGEST_WHOLE) -> int:
+    """Return ``value`` as an integer from ``least`` to ``most``."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
-        raise TypeError(f"{name} = {value!r}: expected a whole number, got {type(value).__name__}")
+        raise TypeError(f"{name} = {shown(value)}: expected a whole number, got {type(value).__name__}")
     if value < least:
         raise ValueError(f"{name} = {value!r}: expected a whole number not below {least}")
+    if value > most:
+        given = f" = {value!r}" if value <= _LARGEST_WHOLE else ""
+        raise ValueError(f"{name}{given}: expected a whole number of at most {most}")
     return int(value)
 
 
@@ -66,6 +161,8 @@ def plain_array(name: str, value: ArrayLike) -> Array:
         return np.asarray(value)
     except ValueError:
         raise ValueError(f"{name}: expected an array, got rows of different lengths") from None
+    except Exception:  # what pretends to be a sequence and is none may fail in any way
+        raise TypeError(f"{name}: expected an array, got {type(value).__name__}") from None
 
 
 def finite_array(name: str, value: ArrayLike, ndim: int | None = None) -> Array:
@@ -78,7 +175,11 @@ def finite_array(name: str, value: ArrayLike, ndim: int | None = None) -> Array:
     if not np.isfinite(array).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise ValueError(f"{name}: expected finite numbers, got {array[where]} at {where}")
-    return array.astype(float)
+    numbers = array.astype(float)
+    if numbers.size and not -_LARGEST <= numbers.min() <= numbers.max() <= _LARGEST:
+        where = tuple(int(i) for i in np.unravel_index(np.abs(numbers).argmax(), numbers.shape))
+        raise ValueError(f"{name}: expected numbers of at most {_LARGEST:g} in size, got {numbers[where]:g} at {where}")
+    return numbers
 
 
 def frequencies(name: str, value: ArrayLike) -> Array:
@@ -88,6 +189,12 @@ def frequencies(name: str, value: ArrayLike) -> Array:
         raise ValueError(f"{name}: expected one dimension and at least one frequency, got shape {omega.shape}")
     if (omega < 0.0).any():
         raise ValueError(f"{name}: expected frequencies not below zero, got {omega.min()}")
+    if ((omega > 0.0) & (omega < _SMALLEST)).any():
+        raise ValueError(
+            f"{name}: expected zeros or frequencies of at least {_SMALLEST:g} rad/s, got {omega[omega > 0].min()}"
+        )
+    if (omega > _FASTEST).any():
+        raise ValueError(f"{name}: expected frequencies of at most {_FASTEST:g} rad/s, got {omega.max()}")
     return omega
 
 
@@ -98,13 +205,13 @@ def known(what: str, name: object, choices: Iterable[str]) -> str:
         return str(name)
     close = get_close_matches(str(name), listed, n=1, cutoff=0.5)
     hint = f"; did you mean {close[0]!r}?" if close else ""
-    raise ValueError(f"unknown {what} {name!r}{hint} (there are: {', '.join(listed) or 'none'})")
+    raise ValueError(f"unknown {what} {shown(name)}{hint} (there are: {', '.join(listed) or 'none'})")
 
 
 def signal_name(what: str, name: object) -> str:
     """Return ``name`` if python-control takes it as a signal's name: not empty, without a dot."""
     if not isinstance(name, str):
-        raise TypeError(f"{what} = {name!r}: expected a string")
+        raise TypeError(f"{what} = {shown(name)}: expected a string")
     if not name or "." in name:
         raise ValueError(f"{what} = {name!r}: expected a name that is not empty and has no dot in it")
     return name
@@ -114,8 +221,8 @@ def names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str])
     """Return the wanted names, each known and none twice; ``None`` means all of ``choices``; no names are a TypeError."""
     if wanted is None:
         return tuple(choices)
-    if not isinstance(wanted, Iterable):
-        raise TypeError(f"{what} = {wanted!r}: expected a name or a sequence of names")
+    if not isinstance(wanted, Iterable) or getattr(wanted, "ndim", 1) == 0:
+        raise TypeError(f"{what} = {shown(wanted)}: expected a name or a sequence of names")
     listed = (wanted,) if isinstance(wanted, str) else tuple(wanted)
     for name in listed:
         known(what, name, choices)
@@ -123,3 +230,11 @@ def names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str])
         twice = next(name for name in listed if listed.count(name) > 1)
         raise ValueError(f"{what} {twice!r} is asked for twice")
     return listed
+
+
+def some_names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str]) -> tuple[str, ...]:
+    """Return the wanted names as `names` does; none at all are refused."""
+    found = names(what, wanted, choices)
+    if not found:
+        raise ValueError(f"{what}s: expected at least one name, got none")
+    return found

@@ -1,4 +1,4 @@
-"""The command line: ``boomctl design``, ``reproduce``, ``sigma``, ``parameters``, ``slew``, ``benchmark``.
+"""The command line: ``boomctl design``, ``reproduce``, ``sigma``, ``slew``, ``notebooks`` and others; ``boomctl --help``.
 
 A command imports what it uses and no more: ``boomctl parameters`` waits for no numpy.  Exit code 0: done; 1: could not be
 done; 2: bad use or bad input.
@@ -6,9 +6,10 @@ done; 2: bad use or bad input.
 
 import os
 import sys
-from argparse import ArgumentParser, BooleanOptionalAction
+import threading
+from argparse import ArgumentParser, BooleanOptionalAction, Namespace
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext, redirect_stdout
+from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from functools import partial
 from importlib import import_module
 from io import TextIOWrapper
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
     from boomctl.papers.side_by_side import Job
+    from boomctl.progress import Progress as Told
     from boomctl.report import Report
 
     _Paper = tuple[list[Job], Callable[[list[Any]], Report]]  # what is to be done, and the report of what it finds
@@ -33,6 +35,15 @@ class _Parser(ArgumentParser):
     def error(self, message: str) -> NoReturn:
         raise ValueError(message)
 
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Namespace:  # type: ignore[override]
+        if args is _LIST:
+            raise _Listed(self)
+        return super().parse_args(args, namespace)
+
+    def add_quiet(self) -> None:
+        text = "print nothing, show no progress: the exit code, the files written, and what --json asks for"
+        self.add_argument("--quiet", action="store_true", help=text)
+
     def add_json(self) -> None:
         self.add_argument("--json", action="store_true", help="print the results as JSON on standard output")
 
@@ -41,11 +52,25 @@ class _Parser(ArgumentParser):
         self.add_argument("--out", type=Path, default=Path(default), metavar="FOLDER", help=text)
 
 
+class _Listed(Exception):
+    """The options of a command, in place of its work."""
+
+    def __init__(self, parser: _Parser) -> None:
+        super().__init__(parser.prog)
+        self.parser = parser
+
+
+_LIST: list[str] = []  # words by which a command is asked for its options; told by identity
+
 _HELP = """usage: boomctl [--version] COMMAND ...
 
 Control design for flexible structures on a moving base.
 
 Commands; boomctl COMMAND --help says more:"""
+
+_CODES = """
+Exit codes: 0 done; 1 could not be done (or a promise that stress tries is broken); 2 bad use or bad input. What went
+wrong is one line on standard error. Progress is shown on terminals only, and colours too; NO_COLOR turns them off."""
 
 
 def main() -> None:
@@ -60,13 +85,21 @@ def main() -> None:
         os.environ.setdefault(variable, "1")
     try:
         _run(sys.argv[1:])
+        sys.stdout.flush()
     except (ValueError, TypeError) as error:
         _fail(str(error), 2)
+    except BrokenPipeError:  # whoever read the output has seen enough (boomctl parameters | head)
+        with suppress(AttributeError, OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
     except (OSError, ArithmeticError, ImportError, RuntimeError) as error:
         if isinstance(error, NotImplementedError | RecursionError):
             raise
         _fail(str(error), 1)
     except KeyboardInterrupt:
+        if any(thread.name == "boomctl-slew" for thread in threading.enumerate()):  # a solver's last iteration, unheard
+            print("boomctl: interrupted", file=sys.stderr, flush=True)
+            os._exit(1)
         _fail("interrupted", 1)
     sys.exit(0)
 
@@ -77,6 +110,7 @@ def _run(words: Sequence[str]) -> None:
         print(
             _HELP,
             *(f"  {name:<12} {(command.__doc__ or '').splitlines()[0]}" for name, command in _COMMANDS.items()),
+            _CODES,
             sep="\n",
         )
         sys.exit(0 if words else 2)
@@ -89,7 +123,17 @@ def _run(words: Sequence[str]) -> None:
         from boomctl.checks import known
 
         known("command", words[0], _COMMANDS)
-    _COMMANDS[words[0]](words[1:])
+    if "--quiet" not in words:
+        _COMMANDS[words[0]](words[1:])
+        return
+    from boomctl.progress import listening
+
+    with (
+        open(os.devnull, "w") as nowhere,
+        listening(None),
+        redirect_stdout(sys.stdout if "--json" in words else nowhere),
+    ):
+        _COMMANDS[words[0]](words[1:])
 
 
 def _fail(message: str, code: int) -> None:
@@ -106,10 +150,39 @@ def _print_json(value: Any) -> None:
 
 
 @contextmanager
-def _progress(steps: int) -> Iterator[Callable[[str], None]]:
-    """Show a progress bar on a terminal's standard error; give the function that moves it on."""
-    if not sys.stderr.isatty():
-        yield lambda text: None
+def _results_alone() -> Iterator[None]:
+    """Let what is printed meanwhile go to standard error, by compiled libraries and other programs too.
+
+    A design may print, and so may what it calls; results as JSON stand on standard output alone.
+    """
+    sys.stdout.flush()
+    try:
+        out, err = sys.stdout.fileno(), sys.stderr.fileno()
+    except (AttributeError, OSError):  # neither is a file
+        with redirect_stdout(sys.stderr):
+            yield
+        return
+    kept = os.dup(out)
+    try:
+        os.dup2(err, out)
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        os.dup2(kept, out)
+        os.close(kept)
+
+
+_WORTH_A_WORD = 1.0  # s that a computation within a step takes before the bar names it (a choice)
+
+
+@contextmanager
+def _progress(steps: int) -> Iterator[Callable[..., None]]:
+    """Show a progress bar on a terminal's standard error; give the function of a text and of steps that moves it on."""
+    from boomctl.progress import listening
+
+    if not sys.stderr.isatty() or "--json" in sys.argv or "--quiet" in sys.argv:
+        with listening(None):
+            yield lambda text, advance=1: None
         return
     from rich.console import Console
     from rich.progress import BarColumn as Bar
@@ -118,7 +191,18 @@ def _progress(steps: int) -> Iterator[Callable[[str], None]]:
     columns = (SpinnerColumn(), TextColumn("{task.description}"), Bar(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=steps)
-        yield lambda text: bar.update(task, description=text, advance=1)
+        step = ["starting"]
+
+        def move(text: str, advance: int = 1) -> None:
+            step[0] = text
+            bar.update(task, description=text, advance=advance)
+
+        def within(told: "Told") -> None:
+            if told.seconds > _WORTH_A_WORD:
+                bar.update(task, description=f"{step[0]}; {told}")
+
+        with listening(within):
+            yield move
 
 
 def reproduce(words: Sequence[str]) -> None:
@@ -141,6 +225,7 @@ def reproduce(words: Sequence[str]) -> None:
     text = "processes side by side, one thread each; 1: in this one (default: as many as there are cores)"
     parser.add_argument("--workers", type=int, metavar="COUNT", help=text)
     parser.add_json()
+    parser.add_quiet()
     asked = parser.parse_args(words)
 
     from boomctl.checks import known, whole
@@ -237,7 +322,7 @@ def design(words: Sequence[str]) -> None:
     """Run a design and report what it is worth: a suspension beside the boom as it is, a slew beside classical ones."""
     from boomctl.studies.catalogue import design_file, design_names
 
-    parser, own = _Parser(design), "a Python file with a function design() or slew()"
+    parser, own = _Parser(design), "a Python file with a function design() or slew(), of a machine of your own too"
     parser.add_argument("name", help=f"a design of boomctl ({', '.join(design_names())}), or {own}")
     parser.add_out("results")
     parser.add_argument(
@@ -246,12 +331,12 @@ def design(words: Sequence[str]) -> None:
     parser.add_argument("--speed", type=float, help="suspensions: driving speed, m/s (default: 3.0)")
     parser.add_argument("--seed", type=int, help="suspensions: of the random track (default: 1)")
     parser.add_json()
+    parser.add_quiet()
     asked = parser.parse_args(words)
 
     from boomctl.files import locked_folder  # after the options, so that help and bad use wait for no numpy
 
-    # what a design prints goes where it does not spoil the results
-    with redirect_stdout(sys.stderr) if asked.json else nullcontext():
+    with _results_alone() if asked.json else nullcontext():
         found = design_file(asked.name)
         given = {option: getattr(asked, option) for option in ("road_class", "speed", "seed")}
         chosen = {option: value for option, value in given.items() if value is not None}
@@ -264,6 +349,8 @@ def design(words: Sequence[str]) -> None:
         with locked_folder(asked.out) as folder, _progress(found.kind.steps) as progress:
             progress("design")
             made = found.made()
+            if not isinstance(made, found.kind.design_class):  # a machine of the user's own, which has another scene
+                scene = type(made).scene(**chosen)
             progress("judging")
             result = made.evaluate(scene)
             report = result.report(progress)
@@ -279,22 +366,31 @@ def sigma(words: Sequence[str]) -> None:
     """Compute the boom's singular values from platform actuators to tips, with a certified peak."""
     parser, kinds = _Parser(sigma), "finite, high-order, discrete-hermite, discrete-geometric, exact"
     parser.add_argument("--discretization", default="finite", help=f"{kinds} (default: %(default)s)")
-    parser.add_argument("--elements", type=int, default=6, help="number of elements (default: %(default)s)")
+    parser.add_argument("--elements", type=int, help="number of elements, but of exact (default: 6)")
     parser.add_argument("--parameters", type=Path, metavar="FILE", help="TOML file with boom parameters")
     parser.add_argument("--measured", type=Path, metavar="FILE", help="CSV file with a measured curve")
     parser.add_argument("--out", type=Path, metavar="FILE", help="picture to write, .png or .svg")
     parser.add_json()
+    parser.add_quiet()
     asked = parser.parse_args(words)
     if asked.out is not None and asked.out.suffix not in (".png", ".svg"):
         raise ValueError(f"--out {asked.out}: expected a name that ends in .png or .svg")
+    exact = asked.discretization == "exact"
+    if exact and asked.elements is not None:
+        raise ValueError(f"--elements {asked.elements}: leave it out; expected none for --discretization exact")
+    if asked.discretization not in kinds.split(", "):
+        from boomctl.checks import known
+
+        known("discretization", asked.discretization, kinds.split(", "))
+    elements = 6 if asked.elements is None else asked.elements
     curve = None
     if asked.measured:
         from boomctl.analysis.measured import read_measured_curve
 
         curve = read_measured_curve(asked.measured)
-    result = _boom_sigma(asked.discretization, asked.elements, asked.parameters)
+    result = _boom_sigma(asked.discretization, elements, asked.parameters)
     if asked.out is not None:
-        label = "exact" if asked.discretization == "exact" else f"{asked.discretization}, {asked.elements}"
+        label = "exact" if exact else f"{asked.discretization}, {elements}"
         _save_sigma(result, label, curve, asked.out)
     summary = {"peak": result.peak, "peak_omega": result.peak_omega, "certified": result.certified}
     if asked.json:
@@ -327,7 +423,7 @@ def _save_sigma(result: Any, label: str, curve: Any, out: Path) -> None:
     prepared_folder(out.parent)
     figure = new_figure()
     ax = figure.add_subplot()
-    plot_sigma(result, label, ax)
+    plot_sigma(result, ax, unit="Hz", label=label)
     if curve is not None:
         plot_measured(curve, ax)
     write_whole(out, figure_bytes(figure, out.suffix[1:]))
@@ -350,9 +446,9 @@ def parameters(words: Sequence[str]) -> None:
 def slew(words: Sequence[str]) -> None:
     """Plan an optimal slew of the hub-beam, certify it and set it beside classical ones."""
     parser = _Parser(slew)
-    parser.add_argument(
-        "--angle", type=float, default=pi / 2, help="angle to turn through, rad (default: a quarter turn)"
-    )
+    text = "angle to turn through, in radians (default: 1.5708, a quarter turn)"
+    parser.add_argument("--angle", type=float, metavar="RADIANS", help=text)
+    parser.add_argument("--angle-deg", type=float, metavar="DEGREES", help="the same in degrees, in place of --angle")
     parser.add_argument("--torque-limit", type=float, default=200.0, help="largest torque, N m (default: %(default)g)")
     text = "what is minimised: time, effort, jerk, torque-rate or tip (default: %(default)s)"
     parser.add_argument("--objective", default="time", help=text)
@@ -364,30 +460,40 @@ def slew(words: Sequence[str]) -> None:
     parser.add_argument("--speed-limit", type=float, help="largest hub speed, rad/s")
     parser.add_argument("--tip-limit", type=float, help="largest tip displacement, m")
     parser.add_argument("--moment-limit", type=float, help="largest bending moment at the clamp, N m")
+    text = "time to search for each slew, s; then the best verified one so far, or an error (default: %(default)g)"
+    parser.add_argument("--time-limit", type=float, default=120.0, metavar="SECONDS", help=text)
     text = "show the error over meshes in the report (default: shown)"
     parser.add_argument("--mesh-study", action=BooleanOptionalAction, default=True, help=text)
     parser.add_out("slew")
     parser.add_json()
+    parser.add_quiet()
     asked = parser.parse_args(words)
+    if asked.angle is not None and asked.angle_deg is not None:
+        raise ValueError("--angle and --angle-deg: expected one of the two")
+    angle = asked.angle if asked.angle_deg is None else asked.angle_deg * pi / 180.0
+    angle = pi / 2 if angle is None else angle
 
     from boomctl.files import locked_folder, plain
     from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
     from boomctl.rotating_beam.parameters import HubBeamParameters
     from boomctl.studies.slew.plan import STEPS, evaluated_plan
 
-    if abs(asked.angle) > tau:
-        said = f"--angle {asked.angle:g}: {abs(asked.angle) / tau:.3g} turns; angles are in radians"
-        print(f"boomctl: {said} ({asked.angle:g} degrees are {asked.angle * pi / 180.0:.5g} rad)", file=sys.stderr)
+    if asked.angle is not None and abs(asked.angle) > tau:
+        said = f"--angle {asked.angle:g}: {abs(asked.angle) / tau:.3g} turns; this angle is in radians"
+        print(f"boomctl: {said}; for degrees give --angle-deg {asked.angle:g}", file=sys.stderr)
     limits = ("torque_rate_limit", "speed_limit", "tip_limit", "moment_limit")
     given = {name: getattr(asked, name) for name in limits if getattr(asked, name) is not None}
     beam = AssumedModesBeam(HubBeamParameters(tip_mass=asked.tip_mass), asked.model, asked.modes)
-    with locked_folder(asked.out) as folder, _progress(STEPS) as progress:
+    aside = _results_alone() if asked.json else nullcontext()
+    with aside, locked_folder(asked.out) as folder, _progress(STEPS) as progress:
         evaluation = evaluated_plan(
             beam,
-            angle=asked.angle,
+            angle=angle,
             torque_limit=asked.torque_limit,
+            time_limit=asked.time_limit,
             meshes=None if asked.mesh_study else (),
             tell=progress,
+            progress=lambda seen: progress(f"{seen.stage} ({seen.seconds:.0f} s)", 0),
             objective=asked.objective,
             duration=asked.duration,
             **given,
@@ -399,7 +505,9 @@ def slew(words: Sequence[str]) -> None:
         _print_json(found)
         return
     print(f"{found['duration']:.7g} s; {found['verdict']}")
-    print(f"replay: end missed by {found['end_error']:.1e}, {found['residual_energy']:.1e} J left")
+    certificate = found["certificate"]
+    free = f" ({certificate['prescribed_error']:.1e} without axial motion)" if certificate["free_errors"] else ""
+    print(f"replay: end missed by {found['end_error']:.1e}{free}, {found['residual_energy']:.1e} J left")
     print(f"Report: {asked.out / 'report.html'}")
 
 
@@ -420,6 +528,7 @@ def benchmark(words: Sequence[str]) -> None:
     parser.add_argument("what", nargs="?", default="boom", help=text)
     parser.add_argument("--full", action="store_true", help="include what takes minutes")
     parser.add_json()
+    parser.add_quiet()
     asked = parser.parse_args(words)
     known("benchmark", asked.what, tuple(_BENCHMARKS))
     with _progress(12) as progress:
@@ -432,8 +541,184 @@ def benchmark(words: Sequence[str]) -> None:
     Console(width=110 if not sys.stdout.isatty() else None).print(report.render())
 
 
+def stress(words: Sequence[str]) -> None:
+    """Try the promises of the package where it is hardest, each against a reference of its own.
+
+    Every row ends in one of four ways: held, refused with a reason, said to be uncertain, or BROKEN. The exit code is 1
+    if a row is broken.
+    """
+    parser = _Parser(stress)
+    parser.add_argument("--rows", default="", metavar="PATTERN", help="only rows whose name has this in it; * for any")
+    parser.add_argument("--full", action="store_true", help="include rows that take minutes")
+    text = "processes side by side, one thread each (default: as many as there are cores)"
+    parser.add_argument("--workers", type=int, metavar="COUNT", help=text)
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="folder for report and results")
+    text = "page in Markdown whose tables, between two marks, are written anew"
+    parser.add_argument("--page", type=Path, metavar="FILE", help=text)
+    parser.add_json()
+    parser.add_quiet()
+    asked = parser.parse_args(words)
+
+    from boomctl.checks import whole
+    from boomctl.files import locked_folder
+    from boomctl.stress.pool import cores
+    from boomctl.stress.report import check_page, write_page
+    from boomctl.stress.run import all_cases, stressed
+
+    workers = cores() if asked.workers is None else whole("--workers", asked.workers)
+    cases = all_cases(asked.full, asked.rows)
+    if asked.page is not None:
+        check_page(asked.page)
+    with nullcontext() if asked.out is None else locked_folder(asked.out) as folder:
+        with _progress(len(cases)) as progress:
+            found = stressed(cases, workers, progress)
+        if folder is not None:
+            found.report().write_into(folder)
+    if asked.page is not None:
+        write_page(asked.page, found)
+    if asked.json:
+        _print_json(found.as_dict())
+    else:
+        from rich.console import Console
+
+        Console(width=140 if not sys.stdout.isatty() else None).print(found.render())
+        if asked.out is not None:
+            print(f"Report: {asked.out / 'report.html'}")
+    if found.broken:
+        sys.exit(1)
+
+
+def notebooks(words: Sequence[str]) -> None:
+    """Copy the notebooks that come with boomctl into a folder."""
+    from boomctl.studies.catalogue import shipped
+
+    parser = _Parser(notebooks)
+    text = "folder to copy them into (default: %(default)s)"
+    parser.add_argument("--out", type=Path, default=Path("notebooks"), metavar="FOLDER", help=text)
+    text = "write over files of the same names, which may hold changes of your own"
+    parser.add_argument("--force", action="store_true", help=text)
+    parser.add_json()
+    parser.add_quiet()
+    asked = parser.parse_args(words)
+
+    from boomctl.files import prepared_folder, write_whole
+
+    source = shipped("notebooks")
+    found = sorted(path for path in source.glob("*") if path.is_file() and path.name[0] not in "._")
+    if not any(path.suffix == ".ipynb" for path in found):
+        raise RuntimeError(f"there are no notebooks in {source}: this installation of boomctl came without them")
+    if asked.out.resolve() == source.resolve():
+        raise ValueError(f"--out {asked.out}: that is where they come from; expected another folder")
+    there = [path.name for path in found if (asked.out / path.name).exists()]
+    if there and not asked.force:
+        raise ValueError(f"--out {asked.out}: {', '.join(there)} already there; expected another folder, or --force")
+    prepared_folder(asked.out)
+    for path in found:
+        write_whole(asked.out / path.name, path.read_bytes())
+    if asked.json:
+        _print_json([str(asked.out / path.name) for path in found])
+        return
+    for path in found:
+        print(asked.out / path.name)
+
+
+_SHELLS = ("bash", "zsh", "fish")
+
+
+def completion(words: Sequence[str]) -> None:
+    """Print what a shell needs to complete boomctl's commands and options.
+
+    For bash: boomctl completion bash > ~/.local/share/bash-completion/completions/boomctl; for zsh, in ~/.zshrc:
+    source <(boomctl completion zsh); for fish: boomctl completion fish > ~/.config/fish/completions/boomctl.fish
+    """
+    from boomctl.checks import known
+
+    parser = _Parser(completion)
+    parser.add_argument("shell", help=", ".join(_SHELLS))
+    shell = known("shell", parser.parse_args(words).shell, _SHELLS)
+    print("\n".join(_fish_lines() if shell == "fish" else _bash_lines(shell)))
+
+
+def _listed(command: Callable[[Sequence[str]], None]) -> _Parser:
+    """Return the options of a command, without running it."""
+    try:
+        command(_LIST)
+    except _Listed as told:
+        return told.parser
+    raise AssertionError(command.__name__)  # a command parses its words before anything else
+
+
+def _arguments(name: str) -> str:
+    """Return the words that may follow a command, beside its options and files."""
+    from boomctl.studies.catalogue import design_names
+
+    choices = {"reproduce": ("boom", "hub-beam", "all"), "benchmark": tuple(_BENCHMARKS), "completion": _SHELLS}
+    return " ".join(design_names() if name == "design" else choices.get(name, ()))
+
+
+def _bash_lines(shell: str) -> Iterator[str]:
+    if shell == "zsh":
+        yield "autoload -U +X compinit && compinit"
+        yield "autoload -U +X bashcompinit && bashcompinit"
+    yield "_boomctl() {"
+    yield '    local word="${COMP_WORDS[COMP_CWORD]}" before="${COMP_WORDS[COMP_CWORD-1]}" options="" choices="" files=""'
+    yield "    COMPREPLY=()"
+    yield '    if [ "$COMP_CWORD" -eq 1 ]; then'
+    yield f'        COMPREPLY=($(compgen -W "{" ".join(_COMMANDS)} --help --version" -- "$word"))'
+    yield "        return"
+    yield "    fi"
+    yield '    case "${COMP_WORDS[1]}" in'
+    for name, command in _COMMANDS.items():
+        actions = _listed(command)._actions
+        given = " ".join(flag for action in actions for flag in action.option_strings if flag.startswith("--"))
+        valued = "|".join(flag for action in actions if action.nargs != 0 for flag in action.option_strings)
+        files = "|".join(flag for action in actions if action.type is Path for flag in action.option_strings)
+        yield f"        {name})"
+        yield f'            options="{given}" choices="{_arguments(name)}"'
+        if name == "design":
+            yield "            files=yes"
+        if files:
+            yield f'            case "$before" in {files}) compopt -o filenames 2>/dev/null'
+            yield '                COMPREPLY=($(compgen -f -- "$word")); return;; esac'
+        if valued:
+            yield f'            case "$before" in {valued}) return;; esac'
+        yield "            ;;"
+    yield "    esac"
+    yield '    case "$word" in'
+    yield '        -*) COMPREPLY=($(compgen -W "$options" -- "$word"));;'
+    yield '        *) COMPREPLY=($(compgen -W "$choices" -- "$word"))'
+    yield '           if [ -n "$files" ]; then compopt -o filenames 2>/dev/null'
+    yield """               COMPREPLY+=($(compgen -f -X '!*.py' -- "$word") $(compgen -d -- "$word")); fi;;"""
+    yield "    esac"
+    yield "}"
+    yield "complete -F _boomctl boomctl"
+
+
+def _fish_lines() -> Iterator[str]:
+    def said(text: str) -> str:
+        return "'" + text.replace("\\", "\\\\").replace("'", "\\'") + "'"
+
+    yield "complete -c boomctl -f"
+    for name, command in _COMMANDS.items():
+        first = said((command.__doc__ or "").splitlines()[0])
+        yield f"complete -c boomctl -n __fish_use_subcommand -a {name} -d {first}"
+        within = f"complete -c boomctl -n '__fish_seen_subcommand_from {name}'"
+        if words := _arguments(name):
+            yield f"{within} -a '{words}'"
+        if name == "design":
+            yield f"{within} -F"
+        parser = _listed(command)
+        for action in parser._actions:
+            for flag in action.option_strings:
+                if flag.startswith("--"):
+                    kind = " -r -F" if action.type is Path else " -x" if action.nargs != 0 else ""
+                    text = parser._get_formatter()._expand_help(action) if action.help else ""
+                    yield f"{within} -l {flag[2:]}{kind} -d {said(text)}"
+
+
 _COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
-    command.__name__: command for command in (design, reproduce, sigma, parameters, slew, benchmark)
+    command.__name__: command
+    for command in (design, reproduce, sigma, parameters, slew, notebooks, benchmark, stress, completion)
 }
 
 

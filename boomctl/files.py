@@ -13,6 +13,10 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.checks import path as checked_path
+
+_SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma"}
+"""What parts the values of a CSV file: the first of these that stands in the line of column names."""
 
 
 def prepared_folder(path: str | Path) -> Path:
@@ -117,9 +121,10 @@ def write_json(path: Path, value: Any) -> None:
 
 def _file(path: str | Path) -> Path:
     """Return a path that is not that of a folder."""
-    if Path(path).is_dir():
+    found = checked_path("path", path)
+    if found.is_dir():
         raise ValueError(f"{path}: expected a file, got a folder")
-    return Path(path)
+    return found
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
@@ -170,13 +175,16 @@ class NumberTable:
 def read_numbers(path: str | Path) -> NumberTable:
     """Read a CSV file with a line of column names; lines that begin with ``#`` are comments, empty ones are skipped.
 
+    Values are separated by commas; or by semicolons or tabs, if the line of names is, and then decimal commas are read as
+    well as decimal points.  A first line ``sep=;``, as spreadsheets write it, is obeyed.
+
     Raises
     ------
     OSError
         The file cannot be read.
     ValueError
-        A folder; no numbers, a row of another length than the header, a value that is not a finite number; file and line
-        named.
+        A folder; no numbers, a row of another length than the header, a value that is not a finite number, decimal commas
+        beside decimal points; file and line named.
     """
     try:
         lines = _file(path).read_text(encoding="utf-8-sig").splitlines()
@@ -185,25 +193,44 @@ def read_numbers(path: str | Path) -> NumberTable:
     full = [(i, line) for i, line in enumerate(lines, 1) if line.strip()]
     told = [(i, line) for i, line in full if not line.lstrip().startswith("#")]
     comments = tuple((i, line.lstrip()[1:].strip()) for i, line in full if line.lstrip().startswith("#"))
+    if told and told[0][1].lower() in {f"sep={mark}" for mark in _SEPARATORS}:
+        told = told[1:]
     if len(told) < 2:
         raise ValueError(f"{path}: expected a line of column names and at least one line of numbers")
-    rows = [(i, _cells(path, i, line)) for i, line in told]
+    separator = next((mark for mark in _SEPARATORS if mark in told[0][1]), ",")
+    rows = [(i, _cells(path, i, line, separator)) for i, line in told]
     header = tuple(name.strip() for name in rows[0][1])
+    if separator != ",":
+        rows = _with_points(path, rows)
     values = np.array([_numbers(path, line, row, header) for line, row in rows[1:]])
     return NumberTable(header, rows[0][0], values, tuple(line for line, _ in rows[1:]), comments)
 
 
-def _cells(path: str | Path, line: int, text: str) -> list[str]:
+def _cells(path: str | Path, line: int, text: str, separator: str) -> list[str]:
     """Return the values of one line; a line is read for itself, so that a stray quotation mark swallows no others."""
     try:
-        return next(csv.reader([text], strict=True))
+        return next(csv.reader([text], strict=True, delimiter=separator))
     except csv.Error as error:
-        raise ValueError(f"{path}, line {line}: expected comma-separated values ({error})") from None
+        raise ValueError(f"{path}, line {line}: expected {_SEPARATORS[separator]}-separated values ({error})") from None
+
+
+def _with_points(path: str | Path, rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    """Return rows with decimal points for decimal commas; both in one file are refused, for one may part thousands."""
+    marks = {mark: next((i for i, row in rows[1:] if any(mark in cell for cell in row)), None) for mark in ",."}
+    if marks[","] is None:
+        return rows
+    if marks["."] is not None:
+        raise ValueError(
+            f"{path}: expected decimal commas or decimal points, got a comma in line {marks[',']} and a point in line"
+            f" {marks['.']}"
+        )
+    return [rows[0], *((i, [cell.replace(",", ".") for cell in row]) for i, row in rows[1:])]
 
 
 def _numbers(path: str | Path, line: int, row: list[str], header: tuple[str, ...]) -> list[float]:
     if len(row) != len(header):
-        raise ValueError(f"{path}, line {line}: expected {len(header)} values, got {len(row)}")
+        hint = "; decimal commas need semicolons between values" if len(row) == 2 * len(header) else ""
+        raise ValueError(f"{path}, line {line}: expected {len(header)} values, got {len(row)}{hint}")
     numbers = []
     for name, text in zip(header, row, strict=True):
         try:

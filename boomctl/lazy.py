@@ -3,6 +3,9 @@
 A package says which names it offers, and where each is defined, in the imports of its stub ``__init__.pyi`` alone: editors
 and type checkers read it as it stands, and the package itself loads from there.  Modules of boomctl do not import from
 such packages but from where a name is defined.
+
+A stub may offer sub-packages too (``from . import structure as structure``): they are imported when first used, and are
+not in ``__all__``.
 """
 
 import ast
@@ -30,14 +33,17 @@ def loader(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], 
     module = sys.modules[package]
     stub = Path(str(module.__file__)).with_suffix(".pyi").read_text(encoding="utf-8")
     imports = (node for node in ast.parse(stub).body if isinstance(node, ast.ImportFrom))
-    home = {alias.name: str(node.module) for node in imports for alias in node.names}
+    home = {alias.name: node.module or "" for node in imports for alias in node.names}
     module.__class__ = _Package
 
     def load(name: str) -> Any:
         if name not in home:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}; it offers {', '.join(sorted(home))}")
+            said = f"module {package!r} has no attribute {name!r}; it offers {', '.join(sorted(home))}"
+            raise AttributeError(said, name=name, obj=module)
+        if not home[name]:
+            return import_module(f"{package}.{name}")  # which becomes an attribute of the package by that
         value = getattr(import_module(home[name]), name)
         setattr(module, name, value)  # found without this function from now on
         return value
 
-    return sorted(home), load, lambda: sorted({*home, *vars(module)})
+    return sorted(name for name, where in home.items() if where), load, lambda: sorted({*home, *vars(module)})

@@ -7,6 +7,7 @@ from html import escape
 from typing import Any
 
 WIDTH = 98  # columns of a line at most: fits a notebook's cell and half a screen
+PART = 60  # letters of a part within another: longer ones say what they are and no more
 LINES = 5  # of a repr at most, so that a list of results can still be read
 
 
@@ -59,7 +60,15 @@ def value(given: Any) -> str:
         return "(" + ", ".join(inside) + ")"
     if hasattr(given, "shape") and hasattr(given, "dtype"):
         return array(given)
-    return repr(given)
+    if type(given).__repr__ is object.__repr__ or callable(given):
+        return getattr(given, "__qualname__", type(given).__name__)
+    first, *others = repr(given).splitlines()
+    if others or len(first) > PART:
+        if others and len(first) <= PART and "(" not in first:
+            return first.removesuffix(":")
+        size = f" of {count(int(given.nstates), 'state')}" if hasattr(given, "nstates") else ""
+        return type(given).__name__ + size
+    return first
 
 
 def array(given: Any) -> str:
@@ -75,9 +84,13 @@ def array(given: Any) -> str:
 
 
 def compact(self: Any) -> str:
-    """Return a dataclass's name and fields, floats rounded, arrays by shape and range.  A ``__repr__`` for records."""
+    """Return a dataclass's name and fields, floats rounded, arrays by shape and range.  A ``__repr__`` for records.
+
+    What would take more than ``LINES`` lines ends there.
+    """
     words = [f"{field.name}={value(getattr(self, field.name))}" for field in fields(self) if field.repr]
-    return wrapped(type(self).__name__, words)
+    lines = wrapped(type(self).__name__, words).splitlines()
+    return "\n".join(lines if len(lines) <= LINES else [*lines[: LINES - 1], "  ...)"])
 
 
 def exact(self: Any) -> str:

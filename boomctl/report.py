@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from boomctl.files import json_text, locked_folder, write_all
+from boomctl.printing import compact
 
 _ROUNDING = 1e-9  # what reports call "less than": nothing in them is measured or computed finer
 _MIME = {"svg": "image/svg+xml", "png": "image/png", "gif": "image/gif"}
@@ -41,6 +42,8 @@ class Table:
     align: str = "lr"
     shades: Mapping[str, str] = field(default_factory=dict)
 
+    __repr__ = compact
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -49,6 +52,8 @@ class Picture:
     name: str
     caption: str
     files: Mapping[str, bytes]
+
+    __repr__ = compact
 
 
 @dataclass(frozen=True)
@@ -60,15 +65,20 @@ class Section:
     tables: tuple[Table, ...] = ()
     pictures: tuple[Picture, ...] = ()
 
+    __repr__ = compact
+
 
 @dataclass(frozen=True)
 class Report:
-    """A report: title, paragraphs that lead in, sections, and what ``results.json`` holds."""
+    """A report: title, paragraphs that lead in, sections, what ``results.json`` holds, and further files by name."""
 
     title: str
     lead: tuple[str, ...]
     sections: tuple[Section, ...]
     results: Mapping[str, Any]
+    files: Mapping[str, bytes | str] = field(default_factory=dict)
+
+    __repr__ = compact
 
     @property
     def html(self) -> str:
@@ -100,6 +110,7 @@ class Report:
             for picture in section.pictures
             for ending, content in picture.files.items()
         }
+        files |= {folder / name: content for name, content in self.files.items()}
         files |= {folder / "results.json": json_text(self.results), folder / "report.html": self.html}
         write_all(files)
         return tuple(files)
