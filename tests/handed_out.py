@@ -2,9 +2,11 @@
 
 import functools
 
+import control
 import numpy as np
 
 import boomctl as bc
+from boomctl.analysis import MeasuredCurve
 from boomctl.slew import compare_payloads, compare_slews
 from boomctl.structure import (
     GROUND,
@@ -57,6 +59,25 @@ def generalized():
 @functools.cache
 def h_infinity():
     return bc.h_infinity(generalized(), 1, 1)
+
+
+@functools.cache
+def designed_on_a_reduction():
+    two = control.tf([1.0], [1.0, 0.1, 4.0]) + control.tf([1.0], [1.0, 9.0, 900.0])
+    small = bc.reduce(control.ss(two, inputs="force", outputs="position"), order=2)
+    return bc.h_infinity(
+        bc.generalized_plant(
+            small,
+            disturbances={"force": 1.0},
+            performance={"position": 1.0},
+            effort={"force": 0.1},
+            noises={"position": 0.1},
+            measurements=["position"],
+            controls=["force"],
+        ),
+        1,
+        1,
+    )
 
 
 @functools.cache
@@ -126,6 +147,18 @@ def comparison():
 @functools.cache
 def payloads():
     return compare_payloads({"effort": slew()}, [0.0, 0.1])
+
+
+@functools.cache
+def measured_curve():
+    """Return a curve that has its phase, as it is read from a file."""
+    frequencies, response = OMEGA / (2.0 * np.pi), np.asarray(mass().frequency_response(OMEGA).frdata)
+    return MeasuredCurve(frequencies, np.abs(response[0]), ("measured 1",), response, ("in_1",), ("out_1",))
+
+
+@functools.cache
+def fitted():
+    return bc.fit(bc.spray_boom, [0.25, 0.58, 0.95, 2.8, 4.0], ["spring_stiffness", "youngs_modulus"], starts=2)
 
 
 def exact_loop():

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from boomctl import checks
 
@@ -28,3 +30,45 @@ def test_names_that_are_none_are_refused_by_name(wanted):
 def test_what_is_no_name_is_unknown(name):
     with pytest.raises(ValueError, match="unknown output"):
         checks.known("output", name, ("a", "b"))
+
+
+@given(st.floats(1e-90, 1e90), st.sampled_from([1.0, -1.0]), st.floats(-1e-7, 1e-7))
+def test_what_a_message_offers_is_allowed_and_reads_unlike_what_it_refuses(size, sign, share):
+    limit = sign * size
+    assert float(checks.up_to(limit)) <= limit <= float(checks.from_on(limit))
+    assert abs(float(checks.up_to(limit)) / limit - 1.0) <= 1e-6
+    beside = limit * (1.0 + share)
+    assert (checks.exactly(limit) == checks.exactly(beside)) == (limit == beside)
+
+
+def test_limits_of_few_digits_are_offered_as_they_are():
+    assert [checks.up_to(x) for x in (0.1, 1e-12, 3.0, 1e60)] == ["0.1", "1e-12", "3", "1e+60"]
+    assert (checks.up_to(2.0 / 3.0), checks.from_on(2.0 / 3.0)) == ("0.6666666", "0.6666667")
+
+
+def test_values_are_shown_in_one_short_line():
+    assert len(checks.shown(np.zeros((50, 50)))) < 70
+    assert "\n" not in checks.shown(np.zeros((50, 50)))
+
+
+@pytest.mark.parametrize(
+    ("check", "value"),
+    [
+        (checks.sequence, "text"),
+        (checks.sequence, 3.0),
+        (checks.sequence, np.array(1.0)),
+        (checks.truth, np.ones(2)),
+        (checks.truth, 1),
+        (checks.path, 3),
+        (checks.path, b"bytes"),
+        (lambda name, value: checks.mapping(name, value, "names to numbers"), [1.0]),
+        (lambda name, value: checks.instance(name, value, (int, float)), "text"),
+        (lambda name, value: checks.within(name, value, 0.0, 1.0), 1.0 + 1e-15),
+        (checks.real, 1e200),
+        (checks.positive, 5e-324),
+        (checks.whole, 10**40),
+    ],
+)
+def test_what_is_not_expected_is_refused_by_name(check, value):
+    with pytest.raises((TypeError, ValueError), match=r"^given.*: expected "):
+        check("given", value)

@@ -2,9 +2,15 @@
 
 import json
 import os
+import re
+import shlex
+import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
+from functools import partial
 
 import pytest
 
@@ -83,6 +89,7 @@ def test_a_folder_in_place_of_a_file_is_bad_use(words, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_speed_at_which_a_track_is_not_resolved_is_named(tmp_path):
     done = boomctl("design", "passive_tuning", "--speed", "300", cwd=tmp_path)
     assert done.returncode == 2
@@ -168,7 +175,9 @@ def test_what_a_design_prints_does_not_spoil_its_results(tmp_path):
     assert "judged" in boomctl("design", "mine.py", cwd=tmp_path).stdout
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp1252", "utf-8"])
+@pytest.mark.parametrize(
+    "encoding", ["ascii", *(pytest.param(name, marks=pytest.mark.slow) for name in ("latin-1", "cp1252", "utf-8"))]
+)
 def test_a_terminal_that_knows_few_letters_ends_no_design(tmp_path, encoding):
     (tmp_path / "mine.py").write_text(OWN, encoding="utf-8")
     done = subprocess.run(
@@ -187,7 +196,34 @@ def test_a_terminal_that_knows_few_letters_ends_no_design(tmp_path, encoding):
 def test_an_angle_of_more_than_a_turn_is_said_to_be_in_radians(tmp_path, angle, turns):
     with locked_folder(tmp_path):  # which ends it before any work
         done = boomctl("slew", "--angle", angle, "--out", str(tmp_path))
-    assert f"--angle {angle}: {turns} turns; angles are in radians ({angle} degrees are" in done.stderr
+    assert (
+        f"--angle {angle}: {turns} turns; this angle is in radians; for degrees give --angle-deg {angle}" in done.stderr
+    )
+
+
+def test_degrees_are_taken_without_a_word(tmp_path):
+    with locked_folder(tmp_path):
+        done = boomctl("slew", "--angle-deg", "90", "--out", str(tmp_path))
+    assert "turns" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--angle", "1", "--angle-deg", "90"), "--angle and --angle-deg: expected one of the two"),
+        (("--time-limit", "-1"), "time_limit = -1.0: expected"),
+    ],
+)
+def test_bad_angles_and_time_limits_are_refused(tmp_path, words, said):
+    done = boomctl("slew", *words, "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert said in done.stderr
+
+
+def test_a_slew_that_takes_too_long_ends_with_what_was_reached(tmp_path):
+    done = boomctl("slew", "--time-limit", "0.01", "--out", str(tmp_path / "out"), "--json")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("boomctl: time_limit = 0.01 s: over")
 
 
 @pytest.mark.parametrize("text", ["youngs_modulus = 1e-300", "length = 1e6\nboom_mass = 1e15\nboom_inertia = 1e15"])
@@ -252,3 +288,155 @@ def test_a_slew_that_cannot_be_done_ends_with_one(tmp_path):
     assert done.returncode == 1
     assert "too short" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_discretization_that_is_none_is_told_all_there_are():
+    done = boomctl("sigma", "--discretization", "exac")
+    assert done.returncode == 2
+    assert "did you mean 'exact'" in done.stderr
+    assert "discrete-geometric, exact)" in done.stderr
+
+
+@pytest.mark.parametrize("elements", ["0", "6"])
+def test_the_exact_boom_has_no_elements(elements):
+    done = boomctl("sigma", "--discretization", "exact", "--elements", elements)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"--elements {elements}: leave it out" in done.stderr
+
+
+@pytest.mark.slow
+def test_whatever_a_design_prints_leaves_the_results_alone(tmp_path):
+    """By Python, past Python, and by another program."""
+    lines = ["import os, subprocess", "print('one')", "os.write(1, b'two\\n')", "subprocess.run(['echo', 'three'])"]
+    (tmp_path / "mine.py").write_text("\n".join([*lines, "def slew(): raise ValueError('four')"]))
+    words = [sys.executable, "-m", "boomctl.cli", "design", "mine.py", "--json"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert [line.split()[-1] for line in done.stderr.splitlines()] == ["one", "two", "three", "four"]
+
+
+def test_an_interrupt_ends_a_run_and_all_its_processes(tmp_path):
+    words = [sys.executable, "-m", "boomctl.cli", "stress", "--rows", "10,000 elements", "--out", "out"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    listens = partial(signal.signal, signal.SIGINT, signal.default_int_handler)  # tests may run where it is ignored
+    run = subprocess.Popen(
+        words,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        env=environment,
+        preexec_fn=listens,
+    )
+    while not (tmp_path / "out").exists():
+        time.sleep(0.02)
+    time.sleep(0.3)
+    run.send_signal(signal.SIGINT)
+    out, err = run.communicate(timeout=20)  # ends when the last process that holds the pipe does
+    assert (run.returncode, out, err) == (1, "", "boomctl: interrupted\n")
+    assert not list((tmp_path / "out").iterdir())
+
+
+def program(*words, **options):
+    """Run the command line as a process of its own."""
+    command = [sys.executable, "-m", "boomctl.cli", *words]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **options.pop("environment", {})}
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, **options)
+
+
+def test_help_says_what_the_exit_codes_mean():
+    shown = program("--help")
+    assert shown.returncode == 0
+    assert "Exit codes: 0 done; 1 could not be done" in shown.stdout
+    assert program("sigma", "--elements", "no").returncode == 2
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
+def test_bash_completes_commands_options_designs_and_files(tmp_path):
+    (tmp_path / "boomctl.bash").write_text(program("completion", "bash").stdout)
+    (tmp_path / "mine.py").touch()
+    (tmp_path / "other.txt").touch()
+
+    def completed(*words):
+        line = f"COMP_WORDS=({' '.join(words)}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))"
+        script = f"source boomctl.bash; {line}; _boomctl 2>/dev/null; printf '%s\\n' \"${{COMPREPLY[@]}}\""
+        done = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
+        return done.stdout.split()
+
+    assert completed("boomctl", "de") == ["design"]
+    assert set(completed("boomctl", "s")) == {"sigma", "slew", "stress"}
+    assert set(completed("boomctl", "design", "h_")) == {"h_infinity_full", "h_infinity_split"}
+    assert completed("boomctl", "design", "mi") == ["min_time_slew", "mine.py"]
+    assert completed("boomctl", "slew", "--torque-r") == ["--torque-rate-limit"]
+    assert completed("boomctl", "sigma", "--measured", "ot") == ["other.txt"]
+    assert completed("boomctl", "sigma", "--elements", "m") == []
+    assert completed("boomctl", "benchmark", "hub") == ["hub-beam"]
+
+
+@pytest.mark.slow
+def test_every_option_of_every_command_can_be_completed():
+    for shell in ("bash", "zsh", "fish"):
+        offered = program("completion", shell).stdout
+        for command in ("design", "reproduce", "sigma", "slew", "notebooks", "benchmark", "stress"):
+            flags = re.findall(r"^ +(--[a-z-]+)", boomctl(command, "--help").stdout, re.MULTILINE)
+            assert flags
+            for flag in flags:
+                assert (f" -l {flag[2:]} " if shell == "fish" else flag) in offered, (shell, command, flag)
+    assert program("completion", "tcsh").returncode == 2
+
+
+def test_quiet_prints_nothing_but_what_json_asks_for():
+    silent = program("sigma", "--quiet")
+    assert (silent.returncode, silent.stdout, silent.stderr) == (0, "", "")
+    assert json.loads(boomctl("sigma", "--quiet", "--json").stdout)["certified"]
+    failed = boomctl("sigma", "--quiet", "--elements", "-1")
+    assert failed.returncode == 2
+    assert len(failed.stderr.splitlines()) == 1
+
+
+@pytest.mark.slow  # the processes of a stress table: 6 s
+def test_output_that_goes_into_a_pipe_has_no_colours():
+    shown = program("stress", "--rows", "a section of a beam", "--workers", "1", environment={"TERM": "xterm-256color"})
+    assert shown.returncode == 0
+    assert "\x1b" not in shown.stdout + shown.stderr
+
+
+def test_a_reader_that_has_seen_enough_is_no_error():
+    command = f"{shlex.quote(sys.executable)} -m boomctl.cli completion fish"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        f"{command} | head -n 1", shell=True, capture_output=True, text=True, env=environment, check=True
+    )
+    assert done.stdout == "complete -c boomctl -f\n"
+    assert done.stderr == ""
+
+
+def test_notebooks_are_copied_whole_and_never_over_ones_own(tmp_path, monkeypatch):
+    source = tmp_path / "shipped"
+    source.mkdir()
+    for name in ("1_first.ipynb", "1_first.py", "measured.csv", ".hidden"):
+        (source / name).write_text(name)
+    monkeypatch.setattr("boomctl.studies.catalogue.shipped", lambda name: source)
+    out = tmp_path / "mine" / "notebooks"
+    done = boomctl("notebooks", "--out", str(out))
+    assert done.returncode == 0
+    assert sorted(path.name for path in out.iterdir()) == ["1_first.ipynb", "1_first.py", "measured.csv"]
+    assert done.stdout.split() == [str(out / name) for name in ("1_first.ipynb", "1_first.py", "measured.csv")]
+    (out / "1_first.py").write_text("my own")
+    again = boomctl("notebooks", "--out", str(out))
+    assert again.returncode == 2
+    assert "1_first.ipynb, 1_first.py, measured.csv already there" in again.stderr
+    assert (out / "1_first.py").read_text() == "my own"
+    forced = boomctl("notebooks", "--out", str(out), "--force", "--json")
+    assert len(json.loads(forced.stdout)) == 3
+    assert (out / "1_first.py").read_text() == "1_first.py"
+    assert boomctl("notebooks", "--out", str(source), "--force").returncode == 2
+
+
+def test_without_notebooks_it_is_said_that_there_are_none(tmp_path, monkeypatch):
+    monkeypatch.setattr("boomctl.studies.catalogue.shipped", lambda name: tmp_path / "none")
+    done = boomctl("notebooks", "--out", str(tmp_path / "out"))
+    assert done.returncode == 1
+    assert "there are no notebooks in" in done.stderr
+    assert not (tmp_path / "out").exists()

@@ -28,61 +28,69 @@ def imported(scene, *words):
     return set(done.stderr.split())
 
 
+SCENES = [
+    ("import boomctl", HEAVY),
+    ("import boomctl.structure, boomctl.analysis, boomctl.slew, boomctl.plotting", HEAVY),
+    (
+        "import boomctl as bc; bc.BoomParameters(); bc.HubBeamParameters()",
+        HEAVY - {"numpy"},
+    ),
+    ("import boomctl as bc; bc.spray_boom()", BOOM | {"boomctl.analysis"}),
+    ("import boomctl as bc; bc.sigma(bc.spray_boom()).peak", BOOM | {"boomctl.reduction"}),
+    ("import boomctl as bc; bc.boom_family(); bc.split_symmetric(bc.spray_boom())", BOOM),
+    (
+        "import boomctl as bc; bc.forced_response(bc.spray_boom(), {'cradle': [0.0, 1.0, 0.0]}, [0.0, 0.1, 0.2])",
+        LOOP,
+    ),
+    (
+        "import boomctl as bc; bc.swept_sine(bc.spray_boom(), bc.CoulombFriction(3.0), [9.0], 'actuator_left', 0.01)",
+        LOOP,
+    ),
+    (
+        "import boomctl as bc; print(bc.reduce(bc.spray_boom().select('actuator_left', 'tip_left'), order=6))",
+        BOOM | {"boomctl.synthesis"},
+    ),
+    (f"import boomctl as bc; print(bc.lqr(bc.spray_boom(), None, 1e-4, {COST}))", LOOP | {"scipy.optimize"}),
+    (f"import boomctl as bc; print(bc.kalman(bc.spray_boom(), {NOISE}))", LOOP | {"scipy.optimize"}),
+    (
+        f"import boomctl as bc; print(bc.lqg(bc.spray_boom(), None, 1e-4, {NOISE}, {COST}))",
+        LOOP | {"scipy.optimize"},
+    ),
+    ("import boomctl as bc; bc.lqg, bc.h2, bc.h_infinity, bc.SynthesisError, bc.simulate_loop, bc.reduce", LOOP),
+    ("import boomctl as bc; bc.hub_beam(modes=2).frequencies_hz(1.0)", BEAM | {"scipy.optimize"}),
+    ("import boomctl as bc; bc.hub_beam(modes=1).simulate(bc.spin_up(1.0, 1.0), [1.0, 2.0])", BEAM),
+    (
+        "import boomctl as bc; print(bc.optimal_slew(bc.hub_beam(modes=1), 1.5, 200.0))",
+        (LOOP | {"boomctl.boom", "boomctl.synthesis"}) - {"casadi"},
+    ),
+]
+
+NAMES = [
+    "package",
+    "rooms",
+    "parameters",
+    "boom",
+    "sigma",
+    "family",
+    "forced",
+    "sine",
+    "reduction",
+    "lqr",
+    "kalman",
+    "lqg",
+    "synthesis",
+    "beam",
+    "spin-up",
+    "slew",
+]
+QUICK = ("package", "rooms", "parameters", "boom", "sigma", "reduction", "slew")  # the others take half a second each
+
+
 @pytest.mark.parametrize(
     ("scene", "without"),
     [
-        ("import boomctl", HEAVY),
-        ("import boomctl.structure, boomctl.analysis, boomctl.slew, boomctl.plotting", HEAVY),
-        (
-            "import boomctl as bc; bc.BoomParameters(); bc.HubBeamParameters()",
-            HEAVY - {"numpy"},
-        ),
-        ("import boomctl as bc; bc.spray_boom()", BOOM | {"boomctl.analysis"}),
-        ("import boomctl as bc; bc.sigma(bc.spray_boom()).peak", BOOM | {"boomctl.reduction"}),
-        ("import boomctl as bc; bc.boom_family(); bc.split_symmetric(bc.spray_boom())", BOOM),
-        (
-            "import boomctl as bc; bc.forced_response(bc.spray_boom(), {'cradle': [0.0, 1.0, 0.0]}, [0.0, 0.1, 0.2])",
-            LOOP,
-        ),
-        (
-            "import boomctl as bc; bc.swept_sine(bc.spray_boom(), bc.CoulombFriction(3.0), [9.0], 'actuator_left', 0.01)",
-            LOOP,
-        ),
-        (
-            "import boomctl as bc; print(bc.reduce(bc.spray_boom().select('actuator_left', 'tip_left'), order=6))",
-            BOOM | {"boomctl.synthesis"},
-        ),
-        (f"import boomctl as bc; print(bc.lqr(bc.spray_boom(), None, 1e-4, {COST}))", LOOP | {"scipy.optimize"}),
-        (f"import boomctl as bc; print(bc.kalman(bc.spray_boom(), {NOISE}))", LOOP | {"scipy.optimize"}),
-        (
-            f"import boomctl as bc; print(bc.lqg(bc.spray_boom(), None, 1e-4, {NOISE}, {COST}))",
-            LOOP | {"scipy.optimize"},
-        ),
-        ("import boomctl as bc; bc.lqg, bc.h2, bc.h_infinity, bc.SynthesisError, bc.simulate_loop, bc.reduce", LOOP),
-        ("import boomctl as bc; bc.hub_beam(modes=2).frequencies_hz(1.0)", BEAM | {"scipy.optimize"}),
-        ("import boomctl as bc; bc.hub_beam(modes=1).simulate(bc.spin_up(1.0, 1.0), [1.0, 2.0])", BEAM),
-        (
-            "import boomctl as bc; print(bc.optimal_slew(bc.hub_beam(modes=1), 1.5, 200.0))",
-            (LOOP | {"boomctl.boom", "boomctl.synthesis"}) - {"casadi"},
-        ),
-    ],
-    ids=[
-        "package",
-        "rooms",
-        "parameters",
-        "boom",
-        "sigma",
-        "family",
-        "forced",
-        "sine",
-        "reduction",
-        "lqr",
-        "kalman",
-        "lqg",
-        "synthesis",
-        "beam",
-        "spin-up",
-        "slew",
+        pytest.param(*scene, id=name, marks=() if name in QUICK else pytest.mark.slow)
+        for name, scene in zip(NAMES, SCENES, strict=True)
     ],
 )
 def test_a_first_call_imports_only_what_it_uses(scene, without):
@@ -105,6 +113,7 @@ def test_a_command_imports_only_what_it_uses(words, without):
     assert sorted(imported(f"{COMMAND}; main()", *words) & without) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["sfoam", "cfoam", "geometrically-exact"])
 def test_a_beam_knows_all_models_from_wherever_it_comes(model):
     """A process that has made one beam alone has not imported the others for it."""
@@ -122,6 +131,7 @@ def test_the_slew_command_works_in_a_process_of_its_own(tmp_path):
     assert (tmp_path / "slew" / "report.html").stat().st_size > 0
 
 
+@pytest.mark.slow
 def test_systems_of_python_control_pickle_though_it_is_imported_late():
     """The package learns of python-control where a system of it is made or met, and so does pickle."""
     scene = (

@@ -4,6 +4,8 @@ import ast
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
+import pytest
+
 PACKAGE = Path(__file__).parents[1] / "boomctl"
 FILES = {
     ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path
@@ -26,6 +28,7 @@ def _imported(path):
             yield from (a.value for a in node.args if isinstance(a, ast.Constant) and "plotting" not in str(a.value))
 
 
+@pytest.mark.slow
 def test_no_imports_run_in_a_circle():
     graph = {name: {m for m in _imported(path) if m in FILES} - {name, "boomctl"} for name, path in FILES.items()}
     circle = []
@@ -36,6 +39,7 @@ def test_no_imports_run_in_a_circle():
     assert not circle, " <- ".join(circle)
 
 
+@pytest.mark.slow
 def test_names_are_imported_from_where_they_are_defined():
     """Not from a package that loads its public names when they are used: the graph above would not see where from."""
     lazy = {name for name, path in FILES.items() if path.with_suffix(".pyi").exists()} - {"boomctl"}
@@ -49,6 +53,7 @@ def test_no_folder_is_crowded():
         assert count <= MOST, f"{folder.name}: {count} files; expected a room of its own for some"
 
 
+@pytest.mark.slow
 def test_every_number_says_what_it_is():
     bare = []
     for name, path in FILES.items():
@@ -63,3 +68,13 @@ def test_every_number_says_what_it_is():
                 if not any("#" in line or '"""' in line for line in around):
                     bare.append(f"{name}: {ast.unparse(targets[0])}")
     assert not bare
+
+
+PRIVATE = ("of the house", "sign of the house", "our house")  # words that only who wrote them understands
+
+
+def test_what_users_read_has_no_private_words():
+    root = PACKAGE.parent
+    pages = [*FILES.values(), root / "README.md", *(root / "docs").glob("*.md"), *(root / "designs").glob("*.py")]
+    found = [f"{path.name}: {word}" for path in pages for word in PRIVATE if word in path.read_text(encoding="utf-8")]
+    assert not found

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
+from boomctl.exchange import ControllerNotes
 from boomctl.reduction.result import ReductionError
 from boomctl.rotating_beam.result import SimulationError
 from boomctl.slew import SlewError, resolve, shaper
@@ -31,6 +32,7 @@ FACTORIES = {
     "Assembly": one.machine,
     "RigidBody": lambda: one.machine().bodies[0],
     "Beam": lambda: one.machine().bodies[1],
+    "CrossSection": lambda: bc.structure.tube_section(0.06, 0.02, 0.002),
     "SpringDamper": lambda: one.machine().links[0],
     "Force": lambda: one.machine().forces[0],
     "Output": lambda: one.machine().outputs[0],
@@ -41,6 +43,13 @@ FACTORIES = {
     "TractorParameters": bc.TractorParameters,
     "Footprint": bc.Footprint,
     "SprayResult": one.spray,
+    "FieldScene": bc.FieldScene,
+    "SuspensionDesign": lambda: bc.SuspensionDesign(
+        "mine", "of two springs", controller=one.suspension(), facts={"peak": "9.87 with its best dampers" * 20}
+    ),
+    "MachineDesign": lambda: bc.MachineDesign("mine", "a half", one.yaw(), one.suspension()),
+    "MachineResult": lambda: bc.MachineDesign("mine", "a half", one.yaw(), one.suspension()).evaluate(),
+    "SlewDesign": lambda: bc.SlewDesign("mine", "a turn", one.hub_beam(), {"planned": one.slew()}),
     "SigmaResult": lambda: bc.sigma(one.boom()),
     "SigmaResult, norm not yet computed": lambda: bc.sigma(one.boom(), one.OMEGA),
     "SigmaResult, of a StateSpace": lambda: bc.sigma(one.mass().to_statespace(), one.OMEGA),
@@ -57,6 +66,12 @@ FACTORIES = {
     "StructuredMargin": lambda: bc.structured_margin(one.family(), one.suspension(), largest=1.2),
     "WorstCase": lambda: bc.worst_case(one.family(), one.suspension(), ["actuator_anti"], ["tip_anti"]),
     "ExactLoopStability": one.exact_loop,
+    "MeasuredCurve": one.measured_curve,
+    "FitResult": one.fitted,
+    "FitResult, not determined": lambda: bc.fit(
+        bc.hub_beam, [0.46, 2.9], ["youngs_modulus", "second_moment"], starts=1
+    ),
+    "FitCertificate": lambda: one.fitted().certificate,
     "ReductionResult": lambda: bc.reduce(one.yaw().select("actuator_anti", "tip_anti"), order=4),
     "ReductionResult, second-order": lambda: bc.reduce(
         one.yaw().select("actuator_anti", "tip_anti"), order=2, method="second-order"
@@ -70,7 +85,11 @@ FACTORIES = {
     "H2Result": lambda: bc.h2(one.generalized(), 1, 1),
     "HInfinityResult": one.h_infinity,
     "HInfinityCertificate": lambda: one.h_infinity().certificate,
+    "HInfinityResult, of a reduction": one.designed_on_a_reduction,
+    "HInfinityCertificate, of a reduction": lambda: one.designed_on_a_reduction().certificate,
+    "FullPlantCertificate": lambda: one.designed_on_a_reduction().certificate.full_plant,
     "ReducedController": lambda: bc.reduce_controller(one.generalized(), one.h_infinity().controller, order=1),
+    "ControllerNotes": lambda: ControllerNotes({"tip": "m", "torque": ""}, {"norm": 1.0}, {"boomctl": "0"}),
     "CoulombFriction": lambda: bc.CoulombFriction(8.0),
     "LoopResult": one.loop,
     "FrictionReport": lambda: one.loop().friction,
@@ -166,6 +185,28 @@ def test_it_says_in_a_few_lines_what_it_is(make):
     assert max(map(len, lines)) <= 100
     assert lines[0].startswith(type(given).__name__)
     assert " object at 0x" not in repr(given)
+
+
+def _parts(given, depth):
+    """Return objects of boomctl that attributes of one lead to."""
+    if isinstance(given, (tuple, list)):
+        return [part for entry in given[:2] for part in _parts(entry, depth)]
+    if isinstance(given, dict):
+        return _parts(list(given.values()), depth)
+    if not type(given).__module__.startswith("boomctl"):
+        return []
+    inside = dataclasses.fields(given) if depth and dataclasses.is_dataclass(given) else ()
+    deeper = [getattr(given, field.name) for field in inside if not field.name.startswith("_")]
+    return [given, *(part for entry in deeper for part in _parts(entry, depth - 1))]
+
+
+@_parametrised(FACTORIES | {"SecondOrderModel, large": lambda: bc.spray_boom(elements=2000)})
+def test_so_does_what_its_attributes_lead_to(make):
+    for part in _parts(make(), depth=2):
+        lines = repr(part).splitlines()
+        assert 1 <= len(lines) <= 5, type(part)
+        assert max(map(len, lines)) <= 100, type(part)
+        assert " object at 0x" not in repr(part)
 
 
 TABLES = (

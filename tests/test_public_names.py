@@ -18,7 +18,17 @@ import boomctl.structure
 STORED = Path(__file__).with_name("public_names.txt")
 
 # where the models and results that users are handed are exported; their members are listed under the bare class name
-PACKAGES = ("structure", "boom", "rotating_beam", "analysis", "reduction", "synthesis", "simulation", "slew")
+PACKAGES = (
+    "structure",
+    "boom",
+    "rotating_beam",
+    "analysis",
+    "identification",
+    "reduction",
+    "synthesis",
+    "simulation",
+    "slew",
+)
 
 
 def _default(value):

@@ -8,9 +8,6 @@ import pytest
 
 README = Path(__file__).parents[1] / "README.md"
 
-# a section that goes on where another one ended; every other section needs the first block only
-CONTINUES = {"Suspensions, down to the field": "Controllers"}
-
 
 def _blocks():
     """Return the blocks by section and number in it, in the README's order."""
@@ -29,8 +26,7 @@ FIRST = next(iter(BLOCKS))
 @functools.cache
 def _names_after(section, number):
     """Return the names that a reader has who ran a block and what comes before it."""
-    start = (CONTINUES[section], 1) if section in CONTINUES else FIRST
-    before = (section, number - 1) if number > 1 else start
+    before = (section, number - 1) if number > 1 else FIRST
     names = {} if (section, number) == FIRST else dict(_names_after(*before))
     exec(compile(BLOCKS[section, number], f"README.md, {section}", "exec"), names)
     return names
@@ -39,6 +35,12 @@ def _names_after(section, number):
 def _case(section, number):
     slow = "optimal_slew" in BLOCKS[section, number]
     return pytest.param(section, number, marks=pytest.mark.slow if slow else (), id=f"{section} {number}")
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    """What a block writes is written elsewhere."""
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize(("section", "number"), [_case(*key) for key in BLOCKS])

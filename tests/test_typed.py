@@ -1,7 +1,9 @@
 """What editors and type checkers know of the public names: the stub is in step, and no type is Any or Unknown."""
 
 import ast
+import inspect
 import json
+import pydoc
 import re
 import shutil
 import subprocess
@@ -19,13 +21,19 @@ SCRIPT = Path(__file__).with_name("user_script.py")
 
 
 STUBS = sorted(PACKAGE.rglob("__init__.pyi"))
+PACKAGES = [".".join(stub.parent.relative_to(PACKAGE.parent).parts) for stub in STUBS]
 
 
 @pytest.mark.parametrize("stub", STUBS, ids=lambda path: path.parent.name)
 def test_a_stub_exports_all_names_that_the_package_loads_from_where_they_are_defined(stub):
     package = import_module(".".join(stub.parent.relative_to(PACKAGE.parent).parts))
     tree = ast.parse(stub.read_text())
-    homes = {name.name: node.module for node in tree.body if isinstance(node, ast.ImportFrom) for name in node.names}
+    homes = {
+        name.name: node.module
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom) and node.module
+        for name in node.names
+    }
     (exported,) = [node.value for node in tree.body if isinstance(node, ast.Assign)]
     assert sorted(ast.literal_eval(exported)) == sorted(package.__all__)
     for name, home in homes.items():
@@ -41,10 +49,54 @@ def test_an_unknown_name_is_refused_with_those_that_exist(package):
         _ = import_module(package).Boom
 
 
+def test_sub_packages_are_there_without_an_import_of_their_own():
+    code = "import sys; import boomctl as bc; bc.structure.Beam; bc.studies.suspension.FieldScene; bc.slew.track;" + (
+        "assert 'structure' in dir(bc) and 'structure' not in bc.__all__; import boomctl.slew as s; assert s is bc.slew"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    folders = {path.parent.name for path in PACKAGE.glob("*/__init__.pyi")}
+    assert folders == {name for name in dir(boomctl) if (PACKAGE / name / "__init__.pyi").exists()}
+
+
 def test_a_public_name_stays_though_a_module_of_its_name_is_imported():
     """``boomctl.analysis.sigma`` is both; importing the module first must not hide the function."""
     code = "import boomctl.analysis.sigma; from boomctl.analysis import sigma; assert callable(sigma)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def _signatures():
+    """Return the signatures of all that is public: functions, classes and their methods, by name."""
+    found = {}
+    for package in PACKAGES:
+        module = import_module(package)
+        for name in module.__all__:
+            value = getattr(module, name)
+            if not callable(value) or (isinstance(value, type) and issubclass(value, BaseException)):
+                continue
+            found[f"{package}.{name}"] = inspect.signature(value)
+            for member, function in vars(value).items() if isinstance(value, type) else ():
+                if not member.startswith("_") and inspect.isfunction(function):
+                    found[f"{package}.{name}.{member}"] = inspect.signature(function)
+    return found
+
+
+def test_signatures_can_be_read():
+    """An annotation names a type; it does not spell out what numpy's ``ArrayLike`` is made of."""
+    for name, signature in _signatures().items():
+        kinds = [parameter.annotation for parameter in signature.parameters.values()]
+        for kind in (*kinds, signature.return_annotation):
+            assert len(inspect.formatannotation(kind)) <= 90, f"{name}: {kind}"
+
+
+def test_help_is_that_of_the_function_itself():
+    for package in PACKAGES:
+        module = import_module(package)
+        for name in module.__all__:
+            value = getattr(module, name)
+            if callable(value):
+                head, *_ = pydoc.plain(pydoc.render_doc(value)).splitlines()
+                assert f" {name} in module {value.__module__}" in head
+                assert value.__doc__
 
 
 def test_the_package_says_that_it_is_typed():
@@ -53,7 +105,8 @@ def test_the_package_says_that_it_is_typed():
 
 def test_the_users_script_uses_every_public_name():
     used = set(re.findall(r"\bbc\.(\w+)", SCRIPT.read_text()))
-    assert used == set(boomctl.__all__)
+    packages = {path.parent.name for path in PACKAGE.glob("*/__init__.pyi")}
+    assert used == set(boomctl.__all__) | packages
 
 
 @pytest.mark.slow  # a type checker's start and one pass over all that is public: 7 s

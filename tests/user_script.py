@@ -67,8 +67,19 @@ reveal_type(s)
 reveal_type(s.omega)
 reveal_type(s.peak)
 reveal_type(s.certified)
-reveal_type(s.plot())
-reveal_type(bc.read_measured_curve("curve.csv"))
+reveal_type(s.plot(label="boom", linestyle="--"))
+reveal_type(bc.sigma(m, frequency_hz=[0.1, 1.0]).frequency_hz)
+reveal_type(bc.compare_sigma({"boom": m, "again": plant}).plot(unit="rad/s"))
+reveal_type(bc.read_measured_curve("curve.csv").plot())
+curve = bc.read_measured_curve("curve.csv")
+reveal_type(curve)
+reveal_type(curve.response)
+fitted = bc.fit(bc.spray_boom, [0.25, 0.59, 0.94], ["spring_stiffness"])
+reveal_type(fitted)
+reveal_type(fitted.intervals["spring_stiffness"])
+reveal_type(fitted.certificate.certified)
+reveal_type(fitted.unseen)
+reveal_type(fitted.plot())
 reveal_type(bc.hinf_norm(plant))
 reveal_type(bc.h2_norm(plant).value)
 reveal_type(bc.mode_table(m).rows[0].damping)
@@ -78,6 +89,10 @@ red = bc.reduce(m, order=10, method="balanced", band=(0.0, 80.0))
 reveal_type(red)
 reveal_type(red.system)
 reveal_type(red.measured_error)
+
+with bc.listening(print):
+    reveal_type(bc.reduce(m, order=10, progress=lambda told: reveal_type(told)))
+reveal_type(bc.Progress("task", "stage", 1.0).seconds)
 
 # synthesis
 units = {"actuator_anti": 0.03}
@@ -99,6 +114,8 @@ reveal_type(d)
 reveal_type(d.controller)
 reveal_type(d.gamma)
 reveal_type(d.certificate.statement)
+reveal_type(bc.h_infinity(red, 1, 1).certificate.full_plant)
+reveal_type(bc.ReductionWarning("said"))
 reveal_type(bc.h2(P, 1, 1))
 reveal_type(bc.lqr(plant, {"tip_left": 1.0}, np.eye(1)).gain)
 reveal_type(bc.kalman(plant, np.eye(1), np.eye(1)).estimator)
@@ -114,6 +131,10 @@ reveal_type(bc.select_channels(plant, "cradle", "tip_left"))
 K_jolt, K_yaw, error = bc.split_controller(m, K)
 reveal_type(K_yaw)
 reveal_type(bc.join_symmetric(m, K_jolt, K_yaw))
+reveal_type(bc.write_controller(Kd, "suspension.c", force_limit=60.0))
+reveal_type(bc.read_controller("suspension.json"))
+reveal_type(bc.read_controller_notes("suspension.json"))
+bc.to_scipy(K), bc.to_pymor(m)
 reveal_type(bc.margins(yaw, K))
 reveal_type(bc.feedback_loop(yaw, K))
 reveal_type(bc.closed_loop_response(yaw.frequency_response(omega), K))
@@ -136,6 +157,29 @@ reveal_type(bc.forced_response(m, {"actuator_left": motion.left}, motion.time))
 reveal_type(bc.describing_function(m, friction, omega, "actuator_left", 0.01))
 reveal_type(bc.swept_sine(m, friction, omega, "actuator_left", 0.01))
 reveal_type(bc.sine_sigma(m, friction, omega, [{"actuator_left": 1.0}], 0.01))
+
+# studies
+for name in bc.design_names("suspension"):
+    reveal_type(bc.load_design(name))
+scene = bc.FieldScene(road_class="D")
+reveal_type(bc.performance("passive", scene, p).spray.cv)
+reveal_type(bc.SuspensionDesign("mine", "a passive one").evaluate(scene).deposit_cv)
+reveal_type(bc.SlewDesign)
+reveal_type(bc.MachineDesign("mine", "of my own", m, K).evaluate().after.peak)
+reveal_type(bc.structure.FiniteElements(4))
+reveal_type(bc.studies.suspension.suspension_model(p))
+draw = bc.plotting.draw_deposit  # its type names style, which is open
+reveal_type(bc.slew.track)
+packages = (
+    bc.analysis,
+    bc.boom,
+    bc.exchange,
+    bc.identification,
+    bc.reduction,
+    bc.rotating_beam,
+    bc.simulation,
+    bc.synthesis,
+)
 
 # the hub-beam
 q = bc.HubBeamParameters(tip_mass=0.1)

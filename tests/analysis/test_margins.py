@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis import feedback_loop, margins
+from boomctl.analysis.margins import UncertainMarginsWarning
 from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
 from tests.profiles import examples
 
@@ -177,3 +178,36 @@ def test_loops_without_dynamics_around_one_another_have_margins():
     found = margins(plant, K)
     assert all(loop.delay == 0.0 for loop in (found["u1"], found["y1"]))
     assert np.isfinite(found.everywhere.alpha)
+
+
+def test_margins_of_a_slow_and_narrow_loop_are_those_of_the_loop_in_other_units():
+    """Poles eleven decades below the fastest, and a resonance of a billionth of its frequency: both cross."""
+    slow = control.ss(np.diag([-1e-7, -1e5]), [[1e-6], [1e4]], [[1.0, 1.0]], 0.0, inputs=["u"], outputs=["y"])
+    K = control.ss([], [], [], -1.0, inputs=["y"], outputs=["u"])
+    loop = margins(slow, K)["u"]
+    assert loop.phase_omega == pytest.approx(1e-7 * np.sqrt(99.0), rel=0.2)
+    w, narrow = 3.0, 1e-9
+    A = w * np.array([[-narrow, 1.0], [-1.0, -narrow]])
+    P = control.ss(A, [[1.0], [0.0]], [[0.0, 1e-9]], 0.0, inputs=["u"], outputs=["y"])
+    # -K P = g 1e-9 w/((s + w narrow)^2 + w^2): real and negative on the axis at rest alone, one in size beside w
+    found = margins(P, control.ss([], [], [], -10.0, inputs=["y"], outputs=["u"]))["u"]
+    assert found.phase_omega == pytest.approx(w, rel=1e-6)
+    assert np.isfinite(found.phase_deg)
+
+
+@pytest.mark.slow
+def test_margins_that_rounding_changes_are_said_to_be_uncertain():
+    rng = np.random.default_rng(0)
+    n = 8
+    U, V = (np.linalg.qr(rng.standard_normal((n, n)))[0] for _ in range(2))
+    T = U @ np.diag(np.geomspace(1e-4, 1e4, n)) @ V
+    A = np.kron(np.diag(np.arange(1.0, 5.0)), np.array([[-1e-4, 1.0], [-1.0, -1e-4]]))
+    back = np.linalg.inv(T)
+    names = {"inputs": ["u"], "outputs": ["y"]}
+    B, C = np.ones((n, 1)), np.ones((1, n))
+    K = control.ss([], [], [], -0.01, inputs=["y"], outputs=["u"])
+    with pytest.warns(UncertainMarginsWarning, match="rounding"):
+        bad = margins(control.ss(T @ A @ back, T @ B, C @ back, 0.0, **names), K)["u"]
+    assert not bad.disk.certified
+    good = margins(control.ss(A, B, C, 0.0, **names), K)["u"]
+    assert good.rounding < 1e-9 < bad.rounding

@@ -88,6 +88,7 @@ def test_the_booms_norm_is_certified_at_every_size(elements):
     assert attained == pytest.approx(certificate.lower, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_large_and_small_ways_to_the_norm_agree():
     model = spray_boom(elements=60).select(ACTUATORS, TIPS)
     assert model.n > 100

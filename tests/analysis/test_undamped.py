@@ -1,6 +1,7 @@
 """What counts as undamped: every public method that asks gives the same answer.
 
-A pole of relative damping 5e-11, either sign, is undamped, one of 5e-10 or 5e-9 is not: it decays, or is unstable.
+A pole of relative damping 5e-11, either sign, is undamped, one of 5e-10 or 5e-9 is not: it decays, or is unstable.  Norms
+alone go by the digits given: a mode that decays, however slowly, has a finite one.
 """
 
 import control
@@ -42,7 +43,7 @@ NOTHING = control.ss([], [], [], [[0.0]], inputs="y", outputs="u")
 
 @pytest.mark.parametrize("damping", DAMPINGS)
 def test_norms_and_singular_values(damping):
-    finite = side(damping) < 0
+    finite = damping > 0.0
     system = oscillator(damping)
     poles = np.linalg.eigvals(system.A)
     assert side_of_axis(poles)[np.argmin(np.abs(poles.real))] == side(damping)
@@ -52,8 +53,8 @@ def test_norms_and_singular_values(damping):
     assert np.isfinite(bc.sigma(structure(damping), [1.0]).peak) == finite
     assert np.isfinite(bc.h2_norm(structure(damping)).value) == finite
     hidden = oscillator(damping, hidden=True)
-    assert np.isfinite(bc.hinf_norm(hidden).lower) == (side(damping) <= 0)
-    assert np.isfinite(bc.h2_norm(hidden).value) == (side(damping) <= 0)
+    assert np.isfinite(bc.hinf_norm(hidden).lower) == finite
+    assert np.isfinite(bc.h2_norm(hidden).value) == finite
 
 
 @pytest.mark.parametrize("damping", DAMPINGS)
@@ -70,7 +71,7 @@ def test_loops(damping):
     plant = structure(damping)
     stable = side(damping) < 0
     loop = bc.feedback_loop(plant, NOTHING, added=["u"])
-    assert np.isfinite(bc.hinf_norm(loop).lower) == stable
+    assert np.isfinite(bc.hinf_norm(loop).lower) == (damping > 0.0)
     if stable:
         assert bc.margins(plant, NOTHING).loops
     else:
@@ -83,7 +84,7 @@ def test_loops(damping):
         ),
     )
     assert (bc.robust_stability(family, NOTHING).unstable_at is None) == stable
-    assert np.isfinite(bc.worst_case(family, NOTHING).norm.lower) == stable
+    assert np.isfinite(bc.worst_case(family, NOTHING).norm.lower) == (damping > 0.0)
 
 
 @pytest.mark.parametrize("damping", DAMPINGS)

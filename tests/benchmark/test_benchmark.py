@@ -38,12 +38,14 @@ def report():
     return found
 
 
+@pytest.mark.slow
 def test_errors_are_finite(report):
     errors = [e for row in report.rows for e in (row.error, row.peer_error) if e is not None]
     assert len(errors) >= 10
     assert all(math.isfinite(e) and e >= 0.0 for e in errors)
 
 
+@pytest.mark.slow
 def test_every_line_is_there(report):
     assert len({row.section for row in report.rows}) == 10
     cold = [row for row in report.rows if row.job.startswith("cold: ")]
@@ -53,12 +55,14 @@ def test_every_line_is_there(report):
     assert any(row.job.startswith("8 elements") and row.peer is None for row in report.rows)
 
 
+@pytest.mark.slow
 def test_exact_beam_is_exact(report):
     exact = [row for row in report.rows if row.section.startswith("Exact")]
     assert exact
     assert all(row.error < 1e-9 for row in exact)
 
 
+@pytest.mark.slow
 def test_json(report):
     data = json.loads(json.dumps(report.as_dict(), allow_nan=False))
     assert len(data["rows"]) == len(report.rows)
@@ -68,6 +72,7 @@ def test_json(report):
     )
 
 
+@pytest.mark.slow
 def test_rendering_fits_a_hundred_columns(report):
     console = Console(width=100, record=True, file=StringIO())
     console.print(report.render())

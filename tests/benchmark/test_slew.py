@@ -11,6 +11,7 @@ from boomctl.slew import optimal_slew
 EFFORT = Effort(AssumedModesBeam(HubBeamParameters(), "sfoam", 1), 0.8, 140.0, 2.8, 40)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "peer",
     [

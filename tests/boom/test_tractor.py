@@ -280,9 +280,9 @@ def test_what_is_no_track_and_what_is_beyond_numbers_is_refused():
     with pytest.raises(ValueError, match=r"duration = .*: expected at most 5e.07 steps of 1e-12 s"):
         bc.platform_motion(bc.iso_track("C", 40.0), sample_time=1e-12)
     for call in (bc.platform_density, lambda f, **options: bc.track_filter(**options)):
-        with pytest.raises(ValueError, match=r"speed = 1e.300: a tyre passes its contact patch"):
+        with pytest.raises(ValueError, match=r"speed = 1e.300: expected a number of at most 1e.100 in size"):
             call([1.0], speed=1e300)
-        with pytest.raises(ValueError, match=r"actuator_distance = 1e.300: the densities are not finite"):
+        with pytest.raises(ValueError, match=r"actuator_distance = 1e.300: expected a number of at most"):
             call([1.0], actuator_distance=1e300)
 
 

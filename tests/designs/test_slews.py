@@ -10,17 +10,26 @@ from boomctl.slew import switching_curve
 from boomctl.studies import catalogue
 from boomctl.studies.slew import SlewDesign
 from designs import min_time_slew, robust_payload_slew, spin_up_slew
+from tests.profiles import is_quick
 
 RUNS = {
     "min_time_slew": lambda: min_time_slew.main(modes=1),
     "robust_payload_slew": lambda: robust_payload_slew.main(modes=1, intervals=60),
     "spin_up_slew": lambda: spin_up_slew.main(modes=1),
 }
+QUICK = ("min_time_slew",)  # the others take two seconds each
 
 
 @cache
 def judged(name):
     return RUNS[name]()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def all_judged():
+    """The runs that the tests of this file share."""
+    for name in QUICK if is_quick() else RUNS:
+        judged(name)
 
 
 def test_the_catalogue_lists_suspensions_and_slews():
@@ -29,7 +38,9 @@ def test_the_catalogue_lists_suspensions_and_slews():
     assert "four_bar" not in catalogue.design_names()
 
 
-@pytest.mark.parametrize("name", RUNS)
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in RUNS]
+)
 def test_the_certificate_holds(name):
     evaluation = judged(name)
     design, certificate = evaluation.design, evaluation.design.slew.certificate
@@ -41,7 +52,9 @@ def test_the_certificate_holds(name):
     assert design.title in str(evaluation)
 
 
-@pytest.mark.parametrize(("name", "switches"), [("min_time_slew", 3), ("spin_up_slew", 2)])
+@pytest.mark.parametrize(
+    ("name", "switches"), [("min_time_slew", 3), pytest.param("spin_up_slew", 2, marks=pytest.mark.slow)]
+)
 def test_the_torque_has_the_sign_of_the_switching_function(name, switches):
     slew = judged(name).design.slew
     curve = switching_curve(slew)
@@ -52,6 +65,7 @@ def test_the_torque_has_the_sign_of_the_switching_function(name, switches):
     assert np.abs(at_switches).max() < 1e-2
 
 
+@pytest.mark.slow
 def test_an_effort_has_no_switching_function():
     with pytest.raises(ValueError, match="bang-bang"):
         switching_curve(judged("robust_payload_slew").design.slew)
@@ -66,6 +80,7 @@ def test_minimum_time_lies_between_rigid_and_shaped():
     assert own.vibration_low > shaped.vibration_low
 
 
+@pytest.mark.slow
 def test_one_torque_leaves_every_payload_at_rest():
     payloads = judged("robust_payload_slew").payloads
     robust, plain = robust_payload_slew.ROBUST, robust_payload_slew.PLAIN
@@ -81,6 +96,7 @@ def test_one_torque_leaves_every_payload_at_rest():
     assert sweep[0.2] == pytest.approx(payloads.lines[-1].vibration, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_the_spin_up_ends_in_steady_rotation():
     evaluation = judged("spin_up_slew")
     planned, profile = evaluation.spin_ups

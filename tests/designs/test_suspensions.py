@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+import boomctl as bc
 from boomctl.studies.catalogue import design_file, design_names
 from boomctl.studies.suspension import FieldScene, SuspensionDesign, suspension_model
 
@@ -72,6 +73,22 @@ def test_the_halves_make_the_whole(result):
     """Of a symmetric loop the largest peak is the larger one of both halves."""
     halves = max(result.active.jolt.lower, result.active.yaw.lower)
     assert halves == pytest.approx(result.active.sigma.peak, rel=1e-4)
+
+
+def test_the_controller_lies_beside_the_report_in_files(result, tmp_path):
+    """None of a passive design; read again it is the same, and its C code has the limits of the field run."""
+    files, K = result.controller_files(), result.design.controller
+    if K is None:
+        assert not files
+        return
+    assert {"controller.json", "controller.mat", "controller.m"} <= set(files)
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    read = bc.read_controller(tmp_path / "controller.json")
+    assert np.array_equal(read.A, K.A)
+    assert (read.input_labels, read.output_labels) == (K.input_labels, K.output_labels)
+    if "controller.c" in files:
+        assert f"FORCE[2] = {{R({SCENE.force_limit.hex()}), R({SCENE.force_limit.hex()})}}" in files["controller.c"]
 
 
 def test_a_design_may_come_from_a_file(tmp_path):

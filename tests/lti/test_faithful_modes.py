@@ -2,6 +2,7 @@
 
 import mpmath as mp
 import numpy as np
+import pytest
 from hypothesis import assume, given
 
 from boomctl.lti.faithful_modes import faithful_modes, in_faithful_modes
@@ -18,6 +19,7 @@ def modal_response(modal, omega):
     return total
 
 
+@pytest.mark.slow
 @examples(60)
 @given(seeds)
 def test_no_frequency_shows_more_than_the_bound(seed):

@@ -100,6 +100,7 @@ def test_spin_up_peaks():
     assert section.claims[0].verdict == MET
 
 
+@pytest.mark.slow
 def test_cfoam_and_foam_agree():
     assert hub_beam_spin_up.cfoam_and_foam().claims[0].verdict == MET
 
@@ -132,6 +133,7 @@ def test_residual_vibration_is_recovered(amplitude, omega, phase):
     assert abs(np.angle(np.exp(1j * (fit.phase - phase)))) < 0.02
 
 
+@pytest.mark.slow
 def test_tip_mass():
     verdicts = [claim.verdict for claim in hub_beam_spin_up.tip_mass().claims]
     assert verdicts == [MET, NOT_REPRODUCIBLE, NOT_REPRODUCIBLE]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.plotting import plot_mesh_study, plot_slew_comparison
+from boomctl.plotting import figure_of
 from boomctl.slew import SlewError, compare_slews, mesh_study
 
 
@@ -17,7 +17,7 @@ def study():
 
 
 def test_mesh_picture_draws_the_errors_and_says_their_orders(study):
-    figure = plot_mesh_study(study)
+    figure = figure_of(study.plot)
     drawn = figure.axes[0].get_lines()
     assert len(drawn) == len(study.lines) == 4
     for curve, line in zip(drawn, study.lines, strict=True):
@@ -29,7 +29,7 @@ def test_mesh_picture_draws_the_errors_and_says_their_orders(study):
 
 
 def test_orders_are_slopes_of_what_is_drawn(study):
-    for curve, line in zip(plot_mesh_study(study).axes[0].get_lines(), study.lines, strict=True):
+    for curve, line in zip(figure_of(study.plot).axes[0].get_lines(), study.lines, strict=True):
         x, y = np.log(curve.get_xdata()), np.log(curve.get_ydata())
         steps = -np.diff(y) / np.diff(x)
         assert steps[1:].min() - 0.5 <= line.order <= steps[1:].max() + 0.5
@@ -52,15 +52,16 @@ def test_a_mesh_without_solution_leaves_a_gap(monkeypatch):
     assert np.isnan(end.errors).tolist() == [True, False, False]
     assert end.order == pytest.approx(2.0, abs=0.3)
     assert np.isnan(held.order)
-    curves = plot_mesh_study(study).axes[0].get_lines()
+    curves = figure_of(study.plot).axes[0].get_lines()
     assert curves[0].get_xdata().tolist() == [20, 40]
     assert curves[1].get_label().endswith("order not seen")
 
 
+@pytest.mark.slow
 def test_no_two_slews_share_a_look_or_a_place():
     comparison = compare_slews(bc.hub_beam(modes=1), 0.5, 100.0)
     names = ("bang-bang", "bang-bang, ZV", "bang-bang, EI")
-    figure = plot_slew_comparison(comparison, names)
+    figure = figure_of(comparison.plot, names=names)
     right = figure.axes[-1]
     markers = {c.get_label(): c for c in right.get_lines() if not re.match("_|frequencies", str(c.get_label()))}
     assert set(markers) == {line.name for line in comparison.lines}

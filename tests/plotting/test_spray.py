@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.plotting import draw_deposit, draw_motion, draw_track_density, figure_bytes
+from boomctl.plotting import draw_deposit, draw_motion, draw_track_density, figure_bytes, figure_of
 
 X = bc.nozzle_positions()
 
@@ -16,7 +16,7 @@ def sprayed(k):
 
 def test_fields_side_by_side_share_their_scale_and_say_their_figures():
     results = {"passive": sprayed(0.2), "active": sprayed(0.02)}
-    figure = draw_deposit(results, length=20.0)
+    figure = figure_of(draw_deposit, results, length=20.0)
     *panels, bar = figure.axes
     assert len(panels) == 2
     norms = [ax.collections[0].norm for ax in panels]
@@ -32,7 +32,7 @@ def test_fields_side_by_side_share_their_scale_and_say_their_figures():
 
 def test_an_even_field_is_drawn_in_the_middle_colour():
     result = sprayed(0.0)
-    figure = result.plot()
+    figure = figure_of(result.plot)
     drawn = figure.axes[0].collections[0]
     colours = drawn.cmap(drawn.norm(result.judged.ravel()))
     assert np.allclose(colours, drawn.cmap(drawn.norm(1.0)))
@@ -43,7 +43,7 @@ def test_an_even_field_is_drawn_in_the_middle_colour():
 def test_tips_are_drawn_over_the_time_of_the_platform():
     motion = bc.sine_sweep(0.2, 2.0, 10.0, 0.01, "yaw")
     tips = {"passive": np.array([motion.left, motion.right]), "active": 0.1 * np.array([motion.left, motion.right])}
-    figure = draw_motion(motion, tips, span=(2.0, 8.0))
+    figure = figure_of(draw_motion, motion, tips, span=(2.0, 8.0))
     platform, passive, active = figure.axes
     assert platform.get_lines()[1].get_ydata() == pytest.approx(1e3 * motion.right)
     assert passive.get_ylim() == active.get_ylim()
@@ -52,7 +52,7 @@ def test_tips_are_drawn_over_the_time_of_the_platform():
 
 
 def test_densities_lie_on_the_line_of_their_class():
-    figure = draw_track_density({"C": [bc.iso_track("C", 200.0, seed) for seed in range(6)]})
+    figure = figure_of(draw_track_density, {"C": [bc.iso_track("C", 200.0, seed) for seed in range(6)]})
     points, line = figure.axes[0].get_lines()[:2]
     expected = np.interp(np.log(points.get_xdata()), np.log(line.get_xdata()), np.log(line.get_ydata()))
     off = np.log(points.get_ydata()) - expected
@@ -63,7 +63,7 @@ def test_densities_lie_on_the_line_of_their_class():
 def test_still_tips_and_tips_that_do_not_fit():
     motion = bc.sine_sweep(0.2, 2.0, 10.0, 0.01)
     still = np.zeros((2, len(motion.time)))
-    assert len(draw_motion(motion, {"held": still}).axes) == 2
+    assert len(figure_of(draw_motion, motion, {"held": still}).axes) == 2
     with pytest.raises(ValueError, match=r"tips\['held'\]: expected shape \(2, 10001\), got \(2, 5\)"):
         draw_motion(motion, {"held": still[:, :5]})
     with pytest.raises(ValueError, match=r"tips\['held'\]: expected finite numbers"):

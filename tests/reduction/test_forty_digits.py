@@ -17,6 +17,7 @@ from tests.strategies import seeds
 METHODS = ("balanced", "singular-perturbation", "hankel", "modal")
 
 
+@pytest.mark.slow
 @examples(40)
 @given(seeds, st.sampled_from(METHODS))
 def test_the_verified_error_is_at_or_above_the_truth(seed, method):
@@ -31,9 +32,8 @@ def test_the_verified_error_is_at_or_above_the_truth(seed, method):
     assert largest_error(full, reduced.system) <= reduced.measured_error * (1.0 + 1e-6)
 
 
-@pytest.mark.parametrize(
-    "seed", range(0, 16, 2)
-)  # of odd ones, weakly damped oscillators of one frequency are in a chain
+# of odd seeds, weakly damped oscillators of one frequency are in a chain
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 16, 2))])
 def test_damping_above_a_millionth_is_reduced_and_not_refused(seed):
     full = hard_system(seed, damping=(-5.0, -1.0))
     reduced = bc.reduce(full, full.nstates // 2)
@@ -41,6 +41,7 @@ def test_damping_above_a_millionth_is_reduced_and_not_refused(seed):
     assert reduced.truncation_bound <= 1e-3 * bc.hinf_norm(full).lower
 
 
+@pytest.mark.slow
 @examples(30)
 @given(seeds)
 def test_what_splitting_off_a_kept_part_loses_is_in_the_error(seed):
@@ -64,7 +65,9 @@ def test_what_splitting_off_a_kept_part_loses_is_in_the_error(seed):
     assert largest_error(full, reduced.system, at) <= reduced.measured_error * (1.0 + 1e-6) + 1e-12 * size
 
 
-@pytest.mark.parametrize("distance", [1e-3, 1e-6, 1e-9, 1e-12, 0.0])
+@pytest.mark.parametrize(
+    "distance", [0.0, *(pytest.param(distance, marks=pytest.mark.slow) for distance in (1e-3, 1e-6, 1e-9, 1e-12))]
+)
 def test_poles_that_draw_together_in_mixed_coordinates(distance):
     """A chain of lags whose poles are nearly equal: its modes cancel, the nearer the more."""
     for seed in range(3):

@@ -174,3 +174,19 @@ def test_chains_with_more_signals_than_states(shape):
         assert np.linalg.norm(gap, 2) <= found.measured_error * (1.0 + 1e-6)
         assert found.measured_error <= found.error_bound * (1.0 + 1e-3) + 2e-9 * size
     assert bc.h2_norm(chain).certified
+
+
+@pytest.mark.parametrize("method", METHODS[:4])
+@pytest.mark.parametrize("step", [9, pytest.param(1, marks=pytest.mark.slow)])
+def test_orders_of_a_boom_pushed_by_forces_work_or_are_refused_in_plain_words(step, method):
+    """Its two rigid motions come out of a solver of eigenvalues at some 1e-10 rad/s, and are kept all the same."""
+    boom = spray_boom(elements=4, excitation="force", accelerometer_bandwidth_hz=20)
+    for order in range(0, len(boom.to_statespace().A) + 1, step):
+        if method == "modal" or order < 4:
+            with pytest.raises(ValueError, match=r"defective|states are kept, so at least that"):
+                reduce(boom, order, method)
+            continue
+        red = reduce(boom, order, method)
+        assert red.kept == 4
+        assert (np.abs(red.system.poles()) < 1e-6).sum() == 4
+        assert red.measured_error <= red.error_bound * (1.0 + 1e-5) < np.inf  # the level proved lies that little above

@@ -19,7 +19,7 @@ def ladder(count):
 
 
 @pytest.mark.parametrize("share", [1e-2, 1e-3, 1e-4, 1e-6])
-@pytest.mark.parametrize("masses", [20, 30])
+@pytest.mark.parametrize("masses", [20, pytest.param(30, marks=pytest.mark.slow)])
 def test_modes_are_added_until_a_wanted_error_is_reached(masses, share):
     model = chain(masses, 1e-2)
     wanted = share * bc.sigma(model).peak
@@ -29,7 +29,7 @@ def test_modes_are_added_until_a_wanted_error_is_reached(masses, share):
 
 
 @pytest.mark.parametrize("method", ["balanced", "singular-perturbation"])
-@pytest.mark.parametrize("count", [12, 60, 100])
+@pytest.mark.parametrize("count", [12, *(pytest.param(count, marks=pytest.mark.slow) for count in (60, 100))])
 def test_every_order_has_an_error_also_below_rounding(method, count):
     full = ladder(count)
     size = bc.hinf_norm(full).lower

@@ -10,6 +10,7 @@ from tests.rotating_beam.strategies import ALL_MODELS
 SHORT = HubBeamParameters(length=2.0, hub_inertia=5.0, tip_mass=0.05, damping_ratio=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ALL_MODELS)
 def test_nlsys_equals_the_simulator(model):
     beam = hub_beam(SHORT, model, 1)

@@ -136,6 +136,7 @@ def test_angular_momentum_is_kept_by_every_step(state):
     assert np.ptp(momentum) < 1e-11 * np.max(np.abs(dynamics.rest_mass[0, 0] * run.v[:, 0]))
 
 
+@pytest.mark.slow
 def test_work_of_the_torque_is_the_energy_gained():
     r = GeometricallyExactBeam(LOADED, 5).simulate(sine_torque(150.0, 8.0, 5.0), np.linspace(0, 5, 2001))
     power = r.torque * r.hub_speed
@@ -185,6 +186,7 @@ def test_collocation_has_order_eight():
     assert coarse / fine > 2**7
 
 
+@pytest.mark.slow
 def test_modes_converge_spectrally():
     times = np.linspace(0, 4, 81)
     tips = [
@@ -196,6 +198,7 @@ def test_modes_converge_spectrally():
     assert errors[2] < 2e-5
 
 
+@pytest.mark.slow
 def test_the_error_estimate_bounds_the_error():
     model, times = GeometricallyExactBeam(BAI, 5), np.linspace(0, 7, 351)
     loose = model.simulate(sine_torque(300.0, 6.0, 6.0), times, rtol=1e-4)

@@ -242,6 +242,7 @@ def test_residual_after_400_newton_metres(model):
     assert residual == pytest.approx(references.RESIDUAL_AT_400[model], abs=5e-4)
 
 
+@pytest.mark.slow
 def test_leaving_the_region_of_the_mass_matrix_is_an_error():
     beam = hub_beam(BAI, "sfoam", 3)
     with pytest.raises(SimulationError, match=r"mass matrix ceases to be positive definite at t = \d"):

@@ -41,7 +41,7 @@ def test_no_sine_at_an_undamped_resonance(respond):
 
 @pytest.mark.parametrize(("omega", "amplitude"), [(1e300, 1.0), (1.0, 1e300)])
 def test_a_describing_function_of_numbers_too_large(omega, amplitude):
-    with pytest.raises(ValueError, match="not finite"):
+    with pytest.raises(ValueError, match=r"(omega|amplitude).*1e.300.*expected|expected.*got 1e.300"):
         bc.describing_function(_plant(), _LAW, [omega], "d", amplitude)
 
 

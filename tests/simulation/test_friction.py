@@ -57,6 +57,7 @@ def test_it_stays_where_the_spring_cannot_move_it():
     assert found.friction.dissipated == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ratio", "share"), [(1.4, 0.3), (0.7, 0.4), (2.0, 0.5), (0.8, 0.4)])
 def test_den_hartog_without_stops(ratio, share):
     """Source: Den Hartog (1931): largest displacement of a mass on a spring under a sine, sliding without stops."""
@@ -175,6 +176,7 @@ def _shaken_boom(h, force, substeps):
     return simulate_loop(bc.spray_boom(elements=8), None, platform, time, sample_time=h, friction=law).friction
 
 
+@pytest.mark.slow
 def test_substeps_do_not_loosen_a_cradle_on_a_shaken_platform():
     """A displacement given at points has no corners there: what holds on a fine grid holds with any substeps."""
     assert _shaken_boom(0.001, 200.0, 1).dissipated < 1e-4

@@ -82,6 +82,7 @@ def test_sines_in_time_agree_with_the_harmonic_balance_where_the_cradle_slides(f
     np.testing.assert_allclose(swept.slip, balance.slip, rtol=0.06)
 
 
+@pytest.mark.slow
 def test_a_stepped_sine_is_what_the_simulated_loop_ends_in():
     plant, law, omega = mass_on_spring(damping=0.5), CoulombFriction(0.6, input="f", output="x"), 14.0
     swept = swept_sine(plant, law, [omega], "f", 2.0, ("x",), steps=400)

@@ -138,6 +138,7 @@ def test_a_half_doubled_is_the_whole():
     assert twice.left == pytest.approx(whole.left)
 
 
+@pytest.mark.slow
 def test_axial_modes_hardly_matter_to_the_time():
     foam = slew_problem(bc.hub_beam(LOADED, model="foam", modes=1), np.pi / 2, Limits(200.0))
     quick = without_axial_modes(foam)
@@ -181,7 +182,7 @@ def test_many_modes(model, modes):
     assert slew.certificate.method == "switching times"
     assert slew.certificate.optimality == "extremal"
     assert slew.certificate.optimality_gap < 1e-6
-    assert slew.end_error < 1e-6
+    assert slew.certificate.prescribed_error < 1e-6  # axial motion is left free
     assert slew.certificate.constraint_violation < 1e-12
 
 

@@ -60,6 +60,7 @@ def test_shooting_and_collocation_agree(beam, objective):
     assert all(slew.residual_energy < 1e-9 for slew in slews)
 
 
+@pytest.mark.slow
 def test_each_objective_is_best_at_its_own(beam):
     slews = {
         name: bc.optimal_slew(beam, ANGLE, LIMIT, name, 3.6, method="shooting", intervals=60)
@@ -172,7 +173,8 @@ def test_foam_is_planned_with_its_axial_modes():
     foam = bc.hub_beam(model="foam", modes=1)
     slew = bc.optimal_slew(foam, ANGLE, LIMIT, "effort", 3.6, intervals=60)
     sfoam = bc.optimal_slew(bc.hub_beam(model="sfoam", modes=1), ANGLE, LIMIT, "effort", 3.6, intervals=60)
-    assert slew.end_error < 1e-6
+    assert slew.certificate.prescribed_error < 1e-6
+    assert slew.end_error < 0.1  # of the axial motion, which no condition at the end asks to have come to rest
     assert slew.states.shape[1] == 6
     assert slew.cost == pytest.approx(sfoam.cost, rel=2e-2)
 
@@ -195,6 +197,7 @@ def test_payloads_come_to_rest_together():
         assert np.abs(r.tip_displacement).max() < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ask", [{"speed_limit": 0.7}, {"objective": "tip", "duration": 3.6}])
 def test_the_gap_is_the_change_of_the_cost_when_the_mesh_is_halved(beam, ask):
     fine, half = (bc.optimal_slew(beam, ANGLE, LIMIT, method="shooting", intervals=N, **ask) for N in (80, 40))
@@ -203,6 +206,7 @@ def test_the_gap_is_the_change_of_the_cost_when_the_mesh_is_halved(beam, ask):
     assert fine.certificate.optimality_gap == pytest.approx(change, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [{"moment_limit": 35.0}, {"tip_limit": 1.0}])
 def test_solving_again_keeps_the_limits_between_the_nodes(beam, limit):
     slew = bc.optimal_slew(beam, ANGLE, LIMIT, method="shooting", intervals=60, **limit)

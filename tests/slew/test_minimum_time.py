@@ -98,6 +98,7 @@ def test_lower_bound_catches_a_slew_that_is_not_the_fastest():
     assert misfit(linear, spoilt) > 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "limit",
     [
@@ -204,6 +205,7 @@ def _rigid_time(first, last, way):
     return min(times)
 
 
+@pytest.mark.slow
 def test_a_proof_of_nothing_is_not_called_one():
     """The first torque stops the vibration after exactly half a period: the costate has no scale."""
     slew = bc.optimal_slew(two_masses(), None, 1.0, initial_state=[1.0, -1.0, 0.0, 0.0])

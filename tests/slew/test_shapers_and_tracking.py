@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.plotting import figure_of
 from boomctl.slew import classical_spin_up, classical_torque, compare_slews, shaper, track
 from tests.profiles import examples
 
@@ -45,6 +46,7 @@ def test_shaped_torque_turns_a_rigid_body(shape, name, angle):
     assert torque.peak <= limit * (1.0 + 1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modes", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_comparison_ranks_as_the_theory_says(modes):
     h = bc.hub_beam(modes=modes)
@@ -61,9 +63,10 @@ def test_comparison_ranks_as_the_theory_says(modes):
     assert smooth.vibration < table["bang-bang"].vibration
     for line in table.values():
         assert abs(line.angle_error) < 0.02
-    assert comparison.plot().axes
+    assert len(figure_of(comparison.plot).axes) == 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modes", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_tracking_holds_another_payload(modes):
     h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=modes)
@@ -75,8 +78,8 @@ def test_tracking_holds_another_payload(modes):
     assert other.tip_swing < 0.05 * other.open_tip_swing
     assert other.gains.shape[1] == 2 * modes + 2
     assert np.abs(other.torque).max() <= 1.5 * 200.0
-    assert other.plot().axes
-    assert slew.plot().axes
+    assert len(figure_of(other.plot).axes) == 3
+    assert len(figure_of(slew.plot).axes) == 5
 
 
 @pytest.mark.parametrize("shape", ["constant", "smooth"])

@@ -173,6 +173,10 @@ def test_stepped_beams_converge_with_every_mass(mass):
         (FiniteElements((0.1, 1.0)), r"run from 0\.1 to 1 m"),
         (FiniteElements((0.0, 0.6, 0.4, 1.0)), "expected at least two, ascending"),
         (FiniteElements((0.0, 0.5, 0.5, 1.0)), "ascending"),
+        (
+            FiniteElements((0.0, 0.3, 0.1 + 0.2, 1.0)),
+            r"is 5\.6e-17 m long; expected at least 5e-13 m, or one node for both",
+        ),
         (FiniteElements((0.0,)), "at least two"),
         (FiniteElements((0.0, np.nan, 1.0)), "expected finite numbers, got nan"),
         (DiscreteElements((0.0, 0.5, 1.0)), r"attached at station 0\.3 m, which is not a mass allocation point"),

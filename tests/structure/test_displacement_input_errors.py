@@ -27,7 +27,7 @@ MODEL = SecondOrderModel(np.eye(4), 0.1 * np.eye(4), np.diag([1.0, 2.0, 3.0, 4.0
         ({"inputs": ["left", "right", "sum"]}, "'left', 'right', 'sum': more displacements"),
         ({"inputs": ["left", "mixed", "other"]}, "displacement of '.*' depends on that of '.*', '.*'"),
         ({"inputs": ["left"], "hold": ["mixed", "other"]}, "depends on that of"),
-        ({"inputs": ["left", "left"]}, "'left' is prescribed twice"),
+        ({"inputs": ["left", "left"]}, "input 'left' is asked for twice"),
         ({"inputs": ["left"], "hold": ["left"]}, "'left' is prescribed twice"),
         ({"inputs": ["left", "right", "third", "fourth"]}, "4 displacements .* 4 coordinates"),
         ({"inputs": "left", "motion": "jerk"}, "unknown motion 'jerk'.*displacement, velocity, acceleration"),

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import boomctl as bc
@@ -180,6 +180,9 @@ def test_pickled_models_carry_what_they_are_made_of_alone():
     assert np.array_equal(bc.sigma(copy, OMEGA[::50]).sigma, bc.sigma(model, OMEGA[::50]).sigma)
 
 
+@example(46)  # a link that only rounding strains, a coordinate that rounding alone holds
+@example(361)
+@example(1404)
 @given(seeds)
 def test_a_floating_machine_is_answered_too(seed):
     model = random_machine(seed, grounded=False).assemble()

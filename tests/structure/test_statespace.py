@@ -100,7 +100,8 @@ def test_the_booms_accelerometers_are_filtered_second_derivatives_of_its_tips(ex
     Y = model.frequency_response(OMEGA).frdata
     expected = Y[:2] * (S**2 * b**2 / (S**2 + np.sqrt(2) * b * S + b**2))
     assert close(Y[-2:], expected, 1e-14)
-    assert close(state_space_response(model.to_statespace(), OMEGA), Y, 1e-14 * np.linalg.cond(model.M))
+    lost = 1e-16 * (b / OMEGA[0]) ** 2  # what a filter of places loses that gives accelerations of slow motions
+    assert close(state_space_response(model.to_statespace(), OMEGA), Y, lost)
 
 
 @given(structures(inputs=2))

@@ -37,6 +37,7 @@ def reported(tmp_path_factory):
     return report.results, folder, stored, (folder / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_stored_numbers_are_those_of_the_slew(reported):
     found, _, stored, _ = reported
     assert stored["duration"] == pytest.approx(found["duration"])
@@ -48,6 +49,7 @@ def test_the_stored_numbers_are_those_of_the_slew(reported):
     assert stored["comparison"][0]["name"] == "minimum time"
 
 
+@pytest.mark.slow
 def test_the_report_stands_alone_with_its_pictures_beside_it(reported):
     _, folder, _, html = reported
     assert html.count("<img") == 6
@@ -56,6 +58,7 @@ def test_the_report_stands_alone_with_its_pictures_beside_it(reported):
         assert (folder / name).stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_the_report_shows_the_error_over_meshes(reported):
     found, _, stored, html = reported
     study = stored["mesh_study"]

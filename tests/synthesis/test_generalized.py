@@ -40,7 +40,7 @@ def test_names_and_states(yaw, pieces):
     assert P.output_labels == ["z_tip_anti", "z_suspension_anti", "stroke_anti"]
     assert P.nstates == 2 * yaw.n + sum(weight.nstates for weight in weights)
     assert "w_actuator_anti[1]" in P.state_labels
-    assert "boom.w0_anti.x1" in P.state_labels
+    assert "mode1.x1" in P.state_labels
     assert bc.select_channels(P, "suspension_anti", "stroke_anti").output_labels == ["stroke_anti"]
 
 

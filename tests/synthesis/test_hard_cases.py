@@ -43,7 +43,10 @@ def test_mixed_sensitivity_without_effort_is_refused():
         bc.h_infinity(bc.mixed_sensitivity(G, W1=bc.shelf(100.0, 0.5, 1.0)), 1, 1)
 
 
-@pytest.mark.parametrize("damping", [1e-2, 5e-4, 1e-5])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "damping", [1e-5, *(pytest.param(damping, marks=pytest.mark.slow) for damping in (1e-2, 5e-4))]
+)
 def test_eighty_lightly_damped_states(damping):
     P = weighed(resonators(40, damping, 40))
     design = bc.h_infinity(P, 1, 1)
@@ -96,6 +99,7 @@ def test_dependent_controls_and_measurements_are_named():
         bc.h_infinity(control.ss(G.A, G.B, G.C, D, inputs=G.input_labels, outputs=G.output_labels), 2, 2)
 
 
+@pytest.mark.slow
 def test_the_unreduced_boom_in_physical_units():
     _, yaw = bc.split_symmetric(bc.spray_boom(bc.BoomParameters(), elements=50))
     P = bc.generalized_plant(

@@ -122,6 +122,7 @@ def test_feedthrough_from_controls_to_measurements_is_known_to_the_controller(se
     assert design.cost == pytest.approx(plain.cost, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [6, 20])
 def test_the_boom_with_strokes_and_accelerometers(elements):
     model = bc.spray_boom(elements=elements, accelerometer_bandwidth_hz=50.0)

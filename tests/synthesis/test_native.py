@@ -81,8 +81,8 @@ def test_an_interrupted_call_leaves_no_answer_to_the_next_one(worker, small, mon
 
 
 def test_time_limits_beyond_what_clocks_hold(worker, small):
-    assert worker.controller(small, 1, 1, 2.0, 1e300).A.shape == (4, 4)
-    assert bc.h_infinity(weighed(resonators(2, 0.01, 1)), 1, 1, time_limit=1e300).gamma > 0.0
+    assert worker.controller(small, 1, 1, 2.0, 1e99).A.shape == (4, 4)
+    assert bc.h_infinity(weighed(resonators(2, 0.01, 1)), 1, 1, time_limit=1e99).gamma > 0.0
 
 
 def test_a_worker_that_dies_is_replaced(worker, small):

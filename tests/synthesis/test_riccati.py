@@ -30,6 +30,7 @@ def relative_residual(problem, X):
     return np.linalg.norm(half + half.T + problem.Q - drop) / size
 
 
+@pytest.mark.slow
 def test_a_fine_mesh_is_solved_where_scipy_is_not():
     problem = boom_problem(50)
     found = solve_riccati(problem)

@@ -3,9 +3,14 @@
 import control
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.synthesis import join_symmetric, split_controller
+from boomctl.synthesis.plants.symmetry import columns_spanned
+from tests.profiles import examples
+from tests.strategies import seeds
 
 MODEL = bc.spray_boom(elements=6, accelerometer_bandwidth_hz=20.0)
 
@@ -114,3 +119,80 @@ def test_what_cannot_be_split_is_refused():
         split_controller(MODEL, 1.0)
     with pytest.raises(ValueError, match=r"controller: expected continuous time, got a sampling time of 0\.01 s"):
         split_controller(MODEL, bc.discretize(joined, 0.01))
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(
+    ("of_sym", "of_anti"),
+    [
+        ([0.0, -4.0], [-2.0]),
+        ([-1e-9, -4.0], [-2.0]),
+        ([0.0, -4.0], [0.0, -4.0]),
+        ([-1e-6, -1.0], [-30.0, -2.0]),
+        ([1.0, -4.0], [-1.0]),
+        ([0.0, -1.0, -2.0, -3.0, -1e3], [-1.0, -2.0, -3.0]),
+    ],
+    ids=["integrator", "leaky", "alike", "slow lag", "unstable", "many"],
+)
+def test_halves_are_found_again_in_any_coordinates(of_sym, of_anti, seed):
+    """Joined and turned, they are the same two controllers: what is examined half by half is what is used."""
+    rng = np.random.default_rng(seed)
+
+    def half(side, poles):
+        n = len(poles)
+        return control.ss(
+            np.diag(poles), rng.standard_normal((n, 1)), rng.standard_normal((1, n)), 0.3,
+            inputs=[f"stroke_{side}"], outputs=[f"suspension_{side}"],
+        )  # fmt: skip
+
+    given = half("sym", of_sym), half("anti", of_anti)
+    joined = join_symmetric(MODEL, *given)
+    turned = np.linalg.qr(rng.standard_normal(joined.A.shape))[0]
+    whole = control.ss(
+        turned @ joined.A @ turned.T, turned @ joined.B, joined.C @ turned.T, joined.D,
+        inputs=joined.input_labels, outputs=joined.output_labels,
+    )  # fmt: skip
+    *found, missed = split_controller(MODEL, whole)
+    omega = np.geomspace(1e-2, 1e3, 50)
+    for one, other in zip(found, given, strict=True):
+        assert np.abs(one(1j * omega) / other(1j * omega) - 1.0).max() < 1e-6
+    assert missed < 1e-6
+
+
+def test_a_controller_that_mixes_the_halves_says_how_much():
+    """A hundredth of it leads from one stroke to the other side's force alone."""
+    joined = join_symmetric(MODEL, half_controller("sym", 1), half_controller("anti", 2))
+    B = np.array(joined.B)
+    B[:, 0] *= 1.02
+    mixed = control.ss(joined.A, B, joined.C, joined.D, inputs=joined.input_labels, outputs=joined.output_labels)
+    assert 2e-3 < split_controller(MODEL, mixed)[2] < 0.1
+
+
+@examples(200)
+@given(seeds, st.floats(-9.0, -2.0))
+def test_a_controller_that_mixes_the_halves_a_little_is_split_and_measured(seed, power):
+    """As a synthesis on a machine that is not quite symmetric makes it: pairs of nearly equal poles, faintly coupled."""
+    rng = np.random.default_rng(seed)
+    halves = half_controller("sym", seed), half_controller("anti", seed + rng.integers(0, 2))
+    joined, mixing = join_symmetric(MODEL, *halves), 10.0**power
+    A, B, C = (m * (1.0 + mixing * rng.standard_normal(m.shape)) for m in (joined.A, joined.B, joined.C))
+    A = A + mixing * rng.standard_normal(A.shape)
+    whole = control.ss(A, B, C, 0.0, inputs=joined.input_labels, outputs=joined.output_labels)
+    *found, missed = split_controller(MODEL, whole)
+    omega = np.geomspace(1e-2, 1e3, 50)
+    for one, other in zip(found, halves, strict=True):
+        truth = other[:, one.input_labels](1j * omega)
+        assert np.abs(one(1j * omega) - truth).max() < 100.0 * mixing * np.abs(truth).max()
+    assert missed < 100.0 * mixing
+
+
+@examples(300)
+@given(seeds, st.floats(-9.0, -2.0))
+def test_columns_of_any_strength_span_at_right_angles(seed, power):
+    """Faint ones, too, of which rounding takes digits: the basis ends, at most as wide as the space."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 9))
+    A = rng.standard_normal((n, n)) * 10.0 ** (power * rng.integers(0, 2, (n, n)))
+    start = rng.standard_normal((n, 2)) * 10.0 ** (power * rng.integers(0, 2, (n, 2)))
+    basis = columns_spanned(A, start, 1e-7)
+    assert np.linalg.norm(basis.T @ basis - np.eye(basis.shape[1])) < 1e-8

@@ -57,7 +57,9 @@ def test_what_is_no_mapping_no_system_or_beyond_numbers_is_refused():
         with pytest.raises(TypeError, match=r"controller: expected StateSpace"):
             bc.from_units(wrong, {})
     for call in (lambda u: bc.in_units(plant(), u), lambda u: bc.from_units(K, u)):
-        with pytest.raises(ValueError, match="in these units: expected finite numbers"):
+        with pytest.raises(
+            ValueError, match=r"in these units: expected finite numbers|expected a number of at least 1e-100"
+        ):
             call({"stroke": 1e-310})
     with pytest.raises(ValueError, match=r"controller: expected finite numbers, got A\[0, 0\] = nan"):
         bc.from_units(control.ss([[np.nan]], [[1.0]], [[0.3]], 0.1), {})

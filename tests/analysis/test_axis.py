@@ -1,0 +1,120 @@
+"""Modes at the imaginary axis: what the digits given tell is told, and what they do not tell is not certified."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from tests.profiles import examples
+
+REST = 0.7  # gain of a lag that stands beside the modes
+
+
+def beside(A, B, C, D=0.0):
+    """Return a system beside a lag of gain REST, first input to first output."""
+    n = len(A)
+    whole = np.zeros((n + 1, n + 1))
+    whole[:n, :n], whole[n, n] = A, -1.0
+    return control.ss(whole, [*B, [1.0]], [[*C, REST]], D)
+
+
+def turned(system, seed):
+    Q = np.linalg.qr(np.random.default_rng(seed).standard_normal(system.A.shape))[0]
+    return control.ss(Q @ system.A @ Q.T, Q @ system.B, system.C @ Q.T, system.D)
+
+
+def block(damping, omega=1.0):
+    return np.array([[-damping * omega, omega], [-omega, -damping * omega]])
+
+
+@given(visible=st.floats(-14.0, 3.0))
+@examples(30)
+@pytest.mark.parametrize("A", [[[0.0]], block(0.0), [[0.0, 1.0], [0.0, 0.0]]], ids=["integrator", "undamped", "rigid"])
+def test_a_mode_on_the_axis_makes_norms_infinite_however_weakly_it_shows(A, visible):
+    n = len(A)
+    system = beside(np.array(A), np.eye(n)[:, -1:] * 10.0**visible, np.eye(n)[0])
+    assert bc.hinf_norm(system).lower == np.inf
+    assert bc.h2_norm(system).value == np.inf
+    assert bc.sigma(system).peak == np.inf
+
+
+@pytest.mark.parametrize("hidden", ["from the input", "from the output"])
+@pytest.mark.parametrize("A", [[[0.0]], block(0.0), [[0.0, 1.0], [0.0, 0.0]]], ids=["integrator", "undamped", "rigid"])
+def test_a_mode_on_the_axis_that_does_not_show_does_not_count(A, hidden):
+    n = len(A)
+    B, C = np.ones((n, 1)), np.ones(n)
+    system = beside(np.array(A), 0.0 * B if "input" in hidden else B, C if "input" in hidden else 0.0 * C)
+    norm, energy = bc.hinf_norm(system), bc.h2_norm(system)
+    assert norm.certified
+    assert norm.lower == pytest.approx(REST, rel=1e-6)
+    assert energy.certified
+    assert energy.value == pytest.approx(REST / np.sqrt(2.0), rel=1e-9)
+
+
+@given(damping=st.floats(-13.0, -3.0), omega=st.floats(-3.0, 3.0))
+@examples(40)
+def test_light_damping_has_a_norm_and_its_sign_is_told(damping, omega):
+    zeta, w = 10.0**damping, 10.0**omega
+    for sign in (1.0, -1.0):
+        system = beside(block(sign * zeta, w), [[0.0], [1.0]], [1.0, 0.0])
+        norm, energy = bc.hinf_norm(system), bc.h2_norm(system)
+        if zeta >= 1e-11 or sign < 0.0:
+            assert norm.certified
+            assert energy.certified
+        assert (norm.lower < np.inf) == (energy.value < np.inf) == (sign > 0.0)
+        if sign > 0.0:
+            peak = 1.0 / (2.0 * zeta * w)
+            assert norm.lower <= peak * (1.0 + zeta) + 2.0
+            assert norm.upper >= peak - 2.0
+
+
+@pytest.mark.parametrize("spread", [1e3, 1e8, 1e13])
+def test_a_slow_pole_beside_a_fast_one_keeps_its_side(spread):
+    assert bc.hinf_norm(control.ss(np.diag([1.0, -spread]), [[1.0], [1.0]], [[1.0, 1.0]], 0.0)).lower == np.inf
+    stable = bc.hinf_norm(control.ss(np.diag([-1.0, -spread]), [[1.0], [1.0]], [[1.0, 1.0]], 0.0))
+    assert stable.certified
+    assert stable.lower == pytest.approx(1.0 + 1.0 / spread, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_modes_over_six_decades_in_any_coordinates(seed):
+    """Damping of a hundred-thousandth; the slowest peak is the highest, and is known from the blocks."""
+    A, w = np.zeros((12, 12)), np.geomspace(1e-3, 1e3, 6)
+    for i, omega in enumerate(w):
+        A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = block(1e-5, omega)
+    plain = control.ss(A, np.ones((12, 1)), np.ones((1, 12)), 0.0)
+    true = bc.hinf_norm(plain)
+    assert true.certified
+    assert true.lower == pytest.approx(1e8, rel=1e-4)
+    found, energy = bc.hinf_norm(turned(plain, seed)), bc.h2_norm(turned(plain, seed))
+    assert found.lower <= true.upper * (1.0 + 1e-5)
+    assert found.upper >= true.lower * (1.0 - 1e-5)
+    assert energy.lower <= bc.h2_norm(plain).value * (1.0 + 1e-5)
+    assert energy.upper >= bc.h2_norm(plain).value * (1.0 - 1e-5)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("A", [[[0.0]], block(0.0), [[0.0, 1.0], [0.0, 0.0]]], ids=["integrator", "undamped", "rigid"])
+def test_what_only_rounding_decides_is_not_certified_finite(A, seed):
+    """Turned, the mode lies on the axis to the last digit but not exactly, on one side or the other."""
+    n = len(A)
+    system = turned(beside(np.array(A), np.eye(n)[:, -1:], np.eye(n)[0]), seed)
+    for norm in (bc.hinf_norm(system), bc.h2_norm(system)):
+        assert norm.upper == np.inf
+    hidden = turned(beside(np.array(A), np.zeros((n, 1)), np.eye(n)[0]), seed)
+    norm = bc.hinf_norm(hidden)
+    assert norm.lower == np.inf or norm.upper == np.inf or not norm.certified
+
+
+@pytest.mark.parametrize("excitation", ["velocity", "force"])
+def test_integrating_booms_are_infinite_and_accelerations_too(excitation):
+    assert bc.sigma(bc.spray_boom(excitation=excitation)).peak == np.inf
+
+
+def test_undamped_booms_are_infinite_however_they_are_handed_over():
+    p = bc.BoomParameters(structural_damping=0.0, hinge_damping=0.0, cradle_damping=0.0)
+    model = bc.spray_boom(p, elements=4)
+    assert bc.sigma(model).peak == np.inf
+    assert bc.hinf_norm(model.to_statespace()).lower == np.inf

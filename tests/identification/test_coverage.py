@@ -1,0 +1,107 @@
+"""How often intervals hold: as often as they say, over many data sets with errors drawn anew.
+
+The numbers of data sets are such that chance alone leaves the bounds once in some hundred runs at most; the seeds are
+zero, and stay as they are.
+"""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+import boomctl as bc
+from boomctl.analysis import MeasuredCurve
+from tests.identification.chain import CHAIN, OMEGA, frequencies, response
+
+LOW, HIGH = 0.93, 0.97  # what is asked of intervals of 95 %
+
+
+def chain_frequencies(rng):
+    """Three frequencies with errors of 2 %: two parameters, one degree of freedom."""
+    measured = frequencies(CHAIN) * np.exp(0.02 * rng.standard_normal(3))
+    return {"build": frequencies, "measured": measured, "modes": (1, 2, 3), "free": ["k1", "k2"]}
+
+
+def chain_response(rng):
+    """A complex response with errors of 5 % of each value."""
+    noise = 0.05 * (rng.standard_normal(len(OMEGA)) + 1j * rng.standard_normal(len(OMEGA)))
+    measured = control.frd(response(CHAIN, OMEGA) * (1.0 + noise), OMEGA)
+    return {"build": response, "measured": measured, "free": ["k1", "k3", "c"]}
+
+
+def chain_noise(rng):
+    """A complex response with errors of one size at all frequencies, a tenth of what it is at rest."""
+    noise = rng.standard_normal(len(OMEGA)) + 1j * rng.standard_normal(len(OMEGA))
+    measured = control.frd(response(CHAIN, OMEGA) + 1e-4 * noise, OMEGA)
+    return {"build": response, "measured": measured, "free": ["k1", "k3", "c"], "errors": "absolute"}
+
+
+def chain_gain(rng):
+    """Magnitudes with errors of 5 %: nothing of the phase."""
+    gain = np.abs(response(CHAIN, OMEGA)[0]) * np.exp(0.05 * rng.standard_normal(len(OMEGA)))
+    curve = MeasuredCurve(OMEGA / (2.0 * np.pi), gain, ("gain",))
+    return {"build": lambda p, omega: np.abs(response(p, omega)[0]), "measured": curve, "free": ["k1", "k3", "c"]}
+
+
+def held(draw, truth, start, sets, **more):
+    """Return the share of intervals that hold the truth, one a parameter, over so many data sets."""
+    rng = np.random.default_rng(0)
+    hits = []
+    for _ in range(sets):
+        found = bc.fit(**draw(rng), start=start, starts=1, **more)
+        hits.append([low <= truth[name] <= high for name, (low, high) in found.intervals.items()])
+    return np.mean(hits, axis=0)
+
+
+CASES = [chain_frequencies, chain_response, chain_noise, chain_gain]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("draw", CASES)
+def test_intervals_of_half_hold_half_of_the_time(draw):
+    """Of few data sets: ends that are wrong by a factor would show, as would intervals that always hold."""
+    sets = 16
+    share = held(draw, CHAIN, CHAIN, sets, confidence=0.5).mean()
+    assert abs(share - 0.5) < 4.0 * 0.5 / np.sqrt(sets)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("draw", CASES)
+def test_intervals_of_95_per_cent_hold_as_often(draw):
+    """Each parameter by itself; of 1000 data sets chance is 0.7 %, a third of what is allowed."""
+    shares = held(draw, CHAIN, CHAIN, 1000)
+    assert ((shares > LOW) & (shares < HIGH)).all(), shares
+
+
+TRUTH = replace(bc.BoomParameters(), spring_stiffness=1400.0, youngs_modulus=2.1e11)
+BAND = 2.0 * np.pi * np.geomspace(0.1, 5.0, 30)
+PORTS = ("actuator_left", "actuator_right"), ("tip_left", "tip_right")
+
+
+def boom_frequencies(rng):
+    measured = bc.spray_boom(TRUTH).eigenfrequencies_hz(8) * np.exp(0.02 * rng.standard_normal(8))
+    return {"measured": measured, "free": ["spring_stiffness", "youngs_modulus"]}
+
+
+def boom_response(rng):
+    G = np.asarray(bc.spray_boom(TRUTH).frequency_response(BAND, *PORTS).frdata)
+    noise = 0.05 * (rng.standard_normal(G.shape) + 1j * rng.standard_normal(G.shape))
+    measured = control.frd(G * (1.0 + noise), BAND, inputs=PORTS[0], outputs=PORTS[1])
+    return {"measured": measured, "free": ["spring_stiffness", "youngs_modulus", "cradle_damping"]}
+
+
+def boom_sigma(rng):
+    curves = bc.sigma(bc.spray_boom(TRUTH), BAND).sigma
+    measured = MeasuredCurve(
+        BAND / (2.0 * np.pi), curves * np.exp(0.05 * rng.standard_normal(curves.shape)), ("a", "b")
+    )
+    return {"measured": measured, "free": ["spring_stiffness", "youngs_modulus", "cradle_damping"]}
+
+
+@pytest.mark.slow  # 200 fits of a boom: some minutes
+@pytest.mark.parametrize("draw", [boom_frequencies, boom_response, boom_sigma])
+def test_intervals_of_a_boom_hold_as_often_as_they_say(draw):
+    """All parameters together, as 200 data sets leave 1.5 % of chance to each of them."""
+    shares = held(lambda rng: {"build": bc.spray_boom, **draw(rng)}, vars(TRUTH), bc.BoomParameters(), 200)
+    assert LOW < shares.mean() < HIGH, shares

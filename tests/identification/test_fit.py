@@ -1,0 +1,417 @@
+"""Fits of parameters: exact data give exact parameters, units do not matter, what is not seen is said, bad input refused."""
+
+import sys
+from dataclasses import dataclass, replace
+
+import control
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.analysis import MeasuredCurve
+from boomctl.structure import GROUND, Assembly, Beam, BeamSection, FiniteElements, Output, fixed
+from tests.identification.chain import CHAIN, OMEGA, frequencies, response
+from tests.profiles import examples
+
+mpl.use("agg")
+PORTS = {"inputs": ("actuator_left", "actuator_right"), "outputs": ("tip_left", "tip_right")}
+TRUTH = replace(bc.BoomParameters(), spring_stiffness=1400.0, youngs_modulus=2.1e11, cradle_damping=200.0)
+FREE = ["spring_stiffness", "youngs_modulus", "cradle_damping"]
+DIGITS = 1e-6  # of a parameter: what differences leave of exact data
+
+
+def recovered(found, truth, free, digits=DIGITS):
+    """Return whether every free parameter is the true one, and lies in its interval to the digits that there are."""
+    return all(abs(found.values[name] / truth[name] - 1.0) < digits for name in free)
+
+
+# -- exact data give exact parameters -----------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "build", [bc.spray_boom, bc.exact_eigenfrequencies_hz, lambda p: bc.spray_boom(p).eigenfrequencies_hz(6)]
+)
+def test_exact_frequencies_of_a_boom_give_its_parameters(build):
+    model = bc.exact_eigenfrequencies_hz if build is bc.exact_eigenfrequencies_hz else bc.spray_boom
+    answer = model(TRUTH)
+    measured = answer if isinstance(answer, np.ndarray) else answer.eigenfrequencies_hz(5)
+    found = bc.fit(build, measured, FREE, bc.BoomParameters(), starts=2)
+    assert recovered(found, vars(TRUTH), FREE)
+    assert found.certified
+    assert found.modes == (1, 2, 3, 4, 5)
+    assert isinstance(found.parameters, bc.BoomParameters)
+    assert found.parameters.length == TRUTH.length
+    assert found.parameters.youngs_modulus == found.values["youngs_modulus"]
+
+
+@pytest.mark.parametrize("build", [bc.spray_boom, bc.exact_frequency_response])
+@pytest.mark.parametrize("errors", ["relative", "absolute"])
+def test_exact_responses_give_the_parameters(build, errors):
+    measured = build(TRUTH, omega=OMEGA) if build is bc.exact_frequency_response else bc.spray_boom(TRUTH)
+    if build is bc.spray_boom:
+        measured = measured.frequency_response(OMEGA, *PORTS.values())
+    found = bc.fit(build, measured, FREE, errors=errors, starts=1)
+    assert recovered(found, vars(TRUTH), FREE)
+    assert found.certified
+
+
+@pytest.mark.parametrize(
+    "build", [bc.spray_boom, bc.exact_frequency_response, lambda p: bc.spray_boom(p).to_statespace()]
+)
+def test_exact_singular_values_give_the_parameters(build):
+    curve = bc.sigma(bc.exact_frequency_response(TRUTH, OMEGA, *PORTS.values()))
+    if build is not bc.exact_frequency_response:
+        curve = bc.sigma(bc.spray_boom(TRUTH), OMEGA)
+    measured = MeasuredCurve(OMEGA / (2 * np.pi), curve.sigma[::-1], ("lower", "upper"))  # sorted by the fit
+    found = bc.fit(build, measured, FREE, bc.BoomParameters(), starts=1, **PORTS)
+    assert recovered(found, vars(TRUTH), FREE)
+    assert found.certified
+
+
+def test_a_hub_beam_gives_its_parameters_from_the_factory_itself():
+    truth = bc.HubBeamParameters(youngs_modulus=6.0e10, tip_mass=0.2)
+    measured = bc.hub_beam(truth, modes=5).frequencies_hz()[:4]
+    start = bc.HubBeamParameters(tip_mass=0.1)
+    found = bc.fit(bc.hub_beam, measured, ["youngs_modulus", "tip_mass"], start, starts=2)
+    assert recovered(found, vars(truth), found.names)
+
+
+def test_a_hub_beam_gives_its_parameters_from_its_torque_to_tip_response():
+    truth = bc.HubBeamParameters(youngs_modulus=6.0e10, damping_ratio=0.02)
+    model = bc.hub_beam(truth, modes=2).linearize()
+    omega = np.geomspace(1.0, 30.0, 25)
+    measured = control.frd(model(1j * omega), omega, inputs=model.input_labels, outputs=model.output_labels)
+    start = bc.HubBeamParameters(damping_ratio=0.01)
+    found = bc.fit(lambda q: bc.hub_beam(q, modes=2), measured, ["youngs_modulus", "damping_ratio"], start, starts=1)
+    assert recovered(found, vars(truth), found.names)
+
+
+def test_two_sections_of_a_beam_get_moduli_of_their_own():
+    """A user's own function of a dictionary: a stepped cantilever."""
+
+    def cantilever(p):
+        sections = (BeamSection(1.0, 2.0, p["E_root"] * 1e-8), BeamSection(0.7, 1.0, p["E_tip"] * 2e-9))
+        beam = Beam("beam", GROUND.at(0), fixed(), (0.0, 0.0), sections, FiniteElements(8))
+        return Assembly(bodies=(beam,), outputs=(Output("tip", beam.at(1.7)),)).assemble()
+
+    truth = {"E_root": 6.5e10, "E_tip": 8.0e10}
+    measured = cantilever(truth).eigenfrequencies_hz(4)
+    found = bc.fit(cantilever, measured, ["E_root", "E_tip"], {"E_root": 7e10, "E_tip": 7e10}, starts=2)
+    assert recovered(found, truth, truth)
+    assert isinstance(found.parameters, dict)
+
+
+def test_a_family_is_fitted_within_its_box():
+    family = bc.boom_family()
+    measured = family.at(family.deltas({"spring": 1.12, "mass": 0.93})).eigenfrequencies_hz(5)
+    found = bc.fit(family, measured, starts=2)
+    assert recovered(found, {"spring": 1.12, "mass": 0.93}, ("spring", "mass"))
+    stiff = bc.fit(family, 1.5 * measured, starts=2)
+    assert stiff.certificate.at_end
+    assert not stiff.certified
+    assert "end of the range" in repr(stiff.certificate)
+
+
+# -- units, weights, modes ------------------------------------------------------------------------------------------------
+
+
+@examples(40)
+@given(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0))
+def test_units_do_not_change_the_fit(of_parameters, of_values):
+    """Stiffness in another unit, and the response in another unit, with noise: the same fit, times the unit."""
+    unit, size = 10.0**of_parameters, 10.0**of_values
+    noise = np.exp(0.05 * np.random.default_rng(3).standard_normal(len(OMEGA)))
+    measured = response(CHAIN, OMEGA) * noise
+
+    def of(scaled, omega):
+        return size * response({**scaled, "k1": scaled["k1"] * unit, "k2": scaled["k2"] * unit}, omega)
+
+    plain = bc.fit(response, control.frd(measured, OMEGA), ["k1", "k2", "c"], CHAIN, starts=1)
+    start = {**CHAIN, "k1": CHAIN["k1"] / unit, "k2": CHAIN["k2"] / unit}
+    other = bc.fit(of, control.frd(size * measured, OMEGA), ["k1", "k2", "c"], start, starts=1)
+    factors = {"k1": unit, "k2": unit, "c": 1.0}
+    for name, factor in factors.items():
+        assert other.values[name] * factor == pytest.approx(plain.values[name], rel=1e-6)
+        assert np.array(other.intervals[name]) * factor == pytest.approx(np.array(plain.intervals[name]), rel=1e-4)
+    assert other.deviation == pytest.approx(plain.deviation, rel=1e-6)
+    assert other.correlation == pytest.approx(plain.correlation, abs=1e-4)
+
+
+def test_modes_that_were_missed_are_left_out():
+    every = bc.spray_boom(TRUTH).eigenfrequencies_hz(7)
+    found = bc.fit(bc.spray_boom, every[[0, 1, 3, 5]], ["spring_stiffness", "youngs_modulus"], starts=1)
+    assert found.modes == (1, 2, 4, 6)
+    assert recovered(found, {**vars(TRUTH)}, ["youngs_modulus"], 0.05)
+
+
+@pytest.mark.parametrize("said", ["mapping", "modes"])
+def test_modes_that_are_said_are_those(said):
+    every = bc.spray_boom(TRUTH).eigenfrequencies_hz(7)
+    measured = {6: every[5], 1: every[0], 2: every[1]}
+    start = replace(TRUTH, youngs_modulus=1.0e11, spring_stiffness=900.0)
+    free = ["spring_stiffness", "youngs_modulus"]
+    if said == "mapping":
+        found = bc.fit(bc.spray_boom, measured, free, start, starts=1)
+    else:
+        found = bc.fit(bc.spray_boom, list(measured.values()), free, start, modes=list(measured), starts=1)
+    assert found.modes == (6, 1, 2)
+    assert recovered(found, vars(TRUTH), free)
+
+
+def test_a_weight_of_zero_leaves_a_value_out():
+    measured = frequencies(CHAIN)
+    wrong = np.array([measured[0], 1.3 * measured[1], measured[2]])
+    found = bc.fit(frequencies, wrong, ["k1", "m1"], CHAIN, weights=[1.0, 0.0, 1.0], starts=1, deviation=0.01)
+    assert recovered(found, CHAIN, ("k1", "m1"))
+    values = response(CHAIN, OMEGA)
+    values[0, 0, 4] = 0.0
+    weights = np.ones(values.shape)
+    weights[0, 0, 4] = 0.0
+    found = bc.fit(response, control.frd(values, OMEGA), ["k1", "c"], CHAIN, weights=weights, starts=1)
+    assert recovered(found, CHAIN, ("k1", "c"))
+
+
+def test_a_larger_weight_draws_the_fit_nearer():
+    measured = frequencies(CHAIN) * np.array([1.0, 1.02, 0.98])
+    near = bc.fit(frequencies, measured, ["k1", "k2"], CHAIN, weights=[1.0, 100.0, 1.0], starts=1)
+    even = bc.fit(frequencies, measured, ["k1", "k2"], CHAIN, starts=1)
+    assert abs(near.residuals[1]) < 0.01 * abs(even.residuals[1])
+
+
+# -- what is not seen, and what is not determined -------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_product_of_which_both_factors_are_free_is_said():
+    free = ["youngs_modulus", "second_moment", "tip_mass"]
+    truth = bc.HubBeamParameters(tip_mass=0.2)
+    measured = bc.hub_beam(truth).frequencies_hz() * np.array([1.01, 0.99, 1.005, 1.0, 0.998])
+    found = bc.fit(bc.hub_beam, measured, free, bc.HubBeamParameters(tip_mass=0.1), starts=3)
+    (unseen,) = found.unseen
+    assert not unseen.hardly
+    assert {name: round(power, 6) for name, power in unseen.direction.items()} in (
+        {"youngs_modulus": 1.0, "second_moment": -1.0},
+        {"youngs_modulus": -1.0, "second_moment": 1.0},
+    )
+    assert "youngs_modulus times" in unseen.text
+    assert found.intervals["youngs_modulus"] == found.intervals["second_moment"] == (0.0, np.inf)
+    assert found.interval_text("second_moment") == "not determined"
+    assert np.isinf(found.standard_errors["youngs_modulus"])
+    assert np.isnan(found.correlation[0, 2])
+    single = bc.fit(bc.hub_beam, measured, ["youngs_modulus", "tip_mass"], bc.HubBeamParameters(tip_mass=0.1), starts=1)
+    assert found.intervals["tip_mass"] == pytest.approx(single.intervals["tip_mass"], rel=0.3)  # one freedom less
+    product = found.values["youngs_modulus"] * found.values["second_moment"]
+    assert product == pytest.approx(single.values["youngs_modulus"] * truth.second_moment, rel=1e-6)
+
+
+def test_what_changes_nothing_by_itself_is_said_by_itself():
+    measured = bc.spray_boom(TRUTH).eigenfrequencies_hz(5) * np.array([1.01, 0.99, 1.005, 1.0, 0.998])
+    found = bc.fit(bc.spray_boom, measured, ["platform_mass", "spring_stiffness", "cradle_mass"], starts=1)
+    assert [list(each.direction) for each in found.unseen if not each.hardly] == [["platform_mass"]]
+    assert "changes nothing that was measured" in repr(found)
+    assert found.values["platform_mass"] == pytest.approx(250.0)  # left where it was
+    assert np.isfinite(found.intervals["spring_stiffness"]).all()
+
+
+def test_as_many_parameters_as_numbers_have_no_intervals_unless_the_errors_are_known():
+    measured = frequencies(CHAIN)[:2]
+    open_ends = bc.fit(frequencies, measured, ["k1", "k2"], CHAIN, starts=1)
+    assert set(open_ends.intervals.values()) == {(0.0, np.inf)}
+    assert np.isnan(open_ends.deviation)
+    assert "give a deviation" in open_ends.render()
+    known = bc.fit(frequencies, measured, ["k1", "k2"], CHAIN, starts=1, deviation=0.01)
+    assert np.isfinite(list(known.intervals.values())).all()
+    for name in ("k1", "k2"):
+        low, high = known.intervals[name]
+        assert low < CHAIN[name] < high
+
+
+def test_a_damping_that_goes_to_zero_has_an_upper_limit_only():
+    rng = np.random.default_rng(0)
+    measured = response({**CHAIN, "c": 1e-9}, OMEGA) * np.exp(0.05 * rng.standard_normal(len(OMEGA)))
+    found = bc.fit(response, control.frd(measured, OMEGA), ["k1", "c"], CHAIN, starts=2)
+    low, high = found.intervals["c"]
+    assert low < 1e-6
+    assert 1e-6 < high < CHAIN["c"]
+    assert "or less" in found.interval_text("c")
+
+
+def test_a_wrong_model_is_said_to_be_one_where_the_errors_are_known():
+    measured = frequencies(CHAIN) * np.array([1.0, 1.2, 1.0])
+    found = bc.fit(frequencies, measured, ["k1"], CHAIN, starts=1, deviation=0.01)
+    assert not found.certificate.explained
+    assert "does not explain" in repr(found.certificate)
+    right = bc.fit(frequencies, frequencies(CHAIN) * 1.005, ["k1", "k2"], CHAIN, starts=1, deviation=0.01)
+    assert right.certificate.explained
+
+
+# -- the certificate ------------------------------------------------------------------------------------------------------
+
+
+def test_a_solver_that_ends_elsewhere_is_not_believed(monkeypatch):
+    import scipy.optimize
+
+    honest = scipy.optimize.least_squares
+
+    def early(*given, **named):
+        found = honest(*given, **named)
+        found.x = found.x + 0.01
+        found.cost = 0.5 * float(np.square(given[0](found.x)).sum())
+        return found
+
+    measured = frequencies(CHAIN) * np.array([1.01, 0.99, 1.0])
+    good = bc.fit(frequencies, measured, ["k1"], CHAIN, starts=1)
+    assert good.certified
+    assert good.certificate.offset < 0.05
+    monkeypatch.setattr(scipy.optimize, "least_squares", early)
+    bad = bc.fit(frequencies, measured, ["k1"], CHAIN, starts=1)
+    assert not bad.certificate.minimum
+    assert "NOT" in repr(bad)
+
+
+def test_two_minima_that_fit_alike_are_both_said():
+    def even(p):
+        return [1.0 + np.log(p["a"] / 2.0) ** 2, 3.0 + 2.0 * np.log(p["a"] / 2.0) ** 2 + 1e-3 * np.log(p["a"] / 2.0)]
+
+    measured = np.array([1.3, 3.55])
+    found = bc.fit(even, measured, {"a": (0.5, 8.0)}, {"a": 2.5}, starts=12)
+    assert not found.certified
+    (rival, *_) = found.certificate.rivals
+    assert rival["a"] * found.values["a"] == pytest.approx(4.0, rel=0.05)
+    assert "other parameters fit" in repr(found.certificate)
+
+
+def test_a_better_start_than_the_one_given_is_taken():
+    def waves(p):
+        x = np.log(p["a"])
+        return [2.0 + np.sin(3.0 * x) + 0.05 * x**2, 5.0 + 0.4 * (x - 2.0) ** 2]
+
+    measured = waves({"a": np.exp(2.1)})
+    found = bc.fit(waves, measured, {"a": (0.05, 50.0)}, {"a": 0.1}, starts=20, modes=[1, 2])
+    assert found.values["a"] == pytest.approx(np.exp(2.1), rel=1e-6)
+    assert found.certificate.agreeing < found.certificate.starts
+
+
+# -- bad input --------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Spring:
+    k: float
+    label: str = "steel"
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"build": 3}, "build: expected a function of the parameters or an AffineFamily, got int"),
+        ({"build": lambda p: None}, "build: expected eigenfrequencies"),
+        ({"build": lambda p: [1.0]}, "at least 3 eigenfrequencies, got 1"),
+        ({"build": lambda p: [np.nan] * 3}, "answer of build: expected finite"),
+        ({"build": lambda p: [-1.0, 2.0, 3.0]}, "build: expected eigenfrequencies above zero, got -1"),
+        ({"measured": "0.3"}, "measured: expected eigenfrequencies"),
+        ({"measured": None}, "measured: expected eigenfrequencies"),
+        ({"measured": []}, "measured: expected at least one"),
+        ({"measured": [0.3, -0.5]}, "measured eigenfrequency = -0.5"),
+        ({"measured": [0.5, 0.3]}, "ascending order, or their modes"),
+        ({"measured": {0: 0.3}}, "mode = 0"),
+        ({"measured": [0.3, 0.4], "modes": [1]}, "modes = .*expected 2 different"),
+        ({"measured": [0.3, 0.4], "modes": [1, 1]}, "modes = .*expected 2 different"),
+        ({"measured": {1: 0.3}, "modes": [1]}, "modes: expected None"),
+        ({"inputs": "force"}, "eigenfrequencies have no signals"),
+        ({"free": []}, "free: expected at least one"),
+        ({"free": None}, "free = None"),
+        ({"free": ["k9"]}, "unknown free parameter 'k9'; did you mean"),
+        ({"free": ["k1", "k1"]}, "'k1' is asked for twice"),
+        ({"free": {"k1": (3.0, 1.0)}}, "range of k1"),
+        ({"free": {"k1": (1.0, 2.0)}}, "start of k1 = .*: expected a value in its range"),
+        ({"start": {**CHAIN, "k1": 0.0}}, "start of k1 = 0"),
+        ({"start": {**CHAIN, "k1": "stiff"}}, "start of k1"),
+        ({"start": None}, "start: expected the parameters to begin from"),
+        ({"start": 3.0}, "start: expected a dataclass or a mapping"),
+        ({"start": Spring(1.0), "free": ["label"]}, "start of label"),
+        ({"weights": [1.0, -1.0, 1.0]}, "weights: expected numbers not below zero"),
+        ({"weights": [1.0, 1.0]}, "weights: expected the shape"),
+        ({"errors": "percent"}, "unknown kind of errors 'percent'"),
+        ({"deviation": 0.0}, "deviation = 0.0"),
+        ({"confidence": 95}, "confidence = 95"),
+        ({"starts": 0}, "starts = 0"),
+        ({"seed": -1}, "seed = -1"),
+    ],
+)
+def test_bad_input_is_refused_by_name(changed, message):
+    call = {"build": frequencies, "measured": frequencies(CHAIN), "free": ["k1", "k2"], "start": CHAIN, **changed}
+    with pytest.raises((TypeError, ValueError), match=message):
+        bc.fit(**call)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"inputs": "nobody"}, "unknown input 'nobody'"),
+        ({"inputs": "cradle"}, "expected a response of shape"),
+        ({"modes": [1]}, "modes: expected None"),
+        ({"build": lambda p: bc.exact_frequency_response(p, [1.0, 2.0])}, "at the measured frequencies"),
+        ({"build": lambda p: "boom"}, "build: expected a model or its frequency response"),
+        (
+            {"measured": control.frd(np.array([1.0, 0.0, 1.0]), [1.0, 2.0, 3.0])},
+            "a value of zero has no relative error",
+        ),
+        ({"measured": control.frd(np.array([1.0, np.nan]), [1.0, 2.0])}, "expected finite"),
+    ],
+)
+def test_bad_responses_are_refused_by_name(changed, message):
+    measured = bc.spray_boom().frequency_response(OMEGA, *PORTS.values())
+    with pytest.raises((TypeError, ValueError), match=message):
+        bc.fit(**{"build": bc.spray_boom, "measured": measured, **changed}, free=["spring_stiffness"], start=TRUTH)
+
+
+def test_singular_values_between_signals_not_said_are_refused():
+    curve = MeasuredCurve(OMEGA / (2 * np.pi), bc.sigma(bc.spray_boom(), OMEGA).sigma, ("upper", "lower"))
+    with pytest.raises(ValueError, match=r"2 singular values at .*, got 5 .*say `inputs` and `outputs`"):
+        bc.fit(bc.exact_frequency_response, curve, ["spring_stiffness"])
+
+
+def test_what_a_model_refuses_at_the_start_is_said_as_the_model_says_it():
+    start = {"boom_mass": 30.0}
+    with pytest.raises(ValueError, match="boom_mass = 30: expected at least that of the tube"):
+        bc.fit(lambda p: bc.spray_boom(bc.BoomParameters(**p)), [0.3, 0.6], ["boom_mass"], start)
+
+
+def test_parameters_that_a_model_refuses_are_not_searched():
+    """A boom cannot weigh less than its tube: the fit ends there, and is not certified."""
+    p = bc.BoomParameters()
+    measured = 1.2 * bc.spray_boom(p).eigenfrequencies_hz(4)
+    found = bc.fit(bc.spray_boom, measured, ["boom_mass"], starts=1)
+    assert found.values["boom_mass"] >= p.tube_mass * (1.0 - 1e-9)
+    assert not found.certified
+
+
+# -- pictures ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["frequencies", "response", "singular values"])
+def test_a_picture_shows_measured_beside_fitted_and_is_known_to_pyplot(kind):
+    if kind == "frequencies":
+        found = bc.fit(frequencies, frequencies(CHAIN) * np.array([1.02, 0.98, 1.01]), ["k1"], CHAIN, starts=1)
+    elif kind == "response":
+        found = bc.fit(response, control.frd(response(CHAIN, OMEGA), OMEGA), ["k1"], CHAIN, starts=1)
+    else:
+        curve = MeasuredCurve(OMEGA / (2 * np.pi), np.abs(response(CHAIN, OMEGA)[0]), ("gain",))
+        found = bc.fit(lambda p, omega: np.abs(response(p, omega)[0]), curve, ["k1"], CHAIN, starts=1)
+    plt.close("all")
+    ax = found.plot(color="purple")
+    assert plt.get_fignums() == [ax.figure.number]
+    labels = ax.get_legend_handles_labels()[1]
+    assert {"start", "fitted"} <= set(labels)
+    assert any(label.startswith("measured") for label in labels)
+    assert "purple" in [line.get_color() for line in ax.lines]
+    assert found.plot(ax=ax) is ax
+    assert len(plt.get_fignums()) == 1
+    plt.close("all")
+    assert "matplotlib" in sys.modules

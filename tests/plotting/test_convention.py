@@ -1,0 +1,449 @@
+"""One convention for every result: ``.plot(ax=None, **style)`` returns axes, of a figure that pyplot shows or of the user.
+
+Reports draw the same pictures on figures that pyplot does not know.
+"""
+
+import inspect
+import multiprocessing
+import os
+import subprocess
+import sys
+import threading
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
+from types import SimpleNamespace
+
+import control
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+import boomctl as bc
+from boomctl.analysis import MeasuredCurve
+from boomctl.plotting import figure_bytes, figure_of, style
+from boomctl.slew import SlewComparison, SlewLine, SwitchingCurve, TrackingResult
+from boomctl.slew.nlp.mesh_study import MeshLine, MeshStudy
+from tests import handed_out as one
+
+ENDS = ["actuator_left", "actuator_right"], ["tip_left", "tip_right"]
+MARK = "#123456"  # a colour that no picture has by itself
+
+
+def a_comparison():
+    history, t = bc.optimal_slew(one.hub_beam().linearize(), 1.0, 200.0).history, np.linspace(0.0, 3.0, 20)
+    rows = [
+        SlewLine(name, 2.0 + k, 0.1, 0.0, 0.0, 5.0, 9.0, 0.05, 0.2, history, t, np.sin(t))
+        for k, name in enumerate(("bang-bang", "ZV", "EI"))
+    ]
+    return SlewComparison(1.0, 200.0, tuple(rows))
+
+
+def a_tracking():
+    t = np.linspace(0.0, 3.0, 20)
+    words = [n for n in TrackingResult.__dataclass_fields__ if n not in ("time", "tip_mass")]
+    values = {n: 0.1 if "error" in n or n.endswith("swing") else np.sin(t) for n in words}
+    return TrackingResult(**values, time=t, tip_mass=0.1)
+
+
+def a_switching_curve():
+    t = np.linspace(0.0, 2.0, 50)
+    return SwitchingCurve(t, 1.0 - t, 200.0 * np.sign(1.0 - t), np.array([1.0]), 200.0)
+
+
+def a_mesh_study():
+    n = np.array([10, 20, 40])
+    return MeshStudy(3.0, n, (MeshLine("end", 1.0 / n**2, 2.0, 2.0), MeshLine("cost", 1.0 / n, 1.0, 1.0)))
+
+
+RESULTS = {
+    "SigmaResult": lambda: bc.sigma(one.boom(), one.OMEGA),
+    "SigmaComparison": lambda: bc.compare_sigma({"boom": one.boom(), "mass": one.mass()}),
+    "MeasuredCurve": lambda: MeasuredCurve(np.array([1.0, 2.0]), np.array([[3.0, 4.0]]), ("upper",)),
+    "Margins": lambda: bc.margins(one.yaw(), one.suspension()),
+    "LoopMargin": lambda: bc.margins(one.yaw(), one.suspension())["stroke_anti"],
+    "ReductionResult": lambda: bc.reduce(one.boom().select(*ENDS), order=10),
+    "RecoveryResult": lambda: bc.loop_transfer_recovery(
+        one.mass(), np.eye(2), 1.0, np.eye(2), 1.0, strengths=[1.0, 100.0], band=(0.1, 10.0)
+    ),
+    "LoopResult": one.loop,
+    "ForcedResponse": lambda: bc.forced_response(one.mass(), {"force": np.ones(50)}, np.linspace(0.0, 5.0, 50)),
+    "SineResponse": lambda: bc.describing_function(
+        one.boom(), bc.CoulombFriction(8.0), one.OMEGA, "actuator_left", 0.01, ["tip_left"]
+    ),
+    "SimulationResult": lambda: one.hub_beam().simulate(bc.spin_up(0.5, 5.0), np.linspace(0.0, 6.0, 50)),
+    "SprayResult": one.spray,
+    "Track": one.track,
+    "PlatformMotion": one.motion,
+    "PlatformDensity": lambda: bc.platform_density(np.geomspace(0.1, 10.0, 20)),
+    "SlewResult": one.slew,
+    "TorqueHistory": lambda: one.slew().history,
+    "SlewComparison": a_comparison,
+    "PayloadComparison": one.payloads,
+    "TrackingResult": a_tracking,
+    "SwitchingCurve": a_switching_curve,
+    "MeshStudy": a_mesh_study,
+}
+SEVERAL = {  # pictures of several panels, and how many these have
+    "Margins": 2, "RecoveryResult": 2, "LoopResult": 4, "ForcedResponse": 2, "SineResponse": 2, "SimulationResult": 4,
+    "PlatformMotion": 2, "SlewResult": 5, "SlewComparison": 5, "PayloadComparison": 2, "TrackingResult": 3,
+    "SwitchingCurve": 2,
+}  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _nothing_left():
+    """Begin and end without a figure of pyplot, drawn on no screen."""
+    mpl.use("Agg")
+    plt.close("all")
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def made():
+    """Return results by name, each made once."""
+    kept = {}
+
+    def make(name):
+        if name not in kept:
+            kept[name] = RESULTS[name]()
+        return kept[name]
+
+    return make
+
+
+def test_every_class_with_a_plot_is_tried_here():
+    """Of all that users are handed; a method with other words than the convention is found as well."""
+    packages = ("boom", "rotating_beam", "analysis", "reduction", "synthesis", "simulation", "slew")
+    found = {}
+    for package in packages:
+        module = import_module(f"boomctl.{package}")
+        owners = [getattr(module, name) for name in module.__all__]
+        found |= {owner.__name__: owner.plot for owner in owners if isinstance(owner, type) and hasattr(owner, "plot")}
+    assert sorted(found) == sorted(RESULTS)
+    for plot in found.values():
+        parameters = list(inspect.signature(plot).parameters.values())[1:]
+        assert (parameters[0].name, parameters[0].default) == ("ax", None)
+        assert parameters[-1].kind is inspect.Parameter.VAR_KEYWORD
+        assert all(p.kind is p.KEYWORD_ONLY for p in parameters[1:-1])
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_plot_returns_axes_of_one_new_figure_that_pyplot_shows_and_a_report_draws_the_same_on_its_own(made, name):
+    before = dict(mpl.rcParams)
+    axes = made(name).plot()
+    assert isinstance(axes, np.ndarray if name in SEVERAL else Axes)
+    several = np.ravel(np.asarray(axes, dtype=object))
+    assert len(several) == SEVERAL.get(name, 1)
+    assert all(isinstance(each, Axes) and each.has_data() for each in several)
+    assert all(each.get_ylabel() or each.get_title(loc="left") or each.texts for each in several)
+    assert several[-1].get_xlabel()
+    assert len(plt.get_fignums()) == 1
+    assert plt.gcf() is several[0].figure
+    plain = figure_of(made(name).plot)
+    assert len(plt.get_fignums()) == 1
+    assert plain.get_size_inches() == pytest.approx(plt.gcf().get_size_inches())
+    assert [len(each.get_lines()) for each in plain.axes] == [len(each.get_lines()) for each in plt.gcf().axes]
+    assert dict(mpl.rcParams) == before
+
+
+@pytest.mark.slow  # 22 pictures on paper: 6 s
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_picture_becomes_a_file(made, name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert figure_bytes(figure_of(made(name).plot), "png").startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_given_axes_are_drawn_on_in_the_style_asked_for_and_no_figure_is_left_behind(made, name):
+    count = SEVERAL.get(name, 1)
+    own = Figure().subplots(count, 1)
+    drawn = made(name).plot(ax=own if count > 1 else [own])
+    assert list(np.ravel(drawn)) == list(np.ravel(own))
+    assert all(each.has_data() for each in np.ravel(own))
+    if name == "SprayResult":
+        made(name).plot(own, cmap="viridis", label="mine")
+        assert own.collections[-1].get_cmap().name == "viridis"
+        assert own.get_title(loc="left").startswith("mine: CV")
+    else:
+        made(name).plot(own, c=MARK, lw=3.25, label="mine")  # an overlay
+        lines = [line for each in np.ravel(own) for line in each.get_lines()]
+        marked = [line for line in lines if mpl.colors.to_hex(line.get_color()) == MARK]
+        # what stands beside curves over time, vibrations left, has a look of its own
+        assert len({line.axes for line in marked}) == count - (name in ("SlewComparison", "PayloadComparison"))
+        assert 3.25 in {line.get_linewidth() for line in marked}
+        assert any(str(line.get_label()).startswith("mine") for line in marked)
+    assert not plt.get_fignums()
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_what_is_no_axes_or_no_style_is_refused_by_name_and_leaves_nothing(made, name):
+    count, ax = SEVERAL.get(name, 1), Figure().add_subplot()
+    with pytest.raises(ValueError, match=rf"ax: expected {count} axes .*, got {count + 1}"):
+        made(name).plot([ax] * (count + 1))
+    with pytest.raises(TypeError, match="ax = 'mine': expected matplotlib axes"):
+        made(name).plot("mine")
+    unknown = "no_such_property" if name == "SprayResult" else "unexpected keyword argument 'no_such_property'"
+    with pytest.raises((TypeError, AttributeError), match=unknown):
+        made(name).plot(no_such_property=1)
+    assert not plt.get_fignums()
+
+
+def test_a_misspelt_style_is_told_the_nearest():
+    with pytest.raises(TypeError, match=r"unexpected keyword argument 'colour', .*; did you mean 'color'"):
+        one.track().plot(colour="red")
+
+
+def test_a_part_of_a_figure_is_divided():
+    left, right = Figure(layout="constrained").subfigures(1, 2)
+    axes = one.loop().plot(left)
+    one.track().plot(right)
+    assert {each.get_figure(root=False) for each in axes} == {left}
+    assert len(right.axes) == 1
+
+
+def test_pictures_in_threads_warn_of_nothing_and_leave_the_settings_alone():
+    before, tracks = (
+        dict(mpl.rcParams),
+        [bc.bump_track(0.1, 1.0 + seed, length=50.0) for seed in range(24)],
+    )  # 20 of pyplot would warn
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with ThreadPoolExecutor(4) as pool:
+            figures = list(pool.map(lambda track: figure_of(track.plot), tracks))
+    assert dict(mpl.rcParams) == before
+    assert not plt.get_fignums()
+    assert {figure.axes[0].spines["top"].get_visible() for figure in figures} == {False}  # each has the look
+
+
+def _drawn(seed):
+    figure_of(bc.iso_track("C", 50.0, seed).plot)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes cannot be forked here")
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
+def test_a_process_that_is_forked_off_while_a_thread_draws_does_not_wait_for_it():
+    drawing, done = threading.Event(), threading.Event()
+
+    def draw():
+        with style():
+            drawing.set()
+            done.wait(0.2)
+
+    thread = threading.Thread(target=draw)
+    thread.start()
+    drawing.wait()
+    process = multiprocessing.get_context("fork").Process(target=_drawn, args=(1,))
+    process.start()
+    process.join(30.0)
+    assert process.exitcode == 0
+    thread.join()
+
+
+def script(text, **environment):
+    """Run a script as a user does, without a display; return what it prints."""
+    settings = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "MPLBACKEND")}
+    settings |= {"PYTHONPATH": os.pathsep.join(sys.path), **environment}
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, env=settings, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_a_script_shows_its_pictures_and_a_report_imports_no_pyplot():
+    shown = (
+        "import boomctl as bc, sys; t = bc.iso_track(length=50.0);"
+        "from boomctl.plotting import figure_of; figure_of(t.plot); assert 'matplotlib.pyplot' not in sys.modules;"
+        "t.plot();"
+        "import matplotlib.pyplot as plt; print(plt.get_backend().lower(), plt.get_fignums()); plt.show()"
+    )
+    assert script(shown).strip() == "agg [1]"
+
+
+@pytest.mark.slow  # a process: 1 s
+def test_what_a_backend_sets_when_it_meets_its_first_figure_stays(tmp_path):
+    """As a notebook's does: its figures are shown after a cell only while it is interactive."""
+    (tmp_path / "late.py").write_text(
+        "import matplotlib\nfrom matplotlib.backends.backend_agg import FigureCanvas\nmatplotlib.interactive(True)\n"
+    )
+    shown = (
+        f"import sys; sys.path.append({str(tmp_path)!r})\n"
+        "import boomctl as bc, matplotlib; bc.iso_track(length=50.0).plot(); print(matplotlib.is_interactive())"
+    )
+    assert script(shown, MPLBACKEND="module://late").strip() == "True"
+
+
+@pytest.mark.slow  # a kernel starts: 5 s
+def test_a_notebook_shows_pictures_once_wherever_they_are_drawn_in_a_cell():
+    pytest.importorskip("ipykernel")
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    cells = [
+        "import sys, boomctl as bc; t = bc.iso_track(length=50.0); assert 'matplotlib.pyplot' not in sys.modules",
+        "t.plot();",
+        "t.plot(); print('not on the last line')",
+        "bc.sigma(bc.spray_boom()).plot()",
+        "import matplotlib.pyplot as plt; _, ax = plt.subplots(); t.plot(ax); t.plot(ax, linestyle='--');",
+        "from boomctl.plotting import figure_of; figure_of(t.plot);",
+    ]
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in cells])
+    nbclient.NotebookClient(book, timeout=120).execute()
+    pictures = [sum("image/png" in output.get("data", {}) for output in cell.outputs) for cell in book.cells]
+    assert pictures == [0, 1, 1, 1, 1, 0]
+
+
+def test_frequencies_are_drawn_in_the_unit_in_which_they_were_asked_for():
+    hz, rad = bc.sigma(one.mass(), frequency_hz=[1.0, 2.0]), bc.sigma(one.mass(), [1.0, 2.0])
+    assert hz.omega == pytest.approx(2.0 * np.pi * np.array([1.0, 2.0]))
+    assert hz.frequency_hz == pytest.approx([1.0, 2.0])
+    for result, unit, there in ((hz, "Hz", [1.0, 2.0]), (rad, "rad/s", [1.0, 2.0]), (bc.sigma(one.mass()), "Hz", None)):
+        ax = result.plot(Figure().subplots())
+        assert ax.get_xlabel() == f"frequency [{unit}]"
+        assert there is None or ax.get_lines()[0].get_xdata() == pytest.approx(there)
+    ax = rad.plot(Figure().subplots(), unit="Hz")
+    assert ax.get_lines()[0].get_xdata() == pytest.approx(rad.omega / (2.0 * np.pi))
+    with pytest.raises(ValueError, match="omega, frequency_hz: expected one of them, got both"):
+        bc.sigma(one.mass(), [1.0], frequency_hz=[1.0])
+    with pytest.raises(ValueError, match="frequency_hz: expected frequencies not below zero"):
+        bc.sigma(one.mass(), frequency_hz=[-1.0])
+    with pytest.raises(ValueError, match="unit = 'kHz': expected 'Hz' or 'rad/s'"):
+        rad.plot(unit="kHz")
+
+
+@pytest.mark.parametrize("omega", [None, [0.0, 1.0]])
+def test_a_system_that_does_nothing_is_drawn_without_a_warning(omega):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        drawn = figure_bytes(figure_of(bc.sigma(control.ss([[-1.0]], [[0.0]], [[1.0]], 0.0), omega).plot), "png")
+    assert drawn.startswith(b"\x89PNG")
+
+
+def test_an_overlay_is_drawn_in_the_unit_that_is_there():
+    rad, curve = (
+        bc.sigma(one.mass(), [1.0, 2.0]),
+        MeasuredCurve(np.array([1.0, 2.0]), np.array([[3.0, 4.0]]), ("upper",)),
+    )
+    ax = bc.sigma(one.mass()).plot(Figure().subplots())
+    rad.plot(ax)
+    assert ax.get_lines()[-2].get_xdata() == pytest.approx(rad.omega / (2.0 * np.pi))
+    with pytest.raises(ValueError, match="unit = 'rad/s': the curves on these axes are in Hz"):
+        rad.plot(ax, unit="rad/s")
+    ax = rad.plot(Figure().subplots())
+    curve.plot(ax)
+    assert ax.get_lines()[-1].get_xdata() == pytest.approx(2.0 * np.pi * curve.freq_hz)
+    theirs = control.singular_values_plot(control.singular_values_response(one.mass().to_statespace(), [1.0, 2.0]))
+    ax = bc.sigma(one.mass(), frequency_hz=[1.0]).plot(theirs.axes.ravel()[0])
+    assert ax.get_lines()[-2].get_xdata() == pytest.approx([2.0 * np.pi])
+
+
+def test_compared_curves_share_a_grid_that_resolves_the_peaks_of_all():
+    slow, fast = one.mass(), bc.structure.SecondOrderModel([[1.0]], [[0.2]], [[1e6]], {"f": [1.0]}, {"y": [1.0]})
+    both = bc.compare_sigma({"slow": slow, "fast": fast})
+    assert np.array_equal(both["slow"].omega, both["fast"].omega)
+    for name, system in (("slow", slow), ("fast", fast)):
+        alone = bc.sigma(system)
+        assert both[name].omega[0] <= alone.omega[0]
+        assert both[name].omega[-1] >= alone.omega[-1]
+        assert both[name].sigma.max() == pytest.approx(alone.peak, rel=1e-9)
+        assert both[name].peak == alone.peak
+        assert both[name].certified
+    data = slow.frequency_response([1.0, 2.0])
+    given = bc.compare_sigma({"slow": slow, "data": data}, frequency_hz=[0.3, 0.4])
+    assert given["slow"].frequency_hz == pytest.approx([0.3, 0.4])
+    assert given["data"].omega == pytest.approx([1.0, 2.0])
+    ax = both.plot(Figure().subplots())
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["slow", "fast", "certified peak"]
+
+
+def test_undamped_modes_of_one_system_are_kept_clear_of_by_all():
+    undamped = bc.structure.SecondOrderModel([[1.0]], [[0.0]], [[4.0]], {"f": [1.0]}, {"y": [1.0]})
+    both = bc.compare_sigma({"damped": one.mass(), "undamped": undamped})
+    assert np.isfinite(both["undamped"].sigma).all()
+    assert both["undamped"].peak == np.inf
+
+
+def test_comparisons_refuse_what_they_cannot_compare():
+    with pytest.raises(TypeError, match=r"systems = .*: expected a mapping"):
+        bc.compare_sigma([one.mass()])
+    with pytest.raises(ValueError, match="systems: expected at least one"):
+        bc.compare_sigma({})
+    with pytest.raises(TypeError, match=r"systems\['mine'\]: .*expected SecondOrderModel"):
+        bc.compare_sigma({"mine": 3.0})
+    with pytest.raises(ValueError, match="unknown system 'mass'"):
+        bc.compare_sigma({"mine": one.mass()})["mass"]
+
+
+def test_an_unstable_system_says_so_in_a_comparison_too():
+    unstable = bc.structure.SecondOrderModel([[1.0]], [[0.1]], [[-1.0]], {"u": [1.0]}, {"y": [1.0]})
+    both = bc.compare_sigma({"loop": unstable, "mass": one.mass()})
+    assert "loop" in repr(both)
+    assert "unstable" in repr(both)
+    ax = both.plot(Figure().subplots(), linestyle="-")
+    assert [text.get_text() for text in ax.texts] == ["loop (unstable): no response to sines, which would grow"]
+    assert ax.get_lines()[0].get_linestyle() == ":"
+
+
+@pytest.mark.parametrize("band", [None, (0.0, 20.0)])
+def test_the_picture_of_a_reduction_shows_the_error_below_what_is_proven(band):
+    given = one.boom().select(*ENDS)
+    result = bc.reduce(given, order=10, band=band)
+    curves = result.curves
+    inside = slice(None) if band is None else curves.omega <= band[1]
+    assert curves.error[inside].max() <= result.measured_error
+    assert curves.error.max() <= result.error_bound
+    assert curves.error[inside].max() > 0.9 * result.measured_error  # the peak of the error is on the grid
+    exact = bc.sigma(given, curves.omega)
+    assert curves.full == pytest.approx(exact.sigma, rel=1e-9)
+    ax = result.plot(Figure().subplots())
+    said = [text.get_text() for text in ax.get_legend().get_texts()]
+    place = "everywhere" if band is None else "in the band"
+    assert f"verified: at most {result.measured_error:.3g} {place}" in said
+
+
+def test_a_nyquist_curve_touches_the_disk_of_its_margin_and_passes_through_its_marks():
+    loop = bc.margins(one.yaw(), one.suspension())["suspension_anti"]
+    omega, L = loop.open_loop
+    low, high = 1.0 / loop.disk.gain, loop.disk.gain
+    distance = np.abs(-L + 0.5 * (low + high)) - 0.5 * (high - low)
+    assert distance.min() == pytest.approx(0.0, abs=1e-4)
+    assert omega[np.argmin(distance)] == pytest.approx(loop.disk.omega, rel=1e-2)
+    crossing = L[np.argmin(np.abs(omega - loop.phase_omega))]
+    assert abs(crossing) == pytest.approx(1.0, rel=1e-6)
+    assert abs(np.degrees(np.angle(crossing))) == pytest.approx(loop.phase_deg, rel=1e-6)
+    near = np.abs(L) < 5.0
+    assert np.abs(np.diff(L))[near[1:] & near[:-1]].max() < 0.4  # smooth to the eye
+    ax = loop.plot(Figure().subplots())
+    marks = {line.get_label(): line.get_xydata() for line in ax.get_lines() if str(line.get_label()).startswith("gain")}
+    ((_, places),) = marks.items()
+    assert places[:, 0] == pytest.approx([-1.0 / g for g in (loop.gain_low, loop.gain_high) if 0.0 < g < np.inf])
+
+
+def test_a_full_disk_margin_has_a_half_plane():
+    """A loop without gain to speak of: its disk margin is 2, whose disk is the whole left half-plane."""
+    plant = control.ss([[-1.0]], [[1.0]], [[1.0]], [[1.0]], inputs=["u"], outputs=["y"])
+    K = control.ss([], [], [], [[-1e-9]], inputs=["y"], outputs=["u"])
+    found = bc.margins(plant, K)
+    assert found.loops[0].disk.gain > 1e5
+    shaded = found.loops[0].plot(Figure().subplots()).patches[0]
+    assert shaded.get_extents().x0 < -4.0
+
+
+def test_controls_of_an_overlay_are_not_cut_off():
+    def run(size):
+        t = np.linspace(0.0, 1.0, 11)
+        words = {"saturation_share": {"u": 0.0}, "rate_share": {"u": 0.0}, "stops": (), "friction": None}
+        signals = {"outputs": {"y": t}, "strokes": {}, "controls": {"u": size * t}, "asked": {"u": size * t}}
+        return SimpleNamespace(time=t, **words, **signals)
+
+    from boomctl.plotting import plot_loop
+
+    axes = plot_loop(run(1.0), Figure().subplots(2, 1))
+    plot_loop(run(10.0), axes)
+    plot_loop(run(0.1), axes)
+    low, high = axes[1].get_ylim()
+    assert low < -10.0
+    assert high > 10.0

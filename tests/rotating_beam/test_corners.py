@@ -1,0 +1,165 @@
+"""Jumps and corners that a torque or a hub profile does not declare are found, and the error estimate is honest."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.rotating_beam.corners import found_corners, resolution
+from boomctl.rotating_beam.result import SimulationError
+from tests.profiles import examples
+
+END = 20.0
+SECONDS = np.arange(0.0, END + 1.0)
+MODELS = ("sfoam", "foam", "tlam")
+
+
+def pulse(begin, width, size=2.0):
+    return lambda t: np.where((t >= begin) & (t < begin + width), size, 0.0)
+
+
+@examples(100)
+@given(st.floats(0.01, 18.0), st.floats(-3.2, 0.2), st.sampled_from(MODELS))
+def test_a_pulse_that_is_not_declared_moves_the_beam_as_one_that_is(begin, decades, model):
+    width = 10.0**decades  # from just above the resolution, 0.5 ms
+    beam = bc.hub_beam(model=model, modes=2)
+    found = beam.simulate(bc.torque(pulse(begin, width)), SECONDS)
+    declared = beam.simulate(bc.torque(pulse(begin, width), (begin, begin + width)), SECONDS)
+    peak = np.abs(declared.tip_displacement).max()
+    apart = np.abs(found.tip_displacement - declared.tip_displacement).max()
+    assert peak > 0.0
+    assert apart <= 1e-10 + 1e-8 * peak
+    assert apart <= found.error_estimate + 1e-14
+
+
+@pytest.mark.parametrize("model", ["cfoam", "geometrically-exact"])
+def test_other_integrators_know_of_the_jumps_too(model):
+    beam, timepts = bc.hub_beam(model=model, modes=1), np.linspace(0.0, 1.0, 3)
+    found = beam.simulate(bc.torque(pulse(0.25031, 0.003)), timepts, rtol=1e-6, atol=1e-8)
+    declared = beam.simulate(bc.torque(pulse(0.25031, 0.003), (0.25031, 0.25331)), timepts, rtol=1e-6, atol=1e-8)
+    assert found.tip_displacement == pytest.approx(declared.tip_displacement, abs=1e-9)
+    assert np.abs(found.tip_displacement).max() > 1e-6
+
+
+@examples(100)
+@given(st.lists(st.floats(0.05, 19.9), min_size=1, max_size=8, unique=True), st.integers(0, 2**32 - 1))
+def test_jumps_are_located_to_rounding_and_corners_closely(instants, seed):
+    places = np.sort(instants)
+    places = places[np.diff(places, prepend=0.0) > 0.01]
+    random = np.random.default_rng(seed)
+    values = np.cumsum(random.choice([-1.0, 1.0], places.size + 1) * random.uniform(0.5, 2.0, places.size + 1))
+
+    def held(t):
+        return values[np.searchsorted(places, t, side="right")] + np.sin(t)
+
+    nodes = np.concatenate([[0.0], places, [END]])
+    heights = np.cumsum(random.choice([-1.0, 1.0], nodes.size))
+
+    def straight(t):
+        return np.interp(t, nodes, heights)
+
+    jumps = np.array(found_corners("torque", held, (), END))
+    assert jumps.size == places.size
+    assert np.abs(jumps[:, None] - places).min(axis=0).max() <= 16.0 * np.spacing(END)
+    bends = np.abs(np.diff(np.diff(heights) / np.diff(nodes))) > 1e-3
+    corners = np.array(found_corners("torque", straight, (), END))
+    for place in places[bends]:
+        assert np.abs(corners - place).min() <= resolution(END) / 1000.0
+
+
+@pytest.mark.parametrize(
+    "smooth",
+    [np.sin, lambda t: np.exp(-t), lambda t: t**3 - 1e3 * t, lambda t: 1.0 + 0.0 * t, lambda t: np.sin(60.0 * t)],
+)
+def test_a_smooth_torque_gets_no_breakpoints(smooth):
+    assert found_corners("torque", smooth, (), END) == ()
+
+
+def test_known_jumps_are_not_found_again():
+    known = (5.0003, 6.0003)
+    assert found_corners("torque", pulse(5.0003, 1.0), known, END) == known
+
+
+@examples(50)
+@given(st.floats(1.0, 18.0), st.floats(-3.5, -0.5))
+def test_a_swift_and_smooth_pulse_is_not_passed_over(middle, decades):
+    width = 10.0**decades
+    beam = bc.hub_beam(model="sfoam", modes=2)
+
+    def bell(t):
+        return 2.0 * np.exp(-(((t - middle) / width) ** 2))
+
+    found = beam.simulate(bc.torque(bell), SECONDS)
+    close = tuple(middle + width * np.arange(-6.0, 6.5, 0.5))
+    known = beam.simulate(bc.torque(bell, close), SECONDS)
+    apart = np.abs(found.tip_displacement - known.tip_displacement).max()
+    assert apart <= 1e-10 + 1e-8 * np.abs(known.tip_displacement).max()
+
+
+def test_a_function_of_numbers_alone_is_looked_at_too():
+    def stepped(t):
+        return 2.0 * math.sin(t) if t > 3.00021 else 0.0
+
+    beam = bc.hub_beam(model="sfoam", modes=1)
+    found = beam.simulate(bc.torque(stepped), SECONDS)
+    known = beam.simulate(bc.torque(stepped, (3.00021,)), SECONDS)
+    assert found.tip_displacement == pytest.approx(known.tip_displacement, abs=1e-10)
+
+
+def test_a_torque_that_jumps_everywhere_is_refused():
+    random = np.random.default_rng(0)
+    noise = bc.torque(lambda t: random.standard_normal(np.shape(t)))
+    with pytest.raises(ValueError, match=r"torque: jumps at \d+ instants .* expected at most 10000"):
+        bc.hub_beam().simulate(noise, SECONDS)
+
+
+@examples(30)
+@given(st.floats(1.0, 4.0), st.floats(0.3, 2.0), st.sampled_from(["sfoam", "foam"]))
+def test_hub_profiles_with_jumps_of_the_acceleration_or_its_slope_are_honest(begin, width, model):
+    def since(t, k):
+        return np.maximum(np.asarray(t) - begin, 0.0) ** k - np.maximum(np.asarray(t) - begin - width, 0.0) ** k
+
+    beam = bc.hub_beam(model=model, modes=2)
+    for order in (2, 3):  # of the angle: its second derivative jumps, or its third
+        profile = (
+            lambda t, order=order: 0.01 * since(t, order),
+            lambda t, order=order: 0.01 * order * since(t, order - 1),
+            lambda t, order=order: 0.01 * order * (order - 1) * (since(t, 1) if order == 3 else _box(t, begin, width)),
+        )
+        found = beam.simulate(bc.hub_profile(*profile), np.arange(0.0, 9.0))
+        known = beam.simulate(bc.hub_profile(*profile, breakpoints=(begin, begin + width)), np.arange(0.0, 9.0))
+        apart = np.abs(found.tip_displacement - known.tip_displacement).max()
+        assert apart <= found.error_estimate + known.error_estimate + 1e-13
+
+
+def _box(t, begin, width):
+    return ((np.asarray(t) >= begin) & (np.asarray(t) < begin + width)).astype(float)
+
+
+@pytest.mark.slow
+def test_long_torque_driven_motions_take_time_in_proportion():
+    beam = bc.hub_beam(model="sfoam", modes=1)
+    steps = []
+    for end in (1e3, 1e4):
+        found = beam.simulate(bc.torque(lambda t: 20.0 * np.sin(0.6 * t)), np.linspace(0.0, end, 11))
+        steps.append(found.steps)
+        assert found.error_estimate <= 1e-10 + 1e-8 * 0.2
+    assert steps[1] <= 25 * steps[0]  # ten times as long; the longer is held to a smaller share of its error a window
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["cfoam", "geometrically-exact"])
+def test_motions_that_take_far_too_many_steps_are_refused_by_their_beginning(model):
+    with pytest.raises(SimulationError, match="would take about"):
+        bc.hub_beam(model=model, modes=3).simulate(bc.sine_torque(20.0, 10.0, 1e4), np.linspace(0.0, 1e4, 11))
+
+
+@pytest.mark.parametrize("model", ["tlam", "sfoam", "foam", "cfoam"])
+@pytest.mark.parametrize("end", [1e7, 1e9])
+def test_what_no_memory_holds_is_refused_before_it_is_begun(model, end):
+    beam = bc.hub_beam(model=model, modes=2)
+    with pytest.raises(SimulationError, match=r"radians of the slowest mode; expected at most 300000, which is about"):
+        beam.simulate(bc.sine_torque(20.0, 10.0, end), np.linspace(0.0, end, 11))

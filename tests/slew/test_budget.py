@@ -1,0 +1,214 @@
+"""Slews that take long: the time limit, progress, interrupts, and what made some of them slow."""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import boomctl as bc
+from boomctl.slew import SlewProgress, TorqueHistory, resolve
+from boomctl.slew.linear import effort_guess
+from boomctl.slew.nlp.programme import prepare
+from boomctl.slew.nlp.transcription import Scheme
+from boomctl.slew.problem import Limits, slew_problem
+
+LONG = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+import boomctl as bc
+try:
+    {call}
+except KeyboardInterrupt:
+    print("stopped", flush=True)
+    sys.exit(3)
+"""
+SLOW_CALLS = {
+    "in IPOPT": (
+        "bc.optimal_slew(bc.hub_beam(model='sfoam', modes=3), 1000.0, 200.0, 'effort', 200.0, progress=tell, intervals=800)",
+        "iteration 2",
+    ),
+    "in switching times": (
+        "bc.optimal_slew(bc.hub_beam(model='sfoam', modes=3), 1.6, 200.0, tip_masses=(3e-6,), progress=tell)",
+        "",
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("where", SLOW_CALLS)
+def test_an_interrupt_stops_a_slew_within_two_seconds(where):
+    call, stage = SLOW_CALLS[where]
+    telling = "tell = lambda seen: print(seen.stage, flush=True)\n    "
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-c", LONG.format(call=telling + call)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as child:
+        assert child.stdout is not None
+        for line in child.stdout:
+            if stage in line:
+                break
+        time.sleep(0.3)
+        child.send_signal(signal.SIGINT)
+        begun = time.monotonic()
+        out, errors = child.communicate(timeout=30)
+        taken = time.monotonic() - begun
+    assert child.returncode == 3, errors
+    assert "stopped" in out
+    assert taken < 4.0  # two for the interrupt, and the end of an interpreter on a busy machine
+
+
+def sfoam(modes=3):
+    return bc.hub_beam(model="sfoam", modes=modes)
+
+
+@pytest.mark.parametrize("limit", [0.02, 0.4])
+def test_the_time_limit_ends_the_search_in_words(limit):
+    begun = time.process_time()
+    with pytest.raises(bc.SlewError, match=rf"time_limit = {limit:g} s: over .*; reached: .* Expected more time"):
+        bc.optimal_slew(sfoam(), np.pi / 2, 200.0, "effort", 4.5, tip_masses=(0.0, 0.2), time_limit=limit)
+    assert time.process_time() - begun < limit + 2.5
+
+
+@pytest.mark.parametrize("objective", ["time", "tip"])
+def test_the_time_limit_is_of_every_way(objective):
+    duration = None if objective == "time" else 4.5
+    with pytest.raises(bc.SlewError, match=r"time_limit = 0\.05 s"):
+        bc.optimal_slew(sfoam(), np.pi / 2, 200.0, objective, duration, time_limit=0.05)
+
+
+@pytest.mark.slow
+def test_out_of_time_the_best_verified_slew_is_returned():
+    asked = sfoam(1), 1.0, 200.0, "jerk", 4.0
+    whole = bc.optimal_slew(*asked)
+    stopped = []
+
+    def late(seen):  # spends the time of the search once a second mesh has begun
+        if "100 intervals" in seen.stage and not stopped:
+            stopped.append(seen)
+            time.sleep(7.0)
+
+    found = bc.optimal_slew(*asked, time_limit=10.0, progress=late)
+    assert any("out of time" in step for step in found.path)
+    assert found.end_error <= 1e-6
+    assert found.certificate.constraint_violation <= 1e-9
+    assert found.cost >= whole.cost * (1.0 - 1e-3)
+
+
+def test_progress_is_told_in_small_frozen_records():
+    told = []
+    found = bc.optimal_slew(sfoam(1), 1.0, 200.0, "effort", 4.0, progress=told.append, intervals=60)
+    assert told
+    assert all(isinstance(each, SlewProgress) for each in told)
+    assert all(later.seconds >= sooner.seconds for sooner, later in pairwise(told))
+    with pytest.raises(AttributeError):
+        told[0].stage = "else"
+    assert pickle.loads(pickle.dumps(found)).cost == found.cost  # it keeps nothing of who was told
+    count = len(told)
+    again = resolve(found, angle=1.1, progress=told.append)
+    assert len(told) > count
+    assert again.hub_angle[-1] == pytest.approx(1.1, abs=1e-6)
+
+
+def test_what_progress_raises_comes_through():
+    class Enough(Exception):
+        pass
+
+    def stop(seen):
+        raise Enough
+
+    with pytest.raises(Enough):
+        bc.optimal_slew(sfoam(1), 1.0, 200.0, "effort", 4.0, progress=stop)
+
+
+@pytest.mark.parametrize(("name", "value"), [("time_limit", 0.0), ("time_limit", -1.0), ("time_limit", np.nan)])
+def test_bad_time_limits_are_refused(name, value):
+    with pytest.raises(ValueError, match=f"{name} = "):
+        bc.optimal_slew(sfoam(1), 1.0, 200.0, **{name: value})
+
+
+def test_bad_progress_is_refused():
+    with pytest.raises(TypeError, match="progress = 1: expected a function"):
+        bc.optimal_slew(sfoam(1), 1.0, 200.0, progress=1)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("payload", [1e-6, 1e-4, 0.2])
+def test_payloads_close_to_the_beams_own_take_few_iterations(payload):
+    limits = Limits(200.0)
+    problem = slew_problem(sfoam(3), np.pi / 2, limits, "effort", 4.5, tip_masses=(payload,))
+    guess = effort_guess(problem, 4.5, 100)
+    programme = prepare(problem, Scheme("collocation", "effort", 100, 3), guess, 1e-6)
+    assert programme.solve(problem, guess).iterations <= 8  # 17 to 34 where MUMPS chose the order of its pivots
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("torque", "tip_mass"), [(200.0, 0.0), (100.0, 0.1)])
+def test_the_end_error_is_of_all_coordinates(torque, tip_mass):
+    beam = bc.hub_beam(bc.HubBeamParameters(tip_mass=tip_mass), model="foam", modes=1)
+    found = bc.optimal_slew(beam, 1.0, torque)
+    replay = beam.simulate_torque(
+        found.history, np.linspace(0.0, found.duration, 4001), found.history.breakpoints, rtol=1e-10, atol=1e-13
+    )
+    # the model's own axial coordinate, beside its size on the way: no change of coordinates of the planning
+    axial = [k for k, name in enumerate(beam.state_names) if "axial" in name]
+    assert axial
+    left = max(abs(replay.states[-1, k]) / np.abs(replay.states[:, k]).max() for k in axial)
+    assert left > 1e-3
+    assert found.end_error >= 0.3 * left
+    assert found.certificate.end_error == found.end_error
+    assert found.certificate.prescribed_error <= 1e-6
+    assert max(found.certificate.free_errors.values()) == found.end_error
+    assert "without axial motion" in repr(found)
+
+
+def test_without_axial_modes_nothing_is_left_free():
+    found = bc.optimal_slew(sfoam(1), 1.0, 200.0)
+    assert found.certificate.free_errors == {}
+    assert found.end_error == found.certificate.prescribed_error <= 1e-6
+
+
+@pytest.mark.parametrize("objective", ["effort", "jerk", "tip"])
+def test_a_torque_of_fixed_time_has_no_switches(objective):
+    found = bc.optimal_slew(sfoam(1), 1.0, 200.0, objective, 4.0, intervals=60)
+    assert found.history.switches.size == 0
+    assert found.certificate.switches is None
+    assert "switch" not in repr(found.history)
+
+
+@pytest.mark.slow
+def test_the_command_line_is_interrupted_and_silent_when_piped(tmp_path):
+    words = [
+        "slew",
+        "--objective",
+        "effort",
+        "--duration",
+        "200",
+        "--angle-deg",
+        "57000",
+        "--time-limit",
+        "60",
+        "--out",
+    ]
+    start = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from boomctl.cli import main; main()"
+    )
+    command = [sys.executable, "-c", start, *words, str(tmp_path / "out")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+        time.sleep(8.0)  # the solver runs
+        begun = time.monotonic()
+        child.send_signal(signal.SIGINT)
+        out, errors = child.communicate(timeout=30)
+    assert time.monotonic() - begun < 4.0
+    assert (child.returncode, out, errors) == (1, "", "boomctl: interrupted\n")
+
+
+def test_noise_of_the_sign_is_no_switch():
+    values = np.concatenate([np.full(10, 5.0), 1e-6 * (-1.0) ** np.arange(20), np.full(10, -5.0)])
+    noisy = TorqueHistory(np.arange(41.0), values, values)
+    assert noisy.switches.size == 0
+    bang = TorqueHistory(np.arange(4.0), np.array([5.0, -5.0, 5.0]), np.array([5.0, -5.0, 5.0]))
+    assert list(bang.switches) == [1.0, 2.0]

@@ -1,0 +1,105 @@
+"""Cross sections: against integrals over their area, the spray boom's tube, one another, and what is refused."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+import boomctl as bc
+from boomctl.structure import (
+    BeamSection,
+    bar_section,
+    i_section,
+    rod_section,
+    round_tube_section,
+    tube_section,
+)
+from tests.profiles import examples
+
+SIZES = st.floats(1e-3, 1.0)
+SHARES = st.floats(1e-9, 0.49)
+
+
+def integrals(breadth, depth, corners=()):
+    """Return area and second moment of a section that is so broad at each height above its middle."""
+    edges = sorted({-0.5 * depth, 0.5 * depth, *corners, *(-c for c in corners)})
+    area = sum(quad(breadth, a, b, epsabs=0.0)[0] for a, b in pairwise(edges))
+    return area, sum(quad(lambda y: y * y * breadth(y), a, b, epsabs=0.0)[0] for a, b in pairwise(edges))
+
+
+def of(section):
+    return section.area, section.second_moment
+
+
+@given(SIZES, SIZES, st.floats(1e-3, 0.49), st.floats(1e-3, 0.49))
+@examples(20)
+def test_sections_of_straight_walls_are_their_integrals(b, h, sides, covers):
+    s, t = sides * b, covers * h
+    inner = 0.5 * h - t
+    tube = integrals(lambda y: b if abs(y) > inner else 2.0 * s, h, [inner])
+    beam = integrals(lambda y: b if abs(y) > inner else s, h, [inner])
+    assert of(tube_section(b, h, (s, t))) == pytest.approx(tube, rel=1e-8)
+    assert of(i_section(b, h, s, t)) == pytest.approx(beam, rel=1e-8)
+    assert of(bar_section(b, h)) == pytest.approx(integrals(lambda y: b, h), rel=1e-8)
+
+
+@given(SIZES, st.floats(0.05, 0.49))
+@examples(20)
+def test_round_sections_are_their_integrals(d, share):
+    def chord(y, diameter):
+        return np.sqrt(max(diameter**2 - 4.0 * y * y, 0.0))
+
+    hollow = (1.0 - 2.0 * share) * d
+    ring = [
+        p - q
+        for p, q in zip(integrals(lambda y: chord(y, d), d), integrals(lambda y: chord(y, hollow), hollow), strict=True)
+    ]
+    found = round_tube_section(d, share * d)
+    assert (found.area, found.second_moment) == pytest.approx(ring, rel=1e-6)
+    solid = rod_section(d)
+    assert (solid.area, solid.second_moment) == pytest.approx(integrals(lambda y: chord(y, d), d), rel=1e-6)
+
+
+@given(SIZES, SIZES, SHARES)
+@examples(30)
+def test_thin_walls_lose_no_digits(b, h, share):
+    """To the first order in the wall, area and second moment are those of lines; the error is of the next order."""
+    t = share * min(b, h)
+    found = tube_section(b, h, t)
+    assert found.area == pytest.approx(2.0 * t * (b + h), rel=2.0 * share + 1e-14)
+    assert found.second_moment == pytest.approx(t * h * h * (h / 6.0 + b / 2.0), rel=4.0 * share + 1e-13)
+    ring = round_tube_section(h, share * h)
+    assert ring.second_moment == pytest.approx(np.pi * share * h**4 / 8.0, rel=3.0 * share + 1e-13)
+
+
+def test_the_boom_is_made_of_its_tube():
+    p = bc.BoomParameters()
+    walls = 0.5 * (p.outer_height - p.inner_height), 0.5 * (p.outer_width - p.inner_width)
+    section = tube_section(p.outer_height, p.outer_width, walls)
+    beam = BeamSection.from_cross_section(p.length, section, p.youngs_modulus, p.density, p.structural_damping)
+    assert beam.bending_stiffness == pytest.approx(p.bending_stiffness, rel=1e-13)
+    assert beam.mass_per_length == pytest.approx(p.mass_per_length, rel=1e-13)
+    assert beam.damping == p.structural_damping
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: tube_section(0.02, 0.06, 0.01), ValueError, r"wall = 0\.01: expected less than half the width"),
+        (lambda: tube_section(0.06, 0.02, (0.001, 0.02)), ValueError, "less than half the depth"),
+        (lambda: tube_section(0.06, -0.02, 0.001), ValueError, r"depth = -0\.02"),
+        (lambda: tube_section(0.06, 0.02, (1e-3, 1e-3, 1e-3)), TypeError, "wall"),
+        (lambda: round_tube_section(0.06, 0.03), ValueError, "less than half the diameter"),
+        (lambda: i_section(0.1, 0.2, 0.15, 0.01), ValueError, r"web = 0\.15: expected at most the width"),
+        (lambda: bar_section("a", 0.1), TypeError, "width"),
+        (lambda: rod_section(np.nan), ValueError, "diameter"),
+        (lambda: BeamSection.from_cross_section(1.0, 0.1, 1e9, 1e3), TypeError, "section"),
+        (lambda: BeamSection.from_cross_section(1.0, rod_section(0.1), -1.0, 1e3), ValueError, "youngs_modulus"),
+    ],
+)
+def test_sections_that_cannot_be_are_refused(make, error, message):
+    with pytest.raises(error, match=message):
+        make()

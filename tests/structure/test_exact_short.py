@@ -1,0 +1,215 @@
+"""Exact beams with segments of any length: strains beside rigid motion keep the digits, and what rounding is left is told."""
+
+import warnings
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.benchmark.boom.high_precision import damped_eigenvalues, exact_response
+from boomctl.boom.exact import exact_boom
+from boomctl.boom.model import ACTUATORS, boom_assembly
+from boomctl.structure import (
+    GROUND,
+    Assembly,
+    Beam,
+    BeamSection,
+    FiniteElements,
+    Force,
+    Output,
+    SpringDamper,
+    fixed,
+    free,
+)
+from boomctl.structure.beams.dynamic_stiffness import (
+    end_functions,
+    segment_terms,
+    strain_functions,
+    strain_lines,
+    strain_terms,
+)
+from boomctl.structure.beams.eigenvalues import undamped_frequencies
+from boomctl.structure.beams.exact import PROMISED
+from boomctl.structure.displacement_input import prescribe_displacement
+from boomctl.structure.response.direct import AccuracyWarning
+from tests.profiles import examples
+from tests.strategies import seeds
+
+_MORE = (pytest.param(distance, marks=pytest.mark.slow) for distance in (1e-4, 0.01, 0.15, 11.9))
+DISTANCES = (1e-5, 1e-3, 6.0, *_MORE)  # of the boom's springs [m]
+DIGITS = 160  # of the reference: the hundredth mode's exponentials take some hundred
+
+
+def error(found, truth):
+    """Return how far a response is off, of the largest output to each input at each frequency."""
+    return (np.abs(found - truth).max(axis=0) / np.abs(truth).max(axis=0)).max()
+
+
+@given(st.floats(-4.0, 2.0))
+def test_strain_functions_equal_their_quotients_in_sixty_digits(exponent):
+    """To the last digits, also where all but the strains' own are as small as ``z^4``."""
+    z = 10.0**exponent
+    with mp.workdps(60 + int(z)):
+        x = mp.sqrt(mp.sqrt(mp.mpf(z**4)))
+        ch, sh, c, s = mp.cosh(x), mp.sinh(x), mp.cos(x), mp.sin(x)
+        below = 1 - ch * c
+        f1, f2, f3 = x**3 * (ch * s + sh * c) / below, x**2 * sh * s / below, x * (ch * s - sh * c) / below
+        f4, f5, f6 = -(x**3) * (sh + s) / below, x**2 * (ch - c) / below, x * (sh - s) / below
+        exact = [
+            2 * (f1 + f4),
+            f5 - f2,
+            (f3 - f6) / 2,
+            (f1 - f4) / 2 - 2 * (f2 + f5) + 2 * (f3 + f6),
+            f3 + f6 - (f2 + f5) / 2,
+            (f3 + f6) / 2,
+        ]
+        exact = np.array([float(value) for value in exact])
+        amplification = float(abs(x * (sh * c - ch * s) / below)) + 10
+    values, sizes = strain_functions(np.array([z**4], dtype=complex))
+    assert (np.abs(values[:, 0] - exact) < 4e-15 * amplification * sizes[:, 0]).all()
+    if z < 2.0:
+        assert np.abs(values[:, 0] / exact - 1.0).max() < 1e-14
+
+
+@given(seeds)
+def test_strains_and_end_displacements_make_the_same_stiffness(seed):
+    rng = np.random.default_rng(seed)
+    left, right, x = rng.standard_normal((4, 3)), rng.standard_normal((4, 2)), np.array([rng.uniform(0.0, 500.0) + 0j])
+    ends = np.tensordot(end_functions(x)[:, 0], segment_terms(left, right), 1)
+    six = strain_functions(x)[0][:, 0]
+    strains = np.tensordot(six, strain_terms(strain_lines(left), strain_lines(right)), 1)
+    assert np.abs(ends - strains).max() < 1e-12 * np.abs(six).max() * np.abs(left).max() * np.abs(right).max() * 10
+
+
+@pytest.mark.parametrize("distance", DISTANCES)
+@pytest.mark.parametrize("change", [{}, {"spring_stiffness": 0.0}, {"structural_damping": 0.0, "hinge_damping": 0.0}])
+def test_the_boom_solves_the_beam_equation_at_any_spring_distance(distance, change):
+    """From 1e-4 Hz to the hundredth mode, and says nothing of rounding."""
+    p = bc.BoomParameters(spring_distance=distance, **change)
+    omega = 2 * np.pi * np.array([1e-4, 0.3, 9.1, 2400.0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", AccuracyWarning)
+        found = bc.exact_frequency_response(p, omega).frdata
+    assert error(found, exact_response(p, omega, DIGITS)) < PROMISED
+
+
+@pytest.mark.slow
+@given(st.floats(-5.0, 1.07), st.floats(-4.0, 3.5), st.sampled_from([0.0, 1e-6, 1e-4]), st.floats(0.0, 4.0))
+def test_no_response_is_further_off_than_is_promised_or_said(distance, frequency, damping, softness):
+    """Random booms and frequencies, springs from usual to 1e-4 of that."""
+    p = bc.BoomParameters(
+        spring_distance=10.0**distance, structural_damping=damping, spring_stiffness=1100.0 * 10.0**-softness
+    )
+    omega = np.array([10.0**frequency])
+    truth = exact_response(p, omega, DIGITS)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", AccuracyWarning)
+        found = bc.exact_frequency_response(p, omega).frdata
+    assert said or error(found, truth) < PROMISED
+
+
+@pytest.mark.parametrize("away", [1e-8, 1e-11])
+def test_rounding_that_may_show_is_said_with_its_size(away):
+    """Beside an undamped resonance: a frequency of sixteen digits does not tell how far away it is."""
+    p = bc.BoomParameters(structural_damping=0.0, hinge_damping=0.0, cradle_damping=0.0)
+    omega = np.array([undamped_frequencies(exact_boom(p), 4)[3] * (1.0 + away)])
+    with pytest.warns(AccuracyWarning, match=r"may be as much as .* rad/s|rad/s may be as much as") as said:
+        found = bc.exact_frequency_response(p, omega).frdata
+    limit = float(str(said[0].message).split("as much as ")[1].split(" of")[0])
+    off = error(found, exact_response(p, omega, DIGITS))
+    assert off < 1.05 * limit  # said to one digit
+    assert limit < 1e6 * max(off, 1e-16)
+
+
+@pytest.mark.parametrize("distance", DISTANCES)
+def test_eigenfrequencies_of_the_boom_at_any_spring_distance(distance):
+    p = bc.BoomParameters(spring_distance=distance)
+    still = bc.BoomParameters(spring_distance=distance, structural_damping=0.0, hinge_damping=0.0, cradle_damping=0.0)
+    found = bc.exact_eigenfrequencies_hz(p, 6, damped=False)
+    truth = damped_eigenvalues(still, 2j * np.pi * found * (1.0 + 1e-9), 50).imag / (2.0 * np.pi)
+    assert found == pytest.approx(truth, rel=1e-10)
+    damped = bc.exact_eigenfrequencies_hz(p, 6)
+    half, spring = p.length / 2, p.spring_distance / 2
+    outer = np.linspace(-half, -spring, 5)
+    mesh = FiniteElements(tuple(np.concatenate([outer, [0.0], -outer[::-1]]) + half), 12)
+    elements = prescribe_displacement(boom_assembly(p, mesh).assemble(), ACTUATORS)
+    poles = elements.structure.strain_form.poles()
+    near = poles[np.argmin(np.abs(poles.imag[:, None] / (2 * np.pi) - damped[None, :]), axis=0)]
+    exact = damped_eigenvalues(p, near, 50)
+    assert damped == pytest.approx(np.sort(exact.imag) / (2.0 * np.pi), rel=1e-10)
+
+
+@pytest.mark.parametrize("distance", [1e-4, 1e-2, 1.318])
+def test_the_boom_equals_converged_elements_at_any_spring_distance(distance):
+    """A beam of order 14 between the same points, solved in strain coordinates, which share nothing with the exact beam."""
+    p = bc.BoomParameters(spring_distance=distance)
+    half, spring = p.length / 2, p.spring_distance / 2
+    outer = np.linspace(-half, -spring, 3)
+    nodes = tuple(np.concatenate([outer, [0.0], -outer[::-1]]))
+    model = bc.spray_boom(p, "high-order", nodes, order=14)
+    omega = 2 * np.pi * np.array([0.01, 0.5, 3.1, 12.0])
+    assert model.structure.strain_form is not None
+    found, elements = bc.exact_frequency_response(p, omega).frdata, model.frequency_response(omega).frdata
+    assert error(found, elements) < 1e-9
+
+
+def cantilever(lengths, soft=1.0):
+    """Return a clamped beam in sections, with a spring to ground at its end, pushed and read there."""
+    sections = tuple(BeamSection(float(length), 2.5, 4000.0, 1e-5) for length in lengths)
+    part = Beam("beam", GROUND.at(0.0), fixed(), (0.0, 0.0), sections, FiniteElements(len(sections)))
+    end = part.at_station(part.length)
+    spring = SpringDamper(end, GROUND.at(part.length), "y", soft, 1e-3)
+    return Assembly((part,), (spring,), (Force("f", end, "y"),), (Output("y", end, "y"),))
+
+
+@given(seeds)
+@examples(40)
+def test_a_beam_with_a_short_section_is_the_beam_without(seed):
+    """Short ones of 1e-6 to all of the beam, up to three; frequencies from far below the first mode to the thirtieth."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 4))
+    short = 10.0 ** rng.uniform(-6.0, 0.0, count)
+    rest = rng.dirichlet(np.ones(count + 1)) * 12.0
+    lengths = np.concatenate([np.stack([rest[:-1], short], axis=1).ravel(), rest[-1:]])
+    omega, soft = 10.0 ** rng.uniform(-3.0, 4.0, 6), 10.0 ** rng.uniform(-4.0, 3.0)
+    whole, parts = cantilever([lengths.sum()], soft).exact(), cantilever(lengths, soft).exact()
+    assert error(parts.response(omega, ["f"], ["y"]), whole.response(omega, ["f"], ["y"])) < PROMISED
+    assert undamped_frequencies(parts, 4) == pytest.approx(undamped_frequencies(whole, 4), rel=PROMISED)
+
+
+def test_the_middle_section_of_a_cantilever_may_be_a_tenth_of_a_millimetre():
+    """Twelve metres, EI 4000, 2.5 kg/m: its first frequency is that of the textbook."""
+    model = cantilever([6.0, 1e-4, 6.0 - 1e-4], soft=0.0).exact()
+    first = 1.8751040687119611664**2 * np.sqrt(4000.0 / 2.5) / 12.0**2
+    assert undamped_frequencies(model, 1)[0] == pytest.approx(first, rel=1e-11)
+
+
+@given(seeds)
+@examples(40)
+def test_a_free_beam_moves_as_a_rigid_one_at_low_frequency(seed):
+    """``y = -F (1/m + x^2/J)/omega^2``, however stiff its segments; as a whole they strain nothing, to the last digit."""
+    rng = np.random.default_rng(seed)
+    lengths = 10.0 ** rng.uniform(-4.0, 0.5, 3)
+    sections = tuple(BeamSection(float(length), 2.5, 4e6) for length in lengths)
+    part = Beam("beam", GROUND.at(0.0), free("y", "theta"), (0.0, 0.0), sections, FiniteElements(3))
+    end, total = part.at_station(part.length), lengths.sum()
+    machine = Assembly((part,), (), (Force("f", end, "y"),), (Output("y", end, "y"),)).exact()
+    omega = np.array([1e-5])
+    expected = -4.0 / (2.5 * total * omega**2)
+    assert machine.response(omega, ["f"], ["y"])[0, 0].real == pytest.approx(expected, rel=1e-11)
+    assert machine.strains.rigid == 2
+    with pytest.raises(ValueError, match="the structure moves freely"):
+        machine.response(np.zeros(1), ["f"], ["y"])
+
+
+@pytest.mark.parametrize("distance", [1e-5, 1e-3, 1.318])
+def test_at_rest_the_boom_with_springs_stands_and_without_is_free(distance):
+    """A short segment is no reason to believe that it moves freely; without springs it does."""
+    p = bc.BoomParameters(spring_distance=distance, hinge_damping=0.0)
+    rest, slow = (bc.exact_frequency_response(p, w).frdata for w in ([0.0], [1e-12]))
+    assert np.abs(rest - slow).max() < 1e-6 * np.abs(rest).max()
+    with pytest.raises(ValueError, match="the structure moves freely"):
+        bc.exact_frequency_response(bc.BoomParameters(spring_distance=distance, spring_stiffness=0.0), [0.0])

@@ -1,0 +1,61 @@
+"""Families that are not affine in their parameters are refused, wherever they are not."""
+
+import numpy as np
+import pytest
+
+from boomctl.structure import SecondOrderModel
+from boomctl.structure.families import AffineFamily
+
+BENT = {
+    "zero at ends, middle and corners": lambda d: d - d**3,
+    "a wave": lambda d: np.sin(2.0 * np.pi * d),
+    "a kink inside": lambda d: max(abs(d) - 0.5, 0.0) * (1.0 - abs(d)),
+    "a square": lambda d: d**2,
+    "a hundredth of it": lambda d: 0.01 * (d - d**3),
+}
+
+
+def chain(stiffness, damping=0.1, stiff=1.0):
+    K = np.array([[stiffness + stiff, -stiff], [-stiff, stiff]])
+    return SecondOrderModel(np.eye(2), damping * np.eye(2), K, {"u": [1.0, 0.0]}, {"y": [0.0, 1.0]})
+
+
+@pytest.mark.parametrize("bent", BENT)
+@pytest.mark.parametrize("others", [0, 2])
+def test_a_family_that_is_bent_inside_the_box_is_refused(bent, others):
+    ranges = {"d": (-1.0, 1.0), **{f"p{k}": (0.9, 1.1) for k in range(others)}}
+
+    def make(v):
+        return chain(1.0 - 3.0 * BENT[bent](v["d"]) + sum(v[name] for name in v if name != "d"))
+
+    with pytest.raises(ValueError, match=r"K is not affine in d.*d = "):
+        AffineFamily.through(ranges, make)
+
+
+def test_a_soft_part_is_not_lost_beside_a_stiff_one():
+    """The bend is a hundred-billionth of the largest entry, and a tenth of its own."""
+
+    def make(v):
+        K = np.diag([1.0 + 0.1 * (v["d"] - v["d"] ** 3), 1e10])
+        return SecondOrderModel(np.eye(2), np.eye(2), K, {"u": [1.0, 0.0]}, {"y": [0.0, 1.0]})
+
+    with pytest.raises(ValueError, match="K is not affine in d"):
+        AffineFamily.through({"d": (-1.0, 1.0)}, make)
+
+
+def test_a_bent_column_of_an_input_is_refused_and_an_affine_one_is_taken():
+    def make(bend):
+        return lambda v: SecondOrderModel(
+            np.eye(1), np.eye(1), [[1.0]], {"u": [1.0 + v["d"] + bend * (v["d"] - v["d"] ** 3)]}, {"y": [1.0]}
+        )
+
+    with pytest.raises(ValueError, match="B0 is not affine in d"):
+        AffineFamily.through({"d": (-1.0, 1.0)}, make(0.3))
+    family = AffineFamily.through({"d": (-1.0, 1.0)}, make(0.0))
+    assert family.at([0.4]).ports.B[0] == pytest.approx(1.4)
+
+
+@pytest.mark.parametrize("stiff", [1.0, 1e6, 1e12])
+def test_rounding_of_an_assembly_is_no_bend(stiff):
+    family = AffineFamily.through({"k": (0.5, 1.7), "c": (0.1, 0.3)}, lambda v: chain(v["k"], v["c"], stiff))
+    assert family.size == 2

@@ -1,0 +1,88 @@
+"""A controller for a machine of one's own: judged, reported, and run by the command line from the user's file."""
+
+import json
+import subprocess
+import sys
+
+import control
+import numpy as np
+import pytest
+
+import boomctl as bc
+from boomctl.structure import SecondOrderModel
+from boomctl.studies.catalogue import load_design
+
+SPRUNG = SecondOrderModel([[1.0]], [[0.02]], [[4.0]], {"force": [1.0], "wind": [1.0]}, {"position": [1.0]})
+DAMPER = control.ss(-20.0, 20.0, 40.0, -40.0, inputs="position", outputs="force", name="damper")  # -40 s/(s + 20)
+
+MINE = """
+import control
+from boomctl import MachineDesign
+from boomctl.structure import SecondOrderModel
+
+
+def design():
+    plant = SecondOrderModel([[1.0]], [[0.02]], [[4.0]], {"force": [1.0], "wind": [1.0]}, {"position": [1.0]})
+    K = control.ss(-20.0, 20.0, 40.0, -40.0, inputs="position", outputs="force")
+    return MachineDesign("mine", "A mass on a spring", plant, K, sample_time=0.001, force_limit=5.0)
+"""
+
+
+def test_peaks_margins_and_stability_are_those_of_the_loop():
+    result = bc.MachineDesign("mine", "A mass on a spring", SPRUNG, DAMPER).evaluate()
+    s = control.tf("s")
+    damped = 1 / (s**2 + 0.02 * s + 4 + 40 * s / (s + 20))
+    assert result.stable
+    assert result.after.peak == pytest.approx(control.norm(damped, "inf"), rel=1e-5)
+    assert result.before.peak == pytest.approx(25.0, rel=1e-3)
+    assert result.margins.everywhere.alpha > 0.0
+    assert result.as_dict()["after"]["peak"] == result.after.peak
+    assert "The loop is stable" in str(result)
+
+
+def test_a_loop_that_is_not_stable_is_said_to_be():
+    worse = control.ss(-20.0, 20.0, -40.0, 40.0, inputs="position", outputs="force")
+    result = bc.MachineDesign("worse", "The wrong sign", SPRUNG, worse).evaluate()
+    assert not result.stable
+    assert result.margins is None
+    assert "NOT stable" in result.verdict
+    written = json.loads(json.dumps(result.as_dict()))
+    assert written["after"]["peak"] is None
+    assert "controller.json" in result.report().files
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"controller": control.ss(-1.0, 1.0, 1.0, 0.0, inputs="speed", outputs="force")}, ValueError, "speed"),
+        ({"inputs": "force"}, ValueError, "force"),
+        ({"outputs": "nowhere"}, ValueError, "nowhere"),
+        ({"plant": np.eye(2)}, TypeError, "plant: expected SecondOrderModel or StateSpace"),
+        ({"sample_time": -1.0}, ValueError, r"sample_time = -1\.0"),
+    ],
+)
+def test_what_does_not_fit_is_refused_when_the_design_is_made(change, error, message):
+    given = {"name": "mine", "title": "", "plant": SPRUNG, "controller": DAMPER, **change}
+    with pytest.raises(error, match=message):
+        bc.MachineDesign(**given)
+
+
+@pytest.mark.slow  # two processes, and pictures: 5 s
+def test_the_command_line_runs_a_file_of_ones_own(tmp_path):
+    (tmp_path / "mine.py").write_text(MINE)
+    assert isinstance(load_design(str(tmp_path / "mine.py")), bc.MachineDesign)
+    words = [sys.executable, "-m", "boomctl.cli", "design", "mine.py", "--json"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["stable"]
+    written = {path.name for path in (tmp_path / "results").iterdir()}
+    assert written >= {"report.html", "results.json", "sigma.svg", "controller.json", "controller.mat", "controller.c"}
+    refused = subprocess.run([*words, "--speed", "2"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert refused.returncode == 2
+    assert "of suspensions only" in refused.stderr
+
+
+def test_a_file_that_makes_something_else_is_told_what_was_expected(tmp_path):
+    (tmp_path / "other.py").write_text("def design():\n    return 3\n")
+    with pytest.raises(TypeError, match=r"design\(\) returned int, expected SuspensionDesign or MachineDesign"):
+        load_design(str(tmp_path / "other.py"))

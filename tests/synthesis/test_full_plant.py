@@ -1,0 +1,216 @@
+"""Designs on a reduced plant: what is said of the full one is true, and said where it matters."""
+
+import copy
+import pickle
+import warnings
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy import linalg
+
+import boomctl as bc
+from boomctl.lti.system import of
+from boomctl.reduction import ReductionError
+from boomctl.synthesis.plants import full_plant
+from tests.profiles import examples
+
+UNITS = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
+
+
+@pytest.fixture(scope="module")
+def full():
+    _, yaw = bc.split_symmetric(bc.spray_boom(elements=12, accelerometer_bandwidth_hz=20.0))
+    return bc.in_units(yaw, UNITS)
+
+
+def generalized(plant):
+    return bc.generalized_plant(
+        plant,
+        disturbances={"actuator_anti": bc.low_pass(1.0, 2.0), "suspension_anti": 0.05},
+        performance={"tip_anti": 1.0, "stroke_anti": 2.0},
+        effort={"suspension_anti": bc.shelf(2.0, 7200.0, 39.0, order=2)},
+        noises={"stroke_anti": 0.02, "tip_acceleration_anti": 1.5},
+        measurements=["stroke_anti", "tip_acceleration_anti"],
+        controls=["suspension_anti"],
+    )
+
+
+def slowest_on(full, K):
+    """Return the largest real part of the poles of ``u = K y``, by python-control alone."""
+    G = bc.select_channels(full, K.output_labels, K.input_labels)
+    return control.feedback(G, K, sign=1).poles().real.max()
+
+
+def design(P):
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        found = bc.h_infinity(P, nmeas=2, ncon=1)
+    return found, [str(one.message) for one in said if issubclass(one.category, bc.ReductionWarning)]
+
+
+@pytest.mark.filterwarnings("ignore::boomctl.ReductionWarning")
+def test_a_loop_that_is_unstable_on_the_full_plant_is_said_to_be(full):
+    found, said = design(generalized(bc.reduce(full, order=2)))
+    told = found.certificate.full_plant
+    assert told.stable is False
+    assert told.norm is None
+    assert_allclose(told.slowest_pole, slowest_on(full, found.controller), rtol=1e-6)
+    assert told.slowest_pole > 0.1
+    assert len(said) == 1
+    assert "UNSTABLE" in said[0]
+    assert "UNSTABLE" in repr(found)
+
+
+def test_a_loop_that_is_as_good_on_the_full_plant_is_certified_there_without_a_warning(full):
+    found, said = design(generalized(bc.reduce(full, order=16)))
+    told = found.certificate.full_plant
+    assert told.stable
+    assert not said
+    assert_allclose(told.slowest_pole, slowest_on(full, found.controller), rtol=1e-6)
+    assert slowest_on(full, found.controller) < 0.0
+    assert_allclose(told.norm.lower, control.norm(generalized(full).lft(found.controller), "inf"), rtol=1e-3)
+
+
+def test_a_norm_that_is_worse_on_the_full_plant_is_warned_of(full):
+    found, said = design(generalized(bc.reduce(full, order=4)))
+    told = found.certificate.full_plant
+    assert told.stable
+    assert told.norm.lower > 1.1 * found.gamma
+    assert len(said) == 1
+    assert f"{told.norm.upper:.6g}" in said[0]
+
+
+def test_a_reduction_that_has_lost_the_plant_is_warned_of_before_the_design(full):
+    with pytest.warns(bc.ReductionWarning, match="from controls to measurements") as said:
+        generalized(bc.reduce(full, order=2))
+    assert said[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        generalized(bc.reduce(full, order=12))
+
+
+def test_the_generalised_plant_of_a_reduction_is_that_of_its_system_and_remembers_it(full):
+    small = bc.reduce(full, order=16)
+    P, plain = generalized(small), generalized(small.system)
+    for letter in "ABCD":
+        np.testing.assert_array_equal(getattr(P, letter), getattr(plain, letter))
+    assert P.input_labels == plain.input_labels
+    assert full_plant.origin_of(plain) is None
+    for other in (P, pickle.loads(pickle.dumps(P)), copy.deepcopy(P)):
+        origin = full_plant.origin_of(other)
+        assert origin.reduction.measured_error == small.measured_error
+        np.testing.assert_array_equal(origin.around(of(full)).A, generalized(full).A)
+
+
+def test_without_a_reduction_nothing_is_said_of_a_full_plant(full):
+    found, said = design(generalized(bc.reduce(full, order=16).system))
+    assert found.certificate.full_plant is None
+    assert not said
+    assert "full plant" not in repr(found.certificate)
+
+
+def test_a_generalised_plant_may_itself_be_a_reduction(full):
+    whole = generalized(full)
+    found, said = design(bc.reduce(whole, order=20))
+    told = found.certificate.full_plant
+    assert told.stable == bool(whole.lft(found.controller).poles().real.max() < 0.0)
+    assert told.full_order == whole.nstates
+    assert not said or told.norm.upper > 1.1 * found.gamma or not told.stable
+
+
+def test_mixed_sensitivity_takes_a_reduction():
+    slow = control.tf([1.0], [1.0, 1.0])
+    plant = control.ss(slow * control.tf([400.0], [1.0, 0.8, 400.0]), inputs="u", outputs="y")
+    small = bc.reduce(plant, order=1)
+    P = bc.mixed_sensitivity(small, W1=bc.low_pass(4.0, 0.5), W2=0.1)
+    with pytest.warns(bc.ReductionWarning) as said:
+        found = bc.h_infinity(P, 1, 1)
+    K = found.controller
+    loop = control.feedback(plant, K, sign=-1)
+    told = found.certificate.full_plant
+    assert told.stable == bool(loop.poles().real.max() < 0.0)
+    assert len(said) == 1
+
+
+def test_a_full_plant_too_large_for_its_poles_is_proved_by_the_small_gain_or_not_at_all(monkeypatch, full):
+    monkeypatch.setattr(full_plant, "_MOST_POLES", 0)
+    found, said = design(generalized(bc.reduce(full, order=12)))
+    told = found.certificate.full_plant
+    assert told.stable is None
+    assert told.share >= 1.0
+    assert "not proved" in said[0]
+    near, said = design(generalized(bc.reduce(full, error=1e-4)))
+    assert near.certificate.full_plant.stable
+    assert near.certificate.full_plant.share < 1.0
+    assert not said
+
+
+@pytest.mark.slow  # a thousand states in full: the small gain is what is left
+def test_a_boom_of_many_elements_is_proved_by_the_small_gain():
+    _, yaw = bc.split_symmetric(bc.spray_boom(elements=800, accelerometer_bandwidth_hz=20.0))
+    small = bc.reduce(yaw.select(["actuator_anti", "suspension_anti"], ["tip_anti", "stroke_anti"]), order=14)
+    P = bc.generalized_plant(
+        small,
+        disturbances={"actuator_anti": bc.low_pass(0.03, 2.0)},
+        performance={"tip_anti": 5.0},
+        effort={"suspension_anti": bc.shelf(1e-2, 1.0, 39.0, order=2)},
+        noises={"stroke_anti": 1e-3},
+        measurements="stroke_anti",
+        controls="suspension_anti",
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", bc.ReductionWarning)
+        told = bc.h_infinity(P, 1, 1).certificate.full_plant
+    assert told.full_order > full_plant._MOST_POLES
+    assert told.stable is (True if told.share < 1.0 else None)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 7), st.integers(1, 5), st.booleans())
+@examples(60)
+def test_what_is_said_of_the_full_plant_is_true(seed, states, kept, banded):
+    """Random plants, unstable ones among them: neither way of telling ever contradicts the poles of the full loop."""
+    rng = np.random.default_rng(seed)
+    spread = np.exp(rng.uniform(-2.0, 3.0, size=states))
+    A = linalg.block_diag(*(-spread * rng.uniform(0.02, 1.0))) + np.triu(rng.normal(size=(states, states)), 1)
+    A[0, 0] *= rng.choice([-1.0, 1.0])
+    sizes = rng.uniform(0.05, 1.0, size=states)
+    plant = control.ss(A, rng.normal(size=(states, 2)) * sizes[:, None], rng.normal(size=(2, states)), 0.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        order = min(max(kept, int((A.diagonal() > 0.0).sum())), states)
+        try:
+            small = bc.reduce(plant, order=order, band=(0.0, 30.0) if banded else None)
+        except (ReductionError, ValueError):  # refused: a band that the plant does not show itself in
+            return
+        P = bc.generalized_plant(
+            small,
+            disturbances={"u[0]": 1.0},
+            performance={"y[0]": 1.0},
+            effort={"u[1]": 0.3},
+            noises={"y[1]": 0.3},
+            measurements="y[1]",
+            controls="u[1]",
+        )
+        try:
+            found = bc.h_infinity(P, 1, 1)
+        except bc.SynthesisError:
+            return
+    told = found.certificate.full_plant
+    slowest = slowest_on(plant, found.controller)
+    if told.stable is not None:
+        assert told.stable == (slowest < 0.0)
+    if told.share < 1.0:
+        assert slowest < 0.0
+    if told.norm is not None and told.norm.certified:
+        whole = bc.close_loop(full_plant_of(P), found.controller)
+        assert_allclose(bc.hinf_norm(whole).lower, told.norm.lower, rtol=1e-4)
+
+
+def full_plant_of(P):
+    """Return the generalised plant around the full one."""
+    origin = full_plant.origin_of(P)
+    return origin.around(of(origin.reduction.full)).statespace("full")

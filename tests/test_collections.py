@@ -1,0 +1,323 @@
+"""Plants of published collections through the public functions: certified and checked apart, refused, or uncertified.
+
+CAREX and DAREX (Benner, Laub & Mehrmann 1995) come with ``ctrlsys``; those of its examples that need data files of their
+own are not in it.  The plants of ``controlgym`` (mostly of COMPleib) are read without importing it, as that would
+bring torch: ``pip install --no-deps controlgym``; without it they are skipped.
+"""
+
+import importlib.util
+import multiprocessing
+import resource
+import sys
+import time
+import warnings
+from collections import Counter
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+from flint import fmpq_mat
+from scipy import io
+
+import boomctl as bc
+from boomctl.reduction.result import ReductionError
+from boomctl.synthesis.assumptions import SynthesisError
+from tests.exact import Exact, dyadic
+
+ctrlsys = pytest.importorskip("ctrlsys", reason="its collections come with the extra dev")
+pytestmark = pytest.mark.slow
+
+LIMIT = 20  # s of processor time for one call; the synthesis gets a time limit of its own below it
+LARGE_FROM = 100  # states from which on a call may take longer: it is of as many loops as there are states
+LARGE_LIMIT = 150  # [s]
+PATIENCE = 500.0  # s that one call may take by the clock on a busy machine
+SYNTHESIS_LIMIT = 12.0  # s
+# states beyond which a plant is not asked for a synthesis, whose closed loop has twice as many
+SYNTHESISED = 130
+EXACT = 30  # states up to which answers are checked exactly
+RESIDUAL = 1e-6  # relative, of a Riccati equation, in exact arithmetic: what the documentation promises
+SHOWN = 1e-5  # share by which a response may exceed what is certified as its largest: that of a certificate
+SLACK = 1e-9  # relative, of bounds against exact values
+CAREX = [(1, 1), (1, 2), *((2, k) for k in range(1, 9)), (3, 1), (3, 2), (4, 1), (4, 2), (4, 3)]
+DAREX = [(1, 1), (1, 2), (1, 3), (1, 4), (1, 9), *((2, k) for k in range(1, 6)), (4, 1)]
+OUTCOMES = ("certified", "uncertified", "refused")
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A plant with controls and measurements, disturbances and performance outputs, and weights."""
+
+    A: np.ndarray
+    B1: np.ndarray
+    B2: np.ndarray
+    C1: np.ndarray
+    C2: np.ndarray
+    D11: np.ndarray
+    D12: np.ndarray
+    D21: np.ndarray
+    Q: np.ndarray
+    R: np.ndarray
+
+    @property
+    def control_way(self):
+        """From the controls to the measurements."""
+        return control.ss(self.A, self.B2, self.C2, 0.0)
+
+    @property
+    def generalised(self):
+        D = np.block([[self.D11, self.D12], [self.D21, np.zeros((len(self.C2), self.B2.shape[1]))]])
+        return control.ss(self.A, np.hstack([self.B1, self.B2]), np.vstack([self.C1, self.C2]), D)
+
+
+def weighed(A, B, C, Q, R):
+    """Return the plant of a regulator problem: noise at the controls and measurements, states and controls weighed."""
+    n, m, p = len(A), B.shape[1], len(C)
+    values, U = np.linalg.eigh(0.5 * (Q + Q.T))
+    C1 = np.vstack([np.sqrt(np.maximum(values, 0.0))[:, None] * U.T, np.zeros((m, n))])
+    D12 = np.vstack([np.zeros((n, m)), np.linalg.cholesky(0.5 * (R + R.T)).T])
+    B1, D21 = np.hstack([B, np.zeros((n, p))]), np.hstack([np.zeros((p, m)), np.eye(p)])
+    return Plant(A=A, B1=B1, B2=B, C1=C1, C2=C, D11=np.zeros((n + m, m + p)), D12=D12, D21=D21, Q=Q, R=R)
+
+
+def carex(group, number):
+    def asked(flags):
+        return ctrlsys.bb01ad("D", np.array([group, number], np.int32), np.zeros(7), np.zeros(4, np.int32), flags)
+
+    _, n, m, p, a, b, c, r, *_ = asked(np.array([0, 1, 1, 0, 1, 1], bool))  # factors B, R and C
+    q = asked(np.array([0, 1, 1, 1, 1, 1], bool))[8]
+    return weighed(a[:n, :n], b[:n, :m], c[:p, :n], q[:n, :n], r[:m, :m])
+
+
+def darex(group, number):
+    """Return the plant of a discrete-time problem in continuous time, ``x' = (A - 1) x + B u``, with definite ``R``."""
+    n_, d_, i_ = np.array([group, number], np.int32), np.zeros(4), np.zeros(3, np.int32)
+    _, n, m, p, a, b, c, _, r, *_ = ctrlsys.bb02ad("D", n_, d_, i_, np.array([0, 1, 1, 0, 1, 1, 0], bool))
+    q = ctrlsys.bb02ad("D", n_, d_, i_, np.array([1, 1, 1, 0, 1, 1, 0], bool))[7]
+    R = 0.5 * (r[:m, :m] + r[:m, :m].T)
+    R = R if np.linalg.eigvalsh(R)[0] > 1e-12 * np.linalg.norm(R) else np.eye(m)
+    return weighed(a[:n, :n] - np.eye(n), b[:n, :m], c[:p, :n], q[:n, :n], R)
+
+
+def gym_folder():
+    found = importlib.util.find_spec("controlgym")
+    return Path(found.origin).parent / "envs" / "linear_control_src" if found and found.origin else None
+
+
+def gym_names():
+    folder = gym_folder()
+    return sorted(path.stem for path in folder.glob("*.mat")) if folder else []
+
+
+def gym(name):
+    d = {
+        key: np.asarray(value, float) for key, value in io.loadmat(gym_folder() / f"{name}.mat").items() if key in KEYS
+    }
+    Q, R = d["C1"].T @ d["C1"], d["D12"].T @ d["D12"]
+    return Plant(C2=d.pop("C"), Q=Q, R=R, **d)
+
+
+KEYS = ("A", "B1", "B2", "C", "C1", "D11", "D12", "D21")
+MAKERS = {"carex": carex, "darex": darex, "gym": gym}
+CASES = (
+    [("carex", case) for case in CAREX]
+    + [("darex", case) for case in DAREX]
+    + [("gym", (name,)) for name in gym_names()]
+)
+
+
+@cache
+def exact_of(name, case, what):
+    plant = MAKERS[name](*case)
+    return Exact.of(plant.control_way if what == "control" else plant.generalised)
+
+
+def two_signals(system):
+    """Return the part of a system of two inputs at most, which the exact norm knows."""
+    return control.ss(system.A, system.B[:, :2], system.C, system.D[:, :2])
+
+
+def largest_seen(system):
+    """Return the largest singular value of a response at and beside its resonances: below the norm."""
+    poles = system.poles()
+    around = np.abs(poles.imag) + np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None] * np.abs(poles.real)
+    omega = np.unique(np.concatenate([[0.0], around[around > 0.0], np.geomspace(1e-3, 1e4, 50)]))
+    pencil = 1j * omega[:, None, None] * np.eye(system.nstates) - system.A
+    return np.linalg.norm(system.C @ np.linalg.solve(pencil, system.B.astype(complex)) + system.D, 2, axis=(1, 2)).max()
+
+
+def rationals(matrix):
+    return fmpq_mat([[dyadic(x) for x in row] for row in np.asarray(matrix, float).tolist()])
+
+
+def riccati_residual(plant, X):
+    """Return the residual of ``A^T X + X A - X B R^-1 B^T X + Q`` over its largest term, summed exactly."""
+    A, B, Q, R, Y = (rationals(M) for M in (plant.A, plant.B2, plant.Q, plant.R, X))
+    XB = Y * B
+    terms = [Y * A, XB * R.inv() * XB.transpose(), Q]
+    left = terms[0] + terms[0].transpose() - terms[1] + Q
+    size = [sum(float(x.p) / float(x.q) * float(x.p) / float(x.q) for x in M.entries()) ** 0.5 for M in [left, *terms]]
+    return size[0] / max(size[1:])
+
+
+def regulator(plant):
+    found = bc.lqr(plant.control_way, plant.Q, plant.R)
+    assert np.linalg.eigvals(plant.A - plant.B2 @ found.gain).real.max() < 0.0
+    if len(plant.A) <= EXACT:
+        assert riccati_residual(plant, found.cost) <= RESIDUAL
+    return "certified"
+
+
+def least_h2(plant):
+    found = bc.h2(plant.generalised, len(plant.C2), plant.B2.shape[1])
+    assert found.closed_loop.poles().real.max() < 0.0
+    if found.closed_loop.nstates <= EXACT:
+        assert Exact.of(found.closed_loop).h2() == pytest.approx(found.norm, rel=1e-4)
+    return "certified"
+
+
+def least_hinf(plant):
+    found = bc.h_infinity(plant.generalised, len(plant.C2), plant.B2.shape[1], time_limit=SYNTHESIS_LIMIT)
+    assert found.closed_loop.poles().real.max() < 0.0
+    assert largest_seen(found.closed_loop) <= found.gamma * (1.0 + SHOWN)
+    return "certified" if found.certificate.norm.certified else "uncertified"
+
+
+def norm_h2(plant):
+    found = bc.h2_norm(plant.control_way)
+    if len(plant.A) <= EXACT:
+        truth = Exact.of(plant.control_way).h2()
+        assert found.lower <= truth * (1.0 + SLACK)
+        assert truth <= found.upper * (1.0 + SLACK)
+    return "certified" if found.certified else "uncertified"
+
+
+def norm_hinf(plant):
+    system = two_signals(plant.control_way)
+    found = bc.hinf_norm(system)
+    if len(plant.A) <= EXACT:
+        low, high, _ = Exact.of(system).norm()
+        assert found.lower <= high * (1.0 + SLACK)
+        assert low <= found.upper * (1.0 + SLACK)
+    return "certified" if found.certified else "uncertified"
+
+
+def half(plant):
+    system = two_signals(plant.control_way)
+    found = bc.reduce(system, max(system.nstates // 2, 1))
+    if len(plant.A) <= EXACT and not found.kept:
+        assert (Exact.of(system) - Exact.of(found.system)).norm()[0] <= found.measured_error * (
+            1.0 + SLACK
+        ) + sys.float_info.min
+    return "certified"
+
+
+def loop_margins(plant):
+    """Of the regulator's loop: Kalman's inequality promises 60 degrees and a gain from one half on where R is diagonal."""
+    gain = bc.lqr(plant.control_way, plant.Q, plant.R).gain
+    states = [f"state{i}" for i in range(len(plant.A))]
+    controls = [f"control{i}" for i in range(plant.B2.shape[1])]
+    P = control.ss(plant.A, plant.B2, np.eye(len(plant.A)), 0.0, inputs=controls, outputs=states)
+    found = bc.margins(P, control.ss([], [], [], -gain, inputs=states, outputs=controls))
+    diagonal = np.array_equal(plant.R, np.diag(np.diag(plant.R)))
+    for name in controls if diagonal else ():
+        loop = found[name]
+        assert loop.phase_deg >= 60.0 - 1e-2
+        assert loop.gain_low <= 0.5 + 1e-4
+        assert loop.gain_high > 1e3
+    return "certified" if found.controls.certified else "uncertified"
+
+
+FUNCTIONS = {
+    "lqr": regulator,
+    "h2": least_h2,
+    "h_infinity": least_hinf,
+    "reduce": half,
+    "hinf_norm": norm_hinf,
+    "h2_norm": norm_h2,
+    "margins": loop_margins,
+}
+LARGE = ("reduce", "hinf_norm", "h2_norm", "lqr")  # of plants too large for a synthesis
+REFUSALS = (SynthesisError, ReductionError, ValueError)
+
+
+def outcome(function, plant):
+    """Return how a call ended; a refusal names a reason in one line."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        try:
+            return FUNCTIONS[function](plant)
+        except REFUSALS as refusal:
+            if isinstance(refusal, np.linalg.LinAlgError) or " " not in str(refusal):
+                raise
+            return "refused"
+
+
+def limit(plant):
+    return LARGE_LIMIT if len(plant.A) >= LARGE_FROM else LIMIT
+
+
+def answer(function, plant, pipe):
+    """Send how a call ended and how long it took [s of processor time]; the system ends what takes too long."""
+    allowed = limit(plant)
+    resource.setrlimit(resource.RLIMIT_CPU, (allowed, allowed + 1))
+    try:
+        ended = outcome(function, plant)
+    except Exception as wrong:
+        ended = f"WRONG {type(wrong).__name__}: {str(wrong)[:500]}"
+    pipe.send((ended, time.process_time()))
+
+
+def in_process(function, plant):
+    """Return how a call ended in a process of its own, one of ``OUTCOMES`` or what was wrong, and its time."""
+    context = multiprocessing.get_context("fork")  # all is imported
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=answer, args=(function, plant, theirs))
+    process.start()
+    theirs.close()
+    try:
+        return ours.recv() if ours.poll(PATIENCE) else ("WRONG: hangs", PATIENCE)
+    except EOFError:
+        return f"WRONG: not ended after {limit(plant)} s of processor time", float(limit(plant))
+    finally:
+        process.kill()
+        process.join()
+
+
+@pytest.mark.parametrize(("name", "case"), CASES, ids=[f"{name}-{'.'.join(map(str, case))}" for name, case in CASES])
+def test_a_published_plant_is_certified_or_refused_and_never_hangs(name, case):
+    plant = MAKERS[name](*case)
+    for function in FUNCTIONS if len(plant.A) <= SYNTHESISED else LARGE:
+        ended, _ = in_process(function, plant)
+        assert ended in OUTCOMES, f"{function}: {ended}"
+
+
+def test_discrete_time_is_refused_in_words():
+    P = control.ss(np.eye(2) * 0.5, np.eye(2), np.eye(2), 0.0, dt=True)
+    for call in (bc.hinf_norm, bc.h2_norm, lambda s: bc.reduce(s, 1), lambda s: bc.lqr(s, 1.0, 1.0)):
+        with pytest.raises((TypeError, ValueError), match="time"):
+            call(P)
+
+
+def main(names):
+    """Print how the calls of some collections ended, and each that was not certified or took long."""
+    count = Counter()
+    for name, case in CASES:
+        if name not in names:
+            continue
+        plant = MAKERS[name](*case)
+        for function in FUNCTIONS if len(plant.A) <= SYNTHESISED else LARGE:
+            ended, took = in_process(function, plant)
+            count[name, function, ended[:11]] += 1
+            if ended not in OUTCOMES or took > LIMIT / 4:
+                print(name, case, len(plant.A), function, ended, f"{took:.1f} s", flush=True)
+    for name in names:
+        for function in FUNCTIONS:
+            found = {ended: number for (n, f, ended), number in count.items() if (n, f) == (name, function)}
+            print(f"{name:8s}{function:12s}", found)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:] or tuple(MAKERS))

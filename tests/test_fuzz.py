@@ -1,0 +1,182 @@
+"""Whatever is handed in, the answer is one, or a refusal of this package that names what is wrong: never a traceback of
+another library, never NaN, never a hang.
+"""
+
+import inspect
+import os
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl
+import boomctl.structure
+from tests import fuzz
+from tests.profiles import examples
+
+# tried in a file of their own share: a call takes a hundred times as long as that of others
+SLOW = ("optimal_slew", "h_infinity", "structured_margin", "yaw_family")
+QUICK = [name for name in (*fuzz.CALLS, *fuzz.METHODS) if name not in SLOW]
+# raised, handed out, or (the last) records that are looked at where they are used, and what takes seconds
+NOT_CALLED = {"SlewError", "SynthesisError", "SlewResult", "__version__", "structure.GROUND"}
+NOT_CALLED |= {"ReductionWarning", "Progress", "SuspensionDesign", "SlewDesign", "performance"}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def elsewhere(tmp_path_factory):
+    """Run in a folder of its own: a path that is handed in may be any word."""
+    before = os.getcwd()
+    os.chdir(tmp_path_factory.mktemp("fuzz"))
+    yield
+    os.chdir(before)
+
+
+def test_every_public_function_is_tried():
+    public = {*boomctl.__all__, *(f"structure.{name}" for name in boomctl.structure.__all__)}
+    assert public - set(fuzz.CALLS) == NOT_CALLED
+
+
+def test_all_arguments_are_those_of_the_functions():
+    for name, made in fuzz.CALLS.items():
+        known = inspect.signature(fuzz.function_of(name)).parameters
+        assert set(made()) - {"*"} <= set(known), name
+
+
+def test_what_is_started_from_works():
+    """A call whose arguments are all as they should be answers; files that are not there are the exception."""
+    for name in QUICK:
+        arguments = dict(fuzz.METHODS[name][1]() if name in fuzz.METHODS else fuzz.CALLS[name]())
+        given_in_order = arguments.pop("*", ())
+        if "path" in arguments or name in ("split_controller", "exact_loop_stability", "to_pymor"):
+            continue
+        assert fuzz.function_of(name)(*given_in_order, **arguments) is not None, name
+
+
+@examples(7500)
+@given(fuzz.calls(QUICK))
+def test_any_arguments_are_answered_or_refused_by_name(call):
+    name, arguments = call
+    shown = {key: repr(value)[:80] for key, value in arguments.items()}
+    assert not (wrong := fuzz.fault(name, arguments)), f"{name}({shown}): {wrong}"
+
+
+@pytest.mark.slow
+@examples(800)
+@given(fuzz.calls(SLOW))
+def test_any_arguments_of_what_takes_long_are_answered_or_refused_by_name(call):
+    name, arguments = call
+    shown = {key: repr(value)[:80] for key, value in arguments.items()}
+    assert not (wrong := fuzz.fault(name, arguments)), f"{name}({shown}): {wrong}"
+
+
+WORDS = [
+    "sigma",
+    "parameters",
+    "slew",
+    "design",
+    "benchmark",
+    "reproduce",
+    "stress",
+    "--version",
+    "--help",
+    "",
+    "sigmas",
+]
+OPTIONS = [
+    *(
+        "--json",
+        "--help",
+        "--full",
+        "--no-mesh-study",
+        "--elements",
+        "--discretization",
+        "--parameters",
+        "--measured",
+        "--out",
+    ),
+    *(
+        "--angle",
+        "--torque-limit",
+        "--objective",
+        "--duration",
+        "--model",
+        "--modes",
+        "--tip-mass",
+        "--speed",
+        "--seed",
+    ),
+    *("--road", "--workers", "--rows", "--page", "--nothing", "-h", "--"),
+]
+VALUES = [
+    *("0", "-1", "1", "3", "1e300", "1e-300", "nan", "inf", "-inf", "x", "", "finite", "exact", "exac", "high-order"),
+    *(
+        "discrete-hermite",
+        "nowhere.toml",
+        "nowhere.csv",
+        ".",
+        "nowhere/x.png",
+        "x.svg",
+        "time",
+        "effort",
+        "tlam",
+        "cfoam",
+    ),
+    *("\u03c9", "9" * 400, "1_0", "0x1", "1j", "passive_tunin", "hub-bea", "\x00", "--", "None", "True", "[1]"),
+]
+BAD = [*VALUES, *OPTIONS]
+
+
+@st.composite
+def lines(draw):
+    """Return the words of a command that has a mistake in it, or asks for what is soon there."""
+    command = draw(st.sampled_from(WORDS))
+    words = draw(st.lists(st.sampled_from(BAD), max_size=4))
+    if command in (
+        "slew",
+        "design",
+        "benchmark",
+        "reproduce",
+        "stress",
+    ):  # what they do well takes seconds: they shall not
+        words.append(draw(st.sampled_from(["--nothing", "--out", "--json=x", "--full=x"])))
+    return [command, *words]
+
+
+@examples(1700)
+@given(lines())
+def test_any_words_on_the_command_line_end_in_an_answer_or_one_line(tmp_path_factory, words):
+    from tests.command import boomctl as command
+
+    with fuzz.in_time():
+        done = command(*words, cwd=tmp_path_factory.getbasetemp())
+    assert done.returncode in (0, 1, 2), (words, done)
+    if done.returncode:
+        assert done.stdout == "" or words[0] == "" or "usage" in done.stdout, (words, done)
+        assert len(done.stderr.splitlines()) <= 2, (words, done)
+        assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("sigma", "--elements", "0"),
+        ("sigma", "--elements", "\u03c9"),
+        ("sigma", "--parameters", "nowhere.toml"),
+        ("design", "passive_tunin"),
+        pytest.param(("stress", "--rows", "nothing"), marks=pytest.mark.slow),
+        ("parameters", "extra"),
+        ("sigma",),
+        pytest.param(("stress", "--rows", "two hinges"), marks=pytest.mark.slow),
+    ],
+    ids=" ".join,
+)
+def test_commands_work_as_processes_on_a_terminal_without_greek_letters(words, tmp_path):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONIOENCODING": "ascii"}
+    command = [sys.executable, "-m", "boomctl.cli", *words]
+    done = subprocess.run(command, capture_output=True, env=environment, cwd=tmp_path, check=False, timeout=60)
+    assert done.returncode in (0, 1, 2)
+    assert (done.stdout + done.stderr).isascii()
+    assert len(done.stderr.splitlines()) == (done.returncode > 0), done.stderr
+    assert b"Traceback" not in done.stderr

@@ -1,0 +1,145 @@
+"""What long computations say of themselves: to a function, on a terminal, and nowhere else."""
+
+import os
+import pickle
+import subprocess
+import sys
+import time
+
+import pytest
+
+import boomctl as bc
+from boomctl.progress import computing
+from boomctl.slew import mesh_study
+from tests import handed_out as one
+
+CALLS = {
+    "reduction": lambda **given: bc.reduce(one.yaw().select("actuator_anti", "tip_anti"), order=4, **given),
+    "H-infinity synthesis": lambda **given: bc.h_infinity(one.generalized(), 1, 1, **given),
+    "robust stability": lambda **given: bc.robust_stability(one.family(), one.suspension(), **given),
+    "structured margin": lambda **given: bc.structured_margin(one.family(), one.suspension(), 1.2, **given),
+    "worst case": lambda **given: bc.worst_case(
+        one.family(), one.suspension(), ["actuator_anti"], ["tip_anti"], **given
+    ),
+    "mesh study": lambda **given: mesh_study(one.hub_beam(), 1.0, 200.0, 4.0, (("shooting", 1),), (10, 20), **given),
+}
+
+
+@pytest.mark.parametrize("task", CALLS)
+def test_a_function_is_told_by_a_keyword_and_by_the_one_around(task):
+    given, around = [], []
+    CALLS[task](progress=given.append)
+    with bc.listening(around.append):
+        CALLS[task]()
+    for heard in (given, around):
+        assert heard
+        assert {told.task for told in heard} == {task}
+        assert all(told.stage for told in heard)
+        seconds = [told.seconds for told in heard]
+        assert seconds == sorted(seconds)
+        assert task in str(heard[-1])
+    assert [(told.stage, told.done, told.total) for told in given] == [(t.stage, t.done, t.total) for t in around]
+
+
+@pytest.mark.slow
+def test_slews_and_singular_values_tell_those_around():
+    heard = []
+    with bc.listening(heard.append):
+        bc.sigma(one.boom())
+        bc.optimal_slew(one.hub_beam(), 1.0, 200.0, "effort", 4.0)
+    assert {told.task for told in heard} >= {"singular values", "optimal slew"}
+
+
+def test_what_a_listener_raises_ends_the_computation():
+    def enough(told):
+        raise InterruptedError(told.stage)
+
+    with pytest.raises(InterruptedError):
+        CALLS["robust stability"](progress=enough)
+    CALLS["robust stability"]()  # and leaves nothing behind
+
+
+def test_a_computation_within_another_tells_through_the_outer_one():
+    heard = []
+    with computing("outer", heard.append), computing("inner") as tell:
+        tell("a stage", 1, 2)
+    assert [(told.task, told.stage, told.done, told.total) for told in heard] == [("outer", "a stage", 1, 2)]
+    assert str(heard[0]).startswith("outer: a stage 1 of 2 (0 s)")
+    assert pickle.loads(pickle.dumps(heard[0])) == heard[0]
+
+
+@pytest.mark.parametrize("wrong", ["yes", 1, True])
+def test_who_cannot_be_told_is_refused(wrong):
+    with pytest.raises(TypeError, match=r"progress = .*: expected a function of a Progress, or None"):
+        CALLS["reduction"](progress=wrong)
+    with pytest.raises(TypeError, match=r"listener = .*: expected a function"), bc.listening(wrong):
+        pass
+
+
+def test_telling_costs_next_to_nothing_where_nobody_listens():
+    with computing("outer") as tell:
+        began = time.process_time()
+        for k in range(10_000):
+            tell("stage", k)
+        assert time.process_time() - began < 0.2  # 20 us each, twenty times what was measured
+
+
+SCRIPT = """
+import time
+import boomctl.progress as p
+p._QUIET_FOR = {wait}
+with p.{around}, p.computing("a long one") as tell:
+    tell("its stage", 3, 7)
+    time.sleep(0.9)
+print("done")
+"""
+
+
+def shown(wait, around="computing('outermost')", **environment):
+    """Return what a script shows on a terminal of its own."""
+    import pty
+
+    here, there = pty.openpty()
+    given = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "TERM": "xterm", **environment}
+    given.pop("NO_COLOR", None)
+    words = [sys.executable, "-c", SCRIPT.format(wait=wait, around=around)]
+    with subprocess.Popen(words, stdout=there, stderr=there, stdin=there, env=given) as process:
+        os.close(there)
+        seen = b""
+        while True:
+            try:
+                piece = os.read(here, 4096)
+            except OSError:  # its other end is closed
+                break
+            if not piece:
+                break
+            seen += piece
+        assert process.wait() == 0
+    os.close(here)
+    return seen.decode()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="terminals of their own are a thing of POSIX")
+def test_a_terminal_shows_a_line_when_it_takes_a_while_and_takes_it_away():
+    seen = shown(0.05)
+    assert "outermost: its stage 3 of 7" in seen
+    assert seen.rstrip().endswith("done")
+    assert "\x1b[2K" in seen  # the line is erased
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="terminals of their own are a thing of POSIX")
+@pytest.mark.parametrize(
+    ("wait", "around", "environment"),
+    [(3.0, "computing('outer')", {}), (0.05, "listening(None)", {}), (0.05, "computing('outer')", {"TERM": "dumb"})],
+    ids=["short", "nobody", "dumb"],
+)
+def test_a_terminal_shows_nothing(wait, around, environment):
+    assert shown(wait, around, **environment).strip() == "done"
+
+
+def test_a_pipe_shows_nothing():
+    words = [sys.executable, "-c", SCRIPT.format(wait=0.0, around="computing('outer')")]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(words, capture_output=True, text=True, check=True, env=environment)
+    assert (done.stdout, done.stderr) == ("done\n", "")
