@@ -1,0 +1,234 @@
+# ---
+# jupyter:
+#   jupytext:
+#     formats: ipynb,py:percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # 7. Your own machine: a stacker crane
+#
+# A stacker crane puts pallets into a high rack. It drives on a rail; a mast of 20 m stands on it; the load hangs on
+# the mast at some height. When it brakes, the mast swings, and everybody has to wait.
+#
+# ```
+#        o  top
+#        |
+#     [load]  at 15 m          y
+#        |                     |
+#        |  mast, 20 m         +---> x  (rail)
+#        |
+#   +----------+
+#   | carriage |  <- drive (a force, along the rail)
+#   +--o----o--+
+# ```
+#
+# Nobody has written a model of this crane into boomctl. We build it from bodies and beams with `boomctl.structure`,
+# and go all the way to a controller. What is *not* in such a model: large motions, and gravity. Motions are small and
+# in one plane. The mast is stiff, so its own weight and that of the load change its frequency by little.
+
+# %%
+import matplotlib.pyplot as plt
+import numpy as np
+
+import boomctl as bc
+from boomctl.slew import shaper
+from boomctl.structure import (
+    GROUND,
+    AffineFamily,
+    Assembly,
+    Beam,
+    BeamSection,
+    FiniteElements,
+    Force,
+    Output,
+    RigidBody,
+    SpringDamper,
+    fixed,
+    prescribe_displacement,
+    prismatic,
+)
+
+# %% [markdown]
+# ## Bodies, beams, forces, outputs
+#
+# Each part says on what it stands and how it may move there. Places are those at rest, in metres. The mast has two
+# sections: the lower one is heavier and stiffer.
+
+
+# %%
+def crane(load=500.0, height=15.0, elements=10):
+    carriage = RigidBody("carriage", GROUND.at(0, 0), prismatic(0.0), mass=3000.0)
+    sections = (BeamSection(10.0, 120.0, 2.0e8, damping=2e-4), BeamSection(10.0, 80.0, 1.0e8, damping=2e-4))
+    mast = Beam("mast", carriage.at(0, 0), fixed(), (0, 0), sections, FiniteElements(elements), angle=np.pi / 2)
+    pallet = RigidBody("pallet", mast.at(0, height), fixed(), mass=load)
+    rail = SpringDamper(carriage.at(0, 0), GROUND.at(0, 0), "x", damping=150.0)
+    place = pallet.at(0, height)
+    outputs = (
+        Output("carriage", carriage.at(0, 0), "x"),
+        Output("load", place, "x"),
+        Output("sway", place, "x", relative_to=carriage.at(0, height)),
+        Output("top_acceleration", mast.at(0, 20), "x", derivative=2, bandwidth_hz=30.0),
+    )
+    forces = (Force("drive", carriage.at(0, 0), "x"), Force("push", place, "x"))
+    return Assembly(bodies=(carriage, mast, pallet), links=(rail,), forces=forces, outputs=outputs).assemble()
+
+
+machine = crane()
+machine
+
+# %% [markdown]
+# ## First test a case that you know
+#
+# **Asked:** is the model right? A mast without load, with one section, on a carriage that is held, is a cantilever.
+# The textbook says: its first angular frequency is $1.8751^2 \sqrt{EI/(\mu L^4)}$.
+
+# %%
+pole = Beam(
+    "pole", GROUND.at(0, 0), fixed(), (0, 0), (BeamSection(20.0, 100.0, 1.5e8),), FiniteElements(10), angle=np.pi / 2
+)
+alone = Assembly(bodies=(pole,), forces=(Force("tip", pole.at(0, 20), "x"),)).assemble()
+textbook = 1.875104**2 * np.sqrt(1.5e8 / (100.0 * 20.0**4)) / (2 * np.pi)
+print(f"boomctl {alone.eigenfrequencies_hz(1)[0]:.5f} Hz, textbook {textbook:.5f} Hz")
+assert abs(alone.eigenfrequencies_hz(1)[0] / textbook - 1) < 1e-5
+
+# %% [markdown]
+# ## What moves, and how fast
+#
+# **Asked:** how does the first frequency depend on where the load is? And what changes when the carriage is not free
+# but held by a strong position drive? Then the drive imposes a displacement and not a force: `prescribe_displacement`
+# makes this model from the other one.
+
+# %%
+print("load at   drive is a force   drive is a position")
+for height in (1.0, 5.0, 10.0, 15.0, 19.0):
+    free = crane(height=height)
+    held = prescribe_displacement(free, ["drive"])
+    print(f"{height:5.0f} m {free.eigenfrequencies_hz(1)[0]:15.3f} Hz {held.eigenfrequencies_hz(1)[0]:16.3f} Hz")
+print(bc.mode_table(machine.select(["drive", "push"], ["carriage", "sway"])).render(4))
+
+# %% [markdown]
+# **Seen:** the higher the load, the slower the swing: from 2.4 Hz down to 1.7 Hz. A drive that holds its position
+# makes the machine softer still, 1.729 Hz with the load at 15 m. The swing has a damping of 0.17 % only. The two
+# slowest poles are the carriage itself: it may stand anywhere (0), and the rail brakes it slowly.
+#
+# **Conclude:** whether the drive is a force or a position changes the machine. Say which one you have.
+#
+# ## Drive three metres
+#
+# **Asked:** how long does it take to move by 3 m with 3000 N, until the load stands still? We try three forces: full
+# force and full brake; the same through an *input shaper* (ZV, tuned to the mode), and the fastest force of all. The
+# last one comes from `optimal_slew`, planned on a coarse mesh of two elements. All are played on the fine model.
+
+# %%
+distance, limit = 3.0, 3000.0
+coarse = crane(elements=2)
+fastest = bc.optimal_slew(coarse.to_statespace(["drive"], ["carriage", "load"]), distance, limit)
+print(
+    f"{fastest.certificate.verdict}; {len(fastest.history.switches)} switches, the last six within"
+    f" {1e3 * (fastest.history.switches[-1] - fastest.history.switches[-6]):.0f} ms"
+)
+
+mass = 3000.0 + 500.0 + 10.0 * (120.0 + 80.0)
+half = np.sqrt(mass * distance / limit)
+mode_omega, damping = 2 * np.pi * machine.eigenfrequencies_hz(1)[0], 0.0014
+zv = shaper("ZV", mode_omega, damping)
+time = np.arange(0.0, 10.0, 0.001)
+bang = np.where(time < half, limit, np.where(time < 2 * half, -limit, 0.0))
+shaped = sum(a * np.interp(time - t, time, bang, left=0.0) for a, t in zip(zv.amplitudes, zv.times, strict=True))
+plans = {
+    "bang-bang": (bang, 2 * half),
+    "ZV-shaped": (shaped, 2 * half + zv.times[-1]),
+    "fastest": (fastest.history(time) * (time < fastest.duration), fastest.duration),
+}
+fig, axes = plt.subplots(2, 1, figsize=(8, 4.5), sharex=True, layout="constrained")
+for name, (force, duration) in plans.items():
+    run = bc.forced_response(machine, {"drive": force}, time, ["carriage", "sway"])
+    left = np.abs(run.outputs["sway"][time > duration + 0.05]).max()
+    print(f"{name:10} {duration:.3f} s, sway left {1e3 * left:6.2f} mm")
+    axes[0].plot(time, force / 1e3, label=name)
+    axes[1].plot(time, 1e3 * run.outputs["sway"], label=name)
+axes[0].set(ylabel="drive [kN]")
+axes[1].set(ylabel="sway [mm]", xlabel="time [s]", xlim=(0, 8))
+axes[0].legend(loc="upper right")
+plt.show()
+
+# %% [markdown]
+# **Seen:** bang-bang needs 4.690 s and leaves 5.96 mm. The shaped force needs a quarter of a second more and leaves
+# 0.04 mm; on the way it hardly sways at all. The fastest force is hardly slower than bang-bang. It leaves 0.37 mm
+# because it was planned on the coarse mesh, and it switches eleven times, six of them in the last 35 ms, to calm
+# modes that nobody would see.
+#
+# **Conclude:** the fastest force is a yardstick: it says what is possible. Here a simple shaper comes within 5 % of
+# it and is the better choice.
+#
+# ## A controller
+#
+# **Asked:** can the drive damp the swing when something pushes the load? We measure the position of the carriage and
+# the acceleration of the mast's top, and design an H-infinity controller as in notebook 3.
+
+# %%
+sensors = ["carriage", "top_acceleration"]
+units = {"drive": 1000.0, "push": 200.0, "carriage": 0.02, "load": 0.02, "sway": 0.02, "top_acceleration": 1.0}
+small = bc.reduce(bc.in_units(machine, units), order=8, band=(0.0, 100.0))
+P = bc.generalized_plant(
+    small.system,
+    disturbances={"push": 1.0, "drive": 0.2},
+    performance={"load": 1.0, "carriage": 0.3},
+    effort={"drive": bc.shelf(1.0, 400.0, 600.0, order=2)},
+    noises={"carriage": 0.02, "top_acceleration": 0.1},
+    measurements=sensors,
+    controls=["drive"],
+)
+design = bc.h_infinity(P, nmeas=2, ncon=1)
+K = bc.from_units(design.controller, units)
+print(design.certificate.statement)
+print(bc.margins(machine, K).render())
+
+# %% [markdown]
+# **Asked:** is it stable with every load from nothing to 1000 kg? The mass of the load stands in the mass matrix in a
+# straight line, so the crane is an *affine family*, and this can be proved.
+
+# %%
+family = AffineFamily.through({"load": (0.0, 1000.0)}, lambda values: crane(load=values["load"]))
+proof = bc.robust_stability(family, K)
+print(proof.render())
+assert proof.proved
+
+# %%
+time = np.arange(0.0, 20.0, 0.002)
+push = {"push": np.where((time > 1.0) & (time < 1.2), 2000.0, 0.0)}
+held = prescribe_displacement(machine, hold=["drive"])
+runs = {
+    "carriage free": bc.simulate_loop(machine, None, push, time, sample_time=0.002),
+    "carriage held": bc.simulate_loop(held, None, push, time, sample_time=0.002),
+    "H-infinity": bc.simulate_loop(
+        machine, K, push, time, sample_time=0.002, delay=0.002, force_limit={"drive": 4000.0}
+    ),
+}
+for name, run in runs.items():
+    late = np.abs(run["sway"][time > 5.0]).max()
+    print(f"{name:14} sway after 4 s: {1e3 * late:6.2f} mm, load ends {1e3 * abs(run['load'][-1]):6.1f} mm away")
+print(f"largest force of the drive {np.abs(runs['H-infinity'].controls['drive']).max():.0f} N")
+assert np.abs(runs["H-infinity"]["sway"][time > 5.0]).max() < 1e-4
+
+fig, axes = plt.subplots(2, 1, figsize=(8, 4.2), sharex=True, layout="constrained")
+for name in ("carriage held", "H-infinity"):
+    axes[0].plot(time, 1e3 * runs[name]["sway"], label=name)
+axes[1].plot(time, runs["H-infinity"].controls["drive"] / 1e3, color="C1")
+axes[0].set(ylabel="sway [mm]", title="2000 N push the load for 0.2 s", ylim=(-30, 38))
+axes[1].set(ylabel="drive [kN]", xlabel="time [s]", xlim=(0, 8))
+axes[0].legend(ncols=2, loc="upper right")
+plt.show()
+
+# %% [markdown]
+# **Seen:** with the carriage held, the load swings on for minutes: still by 19.53 mm after 4 s. If the carriage is left free,
+# it also rolls away by a metre. With the controller the swing is gone after two seconds, and the load is back in its
+# place. The drive needs up to 3585 N for it, the model that the controller was designed on has 8 states, the crane
+# has 42 and a filter.
+#
+# **Conclude:** a page of bodies and beams is enough to get from a drawing to a controller that is proved stable for
+# each load.
