@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from difflib import get_close_matches
 from pathlib import Path
@@ -79,6 +79,13 @@ def mapping(name: str, value: object, of: str) -> Mapping[Any, Any]:
     """Return ``value`` if it is a mapping."""
     if not isinstance(value, Mapping):
         raise TypeError(f"{name} = {shown(value)}: expected a mapping of {of}, got {type(value).__name__}")
+    return value
+
+
+def function_of(name: str, value: object, of: str) -> Callable[..., Any]:
+    """Return ``value`` if it is a function; a system, which can be called with a frequency, is none."""
+    if not callable(value) or hasattr(value, "ninputs"):
+        raise TypeError(f"{name} = {shown(value)}: expected a function of {of}, got {type(value).__name__}")
     return value
 
 

@@ -4,6 +4,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import ClassVar, Self, TypeVar
 
+import numpy as np
+
 from boomctl.checks import known
 from boomctl.printing import exact, exact_html
 
@@ -15,6 +17,12 @@ class Parameters:
 
     __repr__ = exact
     _repr_html_ = exact_html
+
+    def _plain(self) -> None:
+        """Keep numbers of numpy as Python's own: those of half precision overflow in products."""
+        for name, value in vars(self).items():
+            if isinstance(value, np.generic):
+                object.__setattr__(self, name, value.item() if isinstance(value, np.integer) else float(value))
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Self:

@@ -76,7 +76,7 @@ def array(given: Any) -> str:
     if given.ndim == 0:
         return value(given.item())
     if given.ndim == 1 and given.size <= 6:
-        return "[" + ", ".join(value(entry.item()) for entry in given) + "]"
+        return "[" + ", ".join(value(entry) for entry in given.tolist()) + "]"
     shape = " x ".join(map(str, given.shape)) if given.ndim > 1 else f"{given.size} values"
     if given.dtype.kind not in "fiu" or not given.size:
         return f"[{shape}]"

@@ -737,6 +737,17 @@ def values():
     )
 
 
+def faults(name):
+    """Yield argument, value and fault wherever one value in place of one argument is answered wrongly."""
+    make = METHODS[name][1] if name in METHODS else CALLS[name]
+    for key in make():
+        for value in (*_NUMBERS, *_WORDS, *_ARRAYS, *_objects()):
+            if value is np.sin and key == "build":  # it raises itself what is raised
+                continue
+            if found := fault(name, make() | {key: value}):
+                yield key, value, found
+
+
 @st.composite
 def calls(draw, names):
     """Return the name of a function, and arguments of which one or two are something else."""

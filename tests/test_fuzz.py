@@ -54,6 +54,14 @@ def test_what_is_started_from_works():
         assert fuzz.function_of(name)(*given_in_order, **arguments) is not None, name
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", QUICK)
+def test_every_argument_may_be_every_wrong_thing(name):
+    """One at a time, all of them: what random draws of two may miss."""
+    wrong = [f"{key} = {value!r:.80}: {fault}" for key, value, fault in fuzz.faults(name)]
+    assert not wrong, "\n".join(wrong)
+
+
 @examples(7500)
 @given(fuzz.calls(QUICK))
 def test_any_arguments_are_answered_or_refused_by_name(call):

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from boomctl.analysis.loops import named_response, signals_of
 from boomctl.analysis.sigma import NARROWEST
 from boomctl.arrays import Array
-from boomctl.checks import nonnegative, positive, shown, whole
+from boomctl.checks import frequencies, function_of, nonnegative, plain_array, positive, whole
 from boomctl.lti.frequency import DRAWN, resonance_grid, singular_values
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti, of
@@ -152,8 +152,8 @@ def exact_loop_stability(
     near = near[np.abs(near) > 0.0]
     near = np.where(near.imag < 0.0, near.conj(), near)
     reach = float(np.abs(near).max(initial=1.0))
-    if plant_bound is not None and not callable(plant_bound):
-        raise TypeError(f"plant_bound = {shown(plant_bound)}: expected a function of the frequency")
+    if plant_bound is not None:
+        function_of("plant_bound", plant_bound, "the frequency")
     end = _top(gain, K, 2.0 * reach if top is None else positive("top", top), plant_bound)
     low = _BELOW * float(np.abs(near).min(initial=1.0))
     grid = resonance_grid(near, low, end, points=_POINTS, places=DRAWN, narrowest=NARROWEST, also=[0.0, end])
@@ -184,11 +184,13 @@ def exact_loop_stability(
 
 
 def _estimates(poles: ArrayLike) -> Array:
-    array = np.atleast_1d(np.asarray(poles))
+    array = np.atleast_1d(plain_array("poles", poles))
     if array.dtype.kind not in "iufc" or array.ndim != 1:
         raise TypeError(f"poles: expected numbers in one dimension, got shape {array.shape} of {array.dtype}")
     if not np.isfinite(array).all():
         raise ValueError(f"poles: expected finite numbers, got {array[~np.isfinite(array)][0]}")
+    if array.size:
+        frequencies("sizes of poles", np.abs(array))
     return array.astype(complex)
 
 

@@ -208,7 +208,7 @@ def nozzle_name(index: int) -> str:
 
 def _nozzle_places(p: BoomParameters, nozzles: Sequence[float] | Array) -> tuple[float, ...]:
     """Return places on the boom, refused unless they ascend and lie on it."""
-    x = finite_array("nozzles", np.asarray(nozzles), ndim=1)
+    x = finite_array("nozzles", nozzles, ndim=1)
     if not len(x) or not (np.diff(x) > 0.0).all():
         raise ValueError("nozzles: expected at least one place along the boom, ascending")
     half = p.length / 2

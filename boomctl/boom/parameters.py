@@ -85,6 +85,7 @@ class BoomParameters(Parameters):
                 raise ValueError(
                     f"{field.name} = {exactly(getattr(self, field.name))}: expected at most {_LARGEST:g}, in SI units"
                 )
+        self._plain()
         for side in ("width", "height"):
             inner, outer = getattr(self, f"inner_{side}"), getattr(self, f"outer_{side}")
             if inner >= outer:

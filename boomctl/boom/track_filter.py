@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _FITTED_HZ = (0.04, 6.0)  # band of the fit: from far below a boom's first yaw mode to above its first bending modes
+_MOST_SECTIONS = 20  # fitted in ten seconds; more do not come closer (a choice)
 _PER_OCTAVE = 12  # points of the fit: four within the width of the smoothing (a choice)
 _SMOOTHED_OCTAVES = 1.0 / 3.0  # over which the comb of front and rear wheels is averaged: a third, as acousticians do
 _DAMPING = (0.02, 1.5)  # range of the fitted damping ratios: narrower peaks would follow single teeth of the comb
@@ -159,7 +160,7 @@ def track_filter(
     the usual tractor at 1.5 to 4 m/s the smoothed densities agree within 2 dB (RMS from 0.05 to 5 Hz); the deepest
     notch of the comb, at ``V/(2 wheelbase)``, is filled by up to 8 dB.  The edges of the track's band are not modelled.
     """
-    count = whole("sections", sections)
+    count = whole("sections", sections, most=_MOST_SECTIONS)
     f = np.geomspace(*_FITTED_HZ, 6000)
     wide = np.geomspace(_FITTED_HZ[0] / 2, _FITTED_HZ[1] * 2, 8000)
     exact = platform_density(

@@ -105,6 +105,7 @@ class TractorParameters(Parameters):
         for field in fields(self):
             check = nonnegative if field.name in _MAY_BE_ZERO else positive
             check(field.name, getattr(self, field.name))
+        self._plain()
         if self.centre_to_rear >= self.wheelbase:
             raise ValueError(
                 f"centre_to_rear = {exactly(self.centre_to_rear)}: expected less than the wheelbase, "

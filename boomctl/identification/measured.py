@@ -12,7 +12,17 @@ from numpy.typing import ArrayLike
 from boomctl.analysis.measured import MeasuredCurve
 from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, frequencies, known, plain_array, positive, sequence, some_names, whole
+from boomctl.checks import (
+    finite_array,
+    frequencies,
+    function_of,
+    known,
+    plain_array,
+    positive,
+    sequence,
+    some_names,
+    whole,
+)
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import is_frequency_response, is_statespace, of
 from boomctl.printing import compact
@@ -23,6 +33,7 @@ ERRORS = ("relative", "absolute")
 BOUNDED = "bounded relative"  # for the search alone
 _MISSED = 3  # modes that the measurement may have missed and that are offered beside those measured (a choice)
 _SAME = 1e-9  # relative difference of two frequencies up to which they are the same: rounding between Hz and rad/s
+_LIGHTEST = 1e-50  # of weights that count: squares of what is divided by them are numbers still (a choice)
 _HANDED = ("omega", "count", "inputs", "outputs")  # what a function is given where it has a parameter of this name
 
 
@@ -223,6 +234,10 @@ def _spread(weights: object, values: Array) -> Array:
     given = finite_array("weights", weights)  # type: ignore[arg-type]
     if (given < 0.0).any() or not (given > 0.0).any():
         raise ValueError("weights: expected numbers not below zero, some of them above it")
+    if (given[given > 0.0] < _LIGHTEST).any():
+        raise ValueError(
+            f"weights: expected zeros or numbers of at least {_LIGHTEST:g}, got {given[given > 0.0].min()}"
+        )
     try:
         shaped = np.broadcast_to(given, values.shape)
     except ValueError:
@@ -254,10 +269,7 @@ class Builder:
         """Return the function, and what it is given beside the parameters."""
         if isinstance(build, AffineFamily):
             return cls(build, data, ())
-        if not callable(build):
-            raise TypeError(
-                f"build: expected a function of the parameters or an AffineFamily, got {type(build).__name__}"
-            )
+        function_of("build", build, "the parameters, or an AffineFamily")
         try:
             there = list(inspect.signature(build).parameters)[1:]
         except (TypeError, ValueError):  # some functions of other languages do not say what they take

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import plain_array, positive, real, sequence, shown
+from boomctl.checks import function_of, plain_array, positive, real, sequence, shown
 from boomctl.gauss import gauss_method
 from boomctl.rotating_beam.corners import found_corners
 
@@ -175,7 +175,7 @@ class HubProfile(PrescribedMotion):
 
     def __post_init__(self) -> None:
         for name in ("angle", "speed", "acceleration"):
-            _check_function(name, getattr(self, f"{name}_function"))
+            function_of(name, getattr(self, f"{name}_function"), "time")
         object.__setattr__(self, "breakpoints", _breakpoints(self.breakpoints))
 
     def checked_until(self, end: float) -> HubProfile:
@@ -291,7 +291,7 @@ class Torque(TorqueDriven):
     breakpoints: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        _check_function("torque", self.function)
+        function_of("torque", self.function, "time")
         object.__setattr__(self, "breakpoints", _breakpoints(self.breakpoints))
 
     def checked_until(self, end: float) -> Torque:
@@ -391,11 +391,6 @@ def hold(angle: float = 0.0) -> Hold:
 def free() -> Free:
     """Leave the hub free, without torque."""
     return Free()
-
-
-def _check_function(name: str, value: object) -> None:
-    if not callable(value):
-        raise TypeError(f"{name} = {value!r}: expected a function of time")
 
 
 def _moving(times: Array, way: Array) -> Array:

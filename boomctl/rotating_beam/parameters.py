@@ -67,6 +67,7 @@ class HubBeamParameters(Parameters):
             )
         if nonnegative("damping_ratio", self.damping_ratio) >= 1.0:
             raise ValueError(f"damping_ratio = {self.damping_ratio!r}: expected a ratio in [0, 1)")
+        self._plain()
 
     @property
     def mass_per_length(self) -> float:

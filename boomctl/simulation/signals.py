@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import exactly, finite_array, known, nonnegative, plain_array, positive
 
+_MOST_STEPS = 1e8  # of a run: as many rows of what is kept fill the memory of a large machine (a choice)
 _EVEN = 1e-6  # relative unevenness of steps that count as equal: times printed with seven digits pass
 
 Levels = float | Mapping[str, float] | None
@@ -91,6 +92,11 @@ def time_grid(timepts: ArrayLike, sample_time: float, substeps: int = 1) -> Time
         raise ValueError(
             f"sample_time = {exactly(sample)} s, steps of timepts {exactly(step)} s: expected one to be a "
             f"whole multiple of the other"
+        )
+    if per_point * substeps * (len(time) - 1) > _MOST_STEPS:
+        raise ValueError(
+            f"sample_time = {exactly(sample)} s: {per_point * (len(time) - 1):.3g} samples; expected a run of at most "
+            f"{_MOST_STEPS:g} steps"
         )
     exact = step / per_point
     return TimeGrid(time, exact / substeps, per_point * substeps, per_sample * substeps)

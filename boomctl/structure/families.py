@@ -173,7 +173,7 @@ class AffineFamily:
 
 def interval(name: str, given: object) -> tuple[float, float]:
     """Return the ends of a parameter's range, refused unless they are two ascending numbers."""
-    if not isinstance(given, (tuple, list, np.ndarray)) or len(given) != 2:
+    if not isinstance(given, (tuple, list, np.ndarray)) or getattr(given, "ndim", 1) == 0 or len(given) != 2:
         raise TypeError(f"range of {name} = {given!r}: expected two ascending numbers")
     low, high = real(f"range of {name}", given[0]), real(f"range of {name}", given[1])
     if low >= high:

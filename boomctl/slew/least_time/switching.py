@@ -410,6 +410,7 @@ def _newton(problem: LinearTimeProblem, first: Extremal) -> Extremal | None:
     best, size, missed = None, np.inf, np.inf
     reached = max(float(np.abs(problem.target).max()), float(np.abs(ends @ problem.start).max()))
     for _ in range(_NEWTON):
+        problem.budget.spend(f"{found.switches.size} switching times of the linear part", found.duration)
         residual, slope = _conditions(problem, found, weights)
         move = _least_squares(slope, -residual, 1e-14)
         count = found.switches.size

@@ -132,7 +132,7 @@ def _all_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
     if isinstance(elements, (int, np.integer)):
         marks = np.concatenate([[0.0], ends, [length]])
         return shared_out(marks, whole("elements", elements), f"beam {beam.name!r} has {len(marks) - 1} sections")
-    nodes = finite_array(f"node stations of beam {beam.name!r}", np.asarray(elements), ndim=1)
+    nodes = finite_array(f"node stations of beam {beam.name!r}", elements, ndim=1)
     if len(nodes) < 2 or not (np.diff(nodes) > 0.0).all():
         raise ValueError(f"node stations of beam {beam.name!r}: expected at least two, ascending")
     if abs(nodes[0]) > 1e-9 * length or abs(nodes[-1] - length) > 1e-9 * length:
