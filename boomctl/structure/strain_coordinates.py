@@ -124,6 +124,45 @@ def _even(rows: Array) -> Array:
     return factor
 
 
+def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Array, int]:
+    """Return motions ``V`` that parts rows into unit strains and none: ``S V = Q``, its last columns exactly zero.
+
+    Parameters
+    ----------
+    S : (rows, n) ndarray
+        Rows, each times the root of its stiffness.
+    rows : (rows, n) ndarray
+        The same, each of its own size.
+    column : (n,) ndarray
+        Sizes of the coordinates.
+
+    Returns
+    -------
+    V : (n, n) ndarray
+    Q : (rows, n) ndarray
+        In the order that follows.
+    order : (rows,) ndarray
+        Of the rows, the stiffest first.
+    r : int
+        How many columns strain.
+    """
+    n, given = S.shape[1], S
+    S = given * column
+    unit, spread, motions = _spread(S)
+    if spread[min(unit.shape) - 1] < _CLEAR:
+        column = _even(rows)
+        S = given * column
+        unit, spread, motions = _spread(S)
+    r = int((spread > _RIGID * spread[0]).sum())
+    order = np.argsort(-np.abs(S).max(axis=1), kind="stable")
+    Q, T, places = linalg.qr(S[order], mode="economic", pivoting=True)
+    V = np.zeros((n, n))
+    V[places[:r], :r] = linalg.solve_triangular(T[:r, :r], np.eye(r))
+    V[:, r:] = motions[r:].T
+    V *= column[:, None]
+    return V, np.hstack([Q[:, :r], np.zeros((len(Q), n - r))]), order, r
+
+
 def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
     """Return a structure in strain coordinates; None for a large one, and for one without mass or stiffness."""
     n, elastic = layout.n, weights.k > 0.0
@@ -133,25 +172,11 @@ def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
     mass, inertia = squared_sums(N, weights.m), np.sqrt(weights.m)[:, None] * N
     if not (mass > 0.0).all() or not R[elastic].any():
         return None
-    column = 1.0 / np.sqrt(mass)
-    S = np.sqrt(weights.k[elastic])[:, None] * R[elastic] * column
-    unit, spread, motions = _spread(S)
-    if spread[min(unit.shape) - 1] < _CLEAR:
-        column = _even(R[elastic])
-        S = np.sqrt(weights.k[elastic])[:, None] * R[elastic] * column
-        unit, spread, motions = _spread(S)
-    r = int((spread > _RIGID * spread[0]).sum())
-    order = np.argsort(-np.abs(S).max(axis=1), kind="stable")
-    Q, T, places = linalg.qr(S[order], mode="economic", pivoting=True)
-    V = np.zeros((n, n))
-    V[places[:r], :r] = linalg.solve_triangular(T[:r, :r], np.eye(r))
-    V[:, r:] = motions[r:].T
-    V *= column[:, None]
+    V, Q, order, r = unstrained(np.sqrt(weights.k[elastic])[:, None] * R[elastic], R[elastic], 1.0 / np.sqrt(mass))
     if r < n:
         _, own, mixed = np.linalg.svd(inertia @ V[:, r:], full_matrices=False)
         V[:, r:] = V[:, r:] @ (mixed.T / own)
         V[:, :r] -= V[:, r:] @ ((inertia @ V[:, r:]).T @ (inertia @ V[:, :r]))
-    Q = np.hstack([Q[:, :r], np.zeros((len(Q), n - r))])
     loss = (weights.c[elastic] / weights.k[elastic])[order]
     damped = np.sqrt(weights.c[~elastic])[:, None] * (R[~elastic] @ V)
     return StrainForm(V, inertia @ V, Q.T @ (loss[:, None] * Q) + damped.T @ damped, n - r)

@@ -8,7 +8,8 @@ on a beam of ten thousand elements.  Here ``K`` is never formed.  With rows ``R`
 
 is eliminated along the structure, coordinates first and each strain after the last coordinate that it is made of, with
 pivots chosen by size.  Coordinates then follow from strains by summation, as they do along the beam, and ``R^T w R`` never
-arises.  A boom of 100,000 elements keeps eleven digits so (measured), in time and memory that grow as the number of elements.
+arises.  What an element far stiffer than most joins moves in coordinates of its own: together, and by its strains.  A boom
+of 100,000 elements keeps eleven digits so (measured), in time and memory that grow as the number of elements.
 """
 
 from collections.abc import Callable
@@ -16,16 +17,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg, sparse
-from scipy.sparse.csgraph import reverse_cuthill_mckee
+from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from boomctl.arrays import Array
 from boomctl.structure.layout import Layout, Weights, squared_sums
 from boomctl.structure.response.pencil import Solve
+from boomctl.structure.strain_coordinates import unstrained
 
 # share of its terms up to which each strain of a motion is rounding, and the motion rigid: a mode strains some row by about
 # as much as its terms, a rigid motion of 10,000 elements strains none by more than some 1e-8 of them (measured)
 _STRAINLESS = 1e-5
+_FAR_STIFFER = (
+    1e6  # stiffness over mass of a row, times the median one, from which on its element is a group (a choice)
+)
+_LARGEST_GROUP = 32  # coordinates; a few tiny elements beside each other have fewer (a choice)
 _DEPENDENT = 1e-12  # of the largest; what of a motion is below it, beside others, is rounding
 _WIDEST = 64.0  # places that a row spans in the mean, up to which elimination along the structure is cheap (a choice)
 
@@ -41,23 +47,32 @@ class MixedForm:
         Elastic rows that carry stiffness or damping.
     place : ndarray
         Where each strain and, behind them, each coordinate stands in the order of elimination.
-    R, M : csr_array
-        Elastic rows used, and the mass matrix.
+    M : csr_array
+        Mass matrix over the structure's coordinates.
+    R, inertia : csr_array
+        Elastic rows used, and mass matrix, over own coordinates.
+    T : csr_array
+        The structure's coordinates over the own ones.  They differ where an element is far stiffer than most: what it
+        joins has motions without its strains, and one for each strain; masses then stand beside the stiffness that holds
+        them, not beside one in which they would be rounding.
     """
 
     weights: Weights
     used: Array
     place: Array
-    R: sparse.csr_array
     M: sparse.csr_array
+    R: sparse.csr_array
+    inertia: sparse.csr_array
+    T: sparse.csr_array
 
     @classmethod
     def of(cls, layout: Layout, weights: Weights) -> "MixedForm | None":
         """Return the mixed form; None where rows reach so far that elimination along the structure would fill up."""
         R, M = sparse.csr_array(layout.R), sparse.csr_array(layout.mass(weights.m, False))
         used = np.flatnonzero(((weights.k > 0.0) | (weights.c > 0.0)) & (np.diff(R.indptr) > 0))
-        R = sparse.csr_array(R[used])
-        pattern = sparse.csr_array(abs(R).T @ abs(R) + abs(M))
+        R, T = _grouped(sparse.csr_array(R[used]), weights.k[used], M.diagonal())
+        inertia = sparse.csr_array(T.T @ M @ T)
+        pattern = sparse.csr_array(abs(R).T @ abs(R) + abs(inertia))
         order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
         n = layout.n
         at = np.empty(n, dtype=np.intp)
@@ -69,7 +84,7 @@ class MixedForm:
             return None
         place = np.empty(len(used) + n, dtype=np.intp)
         place[np.argsort(np.concatenate([last + 0.5, at]), kind="stable")] = np.arange(len(place))
-        return cls(weights, used, place, R, M)
+        return cls(weights, used, place, M, R, inertia, T)
 
     def factorized(self, s: complex) -> Solve:
         """Return a solver of ``s^2 M + s C + K``; real where ``s`` is."""
@@ -81,9 +96,9 @@ class MixedForm:
 
     def projected(self, alpha: float, loads: Array) -> tuple[Array, Array, Array]:
         """Return ``M, C, K`` over the responses of ``K + alpha M`` to loads, made of mass one; those that depend left out."""
-        strain, X = self.strains_and_motion(alpha)(loads)
+        strain, X = self._both(alpha, self.weights.k[self.used])(self.T.T @ loads)
         k, c = self.weights.k[self.used], self.weights.c[self.used]
-        mass = X.T @ (self.M @ X)
+        mass = X.T @ (self.inertia @ X)
         size = 1.0 / np.sqrt(np.diag(mass))
         values, mixed = linalg.eigh(size[:, None] * mass * size)
         kept = values > _DEPENDENT * values[-1]
@@ -94,29 +109,26 @@ class MixedForm:
         C = strain.T @ ((c[elastic] / k[elastic])[:, None] * strain) + still.T @ still
         return np.eye(int(kept.sum())), C, strain.T @ strain
 
-    def strains_and_motion(self, alpha: float) -> Callable[[Array], tuple[Array, Array]]:
-        """Return a solver of ``K + alpha M`` that tells strains, times the roots of their stiffness, beside the motion.
-
-        They are unknowns of their own and keep their digits where differences of the motion have none left.
-        """
-        return self._both(alpha, self.weights.k[self.used])
-
     def damping(self) -> Solve:
         """Return a solver of ``C``."""
         return self._solver(0.0, self.weights.c[self.used])
 
     def _solver(self, inertia: complex, stiffness: Array) -> Solve:
         both = self._both(inertia, stiffness)
-        return lambda rhs: both(rhs)[1]
+        return lambda rhs: self.T @ both(self.T.T @ rhs)[1]
 
     def _both(self, inertia: complex, stiffness: Array) -> Callable[[Array], tuple[Array, Array]]:
+        """Return a solver over own coordinates: strains, times the roots of their stiffness, and the motion.
+
+        Strains keep their digits where differences of the motion have none left.
+        """
         kept = np.flatnonzero(stiffness != 0.0)
-        w, n = np.abs(stiffness[kept]), self.M.shape[0]
+        w, n = np.abs(stiffness[kept]), self.inertia.shape[0]
         R, strains = sparse.csr_array(self.R[kept]), len(kept)
-        diagonal = squared_sums(R, w) + np.abs(inertia) * self.M.diagonal()
+        diagonal = squared_sums(R, w) + np.abs(inertia) * self.inertia.diagonal()
         size = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         R = sparse.csr_array(sparse.diags_array(np.sqrt(w)) @ R @ sparse.diags_array(size))
-        scaled = sparse.diags_array(size) @ (inertia * self.M) @ sparse.diags_array(size)
+        scaled = sparse.diags_array(size) @ (inertia * self.inertia) @ sparse.diags_array(size)
         flexibility = sparse.diags_array(-w / stiffness[kept])
         full = sparse.coo_array(sparse.block_array([[flexibility, R], [R.T, scaled]]))
         place = self.place
@@ -156,13 +168,44 @@ class MixedForm:
         ArpackError
             Lanczos' method does not converge.
         """
-        n = self.M.shape[0]
-        both = self.strains_and_motion(alpha)
+        n, M = self.M.shape[0], self.inertia
+        both = self._both(alpha, self.weights.k[self.used])
         inverse = LinearOperator((n, n), matvec=lambda v: both(v)[1], dtype=float)  # type: ignore[call-arg]
         start = np.random.default_rng(0).standard_normal(n)
-        _, V = eigsh(self.M, count, self.M, sigma=-alpha, OPinv=inverse, v0=start, tol=1e-12)
-        strain, X = both(self.M @ V)
-        stiffness, mixed = linalg.eigh(strain.T @ strain, X.T @ (self.M @ X))
+        _, V = eigsh(M, count, M, sigma=-alpha, OPinv=inverse, v0=start, tol=1e-12)
+        strain, X = both(M @ V)
+        stiffness, mixed = linalg.eigh(strain.T @ strain, X.T @ (M @ X))
         shapes = X @ mixed
         strained = np.abs(self.R @ shapes) > _STRAINLESS * (abs(self.R) @ np.abs(shapes))
-        return np.where(strained.any(axis=0), np.sqrt(np.maximum(stiffness, 0.0)), 0.0), shapes
+        return np.where(strained.any(axis=0), np.sqrt(np.maximum(stiffness, 0.0)), 0.0), self.T @ shapes
+
+
+def _grouped(R: sparse.csr_array, k: Array, mass: Array) -> tuple[sparse.csr_array, sparse.csr_array]:
+    """Return rows over own coordinates, and the structure's coordinates over these; see :attr:`MixedForm.T`."""
+    n = R.shape[1]
+    squares = sparse.csr_array(R.multiply(R) @ sparse.diags_array(1.0 / np.where(mass > 0.0, mass, np.inf)))
+    fast = k * squares.max(axis=1).toarray().ravel()
+    level = _FAR_STIFFER * float(np.median(fast))
+    stiff = fast > level
+    T = sparse.eye_array(n, format="csr")
+    if not stiff.any() or not (mass > 0.0).all():
+        return R, T
+    of_row, group = R.indices[R.indptr[:-1]], np.arange(n)
+    while stiff.any():  # a whole stiff section is no group, but shorter elements in it may be
+        joined = sparse.csr_array(abs(R[np.flatnonzero(stiff)]))
+        group = connected_components(joined.T @ joined, directed=False)[1]
+        large = stiff & (np.bincount(group)[group[of_row]] > _LARGEST_GROUP)
+        if not large.any():
+            break
+        level *= _FAR_STIFFER
+        stiff &= ~large | (fast > level)
+    T, found = sparse.lil_array(T), sparse.lil_array(R)
+    for one in np.flatnonzero(np.bincount(group[of_row[stiff]]) > 0):
+        members, rows = np.flatnonzero(group == one), np.flatnonzero(stiff & (group[of_row] == one))
+        own, root = R[rows][:, members].toarray(), np.sqrt(k[rows])
+        V, Q, order, _ = unstrained(root[:, None] * own, own, 1.0 / np.sqrt(mass[members]))
+        T[np.ix_(members, members)] = V
+        beside = np.flatnonzero(abs(R[:, members]).sum(axis=1) * ~np.isin(np.arange(R.shape[0]), rows))
+        found[np.ix_(beside, members)] = R[beside][:, members].toarray() @ V
+        found[np.ix_(rows[order], members)] = Q / root[order][:, None]
+    return sparse.csr_array(found), sparse.csr_array(T)
