@@ -265,7 +265,15 @@ CALLS = {
         "breakpoints": (),
     },
     "in_units": lambda: {"system": plant(), "units": {"u0": 2.0}},
-    "iso_track": lambda: {"road_class": "C", "length": 20.0, "seed": 0, "width": 1.8, "step": 0.05, "band": (0.1, 3.0)},
+    "iso_track": lambda: {
+        "road_class": "C",
+        "length": 20.0,
+        "seed": 0,
+        "width": 1.8,
+        "step": 0.05,
+        "band": (0.1, 3.0),
+        "periodic": False,
+    },
     "join_symmetric": lambda: {
         "model": boom(),
         "symmetric": half_controller("sym"),

@@ -137,13 +137,13 @@ def platform_motion(
     Parameters
     ----------
     track : Track
-        A periodic one is driven on before, until the motion is stationary; on another the tractor starts from
-        equilibrium, its rear axle at the beginning of the track.
+        The tractor starts from equilibrium, its rear axle at the beginning of the track; the usual one moves as much
+        from the second second on as it does later.  A periodic track is driven on before, until the motion is stationary.
     tractor : TractorParameters, optional
     speed : float
         [m/s]
     duration : float, optional
-        [s]; by default once over the track.
+        [s]; by default once over the track, until the front axle is at its end.
     sample_time : float
         [s]
     actuator_distance : float

@@ -74,6 +74,8 @@ def platform_density(
 ) -> PlatformDensity:
     """Return the exact densities of the motion of which :func:`platform_motion` on :func:`iso_track` is a sample.
 
+    On a track that does not go round it is one when the start is over.
+
     Parameters
     ----------
     freq_hz : array_like

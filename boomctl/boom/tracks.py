@@ -2,7 +2,8 @@
 
 A track is the height of the ground under the left and the right wheels.  The random ones are stationary Gaussian
 processes of one-sided density ``G_d(n) = G_d(n0) (n/n0)^-2`` in the wave number ``n`` [1/m], ``n0 = 0.1 /m``,
-``G_d(n0) = 16 * 4^k * 1e-6 m^3`` for class ``k`` (0 is A, 7 is H).
+``G_d(n0) = 16 * 4^k * 1e-6 m^3`` for class ``k`` (0 is A, 7 is H).  A seed is one ground of 10 km, the sum of its waves
+``j/10 km``; a track is its beginning, so that neither length nor step of a track change the ground.
 
 What two tracks have in common follows from isotropy (Dodds & Robson 1973; Kamash & Robson 1978): if the ground looks
 alike in all directions, the density along a line fixes the one over the plane, ``S(n, m) ~ (n^2 + m^2)^(-3/2)`` for the
@@ -24,7 +25,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import exactly, finite_array, frequencies, from_on, known, positive, real, sequence, up_to, whole
+from boomctl.checks import (
+    exactly,
+    finite_array,
+    frequencies,
+    from_on,
+    known,
+    positive,
+    real,
+    sequence,
+    truth,
+    up_to,
+    whole,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,6 +48,11 @@ REFERENCE_WAVE_NUMBER = 0.1  # 1/m, at which ISO 8608 states the densities of it
 SPEEDS = (1e-6, 1e6)  # m/s at which a machine may drive: far beyond any, and not yet numbers that overflow (a choice)
 BAND = (0.01, 3.0)  # 1/m: waves of 100 m to 0.33 m, 0.025 to 7.5 Hz at 2.5 m/s; tyres smooth shorter ones (a choice)
 MOST_STEPS = 50_000_000  # of a track or a motion: 400 MB a signal (a choice)
+GROUND_LENGTH = 10_000.0  # m, after which a seed's ground repeats: 100 of the longest waves, 55 min at 3 m/s (a choice)
+_MOST_WAVES = 5_000_000  # of a ground, 500 to the metre: 160 MB of random numbers (a choice)
+_EDGE = 1e-9  # share of a wave number by which rounding may put it across the edge of a band
+_BLOCK = 2**15  # points of a track summed at once at least, so that phases keep their digits (a choice)
+_TAPERED = 4  # waves in a track with ends from which its density is read; longer ones the taper blurs by more than 7 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +177,8 @@ def track_coherence(wave_number: ArrayLike, width: float, coherence: str = "isot
     from scipy.special import k1
 
     z = 2.0 * np.pi * n * width
-    common = np.ones(z.shape)
-    common[z > 0.0] = z[z > 0.0] * k1(z[z > 0.0])
+    common, some = np.ones(z.shape), z > 0.0
+    common[some] = z[some] * k1(z[some])
     return np.minimum(common, 1.0)
 
 
@@ -173,15 +191,19 @@ def iso_track(
     step: float = 0.02,
     band: tuple[float, float] = BAND,
     coherence: str = "isotropic",
+    periodic: bool = False,
 ) -> Track:
     """Return a random track of a road class of ISO 8608, the same for the same seed on every machine.
+
+    A seed is a ground of 10 km, and a track its first metres: a longer one begins with the shorter one, and a finer one
+    has its heights where both have a point.  Another band leaves the waves alone that are in both.
 
     Parameters
     ----------
     road_class : str or int
         A letter from A to H, or its number from 0.
     length : float
-        Length of the track [m]; it goes round.
+        Length of the track [m], at most 10 km unless it goes round.
     seed : int
         Of NumPy's PCG64.
     width : float
@@ -192,16 +214,29 @@ def iso_track(
         Wave numbers [1/m] between which the track has content; none outside.
     coherence : "isotropic", "full" or "none"
         What left and right have in common, see :func:`track_coherence`.
+    periodic : bool
+        True: a track that goes round after `length`.  It has waves of whole parts of its length only, so that each length
+        is another ground.
 
     Raises
     ------
     TypeError, ValueError
-        A class that does not exist, a length that does not hold the longest wave, a step too long for the shortest.
+        A class that does not exist, a length that is longer than the ground or does not hold the shortest wave, a step
+        too long for that, a band without a wave.
 
     Notes
     -----
     Half sum and half difference of the two sides are independent with densities ``(1 +- coherence)/2 G_d``; each is the
-    Fourier sum over the wave numbers ``j/length`` with independent Gaussian amplitudes, which has that density exactly.
+    Fourier sum over the wave numbers ``j/period`` with independent Gaussian amplitudes, which has that density exactly.
+    The period is 10 km, or `length` of a track that goes round.  Four normal numbers belong to each wave: cosine and
+    sine of the half sum, cosine and sine of the half difference.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> short, long = (bc.iso_track("E", length, seed=1) for length in (100.0, 400.0))
+    >>> bool(abs(long.left[: len(short.left)] - short.left).max() < 1e-12)
+    True
     """
     spacing, longest = positive("step", step), positive("length", length)
     low, high = wave_band(band)
@@ -214,20 +249,63 @@ def iso_track(
         raise ValueError(
             f"length = {exactly(longest)}: expected at least the shortest wave of the band, {from_on(1 / high)} m"
         )
-    n = np.arange(1, count // 2 + 1) / (count * spacing)
-    inside = (n >= low) & (n <= high)
+    round_trip = truth("periodic", periodic)
+    period = count * spacing if round_trip else GROUND_LENGTH
+    if not round_trip:
+        if count * spacing > period * (1.0 + _EDGE):
+            raise ValueError(
+                f"length = {exactly(longest)}: expected at most {GROUND_LENGTH:g} m, the ground of a seed, or periodic=True"
+            )
+        if high * period > _MOST_WAVES:
+            raise ValueError(
+                f"band = ({low:g}, {high:g}): expected at most {_MOST_WAVES / GROUND_LENGTH:g} /m, or periodic=True"
+            )
+    n = np.arange(1, int(high * period * (1.0 + _EDGE)) + 1) / period
+    inside = n >= low * (1.0 - _EDGE)
     if not inside.any():
-        raise ValueError(f"length = {longest:g}: no wave of the band ({low:g} to {high:g} /m) fits into it")
-    common = track_coherence(n[inside], positive("width", width), coherence)
-    power = road_density(road_class, n[inside]) / (count * spacing)
-    generator = np.random.Generator(np.random.PCG64(whole("seed", seed, least=0)))
-    parts = []
-    for share in (1.0 + common, 1.0 - common):
-        drawn = generator.standard_normal((2, len(n)))[:, inside]
-        amplitude = np.zeros(count // 2 + 1, dtype=complex)
-        amplitude[1:][inside] = 0.5 * count * np.sqrt(0.5 * power * share) * (drawn[0] + 1j * drawn[1])
-        parts.append(np.fft.irfft(amplitude, count))
-    return Track(spacing, parts[0] - parts[1], parts[0] + parts[1], float(width), periodic=True)
+        raise ValueError(
+            f"length = {longest:g}: no wave of the band ({low:g} to {high:g} /m) fits into it"
+            if round_trip
+            else f"band = ({low:g}, {high:g}): expected a multiple of {1.0 / GROUND_LENGTH:g} /m in it"
+        )
+    common = track_coherence(n, positive("width", width), coherence)
+    size = np.zeros(len(n))
+    size[inside] = np.sqrt(0.5 * road_density(road_class, n[inside]) / period)
+    drawn = np.random.Generator(np.random.PCG64(whole("seed", seed, least=0))).standard_normal((len(n), 4))
+    shares = size * np.sqrt([1.0 + common, 1.0 - common])
+    waves = np.zeros((2, len(n) + 1), dtype=complex)
+    waves[:, 1:] = shares * drawn.view(complex).T
+    if round_trip:
+        mean, half = np.fft.irfft(0.5 * count * waves, count)
+    else:
+        mean, half = _sum_of_waves(waves, spacing / period, count + 1)
+    return Track(spacing, mean - half, mean + half, float(width), periodic=round_trip)
+
+
+def _sum_of_waves(waves: Array, turn: float, count: int) -> Array:
+    """Return the real parts of ``sum_k waves[:, k] exp(2 pi i turn k m)`` at ``m = 0 ... count - 1``.
+
+    ``2 k m = k^2 + m^2 - (m - k)^2`` makes a convolution of the sum for any ``turn`` (Bluestein 1970); long ones are
+    summed block by block, for phases that grow with the square of ``m`` would lose digits.
+    """
+    from scipy.fft import fft, ifft, next_fast_len
+
+    order = waves.shape[1]
+    block = min(count, max(order, _BLOCK))
+    size = next_fast_len(order + block - 1)
+    k = np.arange(order)
+    squares = np.arange(max(order, block), dtype=float) ** 2
+    chirp = np.exp(1j * np.pi * np.mod(turn * squares, 2.0))
+    kernel = np.zeros(size, dtype=complex)
+    kernel[:block] = chirp[:block].conj()
+    kernel[size - order + 1 :] = chirp[order - 1 : 0 : -1].conj()
+    kernel = fft(kernel)
+    summed = np.empty((len(waves), count))
+    for begin in range(0, count, block):
+        shifted = waves * (chirp[:order] * np.exp(2j * np.pi * np.mod(k * (turn * begin), 1.0)))
+        found = ifft(fft(shifted, size) * kernel)[:, :block] * chirp[:block]
+        summed[:, begin : begin + block] = found.real[:, : count - begin]
+    return summed
 
 
 def step_count(name: str, extent: float, step: float, unit: str) -> int:
@@ -289,7 +367,7 @@ def averaged_density(tracks: Sequence[Track], band: tuple[float, float], name: s
     Parameters
     ----------
     tracks : sequence of Track
-        Periodic ones of equal length and step; both sides count.
+        Of equal length and step, all with ends or all going round; both sides count.
     band : (float, float)
         Of wave numbers [1/m].
     name : str
@@ -303,20 +381,30 @@ def averaged_density(tracks: Sequence[Track], band: tuple[float, float], name: s
     Raises
     ------
     ValueError
-        No tracks; tracks that do not go round, or differ in length or step; none of their waves in the band.
+        No tracks; tracks that differ in length or step; none of their waves in the band.
+
+    Notes
+    -----
+    Tracks with ends, without their means, are tapered by Hann's window, which keeps the jump from end to beginning out of
+    the short waves; waves of which fewer than four fit into the track are left out, for the taper blurs them.
     """
     if not tracks:
         raise ValueError(f"{name}: expected at least one")
-    if not all(track.periodic for track in tracks):
-        raise ValueError(f"{name}: expected tracks that go round, such as iso_track makes")
+    if len({track.periodic for track in tracks}) > 1:
+        raise ValueError(f"{name}: expected tracks that all have ends or all go round")
     sizes = sorted({(len(track.left), track.step) for track in tracks})
     if len(sizes) > 1:
         raise ValueError(f"{name}: expected equal numbers of points and steps, got {sizes[0]} and {sizes[1]}")
     count, step = sizes[0]
     sides = np.array([side for track in tracks for side in (track.left, track.right)])
-    density = 2.0 * step / count * (np.abs(np.fft.rfft(sides, axis=1)) ** 2).mean(axis=0)[1:]
     n = np.fft.rfftfreq(count, step)[1:]
-    inside = (n >= band[0] * (1.0 - 1e-9)) & (n <= band[1] * (1.0 + 1e-9))
+    inside = (n >= band[0] * (1.0 - _EDGE)) & (n <= band[1] * (1.0 + _EDGE))
+    taper = np.ones(count)
+    if not tracks[0].periodic:
+        taper -= np.cos(2.0 * np.pi * np.arange(count) / count)
+        sides = sides - (sides @ taper)[:, None] / count
+        inside[: _TAPERED - 1] = False
+    density = 2.0 * step / (taper @ taper) * (np.abs(np.fft.rfft(sides * taper, axis=1)) ** 2).mean(axis=0)[1:]
     if not inside.any():
         raise ValueError(f"band = ({band[0]:g}, {band[1]:g}): the tracks have no wave in it ({n[0]:g} to {n[-1]:g} /m)")
     n, level = n[inside], density[inside] * n[inside] ** 2

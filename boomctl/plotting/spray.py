@@ -216,8 +216,8 @@ def draw_track_density(
     Parameters
     ----------
     tracks : mapping of str to sequence of Track
-        Periodic ones of equal length and step, by the letter of their class; densities are averaged over the tracks of
-        a class and, times the squared wave number, over a twelfth of an octave.
+        Of equal length and step, by the letter of their class; densities are averaged over the tracks of a class and,
+        times the squared wave number, over a twelfth of an octave.  All have ends, and are tapered, or all go round.
     band : (float, float)
         Of wave numbers [1/m].
     ax : matplotlib Axes or figure, optional
@@ -232,7 +232,7 @@ def draw_track_density(
     Raises
     ------
     ValueError
-        A class without tracks; tracks that do not go round, or differ in length or step; none of their waves in the band.
+        A class without tracks; tracks that differ in length or step; none of their waves in the band.
     """
     from boomctl.boom.tracks import averaged_density, road_density
 

@@ -11,6 +11,7 @@ from boomctl.boom import road_density, track_coherence
 from tests.profiles import examples
 
 SEEDS = range(40)
+GROUND = 10_000.0  # m of ground that a seed has
 
 
 def amplitudes(side):
@@ -23,7 +24,7 @@ def test_the_density_of_the_class_is_recovered_from_many_tracks(road_class):
     """Squared amplitudes over their expected size are chi-squared; their mean is one within five standard errors."""
     shares = []
     for seed in SEEDS:
-        track = bc.iso_track(road_class, 100.0, seed)
+        track = bc.iso_track(road_class, 100.0, seed, periodic=True)
         n = np.arange(1, len(track.left) // 2 + 1) / track.length
         inside = (n >= 0.01) & (n <= 3.0)
         expected = road_density(road_class, n[inside]) / track.length
@@ -44,7 +45,7 @@ def test_the_classes_are_those_of_the_standard():
     assert road_density("C", [0.1, 0.2]) == pytest.approx([256e-6, 64e-6])
 
 
-@given(st.integers(0, 2**63), st.integers(0, 6))
+@given(st.integers(0, 2**53), st.integers(0, 6))
 @examples(10)
 def test_a_class_up_doubles_the_heights(seed, number):
     low, high = (bc.iso_track(k, 30.0, seed) for k in (number, number + 1))
@@ -59,18 +60,114 @@ def test_a_seed_is_a_track():
     assert np.abs(first.left - other.left).max() > 0.5 * first.left.std()
 
 
-def test_the_tracks_of_a_seed_are_built_from_its_first_normal_numbers():
-    """Half sum first, then half difference, cosine before sine: whoever has PCG64 has the track."""
-    track = bc.iso_track("B", 20.0, 11, step=0.1, band=(0.05, 2.0))
-    n = np.arange(1, 101) / 20.0
-    drawn = np.random.Generator(np.random.PCG64(11)).standard_normal((4, 100))
-    size = np.sqrt(road_density("B", n) / 20.0 * (n <= 2.0))
+def summed(road_class, seed, period, low, waves, distance):
+    """Return left and right as the sum of their waves one by one: whoever has PCG64 has the track."""
+    n = np.arange(1, waves + 1) / period
+    drawn = np.random.Generator(np.random.PCG64(seed)).standard_normal((waves, 4)).T
+    size = np.sqrt(road_density(road_class, n) / period * (n >= low))
     common = track_coherence(n, 1.8)
-    phase = 2.0 * np.pi * np.outer(track.distance, n)
+    phase = 2.0 * np.pi * np.outer(distance, n)
     mean = (np.cos(phase) * drawn[0] - np.sin(phase) * drawn[1]) @ (size * np.sqrt(0.5 * (1 + common)))
     half = (np.cos(phase) * drawn[2] - np.sin(phase) * drawn[3]) @ (size * np.sqrt(0.5 * (1 - common)))
-    assert track.left == pytest.approx(mean - half, abs=1e-12 * np.abs(mean).max() * 100)
-    assert track.right == pytest.approx(mean + half, abs=1e-12 * np.abs(mean).max() * 100)
+    return mean - half, mean + half
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_the_tracks_of_a_seed_are_built_from_its_first_normal_numbers(periodic):
+    """A wave after the other; half sum first, then half difference, cosine before sine."""
+    period = 20.0 if periodic else GROUND
+    track = bc.iso_track("B", 20.0, 11, step=0.1, band=(0.05, 0.7), periodic=periodic)
+    left, right = summed("B", 11, period, 0.05, round(0.7 * period), track.distance)
+    assert track.left == pytest.approx(left, abs=1e-11 * np.abs(left).max())
+    assert track.right == pytest.approx(right, abs=1e-11 * np.abs(right).max())
+    assert track.periodic == periodic
+    assert track.length == pytest.approx(20.0)
+
+
+@given(st.integers(0, 2**53), st.sampled_from((20.0, 60.0)), st.sampled_from((90.0, 700.0)), st.integers(1, 4))
+@examples(8)
+def test_a_seed_is_the_same_ground_however_long_and_however_fine(seed, short, long, finer):
+    one = bc.iso_track("D", short, seed, step=0.08, band=(0.01, 1.0))
+    other = bc.iso_track("D", long, seed, step=0.08 / finer, band=(0.01, 1.0))
+    for side in ("left", "right"):
+        heights = getattr(one, side)
+        assert getattr(other, side)[::finer][: len(heights)] == pytest.approx(heights, abs=1e-11 * heights.std())
+
+
+@pytest.mark.slow
+def test_far_down_a_long_track_of_many_points_the_heights_are_those_of_the_sum():
+    """Behind many blocks, where phases have gone round ten thousand times."""
+    track = bc.iso_track("C", GROUND, 2, step=0.01, band=(0.01, 3.0))
+    at = np.array([1, 32767, 32768, 499_999, 777_777, 999_999, 1_000_000])
+    left, right = summed("C", 2, GROUND, 0.01, 30_000, track.step * at)
+    assert track.left[at] == pytest.approx(left, abs=1e-10 * track.left.std())
+    assert track.right[at] == pytest.approx(right, abs=1e-10 * track.right.std())
+    assert track.left[0] == pytest.approx(track.left[-1], abs=1e-10 * track.left.std())
+
+
+def test_two_bands_that_meet_are_the_ground_of_both():
+    """The waves of the inner band stay as they are when the outer ones come and go."""
+    low, high, both = (bc.iso_track("C", 50.0, 4, band=band) for band in ((0.01, 0.3), (0.30005, 3.0), (0.01, 3.0)))
+    assert low.left + high.left == pytest.approx(both.left, abs=1e-11 * both.left.std())
+    assert low.right + high.right == pytest.approx(both.right, abs=1e-11 * both.right.std())
+
+
+@pytest.fixture(scope="module")
+def grounds():
+    """The amplitudes of three whole grounds (seed, side, wave) up to 0.6 /m, and their wave numbers."""
+    found = []
+    for seed in range(3):
+        track = bc.iso_track("D", GROUND, seed, step=0.5, band=(0.01, 0.6), width=1.5)
+        found.append([amplitudes(side[:-1])[:6000] for side in (track.left, track.right)])
+    return np.array(found), np.arange(1, 6001) / GROUND
+
+
+def test_a_whole_ground_has_the_density_of_its_class_wave_by_wave(grounds):
+    """Shares of the expected size have the mean and the variance of exponential variables, and none is outside."""
+    found, n = grounds
+    inside = n >= 0.01 * (1 - 1e-9)
+    share = 2.0 * np.abs(found[..., inside]) ** 2 * GROUND / road_density("D", n[inside])
+    assert np.abs(found[..., ~inside]).max() < 1e-12 * np.abs(found).max()
+    for part in np.array_split(share, 5, axis=2):
+        assert part.mean() == pytest.approx(1.0, abs=5.0 / np.sqrt(part.size / 2))
+        assert part.var() == pytest.approx(1.0, abs=5.0 * np.sqrt(8.0 / (part.size / 2)))
+
+
+def test_the_sides_of_a_whole_ground_have_in_common_what_the_coherence_says(grounds):
+    found, n = grounds
+    for low, high in ((0.01, 0.04), (0.04, 0.1), (0.1, 0.2), (0.2, 0.4), (0.4, 0.6)):
+        chosen = (n >= low) & (n < high)
+        left, right = found[:, 0, chosen] * n[chosen], found[:, 1, chosen] * n[chosen]
+        common = (left * right.conj()).sum() / (0.5 * (np.abs(left) ** 2 + np.abs(right) ** 2).sum())
+        error = 5.0 / np.sqrt(2.0 * left.size)
+        assert common.real == pytest.approx(track_coherence(n[chosen], 1.5).mean(), abs=error)
+        assert abs(common.imag) < error
+
+
+def test_grounds_of_different_seeds_have_nothing_in_common(grounds):
+    """Nor has a ground with itself a kilometre, or half its length, on."""
+    found, n = grounds
+    white = found[:, 0, 100:] * n[100:]
+    white /= np.sqrt((np.abs(white) ** 2).mean(axis=1, keepdims=True))
+    error = 5.0 / np.sqrt(white.shape[1])
+    for one in range(3):
+        for other in range(one):
+            assert abs((white[one] * white[other].conj()).mean()) < error
+        for shift in (1000.0, 0.5 * GROUND):
+            assert abs((np.abs(white[one]) ** 2 * np.exp(2j * np.pi * n[100:] * shift)).mean()) < 2.0 * error
+
+
+def test_short_tracks_rise_and_fall_as_the_density_says_everywhere_on_them():
+    """Mean square of heights and of their differences, at the beginning and at the end, over many seeds."""
+    tracks = [bc.iso_track("C", 60.0, seed, step=0.25, band=(0.01, 1.5)) for seed in range(200)]
+    n = np.linspace(0.01, 1.5, 60_001)
+    for index in (0, 120, 200):
+        for lag in (0, 4, 40):
+            found = np.array([t.left[index] if lag == 0 else t.left[index + lag] - t.left[index] for t in tracks])
+            weight = 1.0 if lag == 0 else 2.0 - 2.0 * np.cos(2.0 * np.pi * n * 0.25 * lag)
+            expected = np.trapezoid(road_density("C", n) * weight, n)
+            assert np.mean(found**2) == pytest.approx(expected, rel=5.0 * np.sqrt(2.0 / len(tracks)))
+            assert abs(found.mean()) < 5.0 * np.sqrt(expected / len(tracks))
 
 
 @pytest.mark.parametrize(("n", "b"), [(0.02, 1.8), (0.1, 1.8), (0.3, 1.5), (0.2, 0.3)])
@@ -83,7 +180,7 @@ def test_the_coherence_is_that_of_ground_alike_in_all_directions(n, b):
 def test_left_and_right_have_in_common_what_the_coherence_says():
     crosses, powers = [], []
     for seed in SEEDS:
-        track = bc.iso_track("C", 200.0, seed, width=1.5)
+        track = bc.iso_track("C", 200.0, seed, width=1.5, periodic=True)
         left, right = amplitudes(track.left), amplitudes(track.right)
         crosses.append((left * right.conj()).real)
         powers.append(0.5 * (np.abs(left) ** 2 + np.abs(right) ** 2))
@@ -106,7 +203,7 @@ def test_the_limits_of_coherence():
 
 
 def test_a_periodic_track_goes_round_and_runs_straight_between_points():
-    track = bc.iso_track("C", 10.0, 5)
+    track = bc.iso_track("C", 10.0, 5, periodic=True)
     x = np.array([0.01, 3.37, 9.99])
     assert track.heights(x + 30.0) == pytest.approx(track.heights(x), abs=1e-12)
     assert track.heights([9.99])[0, 0] == pytest.approx(0.5 * (track.left[-1] + track.left[0]))
@@ -138,6 +235,19 @@ def test_a_bump_is_where_it_should_be():
         ({"band": (3.0, 1.0)}, ValueError, "band = .3, 1.: expected the lower wave number first"),
         ({"band": (0.0, 1.0)}, ValueError, r"band = .*0\.0: expected"),
         ({"coherence": "partial"}, ValueError, "unknown coherence 'partial'"),
+        (
+            {"length": 12e3},
+            ValueError,
+            r"length = 12000: expected at most 10000 m, the ground of a seed, or periodic=True",
+        ),
+        (
+            {"band": (0.01, 600.0), "step": 5e-4},
+            ValueError,
+            r"band = \(0\.01, 600\): expected at most 500 /m, or periodic",
+        ),
+        ({"band": (0.10001, 0.10002)}, ValueError, r"band = .*: expected a multiple of 0\.0001 /m in it"),
+        ({"band": (0.011, 0.014), "periodic": True}, ValueError, "length = 200: no wave of the band"),
+        ({"periodic": 1}, TypeError, "periodic = 1: expected True or False"),
     ],
 )
 def test_a_track_that_cannot_be_is_refused(arguments, error, message):
@@ -171,6 +281,12 @@ def test_a_band_that_is_none_is_refused_for_tracks_and_densities(band):
 def test_the_same_density_is_asked_for_with_the_band_reversed():
     with pytest.raises(ValueError, match="expected the lower wave number first"):
         bc.platform_density([1.0], band=(3.0, 0.01))
+
+
+def test_a_track_that_goes_round_may_be_longer_than_a_ground():
+    track = bc.iso_track("C", 12e3, 1, step=1.0, band=(0.01, 0.4), periodic=True)
+    assert track.length == 12e3
+    assert track.left.std() == pytest.approx(np.sqrt(256e-6 * 0.01 * (1 / 0.01 - 1 / 0.4)), rel=0.3)
 
 
 def test_tracks_that_memory_does_not_hold_are_refused():

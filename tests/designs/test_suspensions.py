@@ -133,6 +133,20 @@ def test_the_same_scene_gives_the_same_motion():
     assert not np.array_equal(one.left, faster.left)
 
 
+def test_a_longer_drive_begins_with_the_shorter_one():
+    """Twice as long, over twice the track: the same ground, so that the run before is the beginning of the run after."""
+    one, longer = (FieldScene(duration=T, run_in=1.0).motion() for T in (5.0, 11.0))
+    assert longer.left[: len(one.left)] == pytest.approx(one.left, abs=1e-9 * one.left.std())
+    assert longer.yaw[: len(one.yaw)] == pytest.approx(one.yaw, abs=1e-9 * one.yaw.std())
+
+
+def test_a_drive_farther_than_the_ground_is_refused():
+    with pytest.raises(
+        ValueError, match=r"run_in, duration = 60, 4000: expected at most 33\d\d\.\d+ s together at speed = 3"
+    ):
+        FieldScene(duration=4000.0).motion()
+
+
 def test_the_sensors_follow_from_the_boom():
     """A tip accelerometer far below its bandwidth reads the second derivative of the tip."""
     model = suspension_model(elements=8)

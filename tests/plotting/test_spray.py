@@ -51,8 +51,10 @@ def test_tips_are_drawn_over_the_time_of_the_platform():
     assert platform.get_xlim() == (2.0, 8.0)
 
 
-def test_densities_lie_on_the_line_of_their_class():
-    figure = figure_of(draw_track_density, {"C": [bc.iso_track("C", 200.0, seed) for seed in range(6)]})
+@pytest.mark.parametrize("periodic", [False, True])
+def test_densities_lie_on_the_line_of_their_class(periodic):
+    tracks = [bc.iso_track("C", 200.0, seed, periodic=periodic) for seed in range(6)]
+    figure = figure_of(draw_track_density, {"C": tracks})
     points, line = figure.axes[0].get_lines()[:2]
     expected = np.interp(np.log(points.get_xdata()), np.log(line.get_xdata()), np.log(line.get_ydata()))
     off = np.log(points.get_ydata()) - expected
@@ -82,8 +84,13 @@ def test_still_tips_and_tips_that_do_not_fit():
     [
         ([], (0.01, 3.0), r"tracks\['C'\]: expected at least one"),
         ([bc.iso_track("C", 50.0), bc.iso_track("C", 60.0)], (0.01, 3.0), "expected equal numbers of points"),
-        ([bc.bump_track(0.1, 0.4)], (0.01, 3.0), "expected tracks that go round"),
+        (
+            [bc.iso_track("C", 50.0), bc.iso_track("C", 50.0, periodic=True)],
+            (0.01, 3.0),
+            "expected tracks that all have ends or all go round",
+        ),
         ([bc.iso_track("C", 50.0)], (1e-4, 1e-3), "no wave in it"),
+        ([bc.iso_track("C", 50.0)], (0.01, 0.06), "no wave in it"),
     ],
 )
 def test_tracks_whose_densities_cannot_be_averaged_are_refused(tracks, band, message):

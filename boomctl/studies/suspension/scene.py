@@ -7,9 +7,9 @@ from boomctl.boom.model import spray_boom
 from boomctl.boom.motion import PlatformMotion, platform_motion
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.spray import nozzle_positions
-from boomctl.boom.tracks import iso_track
+from boomctl.boom.tracks import GROUND_LENGTH, iso_track
 from boomctl.boom.tractor import TractorParameters
-from boomctl.checks import nonnegative, positive, whole
+from boomctl.checks import nonnegative, positive, up_to, whole
 from boomctl.printing import compact
 from boomctl.structure.model import SecondOrderModel
 
@@ -17,7 +17,7 @@ CONTROLS = ("suspension_left", "suspension_right")
 STROKES = ("stroke_left", "stroke_right")
 ACCELERATIONS = ("tip_left_acceleration", "tip_right_acceleration")
 _MAY_BE_ZERO = ("run_in", "delay", "stroke_step", "acceleration_step")
-_APPROACH = 10.0  # length of track beyond the drive [m], so that no wheel meets the beginning again
+_SPARE = 1.0  # length of track beyond the place where the front wheels end [m] (a choice)
 
 
 @dataclass(frozen=True)
@@ -78,9 +78,21 @@ class FieldScene:
                 (nonnegative if each.name in _MAY_BE_ZERO else positive)(each.name, value)
 
     def motion(self) -> PlatformMotion:
-        """Return what the track does to the platform, run-in included."""
+        """Return what the track does to the platform, run-in included; a longer run begins with the shorter one.
+
+        Raises
+        ------
+        ValueError
+            A longer way than the 10 km of ground that a seed has.
+        """
         duration = self.run_in + self.duration
-        length = self.speed * duration + _APPROACH
+        most = (GROUND_LENGTH - self.tractor.wheelbase - _SPARE) / self.speed
+        if duration > most:
+            raise ValueError(
+                f"run_in, duration = {self.run_in:g}, {self.duration:g}: expected at most {up_to(most)} s together at"
+                f" speed = {self.speed:g} m/s; the ground of a seed is {GROUND_LENGTH:g} m long"
+            )
+        length = self.speed * duration + self.tractor.wheelbase + _SPARE
         track = iso_track(self.road_class, length=length, seed=self.seed, width=self.tractor.track_width)
         return platform_motion(track, self.tractor, self.speed, duration, self.sample_time)
 
