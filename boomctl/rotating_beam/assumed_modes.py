@@ -25,7 +25,6 @@ from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.motion.run import Scene, motion_of, motions_of
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion
-from boomctl.rotating_beam.sensors import BeamSensor
 
 if TYPE_CHECKING:
     import casadi
@@ -164,7 +163,7 @@ class AssumedModesBeam(HubBeam):
         """
         return energy.state_function(self.lagrangian, self._system_name)
 
-    def _forced_modes(self, sensors: Sequence[BeamSensor]) -> ForcedModes:
+    def _forced_modes(self, sensors: Sequence[object]) -> ForcedModes:
         from boomctl.rotating_beam.modal import forced  # which only a loop needs
 
         p, equations = self.parameters, self.equations

@@ -1,9 +1,10 @@
 """What is measured on a hub-beam, and where."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, final
 
-from boomctl.checks import known, nonnegative, real, signal_name
+from boomctl.checks import instance, known, nonnegative, real, signal_name
 
 QUANTITIES: Final = ("displacement", "slope", "moment", "strain", "acceleration")
 
@@ -59,3 +60,24 @@ class BeamSensor:
             raise ValueError(f"height = {self.height!r}: expected {wanted} for the quantity {self.quantity!r}")
         if self.height is not None:
             real("height", self.height)
+
+
+def checked_sensors(sensors: Sequence[object], length: float) -> tuple[BeamSensor, ...]:
+    """Return sensors that stand on a beam of a length [m] and have names of their own.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If one is none, is beyond the free end, or has the name of another output.
+    """
+    found: list[BeamSensor] = []
+    for i, given in enumerate(sensors):
+        sensor = instance(f"sensors[{i}]", given, BeamSensor)
+        if sensor.position > length:
+            raise ValueError(
+                f"sensors[{i}]: position = {sensor.position!r}: expected a place on the beam, 0 to {length} m"
+            )
+        if sensor.name in (*LOOP_OUTPUTS, *(each.name for each in found)):
+            raise ValueError(f"sensors[{i}]: expected a name of its own, got {sensor.name!r}, which another output has")
+        found.append(sensor)
+    return tuple(found)

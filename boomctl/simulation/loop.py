@@ -196,7 +196,9 @@ def simulate_loop(
         maps = modal.step(steps.h, rest)
         contacts = contacts_of(modal, maps, friction, places, K.outputs) if touching else None
         W = steps.refined(rows)
-        found = LoopProblem(modal, maps, K, steps, W, lag=lag, limits=limits, start=start, contacts=contacts, added=added)
+        found = LoopProblem(
+            modal, maps, K, steps, W, lag=lag, limits=limits, start=start, contacts=contacts, added=added
+        )
         return found, rest
 
     p, _ = problem(_substeps(friction, bool(places)), touching=True)

@@ -68,7 +68,7 @@ class LoopResult:
         "exponential steps", of a hub-beam.
     error_estimate : float
         Estimated largest error of a hub-beam's tip displacement, and of its hub angle times the radius of the free end,
-        m: a share of the distance to the run with steps twice as long.  With quantised measurements it is that of the
+        m: the distance to the run with steps twice as long.  With quantised measurements it is that of the
         motion under the controls given.  0 of linear plants.
     states : (n, states) ndarray or None
         Of a hub-beam, named as in ``to_nlsys()``; None of linear plants.

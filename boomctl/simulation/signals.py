@@ -158,7 +158,9 @@ def sampled_signals(
     if given is None:
         return None
     rows = np.zeros((len(signals), len(grid.time)))
-    for name, values in mapping(what, given, f"signals to arrays, those of the controller: {', '.join(signals)}").items():
+    for name, values in mapping(
+        what, given, f"signals to arrays, those of the controller: {', '.join(signals)}"
+    ).items():
         known(f"signal of {what}", name, signals)
         rows[list(signals).index(name)] = _row(what, name, values, len(grid.time))
     return np.ascontiguousarray(grid.refined(rows)[:, :: grid.per_sample].T)

@@ -17,7 +17,7 @@ from boomctl.rotating_beam.modal.energy import Lagrangian, accelerations
 from boomctl.rotating_beam.modal.first_order import FirstOrderEquations
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.sensors import LOOP_INPUTS, LOOP_OUTPUTS, BeamSensor
+from boomctl.rotating_beam.sensors import LOOP_INPUTS, LOOP_OUTPUTS, BeamSensor, checked_sensors
 
 if TYPE_CHECKING:
     import casadi
@@ -159,7 +159,7 @@ def forced_modes(
     places: Places,
     parameters: HubBeamParameters,
     states: tuple[str, ...],
-    sensors: Sequence[BeamSensor],
+    sensors: Sequence[object],
 ) -> ForcedModes:
     """Return a beam in its modes at rest.
 
@@ -176,7 +176,7 @@ def forced_modes(
     """
     import casadi as ca
 
-    p, size = parameters, modes.lean.size + 1
+    p, size, further = parameters, modes.lean.size + 1, checked_sensors(sensors, parameters.length)
     state, u = ca.SX.sym("z", 2 * size), ca.SX.sym("u", len(LOOP_INPUTS))
     z, rate = state[:size], state[size:]
     q, q_rate = _times(modes.shapes, z[1:]), _times(modes.shapes, rate[1:])
@@ -187,7 +187,11 @@ def forced_modes(
     def acceleration(x: float) -> casadi.SX:
         """Absolute, across the beam: of the point ``along + i across`` in the frame that turns."""
         here = places(coordinates, x)
-        both, rates, second = ca.vertcat(here.along, here.across), ca.SX.sym("rates", size - 1), ca.SX.sym("second", size - 1)
+        both, rates, second = (
+            ca.vertcat(here.along, here.across),
+            ca.SX.sym("rates", size - 1),
+            ca.SX.sym("second", size - 1),
+        )
         velocity = ca.jtimes(both, coordinates, rates)
         bent = ca.jtimes(velocity, coordinates, rates) + ca.jtimes(both, coordinates, second)
         found = moved.hub * here.along + bent[1] + 2.0 * speed * velocity[0] - speed**2 * here.across
@@ -205,13 +209,15 @@ def forced_modes(
 
     tip, root = (BeamSensor("tip_displacement", "displacement", p.length), BeamSensor("root_moment", "moment", 0.0))
     standard = (angle, speed, reading(tip), reading(root), acceleration(p.length))
-    outputs = ca.vertcat(*standard, *(reading(sensor) for sensor in sensors))
-    row = np.array(ca.DM(ca.substitute(ca.jacobian(places(coordinates, p.length).across, coordinates), coordinates, 0.0)))
+    outputs = ca.vertcat(*standard, *(reading(sensor) for sensor in further))
+    row = np.array(
+        ca.DM(ca.substitute(ca.jacobian(places(coordinates, p.length).across, coordinates), coordinates, 0.0))
+    )
     reach, V, M = p.hub_radius + p.length, modes.V, np.linalg.inv(modes.V)
     on_tip = np.concatenate([[reach], row.ravel()])
     return ForcedModes(
         inputs=LOOP_INPUTS,
-        outputs=(*LOOP_OUTPUTS, *(sensor.name for sensor in sensors)),
+        outputs=(*LOOP_OUTPUTS, *(sensor.name for sensor in further)),
         states=states,
         omega=np.sqrt(np.concatenate([[0.0], modes.squares])),
         push=np.stack([V[0], V[0], on_tip @ V], axis=1),
@@ -251,9 +257,7 @@ def first_order_law(equations: FirstOrderEquations) -> Law:
     ``s = c x''`` obey two linear equations; the derivation is that of `motion.free_modes`, forces on the tip added.
     """
 
-    def law(
-        modes: RestModes, z: casadi.SX, rate: casadi.SX, torque: casadi.SX, force: casadi.SX, tip: Place
-    ) -> Moved:
+    def law(modes: RestModes, z: casadi.SX, rate: casadi.SX, torque: casadi.SX, force: casadi.SX, tip: Place) -> Moved:
         import casadi as ca
 
         P, lean, e = modes.shapes, modes.lean, equations
@@ -299,9 +303,7 @@ def first_order_law(equations: FirstOrderEquations) -> Law:
 def lagrangian_law(lagrangian: Lagrangian, places: Places, length: float) -> Law:
     """Return any model in modal coordinates, its accelerations derived from its energies."""
 
-    def law(
-        modes: RestModes, z: casadi.SX, rate: casadi.SX, torque: casadi.SX, force: casadi.SX, tip: Place
-    ) -> Moved:
+    def law(modes: RestModes, z: casadi.SX, rate: casadi.SX, torque: casadi.SX, force: casadi.SX, tip: Place) -> Moved:
         import casadi as ca
 
         size = modes.lean.size + 1

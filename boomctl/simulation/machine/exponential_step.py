@@ -57,9 +57,7 @@ class _Flow:
     def __init__(self, omega: Array, h: float) -> None:
         c = _stumpff((omega * h) ** 2)
         self._cosine, self._sine, self._omega = np.cos(omega * h), h * c[0], omega
-        self._weights = [
-            (math.factorial(k) * h**2 * c[k + 1], math.factorial(k) * h * c[k]) for k in range(len(c) - 1)
-        ]
+        self._weights = [(math.factorial(k) * h**2 * c[k + 1], math.factorial(k) * h * c[k]) for k in range(len(c) - 1)]
 
     def free(self, z: casadi.SX) -> casadi.SX:
         """Return the motion without forces."""
@@ -67,9 +65,7 @@ class _Flow:
 
         m = len(self._omega)
         p, v, cosine = z[:m], z[m:], ca.DM(self._cosine)
-        return ca.vertcat(
-            cosine * p + ca.DM(self._sine) * v, cosine * v - ca.DM(self._omega**2 * self._sine) * p
-        )
+        return ca.vertcat(cosine * p + ca.DM(self._sine) * v, cosine * v - ca.DM(self._omega**2 * self._sine) * p)
 
     def pushed(self, power: int, acceleration: casadi.SX) -> casadi.SX:
         """Return the motion from rest under accelerations ``g (t / h)^power``, power 0, 1 or 2."""

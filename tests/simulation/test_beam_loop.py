@@ -1,0 +1,338 @@
+"""The hub-beam in a sampled loop: brute force, the linear limit, conservation, kinematics, refusals."""
+
+import control as ct
+import numpy as np
+import pytest
+
+import boomctl as bc
+from boomctl.simulation.controller import conditioning_gain
+from tests.simulation.beam_reference import accelerations, brute_force
+
+_TS = 0.02
+_MODELS = ("sfoam", "sfoam-consistent", "tlam", "foam")
+
+
+def _beam(model="sfoam", modes=3, tip_mass=0.0, damping=0.0):
+    return bc.hub_beam(bc.HubBeamParameters(tip_mass=tip_mass, damping_ratio=damping), model=model, modes=modes)
+
+
+def _law(names=("hub_angle", "hub_speed"), dt=_TS):
+    """A filter of the first measurement and gains: all matrices that a controller has."""
+    A, B = np.array([[0.6]]), np.array([[0.4, 0.02]])
+    C, D = np.array([[-60.0]]), np.array([[-80.0, -240.0]])
+    return ct.ss(A, B, C, D, dt, inputs=list(names), outputs=["torque"])
+
+
+def _matrices(law, anti_windup=True):
+    A, B, C, D = (np.asarray(each) for each in (law.A, law.B, law.C, law.D))
+    L = conditioning_gain(A, B, C, D)[:, 0] if anti_windup else np.zeros(len(A))
+    return A, B, C[0], D[0], L
+
+
+def _read(beam):
+    size = beam.equations.size
+    return lambda x, a: (x[0], x[size])
+
+
+def _agree(found, true, tolerance):
+    for name, row in true.items():
+        np.testing.assert_allclose(found[name], row, rtol=0.0, atol=tolerance * np.abs(row).max(), err_msg=name)
+
+
+def _outputs(beam, states):
+    size = beam.equations.size
+    tip = states[:, 1:size] @ beam.equations.tip.transverse
+    root = states @ beam.root_moment_row
+    return {"hub_angle": states[:, 0], "hub_speed": states[:, size], "tip_displacement": tip, "root_moment": root}
+
+
+_SCENES = {
+    "plain": {},
+    "late": {"delay": 0.013},
+    "later": {"delay": 0.0531},
+    "whole samples late": {"delay": 2 * _TS},
+    "limits": {"delay": 0.013, "force": 25.0, "rate": 60.0},
+    "rounded": {"delay": 0.007, "force": 40.0, "quantum": 1e-3},
+    "everything": {"delay": 0.027, "force": 40.0, "rate": 100.0, "noise": True, "forward": True, "quantum": 1e-3},
+}
+
+
+def _run(beam, scene, time, law, **more):
+    """Return a run, and the states of the same by brute force."""
+    disturbance = {"tip_force": 0.4 * np.sin(3.0 * time), "disturbance_torque": 5.0 * np.cos(2.0 * time)}
+    reference = {"hub_angle": 0.4 * (1.0 - np.cos(time)), "hub_speed": 0.4 * np.sin(time)}
+    forward = 10.0 * np.cos(time) if scene.get("forward") else None
+    samples = round((time[-1] - time[0]) / _TS) + 1
+    sigma = np.array([2e-3, 5e-3])
+    noise = sigma * np.random.default_rng(7).standard_normal((samples, 2)) if scene.get("noise") else None
+    found = bc.simulate_loop(
+        beam,
+        law,
+        disturbance,
+        time,
+        sample_time=_TS,
+        delay=scene.get("delay", 0.0),
+        force_limit=scene.get("force"),
+        rate_limit=scene.get("rate"),
+        quantization=scene.get("quantum"),
+        noise=dict(zip(("hub_angle", "hub_speed"), sigma, strict=True)) if noise is not None else None,
+        seed=7,
+        reference=reference,
+        feedforward=None if forward is None else {"torque": forward},
+        rtol=1e-10,
+        atol=1e-14,
+        **more,
+    )
+    options = {**scene, "noise": noise, "forward": forward, "reference": list(reference.values())}
+    states, given = brute_force(
+        beam, _matrices(law), disturbance, time, sample_time=_TS, read=_read(beam), start=more.get("initial"), **options
+    )
+    return found, states, given
+
+
+@pytest.mark.parametrize("scene", _SCENES)
+def test_the_loop_is_what_brute_force_finds(scene):
+    beam, time = _beam(), np.linspace(0.0, 0.8, 81)
+    found, states, given = _run(beam, _SCENES[scene], time, _law())
+    _agree(found, _outputs(beam, states), 1e-8)
+    np.testing.assert_allclose(found.states, states, rtol=0.0, atol=1e-8 * np.abs(states).max())
+    late = int(np.ceil(_SCENES[scene].get("delay", 0.0) / 0.01 - 1e-9))
+    acting = np.array([given[(k - late) // 2] if k >= late else 0.0 for k in range(len(time))])
+    np.testing.assert_allclose(found.controls["torque"], acting, atol=1e-7 * np.abs(given).max())
+    if "force" in _SCENES[scene]:
+        assert found.saturation_share["torque"] > 0.0
+    if "rate" in _SCENES[scene]:
+        assert found.rate_share["torque"] > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", [*_MODELS, "cfoam"])
+@pytest.mark.parametrize("tip_mass", [0.0, 0.2])
+def test_every_model_is_what_brute_force_finds(model, tip_mass):
+    beam, time = _beam(model, 2, tip_mass, damping=0.02), np.linspace(0.0, 0.6, 61)
+    found, states, _ = _run(beam, _SCENES["limits"], time, _law())
+    _agree(found, _outputs(beam, states), 1e-8)
+
+
+@pytest.mark.parametrize(("step", "count"), [(0.005, 81), (0.04, 11)])
+def test_times_finer_and_coarser_than_the_samples(step, count):
+    beam, time = _beam(modes=2, tip_mass=0.1), 3.0 + step * np.arange(count)
+    start = np.array([0.1, 0.02, -0.001, 0.2, 0.05, 0.0])
+    found, states, _ = _run(beam, {"delay": 0.031, "rate": 300.0}, time, _law(), initial=start)
+    _agree(found, _outputs(beam, states), 1e-8)
+
+
+def test_a_long_delay_waits_in_the_log_as_in_a_queue(monkeypatch):
+    from boomctl.simulation.machine import run
+
+    beam, time, law = _beam(modes=2), np.linspace(0.0, 0.8, 81), _law()
+    law = ct.ss(law.A, law.B, 0.05 * law.C, 0.05 * law.D, _TS, inputs=law.input_labels, outputs=law.output_labels)
+    queue, _, _ = first = _run(beam, {"delay": 0.093}, time, law)
+    monkeypatch.setattr(run, "_LONGEST_QUEUE", 1)
+    log, _, _ = _run(beam, {"delay": 0.093}, time, law)
+    for name in queue.outputs:
+        np.testing.assert_allclose(log[name], queue[name], rtol=0.0, atol=1e-13 * np.abs(queue[name]).max())
+    _agree(queue, _outputs(beam, first[1]), 1e-8)
+
+
+@pytest.mark.parametrize("model", _MODELS)
+def test_small_motions_are_those_of_the_linear_model(model):
+    beam, time = _beam(model, 3, 0.1), np.linspace(0.0, 4.0, 401)
+    small = 1e-6
+    reference = {"hub_angle": np.full(time.size, small)}
+    options = {"sample_time": _TS, "delay": 0.013, "force_limit": 50.0 * small, "reference": reference, "atol": 1e-16}
+    nonlinear = bc.simulate_loop(beam, _law(), {"torque": small * np.sin(time)}, time, **options)
+    linear = bc.simulate_loop(beam.linearize(), _law(), {"torque": small * np.sin(time)}, time, **options)
+    assert linear.saturation_share["torque"] > 0.0
+    for name in linear.outputs:
+        np.testing.assert_allclose(nonlinear[name], linear[name], rtol=0.0, atol=1e-7 * np.abs(linear[name]).max())
+
+
+@pytest.mark.parametrize("model", ["sfoam-consistent", "foam", "tlam"])
+def test_energy_and_momentum_are_kept_without_controller_and_damping(model):
+    beam, time = _beam(model, 2, 0.1), np.linspace(0.0, 2.0, 101)
+    start = np.zeros(len(beam.state_names))
+    half = len(start) // 2
+    start[half - 2], start[half] = 0.1, 1.2
+    run = bc.simulate_loop(beam, None, None, time, sample_time=0.02, initial=start, rtol=1e-10)
+    y, rate = run.states[:, :half], run.states[:, half:]
+    momenta = beam.equations.inertia(y).momenta(rate)
+    energy = 0.5 * np.sum(momenta * rate, axis=1) + 0.5 * np.sum((y[:, 1:] @ beam.equations.K) * y[:, 1:], axis=1)
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
+    np.testing.assert_allclose(momenta[:, 0], momenta[0, 0], rtol=1e-9)
+
+
+def test_the_motion_under_a_torque_is_that_of_simulate():
+    beam, time = _beam("sfoam", 5, 0.1), np.linspace(0.0, 3.0, 301)
+    torque = 100.0 * np.sin(2.0 * time)
+    run = bc.simulate_loop(beam, None, {"torque": torque}, time, sample_time=0.01)
+    other = beam.simulate_torque(lambda t: np.interp(t, time, torque), time, tuple(time[1:-1]))
+    atol = 1e-8 * np.abs(other.tip_displacement).max() + 2e-10
+    np.testing.assert_allclose(run["tip_displacement"], other.tip_displacement, rtol=0.0, atol=2.0 * atol)
+    np.testing.assert_allclose(run.states, other.states, rtol=0.0, atol=1e-6 * np.abs(other.states).max())
+
+
+@pytest.mark.parametrize("model", [*_MODELS, pytest.param("cfoam", marks=pytest.mark.slow)])
+def test_the_stated_error_is_not_below_the_true_one(model):
+    beam, time = _beam(model, 2, 0.1), np.linspace(0.0, 1.0, 51)
+    drive = {"torque": 150.0 * np.sin(5.0 * time), "tip_force": np.cos(7.0 * time)}
+    true = bc.simulate_loop(beam, None, drive, time, sample_time=0.02, rtol=1e-12, atol=1e-15)
+    for rtol in (1e-3, 1e-6, 1e-9):
+        run = bc.simulate_loop(beam, None, drive, time, sample_time=0.02, rtol=rtol, atol=1e-15)
+        apart = np.abs(run["tip_displacement"] - true["tip_displacement"]).max()
+        assert apart <= run.error_estimate + 2.0 * true.error_estimate + 1e-14
+        assert run.error_estimate <= 1e-15 + rtol * 9.0 * np.abs(run["hub_angle"]).max()
+
+
+@pytest.mark.parametrize("model", [*_MODELS, "cfoam"])
+def test_sensors_read_the_shape_and_its_accelerations(model):
+    beam = _beam(model, 3, 0.1)
+    half = beam.equations.size
+    rng = np.random.default_rng(3)
+    start = 0.02 * rng.standard_normal(2 * half)
+    if beam.has_axial_modes:
+        start[1:4], start[half + 1 : half + 4] = 1e-4 * start[1:4], 1e-2 * start[half + 1 : half + 4]
+    start[half] = 1.3
+    # the shape is drawn at 41 places on 8 m
+    sensors = [
+        bc.BeamSensor(f"{kind}_{k}", kind, 0.2 * k) for kind in ("displacement", "acceleration") for k in (15, 40)
+    ]
+    sensors += [bc.BeamSensor(f"slope_{k}", "slope", 0.2 * k) for k in (14, 15, 16)]
+    sensors += [bc.BeamSensor("gauge", "strain", 3.0, 0.01), bc.BeamSensor("axis", "strain", 3.0, 0.0)]
+    sensors += [bc.BeamSensor("moment", "moment", 3.0), bc.BeamSensor("clamp", "moment", 0.0)]
+    forces = np.array([30.0, 5.0, 0.7])
+    drive = {name: np.full(2, f) for name, f in zip(("torque", "disturbance_torque", "tip_force"), forces, strict=True)}
+    run = bc.simulate_loop(beam, None, drive, [0.0, 1e-4], sample_time=1e-4, initial=start, sensors=sensors)
+    turned = np.exp(-1j * start[0])
+    hub = beam.parameters.hub_radius
+
+    def position(t):
+        a = accelerations(beam, start[:half], start[half:], forces)
+        return beam.shape(np.concatenate([start[:half] + t * start[half:] + 0.5 * t**2 * a, start[half:]]))[0]
+
+    h = 1e-3
+    here = position(0.0) * turned
+    second = (-position(2 * h) + 16 * position(h) - 30 * position(0.0) + 16 * position(-h) - position(-2 * h)) / (
+        12 * h**2
+    )
+    for k in (15, 40):
+        assert run[f"displacement_{k}"][0] == pytest.approx(here[k].imag, abs=1e-13)
+        assert run[f"acceleration_{k}"][0] == pytest.approx((second * turned)[k].imag, rel=1e-6)
+    assert run["tip_acceleration"][0] == pytest.approx(run["acceleration_40"][0], rel=1e-13)
+    assert run["clamp"][0] == pytest.approx(run["root_moment"][0], rel=1e-13)
+    assert run["root_moment"][0] == pytest.approx(beam.root_moment_row @ start, rel=1e-10)
+    # Simpson's rule on the slopes; the curvature turns moment and strain
+    across = run["slope_14"][0] + 4.0 * run["slope_15"][0] + run["slope_16"][0]
+    assert (here[16] - here[14]).imag == pytest.approx(0.4 / 6.0 * across, rel=1e-2)
+    curvature = run["moment"][0] / beam.parameters.bending_stiffness
+    assert run["gauge"][0] - run["axis"][0] == pytest.approx(-0.01 * curvature, rel=1e-12)
+    assert (run["axis"][0] == 0.0) is not beam.has_axial_modes
+    assert hub > 0.0
+
+
+def test_noise_is_the_same_for_the_same_seed_and_adds_its_variance():
+    time = 0.01 * np.arange(4001)
+    plant = ct.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs=["u"], outputs=["y"])
+    law = ct.ss([], [], [], [[-1.0]], 0.01, inputs=["y"], outputs=["u"])
+    runs = [bc.simulate_loop(plant, law, None, time, sample_time=0.01, noise=0.3, seed=seed) for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(runs[0].asked["u"], runs[1].asked["u"])
+    assert not np.array_equal(runs[0].asked["u"], runs[2].asked["u"])
+    heard = -(runs[0].asked["u"] + runs[0]["y"])
+    assert np.std(heard) == pytest.approx(0.3, rel=0.05)
+    quiet = bc.simulate_loop(plant, law, {"u": np.ones(time.size)}, time, sample_time=0.01, noise=0.0)
+    plain = bc.simulate_loop(plant, law, {"u": np.ones(time.size)}, time, sample_time=0.01)
+    np.testing.assert_array_equal(quiet["y"], plain["y"])
+
+
+def test_reference_and_feedforward_of_a_linear_plant():
+    """A reference is a disturbance of the measurement, a feedforward one of the control while nothing is limited."""
+    beam, time = _beam(modes=2, tip_mass=0.1), np.linspace(0.0, 2.0, 201)
+    wanted, forward = 0.3 * np.sin(time), 20.0 * np.cos(time)
+    run = bc.simulate_loop(
+        beam.linearize(),
+        _law(),
+        None,
+        time,
+        sample_time=_TS,
+        reference={"hub_angle": wanted},
+        feedforward={"torque": forward},
+    )
+    P = ct.c2d(beam.linearize(), _TS, "zoh")
+    law, x, state = _law(), np.zeros(P.nstates), np.zeros(1)
+    for k in range(101):
+        y = P.C @ x
+        np.testing.assert_allclose(y, [run[name][2 * k] for name in P.output_labels], atol=1e-10)
+        error = y[:2] - np.array([wanted[2 * k], 0.0])
+        u = law.C @ state + law.D @ error + forward[2 * k]
+        state, x = law.A @ state + law.B @ error, P.A @ x + P.B @ u
+
+
+_TIME = 0.02 * np.arange(11)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"stroke_limit": 1.0}, ValueError, "stroke_limit: expected None for a hub-beam"),
+        ({"friction": bc.CoulombFriction(1.0)}, ValueError, "friction: expected None for a hub-beam"),
+        ({"initial": [0.0]}, ValueError, r"initial has shape \(1,\); expected \(8,\)"),
+        ({"force_limit": -1.0}, ValueError, "force_limit = -1.0"),
+        ({"delay": -0.1}, ValueError, "delay = -0.1"),
+        ({"rtol": 0.0}, ValueError, "rtol = 0.0"),
+        ({"atol": "small"}, TypeError, "atol = 'small'"),
+        ({"disturbance": {"force": np.zeros(11)}}, ValueError, "unknown disturbance input 'force'"),
+        ({"disturbance": {"tip_force": np.zeros(3)}}, ValueError, r"disturbance 'tip_force' has shape \(3,\)"),
+        ({"noise": {"tip": 1.0}}, ValueError, "unknown signal of noise 'tip'"),
+        ({"noise": -1.0}, ValueError, "noise = -1.0"),
+        ({"seed": -1}, ValueError, "seed = -1"),
+        ({"seed": 0.5}, TypeError, "seed = 0.5"),
+        ({"reference": {"torque": np.zeros(11)}}, ValueError, "unknown signal of reference 'torque'"),
+        ({"reference": np.zeros(11)}, TypeError, "reference = .*: expected a mapping"),
+        ({"reference": {"hub_angle": np.full(11, np.nan)}}, ValueError, "reference 'hub_angle' has a gap"),
+        ({"feedforward": {"torque": [1.0]}}, ValueError, r"feedforward 'torque' has shape \(1,\)"),
+        ({"sensors": 3}, TypeError, "sensors = 3"),
+        ({"sensors": ["tip"]}, TypeError, r"sensors\[0\] = 'tip': expected BeamSensor"),
+        ({"sensors": [bc.BeamSensor("far", "slope", 9.0)]}, ValueError, r"sensors\[0\]: .*9.0.*8"),
+        ({"sensors": [bc.BeamSensor("hub_angle", "slope", 1.0)]}, ValueError, "sensors.*'hub_angle'"),
+    ],
+)
+def test_bad_input_is_refused_by_name(change, error, message):
+    given = {"disturbance": None, "timepts": _TIME, "sample_time": _TS} | change
+    with pytest.raises(error, match=message):
+        bc.simulate_loop(_beam(), _law(), **given)
+
+
+def test_other_machines_are_refused():
+    with pytest.raises(TypeError, match=r"plant: expected .*got int"):
+        bc.simulate_loop(3, _law(), None, _TIME, sample_time=_TS)
+    sensors = [bc.BeamSensor("a", "slope", 1.0)]
+    with pytest.raises(ValueError, match="sensors: expected none for a linear plant"):
+        bc.simulate_loop(_beam().linearize(), _law(), None, _TIME, sample_time=_TS, sensors=sensors)
+    with pytest.raises(ValueError, match=r"unknown .*'tip_speed'"):
+        bc.simulate_loop(_beam(), _law(("hub_angle", "tip_speed")), None, _TIME, sample_time=_TS)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"quantity": "jerk"}, "unknown quantity 'jerk'"),
+        ({"position": -1.0}, "position = -1.0"),
+        ({"quantity": "strain"}, "height = None: expected a distance"),
+        ({"height": 0.1}, "height = 0.1: expected None"),
+        ({"name": "a.b"}, "name = 'a.b'"),
+    ],
+)
+def test_a_sensor_that_is_none(change, message):
+    with pytest.raises(ValueError, match=message):
+        bc.BeamSensor(**({"name": "a", "quantity": "slope", "position": 1.0} | change))
+
+
+def test_loops_that_cannot_be_followed():
+    time = 0.02 * np.arange(501)
+    wild = ct.ss([], [], [], [[4e3, 4e4]], _TS, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
+    with pytest.raises(ValueError, match=r"diverges|outside the model|error stays"):
+        bc.simulate_loop(_beam(), wild, {"torque": np.ones(501)}, time, sample_time=_TS)
+    with pytest.raises(ValueError, match="rtol = 1e-15: the error stays at"):
+        bc.simulate_loop(_beam(), None, {"torque": 100.0 * np.sin(time)}, time, sample_time=_TS, rtol=1e-15, atol=1e-30)
+    with pytest.raises(ValueError, match="timepts: the motion would take"):
+        bc.simulate_loop(_beam(), None, None, [0.0, 1e9], sample_time=1e9)
