@@ -336,3 +336,35 @@ def test_loops_that_cannot_be_followed():
         bc.simulate_loop(_beam(), None, {"torque": 100.0 * np.sin(time)}, time, sample_time=_TS, rtol=1e-15, atol=1e-30)
     with pytest.raises(ValueError, match="timepts: the motion would take"):
         bc.simulate_loop(_beam(), None, None, [0.0, 1e9], sample_time=1e9)
+
+
+@pytest.mark.parametrize("model", _MODELS)
+def test_small_motions_are_those_of_the_linear_model_with_its_sensors(model):
+    beam, time, small = _beam(model, 3, 0.1, damping=0.01), np.linspace(0.0, 2.0, 201), 1e-6
+    kinds = {"displacement": None, "slope": None, "moment": None, "acceleration": None, "strain": 0.01}
+    sensors = [bc.BeamSensor(kind, kind, 3.0, height) for kind, height in kinds.items()]
+    rows = {"tip_force": 0.1 * small * np.cos(4.0 * time), "disturbance_torque": small * np.sin(3.0 * time)}
+    law = ct.ss([], [], [], [[-80.0, -2.0]], _TS, inputs=["slope", "tip_acceleration"], outputs=["torque"])
+    options = {"sample_time": _TS, "delay": 0.013, "atol": 1e-16}
+    linear = bc.simulate_loop(beam.linearize(sensors=sensors), law, rows, time, **options)
+    nonlinear = bc.simulate_loop(beam, law, rows, time, sensors=sensors, **options)
+    assert set(linear.outputs) == set(nonlinear.outputs)
+    for name in linear.outputs:
+        np.testing.assert_allclose(nonlinear[name], linear[name], rtol=0.0, atol=1e-6 * np.abs(linear[name]).max())
+
+
+@pytest.mark.parametrize("model", [*_MODELS, "cfoam"])
+def test_the_linear_model_with_sensors_holds_the_one_without(model):
+    beam = _beam(model, 2, 0.1, damping=0.02)
+    for speed in (0.0, 1.3):
+        plain, whole = beam.linearize(speed), beam.linearize(speed, sensors=())
+        assert whole.input_labels == ["torque", "disturbance_torque", "tip_force"]
+        np.testing.assert_allclose(whole.A, plain.A, rtol=0.0, atol=1e-9 * np.abs(plain.A).max())
+        np.testing.assert_allclose(whole.B[:, :1], plain.B, rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(whole.B[:, 1], whole.B[:, 0], rtol=1e-12)
+        np.testing.assert_allclose(whole.C[:3], plain.C, rtol=0.0, atol=1e-12)
+        # a force at the tip moves the tip as a torque turns it: reciprocity of what is conservative
+        mobility = whole.C[[0, 2]] @ whole.A @ whole.B[:, [0, 2]]
+        if not speed:
+            reach = beam.parameters.hub_radius + beam.parameters.length
+            assert mobility[1, 0] + reach * mobility[0, 0] == pytest.approx(mobility[0, 1], rel=1e-9)

@@ -22,6 +22,8 @@ from boomctl.rotating_beam.sensors import LOOP_INPUTS, LOOP_OUTPUTS, BeamSensor,
 if TYPE_CHECKING:
     import casadi
 
+    from boomctl.lti.system import Lti
+
 _ZERO = 1e-14  # entry of a constant matrix, over its largest, that is a rounded zero
 
 
@@ -227,6 +229,23 @@ def forced_modes(
         read=ca.Function("read", [state, u], [outputs, moved.margin]),
         judged=ca.Function("judged", [state], [ca.vertcat(reach * angle, outputs[2])]),
     )
+
+
+def linearised(modes: ForcedModes, state: Array) -> Lti:
+    """Return the linear model about a state of steady rotation, without forces."""
+    import casadi as ca
+
+    from boomctl.lti.system import Lti  # brings scipy.linalg
+
+    m = modes.omega.size
+    z, u = ca.SX.sym("z", 2 * m), ca.SX.sym("u", len(modes.inputs))
+    moved = ca.vertcat(z[m:], modes.rest(z, u) - ca.DM(modes.omega**2) * z[:m])
+    both = ca.vertcat(moved, modes.read(z, u)[0])
+    slopes = ca.Function("slopes", [z, u], [ca.densify(ca.jacobian(both, z)), ca.densify(ca.jacobian(both, u))])
+    by_state, by_input = (np.array(each) for each in slopes(modes.from_state @ state, np.zeros(len(modes.inputs))))
+    T, S = modes.to_state, modes.from_state
+    A, B, C, D = T @ by_state[: 2 * m] @ S, T @ by_input[: 2 * m], by_state[2 * m :] @ S, by_input[2 * m :]
+    return Lti(A, B, C, D, inputs=modes.inputs, outputs=modes.outputs, states=modes.states)
 
 
 def shape_places(parameters: HubBeamParameters, count: int, *, axial: bool, shortening: bool) -> Places:
