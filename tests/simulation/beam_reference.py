@@ -8,17 +8,27 @@ from boomctl.rotating_beam.sensors import LOOP_INPUTS
 
 def accelerations(beam, y, rate, forces):
     """Accelerations of the coordinates under (torque, disturbance torque, tip force), from the numerical equations."""
+    if beam.model == "geometrically-exact":
+        return _exact_accelerations(beam.dynamics, y, rate, forces)
     e = beam.equations
     q, reach = y[1:], beam.parameters.hub_radius + beam.parameters.length
     along = reach + e.tip.axial @ q - 0.5 * q @ e.tip.shortening @ q
     given = np.concatenate([[forces[0] + forces[1] + along * forces[2]], forces[2] * e.tip.transverse])
-    # a force across the hub's axis does no work on the motion along it
     parts = e.inertia(y[None])
     size = len(y)
     M = np.zeros((size, size))
     M[0, 0], M[0, 1:], M[1:, 0] = parts.hub[0], parts.coupling[0], parts.coupling[0]
     M[1:, 1:] = parts.beam if parts.beam.ndim == 2 else parts.beam[0]
     return np.linalg.solve(M, given - e.residual(y[None], rate[None], np.zeros((1, size)))[0])
+
+
+def _exact_accelerations(dynamics, y, rate, forces):
+    given = forces[2] * np.imag(dynamics.tip_row(y))
+    given[0] = forces[0] + forces[1] + forces[2] * np.real(dynamics.tip(y))
+    given -= dynamics.convective_force(y, rate) + dynamics.basis.stiffness * y
+    if dynamics.damping is not None:
+        given -= dynamics.damping @ rate
+    return np.linalg.solve(dynamics.mass_matrix(y), given)
 
 
 def brute_force(beam, law, disturbance, time, *, sample_time, read, start=None, **options):
@@ -30,7 +40,7 @@ def brute_force(beam, law, disturbance, time, *, sample_time, read, start=None, 
     rate, quantum = options.get("rate", np.inf) * sample_time, options.get("quantum")
     noise, reference, forward = options.get("noise"), options.get("reference"), options.get("forward")
     A, B, C, D, L = law
-    size = beam.equations.size
+    size = len(beam.state_names) // 2
     end = time[-1]
     rows = np.array([disturbance.get(name, 0.0 * time) for name in LOOP_INPUTS])
 

@@ -28,9 +28,12 @@ if TYPE_CHECKING:
 
 PATH = "exponential steps"
 
-_ANGLE = 0.5  # radians that the fastest mode which an input moves turns in a first step (a choice)
+_ANGLE = 3.0  # radians that the fastest mode which an input moves turns in a first step (a choice: halved if need be)
 _FELT = 1e-9  # share of the largest push at which a mode is moved by an input (a choice)
 _ORDER = 4  # of the scheme; lower where axial modes turn many times in a step
+_MOST_DOUBLINGS = 3  # of the number of steps from one trial to the next: an early guess of the error is a poor one
+_ROUNDING = 1e-10  # of the displacements: runs this near that come no nearer differ by rounding (a choice)
+_FAILURES = 3  # trials that overflow or come no nearer, after which no more is tried (a choice)
 _MOST_STEPS = 2e8  # of a run: an hour and more
 _INLINE = 4  # steps within one step of the grid that are one expression; more are a loop over it (measured)
 _BLOCK = 1000  # steps of the grid that are one call (a choice: after each, Ctrl-C and overflow are looked at)
@@ -105,23 +108,39 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
     fastest = float(p.machine.omega[felt].max())
     counts = tuple(max(1, int(np.ceil(length * fastest / _ANGLE))) for length in p.segments)
     judged = p.machine.judged.map(len(p.grid.time))
-    coarse, before = None, np.inf
+    coarse, best, failures = None, np.inf, 0
     while True:
         finer = tuple(2 * count for count in counts)
-        _check_length(p, finer, rtol, before)
-        first = _closed(p, counts) if coarse is None else coarse
-        second = _repeated(p, finer, first[1]) if p.limits.coarse else _closed(p, finer)
+        _check_length(p, finer, rtol, best)
+        try:
+            first = _closed(p, counts) if coarse is None else coarse
+            second = _repeated(p, finer, first[1]) if p.limits.coarse else _closed(p, finer)
+        except _Overflow:  # which a step too long may do as well as the loop
+            coarse, counts, failures = None, finer, failures + 1
+            if failures > _FAILURES:
+                raise ValueError(
+                    "the loop diverges: its states grow beyond all numbers before the last of timepts"
+                ) from None
+            continue
         there, here = (np.array(judged(found[0][:, :: p.grid.per_point])) for found in (first, second))
         apart = np.abs(here - there).max(axis=1)
         wanted = atol + rtol * np.abs(here).max(axis=1)
         if (apart <= wanted).all():
             return MachineRun(second[0], second[1], float(apart.max()))
-        if not apart.max() < before:
-            _stays(rtol, float(apart.max()), counts)
-        missing = float((apart / wanted).max())
-        doublings = max(1, int(np.ceil(np.log2(missing) / _ORDER)))
+        nearer = apart.max() < best
+        failures += 0 if nearer else 1
+        rounding = bool((apart <= _ROUNDING * np.abs(here).max(axis=1)).all())
+        best = min(best, float(apart.max()))
+        if failures > _FAILURES or (rounding and not nearer):
+            _stays(rtol, best, counts)
+        missing = int(np.ceil(np.log2(float((apart / wanted).max())) / _ORDER))
+        doublings = min(max(1, missing), _MOST_DOUBLINGS) if nearer and not rounding else 1
         coarse = second if doublings == 1 and not p.limits.coarse else None
-        counts, before = tuple(count * 2**doublings for count in counts), float(apart.max())
+        counts = tuple(count * 2**doublings for count in counts)
+
+
+class _Overflow(Exception):
+    """The states grow beyond all numbers."""
 
 
 def _check_length(p: MachineLoop, counts: tuple[int, ...], rtol: float, before: float) -> None:
@@ -176,7 +195,7 @@ def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]
         moved, *taken = (np.array(each) for each in run(state, here))
         state = moved[:, end - k - 1]
         if not np.isfinite(state).all():
-            raise ValueError("the loop diverges: its states grow beyond all numbers before the last of timepts")
+            raise _Overflow
         states[:, k + 1 : end + 1] = moved[:nz, : end - k]
         at = np.arange(-(-k // ps) * ps, end, ps)
         _write(log, at // ps, *(each[:, at - k] for each in taken))
@@ -201,7 +220,7 @@ def _repeated(p: MachineLoop, counts: tuple[int, ...], log: ControlLog) -> tuple
     found = _advance(p, counts).mapaccum("run", len(steps))(p.start, before, after, W[:, :-1], W[:, 1:])
     states = np.hstack([p.start[:, None], np.array(found)])
     if not np.isfinite(states[:, -1]).all():
-        raise ValueError("the loop diverges: its states grow beyond all numbers before the last of timepts")
+        raise _Overflow
     return states, log
 
 
