@@ -53,7 +53,7 @@ _SCENES = {
     "later": {"delay": 0.0531},
     "whole samples late": {"delay": 2 * _TS},
     "limits": {"delay": 0.013, "force": 25.0, "rate": 60.0},
-    "rounded": {"delay": 0.007, "force": 40.0, "quantum": 1e-3},
+    "rounded": {"delay": 0.007, "force": 20.0, "quantum": 1e-3},
     "everything": {"delay": 0.027, "force": 40.0, "rate": 100.0, "noise": True, "forward": True, "quantum": 1e-3},
 }
 
