@@ -170,8 +170,8 @@ def sampled_noise(noise: Levels, seed: int, signals: Sequence[str], samples: int
     """Return independent normal numbers of given standard deviations, (samples, signals); ``None`` where all are zero."""
     level = per_signal("noise", noise, signals, zero=True)
     level[np.isinf(level)] = 0.0
-    source = np.random.default_rng(whole("seed", seed, least=0))
-    return level * source.standard_normal((samples, len(signals))) if level.any() else None
+    start = whole("seed", seed, least=0)
+    return level * np.random.default_rng(start).standard_normal((samples, len(signals))) if level.any() else None
 
 
 def _row(what: str, name: str, values: ArrayLike, points: int) -> Array:

@@ -48,6 +48,7 @@ def loop_rows(full: bool, tell: Tell) -> list[Row]:
         peers[f"control {method}"] = (partial(responded, beam, short, method), continuous)
     entries, errors = {"ours": Job(lambda _: ours(beam, whole))}, {}
     for name, (peer, true) in peers.items():
+        tolerance = _LADDER[0]
         for tolerance in _LADDER:
             errors[name] = _distance(peer(tolerance), true)
             if errors[name] <= _WANTED:

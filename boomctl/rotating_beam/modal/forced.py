@@ -204,7 +204,7 @@ def forced_modes(
             return acceleration(sensor.position)
         here = _at(places(coordinates, sensor.position), coordinates, q)
         if sensor.quantity == "strain":
-            return here.stretch - sensor.height * here.curvature
+            return here.stretch - (sensor.height or 0.0) * here.curvature
         if sensor.quantity == "moment":
             return p.bending_stiffness * here.curvature
         return here.across if sensor.quantity == "displacement" else here.slope

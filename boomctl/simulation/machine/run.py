@@ -167,9 +167,9 @@ def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]
     c, ps = p.controller, p.grid.per_sample
     nz, nu, (late, offset) = len(p.start), len(c.driven), p.queued
     queue = late + 1 if late <= _LONGEST_QUEUE else 1
-    size, beside = nz + nu + queue * nu + len(c.A), _Beside(p)
+    size, beside = nz + nu + queue * nu + len(c.A), _StepSignals(p)
     sample, advance = _sample(p, queue), _advance(p, counts)
-    symbol = ca.SX.sym if advance.is_a("SXFunction") else ca.MX.sym
+    symbol: Any = ca.SX.sym if advance.is_a("SXFunction") else ca.MX.sym
     s, w = symbol("s", size), symbol("w", beside.rows)
     z, acting = s[:nz], s[nz : nz + nu]
     after, asked, given, marks = sample(s, w)
@@ -224,7 +224,7 @@ def _repeated(p: MachineLoop, counts: tuple[int, ...], log: ControlLog) -> tuple
     return states, log
 
 
-class _Beside:
+class _StepSignals:
     """Rows of what each step is given: disturbances at both ends, what is added to the signals, which events it has."""
 
     def __init__(self, p: MachineLoop) -> None:
@@ -275,7 +275,7 @@ def _sample(p: MachineLoop, queue: int) -> casadi.Function:
     """Return ``(s, w) -> (s, asked, given, marks)``: the controller reads, asks, and is given what limits allow."""
     import casadi as ca
 
-    c, limits, beside = p.controller, p.limits, _Beside(p)
+    c, limits, beside = p.controller, p.limits, _StepSignals(p)
     nz, nu = len(p.start), len(c.driven)
     s, w = ca.SX.sym("s", nz + nu + queue * nu + len(c.A)), ca.SX.sym("w", beside.rows)
     z, acting, last = s[:nz], s[nz : nz + nu], s[nz + nu : nz + 2 * nu]
@@ -348,7 +348,7 @@ def measured(p: MachineLoop, states: Array, controls: Array) -> Array:
 
     nz, nu, nd = len(p.start), len(p.controller.driven), len(p.disturbed)
     z, u, d = (ca.SX.sym(name, n) for name, n in (("z", nz), ("u", nu), ("d", nd)))
-    read = ca.Function("read", [z, u, d], p.machine.read(z, _inputs(p, u, d)))
+    read = ca.Function("read", [z, u, d], list(p.machine.read.call([z, _inputs(p, u, d)])))
     rows = p.W[p.disturbed][:, :: p.grid.per_point]
     outputs, margin = (np.array(each) for each in read.map(len(p.grid.time))(states, controls, rows))
     beyond = np.flatnonzero(margin[0] <= 0.0)
