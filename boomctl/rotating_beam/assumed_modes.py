@@ -168,10 +168,10 @@ class AssumedModesBeam(HubBeam):
 
         p, equations = self.parameters, self.equations
         places = forced.shape_places(p, self.modes, axial=self.has_axial_modes, shortening=self.model != "tlam")
-        small = self._small_motion(0.0)
         closed = isinstance(equations, FirstOrderEquations)
         law = forced.first_order_law(equations) if closed else forced.lagrangian_law(self.lagrangian, places, p.length)
-        modes = forced.rest_modes(small.mass, small.stiffness)
+        small = self._small_motion(0.0)
+        modes = forced.rest_modes(small.mass, small.damping, small.stiffness)
         return forced.forced_modes(modes, law, places, p, self.state_names, sensors)
 
     @property

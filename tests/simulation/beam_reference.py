@@ -5,6 +5,8 @@ from scipy.integrate import solve_ivp
 
 from boomctl.rotating_beam.sensors import LOOP_INPUTS
 
+_SAME = 1e-12  # s: events this near to each other are one
+
 
 def accelerations(beam, y, rate, forces):
     """Accelerations of the coordinates under (torque, disturbance torque, tip force), from the numerical equations."""
@@ -52,11 +54,12 @@ def brute_force(beam, law, disturbance, time, *, sample_time, read, start=None, 
     samples = sample_time * np.arange(int(np.floor((end - time[0]) / sample_time + 1e-6)) + 1) + time[0]
     arrivals = samples + delay
     events = np.concatenate([time, samples, arrivals[arrivals <= end]])
-    events = np.unique(np.round(events / 1e-9).astype(int)) * 1e-9
+    events = np.sort(events)
+    events = events[np.append(True, np.diff(events) > _SAME)]
     x = np.zeros(2 * size) if start is None else np.array(start, dtype=float)
-    state, last, given, control, states, k, come = np.zeros(len(A)), 0.0, [], 0.0, {}, 0, 0
+    state, last, given, control, states, k, come = np.zeros(len(A)), 0.0, [], 0.0, [], 0, 0
     for number, t in enumerate(events):
-        if k < len(samples) and abs(samples[k] - t) < 1e-8:
+        if k < len(samples) and abs(samples[k] - t) <= _SAME:
             f = forces(t, control)
             y = np.array(read(x, accelerations(beam, x[:size], x[size:], f)))
             y = y if noise is None else y + noise[k]
@@ -69,9 +72,9 @@ def brute_force(beam, law, disturbance, time, *, sample_time, read, start=None, 
             last = allowed
             given.append(allowed)
             k += 1
-        if come < len(arrivals) and abs(arrivals[come] - t) < 1e-8:
+        if come < len(arrivals) and abs(arrivals[come] - t) <= _SAME:
             control, come = given[come], come + 1
-        states[round(t / 1e-9)] = x
+        states.append(x)
         if number == len(events) - 1:
             break
 
@@ -79,4 +82,5 @@ def brute_force(beam, law, disturbance, time, *, sample_time, read, start=None, 
             return np.concatenate([x[size:], accelerations(beam, x[:size], x[size:], forces(s, control))])
 
         x = solve_ivp(derivative, (t, events[number + 1]), x, "DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
-    return np.array([states[round(t / 1e-9)] for t in time]), np.array(given)
+    places = [int(np.abs(events - t).argmin()) for t in time]
+    return np.array(states)[places], np.array(given)

@@ -3,9 +3,14 @@
 import control as ct
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.benchmark.rotating_beam.loop import ours, responded, restarted
 from boomctl.simulation.controller import conditioning_gain
+from tests.profiles import examples
+from tests.rotating_beam.strategies import parameters
 from tests.simulation.beam_reference import accelerations, brute_force
 
 _TS = 0.02
@@ -104,6 +109,48 @@ def test_the_loop_is_what_brute_force_finds(scene):
         assert found.saturation_share["torque"] > 0.0
     if "rate" in _SCENES[scene]:
         assert found.rate_share["torque"] > 0.0
+
+
+@pytest.mark.slow
+@examples(15)
+@given(
+    parameters(damped=True),
+    st.sampled_from(("sfoam", "sfoam-consistent")),
+    st.one_of(st.floats(0.0, 0.1), st.sampled_from([0.0, 0.02 - 1e-9, 0.02, 0.02 + 1e-9, 0.01, 0.0301])),
+    st.sampled_from([0.004, 0.01, 0.02, 0.06]),
+    st.sampled_from([np.inf, 0.02]),
+    st.sampled_from([np.inf, 0.3]),
+)
+def test_any_beam_and_any_delay_is_what_brute_force_finds(parameters, model, delay, step, force, rate):
+    beam = bc.hub_beam(parameters, model=model, modes=2)
+    inertia, time = parameters.rigid_inertia, step * np.arange(round(0.24 / step) + 1)
+    gains = [[-0.4 * inertia, -1.2 * inertia]]
+    law = ct.ss([], [], [], gains, _TS, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
+    reference = {"hub_angle": 0.1 * np.sin(20.0 * time)}
+    limits = {
+        "force_limit": None if np.isinf(force) else force * inertia,
+        "rate_limit": None if np.isinf(rate) else rate * inertia,
+    }
+    exact = {"rtol": 1e-10, "atol": 1e-13}
+    run = bc.simulate_loop(beam, law, None, time, sample_time=_TS, delay=delay, reference=reference, **limits, **exact)
+    matrices = (np.zeros((0, 0)), np.zeros((0, 2)), np.zeros(0), np.array(gains[0]), np.zeros(0))
+    options = {
+        "delay": delay,
+        "force": force * inertia,
+        "rate": rate * inertia,
+        "reference": [*reference.values(), 0.0 * time],
+    }
+    states, _ = brute_force(beam, matrices, {}, time, sample_time=_TS, read=_read(beam), **options)
+    true = {name: row for name, row in _outputs(beam, states).items() if name != "root_moment"}
+    _agree(run, true, 2e-8)
+
+
+def test_the_benchmark_races_the_same_loop():
+    beam, time = _beam("sfoam", 5, 0.1), 1e-3 * np.arange(61)
+    found, true = ours(beam, time), restarted(beam, time, 1e-12)
+    np.testing.assert_allclose(found, true, rtol=0.0, atol=1e-10 * np.abs(true).max())
+    continuous = responded(beam, time, "RK45", 1e-8)
+    np.testing.assert_allclose(found, continuous, rtol=0.0, atol=2e-2 * np.abs(true).max())
 
 
 @pytest.mark.slow

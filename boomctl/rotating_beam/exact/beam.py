@@ -121,7 +121,7 @@ class GeometricallyExactBeam(HubBeam):
         places = exact_places(p, self.basis, self.modes)
         law = forced.lagrangian_law(exact_lagrangian(self.basis, self.dynamics.damping), places, p.length)
         small = self._small_motion(0.0)
-        modes = forced.rest_modes(small.mass, small.stiffness)
+        modes = forced.rest_modes(small.mass, small.damping, small.stiffness)
         return forced.forced_modes(modes, law, places, p, self.state_names, sensors)
 
     def _state_derivative(self, x: Array, torque: float) -> Array:

@@ -37,6 +37,8 @@ class ForcedModes:
         Names; the states are those of ``to_nlsys()``.
     omega : ndarray, m
         Frequencies, rad/s; the first, of the rigid rotation, is 0.
+    decay : float
+        Largest rate at which damping, which is in r, takes a rate away, 1/s.
     push : ndarray, m x inputs
         What each input does to each mode at rest.
     to_state, from_state : ndarray, 2 m x 2 m
@@ -53,6 +55,7 @@ class ForcedModes:
     outputs: tuple[str, ...]
     states: tuple[str, ...]
     omega: Array
+    decay: float
     push: Array
     to_state: Array
     from_state: Array
@@ -120,12 +123,16 @@ class Law(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class RestModes:
-    """Modes of hub and beam at rest: ``theta = r / sqrt(inertia) + lean x``, ``q = shapes x``, ``z = (r, x)``."""
+    """Modes of hub and beam at rest: ``theta = r / sqrt(inertia) + lean x``, ``q = shapes x``, ``z = (r, x)``.
+
+    ``decay`` is the largest eigenvalue of the modal damping matrix, 1/s.
+    """
 
     inertia: float
     lean: Array
     shapes: Array
     squares: Array
+    decay: float
 
     @property
     def V(self) -> Array:
@@ -134,8 +141,8 @@ class RestModes:
         return np.block([[np.full((1, 1), self.inertia**-0.5), self.lean[None]], [np.zeros((n, 1)), self.shapes]])
 
 
-def rest_modes(mass: Array, stiffness: Array) -> RestModes:
-    """Return the modes of mass and stiffness matrices, the hub angle their first coordinate.
+def rest_modes(mass: Array, damping: Array, stiffness: Array) -> RestModes:
+    """Return the modes of small motion about rest, the hub angle the first coordinate.
 
     Raises
     ------
@@ -152,7 +159,8 @@ def rest_modes(mass: Array, stiffness: Array) -> RestModes:
             "plant: the mass matrix of the straight beam is not positive definite; expected a hub inertia above zero "
             "or fewer modes"
         ) from None
-    return RestModes(inertia, -(coupling @ shapes) / inertia, shapes, squares)
+    decay = float(np.linalg.eigvalsh(shapes.T @ damping[1:, 1:] @ shapes)[-1])
+    return RestModes(inertia, -(coupling @ shapes) / inertia, shapes, squares, max(decay, 0.0))
 
 
 def forced_modes(
@@ -222,6 +230,7 @@ def forced_modes(
         outputs=(*LOOP_OUTPUTS, *(sensor.name for sensor in further)),
         states=states,
         omega=np.sqrt(np.concatenate([[0.0], modes.squares])),
+        decay=modes.decay,
         push=np.stack([V[0], V[0], on_tip @ V], axis=1),
         to_state=np.kron(np.eye(2), V),
         from_state=np.kron(np.eye(2), M),

@@ -25,13 +25,13 @@ class MachineModes(Protocol):
         ...
 
     @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the states."""
+    def omega(self) -> Array:
+        """Frequencies, rad/s, m."""
         ...
 
     @property
-    def omega(self) -> Array:
-        """Frequencies, rad/s, m."""
+    def decay(self) -> float:
+        """Largest rate at which damping, which is in r, takes a rate away, 1/s."""
         ...
 
     @property

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 PATH = "exponential steps"
 
 _ANGLE = 3.0  # radians that the fastest mode which an input moves turns in a first step (a choice: halved if need be)
+_DAMPED = 2.0  # share of a rate that damping takes away in a first step: explicit steps are stable below 2.5
 _FELT = 1e-9  # share of the largest push at which a mode is moved by an input (a choice)
 _ORDER = 4  # of the scheme; lower where axial modes turn many times in a step
 _MOST_DOUBLINGS = 3  # of the number of steps from one trial to the next: an early guess of the error is a poor one
@@ -106,7 +107,8 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
     """
     felt = (np.abs(p.machine.push) > _FELT * np.abs(p.machine.push).max()).any(axis=1)
     fastest = float(p.machine.omega[felt].max())
-    counts = tuple(max(1, int(np.ceil(length * fastest / _ANGLE))) for length in p.segments)
+    pace = max(fastest / _ANGLE, p.machine.decay / _DAMPED)
+    counts = tuple(max(1, int(np.ceil(length * pace))) for length in p.segments)
     judged = p.machine.judged.map(len(p.grid.time))
     coarse, best, failures = None, np.inf, 0
     while True:
