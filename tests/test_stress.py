@@ -16,7 +16,7 @@ from boomctl.stress.case import Case, Outcome, Seen, said_by_us, tried
 from boomctl.stress.pool import all_tried
 from boomctl.stress.report import StressReport, write_page
 from boomctl.stress.run import all_cases
-from boomctl.structure.response.direct import AccuracyWarning
+from boomctl.structure.response.rounding import AccuracyWarning
 from tests.command import boomctl
 
 

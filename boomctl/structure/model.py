@@ -18,7 +18,8 @@ from boomctl.structure.matrices import Structure, half
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import respond
 from boomctl.structure.response.modal_form import COORDINATES, MODES, handed_out
-from boomctl.structure.response.poles import damped_poles
+from boomctl.structure.response.poles import PROMISED, poles_and_rounding
+from boomctl.structure.response.rounding import warn_of_rounding
 from boomctl.structure.symmetry import TOLERANCE, Mirror
 
 if TYPE_CHECKING:
@@ -152,8 +153,14 @@ class SecondOrderModel:
         ------
         ValueError
             The model has fewer than ``count`` of them.
+
+        Warns
+        -----
+        AccuracyWarning
+            Rounding may be more than 1e-8 of them: elements of very unlike length and stiffness, or very fast modes.
         """
-        poles = damped_poles(self.structure, whole("count", count))
+        poles, rounding = poles_and_rounding(self.structure, whole("count", count))
+        warn_of_rounding("the highest eigenfrequency", rounding, PROMISED)
         return np.sort(poles.imag)[:count] / (2.0 * np.pi)
 
     def frequency_response(

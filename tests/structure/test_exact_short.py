@@ -34,7 +34,7 @@ from boomctl.structure.beams.dynamic_stiffness import (
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from boomctl.structure.beams.exact import PROMISED
 from boomctl.structure.displacement_input import prescribe_displacement
-from boomctl.structure.response.direct import AccuracyWarning
+from boomctl.structure.response.rounding import AccuracyWarning
 from tests.profiles import examples
 from tests.strategies import seeds
 

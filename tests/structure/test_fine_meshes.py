@@ -13,9 +13,10 @@ import boomctl as bc
 from boomctl.boom.exact import exact_boom
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
 from boomctl.structure.response.core import NOISY
-from boomctl.structure.response.direct import AccuracyWarning, respond
+from boomctl.structure.response.direct import respond
 from boomctl.structure.response.mixed import MixedForm
 from boomctl.structure.response.poles import undamped_modes
+from boomctl.structure.response.rounding import AccuracyWarning
 from tests.profiles import examples
 from tests.strategies import random_machine, seeds
 

@@ -1,12 +1,17 @@
 """Meshes with elements up to 1e11 times as long as their neighbours, and very fine ones: right, or said not to be."""
 
+import warnings
+
+import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import given
 
 import boomctl as bc
 from boomctl.analysis.norm import LOST
+from boomctl.structure import GROUND, Assembly, Beam, BeamSection, FiniteElements, Force, Output, fixed
 from boomctl.structure.response.poles import damped_poles, undamped_modes
+from boomctl.structure.response.rounding import AccuracyWarning
 from tests.profiles import examples
 from tests.strategies import seeds
 
@@ -61,3 +66,90 @@ def test_the_peak_of_very_fine_meshes_is_certified_and_right(elements):
     found, truth = bc.sigma(bc.spray_boom(elements=elements)), bc.sigma(bc.spray_boom(elements=3000))
     assert found.certificate.certified
     assert found.peak == pytest.approx(truth.peak, rel=1e-7)
+
+
+def unlike_sections(seed):
+    """Return sections of bending stiffnesses up to 1e12 apart, and nodes down to 1e-12 beside each other."""
+    rng = np.random.default_rng(seed)
+    cuts = np.sort(rng.uniform(0.05, 0.95, int(rng.integers(1, 4))))
+    lengths = np.diff(np.concatenate([[0.0], cuts, [1.0]]))
+    sections = [
+        BeamSection(length, 10.0 ** rng.uniform(-2, 2), 10.0 ** rng.uniform(-6, 6)) for length in lengths.tolist()
+    ]
+    marks = np.concatenate([[0.0], np.cumsum(lengths)])
+    marks[-1] = 1.0
+    beside = rng.choice(marks[:-1], int(rng.integers(1, 4))) + 10.0 ** rng.uniform(-12.0, -6.0)
+    nodes = np.unique(np.concatenate([marks, beside, rng.uniform(0.02, 0.98, int(rng.integers(0, 4)))]))
+    return sections, nodes
+
+
+def clamped(sections, nodes):
+    beam = Beam("beam", GROUND.at(0.0), fixed(), (0.0, 0.0), sections, FiniteElements(tuple(nodes)))
+    return Assembly([beam], forces=[Force("tip", beam.at(1.0))], outputs=[Output("tip", beam.at(1.0))]).assemble()
+
+
+def frequencies_in_many_digits(sections, nodes):
+    """Of cubic elements, from textbook matrices [rad/s]; 130 digits, since stiffnesses are up to 1e55 apart."""
+    ends = np.cumsum([section.length for section in sections])[:-1]
+    bending = mp.matrix([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]])
+    inertia = mp.matrix([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
+    with mp.workdps(130):
+        M, K = mp.zeros(2 * len(nodes)), mp.zeros(2 * len(nodes))
+        for e, (left, right) in enumerate(zip(nodes[:-1].tolist(), nodes[1:].tolist(), strict=True)):
+            section, h = sections[int(np.searchsorted(ends, 0.5 * (left + right)))], mp.mpf(right) - mp.mpf(left)
+            size = (1, h, 1, h)
+            for i in range(4):
+                for j in range(4):
+                    at = 2 * e + i, 2 * e + j
+                    K[at] += mp.mpf(section.bending_stiffness) * bending[i, j] * size[i] * size[j] / h**3
+                    M[at] += mp.mpf(section.mass_per_length) * inertia[i, j] * size[i] * size[j] * h / 420
+        root = mp.inverse(mp.cholesky(M[2:, 2:]))
+        squares = mp.eigsy(root * K[2:, 2:] * root.T, eigvals_only=True)
+        return np.array([float(mp.sqrt(square)) for square in squares])
+
+
+@pytest.mark.slow
+@given(seeds)
+@examples(60)
+def test_frequencies_of_unlike_sections_and_tiny_elements_are_right_or_said_to_be_rounded(seed):
+    sections, nodes = unlike_sections(seed)
+    try:
+        model = clamped(sections, nodes)
+    except ValueError as error:
+        assert "one node for both" in str(error)  # noqa: PT017
+        return
+    truth = frequencies_in_many_digits(sections, nodes)
+    for count in range(1, model.n + 1):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always", AccuracyWarning)
+            try:
+                found = 2.0 * np.pi * model.eigenfrequencies_hz(count)
+            except ValueError as error:  # what is faster than rounding can tell does not come out as an oscillation
+                assert truth[count - 1] > 1e9 * truth[0], error  # noqa: PT017
+                break
+        assert said or found == pytest.approx(truth[:count], rel=1e-8)
+
+
+@pytest.mark.slow
+@given(seeds)
+@examples(12)
+def test_large_meshes_with_tiny_elements_have_the_modes_of_small_ones(seed):
+    """Too large for strain coordinates; damped and undamped, or said to be rounded."""
+    sections, nodes = unlike_sections(seed)
+    sections = [BeamSection(s.length, s.mass_per_length, s.bending_stiffness, 1e-4) for s in sections]
+    found = []
+    for extra in (250, 380):
+        even = np.linspace(0.0, 1.0, extra + 2)[1:-1]
+        apart = np.abs(even[:, None] - nodes).min(axis=1) > 1e-4
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always", AccuracyWarning)
+            try:
+                model = clamped(sections, np.unique(np.concatenate([nodes, even[apart]])))
+            except ValueError as error:
+                assert "one node for both" in str(error)  # noqa: PT017
+                return
+            found.append((undamped_modes(model.structure, 3)[0], model.eigenfrequencies_hz(2)))
+    assert model.n > 700
+    if not said:
+        for small, large in zip(*found, strict=True):
+            assert large == pytest.approx(small, rel=1e-5)  # the mesh's own error is up to 1e-6

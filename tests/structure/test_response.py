@@ -11,7 +11,8 @@ from scipy import sparse
 
 import boomctl as bc
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.response.direct import AccuracyWarning, respond
+from boomctl.structure.response.direct import respond
+from boomctl.structure.response.rounding import AccuracyWarning
 from tests.references import dense, direct
 from tests.strategies import seeds, structures
 

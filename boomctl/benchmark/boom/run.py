@@ -22,7 +22,7 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.core import build_core, rounding_estimate
-from boomctl.structure.response.direct import AccuracyWarning
+from boomctl.structure.response.rounding import AccuracyWarning
 
 # targets are what this package promised itself; ratios are the peer's processor time over ours
 _EXACT_TARGETS = {6: 4.0, 100: 150.0}  # ratios, by the peer's number of elements

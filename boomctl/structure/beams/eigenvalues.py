@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.structure.beams.exact import PROMISED, ExactModel, warn_of_rounding
+from boomctl.structure.beams.exact import PROMISED, ExactModel
 from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles
+from boomctl.structure.response.rounding import warn_of_rounding
 
 _SECTIONS = 24  # parts a decade in which roots are first told apart, all roots at once (measured on booms)
 _ROUNDS = 60  # each halves the brackets at least, which takes 56 to the last digit; secants make it some six
@@ -60,8 +61,7 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
 def _warn_of_worst(values: Array, rounding: Array) -> None:
     """Warn if an eigenfrequency may be off by more than is promised."""
     worst = int(np.argmax(rounding))
-    if rounding[worst] > PROMISED:
-        warn_of_rounding(f"the exact beam's eigenfrequency of {values[worst]:.6g} rad/s", float(rounding[worst]))
+    warn_of_rounding(f"the exact beam's eigenfrequency of {values[worst]:.6g} rad/s", float(rounding[worst]), PROMISED)
 
 
 def _deciding(model: ExactModel, omega: Array, wanted: Array) -> Array:

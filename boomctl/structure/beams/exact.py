@@ -1,6 +1,5 @@
 """ExactModel: rigid bodies and springs as matrices, beams as exact dynamic stiffness, at any frequency."""
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -15,6 +14,7 @@ from boomctl.structure.elimination import eliminate
 from boomctl.structure.layout import Layout, Weights
 from boomctl.structure.matrices import dense
 from boomctl.structure.ports import Ports
+from boomctl.structure.response.rounding import warn_of_rounding
 from boomctl.structure.symmetry import TOLERANCE, Mirror
 
 _KEPT = 16  # layouts and arrangements kept for the next structure with the same rows (a choice of memory)
@@ -429,18 +429,11 @@ class PreparedResponse:
         share = np.where(size > 0.0, rounding.max(axis=1, initial=0.0) / np.where(size > 0.0, size, 1.0), 0.0).max(
             axis=1
         )
-        if not (share <= PROMISED).all():
+        if len(omega):
             worst = int(np.argmax(share))
-            warn_of_rounding(f"the exact beam's response at {omega[worst]:.6g} rad/s", float(share[worst]))
+            of = f"the exact beam's response at {omega[worst]:.6g} rad/s"
+            warn_of_rounding(of, float(share[worst]), PROMISED)
         return np.moveaxis(total, 0, 2)
-
-
-def warn_of_rounding(what: str, share: float) -> None:
-    """Warn that rounding of an answer may be as much as ``share`` of its size."""
-    from boomctl.structure.response.direct import AccuracyWarning
-
-    message = f"rounding of {what} may be as much as {share:.1g} of its size"
-    warnings.warn(f"{message}: more than the {PROMISED:.0e} that exact beams promise", AccuracyWarning, stacklevel=4)
 
 
 def solve_symmetric(n: int, D: Entries, B: list[Array], check: Array, check_B: Array) -> tuple[list[Array], Array]:

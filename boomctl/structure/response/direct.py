@@ -32,6 +32,8 @@ from boomctl.structure.ports import Ports, evaluate
 from boomctl.structure.response.core import Core, build_core, rounding_estimate, solver
 from boomctl.structure.response.mixed import MixedForm
 from boomctl.structure.response.modes import Part, respond_by_modes
+from boomctl.structure.response.poles import undamped_modes
+from boomctl.structure.response.rounding import AccuracyWarning
 
 _MODES_FROM = 1500  # frequencies times coordinates; of fewer, dense solutions are faster (measured on booms)
 _CORE_FROM = 80  # coordinates; of fewer, all modes cost less than a core (measured on booms)
@@ -43,10 +45,6 @@ _ROUNDING_LIMIT = 1e-4  # estimated rounding, relative, from which on a user is 
 _ROUNDING_SEEN = 1e-3  # share of that limit from which on more than a few frequencies are looked at (a choice)
 _UNEVEN = 1e-2  # noise of stiffness, of the highest frequency squared, from which on rounding is looked at (a choice)
 _GLANCES = 7  # frequencies at which rounding is looked at first (a choice)
-
-
-class AccuracyWarning(UserWarning):
-    """The estimated rounding error of a result exceeds what it is usually good for."""
 
 
 @dataclass(frozen=True)
@@ -157,12 +155,15 @@ def _small(parts: Sequence[Part], omega: Array) -> list[Response]:
 
 def _check_static(structure: Structure) -> None:
     """Raise if the structure can move freely, so that its static response is infinite."""
-    if structure.strain_form is None:
+    if structure.strain_form is None and structure.graded and structure.mixed is not None:
+        free = undamped_modes(structure, 1)[0][0] == 0.0
+    elif structure.strain_form is None:
         scale = np.sqrt(np.abs(np.diag(dense(structure.M))))
         scale[scale == 0.0] = 1.0
         size = np.linalg.svd(dense(structure.K) / np.outer(scale, scale), compute_uv=False)
         free = size[-1] <= _FREE * size[0]
     else:
+        assert structure.strain_form is not None
         free = structure.strain_form.rigid > 0
     if free:
         raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its static response is infinite")

@@ -11,6 +11,7 @@ from boomctl.structure.matrices import Structure, dense, is_symmetric
 from boomctl.structure.response.core import NOISY, orthonormal
 from boomctl.structure.response.mixed import MixedForm
 from boomctl.structure.response.pencil import factorized
+from boomctl.structure.response.rounding import warn_of_rounding
 
 _DENSE_MODES = 250  # coordinates up to which modes are found densely; sparse is faster from 200 on (measured)
 _SMALL = 60  # coordinates up to which modes are found in strain coordinates at once: they cost little more (a choice)
@@ -36,6 +37,9 @@ _MIXED_FROM = 4000
 _SPARE = 12  # modes beyond twice those wanted in a basis for damped poles (a choice)
 _LARGEST_DENSE = 3000  # coordinates up to which all poles can be found at once: a minute, a gigabyte (a choice)
 _LANCZOS = 500  # iterations up to which Lanczos' method converges if it does; some ten are usual (a choice)
+# what rounding leaves uncertain of a mode, over how many times faster than the slowest it is (measured, with room)
+_FAST = 0.5 * float(np.finfo(float).eps)
+PROMISED = 1e-8  # of frequencies, what rounding may be before a user is warned (a choice)
 _LOST = "singular to rounding: expected elements that differ less, or a description from which its rows are known"
 _NOISE = 1e3 * float(np.finfo(float).eps)  # of the largest stiffness over mass: rounding, with room (a choice)
 
@@ -66,7 +70,9 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
         return _graded_modes(structure, wanted)
     few = wanted <= _SPARSE_SHARE * structure.n
     if structure.n > _MIXED_FROM and few and structure.mixed is not None:
-        return _mixed_modes(structure.mixed, structure.noise, wanted)
+        return _mixed_modes(structure, structure.mixed, wanted)
+    if structure.graded:
+        return _graded_modes(structure, wanted)
     solve = _dense_modes if not few or structure.n <= _DENSE_MODES else _sparse_modes
     noise = _NOISE * float((np.abs(K.diagonal()) / M.diagonal()).max())
     try:
@@ -99,24 +105,39 @@ def _told(K: Matrix, frequencies: Array, shapes: Array) -> Array:
 def _graded_modes(structure: Structure, count: int) -> tuple[Array, Array]:
     """Return the lowest modes in strain coordinates, or in mixed form: some stiff elements do not spoil them there."""
     if structure.strain_form is None and structure.mixed is not None and count <= _SPARSE_SHARE * structure.n:
-        return _mixed_modes(structure.mixed, structure.noise, count)
+        return _mixed_modes(structure, structure.mixed, count)
     if structure.strain_form is None:
         raise ValueError(f"undamped modes: the stiffness matrix of {structure.n} coordinates is {_LOST}")
     frequencies, shapes = structure.strain_form.modes()
     return frequencies[:count], shapes[:, :count]
 
 
-def _mixed_modes(form: MixedForm, noise: float, count: int) -> tuple[Array, Array]:
-    """Return the lowest modes by the mixed form, whose own noise is that of the stiffness matrix times the unit rounding.
+def _mixed_modes(structure: Structure, form: MixedForm, count: int) -> tuple[Array, Array]:
+    """Return the lowest modes by the mixed form, found with a shift far below them.
 
-    Where a motion is that soft, it is a rigid one: the shift is then raised to the lowest elastic mode.
+    Where a motion is rigid or nearly so, or some elements are far stiffer than most, they are found once more with the shift
+    at the lowest elastic mode; how far the two answers are apart is what rounding may be.
+
+    Warns
+    -----
+    AccuracyWarning
+        They are apart by more than 1e-8.
     """
-    floor = _NOISE * noise
-    frequencies, shapes = form.lowest(floor, count)
-    elastic = frequencies[frequencies**2 > 10.0 * floor]
-    if len(elastic) and (len(elastic) < count or frequencies[-1] ** 2 > _SPREAD * elastic[0] ** 2):
+    stiffness, mass = np.abs(structure.K.diagonal()), structure.M.diagonal()
+    shift = _NOISE * float(np.finfo(float).eps) * float((stiffness / mass).min())
+    try:
+        first, shapes = form.lowest(shift, count)
+        elastic = first[first > 0.0]
+        uneven = len(elastic) < count or first[-1] ** 2 > _SPREAD * elastic[0] ** 2
+        if not len(elastic) or not (uneven or structure.graded):
+            return first, shapes
         frequencies, shapes = form.lowest(float(elastic[0]) ** 2, count)
-    return np.where(frequencies**2 > 10.0 * floor, frequencies, 0.0), shapes
+    except (RuntimeError, linalg.LinAlgError):
+        raise ValueError(f"undamped modes: the stiffness matrix of {structure.n} coordinates is {_LOST}") from None
+    if structure.graded:
+        apart = np.abs(frequencies - first)[frequencies > 0.0] / frequencies[frequencies > 0.0]
+        warn_of_rounding("the eigenfrequencies", float(apart.max(initial=0.0)), PROMISED)
+    return frequencies, shapes
 
 
 def _sorted(structure: Structure, M: Matrix, vectors: Array) -> tuple[Array, Array]:
@@ -181,22 +202,32 @@ def damped_poles(structure: Structure, count: int) -> Array:
     ValueError
         There are fewer.
     """
+    return poles_and_rounding(structure, count)[0]
+
+
+def poles_and_rounding(structure: Structure, count: int) -> tuple[Array, float]:
+    """Return the ``count`` poles of lowest positive imaginary part, and what share of the last one rounding may be."""
     if structure.n > _LARGEST_DENSE and 2 * count + _SPARE > _SPARSE_SHARE * structure.n:
         most = int(_SPARSE_SHARE * structure.n - _SPARE) // 2
         raise ValueError(f"count = {count}: expected at most {most} of a model of {structure.n} coordinates")
-    if structure.n <= max(2 * count + 20, _WHOLE) and structure.strain_form is not None:
-        return _lowest(structure.strain_form.poles(), count)
+    all_of_them = structure.graded or structure.n <= max(2 * count + 20, _WHOLE)
+    if all_of_them and structure.strain_form is not None:
+        poles = structure.strain_form.poles()
+        lowest, slowest = _lowest(poles, count), np.abs(poles[poles != 0.0]).min()
+        return lowest, _FAST * float(np.abs(lowest[-1]) / slowest)
+    if structure.graded and structure.mixed is not None and 2 * count + _SPARE <= _SPARSE_SHARE * structure.n:
+        return _lowest(_poles_in_mixed_form(structure, structure.mixed, count), count), 0.0
     found = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
     if found is None:
-        return _lowest(first_order_poles(dense(structure.M), dense(structure.C), dense(structure.K)), count)
+        return _lowest(first_order_poles(dense(structure.M), dense(structure.C), dense(structure.K)), count), 0.0
     frequencies, basis = found
     floats = frequencies[0] <= _FREE * frequencies[-1] and structure.n <= _FLOATING
     moving = frequencies[frequencies > 0.0]
-    graded = structure.elastic is not None and len(moving) and structure.noise > _GRADED * moving[0] ** 2
-    if (floats or graded) and structure.strain_form is not None:
-        return _lowest(structure.strain_form.poles(), count)
+    noisy = structure.elastic is not None and len(moving) and structure.noise > _GRADED * moving[0] ** 2
+    if (floats or noisy) and structure.strain_form is not None:
+        return _lowest(structure.strain_form.poles(), count), 0.0
     small = structure.projected(basis)
-    return _lowest(first_order_poles(small.M, small.C, small.K), count)
+    return _lowest(first_order_poles(small.M, small.C, small.K), count), 0.0
 
 
 def _lowest(poles: Array, count: int) -> Array:
@@ -215,18 +246,9 @@ def _pole_basis(structure: Structure, count: int) -> tuple[Array, Array] | None:
         frequencies, shapes = undamped_modes(structure, min(structure.n, 2 * count + _SPARE))
     except ValueError:
         return None
-    M, K, C = (sparse.csr_array(matrix) for matrix in (structure.M, structure.K, structure.C))
+    M, K = sparse.csr_array(structure.M), sparse.csr_array(structure.K)
     shift = max(1e-3 * float(frequencies[-1]) ** 2, 1e-2)
-    rows = structure.elastic
-    if rows is None:
-        loaded = sparse.csr_array(C - _common_damping(K, C) * K) @ shapes
-    else:  # through strains, whose differences keep the digits that those of two matrices lose
-        ratios = rows.c[rows.k > 0.0] / rows.k[rows.k > 0.0]
-        common = float(np.median(ratios)) * rows.k if len(ratios) else 0.0 * rows.k
-        apart = np.where(np.abs(rows.c - common) > _SAME_ROW * np.maximum(rows.c, common), rows.c - common, 0.0)
-        loaded = rows.R.T @ (apart[:, None] * (rows.R @ shapes))
-    left, size, _ = linalg.svd(loaded, full_matrices=False)
-    forces = left[:, size > 1e-9 * size.max(initial=1e-300)]
+    forces = _damper_forces(structure, shapes)
     if not forces.shape[1]:
         return frequencies, shapes
     noisy = structure.elastic is not None and structure.noise > NOISY * shift
@@ -237,6 +259,34 @@ def _pole_basis(structure: Structure, count: int) -> tuple[Array, Array] | None:
         raise ValueError(f"poles: the stiffness matrix of {structure.n} coordinates is {_LOST}") from None
     still = solve(forces)
     return frequencies, np.hstack([shapes, orthonormal(M, still, shapes)])
+
+
+def _damper_forces(structure: Structure, shapes: Array) -> Array:
+    """Return forces of the dampers that are not in proportion to stiffness, as columns, for motions."""
+    rows = structure.elastic
+    if rows is None:
+        K, C = sparse.csr_array(structure.K), sparse.csr_array(structure.C)
+        loaded = sparse.csr_array(C - _common_damping(K, C) * K) @ shapes
+    else:  # through strains, whose differences keep the digits that those of two matrices lose
+        ratios = rows.c[rows.k > 0.0] / rows.k[rows.k > 0.0]
+        common = float(np.median(ratios)) * rows.k if len(ratios) else 0.0 * rows.k
+        apart = np.where(np.abs(rows.c - common) > _SAME_ROW * np.maximum(rows.c, common), rows.c - common, 0.0)
+        loaded = rows.R.T @ (apart[:, None] * (rows.R @ shapes))
+    left, size, _ = linalg.svd(loaded, full_matrices=False)
+    return left[:, size > 1e-9 * size.max(initial=1e-300)]
+
+
+def _poles_in_mixed_form(structure: Structure, form: MixedForm, count: int) -> Array:
+    """Return poles of the lowest modes and the static responses to dampers, whose strains are unknowns of their own."""
+    frequencies, shapes = undamped_modes(structure, 2 * count + _SPARE)
+    moving = frequencies[frequencies > 0.0]
+    if not len(moving):
+        return np.zeros(0)
+    loads = np.hstack([structure.M @ shapes, _damper_forces(structure, shapes)])
+    try:
+        return first_order_poles(*form.projected(float(moving[0]) ** 2, loads))
+    except (RuntimeError, linalg.LinAlgError):
+        raise ValueError(f"poles: the stiffness matrix of {structure.n} coordinates is {_LOST}") from None
 
 
 def _common_damping(K: sparse.csr_array, C: sparse.csr_array) -> float:
