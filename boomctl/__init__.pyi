@@ -26,6 +26,7 @@ from boomctl.reduction.reduce import reduce
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import free, hold, hub_profile, sine_torque, spin_up, torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.sensors import BeamSensor
 from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.simulation.forced_response import forced_response
 from boomctl.simulation.loop import simulate_loop
@@ -72,6 +73,7 @@ from . import synthesis as synthesis
 __version__: str
 
 __all__ = [
+    "BeamSensor",
     "BoomParameters",
     "CoulombFriction",
     "FieldScene",

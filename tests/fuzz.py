@@ -62,6 +62,13 @@ def controller(dt=0):
 
 
 @cache
+def hub_controller():
+    import control
+
+    return control.ss([], [], [], [[-80.0, -200.0]], 0.01, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
+
+
+@cache
 def generalized():
     return system(
         B=((0.0, 0.0, 0.0), (1.0, 0.0, 1.0)),
@@ -126,6 +133,7 @@ CALLS = {
     "BoomParameters": lambda: {
         name: getattr(bc.BoomParameters(), name) for name in bc.BoomParameters.__dataclass_fields__
     },
+    "BeamSensor": lambda: {"name": "gauge", "quantity": "strain", "position": 0.5, "height": 0.01},
     "HubBeamParameters": lambda: {
         name: getattr(bc.HubBeamParameters(), name) for name in bc.HubBeamParameters.__dataclass_fields__
     },
@@ -387,6 +395,13 @@ CALLS = {
         "friction": None,
         "discretization": "tustin",
         "initial": None,
+        "noise": None,
+        "seed": 0,
+        "reference": None,
+        "feedforward": {"u0": np.cos(_TIMES)},
+        "sensors": (),
+        "rtol": 1e-8,
+        "atol": 1e-10,
     },
     "sine_sigma": lambda: {
         "plant": boom(),
@@ -520,7 +535,29 @@ METHODS = {
     "SecondOrderModel.to_statespace": (boom, lambda: {"inputs": None, "outputs": None}),
     "SecondOrderModel.select": (boom, lambda: {"inputs": None, "outputs": ["tip_left"]}),
     "HubBeam.frequencies_hz": (beam, lambda: {"hub_speed": 1.0, "coupled": False}),
-    "HubBeam.linearize": (beam, lambda: {"hub_speed": 0.0}),
+    "HubBeam.linearize": (beam, lambda: {"hub_speed": 0.0, "sensors": None}),
+    "HubBeam.simulate_loop": (
+        lambda: bc,
+        lambda: {
+            "plant": beam(),
+            "controller": hub_controller(),
+            "disturbance": {"tip_force": np.sin(_TIMES)},
+            "timepts": _TIMES,
+            "sample_time": 0.01,
+            "delay": 0.004,
+            "force_limit": 10.0,
+            "rate_limit": None,
+            "quantization": None,
+            "initial": None,
+            "noise": 1e-3,
+            "seed": 0,
+            "reference": {"hub_angle": np.ones(51)},
+            "feedforward": None,
+            "sensors": [bc.BeamSensor("gauge", "strain", 0.5, 0.01)],
+            "rtol": 1e-6,
+            "atol": 1e-8,
+        },
+    ),
     "HubBeam.simulate": (
         beam,
         lambda: {

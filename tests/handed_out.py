@@ -130,6 +130,14 @@ def loop():
 
 
 @functools.cache
+def beam_loop():
+    time = np.linspace(0.0, 1.0, 51)
+    sensors = [bc.BeamSensor("gauge", "strain", 0.5, 0.01)]
+    drive = {"torque": 10.0 * np.sin(time)}
+    return bc.simulate_loop(hub_beam(), None, drive, time, sample_time=0.02, sensors=sensors)
+
+
+@functools.cache
 def slew():
     return bc.optimal_slew(hub_beam(), np.pi / 2, 200.0, "effort", duration=4.0, intervals=20)
 

@@ -97,6 +97,8 @@ FACTORIES = {
     "SineResponse": lambda: bc.describing_function(
         one.boom(), bc.CoulombFriction(8.0), one.OMEGA, "actuator_left", 0.01
     ),
+    "LoopResult, of a hub-beam": one.beam_loop,
+    "BeamSensor": lambda: bc.BeamSensor("gauge", "strain", 0.5, 0.01),
     "HubBeamParameters": bc.HubBeamParameters,
     "AssumedModesBeam": one.hub_beam,
     "AssumedModesBeam, changed": lambda: bc.hub_beam(

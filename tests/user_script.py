@@ -196,6 +196,10 @@ for manoeuvre in (bc.hold(), bc.free(), bc.torque(np.sin), bc.hub_profile(np.sin
     reveal_type(h.simulate(manoeuvre, [0.0, 1.0]).hub_angle)
 reveal_type(h.to_nlsys())
 reveal_type(h.linearize(hub_speed=1.0))
+sensor = bc.BeamSensor("gauge", "strain", position=0.5, height=0.01)
+reveal_type(sensor)
+reveal_type(h.linearize(sensors=[sensor]))
+reveal_type(bc.simulate_loop(h, None, None, [0.0, 0.1], sample_time=0.1, sensors=[sensor]))
 try:
     slew = bc.optimal_slew(h, angle=np.pi / 2, torque_limit=200.0)
     reveal_type(slew)

@@ -7,9 +7,11 @@ from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.manoeuvres import free, hold, hub_profile, sine_torque, spin_up, torque
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import SimulationError, SimulationResult
+from boomctl.rotating_beam.sensors import BeamSensor
 
 __all__ = [
     "AssumedModesBeam",
+    "BeamSensor",
     "GeometricallyExactBeam",
     "HubBeam",
     "HubBeamParameters",

@@ -19,7 +19,7 @@ from boomctl.rotating_beam.manoeuvres import Manoeuvre, TorqueDriven
 from boomctl.rotating_beam.modal import energy, frequencies
 from boomctl.rotating_beam.modal.cfoam import cfoam
 from boomctl.rotating_beam.modal.equations import Equations, block_diagonal
-from boomctl.rotating_beam.modal.first_order import foam, sfoam, tlam
+from boomctl.rotating_beam.modal.first_order import FirstOrderEquations, foam, sfoam, tlam
 from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals, mass_points, modal_integrals
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.motion.run import Scene, motion_of, motions_of
@@ -28,6 +28,8 @@ from boomctl.rotating_beam.result import Details, Motion
 
 if TYPE_CHECKING:
     import casadi
+
+    from boomctl.rotating_beam.modal.forced import ForcedModes
 
 ASSUMED_MODES = ("tlam", "sfoam", "sfoam-consistent", "foam", "cfoam")
 
@@ -160,6 +162,17 @@ class AssumedModesBeam(HubBeam):
         States and outputs are those of `to_nlsys`; symbolic, hence differentiable to any order.
         """
         return energy.state_function(self.lagrangian, self._system_name)
+
+    def _forced_modes(self, sensors: Sequence[object]) -> ForcedModes:
+        from boomctl.rotating_beam.modal import forced  # which only a loop needs
+
+        p, equations = self.parameters, self.equations
+        places = forced.shape_places(p, self.modes, axial=self.has_axial_modes, shortening=self.model != "tlam")
+        closed = isinstance(equations, FirstOrderEquations)
+        law = forced.first_order_law(equations) if closed else forced.lagrangian_law(self.lagrangian, places, p.length)
+        small = self._small_motion(0.0)
+        modes = forced.rest_modes(small.mass, small.damping, small.stiffness)
+        return forced.forced_modes(modes, law, places, p, self.state_names, sensors)
 
     @property
     def _size(self) -> int:

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     import control
 
     from boomctl.lti.system import Lti
+    from boomctl.rotating_beam.modal.forced import ForcedModes
+    from boomctl.rotating_beam.sensors import BeamSensor
 
 INPUTS = ("torque",)
 OUTPUTS = ("hub_angle", "hub_speed", "tip_displacement")
@@ -323,25 +325,34 @@ class HubBeam(ABC):
         x, size = np.asarray(x, dtype=float), self._size
         return np.array([x[0], x[size], self._tip_displacement(x[:size])])
 
-    def linearize(self, hub_speed: float = 0.0) -> control.StateSpace:
+    def linearize(self, hub_speed: float = 0.0, sensors: Sequence[BeamSensor] | None = None) -> control.StateSpace:
         """Linearise about steady rotation at a hub speed, the beam stretched as the model has it, the hub free.
 
         Parameters
         ----------
         hub_speed : float
             Hub speed, rad/s.
+        sensors : sequence of BeamSensor or None
+            None: signals as `to_nlsys`. A sequence, which may be empty: all inputs and outputs that the beam has in
+            `simulate_loop`, these sensors among them.
 
         Returns
         -------
         control.StateSpace
-            Signals and states as `to_nlsys`, as deviations from the steady rotation.
+            Signals and states as deviations from the steady rotation.
 
         Raises
         ------
         ValueError
             If `hub_speed` is not finite, or at least that at which the axial stiffness is lost.
         """
-        return self._linear(self._steady_speed(hub_speed)).statespace(self._system_name)
+        if sensors is None:
+            return self._linear(self._steady_speed(hub_speed)).statespace(self._system_name)
+        from boomctl.rotating_beam.modal.forced import linearised  # brings casadi
+
+        state = self.steady_state(hub_speed)
+        found = linearised(self._forced_modes(sequence("sensors", sensors, "BeamSensor")), state)
+        return found.statespace(self._system_name)
 
     def lpv(self) -> HubSpeedFamily:
         """Return the linear models as a family over the hub speed."""
@@ -433,6 +444,10 @@ class HubBeam(ABC):
     @abstractmethod
     def _small_motion(self, speed: float) -> SmallMotion:
         """Small motion about steady rotation at a hub speed [rad/s]."""
+
+    @abstractmethod
+    def _forced_modes(self, sensors: Sequence[object]) -> ForcedModes:
+        """Equations under forces on hub and tip, in modes at rest, with sensors among the outputs."""
 
     @abstractmethod
     def _state_derivative(self, x: Array, torque: float) -> Array:

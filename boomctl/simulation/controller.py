@@ -10,6 +10,7 @@ from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
 from boomctl.checks import exactly, known, up_to
 from boomctl.lti.system import Lti, of
+from boomctl.simulation.machine.machine import MachineModes
 from boomctl.simulation.plant import ModalPlant
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class SampledController:
 
 def sampled_controller(
     controller: "control.StateSpace | None",
-    plant: ModalPlant,
+    plant: "ModalPlant | MachineModes",
     sample_time: float,
     anti_windup: bool = True,
     discretization: str = "tustin",

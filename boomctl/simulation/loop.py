@@ -1,41 +1,46 @@
 """The sampled-data closed loop: exact plant, discrete controller, delay, limits, stops, friction.
 
-There are four ways to run a loop, tried in this order; the result's ``path`` names the one that was taken:
+There are four ways to run a loop around a linear plant, tried in this order, and one around a hub-beam; the result's
+``path`` names the one that was taken:
 
 =====================  ==============================================================================================
-"blocks"               no contact, sampled at every step, no quantised sensors: linear between its limits, so that 32
-                       samples are one product
+"blocks"               no contact, sampled at every step, no quantised sensors, nothing added to signals: linear
+                       between its limits, so that 32 samples are one product
 "steps"                no contact, but none of that: step by step
 "stops not reached"    end stops and no friction: run as if there were none, in one of the ways above; kept if no stroke
                        passes its stop at any of the finer steps that stops need
 "contacts"             step by step, stops and friction solved for in each
+"exponential steps"    a hub-beam: its nonlinear equations in steps that are halved until the wanted error is met
 =====================  ==============================================================================================
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import exactly, finite_array, nonnegative, truth
+from boomctl.checks import exactly, finite_array, nonnegative, positive, sequence, truth
 from boomctl.simulation.blocks import in_blocks, run_fast, run_if_no_stop_is_met
 from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, stop_places
 from boomctl.simulation.contact.friction import CoulombFriction, friction_law
 from boomctl.simulation.contact.stepping import ContactLog, run_contact
 from boomctl.simulation.contact.stops import merged_hits
 from boomctl.simulation.controller import sampled_controller
+from boomctl.simulation.machine.machine import Machine, MachineModes
 from boomctl.simulation.plant import ModalPlant, modal_plant
 from boomctl.simulation.result import FrictionReport, LoopResult
-from boomctl.simulation.signals import disturbance_rows, per_signal, time_grid
-from boomctl.simulation.stepping import ControlLog, Limits, LoopProblem, control_log
+from boomctl.simulation.signals import TimeGrid, disturbance_rows, per_signal, sampled_noise, sampled_signals, time_grid
+from boomctl.simulation.stepping import Added, ControlLog, Limits, LoopProblem, control_log
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
+
+    from boomctl.simulation.machine.run import MachineLoop
 
 # steps from one point of the grid to the next where there are stops: strokes between points are seen
 _STOP_SUBSTEPS = 4
@@ -44,7 +49,7 @@ _ROUNDING = 1e-9  # share of a step up to which a delay is a whole number of ste
 
 
 def simulate_loop(
-    plant: control.StateSpace | SecondOrderModel,
+    plant: control.StateSpace | SecondOrderModel | Machine,
     controller: control.StateSpace | None,
     disturbance: Mapping[str, ArrayLike] | ArrayLike | None,
     timepts: ArrayLike,
@@ -59,17 +64,28 @@ def simulate_loop(
     friction: CoulombFriction | None = None,
     discretization: str = "tustin",
     initial: ArrayLike | None = None,
+    noise: float | Mapping[str, float] | None = None,
+    seed: int = 0,
+    reference: Mapping[str, ArrayLike] | None = None,
+    feedforward: Mapping[str, ArrayLike] | None = None,
+    sensors: Sequence[Any] = (),
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
 ) -> LoopResult:
     """Simulate a plant under a sampled controller.
 
-    Between samples the plant moves exactly, in modal coordinates: controls are held, disturbances run along straight
-    lines from one time to the next.  At a sample the controller reads the plant (just before its control changes),
-    asks for a control, and is given what limits allow: first the force, then the rate; that acts ``delay`` later.
+    Between samples a linear plant moves exactly, in modal coordinates, and a hub-beam by its nonlinear equations, to a
+    stated error: controls are held, disturbances run along straight lines from one time to the next.  At a sample the
+    controller reads the plant (just before its control changes), asks for a control, and is given what limits allow:
+    first the force, then the rate; that acts ``delay`` later.
 
     Parameters
     ----------
-    plant : control.StateSpace or SecondOrderModel
-        Continuous time, signals named.  A model of more than 60 coordinates is projected onto its lowest 60 modes.
+    plant : control.StateSpace, SecondOrderModel or AssumedModesBeam
+        Continuous time, signals named.  A model of more than 60 coordinates is projected onto its lowest 60 modes.  A
+        hub-beam has the inputs ``torque``, ``disturbance_torque`` (both on the hub) and ``tip_force`` (across the
+        undeformed beam, turning with the hub), and the outputs ``hub_angle``, ``hub_speed``, ``tip_displacement``,
+        ``root_moment``, ``tip_acceleration`` (absolute, across the undeformed beam) and those of its ``sensors``.
     controller : control.StateSpace or None
         ``u = K y``: its inputs are named as outputs of the plant, its outputs as inputs of the plant.  A discrete one
         has ``sample_time`` as its own; a continuous one is discretised.  ``None``: open loop.
@@ -94,7 +110,20 @@ def simulate_loop(
     discretization : "tustin" or "zoh"
         Of a continuous controller.
     initial : (states,) array_like, optional
-        States at the first time of a ``StateSpace``; by default at rest.
+        States at the first time of a ``StateSpace`` or a hub-beam; by default at rest.
+    noise : float or mapping from measurement to float, optional
+        Standard deviation of what is added to each measurement at each sample: normal, independent, before rounding.
+    seed : int
+        Of the noise; the same one gives the same noise.
+    reference : mapping from measurement to (n,) array, optional
+        At ``timepts``; the controller reads the measurement less its reference.
+    feedforward : mapping from control to (n,) array, optional
+        At ``timepts``; added to what the controller asks for, before its limits.
+    sensors : sequence of BeamSensor
+        Further outputs of a hub-beam.
+    rtol, atol : float
+        The error of a hub-beam's tip displacement is kept below ``atol + rtol max |displacement|`` [m]; that of the hub
+        angle times the radius of the free end likewise.  Linear plants are exact.
 
     Returns
     -------
@@ -103,12 +132,39 @@ def simulate_loop(
     Raises
     ------
     TypeError, ValueError
-        Wrong shapes, unknown signals, gaps, times not even, a sampling rate too low for the controller's poles.
+        Wrong shapes, unknown signals, gaps, times not even, a sampling rate too low for the controller's poles; of a
+        hub-beam also friction and stops, a deformation beyond its model, and a tolerance that is not reached.
+
+    Examples
+    --------
+    A hub brought to rest at 0.5 rad, with 0.1 kg at the tip of which its controller does not know:
+
+    >>> import control, numpy as np
+    >>> import boomctl as bc
+    >>> beam = bc.hub_beam(model="sfoam", modes=3)
+    >>> gains = [[-150.0, -250.0]]
+    >>> pd = control.ss([], [], [], gains, 0.01, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
+    >>> time = np.linspace(0.0, 20.0, 2001)
+    >>> wanted = {"hub_angle": np.full(time.size, 0.5)}
+    >>> run = bc.simulate_loop(beam.with_tip_mass(0.1), pd, None, time, sample_time=0.01, reference=wanted)
+    >>> bool(abs(run["hub_angle"][-1] - 0.5) < 0.01)
+    True
     """
     late = nonnegative("delay", delay)
+    tolerance = positive("rtol", rtol), positive("atol", atol)
     friction = None if friction is None else friction_law(friction)
-    modal = modal_plant(plant, _contact_inputs(plant, friction, stroke_limit))
-    places = stop_places(stroke_limit, modal)
+    modal: ModalPlant | MachineModes
+    if isinstance(plant, Machine):
+        for name, value in (("friction", friction), ("stroke_limit", stroke_limit)):
+            if value is not None:
+                raise ValueError(f"{name}: expected None for a hub-beam, which has no contacts")
+        modal = plant._forced_modes(sequence("sensors", sensors, "BeamSensor"))
+        places = []
+    else:
+        if sequence("sensors", sensors, "BeamSensor"):
+            raise ValueError("sensors: expected none for a linear plant, which has outputs of its own")
+        modal = modal_plant(plant, _contact_inputs(plant, friction, stroke_limit))
+        places = stop_places(stroke_limit, modal)
     grid = time_grid(timepts, sample_time)
     K = sampled_controller(controller, modal, float(sample_time), truth("anti_windup", anti_windup), discretization)
     rows = disturbance_rows(disturbance, modal.inputs, K.outputs, len(grid.time))
@@ -117,6 +173,19 @@ def simulate_loop(
         per_signal("rate_limit", rate_limit, K.outputs) * float(sample_time),
         per_signal("quantization", quantization, K.inputs, zero=True),
     )
+    added = Added(
+        sampled_noise(noise, seed, K.inputs, grid.steps // grid.per_sample + 1),
+        sampled_signals("reference", reference, K.inputs, grid),
+        sampled_signals("feedforward", feedforward, K.outputs, grid),
+    )
+    if not isinstance(modal, ModalPlant):
+        from boomctl.simulation.machine.run import MachineLoop  # brings casadi
+
+        size = 2 * len(modal.omega)
+        begin = modal.from_state @ (np.zeros(size) if initial is None else _initial(initial, size))
+        lag, switch = _whole_steps(late, grid.h)
+        loop = MachineLoop(modal, K, grid, grid.refined(rows), lag, switch, limits, added, begin)
+        return _machine_result(loop, late, *tolerance)
     start = _start(initial, modal)
     _check_strokes(places, modal.C @ start + modal.D @ rows[:, 0], modal.outputs)
 
@@ -127,7 +196,10 @@ def simulate_loop(
         maps = modal.step(steps.h, rest)
         contacts = contacts_of(modal, maps, friction, places, K.outputs) if touching else None
         W = steps.refined(rows)
-        return LoopProblem(modal, maps, K, steps, W, lag=lag, limits=limits, start=start, contacts=contacts), rest
+        found = LoopProblem(
+            modal, maps, K, steps, W, lag=lag, limits=limits, start=start, contacts=contacts, added=added
+        )
+        return found, rest
 
     p, _ = problem(_substeps(friction, bool(places)), touching=True)
     if places and friction is None:
@@ -189,10 +261,15 @@ def _start(initial: ArrayLike | None, plant: ModalPlant) -> Array:
     n = len(plant.A)
     if initial is None:
         return np.zeros(n)
+    given = _initial(initial, n)
+    return np.linalg.solve(plant.T, given) if n else given
+
+
+def _initial(initial: ArrayLike, n: int) -> Array:
     given = finite_array("initial", initial, ndim=1)
     if given.shape != (n,):
         raise ValueError(f"initial has shape {given.shape}; expected {(n,)}, one a state")
-    return np.linalg.solve(plant.T, given) if n else given
+    return given
 
 
 def _result(
@@ -200,7 +277,7 @@ def _result(
 ) -> LoopResult:
     """Return signals by name; ``moving`` is what the outputs read of the states at the given times."""
     plant, K, grid, rows = p.plant, p.controller, p.grid, p.W[:, :: p.grid.per_point]
-    applied, asked = _at_points(p, log)
+    applied, asked = _at_points(p.grid, p.lag + (1 if p.maps.late else 0), log)
     outputs = moving + plant.D @ rows + plant.D[:, K.driven] @ applied
     if not np.isfinite(outputs).all():
         raise ValueError("the loop diverges: its outputs grow beyond all numbers before the last of timepts")
@@ -232,11 +309,39 @@ def _result(
     )
 
 
-def _at_points(p: LoopProblem, log: ControlLog) -> tuple[Array, Array]:
-    """Return the controls that act just after each given time, and what was asked for last, (controls, points)."""
-    step = np.arange(len(p.grid.time)) * p.grid.per_point
-    late = p.lag + (1 if p.maps.late else 0)
-    acting = np.minimum((step - late) // p.grid.per_sample, len(log.given) - 1)
+def _machine_result(p: MachineLoop, delay: float, rtol: float, atol: float) -> LoopResult:
+    """Run a loop around a hub-beam and return its signals by name."""
+    from boomctl.simulation.machine.run import PATH, measured, run_to_tolerance
+
+    found = run_to_tolerance(p, rtol, atol)
+    applied, asked = _at_points(p.grid, p.lag + (1 if p.switch else 0), found.log)
+    states, rows, K = found.states[:, :: p.grid.per_point], p.W[:, :: p.grid.per_point], p.controller
+    outputs = measured(p, states, applied)
+    return LoopResult(
+        time=p.grid.time,
+        outputs=dict(zip(p.machine.outputs, outputs, strict=True)),
+        controls=dict(zip(K.outputs, applied, strict=True)),
+        asked=dict(zip(K.outputs, asked, strict=True)),
+        disturbances={name: row for name, row in zip(p.machine.inputs, rows, strict=True) if row.any()},
+        saturation_share=dict(zip(K.outputs, found.log.saturated.mean(axis=0).tolist(), strict=True)),
+        rate_share=dict(zip(K.outputs, found.log.slewed.mean(axis=0).tolist(), strict=True)),
+        stops=(),
+        friction=None,
+        sample_time=p.grid.per_sample * p.grid.h,
+        delay=delay,
+        path=PATH,
+        error_estimate=found.error,
+        states=(p.machine.to_state @ states).T,
+    )
+
+
+def _at_points(grid: TimeGrid, late: int, log: ControlLog) -> tuple[Array, Array]:
+    """Return the controls that act just after each given time, and what was asked for last, (controls, points).
+
+    From ``late`` steps after a sample on its control acts throughout a step.
+    """
+    step = np.arange(len(grid.time)) * grid.per_point
+    acting = np.minimum((step - late) // grid.per_sample, len(log.given) - 1)
     applied = np.where((step >= late)[:, None], log.given[np.maximum(acting, 0)], 0.0)
-    latest = np.minimum(step // p.grid.per_sample, len(log.asked) - 1)
+    latest = np.minimum(step // grid.per_sample, len(log.asked) - 1)
     return applied.T, log.asked[latest].T

@@ -64,7 +64,14 @@ class LoopResult:
     sample_time, delay : float
         Of the controller [s].
     path : str
-        Which way the loop was run: "blocks", "steps", "stops not reached" or "contacts"; all are exact between samples.
+        Which way the loop was run: "blocks", "steps", "stops not reached" or "contacts", all exact between samples, or
+        "exponential steps", of a hub-beam.
+    error_estimate : float
+        Estimated largest error of a hub-beam's tip displacement, and of its hub angle times the radius of the free end,
+        m: the distance to the run with steps twice as long.  With quantised measurements it is that of the
+        motion under the controls given.  0 of linear plants.
+    states : (n, states) ndarray or None
+        Of a hub-beam, named as in ``to_nlsys()``; None of linear plants.
     """
 
     time: Array
@@ -79,6 +86,8 @@ class LoopResult:
     sample_time: float
     delay: float
     path: str = "steps"
+    error_estimate: float = 0.0
+    states: Array | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
@@ -92,6 +101,7 @@ class LoopResult:
         ]
         limited += [f"stuck {100.0 * self.friction.stuck_share:.3g} % of the time"] if self.friction is not None else []
         last = f"\n  {listed(limited)}" if limited else ""
+        last += f"\n  error estimated {self.error_estimate:.1e} m" if self.states is not None else ""
         return f"LoopResult: {span}; {controls}\n  outputs: {listed(list(self.outputs))}{last}"
 
     def __getitem__(self, name: str) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import exactly, finite_array, known, nonnegative, plain_array, positive
+from boomctl.checks import exactly, finite_array, known, mapping, nonnegative, plain_array, positive, whole
 
 _MOST_STEPS = 1e8  # of a run: as many rows of what is kept fill the memory of a large machine (a choice)
 _EVEN = 1e-6  # relative unevenness of steps that count as equal: times printed with seven digits pass
@@ -131,7 +131,7 @@ def disturbance_rows(
     if isinstance(disturbance, Mapping):
         for name, values in disturbance.items():
             known("disturbance input", name, inputs)
-            rows[inputs.index(name)] = _row(name, values, points)
+            rows[inputs.index(name)] = _row("disturbance", name, values, points)
         return rows
     free = [name for name in inputs if name not in driven]
     given = np.atleast_2d(plain_array("disturbance", disturbance))
@@ -141,18 +141,47 @@ def disturbance_rows(
             f"{', '.join(free) or 'no inputs'} and a column for each time"
         )
     for name, values in zip(free, given, strict=True):
-        rows[inputs.index(name)] = _row(name, values, points)
+        rows[inputs.index(name)] = _row("disturbance", name, values, points)
     return rows
 
 
-def _row(name: str, values: ArrayLike, points: int) -> Array:
-    row = plain_array(f"disturbance {name!r}", values)
+def sampled_signals(
+    what: str, given: Mapping[str, ArrayLike] | None, signals: Sequence[str], grid: TimeGrid
+) -> Array | None:
+    """Return signals given at the times as they are at the samples, (samples, signals); ``None`` for none.
+
+    Raises
+    ------
+    TypeError, ValueError
+        No mapping, unknown signals, wrong shapes, gaps.
+    """
+    if given is None:
+        return None
+    rows = np.zeros((len(signals), len(grid.time)))
+    for name, values in mapping(
+        what, given, f"signals to arrays, those of the controller: {', '.join(signals)}"
+    ).items():
+        known(f"signal of {what}", name, signals)
+        rows[list(signals).index(name)] = _row(what, name, values, len(grid.time))
+    return np.ascontiguousarray(grid.refined(rows)[:, :: grid.per_sample].T)
+
+
+def sampled_noise(noise: Levels, seed: int, signals: Sequence[str], samples: int) -> Array | None:
+    """Return independent normal numbers of given standard deviations, (samples, signals); ``None`` where all are zero."""
+    level = per_signal("noise", noise, signals, zero=True)
+    level[np.isinf(level)] = 0.0
+    start = whole("seed", seed, least=0)
+    return level * np.random.default_rng(start).standard_normal((samples, len(signals))) if level.any() else None
+
+
+def _row(what: str, name: str, values: ArrayLike, points: int) -> Array:
+    row = plain_array(f"{what} {name!r}", values)
     if row.shape != (points,):
-        raise ValueError(f"disturbance {name!r} has shape {row.shape}; expected {(points,)}, a value for each time")
+        raise ValueError(f"{what} {name!r} has shape {row.shape}; expected {(points,)}, a value for each time")
     if row.dtype.kind == "f" and not np.isfinite(row).all():
         gap = int(np.flatnonzero(~np.isfinite(row))[0])
-        raise ValueError(f"disturbance {name!r} has a gap: {row[gap]} at point {gap}; fill it before the simulation")
-    return finite_array(f"disturbance {name!r}", row)
+        raise ValueError(f"{what} {name!r} has a gap: {row[gap]} at point {gap}; fill it before the simulation")
+    return finite_array(f"{what} {name!r}", row)
 
 
 def per_signal(what: str, levels: Levels, signals: Sequence[str], zero: bool = False) -> Array:

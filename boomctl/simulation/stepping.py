@@ -28,6 +28,36 @@ class Limits:
     rate: Array
     quantum: Array
 
+    @property
+    def coarse(self) -> bool:
+        """Whether a measurement is quantised."""
+        return bool(np.isfinite(self.quantum).any())
+
+
+@dataclass(frozen=True)
+class Added:
+    """What is added to a controller's signals at each sample, where there is any.
+
+    Attributes
+    ----------
+    noise, reference : (samples, measurements) ndarray or None
+        Added to what is measured; taken from what the controller reads, after rounding.
+    feedforward : (samples, controls) ndarray or None
+        Added to what the controller asks for.
+    """
+
+    noise: Array | None = None
+    reference: Array | None = None
+    feedforward: Array | None = None
+
+    @property
+    def any(self) -> bool:
+        """Whether anything is."""
+        return self.noise is not None or self.reference is not None or self.feedforward is not None
+
+
+NOTHING_ADDED = Added()
+
 
 @dataclass(frozen=True)
 class LoopProblem:
@@ -52,6 +82,7 @@ class LoopProblem:
     limits: Limits
     start: Array
     contacts: Contacts | None
+    added: Added = NOTHING_ADDED
 
     @property
     def forcing(self) -> Array:
@@ -94,6 +125,9 @@ def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
     ny, nu = len(c.measured), len(c.driven)
     reads = np.hstack([plant.C[c.measured], plant.D[np.ix_(c.measured, c.driven)]])
     heard = np.ascontiguousarray((plant.D[c.measured] @ p.W[:, :: p.grid.per_sample]).T)
+    if p.added.noise is not None:
+        heard += p.added.noise
+    wanted, forward = p.added.reference, p.added.feedforward
     law = np.block([[c.D, c.C], [c.B, c.A]])
     known, found = np.zeros(ny + len(c.A)), np.zeros(nu + len(c.A))
     y, state, u, following = known[:ny], known[ny:], found[:nu], found[nu:]
@@ -110,7 +144,11 @@ def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
         y.__iadd__(heard[k])
         if grain is not None:
             y[coarse] = (grain * np.rint(y / grain))[coarse]
+        if wanted is not None:
+            y.__isub__(wanted[k])
         np.dot(law, known, out=found)
+        if forward is not None:
+            u.__iadd__(forward[k])
         asked[k] = u
         if bounded and limited(u.tolist(), k, force, rate, last, log):
             given[k] = last

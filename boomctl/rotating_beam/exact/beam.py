@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +26,9 @@ from boomctl.rotating_beam.exact.statics import (
 from boomctl.rotating_beam.manoeuvres import Manoeuvre, TorqueDriven
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion
+
+if TYPE_CHECKING:
+    from boomctl.rotating_beam.modal.forced import ForcedModes
 
 _MOST_MODES = 60  # polynomials a span: the series has converged to rounding long before
 _FIRST_STEP = 0.25  # of the second bending period: the coarsest step of a run, a choice
@@ -108,6 +112,17 @@ class GeometricallyExactBeam(HubBeam):
     def _small_motion(self, speed: float) -> SmallMotion:
         tip = np.imag(self.dynamics.tip_row(steady_rotation(self.basis, speed)))
         return SmallMotion(*small_motion(self.dynamics, speed), tip)
+
+    def _forced_modes(self, sensors: Sequence[object]) -> ForcedModes:
+        from boomctl.rotating_beam.exact.forced import exact_lagrangian, exact_places  # which only a loop needs
+        from boomctl.rotating_beam.modal import forced
+
+        p = self.parameters
+        places = exact_places(p, self.basis, self.modes)
+        law = forced.lagrangian_law(exact_lagrangian(self.basis, self.dynamics.damping), places, p.length)
+        small = self._small_motion(0.0)
+        modes = forced.rest_modes(small.mass, small.damping, small.stiffness)
+        return forced.forced_modes(modes, law, places, p, self.state_names, sensors)
 
     def _state_derivative(self, x: Array, torque: float) -> Array:
         y, rate = x[: self._size], x[self._size :]

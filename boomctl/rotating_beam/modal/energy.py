@@ -115,6 +115,22 @@ def equations_of_motion(lagrangian: Lagrangian) -> tuple["casadi.SX", "casadi.SX
     return y, rate, acceleration, residual
 
 
+def accelerations(
+    lagrangian: Lagrangian,
+) -> tuple["casadi.SX", "casadi.SX", "casadi.SX", "casadi.SX", "casadi.SX"]:
+    """Coordinates, rates, forces on the coordinates, accelerations, and the margin of the mass matrix in them."""
+    import casadi as ca
+
+    y, rate, acceleration, residual = equations_of_motion(lagrangian)
+    forces, size = ca.SX.sym("forces", y.numel()), y.numel()
+    mass = ca.jacobian(residual, acceleration)
+    force = forces - ca.substitute(residual, acceleration, ca.SX.zeros(size))
+    reduced = _solve_beam(mass[1:, 1:], ca.horzcat(force[1:], mass[1:, 0]))
+    margin = mass[0, 0] - ca.mtimes(mass[0, 1:], reduced[:, 1])
+    turning = (force[0] - ca.mtimes(mass[0, 1:], reduced[:, 0])) / margin
+    return y, rate, forces, ca.vertcat(turning, reduced[:, 0] - reduced[:, 1] * turning), margin
+
+
 def state_function(lagrangian: Lagrangian, name: str) -> "casadi.Function":
     """Equations of motion as a CasADi function ``(x, torque) -> (xdot, y)`` of that name.
 
@@ -122,15 +138,10 @@ def state_function(lagrangian: Lagrangian, name: str) -> "casadi.Function":
     """
     import casadi as ca
 
-    y, rate, acceleration, residual = equations_of_motion(lagrangian)
+    y, rate, forces, found, _ = accelerations(lagrangian)
     torque, size = ca.SX.sym("torque"), y.numel()
-    mass = ca.jacobian(residual, acceleration)
-    force = -ca.substitute(residual, acceleration, ca.SX.zeros(size))
-    force[0] += torque
-    reduced = _solve_beam(mass[1:, 1:], ca.horzcat(force[1:], mass[1:, 0]))
-    margin = mass[0, 0] - ca.mtimes(mass[0, 1:], reduced[:, 1])
-    turning = (force[0] - ca.mtimes(mass[0, 1:], reduced[:, 0])) / margin
-    xdot = ca.vertcat(rate, turning, reduced[:, 0] - reduced[:, 1] * turning)
+    found = ca.substitute(found, forces, ca.vertcat(torque, ca.SX.zeros(size - 1)))
+    xdot = ca.vertcat(rate, found)
     outputs = ca.vertcat(y[0], rate[0], ca.dot(lagrangian.tip, y[1:]))
     x = ca.vertcat(y, rate)
     state = ca.SX.sym("x", 2 * size)

@@ -1,0 +1,367 @@
+"""A hub-beam under forces on hub and tip, in the modes of its linear part with the hub free, as CasADi functions.
+
+With mass-normalised modes ``(theta, q) = V z`` the equations are ``z'' + Omega^2 z = r(z, z', u)``: all that the linear
+vibration at rest leaves out stands on the right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.rotating_beam.modal.energy import Lagrangian, accelerations
+from boomctl.rotating_beam.modal.first_order import FirstOrderEquations
+from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
+from boomctl.rotating_beam.parameters import HubBeamParameters
+from boomctl.rotating_beam.sensors import LOOP_INPUTS, LOOP_OUTPUTS, BeamSensor, checked_sensors
+
+if TYPE_CHECKING:
+    import casadi
+
+    from boomctl.lti.system import Lti
+
+_ZERO = 1e-14  # entry of a constant matrix, over its largest, that is a rounded zero
+
+
+@dataclass(frozen=True, eq=False)
+class ForcedModes:
+    """Equations ``z'' + Omega^2 z = r(z, z', u)`` and what is measured.
+
+    Attributes
+    ----------
+    inputs, outputs, states : tuple of str
+        Names; the states are those of ``to_nlsys()``.
+    omega : ndarray, m
+        Frequencies, rad/s; the first, of the rigid rotation, is 0.
+    decay : float
+        Largest rate at which damping, which is in r, takes a rate away, 1/s.
+    push : ndarray, m x inputs
+        What each input does to each mode at rest.
+    to_state, from_state : ndarray, 2 m x 2 m
+        State from modal coordinates and rates, and back.
+    rest : casadi.Function
+        ``(z and z', u) -> r``.
+    read : casadi.Function
+        ``(z and z', u) -> outputs, margin``; the mass matrix is positive definite where the margin is above zero.
+    judged : casadi.Function
+        ``(z and z') -> (radius of the free end times hub angle, its displacement)`` [m], by which an error is judged.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    states: tuple[str, ...]
+    omega: Array
+    decay: float
+    push: Array
+    to_state: Array
+    from_state: Array
+    rest: casadi.Function
+    read: casadi.Function
+    judged: casadi.Function
+
+
+class Place(NamedTuple):
+    """A point of the deformed beam, of CasADi coordinates q.
+
+    Attributes
+    ----------
+    along, across : casadi.SX
+        Position in the frame of the hub, from its axis, m.
+    slope : casadi.SX
+        Angle of the beam, rad.
+    curvature : casadi.SX
+        1/m.
+    stretch : casadi.SX
+        Strain of the axis.
+    """
+
+    along: casadi.SX
+    across: casadi.SX
+    slope: casadi.SX
+    curvature: casadi.SX
+    stretch: casadi.SX
+
+
+Places = Callable[["casadi.SX", float], Place]
+"""From coordinates of the beam and a distance from the clamp [m] to the point there."""
+
+
+class Moved(NamedTuple):
+    """Accelerations under forces.
+
+    Attributes
+    ----------
+    hub : casadi.SX
+        Hub acceleration, rad/s^2.
+    beam : casadi.SX
+        Of the beam's coordinates.
+    rest : casadi.SX
+        Modal accelerations less those of the linear vibration.
+    margin : casadi.SX
+        Positive where the mass matrix is positive definite.
+    """
+
+    hub: casadi.SX
+    beam: casadi.SX
+    rest: casadi.SX
+    margin: casadi.SX
+
+
+class Law(Protocol):
+    """Equations of motion in modal coordinates."""
+
+    def __call__(
+        self, modes: RestModes, z: casadi.SX, rate: casadi.SX, torque: casadi.SX, force: casadi.SX, tip: Place
+    ) -> Moved:
+        """Accelerations under a torque [N m] and a force [N] across the beam at its free end."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class RestModes:
+    """Modes of hub and beam at rest: ``theta = r / sqrt(inertia) + lean x``, ``q = shapes x``, ``z = (r, x)``.
+
+    ``decay`` is the largest eigenvalue of the modal damping matrix, 1/s.
+    """
+
+    inertia: float
+    lean: Array
+    shapes: Array
+    squares: Array
+    decay: float
+
+    @property
+    def V(self) -> Array:
+        """Modes over the coordinates, hub angle first."""
+        n = self.lean.size
+        return np.block([[np.full((1, 1), self.inertia**-0.5), self.lean[None]], [np.zeros((n, 1)), self.shapes]])
+
+
+def rest_modes(mass: Array, damping: Array, stiffness: Array) -> RestModes:
+    """Return the modes of small motion about rest, the hub angle the first coordinate.
+
+    Raises
+    ------
+    ValueError
+        If the mass matrix of the straight beam is not positive definite.
+    """
+    from scipy.linalg import LinAlgError, eigh
+
+    inertia, coupling = float(mass[0, 0]), mass[0, 1:]
+    try:
+        squares, shapes = eigh(stiffness[1:, 1:], mass[1:, 1:] - np.outer(coupling, coupling) / inertia)
+    except LinAlgError:
+        raise ValueError(
+            "plant: the mass matrix of the straight beam is not positive definite; expected a hub inertia above zero "
+            "or fewer modes"
+        ) from None
+    decay = float(np.linalg.eigvalsh(shapes.T @ damping[1:, 1:] @ shapes)[-1])
+    return RestModes(inertia, -(coupling @ shapes) / inertia, shapes, squares, max(decay, 0.0))
+
+
+def forced_modes(
+    modes: RestModes,
+    law: Law,
+    places: Places,
+    parameters: HubBeamParameters,
+    states: tuple[str, ...],
+    sensors: Sequence[object],
+) -> ForcedModes:
+    """Return a beam in its modes at rest.
+
+    Parameters
+    ----------
+    modes : RestModes
+    law : Law
+    places : Places
+    parameters : HubBeamParameters
+    states : tuple of str
+        Names.
+    sensors : sequence of BeamSensor
+        Further outputs.
+    """
+    import casadi as ca
+
+    p, size, further = parameters, modes.lean.size + 1, checked_sensors(sensors, parameters.length)
+    state, u = ca.SX.sym("z", 2 * size), ca.SX.sym("u", len(LOOP_INPUTS))
+    z, rate = state[:size], state[size:]
+    q, q_rate = _times(modes.shapes, z[1:]), _times(modes.shapes, rate[1:])
+    coordinates = ca.SX.sym("q", size - 1)
+    moved = law(modes, z, rate, u[0] + u[1], u[2], _at(places(coordinates, p.length), coordinates, q))
+    angle, speed = _row(modes.V[0], z), _row(modes.V[0], rate)
+
+    def acceleration(x: float) -> casadi.SX:
+        """Absolute, across the beam: of the point ``along + i across`` in the frame that turns."""
+        here = places(coordinates, x)
+        both, rates, second = (
+            ca.vertcat(here.along, here.across),
+            ca.SX.sym("rates", size - 1),
+            ca.SX.sym("second", size - 1),
+        )
+        velocity = ca.jtimes(both, coordinates, rates)
+        bent = ca.jtimes(velocity, coordinates, rates) + ca.jtimes(both, coordinates, second)
+        found = moved.hub * here.along + bent[1] + 2.0 * speed * velocity[0] - speed**2 * here.across
+        return ca.substitute(found, ca.vertcat(coordinates, rates, second), ca.vertcat(q, q_rate, moved.beam))
+
+    def reading(sensor: BeamSensor) -> casadi.SX:
+        if sensor.quantity == "acceleration":
+            return acceleration(sensor.position)
+        here = _at(places(coordinates, sensor.position), coordinates, q)
+        if sensor.quantity == "strain":
+            return here.stretch - (sensor.height or 0.0) * here.curvature
+        if sensor.quantity == "moment":
+            return p.bending_stiffness * here.curvature
+        return here.across if sensor.quantity == "displacement" else here.slope
+
+    tip, root = (BeamSensor("tip_displacement", "displacement", p.length), BeamSensor("root_moment", "moment", 0.0))
+    standard = (angle, speed, reading(tip), reading(root), acceleration(p.length))
+    outputs = ca.vertcat(*standard, *(reading(sensor) for sensor in further))
+    row = np.array(
+        ca.DM(ca.substitute(ca.jacobian(places(coordinates, p.length).across, coordinates), coordinates, 0.0))
+    )
+    reach, V, M = p.hub_radius + p.length, modes.V, np.linalg.inv(modes.V)
+    on_tip = np.concatenate([[reach], row.ravel()])
+    return ForcedModes(
+        inputs=LOOP_INPUTS,
+        outputs=(*LOOP_OUTPUTS, *(sensor.name for sensor in further)),
+        states=states,
+        omega=np.sqrt(np.concatenate([[0.0], modes.squares])),
+        decay=modes.decay,
+        push=np.stack([V[0], V[0], on_tip @ V], axis=1),
+        to_state=np.kron(np.eye(2), V),
+        from_state=np.kron(np.eye(2), M),
+        rest=ca.Function("rest", [state, u], [moved.rest]),
+        read=ca.Function("read", [state, u], [outputs, moved.margin]),
+        judged=ca.Function("judged", [state], [ca.vertcat(reach * angle, outputs[2])]),
+    )
+
+
+def linearised(modes: ForcedModes, state: Array) -> Lti:
+    """Return the linear model about a state of steady rotation, without forces."""
+    import casadi as ca
+
+    from boomctl.lti.system import Lti  # brings scipy.linalg
+
+    m = modes.omega.size
+    z, u = ca.SX.sym("z", 2 * m), ca.SX.sym("u", len(modes.inputs))
+    moved = ca.vertcat(z[m:], modes.rest(z, u) - ca.DM(modes.omega**2) * z[:m])
+    both = ca.vertcat(moved, modes.read(z, u)[0])
+    slopes = ca.Function("slopes", [z, u], [ca.densify(ca.jacobian(both, z)), ca.densify(ca.jacobian(both, u))])
+    by_state, by_input = (np.array(each) for each in slopes(modes.from_state @ state, np.zeros(len(modes.inputs))))
+    T, S = modes.to_state, modes.from_state
+    A, B, C, D = T @ by_state[: 2 * m] @ S, T @ by_input[: 2 * m], by_state[2 * m :] @ S, by_input[2 * m :]
+    return Lti(A, B, C, D, inputs=modes.inputs, outputs=modes.outputs, states=modes.states)
+
+
+def shape_places(parameters: HubBeamParameters, count: int, *, axial: bool, shortening: bool) -> Places:
+    """Return the points of a beam of assumed modes: axial coordinates, if there are, then transverse ones."""
+    import casadi as ca
+
+    p = parameters
+    along, across = axial_modes(count, p.length), transverse_modes(count, p.length)
+
+    def place(q: casadi.SX, x: float) -> Place:
+        q2 = q[-count:]
+        position, stretch = ca.SX(p.hub_radius + x), ca.SX(0.0)
+        if shortening:
+            position -= 0.5 * ca.bilin(ca.DM(across.shortening(np.array([x]))[0]), q2, q2)
+        if axial:
+            position += _row(along(x), q[:count])
+            stretch = _row(along(x, 1), q[:count])
+        deflection, slope, curvature = (_row(across(x, k), q2) for k in range(3))
+        return Place(position, deflection, slope, curvature, stretch)
+
+    return place
+
+
+def first_order_law(equations: FirstOrderEquations) -> Law:
+    """Return TLAM, SFOAM or FOAM in modal coordinates, the accelerations in closed form.
+
+    With ``j = 2 V x + x^T N x`` and ``c = -B x`` in modes, h the hub's right side and g the beam's, hub acceleration a and
+    ``s = c x''`` obey two linear equations; the derivation is that of `motion.free_modes`, forces on the tip added.
+    """
+
+    def law(modes: RestModes, z: casadi.SX, rate: casadi.SX, torque: casadi.SX, force: casadi.SX, tip: Place) -> Moved:
+        import casadi as ca
+
+        P, lean, e = modes.shapes, modes.lean, equations
+        N, V = P.T @ e.N @ P, e.V @ P
+        x, v = z[1:], rate[1:]
+        w = _row(modes.V[0], rate)
+        square, bent = w * w, _times(N, x)
+        back = ca.DM(modes.squares) * x
+        # the beam's right side, less that of the linear vibration
+        g = square * bent + force * ca.DM(P.T @ e.tip.transverse)
+        hub = torque + force * tip.along
+        if np.any(e.C):
+            g -= _times(P.T @ e.C @ P, v)
+        more = ca.dot(bent, x)
+        if e.keeps_inertia_torque:
+            hub -= 2.0 * w * ca.dot(bent, v)
+        mobility = 1.0 / modes.inertia + float(lean @ lean)
+        if not e.has_axial:
+            margin = 1.0 + mobility * more
+            turning = (mobility * hub + _row(lean, g - back)) / margin
+            left = hub - more * turning
+        else:
+            B = P.T @ e.B @ P
+            more += 2.0 * _row(V, x)
+            g += 2.0 * w * _times(B, v) + square * ca.DM(V)
+            if e.keeps_inertia_torque:
+                hub -= 2.0 * w * _row(V, v)
+            c = -_times(B, x)
+            linear, crossed = g - back, _row(lean, c)
+            right = mobility * hub + _row(lean, linear), crossed * hub + ca.dot(c, linear)
+            first, last, low = 1.0 + crossed + mobility * more, 1.0 + crossed, crossed * more + ca.dot(c, c)
+            margin = first * last - mobility * low
+            turning = (right[0] * last - mobility * right[1]) / margin
+            g -= c * turning
+            left = hub - more * turning - (first * right[1] - low * right[0]) / margin
+        g += ca.DM(lean) * left
+        rest = ca.vertcat(left / np.sqrt(modes.inertia), g)
+        return Moved(turning, _times(P, g - back), rest, margin)
+
+    return law
+
+
+def lagrangian_law(lagrangian: Lagrangian, places: Places, length: float) -> Law:
+    """Return any model in modal coordinates, its accelerations derived from its energies."""
+
+    def law(modes: RestModes, z: casadi.SX, rate: casadi.SX, torque: casadi.SX, force: casadi.SX, tip: Place) -> Moved:
+        import casadi as ca
+
+        size = modes.lean.size + 1
+        y, y_rate, forces, found, margin = accelerations(lagrangian)
+        across = places(y[1:], length).across
+        on_beam = force * ca.gradient(across, y[1:])
+        acting = ca.substitute(ca.vertcat(torque + force * tip.along, on_beam), y, _times(modes.V, z))
+        given, wanted = ca.vertcat(y, y_rate, forces), ca.vertcat(_times(modes.V, z), _times(modes.V, rate), acting)
+        second, margin = ca.substitute([found, margin], [given], [wanted])
+        rest = _times(np.linalg.inv(modes.V), second) + ca.vertcat(0.0, ca.DM(modes.squares) * z[1:])
+        return Moved(second[0], second[1:size], rest, margin)
+
+    return law
+
+
+def _at(place: Place, coordinates: casadi.SX, q: casadi.SX) -> Place:
+    """Return a point at other coordinates."""
+    import casadi as ca
+
+    return Place(*(ca.substitute(each, coordinates, q) for each in place))
+
+
+def _times(matrix: Array, vector: casadi.SX) -> casadi.SX:
+    """Product with a constant matrix whose zeros cost nothing."""
+    import casadi as ca
+
+    largest = np.abs(matrix).max(initial=0.0)
+    return ca.mtimes(ca.sparsify(ca.DM(np.where(np.abs(matrix) > _ZERO * largest, matrix, 0.0))), vector)
+
+
+def _row(row: Array, vector: casadi.SX) -> casadi.SX:
+    """Product of a constant row."""
+    return _times(row[None], vector)

@@ -1,0 +1,83 @@
+"""What is measured on a hub-beam, and where."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, final
+
+from boomctl.checks import instance, known, nonnegative, real, signal_name
+
+QUANTITIES: Final = ("displacement", "slope", "moment", "strain", "acceleration")
+
+LOOP_INPUTS: Final = ("torque", "disturbance_torque", "tip_force")
+"""Of a beam in a loop: torque of the drive and of anything else on the hub [N m], transverse force at the free end [N]."""
+
+LOOP_OUTPUTS: Final = ("hub_angle", "hub_speed", "tip_displacement", "root_moment", "tip_acceleration")
+"""Of a beam in a loop, whatever its sensors are."""
+
+
+@final
+@dataclass(frozen=True)
+class BeamSensor:
+    """A sensor at a place of a hub-beam.
+
+    Parameters
+    ----------
+    name : str
+        Of its signal.
+    quantity : str
+        "displacement" [m], across the undeformed beam in the frame of the hub; "slope" [rad] of the beam against it;
+        "moment" [N m], the bending moment ``EI v''``; "strain", of the surface at ``height`` from the neutral axis;
+        "acceleration" [m/s^2], the absolute one, across the undeformed beam in the frame of the hub.
+    position : float
+        Distance from the clamp along the undeformed beam, m.
+    height : float or None
+        Distance of the strain gauge from the neutral axis, m, to the side to which displacements are positive; only for
+        "strain", which is that of the axis less ``height`` times the curvature.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a value is of another kind or out of its range.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.BeamSensor("gauge", "strain", position=0.5, height=0.01).position
+    0.5
+    """
+
+    name: str
+    quantity: str
+    position: float
+    height: float | None = None
+
+    def __post_init__(self) -> None:
+        signal_name("name", self.name)
+        known("quantity", self.quantity, QUANTITIES)
+        nonnegative("position", self.position)
+        if (self.height is None) == (self.quantity == "strain"):
+            wanted = "a distance from the neutral axis [m]" if self.height is None else "None"
+            raise ValueError(f"height = {self.height!r}: expected {wanted} for the quantity {self.quantity!r}")
+        if self.height is not None:
+            real("height", self.height)
+
+
+def checked_sensors(sensors: Sequence[object], length: float) -> tuple[BeamSensor, ...]:
+    """Return sensors that stand on a beam of a length [m] and have names of their own.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If one is none, is beyond the free end, or has the name of another output.
+    """
+    found: list[BeamSensor] = []
+    for i, given in enumerate(sensors):
+        sensor = instance(f"sensors[{i}]", given, BeamSensor)
+        if sensor.position > length:
+            raise ValueError(
+                f"sensors[{i}]: position = {sensor.position!r}: expected a place on the beam, 0 to {length} m"
+            )
+        if sensor.name in (*LOOP_OUTPUTS, *(each.name for each in found)):
+            raise ValueError(f"sensors[{i}]: expected a name of its own, got {sensor.name!r}, which another output has")
+        found.append(sensor)
+    return tuple(found)

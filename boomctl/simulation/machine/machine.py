@@ -1,0 +1,74 @@
+"""A nonlinear machine as a loop sees it: vibrations in closed form, and all that they leave out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+from boomctl.arrays import Array
+
+if TYPE_CHECKING:
+    import casadi
+
+
+class MachineModes(Protocol):
+    """``z'' + Omega^2 z = r(z, z', u)`` in m coordinates, as `boomctl.rotating_beam` offers it."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of u."""
+        ...
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of what is measured."""
+        ...
+
+    @property
+    def omega(self) -> Array:
+        """Frequencies, rad/s, m."""
+        ...
+
+    @property
+    def decay(self) -> float:
+        """Largest rate at which damping, which is in r, takes a rate away, 1/s."""
+        ...
+
+    @property
+    def push(self) -> Array:
+        """What each input does to each mode at rest, m x inputs."""
+        ...
+
+    @property
+    def to_state(self) -> Array:
+        """State from modal coordinates and rates, 2 m x 2 m."""
+        ...
+
+    @property
+    def from_state(self) -> Array:
+        """Modal coordinates and rates from the state, 2 m x 2 m."""
+        ...
+
+    @property
+    def rest(self) -> casadi.Function:
+        """``(z and z', u) -> r``."""
+        ...
+
+    @property
+    def read(self) -> casadi.Function:
+        """``(z and z', u) -> outputs, margin``; beyond the model's range the margin is not above zero."""
+        ...
+
+    @property
+    def judged(self) -> casadi.Function:
+        """``(z and z') -> displacements`` [m], by which the error is judged."""
+        ...
+
+
+@runtime_checkable
+class Machine(Protocol):
+    """A nonlinear machine, such as a flexible beam on a hub."""
+
+    def _forced_modes(self, sensors: Sequence[Any]) -> MachineModes:
+        """Return its equations, sensors among the outputs."""
+        ...

@@ -1,0 +1,362 @@
+"""The sampled loop around a nonlinear machine, as one CasADi function a step, run again with steps half as long.
+
+A step of the grid is a sample of the controller (where one falls on it) and the machine's motion under the control before
+and after the switch.  The motions of two lengths of step are compared: their distance is the error, of the coarser one, and
+an upper bound of that of the finer one, which is returned.  Where measurements are quantised, the second run repeats the
+controls of the first, for a rounding that flips is no error of the motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.checks import exactly
+from boomctl.simulation.controller import SampledController
+from boomctl.simulation.machine.exponential_step import exponential_step
+from boomctl.simulation.machine.machine import MachineModes
+from boomctl.simulation.signals import TimeGrid
+from boomctl.simulation.stepping import Added, ControlLog, Limits
+
+if TYPE_CHECKING:
+    import casadi
+
+PATH = "exponential steps"
+
+_ANGLE = 3.0  # radians that the fastest mode which an input moves turns in a first step (a choice: halved if need be)
+_DAMPED = 2.0  # share of a rate that damping takes away in a first step: explicit steps are stable below 2.5
+_FELT = 1e-9  # share of the largest push at which a mode is moved by an input (a choice)
+_ORDER = 4  # of the scheme; lower where axial modes turn many times in a step
+_MOST_DOUBLINGS = 3  # of the number of steps from one trial to the next: an early guess of the error is a poor one
+_ROUNDING = 1e-10  # of the displacements: runs this near that come no nearer differ by rounding (a choice)
+_FAILURES = 3  # trials that overflow or come no nearer, after which no more is tried (a choice)
+_MOST_STEPS = 2e7  # of a run: some minutes (a choice)
+_INLINE = 4  # steps within one step of the grid that are one expression; more are a loop over it (measured)
+_BLOCK = 1000  # steps of the grid that are one call (a choice: after each, Ctrl-C and overflow are looked at)
+_LONGEST_QUEUE = 64  # controls on their way that are states of the loop; longer queues are read off the log (a choice)
+
+
+@dataclass(frozen=True, eq=False)
+class MachineLoop:
+    """Everything that a run needs, checked.
+
+    Attributes
+    ----------
+    W : (inputs, steps + 1) ndarray
+        Disturbances on the grid.
+    lag : int
+        Whole steps by which the controls come late.
+    switch : float
+        The rest of the delay, s: when the controls change within a step.
+    start : (2 m,) ndarray
+        Modal coordinates and rates at the first time.
+    """
+
+    machine: MachineModes
+    controller: SampledController
+    grid: TimeGrid
+    W: Array
+    lag: int
+    switch: float
+    limits: Limits
+    added: Added
+    start: Array
+
+    @property
+    def samples(self) -> int:
+        """How often the controller is sampled, at the last time included if a sample falls on it."""
+        return self.grid.steps // self.grid.per_sample + 1
+
+    @cached_property
+    def disturbed(self) -> Array:
+        """Places of the inputs that are disturbed."""
+        return np.flatnonzero(self.W.any(axis=1))
+
+    @property
+    def queued(self) -> tuple[int, int]:
+        """Samples by which a control comes late, and steps of the grid after a sample at which one arrives."""
+        return divmod(self.lag, self.grid.per_sample)
+
+    @property
+    def segments(self) -> tuple[float, ...]:
+        """Lengths of the parts of a step in which the control is held, s."""
+        return (self.switch, self.grid.h - self.switch) if self.switch else (self.grid.h,)
+
+
+@dataclass(frozen=True, eq=False)
+class MachineRun:
+    """A motion at all steps of the grid, (2 m, steps + 1), its log, and the error [m] of what is judged."""
+
+    states: Array
+    log: ControlLog
+    error: float
+
+
+def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
+    """Return the motion whose judged displacements are exact to ``atol + rtol max |displacement|`` [m].
+
+    Raises
+    ------
+    ValueError
+        The loop diverges, the machine is deformed beyond its model, or the tolerance is not reached.
+    """
+    felt = (np.abs(p.machine.push) > _FELT * np.abs(p.machine.push).max()).any(axis=1)
+    fastest = float(p.machine.omega[felt].max())
+    pace = max(fastest / _ANGLE, p.machine.decay / _DAMPED)
+    counts = tuple(max(1, int(np.ceil(length * pace))) for length in p.segments)
+    judged = p.machine.judged.map(len(p.grid.time))
+    coarse, best, failures = None, np.inf, 0
+    while True:
+        finer = tuple(2 * count for count in counts)
+        _check_length(p, finer, rtol, best)
+        try:
+            first = _closed(p, counts) if coarse is None else coarse
+            second = _repeated(p, finer, first[1]) if p.limits.coarse else _closed(p, finer)
+        except _Overflow:  # which a step too long may do as well as the loop
+            coarse, counts, failures = None, finer, failures + 1
+            if failures > _FAILURES:
+                raise ValueError(
+                    "the loop diverges: its states grow beyond all numbers before the last of timepts"
+                ) from None
+            continue
+        there, here = (np.array(judged(found[0][:, :: p.grid.per_point])) for found in (first, second))
+        apart = np.abs(here - there).max(axis=1)
+        wanted = atol + rtol * np.abs(here).max(axis=1)
+        if (apart <= wanted).all():
+            return MachineRun(second[0], second[1], float(apart.max()))
+        nearer = apart.max() < best
+        failures += 0 if nearer else 1
+        rounding = bool((apart <= _ROUNDING * np.abs(here).max(axis=1)).all())
+        best = min(best, float(apart.max()))
+        if failures > _FAILURES or (rounding and not nearer):
+            _stays(rtol, best, counts)
+        missing = int(np.ceil(np.log2(float((apart / wanted).max())) / _ORDER))
+        doublings = min(max(1, missing), _MOST_DOUBLINGS) if nearer and not rounding else 1
+        coarse = second if doublings == 1 and not p.limits.coarse else None
+        counts = tuple(count * 2**doublings for count in counts)
+
+
+class _Overflow(Exception):
+    """The states grow beyond all numbers."""
+
+
+def _check_length(p: MachineLoop, counts: tuple[int, ...], rtol: float, before: float) -> None:
+    if p.grid.steps * sum(counts) <= _MOST_STEPS:
+        return
+    if np.isfinite(before):
+        _stays(rtol, before, counts)
+    raise ValueError(
+        f"timepts: the motion would take {p.grid.steps * sum(counts):.1e} steps; expected at most {_MOST_STEPS:g}"
+    )
+
+
+def _stays(rtol: float, error: float, counts: tuple[int, ...]) -> None:
+    raise ValueError(
+        f"rtol = {exactly(rtol)}: the error stays at {error:.1e} m with {sum(counts)} steps from one sample or time to the "
+        f"next; expected a larger rtol or atol"
+    )
+
+
+def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]:
+    """Run the loop in so many steps a segment."""
+    import casadi as ca
+
+    c, ps = p.controller, p.grid.per_sample
+    nz, nu, (late, offset) = len(p.start), len(c.driven), p.queued
+    queue = late + 1 if late <= _LONGEST_QUEUE else 1
+    size, beside = nz + nu + queue * nu + len(c.A), _StepSignals(p)
+    sample, advance = _sample(p, queue), _advance(p, counts)
+    symbol: Any = ca.SX.sym if advance.is_a("SXFunction") else ca.MX.sym
+    s, w = symbol("s", size), symbol("w", beside.rows)
+    z, acting = s[:nz], s[nz : nz + nu]
+    after, asked, given, marks = sample(s, w)
+    kept = after if ps == 1 else ca.if_else(w[beside.sampled], after, s)
+    held = kept[nz + nu : nz + (queue + 1) * nu]
+    arriving = held[late * nu :] if queue > 1 or not late else w[beside.arriving]
+    acting_then = arriving if ps == 1 else ca.if_else(w[beside.arrives], arriving, acting)
+    moved = advance(z, acting, acting_then, w[beside.first], w[beside.last])
+    unit = ca.Function("unit", [s, w], [ca.vertcat(moved, acting_then, kept[nz + nu :]), asked, given, marks])
+    steps = p.grid.steps
+    block = min(_BLOCK, steps, late * ps + offset if queue == 1 and late else steps)
+    run, signals = unit.mapaccum("run", block), beside.signals()
+    state, states = np.concatenate([p.start, np.zeros(size - nz)]), np.empty((nz, steps + 1))
+    log = ControlLog(*(np.zeros((p.samples, nu), dtype=kind) for kind in (float, float, bool, bool)))
+    states[:, 0] = p.start
+    for k in range(0, steps, block):
+        here = np.zeros((beside.rows, block))
+        end = min(k + block, steps)
+        here[:, : end - k] = signals[:, k:end]
+        if queue == 1 and late:
+            come = (np.arange(k, end) - p.lag) // ps
+            here[beside.arriving, : end - k] = np.where(come >= 0, log.given[np.maximum(come, 0)].T, 0.0)
+        moved, *taken = (np.array(each) for each in run(state, here))
+        state = moved[:, end - k - 1]
+        if not np.isfinite(state).all():
+            raise _Overflow
+        states[:, k + 1 : end + 1] = moved[:nz, : end - k]
+        at = np.arange(-(-k // ps) * ps, end, ps)
+        _write(log, at // ps, *(each[:, at - k] for each in taken))
+    if steps % ps == 0:
+        _, *taken = (np.array(each) for each in sample(state, beside.signals(at_end=True)))
+        _write(log, np.array([steps // ps]), *taken)
+    return states, log
+
+
+def _write(log: ControlLog, samples: Array, asked: Array, given: Array, marks: Array) -> None:
+    log.asked[samples], log.given[samples] = asked.T, given.T
+    log.saturated[samples], log.slewed[samples] = np.split(marks.T > 0.0, 2, axis=1)
+
+
+def _repeated(p: MachineLoop, counts: tuple[int, ...], log: ControlLog) -> tuple[Array, ControlLog]:
+    """Run the machine under the controls of a log."""
+    steps, nu = np.arange(p.grid.steps), len(p.controller.driven)
+    come = (steps - p.lag) // p.grid.per_sample
+    after = np.where(come >= 0, log.given[np.maximum(come, 0)].T, 0.0)
+    before = np.hstack([np.zeros((nu, 1)), after[:, :-1]])
+    W = p.W[p.disturbed]
+    found = _advance(p, counts).mapaccum("run", len(steps))(p.start, before, after, W[:, :-1], W[:, 1:])
+    states = np.hstack([p.start[:, None], np.array(found)])
+    if not np.isfinite(states[:, -1]).all():
+        raise _Overflow
+    return states, log
+
+
+class _StepSignals:
+    """Rows of what each step is given: disturbances at both ends, what is added to the signals, which events it has."""
+
+    def __init__(self, p: MachineLoop) -> None:
+        self.p, nd, ny, nu = p, len(p.disturbed), len(p.controller.measured), len(p.controller.driven)
+        sizes = {"first": nd, "last": nd, "noise": ny, "reference": ny, "forward": nu, "arriving": nu}
+        sizes |= {"sampled": 1, "arrives": 1}
+        self.rows = 0
+        places = {}
+        for name, size in sizes.items():
+            places[name] = slice(self.rows, self.rows + size)
+            self.rows += size
+        self.first, self.last, self.noise, self.reference, self.forward, self.arriving, self.sampled, self.arrives = (
+            places.values()
+        )
+
+    def signals(self, at_end: bool = False) -> Array:
+        """Return them for all steps, (rows, steps), or for the sample at the last time, (rows,)."""
+        p, ps, added = self.p, self.p.grid.per_sample, self.p.added
+        steps = np.array([p.grid.steps]) if at_end else np.arange(p.grid.steps)
+        found, W = np.zeros((self.rows, len(steps))), p.W[p.disturbed]
+        found[self.first] = W[:, steps]
+        if not at_end:
+            found[self.last] = W[:, steps + 1]
+        for place, rows in (
+            (self.noise, added.noise),
+            (self.reference, added.reference),
+            (self.forward, added.feedforward),
+        ):
+            if rows is not None:
+                found[place] = rows[np.minimum(steps // ps, len(rows) - 1)].T
+        found[self.sampled], found[self.arrives] = steps % ps == 0, (steps - p.lag) % ps == 0
+        return found[:, 0] if at_end else found
+
+
+def _inputs(p: MachineLoop, controls: casadi.SX, disturbances: casadi.SX) -> casadi.SX:
+    """Return all inputs of the machine; those that nothing moves are zeros, on which no operation is spent."""
+    import casadi as ca
+
+    u = ca.SX.zeros(len(p.machine.inputs))
+    for k, place in enumerate(p.controller.driven):
+        u[int(place)] += controls[k]
+    for k, place in enumerate(p.disturbed):
+        u[int(place)] += disturbances[k]
+    return u
+
+
+def _sample(p: MachineLoop, queue: int) -> casadi.Function:
+    """Return ``(s, w) -> (s, asked, given, marks)``: the controller reads, asks, and is given what limits allow."""
+    import casadi as ca
+
+    c, limits, beside = p.controller, p.limits, _StepSignals(p)
+    nz, nu = len(p.start), len(c.driven)
+    s, w = ca.SX.sym("s", nz + nu + queue * nu + len(c.A)), ca.SX.sym("w", beside.rows)
+    z, acting, last = s[:nz], s[nz : nz + nu], s[nz + nu : nz + 2 * nu]
+    state = s[nz + (queue + 1) * nu :]
+    y = p.machine.read(z, _inputs(p, acting, w[beside.first]))[0][c.measured.tolist()]
+    y = y if p.added.noise is None else y + w[beside.noise]
+    for k, quantum in enumerate(limits.quantum):
+        if np.isfinite(quantum):
+            count = y[k] / quantum
+            y[k] = quantum * (count - ca.remainder(count, 1.0))
+    y = y if p.added.reference is None else y - w[beside.reference]
+    asked = ca.mtimes(c.C, state) + ca.mtimes(c.D, y)
+    asked = asked if p.added.feedforward is None else asked + w[beside.forward]
+    given, marks = [], [[], []]
+    for k in range(nu):
+        force, rate, allowed = float(limits.force[k]), float(limits.rate[k]), asked[k]
+        saturated = slewed = ca.SX(0.0)
+        if np.isfinite(force):
+            saturated = ca.fabs(asked[k]) > force
+            allowed = ca.fmax(ca.fmin(allowed, force), -force)
+        if np.isfinite(rate):
+            slewed = ca.fabs(allowed - last[k]) > rate
+            allowed = ca.if_else(slewed, last[k] + ca.if_else(allowed > last[k], rate, -rate), allowed)
+        given.append(allowed)
+        marks[0].append(saturated)
+        marks[1].append(slewed)
+    allowed = ca.vertcat(*given)
+    following = ca.mtimes(c.A, state) + ca.mtimes(c.B, y)
+    if c.L.any():
+        following += ca.mtimes(c.L, allowed - asked)
+    waiting = ca.vertcat(allowed, s[nz + nu : nz + queue * nu])
+    marked = ca.vertcat(*marks[0], *marks[1])
+    return ca.Function("sample", [s, w], [ca.vertcat(z, acting, waiting, following), asked, allowed, marked])
+
+
+def _advance(p: MachineLoop, counts: tuple[int, ...]) -> casadi.Function:
+    """Return ``(z, before, after, first, last) -> z`` over a step of the grid, each segment in so many steps."""
+    import casadi as ca
+
+    nu, nd, m = len(p.controller.driven), len(p.disturbed), p.machine
+    sizes = {"z": len(p.start), "before": nu, "after": nu, "first": nd, "last": nd}
+    inline = sum(counts) <= _INLINE
+    symbol: Any = ca.SX.sym if inline else ca.MX.sym
+    z, before, after, first, last = given = [symbol(name, size) for name, size in sizes.items()]
+    begin = 0.0
+    for length, count, control in zip(p.segments, counts, (before, after)[-len(counts) :], strict=True):
+        start, u, d0, d1 = (ca.SX.sym(name, n) for name, n in (("z", len(p.start)), ("u", nu), ("d0", nd), ("d1", nd)))
+        one = exponential_step(m.rest, m.omega, length / count, start, _inputs(p, u, d0), _inputs(p, u, d1))
+        step = ca.Function("step", [start, u, d0, d1], [one])
+        edges = (begin + length * np.arange(count + 1) / count) / p.grid.h
+        if inline:
+            for e0, e1 in pairwise(edges):
+                z = step(z, control, first + e0 * (last - first), first + e1 * (last - first))
+        else:
+            lines = ca.repmat(first, 1, count + 1) + ca.mtimes(last - first, ca.DM(edges).T)
+            z = step.mapaccum("steps", count)(z, ca.repmat(control, 1, count), lines[:, :count], lines[:, 1:])[:, -1]
+        begin += length
+    return ca.Function("advance", given, [z])
+
+
+def measured(p: MachineLoop, states: Array, controls: Array) -> Array:
+    """Return the outputs at the given times, (outputs, points), under the controls that act just after each.
+
+    Raises
+    ------
+    ValueError
+        The mass matrix ceases to be positive definite.
+    """
+    import casadi as ca
+
+    nz, nu, nd = len(p.start), len(p.controller.driven), len(p.disturbed)
+    z, u, d = (ca.SX.sym(name, n) for name, n in (("z", nz), ("u", nu), ("d", nd)))
+    read = ca.Function("read", [z, u, d], list(p.machine.read.call([z, _inputs(p, u, d)])))
+    rows = p.W[p.disturbed][:, :: p.grid.per_point]
+    outputs, margin = (np.array(each) for each in read.map(len(p.grid.time))(states, controls, rows))
+    beyond = np.flatnonzero(margin[0] <= 0.0)
+    if beyond.size:
+        raise ValueError(
+            f"mass matrix margin at t = {p.grid.time[beyond[0]]:.6g} s: expected above zero; the deformation is outside "
+            f"the model"
+        )
+    return outputs

@@ -1,0 +1,482 @@
+"""The hub-beam in a sampled loop: brute force, the linear limit, conservation, kinematics, refusals."""
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.benchmark.rotating_beam.loop import ours, responded, restarted
+from boomctl.simulation.controller import conditioning_gain
+from tests.profiles import examples
+from tests.rotating_beam.strategies import parameters
+from tests.simulation.beam_reference import accelerations, brute_force
+
+_TS = 0.02
+_MODELS = ("sfoam", "sfoam-consistent", "tlam", "foam")
+_SLOW_MODELS = [pytest.param(model, marks=pytest.mark.slow) for model in ("cfoam", "geometrically-exact")]
+
+
+def _beam(model="sfoam", modes=3, tip_mass=0.0, damping=0.0):
+    return bc.hub_beam(bc.HubBeamParameters(tip_mass=tip_mass, damping_ratio=damping), model=model, modes=modes)
+
+
+def _law(names=("hub_angle", "hub_speed"), dt=_TS):
+    """A filter of the first measurement and gains: all matrices that a controller has."""
+    A, B = np.array([[0.6]]), np.array([[0.4, 0.02]])
+    C, D = np.array([[-60.0]]), np.array([[-80.0, -240.0]])
+    return ct.ss(A, B, C, D, dt, inputs=list(names), outputs=["torque"])
+
+
+def _matrices(law, anti_windup=True):
+    A, B, C, D = (np.asarray(each) for each in (law.A, law.B, law.C, law.D))
+    L = conditioning_gain(A, B, C, D)[:, 0] if anti_windup else np.zeros(len(A))
+    return A, B, C[0], D[0], L
+
+
+def _read(beam):
+    size = len(beam.state_names) // 2
+    return lambda x, a: (x[0], x[size])
+
+
+def _agree(found, true, tolerance):
+    for name, row in true.items():
+        np.testing.assert_allclose(found[name], row, rtol=0.0, atol=tolerance * np.abs(row).max(), err_msg=name)
+
+
+def _outputs(beam, states):
+    size = beam.equations.size
+    tip = states[:, 1:size] @ beam.equations.tip.transverse
+    root = states @ beam.root_moment_row
+    return {"hub_angle": states[:, 0], "hub_speed": states[:, size], "tip_displacement": tip, "root_moment": root}
+
+
+_SCENES = {
+    "plain": {},
+    "late": {"delay": 0.013},
+    "later": {"delay": 0.0531},
+    "whole samples late": {"delay": 2 * _TS},
+    "limits": {"delay": 0.013, "force": 25.0, "rate": 60.0},
+    "rounded": {"delay": 0.007, "force": 20.0, "quantum": 1e-3},
+    "everything": {"delay": 0.027, "force": 40.0, "rate": 100.0, "noise": True, "forward": True, "quantum": 1e-3},
+}
+
+
+def _run(beam, scene, time, law, **more):
+    """Return a run, and the states of the same by brute force."""
+    disturbance = {"tip_force": 0.4 * np.sin(3.0 * time), "disturbance_torque": 5.0 * np.cos(2.0 * time)}
+    reference = {"hub_angle": 0.4 * (1.0 - np.cos(time)), "hub_speed": 0.4 * np.sin(time)}
+    forward = 10.0 * np.cos(time) if scene.get("forward") else None
+    samples = round((time[-1] - time[0]) / _TS) + 1
+    sigma = np.array([2e-3, 5e-3])
+    noise = sigma * np.random.default_rng(7).standard_normal((samples, 2)) if scene.get("noise") else None
+    found = bc.simulate_loop(
+        beam,
+        law,
+        disturbance,
+        time,
+        sample_time=_TS,
+        delay=scene.get("delay", 0.0),
+        force_limit=scene.get("force"),
+        rate_limit=scene.get("rate"),
+        quantization=scene.get("quantum"),
+        noise=dict(zip(("hub_angle", "hub_speed"), sigma, strict=True)) if noise is not None else None,
+        seed=7,
+        reference=reference,
+        feedforward=None if forward is None else {"torque": forward},
+        rtol=1e-10,
+        atol=1e-14,
+        **more,
+    )
+    options = {**scene, "noise": noise, "forward": forward, "reference": list(reference.values())}
+    states, given = brute_force(
+        beam, _matrices(law), disturbance, time, sample_time=_TS, read=_read(beam), start=more.get("initial"), **options
+    )
+    return found, states, given
+
+
+@pytest.mark.parametrize("scene", _SCENES)
+def test_the_loop_is_what_brute_force_finds(scene):
+    beam, time = _beam(), np.linspace(0.0, 0.5, 51)
+    found, states, given = _run(beam, _SCENES[scene], time, _law())
+    _agree(found, _outputs(beam, states), 1e-8)
+    np.testing.assert_allclose(found.states, states, rtol=0.0, atol=1e-8 * np.abs(states).max())
+    late = int(np.ceil(_SCENES[scene].get("delay", 0.0) / 0.01 - 1e-9))
+    acting = np.array([given[(k - late) // 2] if k >= late else 0.0 for k in range(len(time))])
+    np.testing.assert_allclose(found.controls["torque"], acting, atol=1e-7 * np.abs(given).max())
+    if "force" in _SCENES[scene]:
+        assert found.saturation_share["torque"] > 0.0
+    if "rate" in _SCENES[scene]:
+        assert found.rate_share["torque"] > 0.0
+
+
+@pytest.mark.slow
+@examples(12)
+@given(
+    parameters(damped=True),
+    st.sampled_from(("sfoam", "sfoam-consistent")),
+    st.one_of(st.floats(0.0, 0.06), st.sampled_from([0.0, 0.02 - 1e-9, 0.02, 0.02 + 1e-9, 0.01, 0.0301])),
+    st.sampled_from([0.004, 0.01, 0.02, 0.06]),
+    st.sampled_from([np.inf, 0.02]),
+    st.sampled_from([np.inf, 0.3]),
+)
+def test_any_beam_and_any_delay_is_what_brute_force_finds(parameters, model, delay, step, force, rate):
+    assume(parameters.hub_inertia > 0.5 * parameters.rigid_inertia)  # the gains would make a light hub unstable
+    beam = bc.hub_beam(parameters, model=model, modes=1)
+    inertia, time = parameters.rigid_inertia, step * np.arange(round(0.12 / step) + 1)
+    gains = [[-0.4 * inertia, -1.2 * inertia]]
+    law = ct.ss([], [], [], gains, _TS, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
+    reference = {"hub_angle": 0.1 * np.sin(20.0 * time)}
+    limits = {
+        "force_limit": None if np.isinf(force) else force * inertia,
+        "rate_limit": None if np.isinf(rate) else rate * inertia,
+    }
+    exact = {"rtol": 1e-10, "atol": 1e-13}
+    run = bc.simulate_loop(beam, law, None, time, sample_time=_TS, delay=delay, reference=reference, **limits, **exact)
+    matrices = (np.zeros((0, 0)), np.zeros((0, 2)), np.zeros(0), np.array(gains[0]), np.zeros(0))
+    options = {
+        "delay": delay,
+        "force": force * inertia,
+        "rate": rate * inertia,
+        "reference": [*reference.values(), 0.0 * time],
+    }
+    states, _ = brute_force(beam, matrices, {}, time, sample_time=_TS, read=_read(beam), **options)
+    true = {name: row for name, row in _outputs(beam, states).items() if name != "root_moment"}
+    _agree(run, true, 2e-8)
+
+
+def test_the_benchmark_races_the_same_loop():
+    beam, time = _beam("sfoam", 5, 0.1), 1e-3 * np.arange(61)
+    found, true = ours(beam, time), restarted(beam, time, 1e-12)
+    np.testing.assert_allclose(found, true, rtol=0.0, atol=1e-10 * np.abs(true).max())
+    continuous = responded(beam, time, "RK45", 1e-8)
+    np.testing.assert_allclose(found, continuous, rtol=0.0, atol=2e-2 * np.abs(true).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", [*_MODELS, "cfoam"])
+@pytest.mark.parametrize("tip_mass", [0.0, 0.2])
+def test_every_model_is_what_brute_force_finds(model, tip_mass):
+    beam, time = _beam(model, 2, tip_mass, damping=0.02), np.linspace(0.0, 0.6, 61)
+    found, states, _ = _run(beam, _SCENES["limits"], time, _law())
+    _agree(found, _outputs(beam, states), 1e-8)
+
+
+@pytest.mark.slow
+def test_the_exact_beam_is_what_brute_force_finds():
+    beam, time = _beam("geometrically-exact", 2, 0.2, damping=0.02), np.linspace(0.0, 0.4, 41)
+    found, states, _ = _run(beam, _SCENES["limits"], time, _law())
+    tip = np.imag(beam.dynamics.tip(states[:, :5]))
+    assert found.rate_share["torque"] > 0.0
+    _agree(found, {"hub_angle": states[:, 0], "hub_speed": states[:, 5], "tip_displacement": tip}, 1e-8)
+
+
+@pytest.mark.slow
+def test_the_exact_beam_keeps_its_energy_and_moves_as_its_own_integrator_finds():
+    beam, time = _beam("geometrically-exact", 3, 0.1), np.linspace(0.0, 1.0, 51)
+    torque = 150.0 * np.sin(3.0 * time)
+    driven = bc.simulate_loop(beam, None, {"torque": torque}, time, sample_time=0.02)
+    other = beam.simulate_torque(lambda t: np.interp(t, time, torque), time, tuple(time[1:-1]), rtol=1e-9)
+    apart = np.abs(driven["tip_displacement"] - other.tip_displacement).max()
+    assert apart <= driven.error_estimate + 1e-9 * np.abs(other.tip_displacement).max()
+    assert np.abs(driven["tip_displacement"]).max() > 0.5
+    free = bc.simulate_loop(beam, None, None, time, sample_time=0.02, initial=driven.states[-1], rtol=1e-10)
+    half = len(beam.state_names) // 2
+    energy = beam.dynamics.energy(free.states[:, :half], free.states[:, half:])
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_sensors_of_the_exact_beam():
+    beam = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1, tip_position=5.0), model="geometrically-exact", modes=2)
+    half = len(beam.state_names) // 2
+    start = 0.02 * np.random.default_rng(3).standard_normal(2 * half)
+    start[5:9] *= 1e-2
+    start[half] = 1.3
+    points = np.unique(np.round(np.real(beam.shape(np.zeros(2 * half))[0]) - beam.parameters.hub_radius, 12))
+    places = [3, 15, len(points) - 1]  # in both spans, and the free end
+    kinds = {"displacement": None, "slope": None, "acceleration": None, "moment": None}
+    sensors = [bc.BeamSensor(f"{kind}_{k}", kind, points[k]) for kind in kinds for k in places]
+    sensors += [
+        bc.BeamSensor(f"{name}_3", "strain", points[3], height) for name, height in (("gauge", 0.01), ("axis", 0.0))
+    ]
+    run = bc.simulate_loop(beam, None, None, [0.0, 1e-5], sample_time=1e-5, initial=start, sensors=sensors)
+    a = accelerations(beam, start[:half], start[half:], np.zeros(3))
+
+    def position(t):
+        moved = start[:half] + t * start[half:] + 0.5 * t**2 * a
+        return beam.shape(np.concatenate([moved, start[half:]]))[0]
+
+    h, turned = 1e-3, np.exp(-1j * start[0])
+    second = (-position(2 * h) + 16 * position(h) - 30 * position(0.0) + 16 * position(-h) - position(-2 * h)) / (
+        12 * h**2
+    )
+    for k in places:
+        assert run[f"displacement_{k}"][0] == pytest.approx((position(0.0) * turned)[k].imag, rel=1e-10, abs=1e-13)
+        assert run[f"acceleration_{k}"][0] == pytest.approx((second * turned)[k].imag, rel=1e-6)
+    for k in places[:2]:  # which are nodes
+        assert run[f"slope_{k}"][0] == pytest.approx(beam.basis.rotation[k, 1:] @ start[1:half], rel=1e-10)
+    assert run["axis_3"][0] == pytest.approx(beam.basis.stretch[3] @ start[:half], rel=1e-10)
+    curvature = run["moment_3"][0] / beam.parameters.bending_stiffness
+    assert run["gauge_3"][0] == pytest.approx(run["axis_3"][0] - 0.01 * curvature, rel=1e-12)
+    # the curvature is the slope of the rotation
+    near = [bc.BeamSensor(name, "slope", points[3] + d) for name, d in (("before", -1e-4), ("after", 1e-4))]
+    slopes = bc.simulate_loop(beam, None, None, [0.0, 1e-5], sample_time=1e-5, initial=start, sensors=near)
+    assert (slopes["after"][0] - slopes["before"][0]) / 2e-4 == pytest.approx(curvature, rel=1e-6)
+
+
+@pytest.mark.parametrize(("step", "count"), [(0.005, 81), (0.04, 11)])
+def test_times_finer_and_coarser_than_the_samples(step, count):
+    beam, time = _beam(modes=2, tip_mass=0.1), 3.0 + step * np.arange(count)
+    start = np.array([0.1, 0.02, -0.001, 0.2, 0.05, 0.0])
+    found, states, _ = _run(beam, {"delay": 0.031, "rate": 300.0}, time, _law(), initial=start)
+    _agree(found, _outputs(beam, states), 1e-8)
+
+
+def test_a_long_delay_waits_in_the_log_as_in_a_queue(monkeypatch):
+    from boomctl.simulation.machine import run
+
+    beam, time, law = _beam(modes=2), np.linspace(0.0, 0.4, 41), _law()
+    law = ct.ss(law.A, law.B, 0.05 * law.C, 0.05 * law.D, _TS, inputs=law.input_labels, outputs=law.output_labels)
+    queue, _, _ = first = _run(beam, {"delay": 0.093}, time, law)
+    monkeypatch.setattr(run, "_LONGEST_QUEUE", 1)
+    log, _, _ = _run(beam, {"delay": 0.093}, time, law)
+    for name in queue.outputs:
+        np.testing.assert_allclose(log[name], queue[name], rtol=0.0, atol=1e-13 * np.abs(queue[name]).max())
+    _agree(queue, _outputs(beam, first[1]), 1e-8)
+
+
+@pytest.mark.parametrize("model", _MODELS)
+def test_small_motions_are_those_of_the_linear_model(model):
+    beam, time = _beam(model, 3, 0.1), np.linspace(0.0, 4.0, 401)
+    small = 1e-6
+    reference = {"hub_angle": np.full(time.size, small)}
+    options = {"sample_time": _TS, "delay": 0.013, "force_limit": 50.0 * small, "reference": reference, "atol": 1e-16}
+    nonlinear = bc.simulate_loop(beam, _law(), {"torque": small * np.sin(time)}, time, **options)
+    linear = bc.simulate_loop(beam.linearize(), _law(), {"torque": small * np.sin(time)}, time, **options)
+    assert linear.saturation_share["torque"] > 0.0
+    for name in linear.outputs:
+        np.testing.assert_allclose(nonlinear[name], linear[name], rtol=0.0, atol=1e-7 * np.abs(linear[name]).max())
+
+
+@pytest.mark.parametrize("model", ["sfoam-consistent", "foam", "tlam"])
+def test_energy_and_momentum_are_kept_without_controller_and_damping(model):
+    beam, time = _beam(model, 2, 0.1), np.linspace(0.0, 2.0, 101)
+    start = np.zeros(len(beam.state_names))
+    half = len(start) // 2
+    start[half - 2], start[half] = 0.1, 1.2
+    run = bc.simulate_loop(beam, None, None, time, sample_time=0.02, initial=start, rtol=1e-10)
+    y, rate = run.states[:, :half], run.states[:, half:]
+    momenta = beam.equations.inertia(y).momenta(rate)
+    energy = 0.5 * np.sum(momenta * rate, axis=1) + 0.5 * np.sum((y[:, 1:] @ beam.equations.K) * y[:, 1:], axis=1)
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
+    np.testing.assert_allclose(momenta[:, 0], momenta[0, 0], rtol=1e-9)
+
+
+def test_the_motion_under_a_torque_is_that_of_simulate():
+    beam, time = _beam("sfoam", 5, 0.1), np.linspace(0.0, 3.0, 301)
+    torque = 100.0 * np.sin(2.0 * time)
+    run = bc.simulate_loop(beam, None, {"torque": torque}, time, sample_time=0.01)
+    other = beam.simulate_torque(lambda t: np.interp(t, time, torque), time, tuple(time[1:-1]))
+    atol = 1e-8 * np.abs(other.tip_displacement).max() + 2e-10
+    np.testing.assert_allclose(run["tip_displacement"], other.tip_displacement, rtol=0.0, atol=2.0 * atol)
+    np.testing.assert_allclose(run.states, other.states, rtol=0.0, atol=1e-6 * np.abs(other.states).max())
+
+
+@pytest.mark.parametrize("model", [*_MODELS, _SLOW_MODELS[0]])
+def test_the_stated_error_is_not_below_the_true_one(model):
+    beam, time = _beam(model, 2, 0.1), np.linspace(0.0, 1.0, 51)
+    drive = {"torque": 150.0 * np.sin(5.0 * time), "tip_force": np.cos(7.0 * time)}
+    true = bc.simulate_loop(beam, None, drive, time, sample_time=0.02, rtol=1e-12, atol=1e-15)
+    for rtol in (1e-3, 1e-6, 1e-9):
+        run = bc.simulate_loop(beam, None, drive, time, sample_time=0.02, rtol=rtol, atol=1e-15)
+        apart = np.abs(run["tip_displacement"] - true["tip_displacement"]).max()
+        assert apart <= run.error_estimate + 2.0 * true.error_estimate + 1e-14
+        assert run.error_estimate <= 1e-15 + rtol * 9.0 * np.abs(run["hub_angle"]).max()
+
+
+@pytest.mark.parametrize("model", [*_MODELS, _SLOW_MODELS[0]])
+def test_sensors_read_the_shape_and_its_accelerations(model):
+    beam = _beam(model, 3, 0.1)
+    half = beam.equations.size
+    rng = np.random.default_rng(3)
+    start = 0.02 * rng.standard_normal(2 * half)
+    if beam.has_axial_modes:
+        start[1:4], start[half + 1 : half + 4] = 1e-4 * start[1:4], 1e-2 * start[half + 1 : half + 4]
+    start[half] = 1.3
+    # the shape is drawn at 41 places on 8 m
+    sensors = [
+        bc.BeamSensor(f"{kind}_{k}", kind, 0.2 * k) for kind in ("displacement", "acceleration") for k in (15, 40)
+    ]
+    sensors += [bc.BeamSensor(f"slope_{k}", "slope", 0.2 * k) for k in (14, 15, 16)]
+    sensors += [bc.BeamSensor("gauge", "strain", 3.0, 0.01), bc.BeamSensor("axis", "strain", 3.0, 0.0)]
+    sensors += [bc.BeamSensor("moment", "moment", 3.0), bc.BeamSensor("clamp", "moment", 0.0)]
+    forces = np.array([30.0, 5.0, 0.7])
+    drive = {name: np.full(2, f) for name, f in zip(("torque", "disturbance_torque", "tip_force"), forces, strict=True)}
+    run = bc.simulate_loop(beam, None, drive, [0.0, 1e-4], sample_time=1e-4, initial=start, sensors=sensors)
+    turned = np.exp(-1j * start[0])
+    hub = beam.parameters.hub_radius
+
+    def position(t):
+        a = accelerations(beam, start[:half], start[half:], forces)
+        return beam.shape(np.concatenate([start[:half] + t * start[half:] + 0.5 * t**2 * a, start[half:]]))[0]
+
+    h = 1e-3
+    here = position(0.0) * turned
+    second = (-position(2 * h) + 16 * position(h) - 30 * position(0.0) + 16 * position(-h) - position(-2 * h)) / (
+        12 * h**2
+    )
+    for k in (15, 40):
+        assert run[f"displacement_{k}"][0] == pytest.approx(here[k].imag, abs=1e-13)
+        assert run[f"acceleration_{k}"][0] == pytest.approx((second * turned)[k].imag, rel=1e-6)
+    assert run["tip_acceleration"][0] == pytest.approx(run["acceleration_40"][0], rel=1e-13)
+    assert run["clamp"][0] == pytest.approx(run["root_moment"][0], rel=1e-13)
+    assert run["root_moment"][0] == pytest.approx(beam.root_moment_row @ start, rel=1e-10)
+    # Simpson's rule on the slopes; the curvature turns moment and strain
+    across = run["slope_14"][0] + 4.0 * run["slope_15"][0] + run["slope_16"][0]
+    assert (here[16] - here[14]).imag == pytest.approx(0.4 / 6.0 * across, rel=1e-2)
+    curvature = run["moment"][0] / beam.parameters.bending_stiffness
+    assert run["gauge"][0] - run["axis"][0] == pytest.approx(-0.01 * curvature, rel=1e-12)
+    assert (run["axis"][0] == 0.0) is not beam.has_axial_modes
+    assert hub > 0.0
+
+
+def test_noise_is_the_same_for_the_same_seed_and_adds_its_variance():
+    time = 0.01 * np.arange(4001)
+    plant = ct.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs=["u"], outputs=["y"])
+    law = ct.ss([], [], [], [[-1.0]], 0.01, inputs=["y"], outputs=["u"])
+    runs = [bc.simulate_loop(plant, law, None, time, sample_time=0.01, noise=0.3, seed=seed) for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(runs[0].asked["u"], runs[1].asked["u"])
+    assert not np.array_equal(runs[0].asked["u"], runs[2].asked["u"])
+    heard = -(runs[0].asked["u"] + runs[0]["y"])
+    assert np.std(heard) == pytest.approx(0.3, rel=0.05)
+    quiet = bc.simulate_loop(plant, law, {"u": np.ones(time.size)}, time, sample_time=0.01, noise=0.0)
+    plain = bc.simulate_loop(plant, law, {"u": np.ones(time.size)}, time, sample_time=0.01)
+    np.testing.assert_array_equal(quiet["y"], plain["y"])
+
+
+def test_reference_and_feedforward_of_a_linear_plant():
+    """A reference is a disturbance of the measurement, a feedforward one of the control while nothing is limited."""
+    beam, time = _beam(modes=2, tip_mass=0.1), np.linspace(0.0, 2.0, 201)
+    wanted, forward = 0.3 * np.sin(time), 20.0 * np.cos(time)
+    run = bc.simulate_loop(
+        beam.linearize(),
+        _law(),
+        None,
+        time,
+        sample_time=_TS,
+        reference={"hub_angle": wanted},
+        feedforward={"torque": forward},
+    )
+    P = ct.c2d(beam.linearize(), _TS, "zoh")
+    law, x, state = _law(), np.zeros(P.nstates), np.zeros(1)
+    for k in range(101):
+        y = P.C @ x
+        np.testing.assert_allclose(y, [run[name][2 * k] for name in P.output_labels], atol=1e-10)
+        error = y[:2] - np.array([wanted[2 * k], 0.0])
+        u = law.C @ state + law.D @ error + forward[2 * k]
+        state, x = law.A @ state + law.B @ error, P.A @ x + P.B @ u
+
+
+_TIME = 0.02 * np.arange(11)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"stroke_limit": 1.0}, ValueError, "stroke_limit: expected None for a hub-beam"),
+        ({"friction": bc.CoulombFriction(1.0)}, ValueError, "friction: expected None for a hub-beam"),
+        ({"initial": [0.0]}, ValueError, r"initial has shape \(1,\); expected \(8,\)"),
+        ({"force_limit": -1.0}, ValueError, "force_limit = -1.0"),
+        ({"delay": -0.1}, ValueError, "delay = -0.1"),
+        ({"rtol": 0.0}, ValueError, "rtol = 0.0"),
+        ({"atol": "small"}, TypeError, "atol = 'small'"),
+        ({"disturbance": {"force": np.zeros(11)}}, ValueError, "unknown disturbance input 'force'"),
+        ({"disturbance": {"tip_force": np.zeros(3)}}, ValueError, r"disturbance 'tip_force' has shape \(3,\)"),
+        ({"noise": {"tip": 1.0}}, ValueError, "unknown signal of noise 'tip'"),
+        ({"noise": -1.0}, ValueError, "noise = -1.0"),
+        ({"seed": -1}, ValueError, "seed = -1"),
+        ({"seed": 0.5}, TypeError, "seed = 0.5"),
+        ({"reference": {"torque": np.zeros(11)}}, ValueError, "unknown signal of reference 'torque'"),
+        ({"reference": np.zeros(11)}, TypeError, "reference = .*: expected a mapping"),
+        ({"reference": {"hub_angle": np.full(11, np.nan)}}, ValueError, "reference 'hub_angle' has a gap"),
+        ({"feedforward": {"torque": [1.0]}}, ValueError, r"feedforward 'torque' has shape \(1,\)"),
+        ({"sensors": 3}, TypeError, "sensors = 3"),
+        ({"sensors": ["tip"]}, TypeError, r"sensors\[0\] = 'tip': expected BeamSensor"),
+        ({"sensors": [bc.BeamSensor("far", "slope", 9.0)]}, ValueError, r"sensors\[0\]: .*9.0.*8"),
+        ({"sensors": [bc.BeamSensor("hub_angle", "slope", 1.0)]}, ValueError, "sensors.*'hub_angle'"),
+    ],
+)
+def test_bad_input_is_refused_by_name(change, error, message):
+    given = {"disturbance": None, "timepts": _TIME, "sample_time": _TS} | change
+    with pytest.raises(error, match=message):
+        bc.simulate_loop(_beam(), _law(), **given)
+
+
+def test_other_machines_are_refused():
+    with pytest.raises(TypeError, match=r"plant: expected .*got int"):
+        bc.simulate_loop(3, _law(), None, _TIME, sample_time=_TS)
+    sensors = [bc.BeamSensor("a", "slope", 1.0)]
+    with pytest.raises(ValueError, match="sensors: expected none for a linear plant"):
+        bc.simulate_loop(_beam().linearize(), _law(), None, _TIME, sample_time=_TS, sensors=sensors)
+    with pytest.raises(ValueError, match=r"unknown .*'tip_speed'"):
+        bc.simulate_loop(_beam(), _law(("hub_angle", "tip_speed")), None, _TIME, sample_time=_TS)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"quantity": "jerk"}, "unknown quantity 'jerk'"),
+        ({"position": -1.0}, "position = -1.0"),
+        ({"quantity": "strain"}, "height = None: expected a distance"),
+        ({"height": 0.1}, "height = 0.1: expected None"),
+        ({"name": "a.b"}, "name = 'a.b'"),
+    ],
+)
+def test_a_sensor_that_is_none(change, message):
+    with pytest.raises(ValueError, match=message):
+        bc.BeamSensor(**({"name": "a", "quantity": "slope", "position": 1.0} | change))
+
+
+def test_loops_that_cannot_be_followed():
+    time = 0.02 * np.arange(501)
+    wild = ct.ss([], [], [], [[4e3, 4e4]], _TS, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
+    with pytest.raises(ValueError, match=r"diverges|outside the model|error stays"):
+        bc.simulate_loop(_beam(), wild, {"torque": np.ones(501)}, time, sample_time=_TS)
+    with pytest.raises(ValueError, match="rtol = 1e-15: the error stays at"):
+        bc.simulate_loop(_beam(), None, {"torque": 100.0 * np.sin(time)}, time, sample_time=_TS, rtol=1e-15, atol=1e-30)
+    with pytest.raises(ValueError, match="timepts: the motion would take"):
+        bc.simulate_loop(_beam(), None, None, [0.0, 1e9], sample_time=1e9)
+
+
+@pytest.mark.parametrize("model", _MODELS)
+def test_small_motions_are_those_of_the_linear_model_with_its_sensors(model):
+    beam, time, small = _beam(model, 3, 0.1, damping=0.01), np.linspace(0.0, 2.0, 201), 1e-6
+    kinds = {"displacement": None, "slope": None, "moment": None, "acceleration": None, "strain": 0.01}
+    sensors = [bc.BeamSensor(kind, kind, 3.0, height) for kind, height in kinds.items()]
+    rows = {"tip_force": 0.1 * small * np.cos(4.0 * time), "disturbance_torque": small * np.sin(3.0 * time)}
+    law = ct.ss([], [], [], [[-80.0, -2.0]], _TS, inputs=["slope", "tip_acceleration"], outputs=["torque"])
+    options = {"sample_time": _TS, "delay": 0.013, "atol": 1e-16}
+    linear = bc.simulate_loop(beam.linearize(sensors=sensors), law, rows, time, **options)
+    nonlinear = bc.simulate_loop(beam, law, rows, time, sensors=sensors, **options)
+    assert set(linear.outputs) == set(nonlinear.outputs)
+    for name in linear.outputs:
+        np.testing.assert_allclose(nonlinear[name], linear[name], rtol=0.0, atol=1e-6 * np.abs(linear[name]).max())
+
+
+@pytest.mark.parametrize("model", [*_MODELS, *_SLOW_MODELS])
+def test_the_linear_model_with_sensors_holds_the_one_without(model):
+    beam = _beam(model, 2, 0.1, damping=0.02)
+    for speed in (0.0, 1.3):
+        plain, whole = beam.linearize(speed), beam.linearize(speed, sensors=())
+        assert whole.input_labels == ["torque", "disturbance_torque", "tip_force"]
+        np.testing.assert_allclose(whole.A, plain.A, rtol=0.0, atol=1e-9 * np.abs(plain.A).max())
+        np.testing.assert_allclose(whole.B[:, :1], plain.B, rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(whole.B[:, 1], whole.B[:, 0], rtol=1e-12)
+        np.testing.assert_allclose(whole.C[:3], plain.C, rtol=0.0, atol=1e-12)
+        # a force at the tip moves the tip as a torque turns it: reciprocity of what is conservative
+        mobility = whole.C[[0, 2]] @ whole.A @ whole.B[:, [0, 2]]
+        if not speed:
+            reach = beam.parameters.hub_radius + beam.parameters.length
+            assert mobility[1, 0] + reach * mobility[0, 0] == pytest.approx(mobility[0, 1], rel=1e-9)
