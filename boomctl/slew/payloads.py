@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import nonnegative, sequence
+from boomctl.checks import instance, mapping, nonnegative, sequence
 from boomctl.printing import compact, table_html
 from boomctl.slew.plant import SlewMachine, plant_of
 from boomctl.slew.result import SlewResult
@@ -139,6 +139,8 @@ def compare_payloads(
         Slews of a linear system; a bad mass; no mass.
     """
     masses = [nonnegative("tip_masses", mass) for mass in sequence("tip_masses", tip_masses, "masses in kg")]
+    for name, slew in mapping("slews", slews, "names to slews").items():
+        instance(f"slews[{name!r}]", slew, SlewResult)
     if not masses or not slews:
         raise ValueError("tip_masses: expected one payload at least, and one slew")
     machine = next(iter(slews.values())).plan.problem.plants[0].machine

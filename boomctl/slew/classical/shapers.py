@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import known, nonnegative, positive, real
+from boomctl.checks import instance, known, nonnegative, positive, real
 from boomctl.printing import compact
 from boomctl.slew.torque import TorqueHistory, held
 
@@ -148,6 +148,7 @@ def classical_spin_up(shape: str, train: Shaper, speed: float, inertia: float, t
         If the shape is unknown or a number out of its range.
     """
     known("shape", shape, ("constant", "smooth"))
+    instance("train", train, Shaper)
     limit = positive("torque_limit", torque_limit)
     least = abs(speed) * positive("inertia", inertia) / limit
     if shape == "constant":

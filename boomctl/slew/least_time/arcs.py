@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.checks import instance
 from boomctl.printing import count
 from boomctl.slew.dynamics import explicit_step
 from boomctl.slew.linear import guess_from
@@ -269,6 +270,7 @@ def switching_curve(result: SlewResult) -> SwitchingCurve:
     ValueError
         The torque is not bang-bang.
     """
+    instance("result", result, SlewResult)
     history, problem = result.history, result.plan.problem
     if result.certificate.switches is None:
         raise ValueError(

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.checks import known, sequence, shown, whole
 from boomctl.printing import compact, listed
 from boomctl.progress import Listener, computing
 from boomctl.slew.linear import guess_from, least_effort
 from boomctl.slew.nlp.programme import prepare
 from boomctl.slew.nlp.transcription import Scheme
-from boomctl.slew.problem import Limits, slew_problem
+from boomctl.slew.problem import METHODS, Limits, slew_problem
 from boomctl.slew.replay import played, prescribed_error
 from boomctl.slew.result import SlewError
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _FLOOR = 3e-9  # error below which a replay, to 1e-10, does not tell schemes apart
+_HIGHEST_ORDER = 9  # of a scheme: CasADi knows as many collocation points (a limit of theirs)
 _TOLERANCE = 1e-9  # of the end, for which IPOPT is to leave nothing of its own
 
 
@@ -103,7 +105,20 @@ def mesh_study(
     MeshStudy
         One line a scheme for the end state, and one for the cost of the last scheme: what holding the torque costs. A
         mesh without a solution leaves a gap.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A bad argument.
     """
+    meshes = [whole("intervals", number, 4) for number in sequence("intervals", intervals, "whole numbers")]
+    if len(meshes) < 2 or not (np.diff(meshes) > 0).all():
+        raise ValueError(f"intervals = {shown(intervals)}: expected two whole numbers at least, ascending")
+    for scheme in sequence("schemes", schemes, "pairs (method, order)"):
+        if len(sequence("schemes", scheme, "pairs (method, order)")) != 2:
+            raise ValueError(f"schemes: expected pairs (method, order), got {shown(scheme)}")
+        known("method of a scheme", scheme[0], METHODS)
+        whole("order of a scheme", scheme[1], most=_HIGHEST_ORDER)
     lines, cost = [], np.zeros(len(intervals))
     with computing("mesh study", progress) as tell:
         for method, order in schemes:
