@@ -198,7 +198,7 @@ CALLS = {
         "top": 50.0,
         "max_evaluations": 200,
     },
-    "feedback_loop": lambda: {"plant": plant(), "controller": controller(), "added": ()},
+    "feedback_loop": lambda: {"plant": plant(), "controller": controller(), "added": (), "delay": 0.0},
     "fit": lambda: {
         "build": springs,
         "measured": [0.25, 0.58, 0.95],
@@ -329,7 +329,7 @@ CALLS = {
         "integral": (),
         "N": None,
     },
-    "margins": lambda: {"plant": plant(), "controller": controller()},
+    "margins": lambda: {"plant": plant(), "controller": controller(), "delay": 0.0},
     "mixed_sensitivity": lambda: {"plant": system(), "W1": 1.0, "W2": 0.1, "W3": None},
     "mode_table": lambda: {"system": plant()},
     "nozzle_positions": lambda: {"length": 12.0, "spacing": 0.5},

@@ -1,4 +1,4 @@
-"""Poles at the imaginary axis: do they decay, and do they show in the response?
+"""Poles at the imaginary axis, in discrete time at the unit circle: do they decay, and do they show in the response?
 
 An eigenvalue solver cannot tell: it moves poles by rounding.  Where its poles lie so near to the axis that this matters,
 the invariant subspace that belongs to them is refined in 60 digits, with the matrices given taken as exact.  Then one of
@@ -32,9 +32,10 @@ class AxisPoles:
     Attributes
     ----------
     infinite : complex or None
-        A pole that makes the response infinite: one that grows, or one on the axis that shows.
+        A pole that makes the response infinite: one that grows, or one on the axis that shows.  In discrete time its
+        rate ``log(z)/dt``.
     doubtful : complex or None
-        One of which the digits given do not tell; None if there is an infinite one.
+        One of which the digits given do not tell; None if there is an infinite one.  A rate in discrete time.
     silent : (n,) ndarray of bool
         Which of ``poles`` lie on the axis and do not show.
     poles : (n,) complex ndarray
@@ -54,19 +55,20 @@ def poles_at_axis(system: Lti) -> AxisPoles:
     cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
     felt = np.einsum("ij,ij->j", np.abs(left), np.abs(system.A) @ np.abs(right))
     off = _MOVED * _EPS * felt / np.maximum(cosine, _PARALLEL)
-    if (poles.real < -off).all():
+    rates, beyond = system.rates, poles.real if system.dt == 0.0 else np.abs(poles) - 1.0
+    if (beyond < -off).all():
         return AxisPoles(None, None, silent, poles)
-    if (poles.real > off).any():
-        return AxisPoles(complex(poles[poles.real > off][0]), None, silent, poles)
+    if (beyond > off).any():
+        return AxisPoles(complex(rates[beyond > off][0]), None, silent, poles)
     doubtful = None
-    for group in _groups(poles, off, (poles.real >= -off) & (poles.imag >= 0.0)):
+    for group in _groups(poles, off, (beyond >= -off) & (poles.imag >= 0.0)):
         found = _judged(system, poles, group)
         if found == "infinite":
-            return AxisPoles(complex(0.0, abs(poles[group].imag).mean()), None, silent, poles)
+            return AxisPoles(complex(0.0, abs(rates[group].imag).mean()), None, silent, poles)
         if found == "grows":
-            return AxisPoles(complex(max(poles[group].real.max(), _EPS), 0.0), None, silent, poles)
+            return AxisPoles(complex(max(rates[group].real.max(), _EPS), 0.0), None, silent, poles)
         if found == "doubtful" and doubtful is None:
-            doubtful = complex(poles[group].mean())
+            doubtful = complex(rates[group].mean())
         elif found == "silent":
             silent[group] = True
             mirrored = np.abs(poles[:, None] - poles[group].conj()).argmin(axis=0)
@@ -107,7 +109,7 @@ def _judged(system: Lti, poles: Array, group: Array) -> str:
         sizes = np.abs(_double(W)) @ np.abs(system.A) @ np.abs(_double(V))
         entries = (_ENTRIES * _EPS * float(np.linalg.norm(sizes))) ** (1.0 / len(group))
         exact = mp.eig(P, left=False, right=False) if len(group) > 1 else [P[0]]
-        real = np.array([float(mp.re(p)) for p in exact])
+        real = np.array([float(mp.re(p) if system.dt == 0.0 else mp.fabs(p) - 1) for p in exact])
         least = max(float(np.abs(system.A).max()), float(np.finfo(float).tiny)) * 10.0 ** (-_ON_AXIS / len(group))
         if (np.abs(real) > least).any():
             if (real < -entries).all():

@@ -5,6 +5,8 @@ Gramian of controllability, that of observability, and the sum over pairs of mod
 ``|G|^2 = -sum_ij (c_i^* c_j)(b_j b_i^*)/(p_j + p_i^*)``.  Without such coordinates, the two Gramians in those given: with
 ``A P + P A^T + B B^T = R`` the square of the norm is ``tr(C P C^T) - tr(R Q)``, exactly, and ``R`` is summed and taken out
 in extended precision.
+
+In discrete time alike, with ``1/(1 - p_i p_j^*)`` in the sum and ``A P A^T - P + B B^T = R``.
 """
 
 from dataclasses import dataclass, replace
@@ -14,10 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.axis import poles_at_axis
-from boomctl.analysis.norm import DOUBTFUL
+from boomctl.analysis.norm import doubtful
 from boomctl.arrays import Array
+from boomctl.lti.bilinear import modal_image
 from boomctl.lti.faithful_modes import FaithfulModes, faithful_modes
-from boomctl.lti.gramians import factors, refined_gramian
+from boomctl.lti.gramians import factors, refined_gramian, refined_gramian_of_steps
 from boomctl.lti.modal import UNDAMPED, split_and_doubt
 from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
 
 _AGREEMENT = 1e-6  # relative distance of bounds and of independent values up to which a norm is certified (a choice)
 _EPS = float(np.finfo(float).eps)
+_CANCELLED = 4.0  # roundings of one, in the difference of one and the product of two poles
 _TERMS = 16.0  # roundings of a term of a sum over pairs of modes, beside one for each that it is added to
 
 
@@ -38,7 +42,7 @@ class H2Certificate:
     Attributes
     ----------
     value : float
-        The norm; ``inf`` with a feedthrough, an unstable pole, or an undamped mode that shows.
+        The norm; ``inf`` with an unstable pole, an undamped mode that shows, or, in continuous time, a feedthrough.
     lower, upper : float
         Bounds: what rounding may have changed, in modal coordinates or by the residual of the Gramian's equation.
     gap : float
@@ -69,16 +73,25 @@ class H2Certificate:
 def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     """Return the certified H2 norm: the RMS of the outputs to white noise of unit intensity at every input.
 
+    In discrete time white noise of unit variance at every sample: the square is the sum of the squares of all pulse
+    responses, the feedthrough included.
+
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time, not finite; an output of a structure that needs a derivative of an input.
+        Another kind of system, discrete time that does not say its sampling time, not finite; an output of a
+        structure that needs a derivative of an input.
     """
-    given = modal_form(system.structure, system.ports) if isinstance(system, SecondOrderModel) else of(system)
-    if given.D.any():
+    given = (
+        modal_form(system.structure, system.ports) if isinstance(system, SecondOrderModel) else of(system, sampled=True)
+    )
+    if given.D.any() and given.dt == 0.0:
         o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
         return _infinite(f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")
     if not len(given.A) or min(given.D.shape) == 0:
+        if given.D.any():
+            through = float(np.linalg.norm(given.D))
+            return H2Certificate(through, through, through, 0.0, "a feedthrough, and no states")
         return H2Certificate(0.0, 0.0, 0.0, 0.0, "no response")
     balanced, doubt = given.balanced(), 0.0
     axis = poles_at_axis(balanced)
@@ -86,11 +99,16 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
         pole = axis.infinite
         if pole.real > 0.0:
             return _infinite(f"an unstable pole at {pole.real:.4g}{pole.imag:+.4g}j rad/s")
-        return _infinite(f"a pole on the imaginary axis, at {pole.imag:.6g} rad/s")
+        where = "imaginary axis" if given.dt == 0.0 else "unit circle"
+        return _infinite(f"a pole on the {where}, at {pole.imag:.6g} rad/s")
     if axis.doubtful is not None:
-        near = np.abs(axis.poles.real) <= UNDAMPED * np.abs(axis.poles)
-        near |= np.abs(axis.poles - axis.doubtful) <= UNDAMPED * np.abs(axis.poles).max()
-        return _doubtful(balanced, near, f"a mode at {abs(axis.doubtful):.6g} rad/s {DOUBTFUL}")
+        if given.dt == 0.0:
+            near = np.abs(axis.poles.real) <= UNDAMPED * np.abs(axis.poles)
+            near |= np.abs(axis.poles - axis.doubtful) <= UNDAMPED * np.abs(axis.poles).max()
+        else:
+            near = np.abs(np.abs(axis.poles) - 1.0) <= UNDAMPED
+            near |= np.abs(axis.poles - np.exp(axis.doubtful * given.dt)) <= UNDAMPED
+        return _doubtful(balanced, near, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(given)}")
     if axis.silent.any():
         _, balanced, doubt = split_and_doubt(balanced, axis.silent, "undamped modes that do not show")
     return _finite(balanced, doubt)
@@ -116,9 +134,13 @@ def _conjugates(poles: Array) -> Array:
 def _finite(system: Lti, doubt: float) -> H2Certificate:
     """Return the norm of a stable system without feedthrough."""
     if not len(system.A):
-        return H2Certificate(0.0, 0.0, 0.0, 0.0, "no mode that shows")
+        through = float(np.linalg.norm(system.D))
+        return H2Certificate(through, through, through, 0.0, "no mode that shows")
+    if system.dt != 0.0 and not (system.B.any() and system.C.any()):
+        through = float(np.linalg.norm(system.D))
+        return H2Certificate(through, through, through, 0.0, "no state that is both moved and seen")
     modes = faithful_modes(system, doubt)
-    found = None if modes is None else _by_modes(modes)
+    found = None if modes is None else _by_modes(modes) if system.dt == 0.0 else _by_discrete_modes(modes, system.dt)
     if found is not None and (found.certified or doubt):
         return found
     other = _by_refined_gramians(system)
@@ -146,14 +168,39 @@ def _by_modes(modes: FaithfulModes) -> H2Certificate:
     )
 
 
+def _by_discrete_modes(modes: FaithfulModes, dt: float) -> H2Certificate:
+    """Return the norm of a discrete system as a sum over pairs of modes, beside the two Gramians of its continuous image."""
+    modal, p = modes.modal, modes.modal.poles
+    image = modal_image(modal, dt)[0]  # its Gramians are those of the discrete system
+    F, H = factors(image.blocks, image)
+    through = float(np.sum(modal.D**2))
+    values = [float(np.sqrt(np.sum(found**2) + through)) for found in (modal.blocks.C @ F, modal.blocks.B.T @ H)]
+    acting: Array = modal.B @ modal.B.conj().T
+    reading: Array = modal.C.conj().T @ modal.C
+    shares = 1.0 / (1.0 - p[:, None] * p.conj()[None, :])
+    square = max(float(np.sum(reading.T * acting * shares).real), 0.0) + through
+    sizes = (np.abs(modal.C).T @ np.abs(modal.C)) * (np.abs(modal.B) @ np.abs(modal.B).T) * np.abs(shares)
+    # where 1 and the product of two poles nearly cancel, the difference is off by a few units of rounding of one
+    rounding = _EPS * float(np.sum(sizes * (_TERMS + len(p) + _CANCELLED * np.abs(shares)))) + _EPS * _TERMS * through
+    value, gap = float(np.sqrt(square)), modes.energy_gap
+    low, high = float(np.sqrt(max(square - rounding, 0.0))), float(np.sqrt(square + rounding))
+    return H2Certificate(
+        value, max(low - gap, 0.0), high + gap, _relative([value, *values]), "two Gramians and the modes"
+    )
+
+
 def _by_refined_gramians(system: Lti) -> H2Certificate:
     """Return the norm by two Gramians, refined by residuals that are summed in extended precision."""
     A, wide = system.A, np.longdouble
-    P, left_P = refined_gramian(A, system.B)
-    Q, _ = refined_gramian(A.T, system.C.T)
+    gramian = refined_gramian if system.dt == 0.0 else refined_gramian_of_steps
+    P, left_P = gramian(A, system.B)
+    Q, _ = gramian(A.T, system.C.T)
     C, B = system.C.astype(wide), system.B.astype(wide)
     by_control, by_observation = float(np.sum((C @ P) * C)), float(np.sum((B.T @ Q) * B.T))
     summed = 2.0 * len(A) * float(np.finfo(wide).eps) * float(np.sum((np.abs(C) @ np.abs(P)) * np.abs(C)))
+    if system.D.any():  # in discrete time alone
+        through = float(np.sum(system.D.astype(wide) ** 2))
+        by_control, by_observation = by_control + through, by_observation + through
     # |tr(R Q)|, with what Q itself may be off: of second order, so that twice is enough where it is small
     margin = 2.0 * float(np.sum(left_P * np.abs(Q.astype(float)))) + summed + _EPS * abs(by_control)
     if not (by_control > 0.0 and np.isfinite(margin) and np.isfinite(by_observation)):

@@ -1,4 +1,4 @@
-"""Feedback loops ``u = K y`` closed by name, with signals added at controls and measurements."""
+"""Feedback loops ``u = K y`` closed by name, with signals added at controls and measurements; continuous or sampled."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from boomctl.analysis.sampled import sampled_plant, time_of_loop
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names
+from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.system import Lti, is_frequency_response, lower_lft, of
 from boomctl.printing import compact
 from boomctl.structure.model import SecondOrderModel
@@ -30,7 +32,7 @@ class Loop:
     system : Lti
         From the disturbances, what is added to each control, and what is added to each measurement, to the plant's
         outputs, the controls as the plant feels them, and the measurements as the controller reads them.  Plant states
-        come first, then the controller's.
+        come first, then the controller's.  In discrete time where the controller is.
     """
 
     disturbances: tuple[str, ...]
@@ -66,18 +68,27 @@ class Loop:
         return self.system.between(inputs, range(len(self.outputs) + len(self.controls)))
 
 
-def joined(plant: SecondOrderModel | control.StateSpace, controller: control.StateSpace) -> Loop:
+def joined(
+    plant: SecondOrderModel | control.StateSpace | Lti, controller: control.StateSpace | Lti, delay: float | None = None
+) -> Loop:
     """Return the loop of a plant and a controller, found by name.
+
+    With a delay [s], 0 included, the controller may be discrete, and the loop is then sampled: see :func:`feedback_loop`.
+    Without one, only a loop in continuous time will do.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, discrete time; a controller's input that is no output of the plant, or its output no
-        input of it; a loop that is not well-posed.
+        Other kinds of system, another kind of time; a controller's input that is no output of the plant, or its output
+        no input of it; a loop that is not well-posed.
     """
-    P, K = of(plant, "plant"), of(controller, "controller", "StateSpace")
+    either = delay is not None
+    P, K = of(plant, "plant", sampled=either), of(controller, "controller", "StateSpace", sampled=either)
     K = replace(K, states=tuple(f"controller_{label}" for label in K.states))
     acting, measured = signals_of(K, P.inputs, P.outputs)
+    dt, late = time_of_loop(P, K, delay or 0.0)
+    if dt:
+        P = sampled_plant(P, acting, dt, [late] * len(acting))
     others = [i for i in range(len(P.inputs)) if i not in acting]
     m, p, outputs = len(acting), len(measured), len(P.C)
     driven, between = P.D[:, acting], P.D[np.ix_(measured, acting)]
@@ -94,8 +105,21 @@ def joined(plant: SecondOrderModel | control.StateSpace, controller: control.Sta
     C = np.vstack([P.C, np.zeros((m, len(P.A))), P.C[measured], P.C[measured]])
     disturbances = tuple(P.inputs[i] for i in others)
     inputs = (*disturbances, *(f"{name}_added" for name in K.outputs + K.inputs), *K.outputs)
-    open_loop = Lti(P.A, B, C, D, inputs, P.outputs + K.outputs + K.inputs + K.inputs, P.states)
+    open_loop = Lti(P.A, B, C, D, inputs, P.outputs + K.outputs + K.inputs + K.inputs, P.states, dt)
     return Loop(disturbances, K.outputs, K.inputs, P.outputs, lower_lft(open_loop, K))
+
+
+def unsampled(P: Lti, K: Lti) -> Loop | None:
+    """Return the continuous loop of which a sampled one is left: with the controller whose Tustin discretisation ``K`` is.
+
+    None where there is none: a discrete plant, a pole of the controller at ``z = -1``, a loop that is not well-posed.
+    """
+    if P.dt != 0.0:
+        return None
+    try:
+        return joined(P, continuous_image(K))
+    except ValueError:
+        return None
 
 
 def signals_of(controller: Lti, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[list[int], list[int]]:
@@ -117,31 +141,53 @@ def feedback_loop(
     plant: SecondOrderModel | control.StateSpace,
     controller: control.StateSpace,
     added: str | Sequence[str] = (),
+    *,
+    delay: float = 0.0,
 ) -> control.StateSpace:
     """Return the closed loop ``u = K y``; signals of plant and controller meet by name.
+
+    A discrete controller makes a sampled loop.  A continuous plant then moves exactly from sample to sample, as in
+    :func:`boomctl.simulate_loop`: at a sample the controller reads the plant, just before its control changes; that control
+    acts ``delay`` later, and is held until the next one does.
 
     Parameters
     ----------
     plant : SecondOrderModel or control.StateSpace
+        A discrete one needs a discrete controller of the same sampling time.
     controller : control.StateSpace
         Its inputs are outputs of the plant, its outputs inputs of the plant.
     added : str or sequence of str, optional
         Controls and measurements at which a further signal is added, ``u = K (y + n) + v``; its name is that of the
         signal with ``_added`` behind it.
+    delay : float, optional
+        Between a sample and the moment its control acts [s]: whole samples, a part of one, or both; of whole samples where
+        the plant is discrete.  Only with a discrete controller.
 
     Returns
     -------
     control.StateSpace
         Inputs: those of the plant that the controller does not drive, then those added.  Outputs: those of the plant,
-        then the controls as the plant feels them (under their own names).
+        then the controls as the plant feels them (under their own names).  A sampled loop is discrete: its inputs are held
+        from sample to sample, its outputs are those just before the controls change, and its controls those that are sent
+        at a sample, which the plant feels ``delay`` later.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, discrete time; names that do not meet; nothing left to drive the loop; a loop that is
-        not well-posed.
+        Other kinds of system; sampling times that differ or are not said; a delay that the loop cannot have; names that
+        do not meet; nothing left to drive the loop; a loop that is not well-posed.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
+    >>> loop = feedback_loop(mass, bc.discretize(lead, 0.05), "force", delay=0.02)
+    >>> loop.dt, bool(abs(loop.poles()).max() < 1.0)
+    (0.05, True)
     """
-    return joined(plant, controller).closed(added).statespace("closed loop")
+    return joined(plant, controller, delay).closed(added).statespace("closed loop")
 
 
 def closed_loop_response(

@@ -4,6 +4,9 @@ A disk margin ``alpha`` says that every loop in question may be multiplied by an
 with the diameter from ``(1 - a/2)/(1 + a/2)`` to its inverse, all ``a < alpha``, all loops at once.  It is
 ``2/|S - T|`` in the H-infinity norm (Seiler, Packard & Gahinet 2020, IEEE Control Systems 40), here with a constant
 diagonal scaling, so that it does not depend on units, and the certified upper bound of that norm.
+
+A sampled loop is looked at through the bilinear map: on the imaginary axis of the image its response is that on the unit
+circle, so that gains, angles and disks are the same; frequencies are mapped back, and delays are of those.
 """
 
 import warnings
@@ -17,13 +20,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.loops import joined
+from boomctl.analysis.further_delay import FurtherDelay
+from boomctl.analysis.loops import joined, unsampled
 from boomctl.analysis.norm import axis_eigenvalues, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import known
+from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import DRAWN, Response, Triangular, resonance_grid, singular_values, triangular
-from boomctl.lti.modal import resolved, side_of_axis
-from boomctl.lti.system import Lti
+from boomctl.lti.modal import resolved, side_of_axis, sides
+from boomctl.lti.system import Lti, of
 from boomctl.printing import listed, table_html
 
 if TYPE_CHECKING:
@@ -32,6 +37,7 @@ if TYPE_CHECKING:
 
     from boomctl.structure.model import SecondOrderModel
 
+_COSTLY = 10.0 ** (-3.0 / 20.0)  # share of a disk margin that sampling must leave: 3 dB (a choice)
 _ONE = 1e-9  # relative distance from one within which a gain or a disk counts as one: rounding of the response
 _AT_ONE = 1e-6  # distance from a gain of one within which a Hamiltonian eigenvalue is a crossing, not another level's
 # share of its size that the imaginary part of a real value may have, at a crossing found by its sign: a resonance so narrow
@@ -71,6 +77,10 @@ _DESCENT = {
 
 class UncertainMarginsWarning(UserWarning):
     """Margins have few digits: rounding of the loop's matrices alone changes its response."""
+
+
+class SamplingCostsMarginWarning(UserWarning):
+    """Sampling and delay take more than 3 dB off a disk margin of the loop."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +133,10 @@ class LoopMargin:
         Least angle that makes it unstable, and where; ``inf`` and ``nan`` without a crossing of gain one.
     delay, delay_omega : float
         Least delay that makes it unstable [s], and where; 0 and ``inf`` where the loop's gain at infinite frequency is
-        not below one, so that the least delay does (or leaves no decay at high frequencies).
+        not below one, so that the least delay does (or leaves no decay at high frequencies).  In a sampled loop around a
+        continuous plant a further delay of this control, or of this reading, by parts of a sample too: exact.  Around a
+        discrete plant, which is not known between samples, the least ``tau`` with which ``L exp(-j omega tau)`` is one at
+        a crossing of gain one: exact for whole samples, between them what the angle says.
     disk : DiskMargin
     rounding : float
         How much rounding of the loop's matrices may change ``1/(1 - L)``, relative and to first order; margins have no
@@ -154,9 +167,11 @@ class LoopMargin:
         """Frequencies [rad/s] and the loop's response ``L`` there, so dense that a Nyquist curve through them is smooth."""
         S = self._sensitivity
         assert S is not None
-        opened = _opened(S)
+        image = S if S.dt == 0.0 else continuous_image(S)
+        opened = _opened(image)
         limits = [self.gain_low_omega, self.gain_high_omega, self.phase_omega, self.delay_omega, self.disk.omega]
-        asked = np.concatenate([_grid(S), [] if opened is None else _grid(opened), limits])
+        grids = [_grid(image), [] if opened is None else _grid(opened)]
+        asked = np.concatenate([*(grid if S.dt == 0.0 else omega_of_image(grid, S.dt) for grid in grids), limits])
         omega = np.unique(asked[np.isfinite(asked)])
         values = _loop_response(S, omega)
         for _ in range(_HALVINGS):
@@ -249,27 +264,60 @@ class Margins:
         return table
 
 
-def margins(plant: "SecondOrderModel | control.StateSpace", controller: "control.StateSpace") -> Margins:
+def margins(
+    plant: "SecondOrderModel | control.StateSpace", controller: "control.StateSpace", *, delay: float = 0.0
+) -> Margins:
     """Return the margins of the loop ``u = K y``, signals found by name.
+
+    Parameters
+    ----------
+    plant : SecondOrderModel or control.StateSpace
+        A discrete one needs a discrete controller of the same sampling time.
+    controller : control.StateSpace
+        Its inputs are outputs of the plant, its outputs inputs of the plant.  A discrete one makes the sampled loop of
+        :func:`boomctl.feedback_loop`, whose margins are those at its samples: of what is sent at a control, and of what is
+        read at a measurement.
+    delay : float, optional
+        Between a sample and the moment its control acts [s]; only with a discrete controller.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, names that do not meet, a loop that is not well-posed, or not stable.
+        Other kinds of system, sampling times that differ or are not said, a delay that the loop cannot have, names that
+        do not meet, a loop that is not well-posed, or not stable.
 
     Warns
     -----
     UncertainMarginsWarning
         Rounding of the loop's matrices alone may change the response by more than one part in 1e5.
+    SamplingCostsMarginWarning
+        Sampling and delay take more than 3 dB off the disk margin at all controls, or that at all measurements.  They are
+        compared with the loop of the continuous plant and the continuous controller that the discrete one is the Tustin
+        discretisation of; where there is none (a discrete plant, a pole at ``z = -1``, a continuous loop that is not
+        stable) nothing is compared.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
+    >>> found = margins(mass, bc.discretize(lead, 0.01), delay=0.004)
+    >>> round(found["force"].phase_deg, 1) < round(margins(mass, lead)["force"].phase_deg, 1)
+    True
     """
-    loop = joined(plant, controller)
+    P, K = of(plant, "plant", sampled=True), of(controller, "controller", "StateSpace", sampled=True)
+    loop = joined(P, K, delay)
+    dt = loop.system.dt
     poles = loop.system.poles
-    bad = poles[side_of_axis(poles) >= 0]
+    bad = poles[sides(poles, dt) >= 0]
     if len(bad):
-        worst = bad[int(np.argmax(bad.real))]
-        raise ValueError(f"the loop is not stable (pole at {worst:.4g} rad/s): it has no margins")
+        worst = bad[int(np.argmax(bad.real if dt == 0.0 else np.abs(bad)))]
+        at = f"{worst:.4g} rad/s" if dt == 0.0 else f"z = {worst:.4g}, of size {abs(worst):.7g}"
+        raise ValueError(f"the loop is not stable (pole at {at}): it has no margins")
     S = loop.sensitivity
-    quick, grid = triangular(S), _grid(S)
+    image = S if dt == 0.0 else continuous_image(S)
+    quick, grid = triangular(image), _grid(image)
     G = quick.response(grid)
     m, total = len(loop.controls), len(S.D)
     places, rounding = ["control"] * m + ["measurement"] * (total - m), _rounding(S)
@@ -279,14 +327,44 @@ def margins(plant: "SecondOrderModel | control.StateSpace", controller: "control
         )
         warnings.warn(said, UncertainMarginsWarning, stacklevel=2)
     loops = tuple(
-        _loop_margin(name, place, S.between([i], [i]), quick.only([i]), (grid, G[i, i]), float(rounding[i, i]))
+        _loop_margin(
+            name,
+            place,
+            S.between([i], [i]),
+            image=image.between([i], [i]),
+            quick=quick.only([i]),
+            known=(grid, G[i, i]),
+            rounding=float(rounding[i, i]),
+            further=FurtherDelay.of(P, K, delay, name) if dt != 0.0 and P.dt == 0.0 else None,
+        )
         for i, (name, place) in enumerate(zip(loop.controls + loop.measurements, places, strict=True))
     )
     first, second, every = (
         _disk(S.between(rows, rows), G[np.ix_(rows, rows)], float(rounding[np.ix_(rows, rows)].max(initial=0.0)))
         for rows in (list(range(m)), list(range(m, total)), list(range(total)))
     )
+    if dt != 0.0:
+        before = _of_continuous(P, K)
+        costs = [
+            f"from {of.alpha:.3g} to {now.alpha:.3g} at all {where}"
+            for where, now, of in zip(("controls", "measurements"), (first, second), before, strict=False)
+            if now.alpha < of.alpha * _COSTLY
+        ]
+        if costs:
+            said = f"sampling every {dt:g} s with a delay of {delay:g} s takes the disk margin {', and '.join(costs)}"
+            warnings.warn(said, SamplingCostsMarginWarning, stacklevel=2)
     return Margins(loops, first, second, every)
+
+
+def _of_continuous(P: Lti, K: Lti) -> list[DiskMargin]:
+    """Return the disk margins at all controls and at all measurements before sampling; none where that cannot be said."""
+    loop = unsampled(P, K)
+    if loop is None or (sides(loop.system.poles, 0.0) >= 0).any():
+        return []
+    S, m = loop.sensitivity, len(loop.controls)
+    G = triangular(S).response(_grid(S))
+    groups = list(range(m)), list(range(m, len(S.D)))
+    return [_disk(S.between(rows, rows), G[np.ix_(rows, rows)], 0.0) for rows in groups]
 
 
 def _rounding(S: Lti) -> Array:
@@ -294,12 +372,12 @@ def _rounding(S: Lti) -> Array:
 
     With every entry of ``A`` off by its last digit, ``|C R| |dA| |R B|``, ``R`` the resolvent, at the least damped poles.
     """
-    poles, n = S.poles[S.poles.imag >= 0.0], len(S.A)
-    if not n:
+    poles, n = S.rates[(S.rates.imag >= 0.0) & np.isfinite(S.rates.real)], len(S.A)
+    if not len(poles):
         return np.zeros_like(S.D)
     size = np.abs(poles)
     chosen = poles[np.argsort(np.abs(poles.real) / np.where(size > 0.0, size, 1.0))[:_LOOKED_AT]]
-    pencils = 1j * np.abs(np.imag(chosen))[:, None, None] * np.eye(n) - S.A
+    pencils = S.boundary(np.abs(np.imag(chosen)))[:, None, None] * np.eye(n) - S.A
     try:
         acts = np.linalg.solve(pencils, S.B.astype(complex))
         reads = np.linalg.solve(np.moveaxis(pencils, 1, 2), S.C.T.astype(complex))
@@ -314,7 +392,8 @@ def _disk(S: Lti, G: Array, rounding: float) -> DiskMargin:
     """Return the disk margin of a sensitivity of response ``G`` on a grid; ``S - T = 2 S - 1``."""
     eye = np.eye(len(S.D))
     scale = _scaling(2.0 * G - eye[:, :, None])
-    norm = matrices_norm(Lti(S.A, S.B / scale, scale[:, None] * 2.0 * S.C, scale[:, None] * (2.0 * S.D - eye) / scale))
+    C, D = scale[:, None] * 2.0 * S.C, scale[:, None] * (2.0 * S.D - eye) / scale
+    norm = matrices_norm(Lti(S.A, S.B / scale, C, D, dt=S.dt))
     return DiskMargin(2.0 / max(norm.upper, 1.0), norm.omega, norm.certified and rounding <= _DIGITS)
 
 
@@ -426,12 +505,24 @@ def _loop_response(S: Lti, omega: Array) -> Array:
 
 
 def _loop_margin(
-    signal: str, place: str, S: Lti, quick: Triangular, known: tuple[Array, Array], rounding: float
+    signal: str,
+    place: str,
+    S: Lti,
+    *,
+    image: Lti,
+    quick: Triangular,
+    known: tuple[Array, Array],
+    rounding: float,
+    further: FurtherDelay | None,
 ) -> LoopMargin:
-    """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``, known at some frequencies."""
-    disk = _disk(S, known[1][None, None], rounding)
-    open_loop = _opened(S)
-    more = np.setdiff1d(_grid(S if open_loop is None else open_loop), known[0])
+    """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``, known at some frequencies.
+
+    ``image`` is ``S`` itself in continuous time; in discrete time its continuous image, whose frequencies are meant below.
+    ``further`` knows what a delay does to a sampled loop around a continuous plant.
+    """
+    disk, dt = _disk(S, known[1][None, None], rounding), S.dt
+    open_loop = _opened(image)
+    more = np.setdiff1d(_grid(image if open_loop is None else open_loop), known[0])
     grid = np.concatenate([known[0], more])
     values = np.concatenate([known[1], quick.response(more)[0, 0]])[order := np.argsort(grid)]
     grid = grid[order]
@@ -439,10 +530,17 @@ def _loop_margin(
     grid, values = grid[there], 1.0 - 1.0 / values[there]
 
     def response(omega: Array) -> Array:
-        return _loop_response(S, np.atleast_1d(omega))
+        asked = np.atleast_1d(omega)
+        return _loop_response(S, asked if dt == 0.0 else omega_of_image(asked, dt))
 
     (low, low_omega), (high, high_omega) = _gain_limits(response, grid, values, open_loop)
-    (phase, phase_omega), (delay, delay_omega) = _phase_limits(response, grid, values, open_loop)
+    (phase, phase_omega), delays = _phase_limits(response, grid, values, open_loop, dt)
+    if further is not None:
+        delays = [further.least(delays)]
+    delay, delay_omega = min(delays, default=(inf, float("nan")), key=lambda found: found[0])
+    if dt != 0.0:
+        low_omega, high_omega = float(omega_of_image(low_omega, dt)), float(omega_of_image(high_omega, dt))
+        phase_omega = float(omega_of_image(phase_omega, dt))
     return LoopMargin(
         signal=signal,
         place=place,
@@ -530,18 +628,23 @@ def _positive(value: complex) -> bool:
 
 
 def _phase_limits(
-    response: Response, grid: Array, values: Array, L: Lti | None
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the least angle [degrees] and the least delay [s] from ``L`` to one, where ``|L| = 1``."""
+    response: Response, grid: Array, values: Array, L: Lti | None, dt: float
+) -> tuple[tuple[float, float], list[tuple[float, float]]]:
+    """Return the least angle [degrees] from ``L`` to one, where ``|L| = 1``, and the delays [s], each with its frequency.
+
+    Of an image, the angle with its frequency in the image, and the delay with that of the loop itself.
+    """
     crossings = [
         0.0 if _at_rest(response, w, _ONE) else w for w in _crossings(response, grid, values, lambda x: np.abs(x) - 1.0)
     ]
     if _at_rest(response, 0.0, _ONE):
         crossings.append(0.0)
     D = inf if L is None else float(L.D[0, 0])
-    phase, delay = (inf, float("nan")), (inf, float("nan"))
+    phase, delays = (inf, float("nan")), []
     if abs(abs(D) - 1.0) <= _ONE:
         phase = (float(np.degrees(abs(np.angle(D)))), inf)
+        if dt != 0.0:
+            delays.append((float(np.angle(D) % (2.0 * np.pi)) * dt / np.pi, np.pi / dt))
     elif L is not None and len(L.A):
         extra = [float(w) for w in axis_eigenvalues(L, 1.0)]
         close = [w for w in extra if abs(abs(response(np.array([w]))[0]) - 1.0) < _AT_ONE]
@@ -550,11 +653,12 @@ def _phase_limits(
         angle = float(np.angle(response(np.array([omega]))[0]))
         if abs(angle) < np.radians(phase[0]):
             phase = (float(np.degrees(abs(angle))), omega)
-        if omega > 0.0 and (angle % (2.0 * np.pi)) / omega < delay[0]:
-            delay = ((angle % (2.0 * np.pi)) / omega, omega)
-    if abs(D) >= 1.0 - _ONE:  # a delay turns the phase by any angle at some high frequency
-        delay = (0.0, inf)
-    return phase, delay
+        turning = omega if dt == 0.0 else float(omega_of_image(omega, dt))
+        if omega > 0.0:
+            delays.append(((angle % (2.0 * np.pi)) / turning, turning))
+    if abs(D) >= 1.0 - _ONE and dt == 0.0:  # a delay turns the phase by any angle at some high frequency
+        delays = [(0.0, inf)]
+    return phase, delays
 
 
 def _at_rest(response: Response, omega: float, doubt: float) -> bool:

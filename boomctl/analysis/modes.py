@@ -3,7 +3,8 @@
 What a mode contributes to the response from input ``i`` to output ``o`` peaks, seen by itself, at ``|c_o| |b_i|/|Re p|``.
 A signal's share in a mode is that contribution against the largest of all modes between the same two signals: it depends
 neither on units, nor on the coordinates, nor on how signals are ordered.  An undamped mode has
-share 1 where it shows at all.
+share 1 where it shows at all.  In discrete time a mode ``z`` peaks at ``|c_o| |b_i|/(1 - |z|)``; its frequency and damping
+are those of the rate ``log(z)/dt``, which in continuous time decays and turns alike from sample to sample.
 """
 
 from dataclasses import dataclass
@@ -12,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.modal import diagonalized, side_of_axis
-from boomctl.lti.system import of
+from boomctl.lti.modal import diagonalized, sides
+from boomctl.lti.system import of, rates_of
 from boomctl.printing import between, table_html
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modal_form import modal_form
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 # share of the largest residue between two signals up to which an undamped mode does not show (a choice)
 _HIDDEN = 1e-10
+_WIDE = 20  # characters of a pole z in a table
 
 
 @dataclass(frozen=True)
@@ -32,21 +34,26 @@ class ModeRow:
     Attributes
     ----------
     pole : complex
-        Of non-negative imaginary part [rad/s].
+        Of non-negative imaginary part [rad/s]; in discrete time the rate ``log(z)/dt``, ``-inf`` for ``z = 0``.
     input_shares, output_shares : (m,) and (p,) ndarray
         From 0 to 1: how much of the largest modal peak between an input and any output (an output and any input) this
         mode makes.
     peaks : (p, m) ndarray
-        ``|c_o| |b_i|/|Re p|`` in units of output over input; ``inf`` for an undamped mode that shows.
+        ``|c_o| |b_i|/|Re p|`` in units of output over input, in discrete time ``|c_o| |b_i|/|1 - |z||``; ``inf`` for an
+        undamped mode that shows.
+    z : complex or None
+        The pole in discrete time; None in continuous time.
     """
 
     pole: complex
     input_shares: Array
     output_shares: Array
     peaks: Array
+    z: complex | None = None
 
     def __repr__(self) -> str:
-        return f"ModeRow: {self.omega:.6g} rad/s, {self.frequency_hz:.4g} Hz, damping {100.0 * self.damping:.4g} %"
+        z = "" if self.z is None else f", z = {_z(self.z)}"
+        return f"ModeRow: {self.omega:.6g} rad/s, {self.frequency_hz:.4g} Hz, damping {100.0 * self.damping:.4g} %{z}"
 
     @property
     def omega(self) -> float:
@@ -60,7 +67,9 @@ class ModeRow:
 
     @property
     def damping(self) -> float:
-        """Damping ratio ``-Re p/|p|``; negative for an unstable mode, 0 at the origin."""
+        """Damping ratio ``-Re p/|p|``; negative for an unstable mode, 0 at the origin, 1 for ``z = 0``."""
+        if np.isinf(self.pole.real):
+            return 1.0
         return -self.pole.real / abs(self.pole) if self.pole else 0.0
 
 
@@ -82,56 +91,80 @@ class ModeTable:
         return "\n".join([*lines, f"  ... {more} more: print(table)"] if more else lines)
 
     def _repr_html_(self) -> str:
-        heads = ("omega [rad/s]", "[Hz]", "damping [%]", *(f"{name} [%]" for name in (*self.inputs, *self.outputs)))
+        z = ("z",) if self._discrete else ()
+        heads = ("omega [rad/s]", "[Hz]", "damping [%]", *z, *(f"{name} [%]" for name in (*self.inputs, *self.outputs)))
         rows = []
         for row in self.rows:
             shares = [f"{100.0 * share:.1f}" for share in (*row.input_shares, *row.output_shares)]
-            rows.append([f"{row.omega:.6g}", f"{row.frequency_hz:.4g}", f"{100.0 * row.damping:.4g}", *shares])
+            z = [] if row.z is None else [_z(row.z)]
+            rows.append([f"{row.omega:.6g}", f"{row.frequency_hz:.4g}", f"{100.0 * row.damping:.4g}", *z, *shares])
         return table_html("Modes, and the share of each in the largest peak of a signal", heads, rows)
 
     def render(self, count: int | None = None) -> str:
         """Return the first modes as text, shares in per cent."""
         wide = [max(len(name), 6) for name in (*self.inputs, *self.outputs)]
         heads = [f"{name:>{w}}" for name, w in zip((*self.inputs, *self.outputs), wide, strict=True)]
-        lines = ["  omega [rad/s]   [Hz]  damping [%]  " + "  ".join(heads)]
+        z = f"{'z':>{_WIDE}}  " if self._discrete else ""
+        lines = ["  omega [rad/s]   [Hz]  damping [%]  " + z + "  ".join(heads)]
         for row in self.rows[:count]:
             shares = [*row.input_shares, *row.output_shares]
             cells = [f"{100.0 * share:{w}.1f}" for share, w in zip(shares, wide, strict=True)]
             start = f"{row.omega:15.6g}{row.frequency_hz:7.4g}{100.0 * row.damping:13.4g}"
-            lines.append(start + "  " + "  ".join(cells))
+            z = "" if row.z is None else f"{_z(row.z):>{_WIDE}}  "
+            lines.append(start + "  " + z + "  ".join(cells))
         return "\n".join(lines)
+
+    @property
+    def _discrete(self) -> bool:
+        return any(row.z is not None for row in self.rows)
+
+
+def _z(z: complex) -> str:
+    return f"{z.real:.6g}" if z.imag == 0.0 else f"{z.real:.6g}{z.imag:+.6g}j"
 
 
 def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
     """Return the modes of a system, and how well each input moves and each output shows them.
 
+    Of a discrete system with their poles ``z`` and the rates ``log(z)/dt``, whose frequency and damping they have.
+
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time, not finite; poles without eigenvectors of their own (a rigid body that
-        no support holds, equal poles in a chain).
+        Another kind of system, discrete time that does not say its sampling time, not finite; poles without
+        eigenvectors of their own (a rigid body that no support holds, equal poles in a chain).
     """
-    given = modal_form(system.structure, system.ports) if isinstance(system, SecondOrderModel) else of(system)
+    given = (
+        modal_form(system.structure, system.ports) if isinstance(system, SecondOrderModel) else of(system, sampled=True)
+    )
     modal = diagonalized(given.balanced())
     if modal is None:
         raise ValueError(
             "system: it has poles without eigenvectors of their own (a free rigid body, a chain of equals)"
         )
     chosen = np.flatnonzero(modal.poles.imag >= 0.0)
-    chosen = chosen[np.argsort(np.abs(modal.poles[chosen]), kind="stable")]
+    dt, rates = given.dt, rates_of(modal.poles, given.dt)
+    chosen = chosen[np.argsort(np.abs(rates[chosen]), kind="stable")]
     residues = np.abs(modal.C[:, chosen]).T[:, :, None] * np.abs(modal.B[chosen])[:, None, :]
-    poles, undamped = modal.poles[chosen], (side_of_axis(modal.poles) == 0)[chosen, None, None]
-    peaks = residues / np.where(undamped, 1.0, np.abs(poles.real)[:, None, None])
+    poles, undamped = modal.poles[chosen], (sides(modal.poles, dt) == 0)[chosen, None, None]
+    decay = np.abs(poles.real) if dt == 0.0 else np.abs(1.0 - np.abs(poles))
+    peaks = residues / np.where(undamped, 1.0, decay[:, None, None])
     shown = residues > _HIDDEN * residues.max(axis=0, initial=np.finfo(float).tiny)
     peaks = np.where(undamped, np.where(shown, np.inf, 0.0), peaks)
-    return ModeTable(given.inputs, given.outputs, _rows(poles, peaks))
+    return ModeTable(given.inputs, given.outputs, _rows(rates[chosen], peaks, None if dt == 0.0 else poles))
 
 
-def _rows(poles: Array, peaks: Array) -> tuple[ModeRow, ...]:
+def _rows(poles: Array, peaks: Array, z: Array | None) -> tuple[ModeRow, ...]:
     largest = peaks.max(axis=0, initial=0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = np.where(np.isinf(peaks), 1.0, np.where(largest > 0.0, peaks / largest, 0.0))
     return tuple(
-        ModeRow(complex(pole), share.max(axis=0, initial=0.0), share.max(axis=1, initial=0.0), peak)
-        for pole, share, peak in zip(poles, shares, peaks, strict=True)
+        ModeRow(
+            complex(pole),
+            share.max(axis=0, initial=0.0),
+            share.max(axis=1, initial=0.0),
+            peak,
+            None if z is None else complex(z[k]),
+        )
+        for k, (pole, share, peak) in enumerate(zip(poles, shares, peaks, strict=True))
     )

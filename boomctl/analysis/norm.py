@@ -3,6 +3,10 @@
 A norm is reported with two bounds of its own: the largest singular value found (attained at a frequency, from the
 system's own response), and a level that no singular value reaches at any frequency (no eigenvalue of the Hamiltonian
 matrix on the imaginary axis; Boyd, Balakrishnan & Kabamba 1989, Bruinsma & Steinbuch 1990).
+
+In discrete time the level is found by the continuous image of the bilinear map, which has the same norm.  The largest value
+is then the system's own on the unit circle, and the level is proved anew without the map: no generalised eigenvalue of the
+symplectic pencil on the unit circle.
 """
 
 from dataclasses import dataclass, replace
@@ -16,10 +20,11 @@ from scipy import linalg
 from boomctl.analysis.axis import poles_at_axis
 from boomctl.analysis.modal_norm import modal_norm
 from boomctl.arrays import Array
+from boomctl.lti.bilinear import continuous_image, modal_image, omega_of_image
 from boomctl.lti.faithful_modes import faithful_modes, rounding_doubt
 from boomctl.lti.frequency import Response, largest_gain, resonance_grid, singular_values
 from boomctl.lti.modal import split_and_doubt
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti, beside, of
 
 if TYPE_CHECKING:
     import control
@@ -45,13 +50,16 @@ _USED = 1e-3  # of the peak: modal coordinates that are off by more are of no us
 STATIC_GAIN = "static gain"  # no states: the norm of D
 UNSTABLE = "an unstable pole"  # infinite
 UNDAMPED = "a pole on the imaginary axis"  # infinite, if the pole shows in the response
+ON_CIRCLE = "a pole on the unit circle"  # the same in discrete time
 NO_RESPONSE = "zero response"
 NO_CROSSING = "no Hamiltonian eigenvalue on the imaginary axis"  # what is left: a level just above the largest value
+NO_CIRCLE_CROSSING = "no eigenvalue of the symplectic pencil on the unit circle"  # a level in discrete time
+CIRCLE_NOT_TOLD = "an eigenvalue of the symplectic pencil too close to the unit circle to tell"  # no upper bound
 NOT_TOLD = "a Hamiltonian eigenvalue too close to the imaginary axis to tell"  # no upper bound
 NOT_ENDED = "the level was raised too often"  # no upper bound
 BY_MODES = "cells of frequencies, each proved in modal coordinates"
 LOST = "rounding of the entries changes the peak by more than can be certified"
-DOUBTFUL = "that the digits given do not tell from one on the imaginary axis, where the norm would be infinite"
+DOUBTFUL = "that the digits given do not tell from one on the {boundary}, where the norm would be infinite"
 
 
 @dataclass(frozen=True)
@@ -92,14 +100,16 @@ class NormCertificate:
 def hinf_norm(system: "control.StateSpace") -> NormCertificate:
     """Return the certified H-infinity norm of a state-space system; infinite if it is not stable.
 
-    Poles on the imaginary axis count only if they show in the response (undamped or integrating modes).
+    Poles on the imaginary axis count only if they show in the response (undamped or integrating modes).  Of a discrete
+    system it is the largest singular value on the unit circle, and such poles are those on the circle.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system (:func:`boomctl.sigma` takes structures as well), discrete time, not finite.
+        Another kind of system (:func:`boomctl.sigma` takes structures as well), discrete time that does not say its
+        sampling time, not finite.
     """
-    given = of(system, expected="a StateSpace").balanced()
+    given = of(system, expected="a StateSpace", sampled=True).balanced()
     largest = [float(np.abs(matrix).max(initial=0.0)) for matrix in (given.B, given.C)]
     if min(largest) == 0.0 or min(largest) >= _TINY:
         return matrices_norm(given)
@@ -117,8 +127,8 @@ def matrices_norm(system: Lti, response: Response | None = None) -> NormCertific
         return NormCertificate(value, value, 0.0, STATIC_GAIN)
     axis = poles_at_axis(system)
     if axis.infinite is not None:
-        grows = axis.infinite.real > 0.0
-        return NormCertificate(inf, inf, float("nan") if grows else axis.infinite.imag, UNSTABLE if grows else UNDAMPED)
+        grows, undamped = axis.infinite.real > 0.0, UNDAMPED if system.dt == 0.0 else ON_CIRCLE
+        return NormCertificate(inf, inf, float("nan") if grows else axis.infinite.imag, UNSTABLE if grows else undamped)
     doubt = 0.0
     if axis.silent.any() and axis.doubtful is None:
         _, system, doubt = split_and_doubt(system, axis.silent, "undamped modes that do not show")
@@ -126,8 +136,8 @@ def matrices_norm(system: Lti, response: Response | None = None) -> NormCertific
             return matrices_norm(system)
     if axis.doubtful is not None:
         peak, at = _surely(system)
-        return NormCertificate(peak, inf, at, f"a mode at {abs(axis.doubtful):.6g} rad/s {DOUBTFUL}")
-    found = level_norm(system, response)
+        return NormCertificate(peak, inf, at, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(system)}")
+    found = level_norm(system, response) if system.dt == 0.0 else _by_circle(system)
     felt = _felt(system, found.omega)
     if found.certified and not doubt and felt <= _LEVEL * found.lower:
         return replace(found, lower=found.lower - felt, upper=found.upper + felt)
@@ -143,6 +153,48 @@ def level_norm(system: Lti, response: Response | None = None) -> NormCertificate
     return _raised(system, respond, *_found(system, response))
 
 
+def _by_circle(system: Lti) -> NormCertificate:
+    """Return the norm of a stable discrete system: levels of its continuous image, the last one proved without it."""
+
+    def respond(v: Array) -> Array:
+        return system.response(omega_of_image(v, system.dt), quiet=True)
+
+    found = level_norm(continuous_image(system), respond)
+    found = replace(found, omega=float(omega_of_image(found.omega, system.dt)))
+    if not found.certified or found.lower == 0.0:
+        return found
+    if stays_below_on_circle(system, found.upper):
+        return replace(found, method=NO_CIRCLE_CROSSING)
+    return replace(found, upper=inf, method=CIRCLE_NOT_TOLD)
+
+
+def stays_below_on_circle(system: Lti, level: float) -> bool:
+    """Return whether it is proved that no singular value of a discrete system reaches a level on the unit circle.
+
+    With ``x+ = A x + B u``, ``p = A^T p+ + C^T y``, ``level^2 u = B^T p+ + D^T y`` a singular value equals the level at ``z``
+    where ``z`` is an eigenvalue of this pencil, of which nothing is inverted (Pappas & Laub 1980); and at one frequency, the
+    highest, all are below.  Eigenvalues as near to the circle as rounding may have moved them count as lying on it.
+    """
+    n, m = system.B.shape
+    A, B, C, D = system.A, system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
+    size_B, size_C = float(np.linalg.norm(B)), float(np.linalg.norm(C))
+    if size_B > 0.0 and size_C > 0.0:  # scales that make both alike, by a power of two: no rounding
+        up = 2.0 ** np.round(0.5 * np.log2(size_C / size_B))
+        B, C = up * B, C / up
+    at_the_end = system.response(np.array([system.nyquist]), quiet=True)
+    if singular_values(at_the_end)[0, 0] >= level:
+        return False
+    left, right = np.zeros((2 * n + m, 2 * n + m)), np.zeros((2 * n + m, 2 * n + m))
+    left[:n, :n], left[n : 2 * n, n : 2 * n], left[2 * n :, n : 2 * n] = np.eye(n), A.T, B.T
+    right[:n, :n], right[:n, 2 * n :] = A, B
+    right[n : 2 * n, :n], right[n : 2 * n, n : 2 * n], right[n : 2 * n, 2 * n :] = -C.T @ C, np.eye(n), -C.T @ D
+    right[2 * n :, :n], right[2 * n :, 2 * n :] = -D.T @ C, np.eye(m) - D.T @ D
+    alpha, beta = linalg.eig(right, left, right=False, homogeneous_eigvals=True)
+    alpha, beta = np.abs(alpha), np.abs(beta)
+    noise = _ROUNDING * max(float(np.linalg.norm(left)), float(np.linalg.norm(right)))
+    return bool((np.abs(alpha - beta) > noise * np.maximum(1.0, np.maximum(alpha, beta))).all())
+
+
 def _found(system: Lti, response: Response | None) -> tuple[float, float]:
     """Return the largest singular value found, and its frequency."""
     peak, at = largest_gain(system, response)
@@ -150,9 +202,14 @@ def _found(system: Lti, response: Response | None) -> tuple[float, float]:
     return (peak, at) if peak >= static else (static, inf)
 
 
+def doubtful(system: Lti) -> str:
+    """Return what is said of a mode that may be undamped."""
+    return DOUBTFUL.format(boundary="imaginary axis" if system.dt == 0.0 else "unit circle")
+
+
 def _felt(system: Lti, omega: float) -> float:
     """Return how much of the response at a frequency, and at the lightest resonances, may be rounding of ``A``'s entries."""
-    poles = system.poles[system.poles.imag > 0.0]
+    poles = system.rates[system.rates.imag > 0.0]
     light = poles[np.argsort(np.abs(poles.real) / np.abs(poles))[:_LIGHTEST]]
     asked = np.concatenate([light.imag, [omega if isfinite(omega) else 0.0]])
     return float(_responses(system, asked)[1].max())
@@ -160,9 +217,16 @@ def _felt(system: Lti, omega: float) -> float:
 
 def _surely(system: Lti) -> tuple[float, float]:
     """Return the largest singular value that is not rounding, near the poles and between them, and its frequency."""
-    size = np.abs(system.poles)
-    low, high = max(float(size.min()), float(np.finfo(float).tiny) ** 0.5), max(float(size.max()), 1.0)
-    grid = resonance_grid(system.poles[system.poles.imag > 0.0], 0.1 * low, 10.0 * high, points=_LOOKED_AT)
+    rates = system.rates[np.isfinite(system.rates)]
+    size = np.abs(rates)
+    low, high = (
+        max(float(size.min(initial=inf)), float(np.finfo(float).tiny) ** 0.5),
+        max(float(size.max(initial=0.0)), 1.0),
+    )
+    ends = min(0.1 * low, 0.1 * system.nyquist), min(10.0 * high, system.nyquist)
+    grid = resonance_grid(rates[rates.imag > 0.0], *ends, points=_LOOKED_AT)
+    if system.dt != 0.0:
+        grid = beside(grid)  # a pole that rounding alone keeps from the circle is often hit to the last digit
     G, doubts = _responses(system, grid)
     values = singular_values(G)[0] - doubts
     best = int(np.argmax(values))
@@ -178,7 +242,7 @@ def _responses(system: Lti, omega: Array) -> tuple[Array, Array]:
     for k in range(0, len(omega), step):
         few = slice(k, k + step)
         pencil = np.tile(-A.astype(complex), (len(omega[few]), 1, 1))
-        pencil[:, places, places] += 1j * omega[few, None]
+        pencil[:, places, places] += system.boundary(omega[few])[:, None]
         try:
             acting = np.linalg.solve(pencil, system.B + 0j)
             reading = np.abs(np.linalg.solve(pencil.transpose(0, 2, 1), system.C.T + 0j))
@@ -194,8 +258,14 @@ def _by_modes(system: Lti, found: NormCertificate, doubt: float) -> NormCertific
     """Return a norm proved in modal coordinates that answer for their rounding, or, without them, what is known."""
     modes = faithful_modes(system, doubt)
     if modes is not None and modes.gap <= _USED * found.lower:
-        told = modal_norm(modes.modal)
-        return NormCertificate(max(told.lower - modes.gap, 0.0), told.upper + modes.gap, told.omega, BY_MODES)
+        modal, gap, dt = modes.modal, modes.gap, system.dt
+        if dt != 0.0:
+            sizes = np.linalg.norm(modal.C, axis=0) * np.linalg.norm(modal.B, axis=1) / (1.0 - np.abs(modal.poles))
+            modal, off = modal_image(modal, dt)
+            gap += float(np.sum(sizes * off))
+        told = modal_norm(modal)
+        at = told.omega if dt == 0.0 else float(omega_of_image(told.omega, dt))
+        return NormCertificate(max(told.lower - gap, 0.0), told.upper + gap, at, BY_MODES)
     lost = rounding_doubt(system, doubt)
     if found.upper + lost <= found.lower * (1.0 + _CERTIFIED):
         return replace(found, lower=max(found.lower - lost, 0.0), upper=found.upper + lost)

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.norm import UNSTABLE, NormCertificate, matrices_norm
 from boomctl.arrays import Array
-from boomctl.checks import frequencies, known, mapping, names
+from boomctl.checks import exactly, frequencies, known, mapping, names, up_to
 from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_values
-from boomctl.lti.modal import side_of_axis
+from boomctl.lti.modal import side_of_axis, sides
 from boomctl.lti.system import Lti, is_frequency_response, of
 from boomctl.printing import between, listed
 from boomctl.progress import computing
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 _POINTS = 240  # of a curve, beside those at the resonances: about 100 a decade on a boom's band (a choice)
 _PRINTED = 100  # coordinates up to which printing waits for the poles: tens of milliseconds (measured)
+_SAME = 1e-9  # share of half the sampling rate by which a frequency above it is rounding, of a unit for instance
 _BESIDE = 0.1  # share of it beside an undamped mode that is not drawn: half of the way to the next place (`DRAWN`)
 NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
 
@@ -47,7 +48,7 @@ class _StateSpace:
 
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the lowest resonances, or those up to ``high`` [rad/s], and a band that shows them."""
-        return Resonances.of(self.system.poles, high)
+        return Resonances.of_system(self.system, high)
 
     def norm(self) -> NormCertificate:
         """Return the certified H-infinity norm."""
@@ -106,10 +107,9 @@ class SigmaResult:
         if "certificate" in self.__dict__ or isinstance(self._of, NormCertificate):
             return self.certificate.method == UNSTABLE
         if isinstance(self._of, _StateSpace):
-            poles = self._of.system.poles
-        else:
-            m = self._of.model
-            poles = first_order_poles(dense(m.M), dense(m.C), dense(m.K)) if m.n <= _PRINTED else None
+            return bool((sides(self._of.system.poles, self._of.system.dt) > 0).any())
+        m = self._of.model
+        poles = first_order_poles(dense(m.M), dense(m.C), dense(m.K)) if m.n <= _PRINTED else None
         return self.certificate.method == UNSTABLE if poles is None else bool((side_of_axis(poles) > 0).any())
 
     @property
@@ -162,8 +162,8 @@ def sigma(
     ----------
     system : SecondOrderModel, control.StateSpace or control.FrequencyResponseData
     omega : array_like, optional
-        Angular frequencies [rad/s].  By default a grid that spans the lowest modes and resolves each of their peaks,
-        the certified one included.
+        Angular frequencies [rad/s], of a discrete system at most ``pi/dt``.  By default a grid that spans the lowest
+        modes and resolves each of their peaks, the certified one included.
     inputs, outputs : str or sequence of str, optional
         Between which signals.  By default all; of a boom model, platform actuators and tips.
     frequency_hz : array_like, optional
@@ -177,8 +177,8 @@ def sigma(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system; unknown signals; frequencies negative or not finite, given twice, or given for measured
-        data; a response beyond all floating-point numbers.
+        Another kind of system; unknown signals; frequencies above half the sampling rate, negative or not
+        finite, given twice, or given for measured data; a response beyond all floating-point numbers.
 
     Examples
     --------
@@ -192,6 +192,7 @@ def sigma(
         return _of_data(system, asked, inputs, outputs)
     chosen, given = _parts(system, inputs, outputs)
     if asked is not None:
+        asked = _below_nyquist(asked, given, "omega" if frequency_hz is None else "frequency_hz")
         values = _finite(asked, given.singular_values(asked))
         return SigmaResult(asked, values, chosen.inputs, chosen.outputs, given, unit)
     with computing("singular values") as tell:
@@ -228,8 +229,24 @@ def _parts(
                 raise ValueError(f"system: expected a model with {kind}, got none")
         return model, SplitModel.of(model)
     expected = "SecondOrderModel, StateSpace or FrequencyResponseData"
-    chosen = of(system, expected=expected).select(inputs, outputs).balanced()
+    chosen = of(system, expected=expected, sampled=True).select(inputs, outputs).balanced()
     return chosen, _StateSpace(chosen)
+
+
+def _nyquist(given: SplitModel | _StateSpace) -> float:
+    return given.system.nyquist if isinstance(given, _StateSpace) else float("inf")
+
+
+def _below_nyquist(omega: Array, given: SplitModel | _StateSpace, what: str) -> Array:
+    """Return frequencies that a system has; above half the sampling rate it has none."""
+    top = _nyquist(given)
+    high = float(omega.max(initial=0.0))
+    if high > top * (1.0 + _SAME):
+        unit, per = ("Hz", 2.0 * np.pi) if what.endswith("frequency_hz") else ("rad/s", 1.0)
+        raise ValueError(
+            f"{what}: expected at most half the sampling rate, {up_to(top / per)} {unit}, got {exactly(high / per)} {unit}"
+        )
+    return np.minimum(omega, top)
 
 
 def drawn_grid(found: Resonances, also: Sequence[float] = ()) -> Array:
@@ -339,7 +356,12 @@ def compare_sigma(
         low, high = min(found.low for found in bands), max(found.high for found in bands)
         poles = np.concatenate([given.resonances(high).poles for _, given in models.values()])
         grid = drawn_grid(Resonances(poles, low, high), [norm.omega for norm in norms.values()])
+        grid = grid[grid <= min(_nyquist(given) for _, given in models.values())]  # what all of them have
     for name, (chosen, given) in models.items():
+        if asked is not None:
+            grid = _below_nyquist(
+                asked, given, f"systems[{name!r}]: {'omega' if frequency_hz is None else 'frequency_hz'}"
+            )
         values = _finite(grid, given.singular_values(grid, quiet=asked is None))
         done[name] = SigmaResult(grid, values, chosen.inputs, chosen.outputs, norms.get(name, given), unit)
     return SigmaComparison({name: done[name] for name in systems})

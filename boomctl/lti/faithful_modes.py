@@ -3,7 +3,8 @@
 The eigenvectors ``V`` of a solver are taken for a change of coordinates like any other.  In them the system is
 ``diag(p) + E`` with ``E = V^-1 (A V - V diag(p))``, whose residual is summed in extended precision; one step of perturbation
 theory takes out what of ``E`` it can, and what stays bounds the distance: with ``|E| <= F`` and ``r = |Re p|``,
-``|(s - diag(p) - E)^-1| <= (diag(r) - F)^-1`` entry by entry, on the imaginary axis.
+``|(s - diag(p) - E)^-1| <= (diag(r) - F)^-1`` entry by entry, on the imaginary axis; in discrete time on the unit circle,
+with ``r = 1 - |p|``.
 """
 
 from dataclasses import dataclass
@@ -122,7 +123,7 @@ def faithful_modes(system: Lti, doubt: float = 0.0) -> FaithfulModes | None:
     chosen = _paired(first, better.astype(complex), B_new.astype(complex), C_new.astype(complex), system.D)
     F[np.diag_indices(n)] += np.abs(better - chosen.poles).astype(float)
     dB, dC = dB + np.abs(B_new - chosen.B).astype(float), dC + np.abs(C_new - chosen.C).astype(float)
-    return FaithfulModes(chosen, *_distances(chosen, F, dB, dC))
+    return FaithfulModes(chosen, *_distances(chosen, F, dB, dC, system.dt != 0.0))
 
 
 def rounding_doubt(system: Lti, doubt: float = 0.0) -> float:
@@ -133,11 +134,12 @@ def rounding_doubt(system: Lti, doubt: float = 0.0) -> float:
     if not len(system.A) or not system.D.size:
         return 0.0
     size = _BACKWARD * _EPS * float(np.linalg.norm(system.A)) + len(system.A) * doubt
-    omega = np.unique(np.concatenate([[0.0], np.abs(system.poles), np.abs(system.poles.imag)]))
+    asked = [np.abs(system.poles), np.abs(system.poles.imag)] if system.dt == 0.0 else [np.abs(system.rates.imag)]
+    omega = np.unique(np.concatenate([[0.0], *asked]))
     eye, worst = np.eye(len(system.A)), 0.0
     for w in omega:
         try:
-            resolvent = np.linalg.inv(1j * w * eye - system.A)
+            resolvent = np.linalg.inv(system.boundary(w) * eye - system.A)
         except np.linalg.LinAlgError:
             return inf
         share = size * np.linalg.norm(resolvent, 2)
@@ -171,9 +173,9 @@ def _paired(first: Array, poles: Array, B: Array, C: Array, D: Array) -> ModalSy
     return ModalSystem(poles, B, C, D)
 
 
-def _distances(modal: ModalSystem, F: Array, dB: Array, dC: Array) -> tuple[float, float]:
+def _distances(modal: ModalSystem, F: Array, dB: Array, dC: Array, discrete: bool) -> tuple[float, float]:
     """Return what errors of a modal system, bounded entry by entry, change of its response and its H2 norm at most."""
-    decay = -modal.poles.real
+    decay = 1.0 - np.abs(modal.poles) if discrete else -modal.poles.real
     if decay.min() <= 0.0:
         return inf, inf
     try:
@@ -185,8 +187,10 @@ def _distances(modal: ModalSystem, F: Array, dB: Array, dC: Array) -> tuple[floa
     B, C = np.abs(modal.B), np.abs(modal.C)
     change = (C + dC) @ resolvent @ (F @ (B / decay[:, None]) + dB) + dC @ (B / decay[:, None])
     far = float(np.linalg.norm(change, 2)) if change.size else 0.0
-    # the energy of z' = p z + v is that of v/sqrt(2 r) for an impulse, at most that of v over r for what F feeds back
-    own, added = (np.linalg.norm(rows, axis=1) / np.sqrt(2.0 * decay) for rows in (B, dB))
+    # the energy of z' = p z + v is that of v/sqrt(2 r) for an impulse, at most that of v over r for what F feeds back; that
+    # of z+ = p z + v is v/sqrt(1 - |p|^2), and 1 - |p|^2 = (1 - |p|)(1 + |p|)
+    energy = decay * (2.0 - decay) if discrete else 2.0 * decay
+    own, added = (np.linalg.norm(rows, axis=1) / np.sqrt(energy) for rows in (B, dB))
     states = (resolvent * decay) @ (own + added)
     moved = added + F @ states / decay
     reads, lost = np.linalg.norm(C, axis=0), np.linalg.norm(dC, axis=0)

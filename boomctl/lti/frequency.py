@@ -37,6 +37,9 @@ _SEARCHED = 60  # frequencies between the resonances at which a largest gain is 
 _LOWEST = 1e-12  # least frequency [rad/s] that is asked for beside zero
 _BAND = 16  # poles that a picture shows by default: eight modes (a choice)
 _RESTING = 1e-9  # share of the fastest pole up to which a slow one is no reason to show so low frequencies (a choice)
+_LOWEST_SHOWN = (
+    0.1  # share of half the sampling rate from which a picture begins at least, where no pole says so (a choice)
+)
 _EMPTY = (0.1, 100.0)  # [rad/s], what a picture shows of a system without dynamics (a choice)
 
 # Places around a resonance, in half-power half-widths |Re p| from Im p (both choices):
@@ -217,6 +220,16 @@ class Resonances:
         low, top = (0.25 * size[0], 1.5 * size[min(len(size), _BAND) - 1]) if len(size) else _EMPTY
         top = top if high is None else high
         return cls(poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)], float(low), float(top))
+
+    @classmethod
+    def of_system(cls, system: Lti, high: float | None = None) -> Resonances:
+        """Return those of a system; in discrete time, of the rates of its poles, in a band up to half the sampling rate."""
+        if system.dt == 0.0:
+            return cls.of(system.poles, high)
+        rates, top = system.rates, system.nyquist
+        found = cls.of(rates[np.isfinite(rates)], high)
+        end = min(found.high, top) if len(found.poles) else top
+        return cls(found.poles[found.poles.imag <= end], min(found.low, _LOWEST_SHOWN * end), end)
 
 
 @dataclass(frozen=True)

@@ -75,6 +75,21 @@ def refined_gramian(A: Array, B: Array) -> tuple[Array, Array]:
     return P, (np.abs(left) + u * (lost + lost.T + np.abs(B_) @ np.abs(B_).T)).astype(float)
 
 
+def refined_gramian_of_steps(A: Array, B: Array) -> tuple[Array, Array]:
+    """Return the solution of ``A P A^T - P + B B^T = 0`` in extended precision, and a bound of what it leaves over."""
+    wide = np.longdouble
+    A_, B_ = A.astype(wide), B.astype(wide)
+    P, BB = np.zeros(A.shape, dtype=wide), B_ @ B_.T
+    left = BB
+    for _ in range(_SOLVED):
+        P = P + linalg.solve_discrete_lyapunov(A, left.astype(float), method="bilinear")
+        P = wide(0.5) * (P + P.T)
+        left = A_ @ P @ A_.T - P + BB
+    lost = np.abs(A_) @ np.abs(P) @ np.abs(A_).T + np.abs(P)
+    u = (2 * len(A) + 4) * float(np.finfo(wide).eps)
+    return P, (np.abs(left) + u * (lost + np.abs(B_) @ np.abs(B_).T)).astype(float)
+
+
 def band_integral(system: Lti, modal: ModalSystem | None, band: tuple[float, float]) -> Array:
     """Return ``1/(2 pi)`` times the integral of ``(i w - A)^-1`` over ``w1 <= |w| <= w2``, real.
 

@@ -11,7 +11,8 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.modal import side_of_axis
+from boomctl.lti.modal import side_of_axis, sides
+from boomctl.lti.system import rates_of
 
 _WEAK = 1e-9  # cosine between a mode and the columns of B up to which they do not reach it (a choice above rounding)
 # share of the norm of the matrix by which rounding moves eigenvalues, if the eigenvectors are orthogonal
@@ -20,6 +21,7 @@ _FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than tha
 # share of the largest singular value below which eigenvectors of a cluster add no direction (a choice)
 _PARALLEL = 1e-6
 _EQUAL = 1e-12  # relative distance of poles that count as equal in any case (a choice above rounding)
+_DEAD = float(np.finfo(float).eps)  # size of a pole in discrete time below which it is rounding of one at zero
 _ZERO = 1e-12  # natural frequency [rad/s] below which a mode is called integrating in a message
 
 
@@ -30,7 +32,7 @@ class HiddenMode:
     Attributes
     ----------
     pole : complex
-        Its pole [rad/s], of non-negative imaginary part.
+        Its pole [rad/s], of non-negative imaginary part; in discrete time the rate ``log(z)/dt``.
     state : str
         The state that takes the largest part in it, in balanced coordinates.
     """
@@ -54,7 +56,7 @@ class HiddenMode:
 
 
 def unmoved(
-    A: Array, B: Array, states: Sequence[str], *, axis_only: bool = False, stable: bool = False
+    A: Array, B: Array, states: Sequence[str], *, axis_only: bool = False, stable: bool = False, dt: float = 0.0
 ) -> tuple[HiddenMode, ...]:
     """Return the modes that no column of ``B`` reaches, of conjugate pairs one.
 
@@ -68,6 +70,8 @@ def unmoved(
         Only undamped modes, instead of all that do not decay.
     stable : bool
         The modes that do decay as well.
+    dt : float
+        Sampling time [s]; 0 in continuous time.
     """
     balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
     acting = B / np.asarray(scale)[:, None]
@@ -76,7 +80,9 @@ def unmoved(
     acting = acting / np.where(lengths > 0.0, lengths, 1.0)
     poles, left, right = linalg.eig(balanced, left=True, right=True)  # type: ignore[misc]
     doubt = _doubt(balanced, left, right)
-    side = side_of_axis(poles, doubt)
+    side = (
+        side_of_axis(poles, doubt) if dt == 0.0 else np.where(np.abs(np.abs(poles) - 1.0) <= doubt, 0, sides(poles, dt))
+    )
     chosen = (poles.imag >= 0.0) & (stable | ((side == 0) if axis_only else (side >= 0)))
     found = []
     for cluster in _clusters(poles, doubt, chosen):
@@ -87,6 +93,8 @@ def unmoved(
         for k in np.flatnonzero(cosines <= _WEAK):
             shape = basis @ directions[:, k]
             pole = complex(poles[cluster].mean())
+            if dt != 0.0:
+                pole = complex(rates_of(np.array([pole if abs(pole) > _DEAD else _DEAD]), dt)[0])
             found.append(HiddenMode(pole, str(states[int(np.argmax(np.abs(shape)))])))
     return tuple(found)
 

@@ -14,13 +14,15 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.integrators import doubt_of_split, without_integrators
-from boomctl.lti.system import Lti, append
+from boomctl.lti.system import Lti, append, rates_of
 from boomctl.printing import compact
 
 # Relative damping |Re p|/|p| up to which a pole counts as undamped.  Rounding alone leaves up to 5e-12 in the computed
 # poles of undamped structures (measured: booms of up to 40 elements 2e-13, random coordinates 5e-12), materials have
 # 1e-4 and more.
 UNDAMPED = 1e-10
+_EPS = float(np.finfo(float).eps)
+_CIRCLE = 8.0  # units of rounding from the unit circle within which a pole counts as undamped (a choice)
 _ZERO = 4.0 * float(np.finfo(float).eps)  # share of the fastest pole up to which a pole is rounding of one at zero
 # share of the fastest pole by which rounding may have moved a pole to the right: 500 units (a choice)
 _RESOLVED = 1e-13
@@ -50,6 +52,22 @@ def side_of_axis(poles: Array, doubt: Array | float = 0.0) -> Array:
     side = np.zeros(len(poles), dtype=int)
     side[(poles.real < -margin) & (size > _ZERO * fastest)] = -1
     side[poles.real > np.maximum(margin, _RESOLVED * fastest)] = 1
+    return side
+
+
+def sides(poles: Array, dt: float) -> Array:
+    """Return on which side of the boundary of stability poles lie, as :func:`side_of_axis` says it.
+
+    In discrete time the boundary is the unit circle; what is nearer to it than rounding moves a pole of size one is undamped.
+    """
+    if dt == 0.0:
+        return side_of_axis(poles)
+    rates = rates_of(poles, dt)
+    fastest = (
+        np.log(_EPS) / dt
+    )  # a pole at z = 0 has an infinite rate, and is not told from one that rounding leaves there
+    side = side_of_axis(np.maximum(rates.real, fastest) + 1j * rates.imag)
+    side[np.abs(np.abs(poles) - 1.0) <= _CIRCLE * _EPS] = 0
     return side
 
 
@@ -234,8 +252,8 @@ def split_and_doubt(system: Lti, chosen: Array, what: str) -> tuple[Lti, Lti, fl
         )
     X = linalg.solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:])
     B, C = Z.T @ system.B, system.C @ Z
-    one = Lti(T[:count, :count], B[:count] - X @ B[count:], C[:, :count], np.zeros_like(system.D))
-    other = Lti(T[count:, count:], B[count:], C[:, :count] @ X + C[:, count:], system.D)
+    one = Lti(T[:count, :count], B[:count] - X @ B[count:], C[:, :count], np.zeros_like(system.D), dt=system.dt)
+    other = Lti(T[count:, count:], B[count:], C[:, :count] @ X + C[:, count:], system.D, dt=system.dt)
     return one, other, doubt_of_split(system.A, X)
 
 

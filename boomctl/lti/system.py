@@ -25,6 +25,7 @@ _BATCH = 2**16  # entries of the pencils that are solved at once: what stays in 
 # Where a pole is hit exactly, the response is taken so far beside it, relative to the frequency (a choice)
 # sizes of a matrix between which products of its entries, and times of its poles, are numbers still (a choice)
 _SIZES = (1e-250, 1e100)
+_TIMES = (1e-30, 1e30)  # sampling times [s] with which rates and frequencies are numbers still (a choice)
 _BESIDE = 1e-9
 _BESIDE_ZERO = 1e-12  # and this [rad/s] on top, for a pole at zero (a choice)
 # Least singular value of I - D_K D22 relative to its largest: below it, four digits are left or fewer
@@ -92,7 +93,7 @@ class Lti:
 
     @cached_property
     def poles(self) -> Array:
-        """Eigenvalues of ``A`` [rad/s]."""
+        """Eigenvalues of ``A`` [rad/s]; in discrete time without a unit."""
         if "eigensystem" in self.__dict__:
             return self.eigensystem[0]
         return linalg.eigvals(self.A) if len(self.A) else np.zeros(0, complex)
@@ -104,7 +105,7 @@ class Lti:
         return poles, left, right
 
     def response(self, omega: Array, *, quiet: bool = False) -> Array:
-        """Return the frequency response, shape (outputs, inputs, frequencies).
+        """Return the frequency response, shape (outputs, inputs, frequencies); in discrete time at ``exp(j omega dt)``.
 
         Where a pole lies exactly at one of the frequencies, it may be one that does not show: that frequency, and no
         other, is answered from a billionth beside it.
@@ -129,7 +130,7 @@ class Lti:
 
     def _resolvent(self, omega: Array, quiet: bool) -> Array:
         pencil, places = np.tile(-self.A.astype(complex), (len(omega), 1, 1)), np.arange(len(self.A))
-        pencil[:, places, places] += 1j * omega[:, None]
+        pencil[:, places, places] += self.boundary(omega)[:, None]
         try:
             return np.linalg.solve(pencil, self.B.astype(complex))
         except np.linalg.LinAlgError:
@@ -141,9 +142,23 @@ class Lti:
             warnings.warn(said, SingularFrequencyWarning, stacklevel=3)
         return self._resolvent(asked, quiet)
 
+    def boundary(self, omega: Array) -> Array:
+        """Return where the response is that at ``omega``: ``s = j omega``, in discrete time ``z = exp(j omega dt)``."""
+        return 1j * omega if self.dt == 0.0 else np.exp(1j * (omega * self.dt))
+
+    @property
+    def rates(self) -> Array:
+        """Poles as rates [rad/s]: themselves in continuous time, ``log(z)/dt`` in discrete time, ``-inf`` for ``z = 0``."""
+        return rates_of(self.poles, self.dt)
+
+    @property
+    def nyquist(self) -> float:
+        """The highest frequency there is [rad/s]: ``pi/dt``, half the sampling rate; ``inf`` in continuous time."""
+        return float("inf") if self.dt == 0.0 else float(np.pi / self.dt)
+
     @property
     def static_gain(self) -> Array:
-        """The response at zero frequency, ``D - C A^-1 B``.
+        """The response at zero frequency, ``D - C A^-1 B``, in continuous time.
 
         Raises
         ------
@@ -164,6 +179,14 @@ class Lti:
         states = list(self.states) or None
         time = {} if self.dt == 0.0 else {"dt": True if np.isnan(self.dt) else self.dt}
         return control.ss(self.A, self.B, self.C, self.D, name=name, states=states, **given, **time)
+
+
+def rates_of(poles: Array, dt: float) -> Array:
+    """Return poles as rates [rad/s]: in continuous time themselves, in discrete time ``log(z)/dt``, ``-inf`` for zero."""
+    if dt == 0.0:
+        return poles
+    with np.errstate(divide="ignore"):
+        return np.log(np.abs(poles)) / dt + 1j * (np.where(poles == 0.0, 0.0, np.angle(poles)) / dt)
 
 
 def beside(omega: Array) -> Array:
@@ -274,6 +297,7 @@ def of(
     *,
     discrete: bool = False,
     any_time: bool = False,
+    sampled: bool = False,
 ) -> Lti:
     """Return the matrices and names of what a user hands in: a ``control.StateSpace``, a structural model, an ``Lti``.
 
@@ -289,6 +313,8 @@ def of(
         True: discrete time is expected; by default, or False, continuous time.
     any_time : bool, optional
         True: both will do.
+    sampled : bool, optional
+        True: discrete time will do as well, if it says its sampling time [s].
 
     Raises
     ------
@@ -309,11 +335,8 @@ def of(
         if not is_statespace(given):
             raise TypeError(f"{what}: expected {expected}, got {type(system).__name__}")
         found = _plain(given)
-    continuous = found.dt == 0.0
-    if not any_time and continuous == discrete:
-        wanted = "a sampling time" if discrete else "continuous time"
-        got = "continuous time" if continuous else f"a sampling time of {_seconds(found.dt)}"
-        raise ValueError(f"{what}: expected {wanted}, got {got}")
+    if not any_time:
+        _check_time(what, found.dt, discrete, sampled)
     for letter in "ABCD":
         matrix = getattr(found, letter)
         if not np.isfinite(matrix).all():
@@ -331,6 +354,21 @@ def of(
             twice = next(label for label in listed if listed.count(label) > 1)
             raise ValueError(f"{what}: {kind} {twice!r} is there twice")
     return found
+
+
+def _check_time(what: str, dt: float, discrete: bool, sampled: bool) -> None:
+    """Raise ``ValueError`` where a system has the wrong kind of time."""
+    continuous = dt == 0.0
+    if sampled and np.isnan(dt):
+        raise ValueError(
+            f"{what}: expected continuous time or a sampling time in seconds, got dt = True, which names none"
+        )
+    if sampled and not (continuous or _TIMES[0] <= dt <= _TIMES[1]):
+        raise ValueError(f"{what}: expected a sampling time from {_TIMES[0]:g} to {_TIMES[1]:g} s, got {dt:g} s")
+    if not sampled and continuous == discrete:
+        wanted = "a sampling time" if discrete else "continuous time"
+        got = "continuous time" if continuous else f"a sampling time of {_seconds(dt)}"
+        raise ValueError(f"{what}: expected {wanted}, got {got}")
 
 
 def _plain(system: "control.StateSpace") -> Lti:

@@ -3,9 +3,15 @@
 import warnings
 from dataclasses import replace
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from boomctl.checks import finite_array, known, positive, whole
+import numpy as np
+
+from boomctl.analysis.norm import NO_CIRCLE_CROSSING, NormCertificate, matrices_norm, stays_below_on_circle
+from boomctl.checks import finite_array, known, positive, up_to, whole
+from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega
+from boomctl.lti.frequency import resonance_grid, singular_values
+from boomctl.lti.modal import sides, split
 from boomctl.lti.system import Lti, of
 from boomctl.progress import Listener, Tell, computing
 from boomctl.reduction.core import core_of
@@ -19,7 +25,7 @@ from boomctl.reduction.reducers import (
     StrongestModes,
 )
 from boomctl.reduction.result import LowerOrderWarning, ReductionError, ReductionResult
-from boomctl.reduction.verify import Band, Verified
+from boomctl.reduction.verify import Band, Verified, difference
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -35,6 +41,12 @@ METHODS = {
 _MODES = 14  # of a structure, beyond the order, that the first core has: enough for most booms (a choice)
 _TAIL_SHARE = 0.02  # share of the error that a core may leave out; if it is more, the core grows (a choice)
 _ROUNDING = 1e-8  # of the largest Hankel singular value: what a core leaves out below that is rounding (a choice)
+_MORE = 1e-5  # share of an error that its verification on the unit circle may add: that of a certified norm
+_SLACK = (
+    1e-3  # share by which the error on the unit circle may exceed that of the image: rounding of the map (a choice)
+)
+_POINTS = 200  # of a band, beside those at the resonances (a choice)
+_START = 1e-6  # where the grid of a band from zero begins, relative to its end (a choice)
 _LARGEST_CORE = 500  # modes beyond which no core grows: its balancing takes a minute (a choice)
 
 
@@ -54,8 +66,9 @@ def reduce(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        In continuous time.  Of a large structure a core of its undamped modes is reduced, and what the other modes
-        contribute is bounded in closed form.
+        A discrete one is reduced as its continuous image by the bilinear map, which has the same norms and Hankel singular
+        values; the error is verified anew on the unit circle.  Of a large structure a core of its undamped modes is
+        reduced, and what the other modes contribute is bounded in closed form.
     order : int, optional
         Number of states wanted, the kept ones included.  Fewer come back, with a warning, where fewer suffice for
         rounding, or where "modal" would have to split a pair of poles.
@@ -80,7 +93,8 @@ def reduce(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time, not finite; unknown method; both or none of ``order`` and ``error``; an
+        Another kind of system, discrete time that does not say its sampling time, a pole at ``z = -1``, not finite;
+        unknown method; both or none of ``order`` and ``error``; an
         order above the system's or below its kept part; a band that does not ascend.
     ReductionError
         The error exceeds its bound or could not be verified; no order has so small an error.
@@ -97,7 +111,7 @@ def reduce(
     >>> reduce(full, order=1).order
     1
     """
-    given = system if isinstance(system, SecondOrderModel) else of(system)
+    given = system if isinstance(system, SecondOrderModel) else of(system, sampled=True)
     known("method", method, tuple(METHODS))
     if (order is None) == (error is None):
         raise ValueError("order, error: expected exactly one of them")
@@ -106,6 +120,15 @@ def reduce(
     wanted, limits = None if error is None else positive("error", error), _band(band)
     if method == "second-order" and isinstance(given, Lti):
         raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
+    if isinstance(given, Lti) and given.dt != 0.0:
+        inside = None if limits is None else _band_of_image(given, limits)
+        # what the discrete error is proved to stay below is a little more than that of the image
+        within = None if wanted is None else wanted * (1.0 - _MORE)
+        image: Any = continuous_image(given)
+        with warnings.catch_warnings(record=True) as told:  # said anew, of the call that was made
+            warnings.simplefilter("always")
+            found = reduce(image, order, method, error=within, band=inside, progress=progress)
+        return _on_circle(given, found, limits, told)
     modes, path = _MODES + (order or 0), []
     with computing("reduction", progress) as tell:
         while True:
@@ -151,6 +174,64 @@ def reduce(
         band=limits,
         full_order=_states(given),
     )
+
+
+def _band_of_image(full: Lti, band: Band) -> Band:
+    if band[1] > full.nyquist:
+        raise ValueError(f"band: expected at most half the sampling rate, {up_to(full.nyquist)} rad/s, got {band[1]:g}")
+    return float(image_of_omega(band[0], full.dt)), float(image_of_omega(band[1], full.dt))
+
+
+def _on_circle(
+    full: Lti, found: ReductionResult, band: Band | None, told: list[warnings.WarningMessage]
+) -> ReductionResult:
+    """Return the reduction of the image of a discrete system as that of the system itself, its error verified anew.
+
+    Raises
+    ------
+    ReductionError
+        The error on the unit circle is another, or could not be verified.
+    """
+    for said in told:
+        warnings.warn(said.message, stacklevel=3)
+    image = found._reduced
+    assert isinstance(image, Lti)
+    small, dt, kept = discrete_image(image, full.dt), full.dt, "unstable, undamped or rigid-body poles"
+    small = replace(small, inputs=full.inputs, outputs=full.outputs, states=()).without_dots()
+    apart = [split(system, sides(system.poles, dt) >= 0, kept)[1] for system in (full.balanced(), small)]
+    gap = replace(difference(*apart), dt=dt)
+    largest = matrices_norm(apart[0].balanced()).lower
+    floor = _ROUNDING * largest
+    norm = matrices_norm(gap) if band is None else _in_band(gap, found, band)
+    level = found.measured_error * (1.0 + _SLACK) + floor
+    if norm.lower > level:
+        raise ReductionError(
+            f"the error on the unit circle, {norm.lower:.4g} at {norm.omega:.4g} rad/s, is not that of the image, "
+            f"{found.measured_error:.4g}"
+        )
+    if norm.upper == inf and len(gap.A) and stays_below_on_circle(gap, level):
+        norm = replace(norm, upper=level, method=NO_CIRCLE_CROSSING)
+    if norm.upper == inf:
+        raise ReductionError(f"the error on the unit circle could not be verified ({norm.method})")
+    return replace(
+        found,
+        _full=full,
+        _reduced=small,
+        error_bound=max(found.error_bound, norm.upper) if norm.upper <= level else found.error_bound,
+        measured_error=max(found.measured_error, norm.upper),
+        certificate=norm,
+        band=band,
+    )
+
+
+def _in_band(gap: Lti, found: ReductionResult, band: Band) -> NormCertificate:
+    """Return the largest error of a discrete system in a band, on a grid around its poles, below what the image's is."""
+    rates = gap.rates[np.isfinite(gap.rates)]
+    low = max(band[0], _START * band[1])
+    omega = resonance_grid(rates, low, band[1], points=_POINTS, also=[band[0], band[1]])
+    values = singular_values(gap.response(omega, quiet=True))[0]
+    best = int(np.argmax(values))
+    return NormCertificate(float(values[best]), found.measured_error, float(omega[best]), found.certificate.method)
 
 
 def _states(system: Lti | SecondOrderModel) -> int:

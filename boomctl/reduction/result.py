@@ -75,7 +75,8 @@ class ReductionResult:
     method : str
         How the system was reduced.
     certificate : NormCertificate
-        Of the difference between the core and the reduced system.
+        Of the difference between the core and the reduced system; of discrete systems, between their stable parts on the
+        unit circle.
     truncation_bound : float
         Bound, in closed form, of what the core leaves out of the full system, and of what rounding changed in its
         coordinates; part of both errors.
@@ -135,8 +136,8 @@ class ReductionResult:
         full, worst = self._full, self.certificate.omega
         top = _BESIDE * max(worst if worst < inf else 0.0, 0.0 if self.band is None else self.band[1])
         if isinstance(full, Lti):
-            found = Resonances.of(full.poles)
-            found = Resonances.of(full.poles, top) if top > found.high else found
+            found = Resonances.of_system(full)
+            found = Resonances.of_system(full, top) if top > found.high else found
         else:
             split = SplitModel.of(full)
             found = split.resonances()

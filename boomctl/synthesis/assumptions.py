@@ -21,31 +21,31 @@ class SynthesisError(RuntimeError):
     """No controller could be computed and verified; the message says which assumption fails, and at which signal."""
 
 
-def check_stabilizable(A: Array, B: Array, controls: Sequence[str], states: Sequence[str]) -> None:
+def check_stabilizable(A: Array, B: Array, controls: Sequence[str], states: Sequence[str], dt: float = 0.0) -> None:
     """Raise :class:`SynthesisError` naming an unstable or undamped mode that the controls cannot move."""
-    for mode in unmoved(A, B, states):
+    for mode in unmoved(A, B, states, dt=dt):
         raise SynthesisError(
             f"not stabilisable: {mode} cannot be moved by {_listed(controls)}, and it does not decay by itself"
         )
 
 
-def check_detectable(A: Array, C: Array, measurements: Sequence[str], states: Sequence[str]) -> None:
+def check_detectable(A: Array, C: Array, measurements: Sequence[str], states: Sequence[str], dt: float = 0.0) -> None:
     """Raise :class:`SynthesisError` naming an unstable or undamped mode that no measurement sees."""
-    for mode in unmoved(A.T, C.T, states):
+    for mode in unmoved(A.T, C.T, states, dt=dt):
         raise SynthesisError(
             f"not detectable: {mode} is not seen by {_listed(measurements)}, and it does not decay by itself"
         )
 
 
-def check_weighted(A: Array, root: Array, what: str, states: Sequence[str]) -> None:
+def check_weighted(A: Array, root: Array, what: str, states: Sequence[str], dt: float = 0.0) -> None:
     """Raise :class:`SynthesisError` naming a mode on the imaginary axis that the weight ``root root^T`` does not see."""
-    for mode in unmoved(A.T, root, states, axis_only=True):
+    for mode in unmoved(A.T, root, states, axis_only=True, dt=dt):
         raise SynthesisError(f"{mode} is undamped and not seen by {what}: weigh a state or output in which it shows")
 
 
-def check_excited(A: Array, root: Array, what: str, states: Sequence[str]) -> None:
+def check_excited(A: Array, root: Array, what: str, states: Sequence[str], dt: float = 0.0) -> None:
     """Raise :class:`SynthesisError` naming a mode on the imaginary axis that the noise ``root root^T`` does not reach."""
-    for mode in unmoved(A, root, states, axis_only=True):
+    for mode in unmoved(A, root, states, axis_only=True, dt=dt):
         raise SynthesisError(
             f"{mode} is undamped and not reached by {what}: the estimator would trust its model of it for ever"
         )

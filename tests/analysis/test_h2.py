@@ -56,4 +56,4 @@ def test_refuses_what_is_no_system():
     with pytest.raises(TypeError, match="expected SecondOrderModel or StateSpace"):
         h2_norm([1.0])  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="continuous time"):
-        h2_norm(control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1))
+        h2_norm(control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, True))

@@ -73,7 +73,7 @@ def test_levels_below_the_norm_are_crossed_and_levels_above_are_not():
 
 def test_discrete_time_and_non_finite_systems_are_refused():
     with pytest.raises(ValueError, match="continuous time"):
-        hinf_norm(control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1))
+        hinf_norm(control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, True))
     with pytest.raises(ValueError, match="finite"):
         hinf_norm(control.ss([[np.nan]], [[1.0]], [[1.0]], 0.0))
 

@@ -172,7 +172,7 @@ def test_bad_arguments_are_refused_in_one_line(arguments, message):
 
 def test_bad_systems_are_refused():
     with pytest.raises(ValueError, match="continuous time"):
-        bc.reduce(control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1), order=1)
+        bc.reduce(control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, True), order=1)
     with pytest.raises(ValueError, match="finite"):
         bc.reduce(control.ss([[np.nan]], [[1.0]], [[1.0]], 0.0), order=1)
     with pytest.raises(TypeError, match="SecondOrderModel or StateSpace"):

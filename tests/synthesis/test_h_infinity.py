@@ -192,7 +192,11 @@ BAD = {
     "half a measurement": (lambda P: bc.h_infinity(P, 0.5, 1), TypeError, "nmeas = 0.5"),
     "no level": (lambda P: bc.h_infinity(P, 1, 1, gamma=0.0), ValueError, "gamma = 0.0"),
     "no time": (lambda P: bc.h_infinity(P, 1, 1, time_limit=-1.0), ValueError, "time_limit"),
-    "discrete time": (lambda P: bc.h_infinity(P.sample(0.1), 1, 1), ValueError, "continuous time"),
+    "discrete time": (
+        lambda P: bc.h_infinity(control.ss(P.A, P.B, P.C, P.D, True), 1, 1),
+        ValueError,
+        "continuous time",
+    ),
     "not a number": (
         lambda P: bc.h_infinity(control.ss(np.nan * P.A, P.B, P.C, P.D), 1, 1),
         ValueError,

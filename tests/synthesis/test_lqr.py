@@ -299,8 +299,8 @@ def test_bad_weights_are_refused(message):
 def test_other_systems_are_refused():
     with pytest.raises(TypeError, match="expected SecondOrderModel or StateSpace"):
         bc.lqr(np.eye(2), 1.0, 1.0)
-    with pytest.raises(ValueError, match="sampling time of"):
-        bc.lqr(control.ss([[0.5]], [[1]], [[1]], 0, 0.1), 1.0, 1.0)
+    with pytest.raises(ValueError, match="a sampling time in seconds"):
+        bc.lqr(control.ss([[0.5]], [[1]], [[1]], 0, True), 1.0, 1.0)
     with pytest.raises(ValueError, match="system: expected finite numbers, got A"):
         bc.lqr(control.ss([[np.nan]], [[1]], [[1]], 0), 1.0, 1.0)
     with pytest.raises(ValueError, match="at least one state"):

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.norm import NormCertificate
+from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.checks import positive, within
-from boomctl.lti.system import Lti
+from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
+from boomctl.lti.modal import sides
+from boomctl.lti.system import Lti, lower_lft, rates_of
 from boomctl.printing import sentence, system
 from boomctl.progress import Listener, computing
 from boomctl.reduction.result import ReductionResult
@@ -19,12 +21,13 @@ from boomctl.synthesis.hinf.candidates import Candidate, Task, first_accepted, l
 from boomctl.synthesis.hinf.native import NativeFailure, shared_worker
 from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.plants.full_plant import FullPlantCertificate, ReducedPlant, judged_on_full_plant, origin_of
-from boomctl.synthesis.plants.partition import partition
+from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
 
 if TYPE_CHECKING:
     import control
 
 _LEVELS = (1e-100, 1e100)  # between which a wanted level lies: squares of them are numbers still (a choice)
+_MORE = 1e-4  # share by which the norm on the unit circle may exceed that of the image: rounding of the map (a choice)
 _BAND = 1000.0  # poles so many times faster than plant and H2 loop cannot be implemented (a choice)
 _SEARCH = 0.25  # share of the tolerance to which the lowest level is found: the rest is left to the controllers
 
@@ -38,7 +41,8 @@ class HInfinityCertificate:
     norm : NormCertificate
         The closed loop's H-infinity norm between two bounds.
     slowest_pole : float
-        Largest real part of the closed loop's poles [rad/s], negative; ``-inf`` without states.
+        Largest real part of the closed loop's poles [rad/s], negative; ``-inf`` without states.  In discrete time of their
+        rates ``log(z)/dt``.
     lower : float
         A norm that no controller goes below: the larger of the two bounds that follow.
     frequency_bound, frequency_omega : float
@@ -51,7 +55,7 @@ class HInfinityCertificate:
     level : float
         The level for which the controller was computed.
     fastest_pole, fastest_pole_limit : float
-        Largest magnitude of the controller's poles and what was allowed [rad/s].
+        Largest magnitude of the controller's poles and what was allowed [rad/s]; in discrete time of ``z``, and ``inf``.
     solver : str
         Which solver's controller passed.
     path : tuple of str
@@ -152,9 +156,11 @@ def h_infinity(
     Parameters
     ----------
     P : control.StateSpace or ReductionResult
-        Generalised plant in continuous time: the last ``nmeas`` outputs are measured, the last ``ncon`` inputs are
+        Generalised plant: the last ``nmeas`` outputs are measured, the last ``ncon`` inputs are
         controls (`generalized_plant` makes one).  Where it, or the plant that `generalized_plant` was given, is what
-        `reduce` returned, the design is judged on the full plant too: ``certificate.full_plant``.
+        `reduce` returned, the design is judged on the full plant too: ``certificate.full_plant``.  A discrete one is
+        designed for as its continuous image by the bilinear map, which has the same loops and norms; controller and loop
+        are mapped back, and the loop is verified anew on the unit circle.
     nmeas, ncon : int
     gamma : float, optional
         A level that is enough: the closed loop's norm will not exceed it, and nothing lower is sought.
@@ -163,7 +169,7 @@ def h_infinity(
     fastest_pole : float, optional
         No pole of the controller has a larger magnitude [rad/s].  By default that is 1,000 times the band, the fastest
         pole of the plant and of its H2-optimal state feedback and filter, and only given up, and said so, where it
-        would cost more than twice the lowest norm.
+        would cost more than twice the lowest norm.  Not for a discrete plant.
     time_limit : float
         Seconds after which it gives up; starting the process for native synthesis, once, does not count.
     progress : callable, optional
@@ -177,7 +183,8 @@ def h_infinity(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time, not finite, counts or numbers out of range.
+        Another kind of system, discrete time that does not say its sampling time or with a pole at ``z = -1``, not
+        finite, counts or numbers out of range.
     SynthesisError
         An assumption fails, at the signal or mode named; ``gamma`` lies below what any controller reaches; no
         controller could be verified; out of time.
@@ -196,7 +203,14 @@ def h_infinity(
     >>> bool(design.gamma <= 1.01 * design.certificate.lower)
     True
     """
-    plant = partition(P.system if isinstance(P, ReductionResult) else P, nmeas, ncon)
+    plant = partition(P.system if isinstance(P, ReductionResult) else P, nmeas, ncon, sampled=True)
+    if plant.system.dt != 0.0:
+        if fastest_pole is not None:
+            raise ValueError("fastest_pole: expected none for a discrete plant, whose controller runs once a sample")
+        enough = None if gamma is None else within("gamma", gamma, *_LEVELS) * (1.0 - _MORE)
+        image = continuous_image(plant.system).statespace("image")
+        more = {"gamma": enough, "tolerance": tolerance, "time_limit": time_limit, "progress": progress}
+        return _on_circle(plant, h_infinity(image, nmeas, ncon, **more))
     wanted = None if gamma is None else within("gamma", gamma, *_LEVELS)
     share, limit = positive("tolerance", tolerance), positive("time_limit", time_limit)
     allowed = None if fastest_pole is None else positive("fastest_pole", fastest_pole)
@@ -222,6 +236,40 @@ def h_infinity(
             plant=plant, ready=ready, bounds=bounds, fastest=fastest, tolerance=share, deadline=deadline, wanted=wanted
         )
         return _result(task, first_accepted(task, strict=allowed is not None), origin_of(P))
+
+
+def _on_circle(plant: GeneralizedPlant, found: HInfinityResult) -> HInfinityResult:
+    """Return a design for the image of a discrete plant as one for the plant itself, its loop verified anew.
+
+    Raises
+    ------
+    SynthesisError
+        The loop on the unit circle is not that of the image.
+    """
+    dt = plant.system.dt
+    try:
+        K = discrete_image(replace(found._controller, states=()), dt)
+        loop = replace(lower_lft(plant.system, K), states=()).balanced()
+    except ValueError as error:
+        raise SynthesisError(f"the controller of the image has no counterpart in discrete time: {error}") from None
+    poles, norm = loop.poles, matrices_norm(loop)
+    if (sides(poles, dt) >= 0).any() or not norm.upper <= found.certificate.norm.upper * (1.0 + _MORE):
+        raise SynthesisError(
+            f"the loop in discrete time is not that of its image: norm from {norm.lower:.6g} to {norm.upper:.6g} for "
+            f"{found.gamma:.6g}, largest pole {np.abs(poles).max(initial=0.0):.7g}"
+        )
+    c = found.certificate
+    certificate = replace(
+        c,
+        norm=norm,
+        slowest_pole=float(rates_of(poles, dt).real.max(initial=-np.inf)),
+        frequency_omega=float(omega_of_image(c.frequency_omega, dt)),
+        fastest_pole=float(np.abs(K.poles).max(initial=0.0)),
+        fastest_pole_limit=np.inf,
+        path=(*c.path, "mapped to the unit circle"),
+        statement=f"{c.statement}; verified anew on the unit circle",
+    )
+    return HInfinityResult(K, loop, norm.lower, certificate)
 
 
 def _result(task: Task, found: Candidate, origin: ReducedPlant | None) -> HInfinityResult:

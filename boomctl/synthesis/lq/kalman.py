@@ -14,7 +14,8 @@ from boomctl.lti.system import Lti
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import check_detectable, check_excited
 from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of, square_root
-from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
+from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution
+from boomctl.synthesis.lq.riccati_steps import solution_of
 
 if TYPE_CHECKING:
     import control
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class KalmanResult:
-    """A stationary Kalman filter, ``z' = A z + B u + L (y - C z - D u)``.
+    """A stationary Kalman filter, ``z' = A z + B u + L (y - C z - D u)``; in discrete time a predictor, ``z+`` for ``z'``.
 
     Attributes
     ----------
@@ -36,7 +37,7 @@ class KalmanResult:
         From the measurements and the known inputs, by their names, to the estimated states (dots in their names
         replaced by ``_``).
     poles : (n,) complex ndarray
-        Of the estimator [rad/s].
+        Of the estimator [rad/s]; in discrete time ``z``, without a unit.
     certificate : RiccatiCertificate
     """
 
@@ -52,7 +53,8 @@ class KalmanResult:
         return self._estimator.statespace("estimator")
 
     def __repr__(self) -> str:
-        slowest = f"slowest pole of the estimator {self.poles.real.max(initial=-np.inf):.4g} rad/s"
+        rate = self.certificate.abscissa if self._estimator.dt else self.poles.real.max(initial=-np.inf)
+        slowest = f"slowest pole of the estimator {rate:.4g} rad/s"
         checked = f"Riccati residual {self.certificate.residual:.1e}"
         return f"KalmanResult: estimator of {system(self._estimator)}\n  {slowest}; {checked}"
 
@@ -70,11 +72,11 @@ def kalman(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        In continuous time.
+        Of a discrete one the estimate at a sample is that of the measurements before it, and noise is white at the samples.
     process_noise : number, vector, matrix or mapping from input name to number
-        Intensity of the noise, positive semidefinite: over the inputs named in ``disturbances``; without these, a
-        mapping is over the inputs it names, a number, vector or matrix over the states (noise on ``x'``).  What an input
-        feeds through to a measurement is noise on both, and counted as such.
+        Intensity of the noise, in discrete time its variance, positive semidefinite: over the inputs named in
+        ``disturbances``; without these, a mapping is over the inputs it names, a number, vector or matrix over the states
+        (noise on ``x'``).  What an input feeds through to a measurement is noise on both, and counted as such.
     measurement_noise : number, vector, matrix or mapping from output name to number
         Intensity of the noise on the measurements, positive definite.
     measurements : sequence of str, optional
@@ -101,7 +103,7 @@ def kalman(
     >>> kalman(mass, {"force": 4.0}, 1.0).gain.round(4).T
     array([[2., 2.]])
     """
-    plant = plant_of(system)
+    plant = plant_of(system, sampled=True)
     measured = chosen("measurements", measurements, plant.outputs)
     noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
     solution = solved_filter(plant, noise, measured)
@@ -110,7 +112,7 @@ def kalman(
     way = plant.select(known, measured)
     B = np.hstack([L, way.B - L @ way.D])
     inputs, states = (*measured, *known), plant.states
-    estimator = Lti(plant.A - L @ way.C, B, np.eye(n), np.zeros(B.shape), inputs, states, states)
+    estimator = Lti(plant.A - L @ way.C, B, np.eye(n), np.zeros(B.shape), inputs, states, states, plant.dt)
     return KalmanResult(
         gain=L,
         covariance=solution.X,
@@ -123,8 +125,8 @@ def kalman(
 def solved_filter(plant: Lti, noise: Noise, measurements: Sequence[str]) -> RiccatiSolution:
     """Return the solution of a filter's problem, its gain transposed; refuse modes in the way of one by name."""
     C = plant.select(outputs=measurements).C
-    problem = RiccatiProblem(plant.A.T, C.T, noise.W, noise.V, noise.S)
-    check_detectable(plant.A, C, measurements, plant.states)
+    problem = RiccatiProblem(plant.A.T, C.T, noise.W, noise.V, noise.S, plant.dt)
+    check_detectable(plant.A, C, measurements, plant.states, plant.dt)
     shifted, _, W = problem.shifted
-    check_excited(shifted.T, square_root(W), "any process noise", plant.states)
-    return solve_riccati(problem, "the Riccati equation of the filter")
+    check_excited(shifted.T, square_root(W), "any process noise", plant.states, plant.dt)
+    return solution_of(problem, "the Riccati equation of the filter")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import nonnegative
+from boomctl.checks import exactly, nonnegative
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.lq.kalman import solved_filter
@@ -37,9 +37,9 @@ class LqgResult:
         From the inputs that are no controls (if there are none: from signals added to the controls, of their names)
         to the outputs of the system.
     regulator_gain, filter_gain : ndarray
-        ``F`` of ``u = -F z`` and ``L`` of ``z' = A z + B u + L (y - C z - D u)``.
+        ``F`` of ``u = -F z`` and ``L`` of ``z' = A z + B u + L (y - C z - D u)``; in discrete time ``z+`` for ``z'``.
     poles : complex ndarray
-        Of the closed loop [rad/s]: those of the regulator, then those of the filter.
+        Of the closed loop [rad/s], in discrete time ``z``: those of the regulator, then those of the filter.
     cost : float
         Expected value of ``x^T Q x + y^T W y + u^T R u`` at rest in the noise.
     certificate : FeedbackCertificate
@@ -88,7 +88,7 @@ def lqg(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        In continuous time.
+        Of a discrete one the controller is that of all whose control at a sample rests on the measurements before it.
     Q, R, output_weight
         Weights, as of :func:`lqr`.
     process_noise, measurement_noise, disturbances
@@ -98,7 +98,7 @@ def lqg(
     ltr : float
         Intensity of fictitious noise added to each control (Doyle & Stein 1979).  As it grows, the loop at the plant's
         input comes near that of the regulator where the plant has no zeros in the right half-plane; see
-        :func:`loop_transfer_recovery`.  The cost counts this noise as well.
+        :func:`loop_transfer_recovery`.  The cost counts this noise as well.  Only in continuous time.
 
     Returns
     -------
@@ -120,18 +120,21 @@ def lqg(
     >>> round(design.cost, 4)
     8.4853
     """
-    plant = plant_of(system)
+    plant = plant_of(system, sampled=True)
     driven = chosen("controls", controls, plant.inputs)
     measured = chosen("measurements", measurements, plant.outputs)
     problem = regulator_problem(plant, driven, Q, R, output_weight)
     noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
     way = plant.select(driven, measured)
-    noise = _with_recovery(noise, way, nonnegative("ltr", ltr))
+    if nonnegative("ltr", ltr) and plant.dt:
+        raise ValueError(f"ltr = {exactly(ltr)}: expected 0 for a discrete system, whose loop it does not recover")
+    noise = _with_recovery(noise, way, ltr)
     regulator = solved_regulator(problem, driven, plant.states)
     estimator = solved_filter(plant, noise, measured)
     K = observer(way, regulator.gain, estimator.gain.T)
     loop = lower_lft(_weighted(way, problem, noise), K)
-    certificate = certify(loop, least_cost(noise.W, problem.R, regulator, estimator), regulator, estimator)
+    effort = problem.R if plant.dt == 0.0 else problem.R + problem.B.T @ regulator.X @ problem.B
+    certificate = certify(loop, least_cost(noise.W, effort, regulator, estimator), regulator, estimator)
     return LqgResult(
         _controller=K,
         _closed_loop=lower_lft(_between_all(plant, driven, measured), K),
@@ -157,7 +160,9 @@ def _weighted(way: Lti, problem: RiccatiProblem, noise: Noise) -> Lti:
     weight = square_root(np.block([[problem.Q, problem.N], [problem.N.T, problem.R]])).T
     drive = square_root(np.block([[noise.W, noise.S], [noise.S.T, noise.V]]))
     B, C = np.hstack([drive[:n], way.B]), np.vstack([weight[:, :n], way.C])
-    return Lti(way.A, B, C, np.block([[np.zeros((len(weight), drive.shape[1])), weight[:, n:]], [drive[n:], way.D]]))
+    return Lti(
+        way.A, B, C, np.block([[np.zeros((len(weight), drive.shape[1])), weight[:, n:]], [drive[n:], way.D]]), dt=way.dt
+    )
 
 
 def _between_all(plant: Lti, controls: Sequence[str], measured: Sequence[str]) -> Lti:

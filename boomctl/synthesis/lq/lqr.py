@@ -13,13 +13,15 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, sequence
+from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.frequency import largest_gain
 from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.lti.system import Lti
 from boomctl.printing import between, compact, count
 from boomctl.synthesis.assumptions import SynthesisError, check_stabilizable, check_weighted
 from boomctl.synthesis.lq.problem import Weight, chosen, definite, plant_of, semidefinite, square_root
-from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution, solve_riccati
+from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiProblem, RiccatiSolution
+from boomctl.synthesis.lq.riccati_steps import solution_of
 
 if TYPE_CHECKING:
     import control
@@ -41,7 +43,9 @@ class LqrCertificate:
         Smallest singular value of ``R^1/2 (I + F (s I - A)^-1 B) R^-1/2`` found at any frequency.  Of an optimal
         regulator it is 1 (Kalman's inequality), whence margins of 60 degrees and from one half to infinity in each
         control; on very fine meshes rounding of the gain takes some of its digits, and below 0.99 no regulator is
-        returned.  With a cross weight ``N``, where the inequality does not hold, it is what was found.
+        returned.  In discrete time, where a regulator has no such margins, of ``(R + B^T X B)^1/2 (I + F (z I - A)^-1 B)
+        R^-1/2`` on the unit circle, likewise at least 1.  With a cross weight ``N``, where the inequality does not
+        hold, it is what was found.
     """
 
     riccati: RiccatiCertificate
@@ -69,7 +73,7 @@ class LqrResult:
     effort : control.StateSpace
         From the same inputs to the controls.
     poles : (n,) complex ndarray
-        Of the closed loop [rad/s].
+        Of the closed loop [rad/s]; in discrete time ``z``, without a unit.
     unmoved : tuple of HiddenMode
         Stable modes that the controls cannot move; they stay as they are.
     certificate : LqrCertificate
@@ -101,7 +105,8 @@ class LqrResult:
 
     def __repr__(self) -> str:
         left = f", {count(len(self.unmoved), 'mode')} not moved" if self.unmoved else ""
-        slowest = f"slowest pole of the closed loop {self.poles.real.max(initial=-np.inf):.4g} rad/s"
+        rate = self.certificate.riccati.abscissa if self._controller.dt else self.poles.real.max(initial=-np.inf)
+        slowest = f"slowest pole of the closed loop {rate:.4g} rad/s"
         checked = f"Riccati residual {self.certificate.riccati.residual:.1e}"
         between_signals = between(self._controller.inputs, self._controller.outputs)
         return f"LqrResult: state feedback, {between_signals}{left}\n  {slowest}; {checked}"
@@ -122,7 +127,7 @@ def lqr(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        In continuous time, ``x' = A x + B u``.
+        ``x' = A x + B u``; of a discrete one, ``x+ = A x + B u``, the sum over the samples is minimised.
     Q : number, vector, matrix, mapping from state name to number, or None
         Weight of the states, positive semidefinite; None weighs none of them.
     R : number, vector, matrix or mapping from control name to number
@@ -133,7 +138,8 @@ def lqr(
         The inputs that the regulator may use; by default all.
     integral : sequence of str, or mapping from output name to number, optional
         Outputs whose integrals become states ``integral.NAME`` behind the others, so that a constant disturbance leaves
-        no error in them, and the weights of these integrals (1 where only names are given).
+        no error in them, and the weights of these integrals (1 where only names are given).  In discrete time sums of
+        the outputs times the sampling time.
     N : (n, m) array_like, optional
         Cross weight of the states (the integrals not included) and the controls.
 
@@ -156,7 +162,7 @@ def lqr(
     >>> lqr(mass, None, 1.0, output_weight={"place": 1.0}).gain.round(4)
     array([[1.    , 1.4142]])
     """
-    bare = plant_of(system)
+    bare = plant_of(system, sampled=True)
     driven = chosen("controls", controls, bare.inputs)
     listed = (integral,) if isinstance(integral, str) else integral
     if not isinstance(listed, Mapping):
@@ -169,7 +175,7 @@ def lqr(
         plant = _with_integrators(bare, integrated)
         weights = linalg.block_diag(problem.Q, semidefinite("integral", integrals, integrated))
         cross = np.vstack([problem.N, np.zeros((len(integrated), len(driven)))])
-        problem = RiccatiProblem(plant.A, plant.select(driven).B, weights, problem.R, cross)
+        problem = RiccatiProblem(plant.A, plant.select(driven).B, weights, problem.R, cross, bare.dt)
     solution = solved_regulator(problem, driven, plant.states)
     certificate = LqrCertificate(solution.certificate, return_difference(problem, solution))
     if not problem.N.any() and certificate.return_difference < 1.0 - _RETURN_DIFFERENCE:
@@ -184,7 +190,7 @@ def lqr(
         _closed_loop=closed_loop,
         _effort=effort,
         poles=solution.poles,
-        unmoved=unmoved(plant.A, problem.B, plant.states, stable=True),
+        unmoved=unmoved(plant.A, problem.B, plant.states, stable=True, dt=plant.dt),
         certificate=certificate,
     )
 
@@ -193,10 +199,11 @@ def _with_integrators(plant: Lti, integrated: Sequence[str]) -> Lti:
     """Return the plant with the integral of each output named as a further state, ``integral.NAME``."""
     k, n = len(integrated), len(plant.A)
     read = plant.select(outputs=integrated)
+    kept, share = (0.0, 1.0) if plant.dt == 0.0 else (1.0, plant.dt)
     return replace(
         plant,
-        A=np.block([[plant.A, np.zeros((n, k))], [read.C, np.zeros((k, k))]]),
-        B=np.vstack([plant.B, read.D]),
+        A=np.block([[plant.A, np.zeros((n, k))], [share * read.C, kept * np.eye(k)]]),
+        B=np.vstack([plant.B, share * read.D]),
         C=np.hstack([plant.C, np.zeros((len(plant.C), k))]),
         states=(*plant.states, *(f"integral.{name}" for name in integrated)),
     )
@@ -230,15 +237,15 @@ def regulator_problem(
         states = states + plant.C.T @ W @ plant.C
         efforts = efforts + D.T @ W @ D
         cross = cross + plant.C.T @ W @ D
-    return RiccatiProblem(plant.A, B, 0.5 * (states + states.T), 0.5 * (efforts + efforts.T), cross)
+    return RiccatiProblem(plant.A, B, 0.5 * (states + states.T), 0.5 * (efforts + efforts.T), cross, plant.dt)
 
 
 def solved_regulator(problem: RiccatiProblem, controls: Sequence[str], states: Sequence[str]) -> RiccatiSolution:
     """Return the solution of a regulator's problem; refuse modes that stand in the way of one by name."""
-    check_stabilizable(problem.A, problem.B, controls, states)
+    check_stabilizable(problem.A, problem.B, controls, states, problem.dt)
     shifted, _, Q = problem.shifted
-    check_weighted(shifted, square_root(Q), "any weight", states)
-    return solve_riccati(problem, "the Riccati equation of the regulator")
+    check_weighted(shifted, square_root(Q), "any weight", states, problem.dt)
+    return solution_of(problem, "the Riccati equation of the regulator")
 
 
 def return_difference(problem: RiccatiProblem, solution: RiccatiSolution) -> float:
@@ -246,6 +253,8 @@ def return_difference(problem: RiccatiProblem, solution: RiccatiSolution) -> flo
 
     The inverse ``I - F (s I - A + B F)^-1 B`` is stable, also where the loop itself has integrators.
     """
+    if problem.dt != 0.0:
+        return _return_difference_of_steps(problem, solution)
     L = linalg.cholesky(problem.R, lower=True)
     B = linalg.solve_triangular(L, problem.B.T, lower=True).T
     F = L.T @ solution.gain
@@ -254,14 +263,26 @@ def return_difference(problem: RiccatiProblem, solution: RiccatiSolution) -> flo
     return 1.0 / peak if peak > 1.0 else 1.0
 
 
+def _return_difference_of_steps(problem: RiccatiProblem, solution: RiccatiSolution) -> float:
+    """Return the smallest singular value of the return difference on the unit circle, by the image of its inverse."""
+    B, X = problem.B, solution.X
+    L, wide = linalg.cholesky(problem.R, lower=True), linalg.cholesky(problem.R + B.T @ X @ B, lower=True)
+    acting = linalg.solve_triangular(wide, B.T, lower=True).T
+    inverse = linalg.solve_triangular(wide, L, lower=True).T
+    closed = Lti(problem.A - B @ solution.gain, acting, -L.T @ solution.gain, inverse, dt=problem.dt).balanced()
+    peak, _ = largest_gain(continuous_image(closed), refined=1)
+    return 1.0 / peak if peak > 1.0 else 1.0
+
+
 def _controller(plant: Lti, controls: Sequence[str], integrated: Sequence[str], gain: Array) -> Lti:
     """Return ``u = -F x`` that reads the plant's states and integrates the outputs named by itself."""
-    k = len(integrated)
+    k, dt = len(integrated), plant.dt
     n = len(plant.A) - k
-    reads = np.hstack([np.zeros((k, n)), np.eye(k)])
+    kept, share = (0.0, 1.0) if dt == 0.0 else (1.0, dt)
+    reads = np.hstack([np.zeros((k, n)), share * np.eye(k)])
     direct = np.hstack([-gain[:, :n], np.zeros((len(gain), k))])
     inputs = (*plant.states[:n], *integrated)
-    return Lti(np.zeros((k, k)), reads, -gain[:, n:], direct, inputs, tuple(controls), plant.states[n:])
+    return Lti(kept * np.eye(k), reads, -gain[:, n:], direct, inputs, tuple(controls), plant.states[n:], dt)
 
 
 def _loops(plant: Lti, controls: Sequence[str], gain: Array) -> tuple[Lti, Lti]:

@@ -11,9 +11,9 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.gramians import EXTENDED, refined_gramian
-from boomctl.lti.modal import side_of_axis
-from boomctl.lti.system import Lti
+from boomctl.lti.gramians import EXTENDED, refined_gramian, refined_gramian_of_steps
+from boomctl.lti.modal import sides
+from boomctl.lti.system import Lti, rates_of
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.lq.riccati import RiccatiCertificate, RiccatiSolution
 
@@ -53,7 +53,7 @@ class FeedbackCertificate:
         Largest distance between a pole of the closed loop and its partner among those of regulator and filter,
         relative to its size.
     abscissa : float
-        Largest real part of the poles of the closed loop, from its own matrix [rad/s].
+        Largest real part of the poles of the closed loop, from its own matrix [rad/s]; in discrete time of their rates.
     norm : QuadraticNorm
         H2 norm of the closed loop, its square the cost, by either Gramian.
     least_norm : float
@@ -83,13 +83,13 @@ def observer(plant: Lti, F: Array, L: Array) -> Lti:
     """Return ``u = -F z`` with ``z' = A z + B u + L (y - C z - D u)``, from measurements to controls."""
     A = plant.A - plant.B @ F - L @ (plant.C - plant.D @ F)
     states = tuple(f"estimate.{name}" for name in plant.states)
-    return Lti(A, L, -F, np.zeros((len(F), L.shape[1])), plant.outputs, plant.inputs, states)
+    return Lti(A, L, -F, np.zeros((len(F), L.shape[1])), plant.outputs, plant.inputs, states, plant.dt)
 
 
 def least_cost(W: Array, R: Array, regulator: RiccatiSolution, estimator: RiccatiSolution) -> float:
     """Return the least cost: of knowing the state, and of having to estimate it.
 
-    ``tr(X W) + tr(R F Y F^T)``; Kwakernaak & Sivan (1972), Theorem 5.4.
+    ``tr(X W) + tr(R F Y F^T)``; Kwakernaak & Sivan (1972), Theorem 5.4.  In discrete time ``R + B^T X B`` stands for ``R``.
     """
     F = regulator.gain
     return float(np.trace(regulator.X @ W) + np.trace(R @ F @ estimator.X @ F.T))
@@ -104,8 +104,8 @@ def certify(loop: Lti, least: float, regulator: RiccatiSolution, estimator: Ricc
         It is not stable, or its norms disagree.
     """
     poles = loop.poles
-    abscissa = float(poles.real.max())
-    if (side_of_axis(poles) >= 0).any():
+    abscissa = float(rates_of(poles, loop.dt).real.max())
+    if (sides(poles, loop.dt) >= 0).any():
         raise SynthesisError(f"the closed loop is not stable: a pole with real part {abscissa:.3g} rad/s")
     found = FeedbackCertificate(
         regulator=regulator.certificate,
@@ -124,13 +124,17 @@ def certify(loop: Lti, least: float, regulator: RiccatiSolution, estimator: Ricc
 
 
 def quadratic_norm(system: Lti) -> QuadraticNorm:
-    """Return the H2 norm of a system in continuous time, by both Gramians; refined ones where these differ."""
+    """Return the H2 norm of a system, by both Gramians; refined ones where these differ, and in discrete time."""
     if not len(system.A):
         value = np.inf if system.D.any() else 0.0
         return QuadraticNorm(value, value)
-    if system.D.any() or (side_of_axis(system.poles) >= 0).any():
+    if system.D.any() or (sides(system.poles, system.dt) >= 0).any():
         return QuadraticNorm(np.inf, np.inf)
     s = system.balanced()
+    if s.dt != 0.0:
+        P, Q = refined_gramian_of_steps(s.A, s.B)[0], refined_gramian_of_steps(s.A.T, s.C.T)[0]
+        squares = float(np.sum((s.C @ P) * s.C)), float(np.sum((s.B.T @ Q) * s.B.T))
+        return QuadraticNorm(*(float(np.sqrt(max(square, 0.0))) for square in squares))
     P = linalg.solve_continuous_lyapunov(s.A, -s.B @ s.B.T)
     Q = linalg.solve_continuous_lyapunov(s.A.T, -s.C.T @ s.C)
     squares = float(np.trace(s.C @ P @ s.C.T)), float(np.trace(s.B.T @ Q @ s.B))

@@ -24,15 +24,15 @@ _LEAST, _MOST = 1e-60, 1e60
 _ASYMMETRY = 1e-10  # share of the largest entry by which a symmetric matrix may be off: products computed by the user
 
 
-def plant_of(system: object) -> Lti:
-    """Return the matrices and names of a plant.
+def plant_of(system: object, *, sampled: bool = False) -> Lti:
+    """Return the matrices and names of a plant; in discrete time too if ``sampled``.
 
     Raises
     ------
     TypeError, ValueError
         Another kind of system, in discrete time, not finite, or without states.
     """
-    plant = of(system)
+    plant = of(system, sampled=sampled)
     if not len(plant.A):
         raise ValueError("system: expected at least one state, got a static gain")
     return plant
@@ -135,7 +135,7 @@ def _lowest(matrix: Array, scaled: float) -> float:
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise as intensities (two-sided spectral densities).
+    """Noise as intensities (two-sided spectral densities); in discrete time as variances at each sample.
 
     ``W`` is that on ``x'``, ``V`` that on the measurements, ``S`` between the two; ``inputs`` are those it enters by.
     """

@@ -26,20 +26,23 @@ _POLISHING = 4  # Newton steps in the coordinates of the problem, from a solutio
 _POLISHED = 1e-8  # share of what a certificate allows at which these stop: a cost in doubt by 1e-12
 _GOOD = 1e-2  # share of what a certificate allows at which no other coordinates are tried
 _EXTENDED = 300  # states up to which residuals are computed in long numbers, which take seconds beyond
-_RESIDUAL = 1e-6  # largest residual of a solution that is vouched for, relative to the terms of the equation (a choice)
-_COST = 1e-4  # and share of the cost that may be in doubt (a choice)
+LARGEST_RESIDUAL = (
+    1e-6  # largest residual of a solution that is vouched for, relative to the terms of the equation (a choice)
+)
+LARGEST_COST_ERROR = 1e-4  # and share of the cost that may be in doubt (a choice)
 _TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
 class RiccatiProblem:
-    """``A, B`` and the weights of ``x^T Q x + 2 x^T N u + u^T R u``."""
+    """``A, B`` and the weights of ``x^T Q x + 2 x^T N u + u^T R u``; ``dt`` is 0 in continuous time."""
 
     A: Array
     B: Array
     Q: Array
     R: Array
     N: Array
+    dt: float = 0.0
 
     __repr__ = compact
 
@@ -90,7 +93,7 @@ class RiccatiCertificate:
         Size of one more Newton step, each state scaled by its own cost: how much of the cost is in doubt.  Above 1e-4,
         or with a residual above 1e-6, no solution is returned.
     abscissa : float
-        Largest real part of the closed-loop poles [rad/s].
+        Largest real part of the closed-loop poles [rad/s]; in discrete time of their rates ``log(z)/dt``.
     path : tuple of str
         Coordinates and solvers tried, in that order; the most exact of their solutions is the one.
     """
@@ -239,7 +242,7 @@ def _solution(problem: RiccatiProblem, what: str) -> RiccatiSolution:
 
 
 def _rank(c: RiccatiCertificate) -> float:
-    return max(c.cost_error / _COST, c.residual / _RESIDUAL) if c.abscissa < 0.0 else np.inf
+    return max(c.cost_error / LARGEST_COST_ERROR, c.residual / LARGEST_RESIDUAL) if c.abscissa < 0.0 else np.inf
 
 
 def _sound(c: RiccatiCertificate, share: float = 1.0) -> bool:
@@ -268,7 +271,7 @@ def _refined(own: RiccatiProblem, X: Array) -> Array | None:
         step, _ = newton_step(own, X, own.residual(X))
         if step is None:
             return None if not np.isfinite(last) else X
-        size = _scaled(step, X + step)
+        size = scaled_size(step, X + step)
         if size >= 0.5 * last:
             return X
         X, last = _even(X + step), size
@@ -314,7 +317,7 @@ def _certified(problem: RiccatiProblem, X: Array) -> tuple[RiccatiSolution, Arra
     certificate = RiccatiCertificate(
         residual=float(np.linalg.norm(residual)) / max(terms, _TINY),
         backward_error=float((np.abs(residual) / np.maximum(allowed, _TINY)).max(initial=0.0)),
-        cost_error=np.inf if step is None else _scaled(step, X),
+        cost_error=np.inf if step is None else scaled_size(step, X),
         abscissa=_abscissa(poles),
     )
     return RiccatiSolution(X, problem.gain(X), poles, certificate), step
@@ -327,7 +330,7 @@ def _sizes(problem: RiccatiProblem, X: Array) -> Array:
     return 2.0 * stored + np.abs(np.diag(problem.Q)) + np.einsum("ji,jk,ki->i", F, np.abs(problem.R), F)
 
 
-def _scaled(step: Array, X: Array) -> float:
+def scaled_size(step: Array, X: Array) -> float:
     """Return the size of a change of ``X``, each state scaled by its own cost."""
     size = np.sqrt(np.maximum(np.diag(X), 0.0))
     inverse = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import whole
+from boomctl.checks import exactly, whole
 from boomctl.lti.system import Lti, lower_lft, of, static
 from boomctl.printing import compact
 
 if TYPE_CHECKING:
     import control
+
+_SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
 
 
 @dataclass(frozen=True)
@@ -116,15 +118,17 @@ class GeneralizedPlant:
         return self.system.outputs[self.nz :]
 
 
-def partition(P: "control.StateSpace", nmeas: int, ncon: int) -> GeneralizedPlant:
+def partition(P: "control.StateSpace", nmeas: int, ncon: int, *, sampled: bool = False) -> GeneralizedPlant:
     """Return a generalised plant whose last outputs are measured and whose last inputs are controls.
+
+    In discrete time too if ``sampled``.
 
     Raises
     ------
     TypeError, ValueError
         Another kind of system, discrete time, not finite; counts that leave no disturbance or no performance signal.
     """
-    system = of(P, "P", "StateSpace")
+    system = of(P, "P", "StateSpace", sampled=sampled)
     p, m = system.D.shape
     if whole("nmeas", nmeas) >= p:
         raise ValueError(f"nmeas = {nmeas}: P has {p} output(s), and at least one must be a performance signal")
@@ -133,16 +137,25 @@ def partition(P: "control.StateSpace", nmeas: int, ncon: int) -> GeneralizedPlan
     return GeneralizedPlant(system, nmeas, ncon)
 
 
-def matched(P: "control.StateSpace", controller: "control.StateSpace") -> tuple[GeneralizedPlant, Lti]:
+def matched(
+    P: "control.StateSpace", controller: "control.StateSpace", *, sampled: bool = False
+) -> tuple[GeneralizedPlant, Lti]:
     """Return a plant partitioned as a controller demands, and the controller with the plant's signals, in their order.
+
+    In discrete time too if ``sampled``.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, discrete time, not finite, too many signals.
+        Other kinds of system, another kind of time, sampling times that differ, not finite, too many signals.
     """
-    K = of(controller, "controller", "StateSpace")
-    plant = partition(P, K.B.shape[1], len(K.C))
+    K = of(controller, "controller", "StateSpace", sampled=sampled)
+    plant = partition(P, K.B.shape[1], len(K.C), sampled=sampled)
+    if abs(K.dt - plant.system.dt) > _SAME * plant.system.dt:
+        wanted, got = (
+            f"a sampling time of {exactly(dt)} s" if dt else "continuous time" for dt in (plant.system.dt, K.dt)
+        )
+        raise ValueError(f"controller: expected {wanted}, as P has it, got {got}")
     columns = _places("output", plant.measurements, K.inputs, plant.system.outputs)
     rows = _places("input", plant.controls, K.outputs, plant.system.inputs)
     return plant, replace(K.between(columns, rows), inputs=plant.measurements, outputs=plant.controls, states=())
@@ -176,10 +189,10 @@ def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "co
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, discrete time, too many signals; names of which some are signals of ``P`` but not those
-        last ones; the loop is not well-posed.
+        Other kinds of system, sampling times that differ, too many signals; names of which some are signals of ``P`` but not
+        those last ones; the loop is not well-posed.
     """
-    plant, K = matched(P, controller)
+    plant, K = matched(P, controller, sampled=True)
     return lower_lft(plant.system, K).statespace("closed_loop")
 
 

@@ -1,0 +1,233 @@
+"""A continuous plant as a sampled controller sees it: exact at the samples, with delays of any length.
+
+Each control is held from one of its changes to the next; a delay moves those changes, by whole samples and a part of one.
+Over a sample with one change in it the plant moves by two holds, one after the other, which is exact.  Controls that are
+still to act, and measurements still on their way, are states.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.checks import exactly, nonnegative
+from boomctl.lti.hold import zero_order_hold
+from boomctl.lti.system import Lti
+
+_SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
+_ROUNDING = 1e-9  # share of a sample up to which a delay is a whole number of them (a choice)
+_MOST_SAMPLES = 1000  # of a delay, each of which is a state for each control: more is a mistake of unit (a choice)
+
+
+def whole_samples(delay: float, dt: float) -> tuple[int, float]:
+    """Return a delay as whole samples and what is left of it [s]."""
+    whole = int(np.floor(delay / dt + _ROUNDING))
+    rest = delay - whole * dt
+    return whole, rest if rest > _ROUNDING * dt else 0.0
+
+
+def time_of_loop(plant: Lti, controller: Lti, delay: float) -> tuple[float, float]:
+    """Return the sampling time of a loop, 0 for a continuous one, and its delay, checked.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A delay that is negative, of more than 1000 samples, beside a continuous controller, or not of whole samples where
+        the plant is discrete; a discrete plant with a controller of another sampling time.
+    """
+    late, dt = nonnegative("delay", delay), controller.dt
+    if dt == 0.0:
+        if plant.dt != 0.0:
+            raise ValueError(
+                f"controller: expected the plant's sampling time, {exactly(plant.dt)} s, got continuous time; "
+                "boomctl.discretize samples it"
+            )
+        if late:
+            raise ValueError(
+                f"delay = {exactly(late)}: expected 0 with a controller in continuous time; boomctl.discretize samples it"
+            )
+        return 0.0, 0.0
+    if late / dt > _MOST_SAMPLES:
+        raise ValueError(f"delay = {exactly(late)}: expected at most {_MOST_SAMPLES} samples of {exactly(dt)} s")
+    if plant.dt != 0.0:
+        if abs(plant.dt - dt) > _SAME * dt:
+            raise ValueError(
+                f"controller: expected the plant's sampling time, {exactly(plant.dt)} s, got {exactly(dt)} s"
+            )
+        if whole_samples(late, dt)[1]:
+            raise ValueError(
+                f"delay = {exactly(late)}: expected whole samples of {exactly(dt)} s, as the plant is discrete: "
+                "between its samples it is not known"
+            )
+    return dt, late
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A plant whose controls are held, and what they are between two samples: states of a queue, or inputs at once.
+
+    Attributes
+    ----------
+    plant : Lti
+    controls : (m,) ndarray of bool
+        Which inputs are controls; the others change at each sample.
+    changes : (m,) ndarray
+        How long after a sample each input changes [s].
+    starts : (m + 1,) ndarray of int
+        Where the queue of each control begins among all states, the plant's first; the last is their number.
+    before, after : (m, states) ndarray
+        Which state each input is before and after it changes; a row of zeros for an input that is none.
+    direct : (m, m) ndarray
+        One for each input that is the one given at this sample, after it changes.
+    """
+
+    plant: Lti
+    controls: Array
+    changes: Array
+    starts: Array
+    before: Array
+    after: Array
+    direct: Array
+
+    @classmethod
+    def of(cls, plant: Lti, acting: Sequence[int], dt: float, delays: Sequence[float]) -> "_Held":
+        """Return a plant with its queues: what is still to act, and what acts just before a sample if that is felt."""
+        n, m = plant.B.shape
+        wholes, changes, controls = np.zeros(m, dtype=int), np.zeros(m), np.zeros(m, dtype=bool)
+        for i, delay in zip(acting, delays, strict=True):
+            wholes[i], changes[i] = whole_samples(delay, dt)
+            controls[i] = True
+        felt = plant.D.any(axis=0) | (changes > 0.0)
+        lengths = np.where(controls, wholes + felt, 0)
+        starts = n + np.concatenate([[0], np.cumsum(lengths)])
+        before, after = np.zeros((m, starts[-1])), np.zeros((m, starts[-1]))
+        queued, waiting = np.flatnonzero(controls & felt), np.flatnonzero(wholes)
+        before[queued, (starts[:-1] + wholes)[queued]] = 1.0
+        after[waiting, (starts[:-1] + wholes)[waiting] - 1] = 1.0
+        return cls(plant, controls, changes, starts, before, after, np.diag(np.where(wholes, 0.0, 1.0)))
+
+    def state(self, duration: float) -> tuple[Array, Array]:
+        """Return the plant's state so long after a sample, of all states at the sample and of the inputs given there."""
+        A, B = self.plant.A, self.plant.B
+        Phi, held = zero_order_hold(A, B, duration)
+        old, new = np.zeros_like(B), np.zeros_like(B)
+        for change in np.unique(self.changes):
+            these = self.changes == change
+            if change == 0.0:
+                new[:, these] = held[:, these]
+            elif change >= duration:
+                old[:, these] = held[:, these]
+            else:
+                rest, new[:, these] = zero_order_hold(A, B[:, these], duration - change)
+                old[:, these] = rest @ zero_order_hold(A, B[:, these], change)[1]
+        rows = old @ self.before + new @ self.after
+        rows[:, : len(A)] += Phi
+        return rows, new @ self.direct
+
+    def answers(self, duration: float) -> tuple[Array, Array]:
+        """Return the outputs so long after a sample, just before what changes then, likewise; at the sample for 0."""
+        n, m = self.plant.B.shape
+        rows, given = self.state(duration) if duration else (np.eye(n, self.starts[-1]), np.zeros((n, m)))
+        changed = ~self.controls | (self.changes < duration)
+        late, now = np.where(changed, 0.0, self.plant.D), np.where(changed, self.plant.D, 0.0)
+        C = self.plant.C
+        return C @ rows + late @ self.before + now @ self.after, C @ given + now @ self.direct
+
+
+def sampled_plant(
+    plant: Lti, acting: Sequence[int], dt: float, delays: Sequence[float], readings: Sequence[float] | None = None
+) -> Lti:
+    """Return a plant from sample to sample, exactly.
+
+    Parameters
+    ----------
+    plant : Lti
+        In continuous time; in discrete time it stays as it is, but for delays of whole samples.
+    acting : sequence of int
+        The inputs that are controls: each is held, and changes so long after a sample as its delay says.  The other inputs
+        are held from sample to sample.
+    dt : float
+        [s]
+    delays : sequence of float
+        Of each control [s].
+    readings : sequence of float, optional
+        How old each output is when it is read [s]; by default 0.
+
+    Returns
+    -------
+    Lti
+        In discrete time, inputs and outputs as the plant's.  Outputs are those just before the controls change.
+    """
+    if plant.dt != 0.0:
+        return _late(plant, acting, [whole_samples(delay, dt)[0] for delay in delays])
+    n, m = plant.B.shape
+    scale = linalg.matrix_balance(plant.A, permute=False, separate=True)[1][0] if n else np.ones(0)
+    scaled = replace(plant, A=plant.A * scale / scale[:, None], B=plant.B / scale[:, None], C=plant.C * scale)
+    held = _Held.of(scaled, acting, dt, delays)
+    size = int(held.starts[-1])
+    A, B = np.zeros((size, size)), np.zeros((size, m))
+    A[:n], B[:n] = held.state(dt)
+    for i, (start, end) in enumerate(pairwise(held.starts)):
+        A[start + 1 : end, start : end - 1] = np.eye(max(end - start - 1, 0))
+        if end > start:
+            B[start, i] = 1.0
+    C, D = held.answers(0.0)
+    full = np.concatenate([scale, np.ones(size - n)])
+    queues = [
+        f"{plant.inputs[i]}_held_{k + 1}" for i in np.flatnonzero(held.controls) for k in range(np.diff(held.starts)[i])
+    ]
+    found = Lti(
+        A * full[:, None] / full,
+        B * full[:, None],
+        C / full,
+        D,
+        plant.inputs,
+        plant.outputs,
+        (*plant.states, *queues),
+        dt,
+    )
+    for output, age in enumerate(readings or ()):
+        whole, rest = whole_samples(age, dt)
+        if rest:  # read between two samples, and known at the later one
+            rows, given = held.answers(dt - rest)
+            found = _read(found, output, (rows[output] / full, given[output]), whole + 1)
+        elif whole:
+            found = _read(found, output, (found.C[output, :size], found.D[output]), whole)
+    return found
+
+
+def _read(system: Lti, output: int, reading: tuple[Array, Array], samples: int) -> Lti:
+    """Return a system one output of which is a reading, of states and inputs, that comes so many samples late."""
+    A, B, C, D, place = system.A, system.B, system.C.copy(), system.D.copy(), len(system.A)
+    A, B, C = (
+        np.pad(A, ((0, samples), (0, samples))),
+        np.pad(B, ((0, samples), (0, 0))),
+        np.pad(C, ((0, 0), (0, samples))),
+    )
+    A[place, : len(reading[0])], B[place] = reading
+    A[place + 1 :, place : place + samples - 1] = np.eye(samples - 1)
+    C[output], D[output] = 0.0, 0.0
+    C[output, place + samples - 1] = 1.0
+    return replace(
+        system, A=A, B=B, C=C, D=D, states=(*system.states, *(f"read_late_{place + k}" for k in range(samples)))
+    )
+
+
+def _late(plant: Lti, acting: Sequence[int], samples: Sequence[int]) -> Lti:
+    """Return a discrete plant whose controls are so many samples late."""
+    A, B, C, D, states = plant.A, plant.B, plant.C, plant.D, list(plant.states)
+    for i, count in zip(acting, samples, strict=True):
+        if not count:
+            continue
+        place = len(A)
+        A = np.pad(A, ((0, count), (0, count)))
+        B, C, D = np.pad(B, ((0, count), (0, 0))), np.pad(C, ((0, 0), (0, count))), D.copy()
+        A[:place, place + count - 1], C[:, place + count - 1] = B[:place, i], D[:, i]
+        B[:place, i], D[:, i] = 0.0, 0.0
+        B[place, i] = 1.0
+        A[place + 1 :, place : place + count - 1] = np.eye(count - 1)
+        states += [f"{plant.inputs[i]}_held_{k + 1}" for k in range(count)]
+    return replace(plant, A=A, B=B, C=C, D=D, states=tuple(states))

@@ -1,0 +1,94 @@
+"""The bilinear map ``z = (1 + w/g)/(1 - w/g)``, ``g = 2/dt``: the unit circle becomes the imaginary axis, exactly.
+
+A discrete system and its image have the same response, at ``z = exp(j omega dt)`` and at ``w = j (2/dt) tan(omega dt/2)``;
+the same norm, the same Hankel singular values; and one is stable where the other is.  The image of a discrete system is that
+continuous one whose Tustin discretisation it is.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.lti.modal import ModalSystem
+from boomctl.lti.system import Lti
+
+# share of the largest singular value of A + 1 (of 1 - A/g) below which a pole lies at z = -1 (at w = g) but for rounding
+_SINGULAR = 1e-15
+_LAST = (
+    1e-12  # share of pi/dt by which a frequency below it counts as pi/dt, whose image is infinite (rounding of both)
+)
+
+
+def image_of_omega(omega: ArrayLike, dt: float) -> Array:
+    """Return the frequencies ``(2/dt) tan(omega dt/2)`` of the image; ``inf`` for ``pi/dt``."""
+    half = 0.5 * dt * np.asarray(omega, dtype=float)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.where(half >= 0.5 * np.pi * (1.0 - _LAST), np.inf, (2.0 / dt) * np.tan(half))
+
+
+def omega_of_image(v: ArrayLike, dt: float) -> Array:
+    """Return the frequencies ``(2/dt) atan(v dt/2)`` whose images are given; ``pi/dt`` for ``inf``."""
+    return np.minimum((2.0 / dt) * np.arctan(0.5 * dt * np.asarray(v, dtype=float)), np.pi / dt)
+
+
+def continuous_image(system: Lti) -> Lti:
+    """Return the continuous system that a discrete one is the Tustin discretisation of.
+
+    Raises
+    ------
+    ValueError
+        A pole at ``z = -1``: there is none.
+    """
+    g, n = 2.0 / system.dt, len(system.A)
+    if not n:
+        return Lti(system.A, system.B, system.C, system.D, system.inputs, system.outputs, system.states)
+    eye = np.eye(n)
+    inverse = _inverse(system.A + eye, "system: it has a pole at z = -1, and so no image in continuous time")
+    A = g * (inverse @ (system.A - eye))
+    B, C = inverse @ system.B, system.C @ inverse
+    # one factor of 2 g to each side, so that Gramians are those of the discrete system up to no more than that
+    side = np.sqrt(2.0 * g)
+    D = system.D - system.C @ B
+    return Lti(A, side * B, side * C, D, system.inputs, system.outputs, system.states)
+
+
+def discrete_image(system: Lti, dt: float) -> Lti:
+    """Return the Tustin discretisation of a continuous system: the discrete one whose continuous image it is.
+
+    Raises
+    ------
+    ValueError
+        A pole at ``w = 2/dt``: there is none.
+    """
+    g, n = 2.0 / dt, len(system.A)
+    if not n:
+        return Lti(system.A, system.B, system.C, system.D, system.inputs, system.outputs, system.states, dt)
+    eye = np.eye(n)
+    inverse = _inverse(eye - system.A / g, f"system: it has a pole at 2/dt = {g:.6g} rad/s, and so no image")
+    B, C, side = inverse @ system.B, system.C @ inverse, np.sqrt(2.0 / g)
+    A, D = inverse @ (eye + system.A / g), system.D + system.C @ B / g
+    return Lti(A, side * B, side * C, D, system.inputs, system.outputs, system.states, dt)
+
+
+def modal_image(modal: ModalSystem, dt: float) -> tuple[ModalSystem, Array]:
+    """Return a stable discrete system in modal coordinates as its continuous image, and the relative error of each mode.
+
+    That error is of the mode's largest response: rounding of how far its pole is from the axis.
+    """
+    g, p = 2.0 / dt, modal.poles
+    over, inside = 1.0 / (1.0 + p), 1.0 - np.abs(p)
+    # (|p| - 1)(|p| + 1) |1 + p|^-2 has the digits that |p| - 1 has; the quotient itself has fewer
+    poles = g * (-inside * (1.0 + np.abs(p)) + 2j * p.imag) * np.abs(over) ** 2
+    side = np.sqrt(2.0 * g) * over
+    shares = (modal.C * over) @ modal.B
+    error = 8.0 * np.finfo(float).eps * (1.0 / inside + 1.0)
+    return ModalSystem(poles, side[:, None] * modal.B, modal.C * side, np.real(modal.D - shares)), error
+
+
+def _inverse(matrix: Array, refusal: str) -> Array:
+    balanced, (scale, _) = linalg.matrix_balance(matrix, permute=False, separate=True)
+    values = linalg.svdvals(balanced)
+    if values[-1] <= _SINGULAR * values[0]:
+        raise ValueError(refusal)
+    return linalg.inv(balanced) * scale[:, None] / scale

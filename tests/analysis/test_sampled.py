@@ -1,0 +1,262 @@
+"""Sampled loops: against the same loop stepped event by event, and the simulation; margins against what they say."""
+
+import warnings
+
+import control
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy import linalg
+
+import boomctl as bc
+from boomctl.analysis.margins import SamplingCostsMarginWarning
+from tests.analysis.stepped import radius, step_matrix
+from tests.profiles import examples
+
+PARTS = (0.0, 1.0, 2.0, 0.3, 1.7, None)  # of a sample, None: any
+
+
+def random_loop(seed, disturbances=0):
+    """Return a continuous plant, a discrete controller and a delay."""
+    rng = np.random.default_rng(seed)
+    n, m, p = int(rng.integers(1, 6)), int(rng.integers(1, 3)), int(rng.integers(1, 3))
+    A = rng.standard_normal((n, n)) * 2.0
+    A -= (np.linalg.eigvals(A).real.max() + rng.uniform(-0.1, 0.5)) * np.eye(n)
+    B, C = rng.standard_normal((n, m + disturbances)), rng.standard_normal((p, n))
+    D = rng.standard_normal((p, m + disturbances)) * (seed % 2)
+    controls, measured = [f"u{i}" for i in range(m)], [f"y{i}" for i in range(p)]
+    plant = control.ss(A, B, C, D, inputs=[*(f"d{i}" for i in range(disturbances)), *controls], outputs=measured)
+    q, dt = int(rng.integers(1, 4)), float(10.0 ** rng.uniform(-1.5, -0.3))
+    AK = rng.standard_normal((q, q))
+    AK *= rng.uniform(0.1, 0.95) / np.abs(np.linalg.eigvals(AK)).max()
+    BK, CK, DK = rng.standard_normal((q, p)), rng.standard_normal((m, q)), rng.standard_normal((m, p))
+    size = 10.0 ** rng.uniform(-1.5, 0.0)
+    controller = control.ss(AK, size * BK, CK, size * DK, dt, inputs=measured, outputs=controls)
+    part = PARTS[seed % len(PARTS)]
+    return plant, controller, dt * float(rng.uniform(0.0, 4.0) if part is None else part)
+
+
+@examples(200)
+@given(st.integers(0, 100_000))
+def test_the_loop_has_the_poles_of_the_loop_stepped_event_by_event(seed):
+    plant, controller, delay = random_loop(seed)
+    loop = bc.feedback_loop(plant, controller, controller.output_labels, delay=delay)
+    brute = np.linalg.eigvals(step_matrix(plant, controller, delay))
+    ours = loop.poles()
+    # the stepped one remembers more, which are further poles at zero; those are Jordan blocks, which rounding moves far
+    for pole in brute[np.abs(brute) > 0.3]:
+        assert np.abs(np.poly(ours) @ pole ** np.arange(len(ours), -1, -1.0)) <= 1e-9 * np.abs(
+            1.0 + np.abs(pole)
+        ) ** len(ours)
+    assert np.abs(ours).max() == pytest.approx(np.abs(brute).max(), abs=1e-6) or np.abs(brute).max() < 0.3
+
+
+@examples(200)
+@given(st.integers(0, 100_000))
+def test_the_loop_moves_as_the_continuous_plant_does_in_between(seed):
+    plant, controller, delay = random_loop(seed, disturbances=1)
+    rng, dt, count = np.random.default_rng(seed + 1), controller.dt, 20
+    added = rng.standard_normal((controller.noutputs, count))
+    held = rng.standard_normal(count)
+    loop = bc.feedback_loop(plant, controller, controller.output_labels, delay=delay)
+    found = control.forced_response(loop, np.arange(count) * dt, np.vstack([held[None], added])).outputs
+    n, B = plant.nstates, plant.B
+    x, xk, u = np.zeros(n), np.zeros(controller.nstates), np.zeros(controller.noutputs)
+    sent, changed, rows = [], 0, []
+
+    def moved(x, inputs, duration):
+        M = np.zeros((n + 1, n + 1))
+        M[:n, :n], M[:n, n] = plant.A * duration, B @ inputs * duration
+        E = linalg.expm(M)
+        return E[:n, :n] @ x + E[:n, n]
+
+    for k in range(count):
+        y = plant.C @ x + plant.D @ np.concatenate([[held[k]], u])
+        sent.append(controller.C @ xk + controller.D @ y + added[:, k])
+        xk = controller.A @ xk + controller.B @ y
+        rows.append(np.concatenate([y, sent[-1]]))
+        now = k * dt
+        while changed < len(sent) and changed * dt + delay < (k + 1) * dt * (1.0 - 1e-12):
+            x = moved(x, np.concatenate([[held[k]], u]), max(changed * dt + delay - now, 0.0))
+            now, u, changed = max(changed * dt + delay, now), sent[changed], changed + 1
+        x = moved(x, np.concatenate([[held[k]], u]), (k + 1) * dt - now)
+    rows = np.array(rows).T
+    assert np.abs(found - rows).max() <= 1e-9 * np.abs(rows).max()
+
+
+@pytest.mark.parametrize("part", [0.0, 0.4, 1.0, 2.6])
+def test_the_loop_is_that_of_the_simulation(part):
+    plant = control.ss(
+        [[0.0, 1.0], [-9.0, -2.0]],
+        [[0.0, 0.0], [1.0, 2.0]],
+        [[1.0, 0.0]],
+        0.0,
+        inputs=["wind", "force"],
+        outputs="place",
+    )
+    K = control.ss([[0.4]], [[1.0]], [[-1.5]], [[-0.5]], 0.1, inputs="place", outputs="force")
+    loop = bc.feedback_loop(plant, K, "place", delay=part * 0.1)
+    assert np.abs(loop.poles()).max() < 1.0
+    time = np.arange(201) * 0.1
+    start = np.zeros(loop.nstates)
+    start[:2] = [0.3, -1.0]
+    ours = control.forced_response(loop, time, np.zeros((2, 201)), start).outputs[0]
+    sim = bc.simulate_loop(
+        plant, K, None, time, sample_time=0.1, delay=part * 0.1, initial=[0.3, -1.0], anti_windup=False
+    )
+    assert np.abs(ours - sim.outputs["place"]).max() < 1e-9
+
+
+def stable_loop(seed):
+    plant, controller, delay = random_loop(seed)
+    assume(radius(plant, controller, delay) < 0.995)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SamplingCostsMarginWarning)
+        return plant, controller, delay, bc.margins(plant, controller, delay=delay)
+
+
+@pytest.mark.slow
+@examples(200)
+@given(st.integers(0, 100_000))
+def test_gains_and_delays_at_a_margin_are_where_the_stepped_loop_rings(seed):
+    plant, controller, delay, found = stable_loop(seed)
+    for loop in found.loops:
+        for limit in (loop.gain_low, loop.gain_high):
+            if 1e-6 < limit < 1e6:
+                sides = [radius(plant, controller, delay, gain=limit * f, of=loop.signal) for f in (0.999, 1.001)]
+                assert min(sides) < 1.0 < max(sides)
+        least, most = max(loop.gain_low * 1.001, 1e-2), min(loop.gain_high * 0.999, 1e2)
+        for gain in np.geomspace(least, most, 3):
+            assert radius(plant, controller, delay, gain=gain, of=loop.signal) < 1.0
+        if loop.delay < 30.0 * controller.dt:
+            just = [radius(plant, controller, delay, further=loop.delay * f, at=loop.signal) for f in (0.999, 1.001)]
+            assert just[0] < 1.0 < just[1]
+        for share in (0.4, 0.9):
+            further = share * min(loop.delay, 5.0 * controller.dt)
+            assert radius(plant, controller, delay, further=further, at=loop.signal) < 1.0
+
+
+@examples(100)
+@given(st.integers(0, 100_000))
+def test_every_gain_within_the_disk_is_borne_by_all_signals_at_once(seed):
+    plant, controller, delay, found = stable_loop(seed)
+    rng = np.random.default_rng(seed)
+    gain = min(found.everywhere.gain, 1e6) ** 0.999
+    P, K = np.ones(plant.ninputs), np.ones(plant.noutputs)
+    for _ in range(3):
+        P, K = (gain ** rng.choice([-1.0, 1.0], len(each)) for each in (P, K))
+        changed = control.ss(
+            controller.A, controller.B * K, controller.C * P[:, None], controller.D * K * P[:, None], controller.dt,
+            inputs=controller.input_labels, outputs=controller.output_labels,
+        )  # fmt: skip
+        assert radius(plant, changed, delay) < 1.0
+    assert found.everywhere.certified
+
+
+@examples(60)
+@given(st.integers(0, 100_000))
+def test_angles_are_those_at_which_a_turned_loop_is_one(seed):
+    _, controller, _, found = stable_loop(seed)
+    for loop in found.loops:
+        if np.isfinite(loop.phase_deg):
+            omega, L = loop.open_loop
+            at = np.interp(loop.phase_omega, omega, np.abs(L))
+            assert at == pytest.approx(1.0, abs=0.1)
+            assert loop.phase_omega <= np.pi / controller.dt
+            assert omega[-1] <= np.pi / controller.dt
+
+
+def test_whole_samples_of_delay_around_a_discrete_plant_are_exact():
+    plant = control.ss([[0.98, 0.1], [-0.1, 0.98]], [[0.0], [0.1]], [[1.0, 0.0]], 0.0, 0.1, inputs="u", outputs="y")
+    K = control.ss([], [], [], [[-0.2]], 0.1, inputs="y", outputs="u")
+    lag = control.ss([[0.5]], [[0.5]], [[-0.4]], [[-0.6]], 0.1, inputs="y", outputs="u")
+    assert K.nstates == 0
+    found = bc.margins(plant, lag)["u"]
+    borne = int(found.delay / 0.1)
+    for samples in range(borne + 1):
+        assert np.abs(bc.feedback_loop(plant, lag, "u", delay=0.1 * samples).poles()).max() < 1.0
+    with pytest.raises(ValueError, match="not stable"):
+        bc.margins(plant, lag, delay=0.1 * (borne + 1))
+
+
+def test_fast_sampling_has_the_margins_of_the_continuous_loop():
+    plant = control.ss([[0.0, 1.0], [-4.0, -0.2]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    K = control.ss([[-30.0]], [[1.0]], [[900.0]], [[-35.0]], inputs="place", outputs="force")
+    before = bc.margins(plant, K)
+    errors = []
+    for dt in (1e-3, 5e-4, 2.5e-4):
+        now = bc.margins(plant, bc.discretize(K, dt))
+        errors.append(abs(now["force"].phase_deg - before["force"].phase_deg))
+        assert now["force"].disk.alpha == pytest.approx(before["force"].disk.alpha, rel=20.0 * dt)
+    assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.05)  # half a sample of delay: of first order
+    assert errors[1] / errors[2] == pytest.approx(2.0, rel=0.05)
+
+
+def test_what_sampling_costs_is_warned_of():
+    plant = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    K = control.ss([[-20.0]], [[1.0]], [[360.0]], [[-20.0]], inputs="place", outputs="force")
+    with pytest.warns(SamplingCostsMarginWarning, match="takes the disk margin from .* to .* at all controls"):
+        bc.margins(plant, bc.discretize(K, 0.05), delay=0.2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        bc.margins(plant, bc.discretize(K, 0.002), delay=0.001)
+        # the plant is discrete: what was before is not known
+        bc.margins(control.sample_system(plant, 0.05, name="plant"), bc.discretize(K, 0.05), delay=0.05)
+
+
+def test_a_boom_under_a_fast_sampled_damper_keeps_its_margins():
+    model = bc.spray_boom(elements=4)
+    measured, driven = "stroke_right", "suspension_right"
+    K = control.ss([[-400.0]], [[400.0]], [[8000.0]], [[-8000.0]], inputs=measured, outputs=driven)  # a damper
+    before = bc.margins(model, K)[driven]
+    now = bc.margins(model, bc.discretize(K, 0.001), delay=0.0005)[driven]
+    assert now.phase_deg == pytest.approx(before.phase_deg, rel=0.01)
+    assert now.delay == pytest.approx(before.delay - 0.001, rel=0.01)  # half a sample of holding, and the delay
+    assert now.disk.alpha == pytest.approx(before.disk.alpha, rel=0.05)
+    with pytest.warns(SamplingCostsMarginWarning):
+        bc.margins(model, bc.discretize(K, 0.003), delay=0.03)
+
+
+def test_what_does_not_meet_is_refused():
+    plant = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="u", outputs="y")
+    discrete = control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1, inputs="u", outputs="y")
+    K = control.ss([[0.5]], [[0.1]], [[-1.0]], 0.0, 0.1, inputs="y", outputs="u")
+    slow = control.ss([[-0.5]], [[0.1]], [[-1.0]], 0.0, inputs="y", outputs="u")
+    untold = control.ss([[0.5]], [[0.1]], [[-1.0]], 0.0, True, inputs="y", outputs="u")
+    other = control.ss([[0.5]], [[0.1]], [[-1.0]], 0.0, 0.2, inputs="y", outputs="u")
+    for run in (bc.margins, lambda P, K, **more: bc.feedback_loop(P, K, "u", **more)):
+        with pytest.raises(ValueError, match=r"^controller: expected continuous time or a sampling time in seconds"):
+            run(plant, untold)
+        with pytest.raises(ValueError, match=r"^controller: expected the plant's sampling time, 0.1 s, got 0.2 s"):
+            run(discrete, other)
+        with pytest.raises(ValueError, match=r"^controller: expected the plant's sampling time, 0.1 s, got continuous"):
+            run(discrete, slow)
+        with pytest.raises(ValueError, match=r"^delay = 0.01: expected 0 with a controller in continuous time"):
+            run(plant, slow, delay=0.01)
+        with pytest.raises(ValueError, match=r"^delay = 0.03: expected whole samples of 0.1 s"):
+            run(discrete, K, delay=0.03)
+        with pytest.raises(ValueError, match=r"^delay = 500: expected at most 1000 samples of 0.1 s"):
+            run(plant, K, delay=500.0)
+        with pytest.raises(ValueError, match=r"^delay"):
+            run(plant, K, delay=-0.1)
+    with pytest.raises(ValueError, match=r"pole at z = .*, of size 1\.\d+\): it has no margins"):
+        bc.margins(plant, control.ss(K.A, 100.0 * K.B, K.C, 0.0, 0.1, inputs="y", outputs="u"))
+
+
+def test_results_of_sampled_loops_are_drawn():
+    plant, controller, delay = random_loop(4)
+    found = bc.margins(plant, controller, delay=delay)
+    lines = found.loops[0].plot().get_lines()
+    assert any(len(line.get_xdata()) > 100 for line in lines)
+    loop = bc.feedback_loop(plant, controller, controller.output_labels, delay=delay)
+    drawn = bc.sigma(loop).plot(unit="rad/s").get_lines()[0].get_xdata()
+    assert np.max(drawn) <= np.pi / controller.dt * (1.0 + 1e-12)
+
+
+def test_what_is_for_continuous_time_says_so():
+    family = bc.boom_family()
+    K = control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1, inputs="stroke_right", outputs="suspension_right")
+    for call in (bc.robust_stability, lambda f, K: bc.worst_case(f, K, ["actuator_right"], ["tip_right"])):
+        with pytest.raises(ValueError, match=r"^controller: expected continuous time, got a sampling time of 0.1 s"):
+            call(family, K)

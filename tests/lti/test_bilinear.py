@@ -1,0 +1,76 @@
+"""The bilinear map: the same response at frequencies that belong together, there and back again."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, modal_image, omega_of_image
+from boomctl.lti.modal import diagonalized
+from boomctl.lti.system import Lti
+from tests.profiles import examples
+
+
+def discrete(seed, slack=None):
+    rng = np.random.default_rng(seed)
+    n, m, p = (int(k) for k in rng.integers(1, 7, 3))
+    A = rng.standard_normal((n, n))
+    A *= (1.0 - (10.0 ** rng.uniform(-6, -0.2) if slack is None else slack)) / np.abs(np.linalg.eigvals(A)).max()
+    B, C, D = rng.standard_normal((n, m)), rng.standard_normal((p, n)), rng.standard_normal((p, m))
+    return Lti(A, B, C, D, dt=float(10.0 ** rng.uniform(-4, 1)))
+
+
+@given(st.integers(0, 10_000))
+def test_an_image_responds_alike(seed):
+    system = discrete(seed, 0.1)
+    omega = np.linspace(0.0, 0.999 * np.pi / system.dt, 50)
+    image = continuous_image(system)
+    there = image.response(image_of_omega(omega, system.dt))
+    assert np.allclose(there, system.response(omega), rtol=1e-9, atol=1e-10 * np.abs(there).max())
+    last = system.response(np.array([np.pi / system.dt]))[:, :, 0].real
+    assert np.allclose(image.D, last, rtol=1e-9, atol=1e-10)
+
+
+@given(st.integers(0, 10_000))
+def test_there_and_back_is_the_same_system(seed):
+    system = discrete(seed)
+    back = discrete_image(continuous_image(system), system.dt)
+    assume(
+        np.linalg.norm(np.linalg.inv(system.A + np.eye(len(system.A))), 2) < 100.0
+    )  # a pole near z = -1 has a far image
+    for letter in "ABCD":
+        assert np.allclose(getattr(back, letter), getattr(system, letter), rtol=1e-9, atol=1e-10)
+
+
+@given(st.floats(1e-5, 10.0), st.floats(0.0, 1.0))
+def test_frequencies_go_there_and_back(dt, share):
+    omega = share * np.pi / dt
+    assert omega_of_image(image_of_omega(omega, dt), dt) == pytest.approx(omega, rel=1e-9, abs=1e-300)
+    assert omega_of_image(image_of_omega(omega, dt), dt) <= np.pi / dt
+
+
+def test_half_the_sampling_rate_is_infinitely_far():
+    assert image_of_omega(np.pi / 0.3, 0.3) == np.inf
+    assert omega_of_image(np.inf, 0.3) == np.pi / 0.3
+
+
+@examples(50)
+@given(st.integers(0, 10_000))
+def test_modes_have_the_image_that_matrices_have(seed):
+    system = discrete(seed, 0.05)
+    modal = diagonalized(system)
+    if modal is None:
+        return
+    image, off = modal_image(modal, system.dt)
+    omega = np.linspace(0.0, 3.0 / system.dt, 30)
+    found = image.response(image_of_omega(omega, system.dt))
+    exact = system.response(omega)
+    assert np.abs(found - exact).max() <= 1e-8 * np.abs(exact).max()
+    assert (off < 1e-12).all()
+
+
+def test_what_has_no_image_is_refused():
+    with pytest.raises(ValueError, match="pole at z = -1"):
+        continuous_image(Lti(-np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1)), dt=0.1))
+    with pytest.raises(ValueError, match="pole at 2/dt = 20 rad/s"):
+        discrete_image(Lti(20.0 * np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1))), 0.1)

@@ -1,0 +1,84 @@
+"""Reduction of discrete systems: the error on a dense grid of the unit circle, bounds, Hankel values, what is kept."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import linalg
+
+from boomctl import reduce
+from tests.profiles import examples
+
+
+def random_system(seed, integrator=False):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(3, 13))
+    A = rng.standard_normal((n, n))
+    A *= (1.0 - 10.0 ** rng.uniform(-4, -0.3)) / np.abs(np.linalg.eigvals(A)).max()
+    A = linalg.block_diag(A, [[1.0]]) if integrator else A
+    n = len(A)
+    return control.ss(A, rng.standard_normal((n, 2)), rng.standard_normal((2, n)), rng.standard_normal((2, 2)), 0.05)
+
+
+def gains(full, small, omega):
+    def response(system):
+        z = np.exp(1j * omega * system.dt)[:, None, None]
+        return system.C @ np.linalg.solve(z * np.eye(system.nstates) - system.A, system.B + 0j) + system.D
+
+    return np.linalg.svd(response(full) - response(small), compute_uv=False)[:, 0]
+
+
+@examples(60)
+@given(st.integers(0, 10_000), st.sampled_from(["balanced", "singular-perturbation", "hankel", "modal"]))
+def test_the_error_is_that_on_the_unit_circle_and_within_its_bound(seed, method):
+    system = random_system(seed, integrator=seed % 3 == 0)
+    found = reduce(system, int(np.random.default_rng(seed).integers(2, system.nstates)), method)
+    assert found.system.dt == system.dt
+    poles = np.linalg.eigvals(system.A)
+    omega = np.concatenate([np.linspace(1e-3, np.pi, 2001), np.abs(np.angle(poles[np.abs(poles) < 1.0]))]) / system.dt
+    worst = gains(system, found.system, omega[omega > 1e-6]).max()
+    assert worst <= found.measured_error * (1.0 + 1e-5) + 1e-9
+    if not found.kept:  # what splitting an integrator off may change of the rest is added to the error
+        assert worst >= 0.5 * found.measured_error
+    assert found.measured_error <= found.error_bound * (1.0 + 1e-5)
+    assert found.kept == (1 if seed % 3 == 0 else 0)
+    assert found.curves.omega[-1] <= np.pi / system.dt
+
+
+@examples(30)
+@given(st.integers(0, 10_000))
+def test_hankel_values_are_those_of_the_discrete_gramians(seed):
+    system = random_system(seed)
+    P = linalg.solve_discrete_lyapunov(system.A, system.B @ system.B.T)
+    Q = linalg.solve_discrete_lyapunov(system.A.T, system.C.T @ system.C)
+    exact = np.sqrt(np.sort(np.abs(np.linalg.eigvals(P @ Q)))[::-1])
+    found = reduce(system, 1).hankel_values
+    assert found == pytest.approx(exact[: len(found)], rel=1e-5, abs=1e-6 * exact[0])
+
+
+@examples(30)
+@given(st.integers(0, 10_000))
+def test_the_lowest_order_within_an_error_is_found(seed):
+    system = random_system(seed)
+    asked = 0.5 * float(reduce(system, 1).measured_error)
+    found = reduce(system, error=asked)
+    assert found.measured_error <= asked * (1.0 + 1e-9)
+    if found.order > 1:
+        assert reduce(system, found.order - 1).measured_error > asked * (1.0 - 1e-4)
+
+
+def test_a_band_is_looked_at_in_its_own_frequencies():
+    system = random_system(7)
+    found = reduce(system, 3, band=(1.0, 20.0))
+    assert gains(system, found.system, np.linspace(1.0, 20.0, 2000)).max() <= found.measured_error * (1.0 + 1e-6)
+    assert found.band == (1.0, 20.0)
+    with pytest.raises(ValueError, match=r"^band: expected at most half the sampling rate"):
+        reduce(system, 3, band=(1.0, 100.0))
+
+
+def test_what_has_no_image_is_refused():
+    with pytest.raises(ValueError, match="pole at z = -1"):
+        reduce(control.ss(np.diag([-1.0, 0.5]), np.eye(2), np.eye(2), 0.0, 0.1), 1)
+    with pytest.raises(ValueError, match=r"^system: expected continuous time or a sampling time in seconds"):
+        reduce(control.ss(0.5, 1.0, 1.0, 0.0, True), 1)

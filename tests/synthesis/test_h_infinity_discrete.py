@@ -1,0 +1,81 @@
+"""Discrete H-infinity synthesis: against the continuous problem, SLICOT's discrete one, and the loop's own response."""
+
+from contextlib import suppress
+
+import control
+import numpy as np
+import pytest
+import slycot
+from hypothesis import given
+from hypothesis import strategies as st
+from slycot.exceptions import SlycotError
+
+import boomctl as bc
+from tests.profiles import examples
+
+
+def random_plant(seed):
+    """Return a discrete generalised plant of which D12 and D21 have full rank."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 6))
+    A = rng.standard_normal((n, n))
+    A *= rng.uniform(0.3, 1.15) / np.abs(np.linalg.eigvals(A)).max()
+    B, C = rng.standard_normal((n, 3)), rng.standard_normal((3, n))
+    D = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    return control.ss(A, B, C, D, 0.1, inputs=["w1", "w2", "u"], outputs=["z1", "z2", "y"])
+
+
+@pytest.mark.slow
+@examples(25)
+@given(st.integers(0, 10_000))
+def test_the_loop_has_the_norm_and_slicot_does_not_go_below_the_bound(seed):
+    P = random_plant(seed)
+    found = bc.h_infinity(P, 1, 1)
+    K, loop = found.controller, found.closed_loop
+    assert loop.dt == K.dt == 0.1
+    assert found.certificate.norm.certified
+    assert found.gamma <= 1.02 * found.certificate.lower
+    z = np.exp(1j * np.linspace(0.0, np.pi, 1001))[:, None, None]
+    G = P.C @ np.linalg.solve(z * np.eye(P.nstates) - P.A, P.B + 0j) + P.D
+    Kz = K.C @ np.linalg.solve(z * np.eye(K.nstates) - K.A, K.B + 0j) + K.D
+    closed = G[:, :2, :2] + G[:, :2, 2:] @ np.linalg.solve(1.0 - Kz @ G[:, 2:, 2:], Kz @ G[:, 2:, :2])
+    values = np.linalg.svd(closed, compute_uv=False)[:, 0]
+    assert values.max() <= found.certificate.norm.upper * (1.0 + 1e-9)
+    assert values.max() >= 0.98 * found.gamma
+    assert np.abs(loop.poles()).max() < 1.0
+    # SLICOT's own may refuse a level or miss it, but nothing it gives goes below what no controller beats
+    for level in (0.9 * found.certificate.lower, 0.98 * found.certificate.lower, 1.05 * found.gamma):
+        with suppress(SlycotError):
+            _, *matrices = slycot.sb10dd(P.nstates, 3, 3, 1, 1, level, P.A, P.B, P.C, P.D)[:5]
+            other = bc.hinf_norm(bc.close_loop(P, control.ss(*matrices, 0.1)))
+            assert other.upper >= found.certificate.lower * (1.0 - 1e-6)
+
+
+def test_a_loop_is_closed_in_one_time():
+    P, slow = random_plant(3), control.ss(-1.0, 1.0, 1.0, 0.0)
+    with pytest.raises(
+        ValueError, match=r"^controller: expected a sampling time of 0.1 s, as P has it, got continuous"
+    ):
+        bc.close_loop(P, slow)
+    with pytest.raises(
+        ValueError, match=r"^controller: expected a sampling time of 0.1 s, as P has it, got a .* of 0.2 s"
+    ):
+        bc.close_loop(P, control.ss(0.5, 1.0, 1.0, 0.0, 0.2))
+
+
+def test_a_tustin_discretisation_has_the_level_of_the_continuous_problem():
+    slow = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
+    exact = bc.h_infinity(slow, 1, 1)
+    found = bc.h_infinity(control.sample_system(slow, 0.1, "tustin"), 1, 1)
+    assert found.certificate.lower == pytest.approx(exact.certificate.lower, rel=5e-3)
+    assert found.gamma == pytest.approx(exact.gamma, rel=2e-2)
+
+
+def test_a_level_that_is_enough_is_kept():
+    P = random_plant(3)
+    least = bc.h_infinity(P, 1, 1)
+    assert bc.h_infinity(P, 1, 1, gamma=2.0 * least.gamma).certificate.norm.upper <= 2.0 * least.gamma
+    with pytest.raises(bc.SynthesisError, match="cannot be reached"):
+        bc.h_infinity(P, 1, 1, gamma=0.9 * least.certificate.lower)
+    with pytest.raises(ValueError, match=r"^fastest_pole: expected none for a discrete plant"):
+        bc.h_infinity(P, 1, 1, fastest_pole=10.0)

@@ -1,0 +1,155 @@
+"""Discrete regulators, filters and LQG: against the sum they minimise, python-control, duality and simulation."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import linalg
+
+import boomctl as bc
+from tests.profiles import examples
+
+
+def random_plant(seed, largest=1.2):
+    rng = np.random.default_rng(seed)
+    n, m, p = int(rng.integers(1, 7)), int(rng.integers(1, 3)), int(rng.integers(1, 3))
+    A = rng.standard_normal((n, n))
+    A *= rng.uniform(0.3, largest) / np.abs(np.linalg.eigvals(A)).max()
+    return control.ss(A, rng.standard_normal((n, m)), rng.standard_normal((p, n)), rng.standard_normal((p, m)), 0.1)
+
+
+@examples(100)
+@given(st.integers(0, 10_000))
+def test_a_regulator_is_that_of_python_control_and_its_cost_is_the_sum(seed):
+    plant = random_plant(seed)
+    rng, n, m = np.random.default_rng(seed + 1), plant.nstates, plant.ninputs
+    half = rng.standard_normal((n + m, n + m + 1))
+    joint = half @ half.T
+    Q, R, N = joint[:n, :n], joint[n:, n:], joint[:n, n:]
+    found = bc.lqr(plant, Q, R, N=N)
+    F, X, _ = control.dlqr(plant.A, plant.B, Q, R, N)
+    assert found.gain == pytest.approx(F, rel=1e-7, abs=1e-8)
+    assert found.cost == pytest.approx(X, rel=1e-7, abs=1e-8 * np.abs(X).max())
+    x0 = rng.standard_normal(n)
+    x, total = x0, 0.0
+    for _ in range(3000):
+        u = -found.gain @ x
+        total += x @ Q @ x + u @ R @ u + 2.0 * x @ N @ u
+        x = plant.A @ x + plant.B @ u
+    assert total == pytest.approx(x0 @ found.cost @ x0, rel=1e-6)
+    assert np.abs(found.poles).max() < 1.0
+    assert found.certificate.riccati.residual < 1e-12
+    assert found.closed_loop.dt == found.controller.dt == 0.1
+
+
+@examples(60)
+@given(st.integers(0, 10_000))
+def test_the_return_difference_of_a_regulator_is_at_least_one(seed):
+    plant = random_plant(seed)
+    found = bc.lqr(plant, 1.0, 1.0)
+    assert found.certificate.return_difference >= 1.0 - 1e-6
+    n, m = plant.nstates, plant.ninputs
+    wide = linalg.cholesky(np.eye(m) + plant.B.T @ found.cost @ plant.B)
+    for angle in np.linspace(0.0, np.pi, 50):
+        L = found.gain @ np.linalg.solve(np.exp(1j * angle) * np.eye(n) - plant.A, plant.B + 0j)
+        assert np.linalg.svd(wide @ (np.eye(m) + L), compute_uv=False)[-1] >= 1.0 - 1e-6
+
+
+@examples(60)
+@given(st.integers(0, 10_000))
+def test_a_filter_is_the_dual_of_a_regulator(seed):
+    plant = random_plant(seed)
+    n, p = plant.nstates, plant.noutputs
+    rng = np.random.default_rng(seed)
+    W, V = np.diag(rng.uniform(0.1, 2.0, n)), np.diag(rng.uniform(0.1, 2.0, p))
+    found = bc.kalman(plant, W, V)
+    dual = control.ss(plant.A.T, plant.C.T, np.eye(n), np.zeros((n, p)), 0.1)
+    assert pytest.approx(bc.lqr(dual, W, V).gain, rel=1e-9, abs=1e-10) == found.gain.T
+    L, _, _ = control.dlqe(plant.A, np.eye(n), plant.C, W, V)
+    assert np.allclose(found.gain, L, rtol=1e-7, atol=1e-8)
+    closed = plant.A - found.gain @ plant.C
+    error = linalg.solve_discrete_lyapunov(closed, W + found.gain @ V @ found.gain.T)
+    assert found.covariance == pytest.approx(error, rel=1e-7, abs=1e-8)
+
+
+@examples(60)
+@given(st.integers(0, 10_000))
+def test_the_cost_of_a_controller_is_the_variance_of_its_loop(seed):
+    plant = random_plant(seed, largest=1.1)
+    n, m, p = plant.nstates, plant.ninputs, plant.noutputs
+    design = bc.lqg(plant, 1.0, 1.0, np.eye(n), np.eye(p))
+    K = design.controller
+    assert K.dt == 0.1
+    A = np.block([[plant.A, plant.B @ K.C], [K.B @ plant.C, K.A + K.B @ plant.D @ K.C]])
+    noise = linalg.block_diag(np.eye(n), K.B @ K.B.T)
+    P = linalg.solve_discrete_lyapunov(A, noise)
+    cost = np.trace(P[:n, :n]) + np.trace(K.C @ P[n:, n:] @ K.C.T)
+    assert design.cost == pytest.approx(cost, rel=1e-6)
+    assert np.abs(np.linalg.eigvals(A)).max() < 1.0
+    rng = np.random.default_rng(seed)
+    for _ in range(3):  # no other gain costs less
+        other = K.C + 1e-2 * np.abs(K.C).max() * rng.standard_normal(K.C.shape)
+        A = np.block([[plant.A, plant.B @ other], [K.B @ plant.C, K.A + K.B @ plant.D @ other]])
+        if np.abs(np.linalg.eigvals(A)).max() < 1.0:
+            P = linalg.solve_discrete_lyapunov(A, noise)
+            assert np.trace(P[:n, :n]) + np.trace(other @ P[n:, n:] @ other.T) >= design.cost * (1.0 - 1e-9)
+    assert m == K.noutputs
+
+
+def test_fast_sampling_comes_near_the_continuous_regulator():
+    mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    exact = bc.lqr(mass, None, 1.0, output_weight={"place": 1.0}).gain
+    errors = []
+    for dt in (0.02, 0.01, 0.005):
+        sampled = control.sample_system(mass, dt, name="mass")
+        errors.append(np.abs(bc.lqr(sampled, None, dt, output_weight={"place": dt}).gain - exact).max())
+    assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.1)
+    assert errors[1] / errors[2] == pytest.approx(2.0, rel=0.1)
+
+
+def test_integral_action_leaves_no_error():
+    plant = control.ss(
+        [[0.9, 0.1], [-0.1, 0.9]],
+        [[0.0, 0.1], [0.1, 0.0]],
+        [[1.0, 0.0]],
+        0.0,
+        0.1,
+        inputs=["force", "wind"],
+        outputs="place",
+    )
+    found = bc.lqr(plant, 1.0, 1.0, controls="force", integral=["place"])
+    loop = found.closed_loop
+    assert (loop.input_labels, loop.dt) == (["wind"], 0.1)
+    rest = loop.C @ np.linalg.solve(np.eye(loop.nstates) - loop.A, loop.B)
+    assert rest == pytest.approx(0.0, abs=1e-9)
+    seen = control.ss(plant.A, plant.B, np.vstack([np.eye(2), plant.C]), 0.0, 0.1,
+                      inputs=["force", "wind"], outputs=[*plant.state_labels, "place"])  # fmt: skip
+    reached = np.abs(bc.feedback_loop(seen, found.controller).poles()).max()
+    assert reached == pytest.approx(np.abs(found.poles).max())
+
+
+def test_a_design_holds_on_the_plant_it_was_sampled_from():
+    plant = control.ss([[0.0, 1.0], [-4.0, -0.02]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    sampled = control.sample_system(plant, 0.1, name="plant")
+    K = bc.lqg(sampled, None, 0.1, {"force": 1.0}, 0.01, output_weight={"place": 10.0}).controller
+    assert np.abs(bc.feedback_loop(plant, K, "place").poles()).max() < 1.0
+    assert bc.margins(plant, K)["force"].delay > 0.0
+
+
+def test_what_stands_in_the_way_is_named():
+    stuck = control.ss(np.diag([1.1, 0.5]), [[0.0], [1.0]], [[1.0, 1.0]], 0.0, 0.1, inputs="u", outputs="y")
+    with pytest.raises(bc.SynthesisError, match=r"not stabilisable: the mode at .* \(unstable"):
+        bc.lqr(stuck, 1.0, 1.0)
+    unseen = control.ss(np.diag([1.0, 0.5]), [[1.0], [1.0]], [[0.0, 1.0]], 0.0, 0.1, inputs="u", outputs="y")
+    with pytest.raises(bc.SynthesisError, match="not detectable: the mode at 0 rad/s"):
+        bc.kalman(unseen, 1.0, 1.0)
+    with pytest.raises(bc.SynthesisError, match="undamped and not seen by any weight"):
+        bc.lqr(unseen, None, 1.0, output_weight=1.0)
+    with pytest.raises(ValueError, match=r"^ltr = 0.5: expected 0 for a discrete system"):
+        bc.lqg(unseen, 1.0, 1.0, 1.0, 1.0, ltr=0.5)
+    dead = bc.lqr(control.ss(np.diag([0.0, 0.5]), [[0.0], [1.0]], [[1.0, 1.0]], 0.0, 0.1), 1.0, 1.0)
+    assert len(dead.unmoved) == 1
+    assert np.isfinite(dead.unmoved[0].omega)
+    with pytest.raises(ValueError, match=r"^system: expected continuous time or a sampling time in seconds"):
+        bc.lqr(control.ss(0.5, 1.0, 1.0, 0.0, True), 1.0, 1.0)
