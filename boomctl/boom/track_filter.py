@@ -72,7 +72,9 @@ def platform_density(
     band: tuple[float, float] = BAND,
     actuator_distance: float = BoomParameters.actuator_distance,
 ) -> PlatformDensity:
-    """Return the exact densities of the motion of which :func:`platform_motion` on :func:`iso_track` is a sample.
+    """Return the exact spectral densities of the platform's motion on a random track.
+
+    The motion that :func:`platform_motion` computes on :func:`iso_track` is a sample of them.
 
     Parameters
     ----------
@@ -83,10 +85,23 @@ def platform_density(
     road_class, coherence, band
         As of :func:`iso_track`.
 
+    Returns
+    -------
+    PlatformDensity
+        One-sided densities of the actuators' half sum and half difference [m^2/Hz].
+
     Raises
     ------
     TypeError, ValueError
-        As these do; a frequency of zero; numbers so far out that the densities are not finite.
+        As of :func:`platform_motion` and :func:`iso_track`; a frequency of zero; numbers so far out that the densities
+        are not finite.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> density = bc.platform_density([0.5, 1.0], speed=2.5, road_class="D")
+    >>> [f"{value:.2e}" for value in density.jolt]  # m^2/Hz
+    ['6.45e-06', '9.19e-07']
     """
     low, high = wave_band(band)
     p, V = or_default(TractorParameters, "tractor", tractor), within("speed", speed, *SPEEDS, "m/s")
@@ -140,7 +155,7 @@ def track_filter(
 
     Returns
     -------
-    StateSpace
+    control.StateSpace
         Inputs ``track_jolt``, ``track_yaw``: independent white noises of unit intensity (two-sided density 1, so that a
         response ``H`` gives the one-sided density ``2 |H|^2`` a hertz).  Outputs ``actuator_left``, ``actuator_right``
         [m].  Stable, minimum-phase, strictly proper with a finite velocity; ``4 sections`` states.
@@ -159,6 +174,15 @@ def track_filter(
     its gain is then set so that the RMS velocity in that band is that of the density itself.  With three sections and
     the usual tractor at 1.5 to 4 m/s the smoothed densities agree within 2 dB (RMS from 0.05 to 5 Hz); the deepest
     notch of the comb, at ``V/(2 wheelbase)``, is filled by up to 8 dB.  The edges of the track's band are not modelled.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> shape = bc.track_filter(speed=2.5, road_class="D")
+    >>> shape.nstates, shape.input_labels
+    (12, ['track_jolt', 'track_yaw'])
+    >>> round(1000.0 * bc.h2_norm(shape).value, 1)  # RMS motion of both actuators [mm]
+    5.8
     """
     count = whole("sections", sections, most=_MOST_SECTIONS)
     f = np.geomspace(*_FITTED_HZ, 6000)

@@ -46,11 +46,24 @@ class Track:
     step : float
         Distance between points [m].
     left, right : (n,) ndarray
-        Heights [m] at ``0, step, 2 step, ...``
+        Heights under the left and the right wheels [m], at ``0, step, 2 step, ...`` along the track.
     width : float
         Distance between the two lines [m].
     periodic : bool
         True: the track goes round, its first point follows its last.  False: the ground is level before and behind it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A step or width not above zero; heights that are not finite, fewer than two, or not equally many on both sides.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> step_up = bc.Track(step=0.5, left=[0.0, 0.1, 0.1], right=[0.0, 0.0, 0.0], width=1.8)
+    >>> step_up.heights([0.25, 0.5])  # left and right wheels, 0.25 m and 0.5 m from the beginning
+    array([[0.05, 0.1 ],
+           [0.  , 0.  ]])
     """
 
     step: float
@@ -252,20 +265,33 @@ def bump_track(
     Parameters
     ----------
     height : float
-        Of the bump [m]; negative for a pothole.
+        Height of the bump [m]; negative for a pothole.
     bump_length : float
-        From foot to foot along the track [m].
+        Length of the bump along the track, from foot to foot [m].
     side : "left", "right" or "both"
-        Under which wheels.
+        Under which wheels it lies.
     position : float
         Where it begins [m].
     length, width, step : float
-        Of the track, between the wheels, between points [m].
+        Length of the track, distance between the wheels, distance between points [m].
+
+    Returns
+    -------
+    Track
+        Not periodic: the ground is level before and behind it.
 
     Raises
     ------
     TypeError, ValueError
         The bump does not lie within the track, or is shorter than ten steps.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> stone = bc.bump_track(0.05, bump_length=0.4, side="left", position=5.0)
+    >>> stone.heights([5.2]).round(3)  # its top, under the left wheels only
+    array([[0.05],
+           [0.  ]])
     """
     known("side", side, ("left", "right", "both"))
     peak, extent, begin = real("height", height), positive("bump_length", bump_length), positive("position", position)
