@@ -101,19 +101,21 @@ def write_controller(
     Raises
     ------
     TypeError, ValueError
-        Another kind of controller or suffix; names of signals not there; continuous time for C; a name that is none in C
-        or MATLAB.
+        Another kind of controller or suffix; names of signals not there; continuous time for C; a name that is none in
+        C or MATLAB.
     OSError
         The folder cannot be written to.
 
     Examples
     --------
-    >>> import control, tempfile
+    >>> import boomctl as bc
+    >>> import control
+    >>> import tempfile
     >>> from pathlib import Path
     >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="stroke", outputs="force")
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     written = write_controller(lag, Path(folder) / "lag.c", sample_time=0.01, force_limit=60.0)
-    ...     [file.name for file in written]
+    ...     written = bc.write_controller(lag, Path(folder) / "lag.c", sample_time=0.01, force_limit=60.0)
+    >>> [file.name for file in written]
     ['lag.c', 'lag.h', 'lag_test.c']
     """
     file = checked_path("path", path)
@@ -167,12 +169,35 @@ def controller_contents(
 def read_controller(path: str | Path) -> "control.StateSpace":
     """Return the controller that :func:`write_controller` wrote to a ``.json`` or ``.mat`` file, with all its names.
 
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    control.StateSpace
+        ``u = K y``, in continuous or discrete time as it was written.
+
     Raises
     ------
     OSError
         The file cannot be read.
-    ValueError
+    TypeError, ValueError
         Another kind of file; what is wrong with it is named.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="stroke", outputs="force")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     written = bc.write_controller(lag, Path(folder) / "lag.json")
+    ...     again = bc.read_controller(written[0])
+    >>> again.input_labels, again.A
+    (['stroke'], array([[-2.]]))
     """
     return _read(checked_path("path", path))[0].statespace(checked_path("path", path).stem)
 
@@ -180,10 +205,33 @@ def read_controller(path: str | Path) -> "control.StateSpace":
 def read_controller_notes(path: str | Path) -> ControllerNotes:
     """Return what a controller's ``.json`` file says beside its matrices: units, certificate, provenance.
 
+    Parameters
+    ----------
+    path : str or Path
+        A ``.json`` file that :func:`write_controller` wrote.
+
+    Returns
+    -------
+    ControllerNotes
+        Units, certificate and provenance as they stand in the file.
+
     Raises
     ------
-    OSError, ValueError
+    OSError, TypeError, ValueError
         As of :func:`read_controller`.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="stroke", outputs="force")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     written = bc.write_controller(lag, Path(folder) / "lag.json", units={"stroke": "m", "force": "N"})
+    ...     notes = bc.read_controller_notes(written[0])
+    >>> notes.units
+    {'stroke': 'm', 'force': 'N'}
     """
     return _read(checked_path("path", path))[1]
 

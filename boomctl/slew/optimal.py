@@ -148,15 +148,16 @@ def optimal_slew(
     Parameters
     ----------
     h : hub-beam or control.StateSpace
-        A linear system's first input is the torque, its first output the angle; it ends at the rest with ``A x = 0`` and
-        that angle. Outputs "tip_displacement" and "root_moment" are known by name.
+        A linear system's first input is the torque, its first output the angle; it ends at the rest with ``A x = 0``
+        and that angle. Outputs "tip_displacement" and "root_moment" are known by name.
     angle, torque_limit : float
         Angle to turn through, rad (None leaves it free), and largest torque either way, N m.
     objective, duration : str, float or None
-        "time"; or in a given duration [s] "effort" (integral of the torque squared), "jerk" (of the hub's jerk squared),
-        "torque-rate" (of the torque's slope squared), "tip" (largest tip displacement).
+        "time"; or in a given duration [s] "effort" (integral of the torque squared), "jerk" (of the hub's jerk
+        squared), "torque-rate" (of the torque's slope squared), "tip" (largest tip displacement).
     torque_rate_limit, speed_limit, tip_limit, moment_limit : float or None
-        Limits of the torque's slope [N m/s], hub speed [rad/s], tip displacement [m] and bending moment at the clamp [N m].
+        Limits of the torque's slope [N m/s], hub speed [rad/s], tip displacement [m] and bending moment at the clamp [N
+        m].
     final_speed : float
         Hub speed at the end, rad/s: a spin-up, the beam in steady rotation.
     initial_state, final_state : array_like or None
@@ -166,19 +167,20 @@ def optimal_slew(
     method : str
         "collocation" (Gauss-Legendre), "radau" (Radau IIA) or "shooting", on the same mesh.
     tolerance : float
-        Of the prescribed end state in the replay, relative. What the torque does not move in the linear part, as FOAM's axial
-        motion, is not prescribed; what is left of it is in ``end_error``.
+        Of the prescribed end state in the replay, relative. What the torque does not move in the linear part, as FOAM's
+        axial motion, is not prescribed; what is left of it is in ``end_error``.
     intervals : int or None
         Of the mesh; None refines it until halving it changes the cost by less than 1e-4.
     time_limit : float
-        Time to search for it, s; judging what was found takes a little more. When it is over, the slew on the finest mesh so
-        far is returned, if the replay confirms it.
+        Time to search for it, s; judging what was found takes a little more. When it is over, the slew on the finest
+        mesh so far is returned, if the replay confirms it.
     progress : callable or None
         Called with a `SlewProgress` now and then, in the thread that calls this.
 
     Returns
     -------
     SlewResult
+        The torque over time, what the plant does under it, and a certificate.
 
     Raises
     ------
@@ -191,8 +193,12 @@ def optimal_slew(
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 200.0, "effort", 4.0, time_limit=30.0).certificate.switches is None
-    True
+    >>> import control
+    >>> A, B, C = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]]
+    >>> rigid = control.ss(A, B, C, 0.0, inputs="torque", outputs="angle")  # of unit inertia
+    >>> slew = bc.optimal_slew(rigid, angle=1.0, torque_limit=1.0)
+    >>> round(slew.duration, 4), slew.certificate.switches, slew.certificate.optimality
+    (2.0, 1, 'proved')
     """
     budget = _budget(time_limit, progress)
     problem = slew_problem(

@@ -13,7 +13,20 @@ from boomctl.slew.torque import TorqueHistory
 
 
 class SlewError(RuntimeError):
-    """A slew that cannot be done, or could not be found or verified; the message says what binds, and when."""
+    """A slew that cannot be done, or could not be found or verified; the message says what binds, and when.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> A, B, C = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]]
+    >>> rigid = control.ss(A, B, C, 0.0, inputs="torque", outputs="angle")  # of unit inertia
+    >>> try:
+    ...     bc.optimal_slew(rigid, angle=1.0, torque_limit=1.0, objective="effort", duration=1.0)
+    ... except bc.SlewError as error:
+    ...     print(str(error).split(";")[0])
+    duration = 1 s: too short for 1 rad
+    """
 
 
 class LimitsTooTight(SlewError):

@@ -33,27 +33,38 @@ class MachineDesign:
     Attributes
     ----------
     name, title : str
-        In one word, and in a line.
+        A name in one word, and what it is in a line.
     plant : SecondOrderModel or control.StateSpace
-        Signals named.
+        The machine, signals named.
     controller : control.StateSpace
         ``u = K y`` in continuous time; its inputs are outputs of the plant, its outputs inputs of it.
     inputs, outputs : str or sequence of str, optional
         Between which signals of the plant the loop is judged; by default from all inputs that the controller does not
         drive to all outputs.
     sample_time : float, optional
-        For C code of the controller [s]; without, there is none.
+        Sampling time of C code of the controller [s]; without one, there is none.
     force_limit : float, optional
-        Of each control, for C code.
+        Largest value of each control, for C code.
     facts : mapping of str to str
         What synthesis and reduction say of themselves.
     notes : tuple of str
-        What a reader should know.
+        What a reader of the report should know.
 
     Raises
     ------
     TypeError, ValueError
         Other kinds of system; signals that do not meet.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> boom = bc.spray_boom().select(["actuator_left", "suspension_left"], ["tip_left", "stroke_left"])
+    >>> signals = {"inputs": "stroke_left", "outputs": "suspension_left"}
+    >>> damper = control.ss([[-30.0]], [[30.0]], [[3000.0]], [[-3000.0]], **signals)
+    >>> design = bc.MachineDesign("damper", "a damper at the left spring", boom, damper)
+    >>> design.controller.input_labels
+    ['stroke_left']
     """
 
     name: str
@@ -83,6 +94,16 @@ class MachineDesign:
     def scene(**options: Any) -> None:
         """Return the scene: a machine of one's own has none.
 
+        Parameters
+        ----------
+        options
+            None are taken.
+
+        Returns
+        -------
+        None
+            Nothing.
+
         Raises
         ------
         ValueError
@@ -93,6 +114,16 @@ class MachineDesign:
 
     def evaluate(self, scene: None = None) -> MachineResult:
         """Judge the design: peaks without and with the controller, stability, margins.
+
+        Parameters
+        ----------
+        scene : None
+            A machine of one's own has no scene.
+
+        Returns
+        -------
+        MachineResult
+            What was found, as text and for a report.
 
         Raises
         ------

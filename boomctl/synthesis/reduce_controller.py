@@ -89,7 +89,7 @@ def reduce_controller(
     P : control.StateSpace
         Generalised plant; the controller fits its last outputs and inputs.
     controller : control.StateSpace
-        Stabilises ``P``, ``u = K y``.
+        ``u = K y``; it stabilises ``P``.
     order : int, optional
         Number of states wanted; fewer where the controller has states that do nothing within the loop.  By default the
         lowest whose loop stays within ``tolerance``.
@@ -98,12 +98,28 @@ def reduce_controller(
     fastest_pole : float, optional
         No pole of the controller may have a larger magnitude [rad/s]; faster ones are replaced by their static gain.
 
+    Returns
+    -------
+    ReducedController
+        The smaller controller, the closed loop it was verified in, and the norms with it and without the reduction.
+
     Raises
     ------
     TypeError, ValueError
         Other kinds of system; numbers out of range; an order above the controller's.
     SynthesisError
         The controller does not stabilise ``P``; no smaller one stays within the tolerance.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="u", outputs="y")
+    >>> P = bc.mixed_sensitivity(lag, W1=bc.shelf(100.0, 0.5, corner=1.0), W2=0.1)
+    >>> design = bc.h_infinity(P, nmeas=1, ncon=1)
+    >>> smaller = bc.reduce_controller(P, design.controller, tolerance=0.05)
+    >>> smaller.order <= design.controller.nstates, bool(smaller.gamma <= 1.05 * smaller.full_gamma)
+    (True, True)
     """
     plant, K = matched(P, controller)
     share = nonnegative("tolerance", tolerance)

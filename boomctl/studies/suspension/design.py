@@ -29,20 +29,27 @@ class SuspensionDesign:
     Attributes
     ----------
     name, title : str
-        In one word, and in a line.
+        A name in one word, and what it is in a line.
     parameters : BoomParameters
         The machine, passive parts of the suspension included.
     controller : control.StateSpace or None
         ``u = K y`` in SI units; inputs named as outputs of the machine (``stroke_left``, ``tip_left_acceleration``,
         ...), outputs ``suspension_left``, ``suspension_right``.
     plant : control.StateSpace or None
-        A machine of its own where the controller reads what :func:`suspension_model` does not offer, such as states.
+        A machine of its own where the controller reads what the boom with its sensors does not offer, such as states.
     facts : mapping from str to str
         What synthesis and reduction say of themselves: gamma and bounds, errors, orders.
     weights : mapping from str to control.StateSpace
         Weights of the design, to be drawn over frequency.
     notes : tuple of str
-        What a reader should know.
+        What a reader of the report should know.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> soft = bc.SuspensionDesign("soft", "softer springs", bc.BoomParameters(spring_stiffness=550.0))
+    >>> soft.controller is None  # a passive suspension
+    True
     """
 
     name: str
@@ -58,7 +65,23 @@ class SuspensionDesign:
 
     @staticmethod
     def scene(**options: Any) -> FieldScene:
-        """Return the field with some of its properties changed; see :class:`FieldScene`."""
+        """Return the field with some of its properties changed; see :class:`FieldScene`.
+
+        Parameters
+        ----------
+        options
+            Properties of :class:`FieldScene` by name.
+
+        Returns
+        -------
+        FieldScene
+            The field, its other properties at their defaults.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As of :class:`FieldScene`.
+        """
         return FieldScene(**options)
 
     def evaluate(self, scene: FieldScene | None = None, passive: BoomParameters | None = None) -> "SuspensionResult":
@@ -67,8 +90,14 @@ class SuspensionDesign:
         Parameters
         ----------
         scene : FieldScene, optional
+            The field that both are driven over; by default ``FieldScene()``.
         passive : BoomParameters, optional
             The boom to compare with; by default Table 2 of Anthonis & Ramon (2003).
+
+        Returns
+        -------
+        SuspensionResult
+            What was found, as text and for a report.
 
         Raises
         ------

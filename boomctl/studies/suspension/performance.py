@@ -78,24 +78,40 @@ def performance(
     plant: control.StateSpace | None = None,
     friction: CoulombFriction | None = None,
 ) -> Performance:
-    """Return what a suspension does in a scene.
+    """Return what a suspension does in a scene: singular values, a run over the field, the spray it leaves.
 
     Parameters
     ----------
     title : str
+        What the suspension is called.
     scene : FieldScene
+        The field, the sensors and the limits.
     parameters : BoomParameters
+        The machine, passive parts of the suspension included.
     controller : control.StateSpace, optional
-        ``u = K y``; passive without.
+        ``u = K y``; without one the suspension is passive.
     plant : control.StateSpace, optional
-        By default :func:`suspension_model` with nozzles.
+        The machine, where the controller reads more than the boom with its sensors offers; by default that boom.
     friction : CoulombFriction, optional
         In the cradle, during the run.
+
+    Returns
+    -------
+    Performance
+        Certified peaks of the whole and of jolt and yaw alone, the run, and the spray.
 
     Raises
     ------
     TypeError, ValueError
         As of :func:`boomctl.simulate_loop`.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> field = bc.FieldScene(run_in=5.0, duration=10.0)
+    >>> passive = bc.performance("as published", field, bc.BoomParameters())
+    >>> round(passive.stroke, 3), round(passive.spray.cv, 3)  # m; standard deviation over mean of the dose
+    (0.03, 0.026)
     """
     model: SecondOrderModel | control.StateSpace
     model = (

@@ -173,6 +173,7 @@ def h_infinity(
     Returns
     -------
     HInfinityResult
+        The controller, the closed loop it was verified in, its norm ``gamma``, and a certificate.
 
     Raises
     ------
@@ -190,10 +191,11 @@ def h_infinity(
 
     Examples
     --------
+    >>> import boomctl as bc
     >>> import control
     >>> P = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
-    >>> design = h_infinity(P, 1, 1)
-    >>> bool(design.gamma <= 1.01 * design.certificate.lower)
+    >>> design = bc.h_infinity(P, nmeas=1, ncon=1)
+    >>> bool(design.gamma <= 1.01 * design.certificate.lower)  # no controller does better by more than 1 %
     True
     """
     plant = partition(P.system if isinstance(P, ReductionResult) else P, nmeas, ncon)

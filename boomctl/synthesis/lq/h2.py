@@ -66,7 +66,7 @@ class H2Result:
 
 
 def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
-    """Return the controller of least H2 norm.
+    """Return the controller that makes the H2 norm of the closed loop as small as can be.
 
     Parameters
     ----------
@@ -79,6 +79,7 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
     Returns
     -------
     H2Result
+        The controller ``u = K y``, the closed loop, its norm, and a certificate.
 
     Raises
     ------
@@ -90,12 +91,13 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
 
     Examples
     --------
+    >>> import boomctl as bc
     >>> import control
     >>> P = control.ss(
     ...     [[0.0]], [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
     ...     inputs=["load", "noise", "u"], outputs=["place", "effort", "y"],
     ... )
-    >>> round(h2(P, 1, 1).norm ** 2, 6)
+    >>> round(bc.h2(P, 1, 1).norm ** 2, 6)
     2.0
     """
     plant = partition(P, nmeas, ncon)

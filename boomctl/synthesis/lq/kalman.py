@@ -73,8 +73,8 @@ def kalman(
         In continuous time.
     process_noise : number, vector, matrix or mapping from input name to number
         Intensity of the noise, positive semidefinite: over the inputs named in ``disturbances``; without these, a
-        mapping is over the inputs it names, a number, vector or matrix over the states (noise on ``x'``).  What an input
-        feeds through to a measurement is noise on both, and counted as such.
+        mapping is over the inputs it names, a number, vector or matrix over the states (noise on ``x'``).  What an
+        input feeds through to a measurement is noise on both, and counted as such.
     measurement_noise : number, vector, matrix or mapping from output name to number
         Intensity of the noise on the measurements, positive definite.
     measurements : sequence of str, optional
@@ -85,6 +85,7 @@ def kalman(
     Returns
     -------
     KalmanResult
+        The gain ``L``, the estimator as a system, the covariance of the error of its estimate, and a certificate.
 
     Raises
     ------
@@ -96,9 +97,10 @@ def kalman(
 
     Examples
     --------
+    >>> import boomctl as bc
     >>> import control
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    >>> kalman(mass, {"force": 4.0}, 1.0).gain.round(4).T
+    >>> bc.kalman(mass, {"force": 4.0}, 1.0).gain.round(4).T
     array([[2., 2.]])
     """
     plant = plant_of(system)

@@ -90,9 +90,9 @@ def lqg(
     system : control.StateSpace or SecondOrderModel
         In continuous time.
     Q, R, output_weight
-        Weights, as of :func:`lqr`.
+        Weights of states, controls and outputs, as of :func:`lqr`.
     process_noise, measurement_noise, disturbances
-        Intensities and the inputs they are of, as of :func:`kalman`.
+        Intensities of the noises, and the inputs that are noise, as of :func:`kalman`.
     measurements, controls : sequence of str, optional
         Outputs the controller reads and inputs it drives; by default all.
     ltr : float
@@ -103,6 +103,7 @@ def lqg(
     Returns
     -------
     LqgResult
+        The controller ``u = K y``, the closed loop, its poles and expected cost, and a certificate.
 
     Raises
     ------
@@ -114,11 +115,12 @@ def lqg(
 
     Examples
     --------
+    >>> import boomctl as bc
     >>> import control
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    >>> design = lqg(mass, None, 1.0, {"force": 1.0}, 1.0, output_weight={"place": 1.0})
-    >>> round(design.cost, 4)
-    8.4853
+    >>> design = bc.lqg(mass, None, 1.0, {"force": 1.0}, 1.0, output_weight={"place": 1.0})
+    >>> round(design.cost, 4), design.controller.nstates
+    (8.4853, 2)
     """
     plant = plant_of(system)
     driven = chosen("controls", controls, plant.inputs)

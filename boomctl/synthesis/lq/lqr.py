@@ -140,6 +140,7 @@ def lqr(
     Returns
     -------
     LqrResult
+        The gain ``F``, the controller ``u = -F x``, the closed loop and its poles, and a certificate.
 
     Raises
     ------
@@ -151,9 +152,10 @@ def lqr(
 
     Examples
     --------
+    >>> import boomctl as bc
     >>> import control
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    >>> lqr(mass, None, 1.0, output_weight={"place": 1.0}).gain.round(4)
+    >>> bc.lqr(mass, None, 1.0, output_weight={"place": 1.0}).gain.round(4)
     array([[1.    , 1.4142]])
     """
     bare = plant_of(system)
