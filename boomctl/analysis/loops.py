@@ -140,6 +140,15 @@ def feedback_loop(
     TypeError, ValueError
         Other kinds of system, discrete time; names that do not meet; nothing left to drive the loop; a loop that is
         not well-posed.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> spring = control.ss([], [], [], [[-500.0]], inputs="stroke_left", outputs="suspension_left")
+    >>> loop = bc.feedback_loop(bc.spray_boom(), spring)
+    >>> loop.input_labels
+    ['actuator_left', 'actuator_right', 'suspension_right', 'cradle']
     """
     return joined(plant, controller).closed(added).statespace("closed loop")
 
@@ -171,6 +180,17 @@ def closed_loop_response(
     TypeError, ValueError
         Names that do not meet; no frequencies, or frequencies beside data that have their own; a loop with a pole at
         a frequency asked for.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> def boom(omega):  # with an exact beam
+    ...     return bc.exact_frequency_response(bc.BoomParameters(), omega)
+    >>> spring = control.ss([], [], [], [[-500.0]], inputs="stroke_left", outputs="suspension_left")
+    >>> loop = bc.closed_loop_response(boom, spring, [1.0, 2.0])
+    >>> loop.ninputs, loop.output_labels[-1]
+    (4, 'suspension_left')
     """
     from boomctl.lti.python_control import control
 

@@ -252,6 +252,18 @@ class Margins:
 def margins(plant: "SecondOrderModel | control.StateSpace", controller: "control.StateSpace") -> Margins:
     """Return the margins of the loop ``u = K y``, signals found by name.
 
+    Parameters
+    ----------
+    plant : SecondOrderModel or control.StateSpace
+        In continuous time, signals named.
+    controller : control.StateSpace
+        Its inputs are outputs of the plant, its outputs inputs of the plant.
+
+    Returns
+    -------
+    Margins
+        Gain, phase, delay and disk margins of each control and each measurement, and disk margins of all of them at once.
+
     Raises
     ------
     TypeError, ValueError
@@ -261,6 +273,16 @@ def margins(plant: "SecondOrderModel | control.StateSpace", controller: "control
     -----
     UncertainMarginsWarning
         Rounding of the loop's matrices alone may change the response by more than one part in 1e5.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="force", outputs="place")
+    >>> integrator = control.ss([[0.0]], [[1.0]], [[-2.0]], 0.0, inputs="place", outputs="force")
+    >>> found = bc.margins(lag, integrator).loops[0]
+    >>> found.signal, round(found.phase_deg, 1), round(found.delay, 3)  # degrees, s
+    ('force', 38.7, 0.54)
     """
     loop = joined(plant, controller)
     poles = loop.system.poles

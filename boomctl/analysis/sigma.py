@@ -183,9 +183,12 @@ def sigma(
     Examples
     --------
     >>> import boomctl as bc
-    >>> s = sigma(bc.spray_boom(), frequency_hz=[0.1, 1.0])
-    >>> s.sigma.shape, s.unit
-    ((2, 2), 'Hz')
+    >>> found = bc.sigma(bc.spray_boom(), frequency_hz=[0.1, 1.0])
+    >>> found.sigma.round(3)  # one row a singular value, one column a frequency
+    array([[8.122, 3.016],
+           [1.052, 0.637]])
+    >>> round(float(found.peak)), bool(found.certified)
+    (2473, True)
     """
     asked, unit = _asked(omega, frequency_hz)
     if is_frequency_response(system):
@@ -297,12 +300,17 @@ def compare_sigma(
     Parameters
     ----------
     systems : mapping of str to SecondOrderModel, control.StateSpace or control.FrequencyResponseData
-        By name.
+        The systems by name.
     omega, frequency_hz : array_like, optional
         As of :func:`sigma`.  By default the band that shows the lowest modes of all of them, on one grid that resolves
         each system's peaks in it.  Data have frequencies of their own.
     inputs, outputs : str or sequence of str, optional
         As of :func:`sigma`, of all of them.
+
+    Returns
+    -------
+    SigmaComparison
+        One `SigmaResult` for each name: ``comparison["name"]``; ``.plot()`` draws them over each other.
 
     Raises
     ------
@@ -312,10 +320,11 @@ def compare_sigma(
     Examples
     --------
     >>> import boomctl as bc
-    >>> boom = bc.spray_boom()
-    >>> both = compare_sigma({"boom": boom, "order 10": bc.reduce(boom.select(boom.inputs[:2], boom.outputs[:2]), 10).system})
-    >>> bool((both["boom"].omega == both["order 10"].omega).all())
-    True
+    >>> soft = bc.BoomParameters(spring_stiffness=550.0)
+    >>> both = bc.compare_sigma({"as published": bc.spray_boom(), "softer": bc.spray_boom(soft)}, [2.0, 4.0])
+    >>> both["softer"].sigma.round(3)
+    array([[3.195, 7.976],
+           [2.11 , 0.674]])
     """
     mapping("systems", systems, "systems by name")
     if not systems:

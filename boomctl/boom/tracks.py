@@ -113,7 +113,23 @@ class Track:
         return self.step * (len(self.left) if self.periodic else len(self.left) - 1)
 
     def heights(self, distance: ArrayLike) -> Array:
-        """Return the heights (2 x n: left, right) at places along the track [m]."""
+        """Return the heights (2 x n: left, right) at places along the track [m].
+
+        Parameters
+        ----------
+        distance : (n,) array_like
+            Places, from the beginning of the track [m].
+
+        Returns
+        -------
+        (2, n) ndarray
+            Heights under the left and the right wheels [m].
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not a row of finite numbers.
+        """
         at = finite_array("distance", distance, ndim=1)
         x = self.distance
         if self.periodic:
@@ -206,6 +222,11 @@ def iso_track(
     coherence : "isotropic", "full" or "none"
         What left and right have in common, see :func:`track_coherence`.
 
+    Returns
+    -------
+    Track
+        Heights under the left and the right wheels [m]; periodic.
+
     Raises
     ------
     TypeError, ValueError
@@ -215,6 +236,13 @@ def iso_track(
     -----
     Half sum and half difference of the two sides are independent with densities ``(1 +- coherence)/2 G_d``; each is the
     Fourier sum over the wave numbers ``j/length`` with independent Gaussian amplitudes, which has that density exactly.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> rough = bc.iso_track("E", length=100.0, seed=3)
+    >>> len(rough.left), round(100.0 * float(rough.left.std()), 1)  # points; cm
+    (5000, 11.6)
     """
     spacing, longest = positive("step", step), positive("length", length)
     low, high = wave_band(band)

@@ -103,25 +103,42 @@ def forced_response(
     outputs: str | Sequence[str] | None = None,
     accuracy: float = 1e-6,
 ) -> ForcedResponse:
-    """Return the response of a plant at rest to signals that run along straight lines between the given times.
+    """Return the response of a plant at rest to given signals.
+
+    Between the instants given the signals run along straight lines.
 
     Parameters
     ----------
     plant : SecondOrderModel or control.StateSpace
-        Continuous time.
+        In continuous time.
     signals : mapping from input to (n,) array
-        Inputs not named stay at zero.
+        Values at ``timepts``; inputs not named stay at zero.
     timepts : (n,) array_like
         Times in equal steps [s].
     outputs : str or sequence of str, optional
-        By default all.
+        Outputs that are read; by default all.
     accuracy : float
-        Wanted of a structure, relative to the largest value of each output.
+        For a structure: largest error wanted, relative to the largest value of each output.
+
+    Returns
+    -------
+    ForcedResponse
+        Outputs over time, by name.
 
     Raises
     ------
     TypeError, ValueError
         Another kind of plant, unknown signals, shapes, gaps, times not even.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import numpy as np
+    >>> time = np.linspace(0.0, 20.0, 401)
+    >>> pulled = {"suspension_left": -np.minimum(time, 1.0), "suspension_right": np.minimum(time, 1.0)}  # N
+    >>> result = bc.forced_response(bc.spray_boom(), pulled, time, "tip_right")
+    >>> (1000.0 * result.outputs["tip_right"][[0, 100, 400]]).round(2)  # mm
+    array([0.  , 2.18, 7.  ])
     """
     time, wanted = uniform_times(timepts), positive("accuracy", accuracy)
     h = float(time[-1] - time[0]) / (len(time) - 1)

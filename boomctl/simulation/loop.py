@@ -99,11 +99,24 @@ def simulate_loop(
     Returns
     -------
     LoopResult
+        Outputs, controls and disturbances over time by name, and when limits and stops were met.
 
     Raises
     ------
     TypeError, ValueError
         Wrong shapes, unknown signals, gaps, times not even, a sampling rate too low for the controller's poles.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> import numpy as np
+    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    >>> lead = control.ss([[-10.0]], [[10.0]], [[9.0]], [[-10.0]], inputs="place", outputs="force")
+    >>> time, start = np.arange(0.0, 5.0, 0.01), [1.0, 0.0]
+    >>> run = bc.simulate_loop(mass, lead, None, time, sample_time=0.01, delay=0.005, initial=start)
+    >>> run.outputs["place"][[0, 100, 499]].round(3)
+    array([1.   , 0.122, 0.047])
     """
     late = nonnegative("delay", delay)
     friction = None if friction is None else friction_law(friction)

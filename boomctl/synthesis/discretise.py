@@ -48,9 +48,10 @@ def discretize(
 
     Examples
     --------
+    >>> import boomctl as bc
     >>> import control
     >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="stroke", outputs="force")
-    >>> discretize(lag, 0.1).A.round(4)
+    >>> bc.discretize(lag, 0.1).A.round(4)
     array([[0.8182]])
     """
     poles = of(controller, "controller", "StateSpace").poles

@@ -185,19 +185,33 @@ def robust_stability(
     Parameters
     ----------
     family : AffineFamily
-        Its controls are forces.
+        The plants, such as :func:`boomctl.boom_family` returns; its controls are forces.
     controller : control.StateSpace
-        Its inputs are outputs of the family, its outputs inputs of it.
+        ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.
     max_cells : int
-        After so many neither is claimed.
+        Largest number of cells; after so many neither stability nor instability is claimed.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
+
+    Returns
+    -------
+    RobustStability
+        Whether it was proved, or parameter values at which the loop is unstable.
 
     Raises
     ------
     TypeError, ValueError
         Other kinds of system; names that do not meet; controls that impose motion.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> family = bc.boom_family(half="yaw")
+    >>> spring = control.ss([], [], [], [[-100.0]], inputs="stroke_anti", outputs="suspension_anti")
+    >>> bc.robust_stability(family, spring).proved
+    True
     """
     limit = whole("max_cells", max_cells)
     loops = _loops(family, controller)
@@ -274,19 +288,39 @@ def structured_margin(
 ) -> StructuredMargin:
     """Return how many times the box may grow about its middle before the loop ``u = K y`` becomes unstable.
 
-    Bisected: from above by unstable points found, from below by proof.
+    It is found by bisection: from above by unstable points, from below by proof.
 
     Parameters
     ----------
     family, controller, max_cells
         As of :func:`robust_stability`.
     largest : float
-        The box is not enlarged beyond this factor; what then has no known instability has ``unstable_at = inf``.
+        The box is not enlarged beyond this factor; where no instability is known up to there, ``unstable_at = inf``.
     tolerance : float
         Wanted relative distance of the two bounds.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
+
+    Returns
+    -------
+    StructuredMargin
+        A factor up to which the loop is proved stable, and one at which it is unstable.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As of :func:`robust_stability`; a factor or a tolerance out of range.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> family = bc.yaw_family(half="yaw")  # springs of 1100 to 2375 N/m
+    >>> spring = control.ss([], [], [], [[-100.0]], inputs="stroke_anti", outputs="suspension_anti")
+    >>> margin = bc.structured_margin(family, spring)
+    >>> round(margin.stable_up_to, 1), round(margin.unstable_at, 1)
+    (2.8, 2.9)
     """
     top, close, limit = positive("largest", largest), positive("tolerance", tolerance), whole("max_cells", max_cells)
     loops = _loops(family, controller)
@@ -335,7 +369,7 @@ def worst_case(
 ) -> WorstCase:
     """Return the largest H-infinity norm of the loop ``u = K y`` found over a box of parameters, certified where found.
 
-    A search over the box's lattice and a pattern search from its worst point: a lower bound of the worst case.
+    Points of a grid over the box are tried, then the neighbourhood of the worst of them: a lower bound of the worst case.
 
     Parameters
     ----------
@@ -347,6 +381,26 @@ def worst_case(
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
+
+    Returns
+    -------
+    WorstCase
+        The norm, the parameter values at which it was found, and the norm in the middle of the box.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As of :func:`robust_stability`; unknown signals.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}
+    >>> damper = control.ss([[-30.0]], [[30.0]], [[3000.0]], [[-3000.0]], **signals)  # 100 N s/m
+    >>> worst = bc.worst_case(bc.yaw_family(half="yaw"), damper, "actuator_anti", "tip_anti")
+    >>> round(worst.nominal.lower, 1), round(worst.norm.lower, 1)
+    (76.1, 97.7)
     """
     _loops(family, controller)
 
