@@ -114,17 +114,18 @@ class LoopMargin:
     Attributes
     ----------
     signal, place : str
-        Where it is opened; ``"control"`` or ``"measurement"``.
+        Where the loop is opened; ``"control"`` or ``"measurement"``.
     gain_low, gain_high : float
         The loop stays stable for factors between these; 0 and ``inf`` where there is no limit between 1e-9 and 1e9.
     gain_low_omega, gain_high_omega : float
         Frequencies of the limits [rad/s]; ``nan`` without.
     phase_deg, phase_omega : float
-        Least angle that makes it unstable, and where; ``inf`` and ``nan`` without a crossing of gain one.
+        Least angle that makes it unstable [degrees], and where [rad/s]; ``inf`` and ``nan`` without a crossing of gain one.
     delay, delay_omega : float
-        Least delay that makes it unstable [s], and where; 0 and ``inf`` where the loop's gain at infinite frequency is
-        not below one, so that the least delay does (or leaves no decay at high frequencies).
+        Least delay that makes it unstable [s], and where [rad/s]; 0 and ``inf`` where the loop's gain at infinite frequency
+        is not below one, so that the least delay does (or leaves no decay at high frequencies).
     disk : DiskMargin
+        Its disk margin.
     rounding : float
         How much rounding of the loop's matrices may change ``1/(1 - L)``, relative and to first order; margins have no
         more digits than that leaves.
@@ -173,7 +174,7 @@ class LoopMargin:
         return omega[there], values[there]
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
-        """Draw the loop's Nyquist curve around the critical point, and its margins; return the axes.
+        """Draw the loop's Nyquist curve around the critical point, and its margins.
 
         Parameters
         ----------
@@ -181,6 +182,11 @@ class LoopMargin:
             Where to draw; by default a new figure of pyplot.
         **style
             Of the curve, as matplotlib's lines take it.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_loop_margin(self, ax, **style)
 
@@ -207,13 +213,19 @@ class Margins:
         return self.loops[signals.index(known("loop", signal, signals))]
 
     def render(self) -> str:
-        """Return the margins as text."""
+        """Return the margins as text.
+
+        Returns
+        -------
+        str
+            A table, one line a loop.
+        """
         widths = (24, 9, 9, 11, 10, 6)
         lines = [[f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True)] for row in self._table()]
         return "\n".join(" ".join([f"{line[0].strip():{widths[0]}s}", *line[1:]]) for line in lines)
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
-        """Draw each loop's Nyquist curve around the critical point, and its margins; return the axes.
+        """Draw each loop's Nyquist curve around the critical point, and its margins.
 
         Parameters
         ----------
@@ -221,6 +233,11 @@ class Margins:
             Where to draw, one axes a loop; by default a new figure of pyplot.
         **style
             Of the curves, as matplotlib's lines take it.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_margins(self, ax, **style)
 

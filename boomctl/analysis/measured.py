@@ -63,7 +63,7 @@ class MeasuredCurve:
         return control.frd(self.entries, tau * self.freq_hz, **names)
 
     def plot(self, ax: "Axes | None" = None, *, unit: str | None = None, **style: Any) -> "Axes":
-        """Draw the curve over frequency, on a sigma plot over the computed ones; return the axes.
+        """Draw the curve over frequency, on a sigma plot over the computed ones.
 
         Parameters
         ----------
@@ -73,6 +73,11 @@ class MeasuredCurve:
             Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
         **style
             Of the dots, as matplotlib's lines take it; a ``label`` stands before the names in the file.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_measured(self, ax, unit=unit, **style)
 

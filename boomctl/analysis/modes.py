@@ -66,7 +66,15 @@ class ModeRow:
 
 @dataclass(frozen=True)
 class ModeTable:
-    """Modes in ascending natural frequency, and the signals they were asked for."""
+    """Modes in ascending natural frequency, and the signals they were asked for.
+
+    Attributes
+    ----------
+    inputs, outputs : tuple of str
+        Names of the signals, in the order of the shares.
+    rows : tuple of ModeRow
+        The modes, in ascending natural frequency.
+    """
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -90,7 +98,18 @@ class ModeTable:
         return table_html("Modes, and the share of each in the largest peak of a signal", heads, rows)
 
     def render(self, count: int | None = None) -> str:
-        """Return the first modes as text, shares in per cent."""
+        """Return the modes as text, shares in per cent.
+
+        Parameters
+        ----------
+        count : int, optional
+            How many modes, from the slowest; by default all.
+
+        Returns
+        -------
+        str
+            A table, one line a mode.
+        """
         wide = [max(len(name), 6) for name in (*self.inputs, *self.outputs)]
         heads = [f"{name:>{w}}" for name, w in zip((*self.inputs, *self.outputs), wide, strict=True)]
         lines = ["  omega [rad/s]   [Hz]  damping [%]  " + "  ".join(heads)]

@@ -133,7 +133,7 @@ class SigmaResult:
         return self.omega / (2.0 * np.pi)
 
     def plot(self, ax: Axes | None = None, *, unit: str | None = None, **style: Any) -> Axes:
-        """Draw the singular values over frequency; return the axes.  The picture says so if the system is unstable.
+        """Draw the singular values over frequency.  The picture says so if the system is unstable.
 
         Parameters
         ----------
@@ -144,6 +144,11 @@ class SigmaResult:
             frequencies were asked for.
         **style
             Of the curves, as matplotlib's lines take it: ``label``, ``color``, ``linestyle``, ...
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_sigma(self, ax, unit=unit, **style)
 
@@ -161,6 +166,7 @@ def sigma(
     Parameters
     ----------
     system : SecondOrderModel, control.StateSpace or control.FrequencyResponseData
+        A structure, a system in continuous time, or measured data.
     omega : array_like, optional
         Angular frequencies [rad/s].  By default a grid that spans the lowest modes and resolves each of their peaks,
         the certified one included.
@@ -275,7 +281,7 @@ class SigmaComparison:
         return "\n".join([*heads, f"  ... {more} more"] if more > 0 else heads)
 
     def plot(self, ax: Axes | None = None, *, unit: str | None = None, **style: Any) -> Axes:
-        """Draw all singular values on one frequency axis, each system in a colour of its own; return the axes.
+        """Draw all singular values on one frequency axis, each system in a colour of its own.
 
         Parameters
         ----------
@@ -283,6 +289,11 @@ class SigmaComparison:
             As of :meth:`SigmaResult.plot`.
         **style
             Of all curves, as matplotlib's lines take it; a ``label`` stands before the names.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_sigma_comparison(self, ax, unit=unit, **style)
 

@@ -76,7 +76,7 @@ class PlatformMotion:
         return f"PlatformMotion: {span}\n  left {left}, right {right}; actuators {self.actuator_distance:.4g} m apart"
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
-        """Draw jolt and yaw over time; return the axes.
+        """Draw jolt and yaw over time.
 
         Parameters
         ----------
@@ -84,6 +84,11 @@ class PlatformMotion:
             Where to draw: jolt and yaw; by default a new figure of pyplot.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_motion(self, ax, **style)
 

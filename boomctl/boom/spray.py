@@ -108,6 +108,7 @@ class SprayResult:
     speed : float
         Driving speed [m/s].
     footprint : Footprint
+        Where each nozzle's spray fell.
     """
 
     deposit: Array
@@ -176,7 +177,7 @@ class SprayResult:
         return float(self.judged.max())
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw the deposit on the field, beside its scale of colours; return the axes.
+        """Draw the deposit on the field, beside its scale of colours.
 
         Parameters
         ----------
@@ -184,6 +185,11 @@ class SprayResult:
             Where to draw; by default a new figure of pyplot.
         **style
             Of the map, as matplotlib's ``pcolormesh`` takes it; a ``label`` is its title.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_deposit(self, ax, **style)
 

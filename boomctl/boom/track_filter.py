@@ -37,10 +37,11 @@ class PlatformDensity:
     Attributes
     ----------
     freq_hz : (n,) ndarray
+        Frequencies [Hz].
     jolt : (n,) ndarray
-        Of the half sum of the actuators' displacements [m^2/Hz].
+        Density of the half sum of the actuators' displacements [m^2/Hz].
     difference : (n,) ndarray
-        Of their half difference, ``yaw * actuator_distance/2`` [m^2/Hz]; the two are independent.
+        Density of their half difference, ``yaw * actuator_distance/2`` [m^2/Hz]; the two are independent.
     """
 
     freq_hz: Array
@@ -50,7 +51,7 @@ class PlatformDensity:
     __repr__ = compact
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw both densities over frequency; return the axes.
+        """Draw both densities over frequency.
 
         Parameters
         ----------
@@ -58,6 +59,11 @@ class PlatformDensity:
             Where to draw; by default a new figure of pyplot.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_density(self, ax, **style)
 

@@ -147,7 +147,7 @@ class ReductionResult:
         return ReductionCurves(omega, singular_values(before), singular_values(after), error)
 
     def plot(self, ax: "Axes | None" = None, *, unit: str | None = None, **style: Any) -> "Axes":
-        """Draw singular values before and after, the error, and what it is proven not to exceed; return the axes.
+        """Draw singular values before and after, the error, and what it is proven not to exceed.
 
         Parameters
         ----------
@@ -157,6 +157,11 @@ class ReductionResult:
             Of the frequency axis, by default Hz.
         **style
             Of all curves, as matplotlib's lines take it.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_reduction(self, ax, unit=unit, **style)
 

@@ -41,6 +41,7 @@ class ForcedResponse:
     time : (n,) ndarray
         Times [s].
     outputs : dict from name to (n,) ndarray
+        Values of each output at these times.
     inputs : dict from name to (n,) ndarray
         The signals given.
     error_estimate : float
@@ -67,7 +68,7 @@ class ForcedResponse:
         return self.outputs[known("output", name, tuple(self.outputs))]
 
     def plot(self, ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any) -> Array:
-        """Draw inputs and outputs over time; return the axes.
+        """Draw inputs and outputs over time.
 
         Parameters
         ----------
@@ -77,6 +78,11 @@ class ForcedResponse:
             By default the first six.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_forced_response(self, ax, outputs=outputs, **style)
 

@@ -91,6 +91,7 @@ def simulate_loop(
     anti_windup : bool
         Correct the controller's state by what it was given less what it asked for.
     friction : CoulombFriction, optional
+        Dry friction in the plant.
     discretization : "tustin" or "zoh"
         Of a continuous controller.
     initial : (states,) array_like, optional

@@ -61,6 +61,7 @@ class LoopResult:
     stops : tuple of StopHit
         End stops touched, in order.
     friction : FrictionReport or None
+        What friction did; None without any.
     sample_time, delay : float
         Of the controller [s].
     path : str
@@ -125,7 +126,7 @@ class LoopResult:
         )
 
     def plot(self, ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any) -> Array:
-        """Draw outputs, controls asked for and applied, stops and friction over time; return the axes.
+        """Draw outputs, controls asked for and applied, stops and friction over time.
 
         Parameters
         ----------
@@ -136,5 +137,10 @@ class LoopResult:
             By default the first six that are not strokes.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_loop(self, ax, outputs=outputs, **style)

@@ -266,20 +266,23 @@ def resolve(
     time_limit: float = TIME_LIMIT,
     progress: Callable[[SlewProgress], object] | None = None,
 ) -> SlewResult:
-    """Solve a slew's programme again with other data, started from its solution; nothing is built anew.
+    """Solve a planned slew again with another angle or torque limit, started from its solution.
+
+    Nothing is built anew, which makes it fast.
 
     Parameters
     ----------
     result : SlewResult
-        Of `optimal_slew` with method "collocation" or "shooting" in its certificate.
+        What `optimal_slew` returned, with method "collocation" or "shooting" in its certificate.
     angle, torque_limit : float or None
-        What is new; None: as before.
+        The new angle [rad] and the new limit [N m]; None: as before.
     time_limit, progress
         As in `optimal_slew`.
 
     Returns
     -------
     SlewResult
+        The new slew, with a certificate of its own.
 
     Raises
     ------
@@ -287,6 +290,14 @@ def resolve(
         If the slew was not planned by a programme, or its angle was free or part of given states.
     SlewError
         As `optimal_slew`.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> slew = bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 200.0, "effort", 4.0, intervals=40)
+    >>> further = bc.slew.resolve(slew, angle=1.1)
+    >>> round(further.cost / slew.cost, 3)  # about 1.1 squared
+    1.21
     """
     if not isinstance(result, SlewResult):
         raise TypeError(f"result = {type(result).__name__}: expected what optimal_slew returns")

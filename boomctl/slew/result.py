@@ -141,26 +141,28 @@ class SlewResult:
     Attributes
     ----------
     objective : str
+        What was made small: "time", "effort", "jerk", "torque-rate" or "tip".
     duration : float
-        s.
+        How long the slew takes [s].
     cost : float
         Value of the objective: s for "time", N^2 m^2 s for "effort", rad^2/s^5 for "jerk", N^2 m^2/s for "torque-rate",
         m for "tip".
     time : ndarray, k
         Instants of the dense replay, s.
     torque, hub_angle, hub_speed : ndarray, k
-        N m, rad, rad/s.
+        Torque [N m], hub angle [rad] and hub speed [rad/s] then.
     tip_displacement : ndarray, k, or None
-        m; None of a linear system without an output of this name.
+        Tip displacement [m]; None of a linear system without an output of this name.
     root_moment : ndarray, k, or None
-        Bending moment at the clamp, N m.
+        Bending moment at the clamp [N m]; None likewise.
     states : ndarray, k x n
         Of the plant, in its own order.
     residual_energy : float or None
-        Energy left after the end, J; None of a linear system.
+        Energy left after the end [J]; None of a linear system.
     end_error : float
         As in the certificate: of all coordinates of the model, also of those that planning does not prescribe.
     certificate : SlewCertificate
+        How close the slew is to what was asked and to the best there is.
     history : TorqueHistory
         The torque as a function of time.
     replay : callable
@@ -213,7 +215,7 @@ class SlewResult:
         return self.replay()
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
-        """Draw torque, hub and tip over time, with the limits near them; return the axes.
+        """Draw torque, hub and tip over time, with the limits near them.
 
         Parameters
         ----------
@@ -222,5 +224,10 @@ class SlewResult:
             a new figure of pyplot.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_slew(self, ax, **style)

@@ -53,9 +53,9 @@ def prescribe_displacement(
 
     Raises
     ------
-    ValueError
-        Unknown names, displacements that depend on each other, or a model with displacement inputs already: all are to
-        be prescribed in one call.
+    TypeError, ValueError
+        Another kind of model; unknown names; displacements that depend on each other; a model with displacement inputs
+        already: all are to be prescribed in one call.
 
     Examples
     --------

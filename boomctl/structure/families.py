@@ -50,6 +50,11 @@ class AffineFamily:
     slopes : tuple of Slope
         For each parameter, how the matrices change from the middle of its range to the upper end.
 
+    Raises
+    ------
+    TypeError, ValueError
+        Not as many ends and slopes as names; ends that do not ascend; a centre that is not a SecondOrderModel.
+
     Examples
     --------
     >>> import boomctl as bc

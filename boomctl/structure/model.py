@@ -40,6 +40,13 @@ class SecondOrderModel:
     coordinates : sequence of str, optional
         Names of the coordinates; by default ``q0, q1, ...``.
 
+    Attributes
+    ----------
+    structure : Structure
+        The matrices and the names of the coordinates.
+    ports : Ports
+        The inputs and outputs.
+
     Raises
     ------
     TypeError, ValueError
@@ -258,9 +265,9 @@ class SecondOrderModel:
 
         Raises
         ------
-        ValueError
-            The mass matrix is singular, an output needs a derivative of an input that is not there, or another word for
-            ``states``.
+        TypeError, ValueError
+            Unknown names; the mass matrix is singular; an output needs a derivative of an input that is not there; another
+            word for ``states``.
 
         Examples
         --------

@@ -26,7 +26,7 @@ def discretize(
     controller : control.StateSpace
         In continuous time.
     sample_time : float
-        [s]
+        Time between samples [s].
     method : "tustin" or "zoh"
         Trapezoidal rule (keeps the frequency response, but for a warped axis), or exact for inputs held between samples
         (delays them by half a sample).

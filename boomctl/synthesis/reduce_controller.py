@@ -38,6 +38,7 @@ class ReducedController:
     gamma, full_gamma : float
         The closed loop's H-infinity norm, verified, with this controller and with the one it was made from.
     norm : NormCertificate
+        The closed loop's norm with this controller, between two bounds.
     fastest_pole : float
         Largest magnitude of the controller's poles [rad/s].
     method : str

@@ -66,7 +66,13 @@ class RobustStability:
         return sentence("RobustStability", self.render())
 
     def render(self) -> str:
-        """Return the verdict as text."""
+        """Return the verdict as text.
+
+        Returns
+        -------
+        str
+            A sentence.
+        """
         if self.unstable_at is not None:
             return f"unstable at {_listed(self.unstable_at)} (pole with real part {self.abscissa:.4g} rad/s)"
         verdict = "stable over the whole box, proved" if self.proved else "stable where tried, but not proved,"
@@ -106,7 +112,13 @@ class StructuredMargin:
         return sentence("StructuredMargin", self.render())
 
     def render(self) -> str:
-        """Return both bounds as text."""
+        """Return both bounds as text.
+
+        Returns
+        -------
+        str
+            A sentence.
+        """
         proved = f"proved stable over the box enlarged {self.stable_up_to:.4g} times"
         if self.unstable_values is None:
             return f"{proved}; no instability found"
@@ -138,7 +150,13 @@ class WorstCase:
         return sentence("WorstCase", self.render())
 
     def render(self) -> str:
-        """Return the worst case found as text."""
+        """Return the worst case found as text.
+
+        Returns
+        -------
+        str
+            A sentence.
+        """
         where = f"at {_listed(self.values)} and {self.norm.omega:.4g} rad/s"
         middle = f"in the middle of the box {self.nominal.lower:.5g}"
         return f"H-infinity norm up to {self.norm.lower:.5g} {where}; {middle}; {self.evaluations} points tried"

@@ -75,7 +75,7 @@ class SineResponse:
         return singular_values(self.response[:, None, :])[0]
 
     def plot(self, ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
-        """Draw the gain of each output and the slip over frequency; return the axes.  Hollow markers: the contact sticks.
+        """Draw the gain of each output and the slip over frequency.  Hollow markers: the contact sticks.
 
         Parameters
         ----------
@@ -85,6 +85,11 @@ class SineResponse:
             Of the frequency axis, by default Hz.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_sines(self, ax, unit=unit, **style)
 

@@ -102,6 +102,7 @@ class HInfinityResult:
     gamma : float
         The closed loop's H-infinity norm, verified.
     certificate : HInfinityCertificate
+        What vouches for the controller, and how far from the best possible one it is.
     """
 
     _controller: Lti = field(repr=False)
@@ -156,6 +157,7 @@ def h_infinity(
         controls (`generalized_plant` makes one).  Where it, or the plant that `generalized_plant` was given, is what
         `reduce` returned, the design is judged on the full plant too: ``certificate.full_plant``.
     nmeas, ncon : int
+        Numbers of measurements and controls.
     gamma : float, optional
         A level that is enough: the closed loop's norm will not exceed it, and nothing lower is sought.
     tolerance : float

@@ -41,6 +41,7 @@ class H2Result:
     poles : complex ndarray
         Of the closed loop [rad/s]: those of the regulator, then those of the filter.
     certificate : FeedbackCertificate
+        How well both Riccati equations are solved, and the norm found in other ways.
     """
 
     _controller: Lti = field(repr=False)

@@ -38,6 +38,7 @@ class KalmanResult:
     poles : (n,) complex ndarray
         Of the estimator [rad/s].
     certificate : RiccatiCertificate
+        How well the Riccati equation is solved.
     """
 
     gain: Array

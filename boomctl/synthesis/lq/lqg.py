@@ -43,6 +43,7 @@ class LqgResult:
     cost : float
         Expected value of ``x^T Q x + y^T W y + u^T R u`` at rest in the noise.
     certificate : FeedbackCertificate
+        How well both Riccati equations are solved, and the cost found in other ways.
     """
 
     _controller: Lti = field(repr=False)

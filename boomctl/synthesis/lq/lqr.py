@@ -73,6 +73,7 @@ class LqrResult:
     unmoved : tuple of HiddenMode
         Stable modes that the controls cannot move; they stay as they are.
     certificate : LqrCertificate
+        How well the Riccati equation is solved, and what that proves of the loop.
     """
 
     gain: Array

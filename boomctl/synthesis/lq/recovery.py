@@ -71,7 +71,7 @@ class RecoveryResult:
         return f"RecoveryResult: relative gap to the regulator's loop, by strength of the noise\n  {gaps}{zeros}"
 
     def plot(self, ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
-        """Draw the regulator's loop and the recovered one over frequency, and the gap over the strength; return the axes.
+        """Draw the regulator's loop and the recovered one over frequency, and the gap over the strength.
 
         Parameters
         ----------
@@ -81,6 +81,11 @@ class RecoveryResult:
             Of the frequency axis, by default Hz.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_recovery(self, ax, unit=unit, **style)
 
