@@ -218,7 +218,7 @@ class Margins:
         Returns
         -------
         str
-            A table, one line a loop.
+            A table, one line for each loop.
         """
         widths = (24, 9, 9, 11, 10, 6)
         lines = [[f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True)] for row in self._table()]

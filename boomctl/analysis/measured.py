@@ -29,11 +29,11 @@ class MeasuredCurve:
     Attributes
     ----------
     freq_hz : (n,) ndarray
-        Ascending.
+        Frequencies, ascending [Hz].
     magnitude : (k, n) ndarray
-        One line a curve, as they stand in the file, or the singular values of a measured frequency response.
+        One line for each curve, as they stand in the file, or the singular values of a measured frequency response.
     labels : tuple of str
-        One a curve.
+        Names of the curves.
     entries : (p, m, n) ndarray or None
         The complex frequency response; None where the file has magnitudes only.
     inputs, outputs : tuple of str
@@ -90,8 +90,9 @@ def read_measured_curve(path: str | Path) -> MeasuredCurve:
     which the singular values are taken; ``response`` keeps the phase.  Lines that begin with ``#`` are comments.  Values
     are separated by commas; or by semicolons or tabs, and then decimal commas are read as well as decimal points.
 
-    Universal files (``.uff``, ``.unv``, ``.58``): the frequency responses of all data sets 58, one an entry, their signals
-    named by node and direction, such as ``3+y``, in SI units.  This needs the package pyuff: ``pip install 'boomctl[uff]'``.
+    Universal files (``.uff``, ``.unv``, ``.58``): the frequency responses of all data sets 58, one for each entry, in SI
+    units.  Signals are named by node and direction, such as ``3+y``.  This needs the package pyuff:
+    ``pip install 'boomctl[uff]'``.
 
     Parameters
     ----------

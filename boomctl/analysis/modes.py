@@ -108,7 +108,7 @@ class ModeTable:
         Returns
         -------
         str
-            A table, one line a mode.
+            A table, one line for each mode.
         """
         wide = [max(len(name), 6) for name in (*self.inputs, *self.outputs)]
         heads = [f"{name:>{w}}" for name, w in zip((*self.inputs, *self.outputs), wide, strict=True)]

@@ -49,13 +49,13 @@ class ExactLoopStability:
     Attributes
     ----------
     stable : bool
-        Whether no pole of the loop is unstable.
+        Whether the loop is stable.
     unstable_poles : int
-        How many are.
+        Number of unstable poles of the loop.
     encirclements : int
-        Of zero, counter-clockwise, over the whole axis.
+        How often ``det(I - G K)`` winds around zero, counter-clockwise, over the whole axis.
     controller_poles : int
-        Unstable poles of the controller; the plant has none.
+        Number of unstable poles of the controller; the plant has none.
     distance, distance_omega : float
         Least singular value of ``I - G K`` met, and its frequency [rad/s].
     top : float
@@ -63,7 +63,7 @@ class ExactLoopStability:
     plant_bounded : bool
         Whether a bound of the plant stands behind that; otherwise it was seen over two further decades.
     evaluations : int
-        Frequencies at which the plant was asked.
+        Number of frequencies at which the plant was asked.
     """
 
     stable: bool

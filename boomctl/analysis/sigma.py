@@ -65,7 +65,7 @@ class SigmaResult:
     sigma : (k, n) ndarray
         Singular values, descending.
     inputs, outputs : tuple of str
-        Between which signals.
+        Names of the signals between which the singular values are.
     peak, peak_omega : float
         Largest singular value and its frequency: the H-infinity norm of a model or state-space system (``inf`` with
         undamped, integrating or unstable modes that show), the largest value on the grid of measured data.
@@ -263,7 +263,7 @@ class SigmaComparison:
     Attributes
     ----------
     curves : dict of str to SigmaResult
-        By name.
+        The singular values of each system by its name.
     """
 
     curves: dict[str, SigmaResult]
@@ -286,7 +286,7 @@ class SigmaComparison:
         Parameters
         ----------
         ax, unit
-            As of :meth:`SigmaResult.plot`.
+            As for :meth:`SigmaResult.plot`.
         **style
             Of all curves, as matplotlib's lines take it; a ``label`` stands before the names.
 
@@ -313,10 +313,10 @@ def compare_sigma(
     systems : mapping of str to SecondOrderModel, control.StateSpace or control.FrequencyResponseData
         The systems by name.
     omega, frequency_hz : array_like, optional
-        As of :func:`sigma`.  By default the band that shows the lowest modes of all of them, on one grid that resolves
+        As for :func:`sigma`.  By default the band that shows the lowest modes of all of them, on one grid that resolves
         each system's peaks in it.  Data have frequencies of their own.
     inputs, outputs : str or sequence of str, optional
-        As of :func:`sigma`, of all of them.
+        As for :func:`sigma`, of all of them.
 
     Returns
     -------

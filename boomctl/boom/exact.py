@@ -69,7 +69,7 @@ def exact_frequency_response(
     omega : array_like
         Angular frequencies [rad/s]; above zero where velocity or acceleration is imposed.
     inputs, outputs : str or sequence of str, optional
-        Names as of :func:`boomctl.spray_boom`; by default all.
+        Names as for :func:`boomctl.spray_boom`; by default all.
     excitation : "displacement", "velocity", "acceleration" or "force"
         What the platform actuators impose.
 

@@ -58,7 +58,7 @@ def boom_family(
     half : "jolt" or "yaw", optional
         One half of the symmetric boom; by default the whole boom.
     elements, discretization, excitation, accelerometer_bandwidth_hz
-        As of :func:`boomctl.spray_boom`.
+        As for :func:`boomctl.spray_boom`.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def boom_family(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`boomctl.spray_boom`; ranges not positive or not ascending.
+        As for :func:`boomctl.spray_boom`; ranges not positive or not ascending.
 
     Examples
     --------
@@ -114,7 +114,7 @@ def yaw_family(
     half : "jolt" or "yaw", optional
         One half of the symmetric boom; by default the whole boom.
     elements, discretization, excitation, accelerometer_bandwidth_hz
-        As of :func:`boomctl.spray_boom`.
+        As for :func:`boomctl.spray_boom`.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def yaw_family(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`boomctl.spray_boom`; a frequency that no spring stiffness gives, or that a softer spring gives.
+        As for :func:`boomctl.spray_boom`; a frequency that no spring stiffness gives, or that a softer spring gives.
 
     Examples
     --------

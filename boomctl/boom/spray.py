@@ -404,7 +404,7 @@ def spray_by_motion(
     Parameters
     ----------
     time, displacement, positions, speed, nozzles, footprint, cell
-        As of :func:`spray_deposit`; the points lie symmetrically about ``x = 0``.
+        As for :func:`spray_deposit`; the points lie symmetrically about ``x = 0``.
 
     Returns
     -------
@@ -414,7 +414,7 @@ def spray_by_motion(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`spray_deposit`; points that have no mirror image.
+        As for :func:`spray_deposit`; points that have no mirror image.
 
     Examples
     --------

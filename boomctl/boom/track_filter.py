@@ -87,9 +87,9 @@ def platform_density(
     freq_hz : array_like
         Frequencies above zero [Hz].
     tractor, speed, actuator_distance
-        As of :func:`platform_motion`.
+        As for :func:`platform_motion`.
     road_class, coherence, band
-        As of :func:`iso_track`.
+        As for :func:`iso_track`.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def platform_density(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`platform_motion` and :func:`iso_track`; a frequency of zero; numbers so far out that the densities
+        As for :func:`platform_motion` and :func:`iso_track`; a frequency of zero; numbers so far out that the densities
         are not finite.
 
     Examples
@@ -155,7 +155,7 @@ def track_filter(
     Parameters
     ----------
     tractor, speed, road_class, coherence, actuator_distance
-        As of :func:`platform_density`.
+        As for :func:`platform_density`.
     sections : int
         Pairs of poles each of jolt and yaw.
 
@@ -169,7 +169,7 @@ def track_filter(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`platform_density`.
+        As for :func:`platform_density`.
     ArithmeticError
         The fit did not converge.
 

@@ -341,7 +341,7 @@ def bump_track(
     width: float = 1.8,
     step: float = 0.005,
 ) -> Track:
-    """Return level ground with one bump, ``height (1 - cos(2 pi s/bump_length))/2``, as of a stone.
+    """Return level ground with one bump, ``height (1 - cos(2 pi s/bump_length))/2``, such as a stone.
 
     Parameters
     ----------

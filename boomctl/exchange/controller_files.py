@@ -101,8 +101,8 @@ def write_controller(
     Raises
     ------
     TypeError, ValueError
-        Another kind of controller or suffix; names of signals not there; continuous time for C; a name that is none in
-        C or MATLAB.
+        Another kind of controller or suffix; names of signals not there; continuous time for C; a name that C or
+        MATLAB does not allow.
     OSError
         The folder cannot be written to.
 
@@ -218,7 +218,7 @@ def read_controller_notes(path: str | Path) -> ControllerNotes:
     Raises
     ------
     OSError, TypeError, ValueError
-        As of :func:`read_controller`.
+        As for :func:`read_controller`.
 
     Examples
     --------

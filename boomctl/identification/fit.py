@@ -130,7 +130,8 @@ def fit(
         Eigenfrequencies [Hz], ascending (damped, if the model's are), or a mapping from the numbers of modes, from 1,
         to them; a complex frequency response; singular values (magnitudes).
     free : names, or mapping from names to (low, high) or None
-        What is fitted.  A range limits the search, and is where further starts are drawn.  Of a family all, by default.
+        Names of the parameters that are fitted. A range limits the search, and is where further starts are drawn. Of a
+        family all are fitted by default.
     start : dataclass or mapping, optional
         The parameters to begin from, those that stay among them.  By default those that ``build`` takes, at their
         defaults; the middle of a family; the middle of the ranges.
@@ -138,22 +139,23 @@ def fit(
         Which mode of the model each eigenfrequency is, from 1.  By default the nearest ones in order, some of which may
         have been missed in the measurement.
     weights : array_like, optional
-        One over the size of the errors beside each other, by default 1; 0 leaves a value out.
+        How much each value counts: one over the size of its error beside that of the others. By default 1 for each; 0
+        leaves a value out.
     errors : "relative" or "absolute"
-        Whether the errors are shares of the values (differences of logarithms, also of complex values) or in their
-        unit.
+        "relative": the errors are shares of the values (differences of logarithms, also of complex values). "absolute":
+        they are in the unit of the values.
     deviation : float, optional
         Standard deviation of the errors of weight 1, where it is known; of complex values, of each part.  By default it
         is estimated from the residuals.
     confidence : float
-        Of the intervals, between 0.5 and 1.
+        Confidence of the intervals, between 0.5 and 1.
     inputs, outputs : str or sequence of str, optional
         Signals of the model between which was measured.  By default those of the measured data, where the model has
         them, else the model's own (of a boom, platform actuators and tips).
     starts : int
-        How many starts; the first is the one given, the others are drawn.
+        Number of starts of the search; the first is the one given, the others are drawn.
     seed : int
-        Of the others.
+        Seed of the further starts, which are drawn at random.
 
     Returns
     -------

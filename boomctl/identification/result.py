@@ -28,18 +28,19 @@ class FitResult:
     names : tuple of str
         The free parameters.
     values : dict of str to float
-        Theirs.
+        Fitted values of the free parameters.
     intervals : dict of str to (float, float)
         Within which each lies with ``confidence``: by profile likelihood, so that they need not be symmetric.  An end
         is infinite (0 for a parameter above zero) where the measurements do not bound the parameter.
     confidence : float
-        Of the intervals, between 0.5 and 1.
+        Confidence of the intervals, between 0.5 and 1.
     standard_errors : dict of str to float
-        Of the linearised model; ``inf`` where a parameter is not seen.
+        Standard error of each parameter by the linearised model; ``inf`` where a parameter is not seen.
     covariance : (p, p) ndarray
-        Of the linearised model, in the parameters' units; ``inf`` and ``nan`` in rows and columns of what is not seen.
+        Covariance of the free parameters by the linearised model, in the parameters' units; ``inf`` and ``nan`` in rows
+        and columns of what is not seen.
     correlation : (p, p) ndarray
-        ``nan`` for what is not seen.
+        Correlation of the free parameters; ``nan`` for what is not seen.
     measured : Measured
         What was fitted to, as it was compared.
     fitted, begun : ndarray
@@ -116,7 +117,7 @@ class FitResult:
         Returns
         -------
         str
-            One line a parameter, then what was found of the fit.
+            One line for each parameter, then what was found of the fit.
         """
         width = max(len(name) for name in self.names)
         head = (

@@ -43,11 +43,11 @@ class ForcedResponse:
     outputs : dict from name to (n,) ndarray
         Values of each output at these times.
     inputs : dict from name to (n,) ndarray
-        The signals given.
+        Values of the signals given.
     error_estimate : float
-        Of the modes left out, relative to the largest output; 0 where none were.
+        Estimated error by the modes left out, relative to the largest output; 0 where none were.
     modes : int
-        Modes used; the number of states of a state-space system.
+        Number of modes used; of a state-space system, of states.
     """
 
     time: Array

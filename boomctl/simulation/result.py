@@ -25,9 +25,9 @@ class FrictionReport:
     stuck_share : float
         Share of the time spent at rest.
     dissipated : float
-        Energy taken [J].
+        Energy that friction took [J].
     input, output : str
-        Where it acts.
+        Names of the force input through which friction acts, and of the slip.
     """
 
     force: Array = field(repr=False)
@@ -63,7 +63,7 @@ class LoopResult:
     friction : FrictionReport or None
         What friction did; None without any.
     sample_time, delay : float
-        Of the controller [s].
+        Sampling time of the controller, and delay from a sample to the control that it leads to [s].
     path : str
         Which way the loop was run: "blocks", "steps", "stops not reached" or "contacts"; all are exact between samples.
     """

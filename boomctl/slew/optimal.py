@@ -151,7 +151,7 @@ def optimal_slew(
         A linear system's first input is the torque, its first output the angle; it ends at the rest with ``A x = 0``
         and that angle. Outputs "tip_displacement" and "root_moment" are known by name.
     angle, torque_limit : float
-        Angle to turn through, rad (None leaves it free), and largest torque either way, N m.
+        Angle to turn through [rad] (None leaves it free), and largest torque either way [N m].
     objective, duration : str, float or None
         "time"; or in a given duration [s] "effort" (integral of the torque squared), "jerk" (of the hub's jerk
         squared), "torque-rate" (of the torque's slope squared), "tip" (largest tip displacement).
@@ -159,20 +159,20 @@ def optimal_slew(
         Limits of the torque's slope [N m/s], hub speed [rad/s], tip displacement [m] and bending moment at the clamp [N
         m].
     final_speed : float
-        Hub speed at the end, rad/s: a spin-up, the beam in steady rotation.
+        Hub speed at the end [rad/s]: a spin-up, the beam in steady rotation.
     initial_state, final_state : array_like or None
         In the order of the system's states; None is rest. A final state prescribes all that the torque moves.
     tip_masses : tuple of float
-        Other payloads, kg, left without vibration by the same torque; the angle is that of h itself.
+        Other payloads [kg] that the same torque leaves without vibration; the angle is that of h itself.
     method : str
         "collocation" (Gauss-Legendre), "radau" (Radau IIA) or "shooting", on the same mesh.
     tolerance : float
-        Of the prescribed end state in the replay, relative. What the torque does not move in the linear part, as FOAM's
-        axial motion, is not prescribed; what is left of it is in ``end_error``.
+        Largest relative error of the prescribed end state in the replay. What the torque does not move in the linear
+        part, as FOAM's axial motion, is not prescribed; what is left of it is in ``end_error``.
     intervals : int or None
-        Of the mesh; None refines it until halving it changes the cost by less than 1e-4.
+        Number of intervals of the mesh; None refines it until halving it changes the cost by less than 1e-4.
     time_limit : float
-        Time to search for it, s; judging what was found takes a little more. When it is over, the slew on the finest
+        Time to search for it [s]; judging what was found takes a little more. When it is over, the slew on the finest
         mesh so far is returned, if the replay confirms it.
     progress : callable or None
         Called with a `SlewProgress` now and then, in the thread that calls this.

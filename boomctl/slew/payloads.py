@@ -26,19 +26,19 @@ class PayloadLine:
     Attributes
     ----------
     slew : str
-        Its name.
+        Name of the slew.
     tip_mass : float
-        The payload, kg.
+        The payload [kg].
     planned : bool
         Whether the slew was planned for it.
     peak_tip : float
-        Largest tip displacement on the way, m.
+        Largest tip displacement on the way [m].
     vibration : float
-        Largest tip displacement after the end, m.
+        Largest tip displacement after the end [m].
     angle_error : float
-        Of the hub, its mean after the end, rad.
+        Error of the hub angle, its mean after the end [rad].
     time, tip_displacement : ndarray, k
-        On the way and afterwards, s and m.
+        Instants on the way and afterwards [s], and the tip displacement then [m].
     """
 
     slew: str

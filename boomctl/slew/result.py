@@ -50,15 +50,15 @@ class Replay:
     model : str
         Name of the model.
     tip_mass : float or None
-        Where it is another than the planned one, kg.
+        The tip mass, where it is another than the planned one [kg].
     angle_error : float
-        Hub angle at the end less the wanted one, rad; 0 where the angle is free.
+        Hub angle at the end less the wanted one [rad]; 0 where the angle is free.
     speed_error : float
-        Hub speed at the end less the wanted one, rad/s.
+        Hub speed at the end less the wanted one [rad/s].
     tip_swing : float
-        Largest tip displacement in the 1.5 slowest periods after the end, m.
+        Largest tip displacement in the 1.5 slowest periods after the end [m].
     residual_energy : float or None
-        Energy of the deviation from steady rotation at the wanted speed, J.
+        Energy of the deviation from steady rotation at the wanted speed [J].
     """
 
     model: str
@@ -83,10 +83,10 @@ class SlewCertificate:
         Largest deviation of the end state in the replay, of all coordinates of the model, each relative to its largest size
         on the way.
     prescribed_error : float
-        Likewise of what planning prescribes: all but what the torque does not move in the linear part, as the axial
+        The same for what planning prescribes: all but what the torque does not move in the linear part, as the axial
         motion of FOAM. This is held to the tolerance.
     free_errors : dict of str to float
-        Likewise of the coordinates that planning leaves free, the modes in the order of their frequencies.
+        The same for the coordinates that planning leaves free, the modes in the order of their frequencies.
     constraint_violation : float
         Largest relative excess over any limit on the dense replay; 0 if there is none.
     binding : dict of str to float
@@ -100,7 +100,7 @@ class SlewCertificate:
     switches : int or None
         Number of sign changes of a bang-bang torque.
     intervals : int or None
-        Of the mesh.
+        Number of intervals of the mesh; None without one.
     """
 
     method: str
@@ -156,11 +156,12 @@ class SlewResult:
     root_moment : ndarray, k, or None
         Bending moment at the clamp [N m]; None likewise.
     states : ndarray, k x n
-        Of the plant, in its own order.
+        States of the plant, in its own order.
     residual_energy : float or None
         Energy left after the end [J]; None of a linear system.
     end_error : float
-        As in the certificate: of all coordinates of the model, also of those that planning does not prescribe.
+        Largest relative deviation of the end state, as in the certificate: of all coordinates of the model, also of
+        those that planning does not prescribe.
     certificate : SlewCertificate
         How close the slew is to what was asked and to the best there is.
     history : TorqueHistory

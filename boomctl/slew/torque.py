@@ -25,9 +25,9 @@ class TorqueHistory:
     Attributes
     ----------
     edges : ndarray, N + 1
-        Instants at which the intervals meet, s; ascending, the first is 0.
+        Instants at which the intervals meet [s]; ascending, the first is 0.
     left, right : ndarray, N
-        Torque at the beginning and at the end of each interval, N m.
+        Torque at the beginning and at the end of each interval [N m].
     """
 
     edges: Array

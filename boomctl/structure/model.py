@@ -261,7 +261,7 @@ class SecondOrderModel:
         Returns
         -------
         control.StateSpace
-            ``A, B, C, D`` with two states a coordinate or mode, and those of filters behind outputs.
+            ``A, B, C, D`` with two states for each coordinate or mode, and those of filters behind outputs.
 
         Raises
         ------

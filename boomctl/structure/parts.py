@@ -238,7 +238,7 @@ class RigidBody:
     Raises
     ------
     TypeError, ValueError
-        A name that is none; another kind of parent or joint; a negative mass or inertia; a centre that is not two
+        Something else than a name; another kind of parent or joint; a negative mass or inertia; a centre that is not two
         numbers.
 
     Examples
@@ -345,7 +345,7 @@ class BeamSection:
         youngs_modulus, density : float
             Of the material [Pa], [kg/m^3].
         damping : float
-            Stiffness-proportional structural damping, as of `BeamSection` [s].
+            Stiffness-proportional structural damping, as for `BeamSection` [s].
 
         Returns
         -------
@@ -598,13 +598,13 @@ class Force:
     direction : "x", "y", "theta" or float
         Its direction [N]; a number is an angle from the x axis [rad]; ``"theta"`` makes it a torque [N m].
     reaction : Point, optional
-        A point of another body that feels the opposite force, as of an actuator between two bodies.  Without one, the
+        A point of another body that feels the opposite force, as with an actuator between two bodies.  Without one, the
         force acts from outside.
 
     Raises
     ------
     TypeError, ValueError
-        A name that is none; not points of two bodies; an unknown direction.
+        Something else than a name; not points of two bodies; an unknown direction.
 
     Examples
     --------
@@ -644,7 +644,7 @@ class Output:
     direction : "x", "y", "theta" or float
         Direction of the motion [m]; a number is an angle from the x axis [rad]; ``"theta"`` reads the turn [rad].
     relative_to : Point, optional
-        A point whose motion along the same direction is taken off, as of a sensor between two bodies.
+        A point whose motion along the same direction is taken off, as with a sensor between two bodies.
     derivative : 0, 1 or 2
         Displacement, velocity or acceleration.
     bandwidth_hz : float, optional
@@ -654,7 +654,7 @@ class Output:
     Raises
     ------
     TypeError, ValueError
-        A name that is none; not a point; an unknown direction; another derivative; a bandwidth not above zero.
+        Something else than a name; not a point; an unknown direction; another derivative; a bandwidth not above zero.
 
     Examples
     --------

@@ -126,8 +126,8 @@ def design_names(*kinds: str) -> tuple[str, ...]:
 
     Parameters
     ----------
-    kinds : "suspension" or "slew"
-        Kinds of designs; both unless given.
+    kinds : "suspension", "machine" or "slew"
+        Kinds of designs; all unless given.
 
     Returns
     -------
@@ -136,7 +136,7 @@ def design_names(*kinds: str) -> tuple[str, ...]:
 
     Raises
     ------
-    TypeError, ValueError
+    ValueError
         Another word.
 
     Examples

@@ -128,7 +128,7 @@ class MachineDesign:
         Raises
         ------
         TypeError, ValueError
-            As of :func:`boomctl.sigma` and :func:`boomctl.margins`.
+            As for :func:`boomctl.sigma` and :func:`boomctl.margins`.
         """
         loop = joined(self.plant, self.controller)
         inputs = names("input", self.inputs, loop.disturbances)

@@ -42,7 +42,8 @@ class RobustStability:
     Attributes
     ----------
     proved : bool
-        Stable at every point of the box: no pole touches the imaginary axis in any of the cells that cover it.
+        Whether the loop is proved stable at every point of the box: no pole touches the imaginary axis in any of the
+        cells that cover it.
     unstable_at : dict or None
         Parameter values at which the loop is unstable, if such were found.
     cells : int
@@ -50,7 +51,7 @@ class RobustStability:
     abscissa : float
         Largest real part of the poles at the points tried [rad/s]; a lower bound of that over the box.
     worst : dict
-        Parameter values at which that is so.
+        Parameter values at which the largest real part was found.
     reason : str
         Why the proof was given up, and where; empty where it was not.
     """
@@ -87,11 +88,11 @@ class StructuredMargin:
     Attributes
     ----------
     stable_up_to : float
-        Proved stable over the box enlarged by this factor.
+        The loop is proved stable over the box enlarged by this factor.
     unstable_at : float
-        Unstable at a point of the box enlarged by this factor; ``inf`` if none was found.
+        The loop is unstable at a point of the box enlarged by this factor; ``inf`` if none was found.
     unstable_values : dict or None
-        That point.
+        Parameter values of that point.
     """
 
     stable_up_to: float
@@ -132,13 +133,13 @@ class WorstCase:
     Attributes
     ----------
     norm : NormCertificate
-        At the worst point found; infinite where the loop is unstable.
+        The norm at the worst point found; infinite where the loop is unstable.
     values : dict
-        That point.
+        Parameter values of that point.
     nominal : NormCertificate
-        In the middle of the box.
+        The norm in the middle of the box.
     evaluations : int
-        Points tried.
+        Number of points tried.
     """
 
     norm: NormCertificate
@@ -311,7 +312,7 @@ def structured_margin(
     Parameters
     ----------
     family, controller, max_cells
-        As of :func:`robust_stability`.
+        As for :func:`robust_stability`.
     largest : float
         The box is not enlarged beyond this factor; where no instability is known up to there, ``unstable_at = inf``.
     tolerance : float
@@ -328,7 +329,7 @@ def structured_margin(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`robust_stability`; a factor or a tolerance out of range.
+        As for :func:`robust_stability`; a factor or a tolerance out of range.
 
     Examples
     --------
@@ -392,7 +393,7 @@ def worst_case(
     Parameters
     ----------
     family, controller
-        As of :func:`robust_stability`.
+        As for :func:`robust_stability`.
     inputs, outputs : str or sequence of str, optional
         Between which signals of the closed loop (:func:`boomctl.feedback_loop`); by default from all disturbances to
         all outputs of the family.
@@ -408,7 +409,7 @@ def worst_case(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`robust_stability`; unknown signals.
+        As for :func:`robust_stability`; unknown signals.
 
     Examples
     --------

@@ -31,7 +31,7 @@ class CoulombFriction:
     output : str
         Name of the slip: the displacement on which that force does work.
     substeps : int
-        Steps of the computation from one instant asked for to the next.
+        Number of steps of the computation from one instant asked for to the next.
 
     Attributes
     ----------

@@ -31,21 +31,22 @@ class TrackingResult:
     Attributes
     ----------
     tip_mass : float
-        The true one, kg.
+        The true tip mass [kg].
     time : ndarray, k
-        s; beyond the end of the slew.
+        Instants, on beyond the end of the slew [s].
     gains : ndarray, m x n
-        Of the samples until the end: ``u = u_planned + K (x - x_planned)``, states in the plant's own order.
+        Gains of the feedback at the samples until the end: ``u = u_planned + K (x - x_planned)``, states in the plant's
+        own order.
     reference_angle, reference_tip : ndarray, k
-        As planned, rad and m.
+        Hub angle [rad] and tip displacement [m] as planned.
     torque, hub_angle, tip_displacement : ndarray, k
-        With feedback, N m, rad, m.
+        With feedback: torque [N m], hub angle [rad], tip displacement [m].
     open_torque, open_hub_angle, open_tip_displacement : ndarray, k
-        Without.
+        The same without feedback.
     final_angle_error, open_final_angle_error : float
-        At the last instant, rad, absolute.
+        Absolute error of the hub angle at the last instant, with and without feedback [rad].
     tip_swing, open_tip_swing : float
-        Largest tip displacement in the last slowest period, m.
+        Largest tip displacement in the last slowest period, with and without feedback [m].
     """
 
     tip_mass: float

@@ -279,7 +279,7 @@ def switching_curve(result: SlewResult) -> SwitchingCurve:
 
     Raises
     ------
-    TypeError, ValueError
+    ValueError
         The torque is not bang-bang.
 
     Examples

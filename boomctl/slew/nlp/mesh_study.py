@@ -122,7 +122,7 @@ def mesh_study(
     Raises
     ------
     TypeError, ValueError, SlewError
-        As of `optimal_slew`.
+        As for `optimal_slew`.
 
     Examples
     --------

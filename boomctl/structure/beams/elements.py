@@ -91,7 +91,7 @@ class DiscreteElements:
 
     Raises
     ------
-    TypeError, ValueError
+    ValueError
         A number of elements out of range; another word for ``mass``.
 
     Examples

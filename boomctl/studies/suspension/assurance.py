@@ -144,7 +144,7 @@ def _exact_plant(
 ) -> Callable[[Array], control.FrequencyResponseData]:
     """Return the frequency response of the exact boom to platform and suspension, as a function of frequency [rad/s].
 
-    Signals as of :func:`suspension_model`; an accelerometer is the second derivative of a tip behind a
+    Signals as for :func:`suspension_model`; an accelerometer is the second derivative of a tip behind a
     second-order low pass, ``-w^2 F(i w)``, with the damping ratio of the model's, the square root of one half.
     """
     corner = 2.0 * np.pi * accelerometer_hz

@@ -80,7 +80,7 @@ class SuspensionDesign:
         Raises
         ------
         TypeError, ValueError
-            As of :class:`FieldScene`.
+            As for :class:`FieldScene`.
         """
         return FieldScene(**options)
 
@@ -102,7 +102,7 @@ class SuspensionDesign:
         Raises
         ------
         TypeError, ValueError
-            As of :func:`boomctl.simulate_loop` and of the analyses.
+            As for :func:`boomctl.simulate_loop` and of the analyses.
         """
         where = FieldScene() if scene is None else scene
         base = BoomParameters() if passive is None else passive

@@ -103,7 +103,7 @@ def performance(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`boomctl.simulate_loop`.
+        As for :func:`boomctl.simulate_loop`.
 
     Examples
     --------

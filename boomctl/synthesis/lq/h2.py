@@ -39,7 +39,7 @@ class H2Result:
     optimum : float
         The least H2 norm of any controller, from the Riccati solutions alone.
     poles : complex ndarray
-        Of the closed loop [rad/s]: those of the regulator, then those of the filter.
+        Poles of the closed loop [rad/s]: those of the regulator, then those of the filter.
     certificate : FeedbackCertificate
         How well both Riccati equations are solved, and the norm found in other ways.
     """

@@ -31,12 +31,12 @@ class KalmanResult:
     gain : (n, p) ndarray
         ``L``.
     covariance : (n, n) ndarray
-        Of the error of the estimate.
+        Covariance of the error of the estimate.
     estimator : control.StateSpace
         From the measurements and the known inputs, by their names, to the estimated states (dots in their names
         replaced by ``_``).
     poles : (n,) complex ndarray
-        Of the estimator [rad/s].
+        Poles of the estimator [rad/s].
     certificate : RiccatiCertificate
         How well the Riccati equation is solved.
     """

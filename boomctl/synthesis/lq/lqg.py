@@ -39,7 +39,7 @@ class LqgResult:
     regulator_gain, filter_gain : ndarray
         ``F`` of ``u = -F z`` and ``L`` of ``z' = A z + B u + L (y - C z - D u)``.
     poles : complex ndarray
-        Of the closed loop [rad/s]: those of the regulator, then those of the filter.
+        Poles of the closed loop [rad/s]: those of the regulator, then those of the filter.
     cost : float
         Expected value of ``x^T Q x + y^T W y + u^T R u`` at rest in the noise.
     certificate : FeedbackCertificate
@@ -91,9 +91,9 @@ def lqg(
     system : control.StateSpace or SecondOrderModel
         In continuous time.
     Q, R, output_weight
-        Weights of states, controls and outputs, as of :func:`lqr`.
+        Weights of states, controls and outputs, as for :func:`lqr`.
     process_noise, measurement_noise, disturbances
-        Intensities of the noises, and the inputs that are noise, as of :func:`kalman`.
+        Intensities of the noises, and the inputs that are noise, as for :func:`kalman`.
     measurements, controls : sequence of str, optional
         Outputs the controller reads and inputs it drives; by default all.
     ltr : float

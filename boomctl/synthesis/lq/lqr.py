@@ -69,7 +69,7 @@ class LqrResult:
     effort : control.StateSpace
         From the same inputs to the controls.
     poles : (n,) complex ndarray
-        Of the closed loop [rad/s].
+        Poles of the closed loop [rad/s].
     unmoved : tuple of HiddenMode
         Stable modes that the controls cannot move; they stay as they are.
     certificate : LqrCertificate

@@ -49,7 +49,7 @@ class RecoveryResult:
     zeros : complex ndarray
         Transmission zeros in the right half-plane from controls to measurements; with any, recovery is incomplete.
     designs : tuple of LqgResult
-        One a strength.
+        One for each strength.
     """
 
     strengths: Array
@@ -111,7 +111,7 @@ def loop_transfer_recovery(
     Parameters
     ----------
     system, Q, R, process_noise, measurement_noise, measurements, controls, disturbances, output_weight
-        As of :func:`lqg`.
+        As for :func:`lqg`.
     strengths : array_like
         Intensities of the fictitious noise, each above zero; one controller is designed for each.
     band : (float, float)

@@ -159,7 +159,7 @@ def mixed_sensitivity(
     Parameters
     ----------
     plant : control.StateSpace, SecondOrderModel or ReductionResult
-        As of `generalized_plant`; all inputs are controls, all outputs are controlled.
+        As for `generalized_plant`; all inputs are controls, all outputs are controlled.
     W1, W2, W3 : float or control.StateSpace, optional
         Weights of errors, controls and outputs, each for every signal of its kind; None leaves them out.
 
@@ -172,7 +172,7 @@ def mixed_sensitivity(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system or weight, as of `generalized_plant`; no weight at all.
+        Another kind of system or weight, as for `generalized_plant`; no weight at all.
 
     Examples
     --------
