@@ -594,6 +594,7 @@ class HubSpeedFamily:
     Attributes
     ----------
     beam : HubBeam
+        The nonlinear model that is linearised.
     """
 
     beam: HubBeam
@@ -602,7 +603,23 @@ class HubSpeedFamily:
         return f"HubSpeedFamily: linear models over the hub speed\n  {self.beam!r}"
 
     def at(self, hub_speed: float) -> control.StateSpace:
-        """Linear model at a hub speed [rad/s]; as `HubBeam.linearize`."""
+        """Return the linear model at a hub speed, as `HubBeam.linearize` does.
+
+        Parameters
+        ----------
+        hub_speed : float
+            Hub speed [rad/s].
+
+        Returns
+        -------
+        control.StateSpace
+            Deviations from the steady rotation.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As for `HubBeam.linearize`.
+        """
         return self.beam.linearize(hub_speed)
 
     def affine(self) -> tuple[control.StateSpace, Array]:
@@ -630,7 +647,18 @@ class HubSpeedFamily:
         return rest, np.asarray(self.beam.linearize(1.0).A) - np.asarray(rest.A)
 
     def grid(self, hub_speeds: Array) -> tuple[control.StateSpace, ...]:
-        """Linear models at several hub speeds [rad/s]."""
+        """Return the linear models at several hub speeds.
+
+        Parameters
+        ----------
+        hub_speeds : array_like
+            Hub speeds [rad/s].
+
+        Returns
+        -------
+        tuple of control.StateSpace
+            One for each speed.
+        """
         return tuple(self.at(real("hub_speeds", float(each))) for each in np.ravel(hub_speeds))
 
 

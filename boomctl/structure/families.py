@@ -22,7 +22,15 @@ _INSIDE = 24  # points inside the box at which a family is checked besides its c
 
 @dataclass(frozen=True)
 class Slope:
-    """How matrices change from the centre of a parameter's range to its upper end."""
+    """How matrices change from the centre of a parameter's range to its upper end.
+
+    Attributes
+    ----------
+    M, C, K : (n, n) ndarray or scipy.sparse array
+        Changes of the mass, damping and stiffness matrix.
+    B : ndarray
+        Changes of the columns of the inputs.
+    """
 
     M: Matrix
     C: Matrix

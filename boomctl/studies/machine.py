@@ -154,10 +154,11 @@ class MachineResult:
     Attributes
     ----------
     design : MachineDesign
+        The design that was judged.
     before, after : SigmaResult
         Singular values without and with the controller, with certified peaks.
     margins : Margins or None
-        None of an unstable loop.
+        Margins of the loop; None where it is unstable.
     stable : bool
         Whether every pole of the closed loop decays, hidden ones included.
     """
@@ -184,7 +185,13 @@ class MachineResult:
         return f"{self.design.title}: {self.verdict}{facts}" + (f"\n{self.margins.render()}" if self.margins else "")
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the numbers, for JSON."""
+        """Return the numbers, for JSON.
+
+        Returns
+        -------
+        dict
+            Names, numbers and texts that JSON can hold.
+        """
         numbers: dict[str, Any] = {
             "design": self.design.name,
             "stable": self.stable,
@@ -197,7 +204,18 @@ class MachineResult:
         return numbers
 
     def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
-        """Return the report: pictures, margins, the controller in files; ``tell`` is told what comes next."""
+        """Return the report: pictures, margins, the controller in files.
+
+        Parameters
+        ----------
+        tell : callable, optional
+            Is told in words what comes next.
+
+        Returns
+        -------
+        Report
+            ``.write(folder)`` writes it.
+        """
         from boomctl.plotting.canvas import new_figure, picture
         from boomctl.plotting.sigma import plot_sigma
 
@@ -223,7 +241,13 @@ class MachineResult:
         return Report(f"Machine: {self.design.title}", (lead,), tuple(parts), self.as_dict(), files)
 
     def controller_files(self) -> dict[str, bytes | str]:
-        """Return the controller for other programs, as contents by name of file: JSON, MATLAB, C99 where it is sampled."""
+        """Return the controller for other programs: JSON, MATLAB, and C99 where it is sampled.
+
+        Returns
+        -------
+        dict of str to bytes or str
+            What the files hold, by their names.
+        """
         K, design = self.design.controller, self.design
         shared: dict[str, Any] = {
             "certificate": {"verdict": self.verdict},

@@ -126,10 +126,11 @@ class SlewEvaluation:
     Attributes
     ----------
     design : SlewDesign
+        The design that was judged.
     comparison : SlewComparison
-        Beside the other planned ones and classical ones.
+        The slew beside the other planned ones and classical ones.
     payloads : PayloadComparison or None
-        Where the design names payloads.
+        The planned slews with several payloads; None where the design names none.
     spin_ups : tuple of SpinUpMotion
         The spin-up designed, and the hub's profile; () without a profile.
     meshes : MeshStudy or None
@@ -177,7 +178,18 @@ class SlewEvaluation:
         return (planned, *slew.replays)
 
     def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
-        """Replay and follow the slew and return the report; ``tell`` is told in words what comes next."""
+        """Replay and follow the slew, and return the report.
+
+        Parameters
+        ----------
+        tell : callable, optional
+            Is told in words what comes next.
+
+        Returns
+        -------
+        Report
+            ``.write(folder)`` writes it.
+        """
         design, slew, h = self.design, self.design.slew, self.design.beam
         free = slew.plan.problem.angle is None
         tell("other models")

@@ -123,11 +123,13 @@ class SuspensionResult:
     Attributes
     ----------
     design : SuspensionDesign
+        The design that was judged.
     scene : FieldScene
+        The field it was driven over.
     passive_parameters : BoomParameters
-        Of the boom it is compared with.
+        The boom it is compared with.
     passive, active : Performance
-        Of that boom, and of the design.
+        What that boom does, and what the design does.
     assured : Assurance or None
         Margins, uncertainty and the exact boom; None of a passive design or one on a plant of its own.
     """
@@ -194,7 +196,13 @@ class SuspensionResult:
         return f"{self.design.title}: {self.verdict}{checks}"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the numbers, for JSON."""
+        """Return the numbers, for JSON.
+
+        Returns
+        -------
+        dict
+            Names, numbers and texts that JSON can hold.
+        """
         return {
             "design": self.design.name,
             "better_than_passive": self.better,
@@ -206,7 +214,18 @@ class SuspensionResult:
         }
 
     def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
-        """Return the report: pictures, tables, and the numbers of ``results.json``; ``tell`` is told what comes next."""
+        """Return the report: pictures, tables, and the numbers of ``results.json``.
+
+        Parameters
+        ----------
+        tell : callable, optional
+            Is told in words what comes next.
+
+        Returns
+        -------
+        Report
+            ``.write(folder)`` writes it.
+        """
         design, scene, before, after = self.design, self.scene, self.passive, self.active
         tell("pictures")
         summary = Section(
@@ -233,9 +252,14 @@ class SuspensionResult:
         return Report(f"Suspension: {design.title}", (lead,), tuple(parts), self.as_dict(), files)
 
     def controller_files(self) -> dict[str, bytes | str]:
-        """Return the controller for other programs, as contents by name of file: JSON, MATLAB, and C99 with its limits.
+        """Return the controller for other programs: JSON, MATLAB, and C99 with its limits.
 
         A controller that is too fast for the scene's sampling has no C code.
+
+        Returns
+        -------
+        dict of str to bytes or str
+            What the files hold, by their names.
         """
         K, scene = self.design.controller, self.scene
         if K is None:

@@ -32,14 +32,15 @@ class Performance:
     Attributes
     ----------
     title : str
+        What the suspension is called.
     sigma : SigmaResult
-        From platform actuators to tips; its peak is certified.
+        Singular values from platform actuators to tips; the peak is certified.
     jolt, yaw : NormCertificate
         Certified peaks of the symmetric and the antisymmetric part.
     run : LoopResult
-        Over the field, run-in, limits, sampling, delay and quantisation included.
+        The run over the field, run-in, limits, sampling, delay and quantisation included.
     spray, spray_by_jolt, spray_by_yaw : SprayResult
-        Of the whole motion, of its symmetric and of its antisymmetric part.
+        Spray of the whole motion, of its symmetric and of its antisymmetric part.
     """
 
     title: str

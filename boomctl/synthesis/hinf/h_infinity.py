@@ -112,12 +112,12 @@ class HInfinityResult:
 
     @cached_property
     def controller(self) -> "control.StateSpace":
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._controller.statespace("controller")
 
     @cached_property
     def closed_loop(self) -> "control.StateSpace":
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._closed_loop.statespace("closed_loop")
 
     def __repr__(self) -> str:

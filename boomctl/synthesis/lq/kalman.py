@@ -49,7 +49,7 @@ class KalmanResult:
 
     @cached_property
     def estimator(self) -> control.StateSpace:
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._estimator.statespace("estimator")
 
     def __repr__(self) -> str:

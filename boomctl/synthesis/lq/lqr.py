@@ -87,17 +87,17 @@ class LqrResult:
 
     @cached_property
     def controller(self) -> control.StateSpace:
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._controller.statespace("regulator")
 
     @cached_property
     def closed_loop(self) -> control.StateSpace:
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._closed_loop.statespace("closed_loop")
 
     @cached_property
     def effort(self) -> control.StateSpace:
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._effort.statespace("effort")
 
     def __repr__(self) -> str:
