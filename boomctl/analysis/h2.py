@@ -72,7 +72,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     Parameters
     ----------
     system : SecondOrderModel or control.StateSpace
-        In continuous time.
+        The system, in continuous time.
 
     Returns
     -------

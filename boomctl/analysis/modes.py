@@ -32,7 +32,7 @@ class ModeRow:
     Attributes
     ----------
     pole : complex
-        Of non-negative imaginary part [rad/s].
+        The pole, of a pair that of non-negative imaginary part [rad/s].
     input_shares, output_shares : (m,) and (p,) ndarray
         From 0 to 1: how much of the largest modal peak between an input and any output (an output and any input) this
         mode makes.
@@ -127,7 +127,7 @@ def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
     Parameters
     ----------
     system : SecondOrderModel or control.StateSpace
-        In continuous time.
+        The system, in continuous time.
 
     Returns
     -------

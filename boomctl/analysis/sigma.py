@@ -72,7 +72,7 @@ class SigmaResult:
     certified : bool
         Whether ``peak`` lies between two bounds computed apart from each other; see ``certificate``.
     unit : str
-        In which the frequencies were asked for, "Hz" where none were: that of pictures.
+        Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
     """
 
     omega: Array

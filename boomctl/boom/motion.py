@@ -152,7 +152,7 @@ def platform_motion(
         The ground.  On a periodic track the tractor has driven before, until the motion is stationary; on another it
         starts from equilibrium, with its rear axle at the beginning of the track.
     tractor : TractorParameters, optional
-        By default a typical one.
+        The tractor; by default a typical one.
     speed : float
         Driving speed [m/s].
     duration : float, optional
@@ -323,7 +323,7 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
     Parameters
     ----------
     path : str or Path
-        The file.
+        The CSV file to read.
     actuator_distance : float, optional
         Distance between the actuators [m]; by default what the file says, and that of `BoomParameters` if it says
         nothing.

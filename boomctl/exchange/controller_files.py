@@ -81,13 +81,13 @@ def write_controller(
     path : str or Path
         Its folder must exist.
     sample_time : float, optional
-        [s]; a controller in continuous time is sampled by :func:`boomctl.discretize`.  Needed for C.
+        Sampling time [s]; a controller in continuous time is sampled by :func:`boomctl.discretize`. Needed for C.
     force_limit, rate_limit : float or mapping from control to float, optional
-        For C: largest control, and largest change of it per second.
+        For C code: largest control, and largest change of it per second.
     anti_windup : bool
-        For C: correct the state by what limits took away.
+        For C code: whether the state is corrected by what the limits took away.
     units : mapping from signal to str, optional
-        By default those of the boom's signals, "" of others.
+        Units of the signals, as text; by default those of the boom's signals, "" of others.
     certificate : object, optional
         A certificate, or a mapping; by default that of the result.
     provenance : mapping, optional
@@ -172,7 +172,7 @@ def read_controller(path: str | Path) -> "control.StateSpace":
     Parameters
     ----------
     path : str or Path
-        The file.
+        The ``.json`` or ``.mat`` file to read.
 
     Returns
     -------

@@ -18,7 +18,7 @@ def to_scipy(system: "SecondOrderModel | control.StateSpace") -> Any:
     Parameters
     ----------
     system : SecondOrderModel or control.StateSpace
-        In continuous or discrete time.
+        The system, in continuous or discrete time.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def to_pymor(system: "SecondOrderModel | control.StateSpace") -> Any:
     Parameters
     ----------
     system : SecondOrderModel or control.StateSpace
-        In continuous or discrete time.
+        The system, in continuous or discrete time.
 
     Returns
     -------

@@ -30,8 +30,9 @@ class FitResult:
     values : dict of str to float
         Fitted values of the free parameters.
     intervals : dict of str to (float, float)
-        Within which each lies with ``confidence``: by profile likelihood, so that they need not be symmetric.  An end
-        is infinite (0 for a parameter above zero) where the measurements do not bound the parameter.
+        Interval of each free parameter, in which it lies with ``confidence``: by profile likelihood, so that they need
+        not be symmetric.  An end is infinite (0 for a parameter above zero) where the measurements do not bound the
+        parameter.
     confidence : float
         Confidence of the intervals, between 0.5 and 1.
     standard_errors : dict of str to float
@@ -53,7 +54,7 @@ class FitResult:
         Standard deviation of the errors (relative or absolute, of weight 1; of complex values, of each part): as given,
         or estimated from the residuals; ``nan`` where there are too few to tell.
     estimated : bool
-        Whether it was estimated.
+        Whether ``deviation`` was estimated.
     freedom : int
         Measured numbers beyond those that the seen combinations of parameters take up.
     unseen : tuple of Combination

@@ -75,7 +75,7 @@ class ReductionResult:
     method : str
         How the system was reduced.
     certificate : NormCertificate
-        Of the H-infinity norm of the difference between the core and the reduced system.
+        Bounds of the H-infinity norm of the difference between the core and the reduced system.
     truncation_bound : float
         Bound, in closed form, of what the core leaves out of the full system, and of what rounding changed in its
         coordinates; part of both errors.

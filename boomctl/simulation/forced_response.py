@@ -116,7 +116,7 @@ def forced_response(
     Parameters
     ----------
     plant : SecondOrderModel or control.StateSpace
-        In continuous time.
+        The plant, in continuous time.
     signals : mapping from input to (n,) array
         Values at ``timepts``; inputs not named stay at zero.
     timepts : (n,) array_like
@@ -124,7 +124,7 @@ def forced_response(
     outputs : str or sequence of str, optional
         Outputs that are read; by default all.
     accuracy : float
-        For a structure: largest error wanted, relative to the largest value of each output.
+        Largest error wanted of a structure's response, relative to the largest value of each output.
 
     Returns
     -------

@@ -161,7 +161,8 @@ def optimal_slew(
     final_speed : float
         Hub speed at the end [rad/s]: a spin-up, the beam in steady rotation.
     initial_state, final_state : array_like or None
-        In the order of the system's states; None is rest. A final state prescribes all that the torque moves.
+        States at the beginning and at the end, in the system's own order; None is rest. A final state prescribes all
+        that the torque moves.
     tip_masses : tuple of float
         Other payloads [kg] that the same torque leaves without vibration; the angle is that of h itself.
     method : str

@@ -113,7 +113,7 @@ class AffineFamily:
         ranges : mapping from name to (low, high)
             The parameters and the ends of their ranges, ascending.
         make : function
-            From a mapping of parameter values to a `SecondOrderModel`; its matrices must depend on them affinely.
+            Makes a `SecondOrderModel` from a mapping of parameter values; its matrices must depend on them affinely.
 
         Returns
         -------
@@ -155,7 +155,7 @@ class AffineFamily:
         Parameters
         ----------
         values : mapping from name to float
-            In the parameters' units; those left out are in the middle of their range.
+            Values of parameters, in their units; those left out are in the middle of their range.
 
         Returns
         -------
@@ -179,7 +179,7 @@ class AffineFamily:
         Parameters
         ----------
         delta : (k,) array_like
-            From -1 to 1 across each range, in the order of ``names``.
+            Place in the box, from -1 to 1 across each range, in the order of ``names``.
 
         Returns
         -------
@@ -201,7 +201,7 @@ class AffineFamily:
         Parameters
         ----------
         delta : (k,) array_like
-            From -1 to 1 across each range; beyond these the family is extrapolated.
+            Place in the box, from -1 to 1 across each range; beyond these the family is extrapolated.
 
         Returns
         -------

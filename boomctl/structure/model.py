@@ -188,7 +188,7 @@ class SecondOrderModel:
         Parameters
         ----------
         count : int
-            How many.
+            How many eigenfrequencies.
 
         Returns
         -------
@@ -216,7 +216,7 @@ class SecondOrderModel:
         omega : array_like
             Angular frequencies [rad/s].
         inputs, outputs : str or sequence of str, optional
-            By default all.
+            Names of the inputs and outputs; by default all.
 
         Returns
         -------
@@ -250,7 +250,7 @@ class SecondOrderModel:
         Parameters
         ----------
         inputs, outputs : str or sequence of str, optional
-            By default all.
+            Names of the inputs and outputs; by default all.
         states : str, optional
             ``"modes"``: over undamped modes, ``mode1``, ``mode2``, ..., slowest first, each state scaled by a power of
             two so that the state matrix is balanced.  What computes with the system, python-control too, then keeps its

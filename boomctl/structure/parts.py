@@ -227,9 +227,9 @@ class RigidBody:
     name : str
         Its coordinates are called ``name.y``, ``name.theta``, ``name.slide``, ...
     parent : Point
-        Where on which body its joint sits.
+        Point of another body, or of the ground, at which its joint sits.
     joint : Joint
-        What it may do there.
+        How the body may move relative to its parent at that point.
     mass, inertia : float
         Mass [kg] and moment of inertia about the centre of mass [kg m^2]; zero is allowed.
     centre : (float, float), optional
@@ -343,7 +343,7 @@ class BeamSection:
         section : CrossSection
             What `tube_section`, `round_tube_section`, `bar_section`, `rod_section` or `i_section` returns.
         youngs_modulus, density : float
-            Of the material [Pa], [kg/m^3].
+            Young's modulus [Pa] and density [kg/m^3] of the material.
         damping : float
             Stiffness-proportional structural damping, as for `BeamSection` [s].
 
@@ -387,7 +387,7 @@ class Beam:
     name : str
         Its coordinates are called ``name.w3`` (transverse displacement of node 3) and ``name.phi3`` (slope).
     parent : Point
-        Where its joint sits; the point must lie on the beam.
+        Point of another body, or of the ground, at which its joint sits; it must lie on the beam.
     joint : Joint
         How the beam may move relative to its parent at that point.
     start : (float, float)
@@ -594,7 +594,7 @@ class Force:
     name : str
         Name of the input.
     point : Point
-        Where it acts.
+        Point at which it acts.
     direction : "x", "y", "theta" or float
         Its direction [N]; a number is an angle from the x axis [rad]; ``"theta"`` makes it a torque [N m].
     reaction : Point, optional

@@ -39,7 +39,7 @@ class MachineDesign:
     controller : control.StateSpace
         ``u = K y`` in continuous time; its inputs are outputs of the plant, its outputs inputs of it.
     inputs, outputs : str or sequence of str, optional
-        Between which signals of the plant the loop is judged; by default from all inputs that the controller does not
+        Signals of the plant between which the loop is judged; by default from all inputs that the controller does not
         drive to all outputs.
     sample_time : float, optional
         Sampling time of C code of the controller [s]; without one, there is none.

@@ -395,8 +395,8 @@ def worst_case(
     family, controller
         As for :func:`robust_stability`.
     inputs, outputs : str or sequence of str, optional
-        Between which signals of the closed loop (:func:`boomctl.feedback_loop`); by default from all disturbances to
-        all outputs of the family.
+        Signals of the closed loop (:func:`boomctl.feedback_loop`) between which the norm is taken; by default from all
+        disturbances to all outputs of the family.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.

@@ -55,7 +55,7 @@ class MeshStudy:
     Attributes
     ----------
     duration : float
-        Of the slew [s].
+        How long the slew takes [s].
     intervals : ndarray, k
         Numbers of intervals.
     lines : tuple of MeshLine

@@ -47,7 +47,7 @@ class SlewDesign:
     payloads : tuple of float
         Tip masses with which the planned slews are played [kg].
     profile : SpinUp or None
-        Of a spin-up, a profile of the hub to be set beside it, prescribed exactly.
+        For a spin-up: a profile of the hub to be set beside it, prescribed exactly.
     notes : tuple of str
         What a reader of the report should know.
 

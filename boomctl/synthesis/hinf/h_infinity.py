@@ -96,9 +96,9 @@ class HInfinityResult:
     Attributes
     ----------
     controller : control.StateSpace
-        From the measurements to the controls, ``u = K y``, named as in the generalised plant.
+        ``u = K y``, from the measurements to the controls, named as in the generalised plant.
     closed_loop : control.StateSpace
-        From the disturbances to the performance signals, named.
+        The loop from the disturbances to the performance signals, named likewise.
     gamma : float
         The closed loop's H-infinity norm, verified.
     certificate : HInfinityCertificate

@@ -33,7 +33,7 @@ class H2Result:
     controller : control.StateSpace
         ``u = K y``, its signals named as the measurements and controls of the generalised plant.
     closed_loop : control.StateSpace
-        From the disturbances to the performance outputs, named as in the generalised plant.
+        The loop from the disturbances to the performance outputs, named as in the generalised plant.
     norm : float
         H2 norm of the closed loop, by Gramians of the loop itself.
     optimum : float

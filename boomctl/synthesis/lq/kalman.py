@@ -29,12 +29,12 @@ class KalmanResult:
     Attributes
     ----------
     gain : (n, p) ndarray
-        ``L``.
+        Gain ``L`` of the filter.
     covariance : (n, n) ndarray
         Covariance of the error of the estimate.
     estimator : control.StateSpace
-        From the measurements and the known inputs, by their names, to the estimated states (dots in their names
-        replaced by ``_``).
+        The filter as a system: from the measurements and the known inputs, by their names, to the estimated states
+        (dots in their names replaced by ``_``).
     poles : (n,) complex ndarray
         Poles of the estimator [rad/s].
     certificate : RiccatiCertificate
@@ -71,7 +71,7 @@ def kalman(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        In continuous time.
+        The system, in continuous time, signals named.
     process_noise : number, vector, matrix or mapping from input name to number
         Intensity of the noise, positive semidefinite: over the inputs named in ``disturbances``; without these, a
         mapping is over the inputs it names, a number, vector or matrix over the states (noise on ``x'``).  What an

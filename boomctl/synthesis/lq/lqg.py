@@ -34,8 +34,8 @@ class LqgResult:
     controller : control.StateSpace
         ``u = K y``, from the measurements to the controls, by their names.
     closed_loop : control.StateSpace
-        From the inputs that are no controls (if there are none: from signals added to the controls, of their names)
-        to the outputs of the system.
+        The loop, from the inputs that are no controls (if there are none: from signals added to the controls, of their
+        names) to the outputs of the system.
     regulator_gain, filter_gain : ndarray
         ``F`` of ``u = -F z`` and ``L`` of ``z' = A z + B u + L (y - C z - D u)``.
     poles : complex ndarray
@@ -89,7 +89,7 @@ def lqg(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        In continuous time.
+        The system, in continuous time, signals named.
     Q, R, output_weight
         Weights of states, controls and outputs, as for :func:`lqr`.
     process_noise, measurement_noise, disturbances

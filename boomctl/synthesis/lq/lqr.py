@@ -64,10 +64,10 @@ class LqrResult:
         ``u = K x``, so ``K = -F``: inputs named as the states, dots replaced by ``_``, and
         behind them the integrated outputs; outputs named as the controls.  Static unless it integrates.
     closed_loop : control.StateSpace
-        From the inputs that are no controls (if there are none: from signals added to the controls, of their names) to
-        the outputs of the system.
+        The loop, from the inputs that are no controls (if there are none: from signals added to the controls, of their
+        names) to the outputs of the system.
     effort : control.StateSpace
-        From the same inputs to the controls.
+        The loop, from the same inputs to the controls.
     poles : (n,) complex ndarray
         Poles of the closed loop [rad/s].
     unmoved : tuple of HiddenMode
@@ -123,7 +123,7 @@ def lqr(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        In continuous time, ``x' = A x + B u``.
+        The system ``x' = A x + B u``, in continuous time, signals named.
     Q : number, vector, matrix, mapping from state name to number, or None
         Weight of the states, positive semidefinite; None weighs none of them.
     R : number, vector, matrix or mapping from control name to number

@@ -88,12 +88,12 @@ def split_controller(
     model : SecondOrderModel
         The machine, with mirror symmetry.
     controller : control.StateSpace
-        Of the machine, ``u = K y``, in continuous time; both signals of each pair.
+        Controller of the machine, ``u = K y``, in continuous time, with both signals of each pair.
 
     Returns
     -------
     symmetric, antisymmetric : control.StateSpace
-        Without the states that only serve the other half.
+        Controllers of the two halves, without the states that only serve the other half.
     missed : float
         Share of the controller that leads from one half to the other: the largest gain of those channels at the
         frequencies of its poles and decades around, over the largest gain of the others, each in units in which the
