@@ -72,7 +72,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     Parameters
     ----------
     system : SecondOrderModel or control.StateSpace
-        The system, in continuous time.
+        The system.
 
     Returns
     -------

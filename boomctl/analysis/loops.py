@@ -123,7 +123,7 @@ def feedback_loop(
     Parameters
     ----------
     plant : SecondOrderModel or control.StateSpace
-        The plant, in continuous time, signals named.
+        The plant, signals named.
     controller : control.StateSpace
         Its inputs are outputs of the plant, its outputs inputs of the plant.
     added : str or sequence of str, optional

@@ -272,7 +272,7 @@ def margins(plant: "SecondOrderModel | control.StateSpace", controller: "control
     Parameters
     ----------
     plant : SecondOrderModel or control.StateSpace
-        The plant, in continuous time, signals named.
+        The plant, signals named.
     controller : control.StateSpace
         Its inputs are outputs of the plant, its outputs inputs of the plant.
 

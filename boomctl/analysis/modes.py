@@ -127,7 +127,7 @@ def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
     Parameters
     ----------
     system : SecondOrderModel or control.StateSpace
-        The system, in continuous time.
+        The system.
 
     Returns
     -------

@@ -97,7 +97,7 @@ def hinf_norm(system: "control.StateSpace") -> NormCertificate:
     Parameters
     ----------
     system : control.StateSpace
-        The system, in continuous time.
+        The system.
 
     Returns
     -------

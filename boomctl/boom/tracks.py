@@ -276,7 +276,7 @@ def iso_track(
     Returns
     -------
     Track
-        Heights under the left and the right wheels [m]; periodic.
+        Heights under the left and the right wheels [m].
 
     Raises
     ------
