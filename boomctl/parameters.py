@@ -33,6 +33,11 @@ class Parameters:
         path : str or Path
             The file, with the keys at top level; those of a hub-beam also in a table ``[hub_beam]``.
 
+        Returns
+        -------
+        the parameters
+            A record of the class that is asked, such as ``BoomParameters``.
+
         Raises
         ------
         OSError

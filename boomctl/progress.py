@@ -27,13 +27,19 @@ class Progress:
     Attributes
     ----------
     task : str
-        The computation; of one within another, the outer one.
+        The computation; within another computation, the outer one.
     stage : str
-        What it does now.
+        What it does now, in words.
     seconds : float
-        Since it began.
+        Time since it began [s].
     done, total : int or None
         Steps done, and how many there are, where that is known.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.Progress("reduction", "core", seconds=1.5, done=2, total=10).stage
+    'core'
     """
 
     task: str
@@ -86,6 +92,16 @@ def listening(listener: Listener | None) -> Iterator[None]:
     listener : callable or None
         A function of a `Progress`, called at each stage; an exception that it raises ends the computation.  None:
         nothing is told and nothing shown.
+
+    Returns
+    -------
+    context manager
+        For a ``with`` block: whatever runs within it is heard.
+
+    Raises
+    ------
+    TypeError
+        Neither a function nor None.
 
     Examples
     --------

@@ -70,7 +70,21 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """A report: title, paragraphs that lead in, sections, what ``results.json`` holds, and further files by name."""
+    """A report: text, tables and pictures, and what was computed.
+
+    Attributes
+    ----------
+    title : str
+        Its title.
+    lead : tuple of str
+        Paragraphs that lead in.
+    sections : tuple of Section
+        Texts, tables and pictures.
+    results : mapping
+        What ``results.json`` holds.
+    files : mapping of str to bytes or str
+        Further files by name.
+    """
 
     title: str
     lead: tuple[str, ...]
@@ -89,6 +103,11 @@ class Report:
     def write(self, folder: str | Path) -> tuple[Path, ...]:
         """Write all pictures, ``results.json`` and ``report.html`` into a folder, which is made if need be.
 
+        Parameters
+        ----------
+        folder : str or Path
+            Where to; it is made if need be.
+
         Returns
         -------
         tuple of Path
@@ -103,7 +122,18 @@ class Report:
             return self.write_into(target)
 
     def write_into(self, folder: Path) -> tuple[Path, ...]:
-        """Write the report into a folder that is there, and locked by the one who asks."""
+        """Write the report into a folder that is there, and locked by the one who asks.
+
+        Parameters
+        ----------
+        folder : Path
+            A folder that is there.
+
+        Returns
+        -------
+        tuple of Path
+            The files.
+        """
         files: dict[Path, bytes | str] = {
             folder / f"{picture.name}.{ending}": content
             for section in self.sections

@@ -73,14 +73,28 @@ class H2Certificate:
 def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     """Return the certified H2 norm: the RMS of the outputs to white noise of unit intensity at every input.
 
-    In discrete time white noise of unit variance at every sample: the square is the sum of the squares of all pulse
-    responses, the feedthrough included.
+    Parameters
+    ----------
+    system : SecondOrderModel or control.StateSpace
+        The system.
+
+    Returns
+    -------
+    H2Certificate
+        The norm, and bounds of it.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time that does not say its sampling time, not finite; an output of a
-        structure that needs a derivative of an input.
+        Another kind of system, discrete time, not finite; an output of a structure that needs a derivative of an input.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0)
+    >>> round(bc.h2_norm(lag).value, 6)  # sqrt(2^2/(2 2))
+    1.0
     """
     given = (
         modal_form(system.structure, system.ports) if isinstance(system, SecondOrderModel) else of(system, sampled=True)

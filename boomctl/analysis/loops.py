@@ -153,7 +153,7 @@ def feedback_loop(
     Parameters
     ----------
     plant : SecondOrderModel or control.StateSpace
-        A discrete one needs a discrete controller of the same sampling time.
+        The plant, signals named.
     controller : control.StateSpace
         Its inputs are outputs of the plant, its outputs inputs of the plant.
     added : str or sequence of str, optional
@@ -174,18 +174,17 @@ def feedback_loop(
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; sampling times that differ or are not said; a delay that the loop cannot have; names that
-        do not meet; nothing left to drive the loop; a loop that is not well-posed.
+        Other kinds of system, discrete time; names that do not meet; nothing left to drive the loop; a loop that is
+        not well-posed.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> import control
-    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
-    >>> loop = feedback_loop(mass, bc.discretize(lead, 0.05), "force", delay=0.02)
-    >>> loop.dt, bool(abs(loop.poles()).max() < 1.0)
-    (0.05, True)
+    >>> spring = control.ss([], [], [], [[-500.0]], inputs="stroke_left", outputs="suspension_left")
+    >>> loop = bc.feedback_loop(bc.spray_boom(), spring)
+    >>> loop.input_labels
+    ['actuator_left', 'actuator_right', 'suspension_right', 'cradle']
     """
     return joined(plant, controller, delay).closed(added).statespace("closed loop")
 
@@ -217,6 +216,17 @@ def closed_loop_response(
     TypeError, ValueError
         Names that do not meet; no frequencies, or frequencies beside data that have their own; a loop with a pole at
         a frequency asked for.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> def boom(omega):  # with an exact beam
+    ...     return bc.exact_frequency_response(bc.BoomParameters(), omega)
+    >>> spring = control.ss([], [], [], [[-500.0]], inputs="stroke_left", outputs="suspension_left")
+    >>> loop = bc.closed_loop_response(boom, spring, [1.0, 2.0])
+    >>> loop.ninputs, loop.output_labels[-1]
+    (4, 'suspension_left')
     """
     from boomctl.lti.python_control import control
 

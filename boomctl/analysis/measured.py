@@ -29,11 +29,11 @@ class MeasuredCurve:
     Attributes
     ----------
     freq_hz : (n,) ndarray
-        Ascending.
+        Frequencies, ascending [Hz].
     magnitude : (k, n) ndarray
-        One line a curve, as they stand in the file, or the singular values of a measured frequency response.
+        One line for each curve, as they stand in the file, or the singular values of a measured frequency response.
     labels : tuple of str
-        One a curve.
+        Names of the curves.
     entries : (p, m, n) ndarray or None
         The complex frequency response; None where the file has magnitudes only.
     inputs, outputs : tuple of str
@@ -63,7 +63,7 @@ class MeasuredCurve:
         return control.frd(self.entries, tau * self.freq_hz, **names)
 
     def plot(self, ax: "Axes | None" = None, *, unit: str | None = None, **style: Any) -> "Axes":
-        """Draw the curve over frequency, on a sigma plot over the computed ones; return the axes.
+        """Draw the curve over frequency, on a sigma plot over the computed ones.
 
         Parameters
         ----------
@@ -73,26 +73,42 @@ class MeasuredCurve:
             Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
         **style
             Of the dots, as matplotlib's lines take it; a ``label`` stands before the names in the file.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_measured(self, ax, unit=unit, **style)
 
 
 def read_measured_curve(path: str | Path) -> MeasuredCurve:
-    """Read a measured curve or frequency response.
+    r"""Read a measured curve or frequency response.
 
     CSV: the first line names the columns.  ``freq_hz`` [Hz] comes first.  Magnitudes: any further names, one column a
     curve.  Complex frequency response: pairs of columns ``re_OUT_IN, im_OUT_IN`` (``OUT``, ``IN`` whole numbers from 1), of
     which the singular values are taken; ``response`` keeps the phase.  Lines that begin with ``#`` are comments.  Values
     are separated by commas; or by semicolons or tabs, and then decimal commas are read as well as decimal points.
 
-    Universal files (``.uff``, ``.unv``, ``.58``): the frequency responses of all data sets 58, one an entry, their signals
-    named by node and direction, such as ``3+y``, in SI units.  This needs the package pyuff: ``pip install 'boomctl[uff]'``.
+    Universal files (``.uff``, ``.unv``, ``.58``): the frequency responses of all data sets 58, one for each entry, in SI
+    units.  Signals are named by node and direction, such as ``3+y``.  This needs the package pyuff:
+    ``pip install 'boomctl[uff]'``.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; its suffix says of which kind it is.
+
+    Returns
+    -------
+    MeasuredCurve
+        Frequencies [Hz], magnitudes or singular values, and the complex response where the file has it.
 
     Raises
     ------
     OSError
         The file cannot be read.
-    ValueError
+    TypeError, ValueError
         A column or value is missing, not a number, negative where it cannot be, or frequencies do not ascend; data sets do
         not make up a whole matrix at the same frequencies; the message names file and line or data set.
     ImportError
@@ -100,8 +116,15 @@ def read_measured_curve(path: str | Path) -> MeasuredCurve:
 
     Examples
     --------
-    >>> curve = read_measured_curve("shaker.csv")  # doctest: +SKIP
-    >>> curve.magnitude, curve.response  # doctest: +SKIP
+    >>> import boomctl as bc
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "shaker.csv"
+    ...     _ = path.write_text("freq_hz,upper,lower\n0.5,3.1,0.9\n1.0,1.2,0.4\n")
+    ...     curve = bc.read_measured_curve(path)
+    >>> curve.labels, curve.magnitude[0]
+    (('upper', 'lower'), array([3.1, 1.2]))
     """
     file = checked_path("path", path)
     if file.suffix.lower() in _UNIVERSAL:

@@ -34,7 +34,7 @@ class ModeRow:
     Attributes
     ----------
     pole : complex
-        Of non-negative imaginary part [rad/s]; in discrete time the rate ``log(z)/dt``, ``-inf`` for ``z = 0``.
+        The pole, of a pair that of non-negative imaginary part [rad/s].
     input_shares, output_shares : (m,) and (p,) ndarray
         From 0 to 1: how much of the largest modal peak between an input and any output (an output and any input) this
         mode makes.
@@ -75,7 +75,15 @@ class ModeRow:
 
 @dataclass(frozen=True)
 class ModeTable:
-    """Modes in ascending natural frequency, and the signals they were asked for."""
+    """Modes in ascending natural frequency, and the signals they were asked for.
+
+    Attributes
+    ----------
+    inputs, outputs : tuple of str
+        Names of the signals, in the order of the shares.
+    rows : tuple of ModeRow
+        The modes, in ascending natural frequency.
+    """
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -101,7 +109,18 @@ class ModeTable:
         return table_html("Modes, and the share of each in the largest peak of a signal", heads, rows)
 
     def render(self, count: int | None = None) -> str:
-        """Return the first modes as text, shares in per cent."""
+        """Return the modes as text, shares in per cent.
+
+        Parameters
+        ----------
+        count : int, optional
+            How many modes, from the slowest; by default all.
+
+        Returns
+        -------
+        str
+            A table, one line for each mode.
+        """
         wide = [max(len(name), 6) for name in (*self.inputs, *self.outputs)]
         heads = [f"{name:>{w}}" for name, w in zip((*self.inputs, *self.outputs), wide, strict=True)]
         z = f"{'z':>{_WIDE}}  " if self._discrete else ""
@@ -126,13 +145,28 @@ def _z(z: complex) -> str:
 def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
     """Return the modes of a system, and how well each input moves and each output shows them.
 
-    Of a discrete system with their poles ``z`` and the rates ``log(z)/dt``, whose frequency and damping they have.
+    Parameters
+    ----------
+    system : SecondOrderModel or control.StateSpace
+        The system.
+
+    Returns
+    -------
+    ModeTable
+        One row for each mode, in ascending natural frequency: pole, frequency, damping, and shares of inputs and outputs.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time that does not say its sampling time, not finite; poles without
-        eigenvectors of their own (a rigid body that no support holds, equal poles in a chain).
+        Another kind of system, discrete time, not finite; poles without eigenvectors of their own (a rigid body that
+        no support holds, equal poles in a chain).
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> table = bc.mode_table(bc.spray_boom())
+    >>> [(round(mode.frequency_hz, 3), round(mode.damping, 4)) for mode in table.rows[:2]]
+    [(0.245, 0.0014), (0.587, 0.0214)]
     """
     given = (
         modal_form(system.structure, system.ports) if isinstance(system, SecondOrderModel) else of(system, sampled=True)

@@ -49,13 +49,13 @@ class ExactLoopStability:
     Attributes
     ----------
     stable : bool
-        Whether no pole of the loop is unstable.
+        Whether the loop is stable.
     unstable_poles : int
-        How many are.
+        Number of unstable poles of the loop.
     encirclements : int
-        Of zero, counter-clockwise, over the whole axis.
+        How often ``det(I - G K)`` winds around zero, counter-clockwise, over the whole axis.
     controller_poles : int
-        Unstable poles of the controller; the plant has none.
+        Number of unstable poles of the controller; the plant has none.
     distance, distance_omega : float
         Least singular value of ``I - G K`` met, and its frequency [rad/s].
     top : float
@@ -63,7 +63,7 @@ class ExactLoopStability:
     plant_bounded : bool
         Whether a bound of the plant stands behind that; otherwise it was seen over two further decades.
     evaluations : int
-        Frequencies at which the plant was asked.
+        Number of frequencies at which the plant was asked.
     """
 
     stable: bool
@@ -116,24 +116,31 @@ def exact_loop_stability(
     top: float | None = None,
     max_evaluations: int = 200_000,
 ) -> ExactLoopStability:
-    """Return whether the loop ``u = K y`` of a stable plant known by its frequency response is stable.
+    """Return whether the loop ``u = K y`` of a stable plant known by its frequency response alone is stable.
+
+    Nyquist's criterion for several signals: the winding of ``det(I - G K)`` around zero is followed along the axis.
 
     Parameters
     ----------
     plant : function from frequencies [rad/s] to control.FrequencyResponseData
         A stable plant with named signals, such as ``lambda w: boomctl.exact_frequency_response(p, w)``.
     controller : control.StateSpace
-        Its inputs are outputs of the plant, its outputs inputs of it.
+        ``u = K y``; its inputs are outputs of the plant, its outputs inputs of it.
     poles : array_like of complex
-        Estimates of the plant's lightly damped poles [rad/s], such as those of a fine mesh; around each the axis is
-        walked in small steps.
+        Estimates of the plant's lightly damped poles [rad/s], such as those of a fine mesh; around each of them the
+        frequency steps are small.
     plant_bound : function, optional
         From a frequency to a bound of the plant's gain (largest singular value) from there on, non-increasing.
     top : float, optional
         Where to begin the search for the frequency beyond which the loop gain stays below one [rad/s]; by default twice
         the largest of ``poles`` and of the controller's.
     max_evaluations : int
-        After so many the walk is given up.
+        Largest number of frequencies at which the plant is asked.
+
+    Returns
+    -------
+    ExactLoopStability
+        Whether the loop is stable, how many unstable poles it has, and how near it comes to instability.
 
     Raises
     ------
@@ -142,6 +149,17 @@ def exact_loop_stability(
         does not fall below one.
     ArithmeticError
         The winding could not be told: a pole of the loop on the imaginary axis, or too close to it.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> def boom(omega):
+    ...     return bc.spray_boom().frequency_response(omega, "suspension_left", "stroke_left")
+    >>> poles = bc.spray_boom().to_statespace().poles()
+    >>> damper = control.ss([[-30.0]], [[30.0]], [[3e3]], [[-3e3]], inputs="stroke_left", outputs="suspension_left")
+    >>> bc.exact_loop_stability(boom, damper, poles[abs(poles) < 50.0]).unstable_poles
+    0
     """
     K, limit = of(controller, "controller", "StateSpace").balanced(), whole("max_evaluations", max_evaluations)
     own, side = K.poles, side_of_axis(K.poles)

@@ -66,14 +66,14 @@ class SigmaResult:
     sigma : (k, n) ndarray
         Singular values, descending.
     inputs, outputs : tuple of str
-        Between which signals.
+        Names of the signals between which the singular values are.
     peak, peak_omega : float
         Largest singular value and its frequency: the H-infinity norm of a model or state-space system (``inf`` with
         undamped, integrating or unstable modes that show), the largest value on the grid of measured data.
     certified : bool
         Whether ``peak`` lies between two bounds computed apart from each other; see ``certificate``.
     unit : str
-        In which the frequencies were asked for, "Hz" where none were: that of pictures.
+        Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
     """
 
     omega: Array
@@ -133,7 +133,7 @@ class SigmaResult:
         return self.omega / (2.0 * np.pi)
 
     def plot(self, ax: Axes | None = None, *, unit: str | None = None, **style: Any) -> Axes:
-        """Draw the singular values over frequency; return the axes.  The picture says so if the system is unstable.
+        """Draw the singular values over frequency.  The picture says so if the system is unstable.
 
         Parameters
         ----------
@@ -144,6 +144,11 @@ class SigmaResult:
             frequencies were asked for.
         **style
             Of the curves, as matplotlib's lines take it: ``label``, ``color``, ``linestyle``, ...
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_sigma(self, ax, unit=unit, **style)
 
@@ -161,6 +166,7 @@ def sigma(
     Parameters
     ----------
     system : SecondOrderModel, control.StateSpace or control.FrequencyResponseData
+        A structure, a system in continuous time, or measured data.
     omega : array_like, optional
         Angular frequencies [rad/s], of a discrete system at most ``pi/dt``.  By default a grid that spans the lowest
         modes and resolves each of their peaks, the certified one included.
@@ -183,9 +189,12 @@ def sigma(
     Examples
     --------
     >>> import boomctl as bc
-    >>> s = sigma(bc.spray_boom(), frequency_hz=[0.1, 1.0])
-    >>> s.sigma.shape, s.unit
-    ((2, 2), 'Hz')
+    >>> found = bc.sigma(bc.spray_boom(), frequency_hz=[0.1, 1.0])
+    >>> found.sigma.round(3)  # one row a singular value, one column a frequency
+    array([[8.122, 3.016],
+           [1.052, 0.637]])
+    >>> round(float(found.peak)), bool(found.certified)
+    (2473, True)
     """
     asked, unit = _asked(omega, frequency_hz)
     if is_frequency_response(system):
@@ -271,7 +280,7 @@ class SigmaComparison:
     Attributes
     ----------
     curves : dict of str to SigmaResult
-        By name.
+        The singular values of each system by its name.
     """
 
     curves: dict[str, SigmaResult]
@@ -289,14 +298,19 @@ class SigmaComparison:
         return "\n".join([*heads, f"  ... {more} more"] if more > 0 else heads)
 
     def plot(self, ax: Axes | None = None, *, unit: str | None = None, **style: Any) -> Axes:
-        """Draw all singular values on one frequency axis, each system in a colour of its own; return the axes.
+        """Draw all singular values on one frequency axis, each system in a colour of its own.
 
         Parameters
         ----------
         ax, unit
-            As of :meth:`SigmaResult.plot`.
+            As for :meth:`SigmaResult.plot`.
         **style
             Of all curves, as matplotlib's lines take it; a ``label`` stands before the names.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_sigma_comparison(self, ax, unit=unit, **style)
 
@@ -314,12 +328,17 @@ def compare_sigma(
     Parameters
     ----------
     systems : mapping of str to SecondOrderModel, control.StateSpace or control.FrequencyResponseData
-        By name.
+        The systems by name.
     omega, frequency_hz : array_like, optional
-        As of :func:`sigma`.  By default the band that shows the lowest modes of all of them, on one grid that resolves
+        As for :func:`sigma`.  By default the band that shows the lowest modes of all of them, on one grid that resolves
         each system's peaks in it.  Data have frequencies of their own.
     inputs, outputs : str or sequence of str, optional
-        As of :func:`sigma`, of all of them.
+        As for :func:`sigma`, of all of them.
+
+    Returns
+    -------
+    SigmaComparison
+        One `SigmaResult` for each name: ``comparison["name"]``; ``.plot()`` draws them over each other.
 
     Raises
     ------
@@ -329,10 +348,11 @@ def compare_sigma(
     Examples
     --------
     >>> import boomctl as bc
-    >>> boom = bc.spray_boom()
-    >>> both = compare_sigma({"boom": boom, "order 10": bc.reduce(boom.select(boom.inputs[:2], boom.outputs[:2]), 10).system})
-    >>> bool((both["boom"].omega == both["order 10"].omega).all())
-    True
+    >>> soft = bc.BoomParameters(spring_stiffness=550.0)
+    >>> both = bc.compare_sigma({"as published": bc.spray_boom(), "softer": bc.spray_boom(soft)}, [2.0, 4.0])
+    >>> both["softer"].sigma.round(3)
+    array([[3.195, 7.976],
+           [2.11 , 0.674]])
     """
     mapping("systems", systems, "systems by name")
     if not systems:

@@ -65,12 +65,18 @@ def exact_frequency_response(
     Parameters
     ----------
     parameters : BoomParameters
+        The boom.
     omega : array_like
         Angular frequencies [rad/s]; above zero where velocity or acceleration is imposed.
     inputs, outputs : str or sequence of str, optional
-        Names as of :func:`boomctl.spray_boom`; by default all.
+        Names as for :func:`boomctl.spray_boom`; by default all.
     excitation : "displacement", "velocity", "acceleration" or "force"
         What the platform actuators impose.
+
+    Returns
+    -------
+    control.FrequencyResponseData
+        Outputs by inputs by frequencies, signals named; in SI units.
 
     Raises
     ------
@@ -81,6 +87,13 @@ def exact_frequency_response(
     -----
     AccuracyWarning
         Rounding may exceed 1e-9 of the largest output to an input, and by how much: next to an undamped resonance.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> response = bc.exact_frequency_response(bc.BoomParameters(), [1.0, 10.0], "actuator_left", "tip_left")
+    >>> abs(response.complex).round(3)
+    array([6.492, 0.247])
     """
     if not isinstance(parameters, BoomParameters):
         raise TypeError(f"parameters: expected BoomParameters, got {type(parameters).__name__}")
@@ -107,11 +120,17 @@ def exact_eigenfrequencies_hz(parameters: BoomParameters, count: int = 5, damped
     Parameters
     ----------
     parameters : BoomParameters
+        The boom.
     count : int
-        How many.
+        How many eigenfrequencies.
     damped : bool
-        True: ``Im(lambda)/2 pi`` of the damped system, as in Anthonis & Ramon (2003), Table 1.  False: undamped ones,
-        none missed (count of Wittrick & Williams 1971).
+        True: ``Im(lambda)/2 pi`` of the damped system, as in Anthonis & Ramon (2003), Table 1.  False: of the boom
+        without damping; none is missed (count of Wittrick & Williams 1971).
+
+    Returns
+    -------
+    (count,) ndarray
+        Eigenfrequencies, ascending [Hz].
 
     Raises
     ------
@@ -124,6 +143,12 @@ def exact_eigenfrequencies_hz(parameters: BoomParameters, count: int = 5, damped
     -----
     AccuracyWarning
         Rounding may exceed 1e-9 of an eigenfrequency, and by how much.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.exact_eigenfrequencies_hz(bc.BoomParameters(), 3).round(3)
+    array([0.244, 0.586, 0.933])
     """
     if not isinstance(parameters, BoomParameters):
         raise TypeError(f"parameters: expected BoomParameters, got {type(parameters).__name__}")

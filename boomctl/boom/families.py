@@ -51,18 +51,33 @@ def boom_family(
     Parameters
     ----------
     parameters : BoomParameters, optional
-        By default Table 2.
+        By default those of Anthonis & Ramon (2003), Table 2.
     spring, mass : (float, float)
-        Ranges of the factors on spring stiffness and on the beam's mass; parameters ``"spring"`` and ``"mass"``.
+        Least and largest factor on the spring stiffness, and on the mass of the beam; the family's parameters are
+        called ``"spring"`` and ``"mass"``.
     half : "jolt" or "yaw", optional
-        One half of the symmetric boom.
+        One half of the symmetric boom; by default the whole boom.
     elements, discretization, excitation, accelerometer_bandwidth_hz
-        As of :func:`boomctl.spray_boom`.
+        As for :func:`boomctl.spray_boom`.
+
+    Returns
+    -------
+    AffineFamily
+        The boom at every point of the box; for :func:`boomctl.robust_stability` and its like.
 
     Raises
     ------
     TypeError, ValueError
-        As of :func:`boomctl.spray_boom`; ranges not positive or not ascending.
+        As for :func:`boomctl.spray_boom`; ranges not positive or not ascending.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> family = bc.boom_family(half="yaw")
+    >>> for spring in (-1.0, 1.0):  # the lower and the upper end, springs 0.7 and 1.3 times as stiff
+    ...     print(family.at([spring, 0.0]).eigenfrequencies_hz(1).round(3))
+    [0.208]
+    [0.275]
     """
     p = boom_parameters(parameters)
 
@@ -85,10 +100,40 @@ def yaw_family(
     excitation: str = "displacement",
     accelerometer_bandwidth_hz: float | None = None,
 ) -> AffineFamily:
-    """Return the boom over a range of spring stiffness [N/m], parameter ``"spring_stiffness"``.
+    """Return the boom over a range of spring stiffness, chosen by the yaw frequency that it leads to.
 
-    It runs from the stiffness given to the one that brings the yaw frequency to ``stiffest_hz``, by default the
-    measured 0.34 Hz of Anthonis & Ramon (2003), Table 1, where their model has 0.245 Hz.
+    The range runs from the stiffness given to the one that brings the first yaw frequency to ``stiffest_hz``.  By
+    default that is 0.34 Hz, as measured by Anthonis & Ramon (2003), Table 1, where their model has 0.245 Hz.
+
+    Parameters
+    ----------
+    parameters : BoomParameters, optional
+        By default those of Anthonis & Ramon (2003), Table 2.
+    stiffest_hz : float
+        First yaw frequency at the upper end of the range [Hz].
+    half : "jolt" or "yaw", optional
+        One half of the symmetric boom; by default the whole boom.
+    elements, discretization, excitation, accelerometer_bandwidth_hz
+        As for :func:`boomctl.spray_boom`.
+
+    Returns
+    -------
+    AffineFamily
+        With one parameter, ``"spring_stiffness"`` [N/m].
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for :func:`boomctl.spray_boom`; a frequency that no spring stiffness gives, or that a softer spring gives.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> family = bc.yaw_family(half="yaw")
+    >>> family.low.round(), family.high.round()  # N/m
+    (array([1100.]), array([2375.]))
+    >>> family.at([1.0]).eigenfrequencies_hz(1).round(3)
+    array([0.34])
     """
     p = boom_parameters(parameters)
 

@@ -107,39 +107,54 @@ def spray_boom(
 ) -> SecondOrderModel:
     """Return the horizontal dynamics of the spray boom.
 
+    Source: Anthonis & Ramon (2003).
+
     Parameters
     ----------
     parameters : BoomParameters, optional
-        By default Table 2.
+        By default those of Anthonis & Ramon (2003), Table 2.
     discretization : "finite", "high-order", "discrete-hermite" or "discrete-geometric"
-        Equal cubic elements; elements of polynomial order ``order`` with nodes at hinge and springs; massless elements
-        between mass allocation points at tips, springs and hinge, with Hermitian or with point masses.
+        How the beam is turned into coordinates.  "finite": equal cubic elements.  "high-order": elements of polynomial
+        order ``order`` with nodes at hinge and springs.  The other two: massless elements between points at which mass
+        is put, at tips, springs and hinge, with Hermitian or with point masses.
     elements : int or sequence of float
         A number of elements, or node positions ``x`` [m] from ``-length/2`` to ``length/2``.  Discrete elements: an
         even number, at least 4; 2 of them lie between the springs, from 20 elements on 4.  High-order: likewise.
     excitation : "displacement", "velocity", "acceleration" or "force"
         What the two platform actuators impose.
     accelerometer_bandwidth_hz : float, optional
-        Adds outputs ``tip_left_acceleration``, ``tip_right_acceleration`` [m/s^2] behind a second-order low pass.
+        Adds outputs ``tip_left_acceleration``, ``tip_right_acceleration`` [m/s^2] behind a second-order low pass of
+        this bandwidth [Hz].
     order : int
         Polynomial order of the elements of ``"high-order"``.
     reactions : bool
         Adds outputs ``actuator_left_force``, ``actuator_right_force`` [N]: what the actuators exert.
     nozzles : sequence of float, optional
-        Places ``x`` [m] along the boom, ascending; adds outputs ``nozzle_01``, ``nozzle_02``, ... [m], absolute as those
-        of the tips.
+        Places ``x`` [m] along the boom, ascending; adds outputs ``nozzle_01``, ``nozzle_02``, ... [m], absolute as
+        those of the tips.
 
     Returns
     -------
     SecondOrderModel
-        Inputs ``actuator_left``, ``actuator_right`` (platform at ``x = -+L_t/2``), ``suspension_left``,
-        ``suspension_right``, ``cradle`` [N]; outputs ``tip_left``, ``tip_right``, ``stroke_left``, ``stroke_right``,
-        ``cradle_slip`` [m].
+        Inputs ``actuator_left``, ``actuator_right`` (motion [m] of the platform at ``x = -+L_t/2``, or what
+        ``excitation`` says), ``suspension_left``, ``suspension_right``, ``cradle`` (forces [N]).  Outputs ``tip_left``,
+        ``tip_right`` (motion of the tips), ``stroke_left``, ``stroke_right`` (of the boom on the platform, at the
+        springs) and ``cradle_slip`` (of the cradle on the platform), all [m].
 
     Raises
     ------
     TypeError, ValueError
         Unknown discretisation or excitation; fewer than one element; nodes unsorted or not covering the boom.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> boom = bc.spray_boom()
+    >>> boom.eigenfrequencies_hz(3).round(3)
+    array([0.245, 0.587, 0.935])
+    >>> finer = bc.spray_boom(elements=20, nozzles=[-3.0, 3.0])
+    >>> finer.outputs[-2:]
+    ('nozzle_01', 'nozzle_02')
     """
     p = boom_parameters(parameters)
     known("excitation", excitation, (*MOTIONS, "force"))

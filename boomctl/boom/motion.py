@@ -33,16 +33,23 @@ class PlatformMotion:
     Attributes
     ----------
     time : (n,) ndarray
-        [s]
+        Instants, equally spaced [s].
     left, right : (n,) ndarray
         Displacements of ``actuator_left`` and ``actuator_right`` [m].
     actuator_distance : float
-        Between the actuators [m].
+        Distance between the actuators [m].
 
     Raises
     ------
     TypeError, ValueError
         Fewer than two samples, lengths that differ, values that are not finite, times not equally spaced.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> motion = bc.PlatformMotion([0.0, 0.1, 0.2], left=[0.0, 0.0, 0.0], right=[0.0, 0.01, 0.02])
+    >>> motion.jolt, motion.yaw.round(5)  # m, rad
+    (array([0.   , 0.005, 0.01 ]), array([0.     , 0.00562, 0.01124]))
     """
 
     time: Array
@@ -69,7 +76,7 @@ class PlatformMotion:
         return f"PlatformMotion: {span}\n  left {left}, right {right}; actuators {self.actuator_distance:.4g} m apart"
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
-        """Draw jolt and yaw over time; return the axes.
+        """Draw jolt and yaw over time.
 
         Parameters
         ----------
@@ -77,6 +84,11 @@ class PlatformMotion:
             Where to draw: jolt and yaw; by default a new figure of pyplot.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_motion(self, ax, **style)
 
@@ -137,17 +149,18 @@ def platform_motion(
     Parameters
     ----------
     track : Track
-        The tractor starts from equilibrium, its rear axle at the beginning of the track; the usual one moves as much
-        from the second second on as it does later.  A periodic track is driven on before, until the motion is stationary.
+        The ground.  On a periodic track the tractor has driven before, until the motion is stationary; on another it
+        starts from equilibrium, with its rear axle at the beginning of the track.
     tractor : TractorParameters, optional
+        The tractor; by default a typical one.
     speed : float
-        [m/s]
+        Driving speed [m/s].
     duration : float, optional
-        [s]; by default once over the track, until the front axle is at its end.
+        How long it drives [s]; by default once over the track.
     sample_time : float
-        [s]
+        Time between the instants of the result [s].
     actuator_distance : float
-        Between the actuators [m].
+        Distance between the actuators [m].
 
     Returns
     -------
@@ -158,6 +171,14 @@ def platform_motion(
     ------
     TypeError, ValueError
         The tracks are not as far apart as the wheels; a track too short; a time, speed or distance not above zero.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> stone = bc.bump_track(0.05, bump_length=0.4, side="left", length=20.0)
+    >>> motion = bc.platform_motion(stone, speed=2.0, sample_time=0.01)
+    >>> round(1000.0 * float(abs(motion.jolt).max()), 1)  # mm
+    5.9
     """
     if not isinstance(track, Track):
         raise TypeError(f"track: expected Track, got {type(track).__name__}")
@@ -233,27 +254,41 @@ def sine_sweep(
     sample_time: float = 1e-3,
     actuator_distance: float = _DISTANCE,
 ) -> PlatformMotion:
-    """Return a sine of running frequency on the actuators.
+    """Return a sine of running frequency (a chirp) as motion of the actuators.
 
     Parameters
     ----------
     start_hz, stop_hz : float
-        Frequency at the beginning and at the end; the same, or falling, as one likes.
+        Frequency at the beginning and at the end [Hz]; it may rise, fall or stay.
     duration : float
-        [s]
+        How long the sweep lasts [s].
     amplitude : float
-        Of the actuators that move [m].
+        Amplitude of the actuators that move [m].
     motion : "jolt", "yaw", "left" or "right"
-        Both alike, both against each other (right ahead first), or one alone.
+        Both actuators alike, both against each other (right ahead first), or one alone.
     logarithmic : bool
-        The frequency runs evenly over its logarithm, else over time.
-    sample_time, actuator_distance : float
-        [s], [m]
+        True: each octave takes the same time.  False: each hertz does.
+    sample_time : float
+        Time between samples [s].
+    actuator_distance : float
+        Distance between the actuators [m].
+
+    Returns
+    -------
+    PlatformMotion
+        Displacements of both actuators [m], from time 0 to ``duration``.
 
     Raises
     ------
     TypeError, ValueError
         A value not above zero, fewer than two samples a period, an unknown motion.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> sweep = bc.sine_sweep(0.1, 2.0, duration=30.0, amplitude=0.02, motion="yaw")
+    >>> round(float(sweep.time[-1]), 3), float(abs(sweep.jolt).max())
+    (30.0, 0.0)
     """
     low, high = positive("start_hz", start_hz), positive("stop_hz", stop_hz)
     T, h, size = positive("duration", duration), positive("sample_time", sample_time), real("amplitude", amplitude)
@@ -279,24 +314,44 @@ def sine_sweep(
 
 
 def read_motion(path: str | Path, actuator_distance: float | None = None) -> PlatformMotion:
-    """Read a measured motion from a CSV file.
+    r"""Read a measured motion from a CSV file.
 
-    The first line names the columns, ``time_s, left_m, right_m`` or ``time_s, jolt_m, yaw_rad``, in any order.  Lines that
-    begin with ``#`` are comments; the comment ``# actuator_distance_m = 1.78`` says how far apart the actuators are.
+    The first line names the columns, ``time_s, left_m, right_m`` or ``time_s, jolt_m, yaw_rad``, in any order.  Lines
+    that begin with ``#`` are comments; the comment ``# actuator_distance_m = 1.78`` says how far apart the actuators
+    are.
 
     Parameters
     ----------
     path : str or Path
+        The CSV file to read.
     actuator_distance : float, optional
-        Between the actuators [m]; by default what the file says, and that of `BoomParameters` if it says nothing.
+        Distance between the actuators [m]; by default what the file says, and that of `BoomParameters` if it says
+        nothing.
+
+    Returns
+    -------
+    PlatformMotion
+        Displacements of both actuators [m].
 
     Raises
     ------
     OSError
         The file cannot be read.
-    ValueError
+    TypeError, ValueError
         A column is missing, unknown or there twice; a value missing or not finite; times that do not ascend, have a gap
         or are not equally spaced; an `actuator_distance` other than the file's; the message names file and line.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "shaker.csv"
+    ...     _ = path.write_text("time_s,jolt_m,yaw_rad\n0.0,0.00,0.0\n0.1,0.01,0.0\n0.2,0.02,0.0\n")
+    ...     motion = bc.read_motion(path, actuator_distance=2.0)
+    >>> motion.left, motion.right
+    (array([0.  , 0.01, 0.02]), array([0.  , 0.01, 0.02]))
     """
     given = None if actuator_distance is None else positive("actuator_distance", actuator_distance)
     table = read_numbers(path)
@@ -345,12 +400,36 @@ def write_motion(path: str | Path, motion: PlatformMotion) -> None:
 
     The distance between the actuators stands in a comment above the columns.
 
+    Parameters
+    ----------
+    path : str or Path
+        The file; an existing one is replaced.
+    motion : PlatformMotion
+        What to write.
+
+    Returns
+    -------
+    None
+        Nothing; the file holds ``time_s, left_m, right_m`` in columns.
+
     Raises
     ------
     OSError
         The file cannot be written.
     TypeError
         Not a motion.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> sweep = bc.sine_sweep(0.1, 1.0, duration=2.0, amplitude=0.02)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     bc.write_motion(Path(folder) / "sweep.csv", sweep)
+    ...     again = bc.read_motion(Path(folder) / "sweep.csv")
+    >>> bool((again.left == sweep.left).all())
+    True
     """
     if not isinstance(motion, PlatformMotion):
         raise TypeError(f"motion: expected PlatformMotion, got {type(motion).__name__}")

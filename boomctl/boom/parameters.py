@@ -30,32 +30,42 @@ class BoomParameters(Parameters):
     Parameters
     ----------
     platform_mass, platform_inertia : float
-        ``m_1`` [kg], ``I_1`` [kg m^2]; without influence where the actuators impose motion.
+        Mass ``m_1`` [kg] and moment of inertia ``I_1`` [kg m^2] of the platform; without influence where the actuators
+        impose motion.
     cradle_mass, cradle_inertia : float
-        ``m_2`` [kg], ``I_2`` [kg m^2].
+        Mass ``m_2`` [kg] and moment of inertia ``I_2`` [kg m^2] of the cradle.
     boom_mass, boom_inertia : float
-        ``m_3`` [kg], ``I_3`` [kg m^2], of the whole boom.
+        Mass ``m_3`` [kg] and moment of inertia ``I_3`` [kg m^2] of the whole boom.
     density, youngs_modulus : float
-        ``rho_3`` [kg/m^3], ``E_b`` [N/m^2].
+        Density ``rho_3`` [kg/m^3] and Young's modulus ``E_b`` [N/m^2] of the tube.
     length : float
-        Length of the boom [m].
+        Length of the boom from tip to tip [m].
     actuator_distance, spring_distance : float
-        ``L_t``, ``L_k`` [m], between the two actuators and between the two springs.
+        Distances ``L_t``, ``L_k`` between the two actuators and between the two springs [m].
     outer_width, inner_width, outer_height, inner_height : float
-        ``b_bu, b_bi, h_bu, h_bi`` [m] of the rectangular tube.
+        Outer and inner sides ``b_bu, b_bi, h_bu, h_bi`` of the rectangular tube [m].
     spring_stiffness : float
-        ``k_s`` [N/m] of each spring.
+        Stiffness ``k_s`` of each spring [N/m].
     cradle_damping, hinge_damping : float
-        ``c_g`` [N s/m] between platform and cradle, ``c_t`` [N m s/rad] in the hinge.
+        Damping ``c_g`` between platform and cradle [N s/m], and ``c_t`` in the hinge [N m s/rad].
     structural_damping : float
-        ``c_b`` [s], stiffness-proportional damping of the boom.
+        Stiffness-proportional damping ``c_b`` of the boom [s].
 
     Raises
     ------
     TypeError, ValueError
         Not a number, not finite, negative, or inconsistent: a section larger inside than outside, a spring beyond the
-        boom's end, less mass or inertia than the tube has; above 1e15; so soft, stiff, long or short that the arms would
-        bend slower than 1e-5 rad/s or faster than 1e6 rad/s.
+        boom's end, less mass or inertia than the tube has; above 1e15; so soft, stiff, long or short that the arms
+        would bend slower than 1e-5 rad/s or faster than 1e6 rad/s.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> stiffer = bc.BoomParameters(spring_stiffness=2000.0)
+    >>> round(stiffer.bending_stiffness), round(stiffer.tube_mass, 2)  # N m^2, kg
+    (3923, 30.06)
+    >>> bc.exact_eigenfrequencies_hz(stiffer, 2).round(3)
+    array([0.315, 0.61 ])
     """
 
     platform_mass: float = 250.0

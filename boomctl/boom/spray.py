@@ -34,16 +34,31 @@ _PORTION = 2_000_000  # edges that are worked on at once: some 100 MB of arrays 
 
 @dataclass(frozen=True)
 class Footprint:
-    """Where a nozzle's spray falls; an assumption: a flat fan whose patterns overlap once.
+    """Where a nozzle's spray falls, seen from above.
+
+    This is an assumption: a flat fan whose pattern overlaps with that of the next nozzle.
 
     Attributes
     ----------
     width : float
-        Base along the boom [m]; with a triangle, twice the nozzles' spacing makes an even swath.
+        Base of the pattern along the boom [m]; a triangle makes an even swath where it is twice the nozzles' spacing.
     thickness : float
-        Along the driving direction, an even density [m]; may be zero, a line.
+        Size along the driving direction [m], with an even density; may be zero, a line.
     shape : "triangle" or "box"
-        Of the density along the boom.
+        Density of the spray along the boom.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A width not above zero; a negative thickness; another shape.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> float(bc.Footprint(width=1.0).share_below(0.25))  # of the triangle
+    0.875
+    >>> float(bc.Footprint(width=1.0, shape="box").share_below(0.25))
+    0.75
     """
 
     width: float = 1.0
@@ -56,7 +71,18 @@ class Footprint:
         known("shape", self.shape, _SHAPES)
 
     def share_below(self, offset: Array) -> Array:
-        """Return the share of a nozzle's spray that falls left of ``x_nozzle + offset``."""
+        """Return the share of a nozzle's spray that falls left of ``x_nozzle + offset``.
+
+        Parameters
+        ----------
+        offset : float or ndarray
+            Place along the boom, from the nozzle [m].
+
+        Returns
+        -------
+        float or ndarray
+            From 0 to 1, in the shape of ``offset``.
+        """
         s = np.clip(offset / self.width, -0.5, 0.5)
         if self.shape == "box":
             return 0.5 + s
@@ -82,6 +108,7 @@ class SprayResult:
     speed : float
         Driving speed [m/s].
     footprint : Footprint
+        Where each nozzle's spray fell.
     """
 
     deposit: Array
@@ -120,7 +147,23 @@ class SprayResult:
         return self.share_outside(0.2)
 
     def share_outside(self, tolerance: float) -> float:
-        """Return the share of the field with more than ``tolerance`` off the nominal deposit, 0.1 for 10 %."""
+        """Return the share of the field whose deposit is off the nominal one by more than a tolerance.
+
+        Parameters
+        ----------
+        tolerance : float
+            Relative to the nominal deposit: 0.1 for 10 %.
+
+        Returns
+        -------
+        float
+            From 0 to 1, of the cells judged.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not a number, or negative.
+        """
         return float((np.abs(self.judged - 1.0) > nonnegative("tolerance", tolerance)).mean())
 
     @property
@@ -134,7 +177,7 @@ class SprayResult:
         return float(self.judged.max())
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw the deposit on the field, beside its scale of colours; return the axes.
+        """Draw the deposit on the field, beside its scale of colours.
 
         Parameters
         ----------
@@ -142,6 +185,11 @@ class SprayResult:
             Where to draw; by default a new figure of pyplot.
         **style
             Of the map, as matplotlib's ``pcolormesh`` takes it; a ``label`` is its title.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_deposit(self, ax, **style)
 
@@ -158,7 +206,32 @@ class SprayResult:
 
 
 def nozzle_positions(length: float = BoomParameters.length, spacing: float = 0.5) -> Array:
-    """Return nozzles ``spacing`` apart along a boom, the outermost half a spacing from its tips if it divides evenly [m]."""
+    """Return places for nozzles along a boom, equally spaced about its middle.
+
+    Parameters
+    ----------
+    length : float
+        Length of the boom [m].
+    spacing : float
+        Distance between nozzles [m].
+
+    Returns
+    -------
+    (n,) ndarray
+        Places from left to right, 0 in the middle [m]; as many as the length holds.  Where ``spacing`` divides it
+        evenly, the outermost nozzles are half a spacing from the tips.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Numbers not above zero; a spacing longer than the boom, or so short that there are too many nozzles.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.nozzle_positions(length=3.0, spacing=0.5)
+    array([-1.25, -0.75, -0.25,  0.25,  0.75,  1.25])
+    """
     count = int(min(positive("length", length) / positive("spacing", spacing) + 1e-9, _MOST_CELLS))
     if count == _MOST_CELLS:
         raise ValueError(
@@ -179,16 +252,16 @@ def spray_deposit(
     footprint: Footprint | None = None,
     cell: float | tuple[float, float] = 0.1,
 ) -> SprayResult:
-    """Return what the nozzles leave on the field.
+    """Return how evenly the nozzles of a moving boom spray the field.
 
     Parameters
     ----------
     time : (n,) array_like
-        Equally spaced [s].
+        Instants, equally spaced [s].
     displacement : (k, n) array_like
-        Forward displacement from uniform driving of ``k`` points of the boom [m].
+        Forward displacement of ``k`` points of the boom from uniform driving [m].
     positions : (k,) array_like
-        Where they are along the boom, ascending [m].
+        Where these points are along the boom, ascending [m].
     speed : float
         Driving speed [m/s].
     nozzles : array_like, optional
@@ -197,18 +270,29 @@ def spray_deposit(
     footprint : Footprint, optional
         By default a triangle of twice the nozzles' spacing along the boom, 0.1 m thick.
     cell : float or (float, float)
-        Size of the cells along the boom and along the drive [m].
+        Size of the cells of the field along the boom and along the drive [m].
 
     Returns
     -------
     SprayResult
+        The deposit of each cell over the nominal one, its coefficient of variation ``cv`` and extremes.
 
     Raises
     ------
     TypeError, ValueError
         Shapes that do not fit, values that are not finite, times not equally spaced, nozzles outside the points or not
-        equally spaced, a run too short or a footprint too wide for one cell to be judged, a motion or footprint too large
-        for the size of the cells.
+        equally spaced, a run too short or a footprint too wide for one cell to be judged, a motion or footprint too
+        large for the size of the cells.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import numpy as np
+    >>> time, places = np.arange(0.0, 20.0, 0.01), [-6.0, 6.0]
+    >>> yaw = np.outer([-1.0, 1.0], 0.1 * np.sin(2.0 * np.pi * 0.25 * time))  # tips 0.1 m to and fro
+    >>> spray = bc.spray_deposit(time, yaw, places, speed=2.5, nozzles=bc.nozzle_positions(12.0))
+    >>> round(spray.cv, 4), round(spray.lowest_dose, 3), round(spray.highest_dose, 3)
+    (0.0245, 0.944, 1.063)
     """
     t, x, moved = _points(time, displacement, positions)
     V = within("speed", speed, *SPEEDS, "m/s")
@@ -268,12 +352,31 @@ def _check_size(path: Array, cell: tuple[float, float], columns: float, thicknes
 
 
 def split_motion(displacement: ArrayLike, positions: ArrayLike) -> tuple[Array, Array]:
-    """Return the symmetric (jolt) and the antisymmetric (yaw) part of the motion of points that lie symmetrically.
+    """Return the symmetric (jolt) and the antisymmetric (yaw) part of the motion of points of a boom.
+
+    Parameters
+    ----------
+    displacement : (k, n) array_like
+        Displacements of ``k`` points [m].
+    positions : (k,) array_like
+        Where they are along the boom, ascending and symmetric about ``x = 0`` [m].
+
+    Returns
+    -------
+    jolt, yaw : (k, n) ndarray
+        The two parts [m]; they add up to ``displacement``.
 
     Raises
     ------
     TypeError, ValueError
-        As of :func:`spray_deposit`; points that have no mirror image.
+        Shapes that do not fit; values that are not finite; points that have no mirror image.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> jolt, yaw = bc.split_motion([[0.0, 0.0], [0.0, 0.2]], positions=[-6.0, 6.0])  # only the right tip moves
+    >>> jolt[:, 1], yaw[:, 1]
+    (array([0.1, 0.1]), array([-0.1,  0.1]))
     """
     x = finite_array("positions", positions, ndim=1)
     moved = finite_array("displacement", displacement, ndim=2)
@@ -294,7 +397,35 @@ def spray_by_motion(
     footprint: Footprint | None = None,
     cell: float | tuple[float, float] = 0.1,
 ) -> tuple[SprayResult, SprayResult, SprayResult]:
-    """Return the spray of the whole motion, of its jolt alone and of its yaw alone; see :func:`spray_deposit`."""
+    """Return the spray of the whole motion, of its jolt alone and of its yaw alone.
+
+    It tells which of the two spoils the deposit.
+
+    Parameters
+    ----------
+    time, displacement, positions, speed, nozzles, footprint, cell
+        As for :func:`spray_deposit`; the points lie symmetrically about ``x = 0``.
+
+    Returns
+    -------
+    total, jolt, yaw : SprayResult
+        Each as :func:`spray_deposit` returns it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for :func:`spray_deposit`; points that have no mirror image.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import numpy as np
+    >>> time = np.arange(0.0, 20.0, 0.01)
+    >>> right = np.outer([0.0, 1.0], 0.1 * np.sin(2.0 * np.pi * 0.25 * time))  # only the right tip moves
+    >>> results = bc.spray_by_motion(time, right, [-6.0, 6.0], speed=2.5, nozzles=bc.nozzle_positions(12.0))
+    >>> [round(result.cv, 4) for result in results]
+    [0.0253, 0.0222, 0.0123]
+    """
     jolt, yaw = split_motion(displacement, positions)
     total, symmetric, antisymmetric = (
         spray_deposit(time, part, positions, speed, nozzles=nozzles, footprint=footprint, cell=cell)

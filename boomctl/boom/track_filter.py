@@ -37,10 +37,11 @@ class PlatformDensity:
     Attributes
     ----------
     freq_hz : (n,) ndarray
+        Frequencies [Hz].
     jolt : (n,) ndarray
-        Of the half sum of the actuators' displacements [m^2/Hz].
+        Density of the half sum of the actuators' displacements [m^2/Hz].
     difference : (n,) ndarray
-        Of their half difference, ``yaw * actuator_distance/2`` [m^2/Hz]; the two are independent.
+        Density of their half difference, ``yaw * actuator_distance/2`` [m^2/Hz]; the two are independent.
     """
 
     freq_hz: Array
@@ -50,7 +51,7 @@ class PlatformDensity:
     __repr__ = compact
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw both densities over frequency; return the axes.
+        """Draw both densities over frequency.
 
         Parameters
         ----------
@@ -58,6 +59,11 @@ class PlatformDensity:
             Where to draw; by default a new figure of pyplot.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_density(self, ax, **style)
 
@@ -72,7 +78,9 @@ def platform_density(
     band: tuple[float, float] = BAND,
     actuator_distance: float = BoomParameters.actuator_distance,
 ) -> PlatformDensity:
-    """Return the exact densities of the motion of which :func:`platform_motion` on :func:`iso_track` is a sample.
+    """Return the exact spectral densities of the platform's motion on a random track.
+
+    The motion that :func:`platform_motion` computes on :func:`iso_track` is a sample of them.
 
     On a track that does not go round it is one when the start is over.
 
@@ -81,14 +89,27 @@ def platform_density(
     freq_hz : array_like
         Frequencies above zero [Hz].
     tractor, speed, actuator_distance
-        As of :func:`platform_motion`.
+        As for :func:`platform_motion`.
     road_class, coherence, band
-        As of :func:`iso_track`.
+        As for :func:`iso_track`.
+
+    Returns
+    -------
+    PlatformDensity
+        One-sided densities of the actuators' half sum and half difference [m^2/Hz].
 
     Raises
     ------
     TypeError, ValueError
-        As these do; a frequency of zero; numbers so far out that the densities are not finite.
+        As for :func:`platform_motion` and :func:`iso_track`; a frequency of zero; numbers so far out that the densities
+        are not finite.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> density = bc.platform_density([0.5, 1.0], speed=2.5, road_class="D")
+    >>> [f"{value:.2e}" for value in density.jolt]  # m^2/Hz
+    ['6.45e-06', '9.19e-07']
     """
     low, high = wave_band(band)
     p, V = or_default(TractorParameters, "tractor", tractor), within("speed", speed, *SPEEDS, "m/s")
@@ -136,13 +157,13 @@ def track_filter(
     Parameters
     ----------
     tractor, speed, road_class, coherence, actuator_distance
-        As of :func:`platform_density`.
+        As for :func:`platform_density`.
     sections : int
         Pairs of poles each of jolt and yaw.
 
     Returns
     -------
-    StateSpace
+    control.StateSpace
         Inputs ``track_jolt``, ``track_yaw``: independent white noises of unit intensity (two-sided density 1, so that a
         response ``H`` gives the one-sided density ``2 |H|^2`` a hertz).  Outputs ``actuator_left``, ``actuator_right``
         [m].  Stable, minimum-phase, strictly proper with a finite velocity; ``4 sections`` states.
@@ -150,7 +171,7 @@ def track_filter(
     Raises
     ------
     TypeError, ValueError
-        As of :func:`platform_density`.
+        As for :func:`platform_density`.
     ArithmeticError
         The fit did not converge.
 
@@ -161,6 +182,15 @@ def track_filter(
     its gain is then set so that the RMS velocity in that band is that of the density itself.  With three sections and
     the usual tractor at 1.5 to 4 m/s the smoothed densities agree within 2 dB (RMS from 0.05 to 5 Hz); the deepest
     notch of the comb, at ``V/(2 wheelbase)``, is filled by up to 8 dB.  The edges of the track's band are not modelled.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> shape = bc.track_filter(speed=2.5, road_class="D")
+    >>> shape.nstates, shape.input_labels
+    (12, ['track_jolt', 'track_yaw'])
+    >>> round(1000.0 * bc.h2_norm(shape).value, 1)  # RMS motion of both actuators [mm]
+    5.8
     """
     count = whole("sections", sections, most=_MOST_SECTIONS)
     f = np.geomspace(*_FITTED_HZ, 6000)

@@ -64,11 +64,24 @@ class Track:
     step : float
         Distance between points [m].
     left, right : (n,) ndarray
-        Heights [m] at ``0, step, 2 step, ...``
+        Heights under the left and the right wheels [m], at ``0, step, 2 step, ...`` along the track.
     width : float
         Distance between the two lines [m].
     periodic : bool
         True: the track goes round, its first point follows its last.  False: the ground is level before and behind it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A step or width not above zero; heights that are not finite, fewer than two, or not equally many on both sides.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> step_up = bc.Track(step=0.5, left=[0.0, 0.1, 0.1], right=[0.0, 0.0, 0.0], width=1.8)
+    >>> step_up.heights([0.25, 0.5])  # left and right wheels, 0.25 m and 0.5 m from the beginning
+    array([[0.05, 0.1 ],
+           [0.  , 0.  ]])
     """
 
     step: float
@@ -96,7 +109,7 @@ class Track:
         return f"Track: {self.length:.6g} m, {kind}, a point each {self.step:.4g} m\n  {sides}"
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw the height of the ground under the left and the right wheels over the distance; return the axes.
+        """Draw the height of the ground under the left and the right wheels over the distance.
 
         Parameters
         ----------
@@ -104,6 +117,11 @@ class Track:
             Where to draw; by default a new figure of pyplot.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_track(self, ax, **style)
 
@@ -118,7 +136,23 @@ class Track:
         return self.step * (len(self.left) if self.periodic else len(self.left) - 1)
 
     def heights(self, distance: ArrayLike) -> Array:
-        """Return the heights (2 x n: left, right) at places along the track [m]."""
+        """Return the heights (2 x n: left, right) at places along the track [m].
+
+        Parameters
+        ----------
+        distance : (n,) array_like
+            Places, from the beginning of the track [m].
+
+        Returns
+        -------
+        (2, n) ndarray
+            Heights under the left and the right wheels [m].
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not a row of finite numbers.
+        """
         at = finite_array("distance", distance, ndim=1)
         x = self.distance
         if self.periodic:
@@ -144,9 +178,32 @@ def wave_band(band: tuple[float, float]) -> tuple[float, float]:
 
 
 def road_density(road_class: str | int, wave_number: ArrayLike) -> Array:
-    """Return the one-sided displacement density ``G_d(n)`` [m^3] of a road class at wave numbers [1/m] above zero.
+    """Return the density of the ground's heights of a road class.
 
-    ``road_class`` is a letter from A to H or its number from 0; source: ISO 8608, geometric means of the classes.
+    Source: ISO 8608, geometric means of the classes.
+
+    Parameters
+    ----------
+    road_class : str or int
+        A letter from A to H, or its number from 0.
+    wave_number : array_like
+        Wave numbers above zero [1/m].
+
+    Returns
+    -------
+    ndarray
+        One-sided displacement density ``G_d(n)`` [m^3].
+
+    Raises
+    ------
+    TypeError, ValueError
+        A class that does not exist; wave numbers that are not finite or not above zero.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> [f"{value:.2e}" for value in bc.boom.road_density("C", [0.1, 1.0])]  # 256e-6 m^3 at 0.1/m
+    ['2.56e-04', '2.56e-06']
     """
     n = np.asarray(frequencies("wave_number", wave_number))
     if (n == 0.0).any():
@@ -165,9 +222,32 @@ def class_number(road_class: str | int) -> int:
 
 
 def track_coherence(wave_number: ArrayLike, width: float, coherence: str = "isotropic") -> Array:
-    """Return cross density over density of two tracks ``width`` metres apart: real, between 0 and 1.
+    """Return what the heights under the left and the right wheels have in common: cross density over density.
 
-    ``"isotropic"`` is ``z K1(z)``, ``z = 2 pi n width``; ``"full"`` is 1 (the wheels meet the same ground), ``"none"`` 0.
+    Parameters
+    ----------
+    wave_number : array_like
+        Wave numbers [1/m].
+    width : float
+        Distance between the two tracks [m].
+    coherence : "isotropic", "full" or "none"
+        ``"isotropic"`` is ``z K1(z)``, ``z = 2 pi n width``; ``"full"`` is 1 (the wheels meet the same ground), ``"none"`` 0.
+
+    Returns
+    -------
+    ndarray
+        Between 0 and 1, for each wave number.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another word for ``coherence``; numbers that are not finite.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.boom.track_coherence([0.01, 0.1, 1.0], width=1.8).round(3)  # long waves lift both sides alike
+    array([0.982, 0.548, 0.   ])
     """
     n = frequencies("wave_number", wave_number)
     known("coherence", coherence, COHERENCES)
@@ -218,6 +298,11 @@ def iso_track(
         True: a track that goes round after `length`.  It has waves of whole parts of its length only, so that each length
         is another ground.
 
+    Returns
+    -------
+    Track
+        Heights under the left and the right wheels [m].
+
     Raises
     ------
     TypeError, ValueError
@@ -227,15 +312,15 @@ def iso_track(
     Notes
     -----
     Half sum and half difference of the two sides are independent with densities ``(1 +- coherence)/2 G_d``; each is the
-    Fourier sum over the wave numbers ``j/period`` with independent Gaussian amplitudes, which has that density exactly.
-    The period is 10 km, or `length` of a track that goes round.  Four normal numbers belong to each wave: cosine and
-    sine of the half sum, cosine and sine of the half difference.
+    Fourier sum over the wave numbers ``j/length`` with independent Gaussian amplitudes, which has that density exactly.
 
     Examples
     --------
     >>> import boomctl as bc
-    >>> short, long = (bc.iso_track("E", length, seed=1) for length in (100.0, 400.0))
-    >>> bool(abs(long.left[: len(short.left)] - short.left).max() < 1e-12)
+    >>> rough = bc.iso_track("E", length=100.0, seed=3)
+    >>> len(rough.left), rough.length  # points; m
+    (5000, 100.0)
+    >>> bool((rough.left == bc.iso_track("E", length=100.0, seed=3).left).all())  # the same seed, the same ground
     True
     """
     spacing, longest = positive("step", step), positive("length", length)
@@ -325,25 +410,38 @@ def bump_track(
     width: float = 1.8,
     step: float = 0.005,
 ) -> Track:
-    """Return level ground with one bump, ``height (1 - cos(2 pi s/bump_length))/2``, as of a stone.
+    """Return level ground with one bump, ``height (1 - cos(2 pi s/bump_length))/2``, such as a stone.
 
     Parameters
     ----------
     height : float
-        Of the bump [m]; negative for a pothole.
+        Height of the bump [m]; negative for a pothole.
     bump_length : float
-        From foot to foot along the track [m].
+        Length of the bump along the track, from foot to foot [m].
     side : "left", "right" or "both"
-        Under which wheels.
+        Under which wheels it lies.
     position : float
         Where it begins [m].
     length, width, step : float
-        Of the track, between the wheels, between points [m].
+        Length of the track, distance between the wheels, distance between points [m].
+
+    Returns
+    -------
+    Track
+        Not periodic: the ground is level before and behind it.
 
     Raises
     ------
     TypeError, ValueError
         The bump does not lie within the track, or is shorter than ten steps.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> stone = bc.bump_track(0.05, bump_length=0.4, side="left", position=5.0)
+    >>> stone.heights([5.2]).round(3)  # its top, under the left wheels only
+    array([[0.05],
+           [0.  ]])
     """
     known("side", side, ("left", "right", "both"))
     peak, extent, begin = real("height", height), positive("bump_length", bump_length), positive("position", position)

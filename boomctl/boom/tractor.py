@@ -50,33 +50,40 @@ class TractorParameters(Parameters):
     Attributes
     ----------
     mass : float
-        Of tractor and sprayer [kg].
+        Mass of tractor and sprayer [kg].
     pitch_inertia, roll_inertia, yaw_inertia : float
-        About the centre of mass [kg m^2].
+        Moments of inertia about the centre of mass [kg m^2].
     wheelbase, centre_to_rear : float
-        From rear to front axle, and from rear axle to centre of mass [m].
+        Distances from rear to front axle, and from rear axle to centre of mass [m].
     track_width : float
-        Between left and right wheels [m].
+        Distance between left and right wheels [m].
     centre_height, hub_height, boom_height : float
-        Of the centre of mass, of the hubs, and of the points that drive the boom [m].
+        Heights of the centre of mass, of the wheels' hubs, and of the points that drive the boom [m].
     tyre_stiffness_front, tyre_stiffness_rear, tyre_damping_front, tyre_damping_rear : float
-        Vertical, of one tyre [N/m], [N s/m].
+        Vertical stiffness [N/m] and damping [N s/m] of one tyre.
     contact_length : float
-        Of a tyre's patch [m].
+        Length of a tyre's contact patch [m].
     rolling_resistance : float
-        Force over load, on soil.
+        Resisting force over load, on soil.
     drive_stiffness, drive_damping : float
-        That hold the tractor to uniform rolling [N/m], [N s/m].
+        Stiffness [N/m] and damping [N s/m] with which the drive holds the tractor to uniform rolling.
     cornering_stiffness_front, cornering_stiffness_rear : float
         Side force over slip angle, of one tyre [N/rad].
     steering_corner_hz : float
-        Below which deviations of the heading are steered away [Hz].
+        Frequency below which the driver steers deviations of the heading away [Hz].
 
     Raises
     ------
     TypeError, ValueError
         Not a number, not finite, not above zero (damping, resistance, contact length, corner: negative), centre of mass
         not between the axles.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> heavy = bc.TractorParameters(mass=9000.0)
+    >>> [round(load) for load in heavy.wheel_loads]  # of a front and of a rear wheel [N]
+    [17828, 26317]
     """
 
     mass: float = 6000.0
@@ -124,7 +131,18 @@ class TractorParameters(Parameters):
         return front, 0.5 * self.mass * GRAVITY - front
 
     def yaw_damping(self, speed: float) -> float:
-        """Return the moment over yaw rate of the rolling tyres' side forces [N m s/rad]."""
+        """Return how much the rolling tyres' side forces damp the tractor's yaw.
+
+        Parameters
+        ----------
+        speed : float
+            Driving speed [m/s].
+
+        Returns
+        -------
+        float
+            Moment over yaw rate [N m s/rad].
+        """
         ahead, behind = self.axle_positions
         return (2.0 * (self.cornering_stiffness_front * ahead**2 + self.cornering_stiffness_rear * behind**2)) / within(
             "speed", speed, *SPEEDS, "m/s"
@@ -185,21 +203,29 @@ def tractor_system(
     Parameters
     ----------
     tractor : TractorParameters
+        The tractor.
     speed : float
         Driving speed [m/s].
     actuator_distance : float
-        Between the two points that drive the boom [m].
+        Distance between the two points that drive the boom [m].
 
     Returns
     -------
     StateSpace
-        Inputs ``front_left``, ``front_right``, ``rear_left``, ``rear_right``: height of the ground under each wheel [m].
-        Outputs ``actuator_left``, ``actuator_right``: forward displacement from uniform driving [m].
+        Inputs ``front_left``, ``front_right``, ``rear_left``, ``rear_right``: height of the ground under each wheel
+        [m]. Outputs ``actuator_left``, ``actuator_right``: forward displacement from uniform driving [m].
 
     Raises
     ------
     TypeError, ValueError
         Not a tractor; a speed or distance not above zero.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> tractor = bc.tractor_system(bc.TractorParameters(), speed=2.5)
+    >>> tractor.input_labels, tractor.output_labels
+    (['front_left', 'front_right', 'rear_left', 'rear_right'], ['actuator_left', 'actuator_right'])
     """
     return tractor_lti(
         or_default(TractorParameters, "tractor", tractor),

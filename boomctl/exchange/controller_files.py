@@ -81,13 +81,13 @@ def write_controller(
     path : str or Path
         Its folder must exist.
     sample_time : float, optional
-        [s]; a controller in continuous time is sampled by :func:`boomctl.discretize`.  Needed for C.
+        Sampling time [s]; a controller in continuous time is sampled by :func:`boomctl.discretize`. Needed for C.
     force_limit, rate_limit : float or mapping from control to float, optional
-        For C: largest control, and largest change of it per second.
+        For C code: largest control, and largest change of it per second.
     anti_windup : bool
-        For C: correct the state by what limits took away.
+        For C code: whether the state is corrected by what the limits took away.
     units : mapping from signal to str, optional
-        By default those of the boom's signals, "" of others.
+        Units of the signals, as text; by default those of the boom's signals, "" of others.
     certificate : object, optional
         A certificate, or a mapping; by default that of the result.
     provenance : mapping, optional
@@ -101,19 +101,21 @@ def write_controller(
     Raises
     ------
     TypeError, ValueError
-        Another kind of controller or suffix; names of signals not there; continuous time for C; a name that is none in C
-        or MATLAB.
+        Another kind of controller or suffix; names of signals not there; continuous time for C; a name that C or
+        MATLAB does not allow.
     OSError
         The folder cannot be written to.
 
     Examples
     --------
-    >>> import control, tempfile
+    >>> import boomctl as bc
+    >>> import control
+    >>> import tempfile
     >>> from pathlib import Path
     >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="stroke", outputs="force")
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     written = write_controller(lag, Path(folder) / "lag.c", sample_time=0.01, force_limit=60.0)
-    ...     [file.name for file in written]
+    ...     written = bc.write_controller(lag, Path(folder) / "lag.c", sample_time=0.01, force_limit=60.0)
+    >>> [file.name for file in written]
     ['lag.c', 'lag.h', 'lag_test.c']
     """
     file = checked_path("path", path)
@@ -167,12 +169,35 @@ def controller_contents(
 def read_controller(path: str | Path) -> "control.StateSpace":
     """Return the controller that :func:`write_controller` wrote to a ``.json`` or ``.mat`` file, with all its names.
 
+    Parameters
+    ----------
+    path : str or Path
+        The ``.json`` or ``.mat`` file to read.
+
+    Returns
+    -------
+    control.StateSpace
+        ``u = K y``, in continuous or discrete time as it was written.
+
     Raises
     ------
     OSError
         The file cannot be read.
-    ValueError
+    TypeError, ValueError
         Another kind of file; what is wrong with it is named.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="stroke", outputs="force")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     written = bc.write_controller(lag, Path(folder) / "lag.json")
+    ...     again = bc.read_controller(written[0])
+    >>> again.input_labels, again.A
+    (['stroke'], array([[-2.]]))
     """
     return _read(checked_path("path", path))[0].statespace(checked_path("path", path).stem)
 
@@ -180,10 +205,33 @@ def read_controller(path: str | Path) -> "control.StateSpace":
 def read_controller_notes(path: str | Path) -> ControllerNotes:
     """Return what a controller's ``.json`` file says beside its matrices: units, certificate, provenance.
 
+    Parameters
+    ----------
+    path : str or Path
+        A ``.json`` file that :func:`write_controller` wrote.
+
+    Returns
+    -------
+    ControllerNotes
+        Units, certificate and provenance as they stand in the file.
+
     Raises
     ------
-    OSError, ValueError
-        As of :func:`read_controller`.
+    OSError, TypeError, ValueError
+        As for :func:`read_controller`.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="stroke", outputs="force")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     written = bc.write_controller(lag, Path(folder) / "lag.json", units={"stroke": "m", "force": "N"})
+    ...     notes = bc.read_controller_notes(written[0])
+    >>> notes.units
+    {'stroke': 'm', 'force': 'N'}
     """
     return _read(checked_path("path", path))[1]
 

@@ -15,6 +15,16 @@ if TYPE_CHECKING:
 def to_scipy(system: "SecondOrderModel | control.StateSpace") -> Any:
     """Return a system as ``scipy.signal.StateSpace``, in continuous or discrete time; SciPy knows no names of signals.
 
+    Parameters
+    ----------
+    system : SecondOrderModel or control.StateSpace
+        The system, in continuous or discrete time.
+
+    Returns
+    -------
+    scipy.signal.StateSpace
+        The same ``A, B, C, D``; signals in the same order, without names.
+
     Raises
     ------
     TypeError, ValueError
@@ -23,7 +33,7 @@ def to_scipy(system: "SecondOrderModel | control.StateSpace") -> Any:
     Examples
     --------
     >>> import boomctl as bc
-    >>> to_scipy(bc.spray_boom(elements=4)).A.shape
+    >>> bc.to_scipy(bc.spray_boom(elements=4)).A.shape
     (20, 20)
     """
     from scipy import signal
@@ -40,12 +50,29 @@ def to_pymor(system: "SecondOrderModel | control.StateSpace") -> Any:
 
     It can for force inputs and outputs of places and speeds, neither filtered.  pyMOR is not installed with boomctl.
 
+    Parameters
+    ----------
+    system : SecondOrderModel or control.StateSpace
+        The system, in continuous or discrete time.
+
+    Returns
+    -------
+    pymor.models.iosys.LTIModel or pymor.models.iosys.SecondOrderModel
+        Signals in the same order, without names.
+
     Raises
     ------
     ImportError
         pyMOR is not installed.
     TypeError, ValueError
         Another kind of system; a sampling time that is not said.
+
+    Examples
+    --------
+    pyMOR has to be installed beside boomctl: ``pip install pymor``.
+    >>> import boomctl as bc
+    >>> bc.to_pymor(bc.spray_boom(elements=4)).dim_input  # doctest: +SKIP
+    5
     """
     try:
         from pymor.models.iosys import LTIModel

@@ -127,10 +127,11 @@ def fit(
         function that are called ``omega`` [rad/s], ``count`` (of modes), ``inputs`` and ``outputs`` are given to it.
         What it refuses with a ValueError or an ArithmeticError is not searched.
     measured : array_like, mapping, FrequencyResponseData, MeasuredCurve or SigmaResult
-        Eigenfrequencies [Hz], ascending (damped, if the model's are), or a mapping from the numbers of modes, from 1, to
-        them; a complex frequency response; singular values (magnitudes).
+        Eigenfrequencies [Hz], ascending (damped, if the model's are), or a mapping from the numbers of modes, from 1,
+        to them; a complex frequency response; singular values (magnitudes).
     free : names, or mapping from names to (low, high) or None
-        What is fitted.  A range limits the search, and is where further starts are drawn.  Of a family all, by default.
+        Names of the parameters that are fitted. A range limits the search, and is where further starts are drawn. Of a
+        family all are fitted by default.
     start : dataclass or mapping, optional
         The parameters to begin from, those that stay among them.  By default those that ``build`` takes, at their
         defaults; the middle of a family; the middle of the ranges.
@@ -138,26 +139,29 @@ def fit(
         Which mode of the model each eigenfrequency is, from 1.  By default the nearest ones in order, some of which may
         have been missed in the measurement.
     weights : array_like, optional
-        One over the size of the errors beside each other, by default 1; 0 leaves a value out.
+        How much each value counts: one over the size of its error beside that of the others. By default 1 for each; 0
+        leaves a value out.
     errors : "relative" or "absolute"
-        Whether the errors are shares of the values (differences of logarithms, also of complex values) or in their unit.
+        "relative": the errors are shares of the values (differences of logarithms, also of complex values). "absolute":
+        they are in the unit of the values.
     deviation : float, optional
-        Standard deviation of the errors of weight 1, where it is known; of complex values, of each part.  By default it is
-        estimated from the residuals.
+        Standard deviation of the errors of weight 1, where it is known; of complex values, of each part.  By default it
+        is estimated from the residuals.
     confidence : float
-        Of the intervals, between 0.5 and 1.
+        Confidence of the intervals, between 0.5 and 1.
     inputs, outputs : str or sequence of str, optional
-        Signals of the model between which was measured.  By default those of the measured data, where the model has them,
-        else the model's own (of a boom, platform actuators and tips).
+        Signals of the model between which was measured.  By default those of the measured data, where the model has
+        them, else the model's own (of a boom, platform actuators and tips).
     starts : int
-        How many starts; the first is the one given, the others are drawn.
+        Number of starts of the search; the first is the one given, the others are drawn.
     seed : int
-        Of the others.
+        Seed of the further starts, which are drawn at random.
 
     Returns
     -------
     FitResult
-        Positive parameters are fitted by their logarithms, so that their intervals are positive too.
+        The parameters, their intervals, what the measurements do not see, and a certificate.  Positive parameters are
+        fitted by their logarithms, so that their intervals are positive too.
 
     Raises
     ------
@@ -174,8 +178,11 @@ def fit(
     Examples
     --------
     >>> import boomctl as bc
-    >>> found = bc.fit(bc.exact_eigenfrequencies_hz, [0.25, 0.6, 0.95], free=["spring_stiffness"])
-    >>> found.interval_text("spring_stiffness")  # doctest: +SKIP
+    >>> def spring(parameters):  # a model of one's own: the eigenfrequency [Hz] of a mass of 2 kg on a spring
+    ...     return [(parameters["stiffness"] / 2.0) ** 0.5 / 6.2832]
+    >>> found = bc.fit(spring, [0.8], start={"stiffness": 10.0}, free=["stiffness"], deviation=0.01)
+    >>> round(found.values["stiffness"], 2), [round(end, 1) for end in found.intervals["stiffness"]]
+    (50.53, [48.6, 52.6])
     """
     data = Measured.of(measured, modes, weights, errors, inputs, outputs)
     known_size = None if deviation is None else positive("deviation", deviation)

@@ -105,6 +105,7 @@ class Combination:
     hardly : bool
         False: not seen at all.  True: a factor of two along it stays within the confidence limit.
     text : str
+        The combination in words.
     """
 
     direction: dict[str, float]

@@ -28,17 +28,20 @@ class FitResult:
     names : tuple of str
         The free parameters.
     values : dict of str to float
-        Theirs.
+        Fitted values of the free parameters.
     intervals : dict of str to (float, float)
-        Within which each lies with ``confidence``: by profile likelihood, so that they need not be symmetric.  An end
-        is infinite (0 for a parameter above zero) where the measurements do not bound the parameter.
+        Interval of each free parameter, in which it lies with ``confidence``: by profile likelihood, so that they need
+        not be symmetric.  An end is infinite (0 for a parameter above zero) where the measurements do not bound the
+        parameter.
     confidence : float
+        Confidence of the intervals, between 0.5 and 1.
     standard_errors : dict of str to float
-        Of the linearised model; ``inf`` where a parameter is not seen.
+        Standard error of each parameter by the linearised model; ``inf`` where a parameter is not seen.
     covariance : (p, p) ndarray
-        Of the linearised model, in the parameters' units; ``inf`` and ``nan`` in rows and columns of what is not seen.
+        Covariance of the free parameters by the linearised model, in the parameters' units; ``inf`` and ``nan`` in rows
+        and columns of what is not seen.
     correlation : (p, p) ndarray
-        ``nan`` for what is not seen.
+        Correlation of the free parameters; ``nan`` for what is not seen.
     measured : Measured
         What was fitted to, as it was compared.
     fitted, begun : ndarray
@@ -51,12 +54,13 @@ class FitResult:
         Standard deviation of the errors (relative or absolute, of weight 1; of complex values, of each part): as given,
         or estimated from the residuals; ``nan`` where there are too few to tell.
     estimated : bool
-        Whether it was estimated.
+        Whether ``deviation`` was estimated.
     freedom : int
         Measured numbers beyond those that the seen combinations of parameters take up.
     unseen : tuple of Combination
         Combinations of parameters that the measurements do not see, or hardly see.
     certificate : FitCertificate
+        What was found about the fit apart from its solver.
     path : tuple of str
         What was done, in order.
     """
@@ -87,7 +91,18 @@ class FitResult:
         return self.certificate.certified
 
     def interval_text(self, name: str) -> str:
-        """Return the interval of a parameter in words."""
+        """Return the interval of a parameter in words.
+
+        Parameters
+        ----------
+        name : str
+            One of ``names``.
+
+        Returns
+        -------
+        str
+            Its ends, such as "1060 to 1271", or on which side it is open; "not determined" where it is on both.
+        """
         low, high = self.intervals[name]
         if low in (0.0, -inf) and high == inf:
             return "not determined"
@@ -98,7 +113,13 @@ class FitResult:
         return f"{low:.5g} to {high:.5g}"
 
     def render(self) -> str:
-        """Return parameters, intervals, what is not seen and the certificate as lines of text."""
+        """Return parameters, intervals, what is not seen and the certificate as lines of text.
+
+        Returns
+        -------
+        str
+            One line for each parameter, then what was found of the fit.
+        """
         width = max(len(name) for name in self.names)
         head = (
             f"fit of {count(len(self.names), 'parameter')} to {self._data()}, {100.0 * self.confidence:g} % intervals"
@@ -139,7 +160,7 @@ class FitResult:
         return f"{'certified' if self.certified else 'NOT certified'}: {self.certificate.statement}"
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
-        """Draw measured values beside fitted ones and those at the start; return the axes.
+        """Draw measured values beside fitted ones and those at the start.
 
         Parameters
         ----------
@@ -147,5 +168,10 @@ class FitResult:
             Where to draw; by default a new figure, which pyplot knows.
         **style
             Of what is fitted, as matplotlib's ``plot`` takes it.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting.identification").plot_fit(self, ax=ax, **style)

@@ -84,7 +84,7 @@ def plot_sigma_comparison(
     ----------
     comparison : SigmaComparison
     ax, unit, **style
-        As of :func:`plot_sigma`; ``style`` is that of all curves.
+        As for :func:`plot_sigma`; ``style`` is that of all curves.
 
     Returns
     -------
@@ -104,7 +104,7 @@ def plot_measured(curve: "MeasuredCurve", ax: Any = None, *, unit: str | None = 
     ----------
     curve : MeasuredCurve
     ax, unit, **style
-        As of :func:`plot_sigma`; by default in Hz, as measured.
+        As for :func:`plot_sigma`; by default in Hz, as measured.
 
     Returns
     -------

@@ -89,6 +89,7 @@ def reduce(
     Returns
     -------
     ReductionResult
+        The smaller system, and its error: bounded beforehand, and verified.
 
     Raises
     ------
@@ -106,10 +107,12 @@ def reduce(
 
     Examples
     --------
+    >>> import boomctl as bc
     >>> import control
     >>> full = control.ss([[-1.0, 0.0], [0.0, -50.0]], [[1.0], [1.0]], [[1.0, 1.0]], 0.0, inputs="u", outputs="y")
-    >>> reduce(full, order=1).order
-    1
+    >>> smaller = bc.reduce(full, order=1)
+    >>> smaller.order, round(smaller.measured_error, 3)
+    (1, 0.018)
     """
     given = system if isinstance(system, SecondOrderModel) else of(system, sampled=True)
     known("method", method, tuple(METHODS))

@@ -65,7 +65,7 @@ class ReductionResult:
         The reduced system, signals named as in the full one; a ``SecondOrderModel`` for the method "second-order".
         A ``StateSpace`` is made when it is first read.
     order : int
-        Number of its states, kept unstable and rigid-body states included.
+        Number of states of the reduced system, kept unstable and rigid-body states included.
     error_bound : float
         A priori bound of the largest singular value of the difference at any frequency; ``inf`` where none is known.
     measured_error : float
@@ -75,8 +75,7 @@ class ReductionResult:
     method : str
         How the system was reduced.
     certificate : NormCertificate
-        Of the difference between the core and the reduced system; of discrete systems, between their stable parts on the
-        unit circle.
+        Bounds of the H-infinity norm of the difference between the core and the reduced system.
     truncation_bound : float
         Bound, in closed form, of what the core leaves out of the full system, and of what rounding changed in its
         coordinates; part of both errors.
@@ -93,7 +92,7 @@ class ReductionResult:
     full : control.StateSpace or SecondOrderModel
         The system that was reduced.
     full_order : int
-        Number of its states.
+        Number of states of the full system.
     """
 
     _full: Lti | SecondOrderModel = field(repr=False, compare=False)
@@ -148,7 +147,7 @@ class ReductionResult:
         return ReductionCurves(omega, singular_values(before), singular_values(after), error)
 
     def plot(self, ax: "Axes | None" = None, *, unit: str | None = None, **style: Any) -> "Axes":
-        """Draw singular values before and after, the error, and what it is proven not to exceed; return the axes.
+        """Draw singular values before and after, the error, and what it is proven not to exceed.
 
         Parameters
         ----------
@@ -158,6 +157,11 @@ class ReductionResult:
             Of the frequency axis, by default Hz.
         **style
             Of all curves, as matplotlib's lines take it.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_reduction(self, ax, unit=unit, **style)
 

@@ -47,8 +47,9 @@ class AssumedModesBeam(HubBeam):
     Attributes
     ----------
     parameters : HubBeamParameters
+        The machine.
     model : str
-        "tlam", "sfoam", "sfoam-consistent", "foam" or "cfoam".
+        "tlam", "sfoam", "sfoam-consistent", "foam" or "cfoam"; see `hub_beam`.
     modes : int
         Number n of transverse modes, and of axial ones where the model has them; up to 200, CFOAM up to 60.
     """
@@ -106,9 +107,26 @@ class AssumedModesBeam(HubBeam):
         return frequencies.lowest(self.integrals.M1, self.integrals.K1) if self.has_axial_modes else math.inf
 
     def residual_energy(self, state: ArrayLike, hub_speed: float = 0.0) -> float:
-        """Energy of a state's deviation from steady rotation at a hub speed [rad/s], whatever the hub angle, J.
+        """Return the energy of a state's deviation from steady rotation, whatever the hub angle.
 
-        ``1/2 r^T M r + 1/2 q^T K q`` with the differences r of the rates and q of the beam's coordinates.
+        It is ``1/2 r^T M r + 1/2 q^T K q`` with the differences r of the rates and q of the beam's coordinates.
+
+        Parameters
+        ----------
+        state : (n,) array_like
+            In the order of `state_names`.
+        hub_speed : float
+            Hub speed of the steady rotation [rad/s].
+
+        Returns
+        -------
+        float
+            Energy [J].
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not finite, or not as many numbers as states; no steady rotation at that speed.
         """
         equations, size = self.equations, self._size
         x = finite_array("state", state, ndim=1)
@@ -160,6 +178,11 @@ class AssumedModesBeam(HubBeam):
         """Return the model as a CasADi function ``(x, torque) -> (xdot, y)``, derived from its energies.
 
         States and outputs are those of `to_nlsys`; symbolic, hence differentiable to any order.
+
+        Returns
+        -------
+        casadi.Function
+            From state and torque [N m] to the state's rate and the outputs.
         """
         return energy.state_function(self.lagrangian, self._system_name)
 

@@ -124,10 +124,15 @@ class HubBeam(ABC):
 
     @abstractmethod
     def critical_speed(self) -> float:
-        """Hub speed at which some stiffness is first lost, rad/s.
+        """Return the hub speed at which some stiffness is first lost.
 
         TLAM loses the transverse stiffness ``K2 - w^2 M2``, FOAM, CFOAM and the geometrically exact beam the axial one
-        ``K1 - w^2 M1``; SFOAM loses none, for ``D >= M2``: `math.inf`.
+        ``K1 - w^2 M1``; SFOAM loses none, for ``D >= M2``.
+
+        Returns
+        -------
+        float
+            Hub speed [rad/s]; `math.inf` where none is lost.
         """
 
     @cached_property
@@ -153,8 +158,9 @@ class HubBeam(ABC):
 
         Raises
         ------
-        ValueError
-            At a hub speed at which the stiffness is lost, or if `coupled` is asked of a model without axial modes.
+        TypeError, ValueError
+            At a hub speed at which the stiffness is lost, or if `coupled` is asked of a model without axial modes; arguments
+            of another kind.
         """
         speed = within("hub_speed", hub_speed, -_FASTEST, _FASTEST, "rad/s")
         if truth("coupled", coupled) and not self.has_axial_modes:
@@ -188,6 +194,7 @@ class HubBeam(ABC):
         Returns
         -------
         SimulationResult
+            The motion of hub and beam at the instants asked for.
 
         Raises
         ------
@@ -220,6 +227,7 @@ class HubBeam(ABC):
         Parameters
         ----------
         manoeuvres : sequence of PrescribedMotion or TorqueDriven
+            As for `simulate`.
         timepts : array_like
             Instants at which all motions are wanted, s; as in `simulate`.
         initial : array_like or None
@@ -262,16 +270,44 @@ class HubBeam(ABC):
         rtol: float = 1e-8,
         atol: float = 1e-10,
     ) -> SimulationResult:
-        """Simulate a torque [N m] that is a function of time [s]; see `torque` and `simulate`."""
-        return self.simulate(Torque(function, breakpoints), timepts, initial, rtol, atol)
+        """Simulate the motion under a torque that is a function of time.
 
-    def steady_state(self, hub_speed: float = 0.0) -> Array:
-        """State, as `state_names`, of the beam that turns steadily at a hub speed [rad/s], the hub angle 0.
+        Parameters
+        ----------
+        function, breakpoints
+            Torque [N m] as a function of the time [s], and where it jumps, as for `torque`.
+        timepts, initial, rtol, atol
+            As for `simulate`.
+
+        Returns
+        -------
+        SimulationResult
+            The motion of hub and beam at the instants asked for.
 
         Raises
         ------
-        ValueError
-            If there is no steady rotation at that speed.
+        TypeError, ValueError, SimulationError
+            As of `torque` and `simulate`.
+        """
+        return self.simulate(Torque(function, breakpoints), timepts, initial, rtol, atol)
+
+    def steady_state(self, hub_speed: float = 0.0) -> Array:
+        """Return the state of the beam that turns steadily.
+
+        Parameters
+        ----------
+        hub_speed : float
+            Hub speed [rad/s].
+
+        Returns
+        -------
+        ndarray
+            In the order of `state_names`; the hub angle is 0.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If there is no steady rotation at that speed, or it is not a finite number.
         """
         speed = self._steady_speed(hub_speed)
         size = self._size
@@ -281,7 +317,23 @@ class HubBeam(ABC):
 
     @abstractmethod
     def shape(self, states: ArrayLike) -> Array:
-        """Positions x + i y along the beam in fixed axes, from clamp to free end, for k states: k x points, m."""
+        """Return where the beam is, in fixed axes.
+
+        Parameters
+        ----------
+        states : (k, n) array_like
+            States in the order of `state_names`; one state, or one a row.
+
+        Returns
+        -------
+        (k, points) complex ndarray
+            Positions ``x + i y`` from the clamp to the free end [m].
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not finite, or not as many numbers as states.
+        """
 
     def _states(self, states: ArrayLike) -> Array:
         """Return states that a user hands in, one a row."""
@@ -291,15 +343,65 @@ class HubBeam(ABC):
         return rows
 
     def with_tip_mass(self, tip_mass: float) -> Self:
-        """Return the same model with another tip mass [kg]."""
+        """Return the same model with another tip mass.
+
+        Parameters
+        ----------
+        tip_mass : float
+            The point mass [kg].
+
+        Returns
+        -------
+        HubBeam
+            Of the same class.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not a finite number, or negative.
+        """
         return self._with(tip_mass=tip_mass)
 
     def with_stiffness(self, factor: float) -> Self:
-        """Return the same model with the bending stiffness multiplied by a factor; the axial stiffness stays."""
+        """Return the same model with another bending stiffness; the axial stiffness stays.
+
+        Parameters
+        ----------
+        factor : float
+            By which the bending stiffness is multiplied.
+
+        Returns
+        -------
+        HubBeam
+            Of the same class.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not a number above zero.
+        """
         return self._with(second_moment=positive("factor", factor) * self.parameters.second_moment)
 
     def in_model(self, model: str, modes: int | None = None) -> HubBeam:
-        """Return the same machine in another model; `modes` as here unless given."""
+        """Return the same machine in another model.
+
+        Parameters
+        ----------
+        model : str
+            Name of the model, as of `hub_beam`.
+        modes : int or None
+            Number of modes; None: as many as here.
+
+        Returns
+        -------
+        HubBeam
+            Of the class that the model needs.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As of `hub_beam`.
+        """
         return in_model(self.parameters, model, self.modes if modes is None else modes)
 
     def to_nlsys(self) -> control.NonlinearIOSystem:
@@ -343,8 +445,8 @@ class HubBeam(ABC):
 
         Raises
         ------
-        ValueError
-            If `hub_speed` is not finite, or at least that at which the axial stiffness is lost.
+        TypeError, ValueError
+            If `hub_speed` is not a finite number, or at least that at which the axial stiffness is lost.
         """
         if sensors is None:
             return self._linear(self._steady_speed(hub_speed)).statespace(self._system_name)
@@ -355,7 +457,13 @@ class HubBeam(ABC):
         return found.statespace(self._system_name)
 
     def lpv(self) -> HubSpeedFamily:
-        """Return the linear models as a family over the hub speed."""
+        """Return the linear models as a family over the hub speed.
+
+        Returns
+        -------
+        HubSpeedFamily
+            ``.at(hub_speed)`` is the linear model at a hub speed [rad/s].
+        """
         return HubSpeedFamily(self)
 
     @property
@@ -501,6 +609,7 @@ class HubSpeedFamily:
     Attributes
     ----------
     beam : HubBeam
+        The nonlinear model that is linearised.
     """
 
     beam: HubBeam
@@ -509,7 +618,23 @@ class HubSpeedFamily:
         return f"HubSpeedFamily: linear models over the hub speed\n  {self.beam!r}"
 
     def at(self, hub_speed: float) -> control.StateSpace:
-        """Linear model at a hub speed [rad/s]; as `HubBeam.linearize`."""
+        """Return the linear model at a hub speed, as `HubBeam.linearize` does.
+
+        Parameters
+        ----------
+        hub_speed : float
+            Hub speed [rad/s].
+
+        Returns
+        -------
+        control.StateSpace
+            Deviations from the steady rotation.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As for `HubBeam.linearize`.
+        """
         return self.beam.linearize(hub_speed)
 
     def affine(self) -> tuple[control.StateSpace, Array]:
@@ -537,7 +662,18 @@ class HubSpeedFamily:
         return rest, np.asarray(self.beam.linearize(1.0).A) - np.asarray(rest.A)
 
     def grid(self, hub_speeds: Array) -> tuple[control.StateSpace, ...]:
-        """Linear models at several hub speeds [rad/s]."""
+        """Return the linear models at several hub speeds.
+
+        Parameters
+        ----------
+        hub_speeds : array_like
+            Hub speeds [rad/s].
+
+        Returns
+        -------
+        tuple of control.StateSpace
+            One for each speed.
+        """
         return tuple(self.at(real("hub_speeds", float(each))) for each in np.ravel(hub_speeds))
 
 

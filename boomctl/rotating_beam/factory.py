@@ -33,21 +33,24 @@ def hub_beam(parameters: HubBeamParameters | None = None, model: str = "sfoam", 
 
 
 def hub_beam(parameters: HubBeamParameters | None = None, model: str = "sfoam", modes: int = 5) -> HubBeam:
-    """Return the hub-beam in a model.
+    """Return a flexible beam on a rotating hub, in one of several models.
 
     Parameters
     ----------
     parameters : HubBeamParameters or None
-        None: Table 1 of Bai et al. (2009) without tip mass.
+        The machine; None: Table 1 of Bai et al. (2009) without tip mass.
     model : str
-        "tlam", "sfoam" (as printed, Eq. 40), "sfoam-consistent" (with ``Q_theta``: it conserves energy and angular
-        momentum), "foam", "cfoam" or "geometrically-exact".
+        "foam": terms of the kinetic energy up to second order, axial modes included.  "sfoam": FOAM without axial
+        modes, as printed, Eq. (40); "sfoam-consistent": with ``Q_theta``, so that it conserves energy and angular
+        momentum.  "tlam": linear, without dynamic stiffening.  "cfoam": all terms of the kinetic energy.
+        "geometrically-exact": a beam of finite rotation, against which the others can be judged.
     modes : int
         Number of transverse modes and, where the model has them, of axial ones.
 
     Returns
     -------
     AssumedModesBeam or GeometricallyExactBeam
+        What is simulated, linearised, or slewed: see `HubBeam`.
 
     Raises
     ------
@@ -55,5 +58,14 @@ def hub_beam(parameters: HubBeamParameters | None = None, model: str = "sfoam", 
         If `parameters` or `modes` is of another kind.
     ValueError
         If the model is unknown, or `modes` less than 1 or too many.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> beam = bc.hub_beam(bc.HubBeamParameters(tip_mass=1.0), "sfoam", modes=3)
+    >>> beam.frequencies_hz().round(3)  # at rest
+    array([0.247, 2.207, 6.916])
+    >>> beam.frequencies_hz(hub_speed=4.0).round(3)  # stiffer, as it turns
+    array([0.385, 3.146, 8.112])
     """
     return in_model(HubBeamParameters() if parameters is None else parameters, model, modes)

@@ -325,9 +325,26 @@ def spin_up(final_speed: float, duration: float) -> SpinUp:
     Parameters
     ----------
     final_speed : float
-        Hub speed after the spin-up, rad/s.
+        Hub speed after the spin-up [rad/s].
     duration : float
-        Duration of the spin-up, s; > 0.
+        How long the spin-up lasts [s]; above zero.
+
+    Returns
+    -------
+    SpinUp
+        A manoeuvre for ``simulate``: the hub's angle, speed and acceleration are prescribed.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not finite numbers; a duration that is not above zero.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> spin = bc.spin_up(final_speed=4.0, duration=15.0)
+    >>> spin.speed([0.0, 7.5, 15.0]).round(3)
+    array([0., 2., 4.])
     """
     return SpinUp(final_speed, duration)
 
@@ -338,11 +355,28 @@ def sine_torque(amplitude: float, period: float, duration: float) -> SineTorque:
     Parameters
     ----------
     amplitude : float
-        Largest torque, N m.
+        Largest torque [N m].
     period : float
-        Period of the sine, s; > 0.
+        Period of the sine [s]; above zero.
     duration : float
-        Time after which the torque is zero, s; > 0.
+        Time after which the torque is zero [s]; above zero.
+
+    Returns
+    -------
+    SineTorque
+        A manoeuvre for ``simulate``: the torque is given, the hub moves as it will.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not finite numbers; a period or duration that is not above zero.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> push = bc.sine_torque(amplitude=100.0, period=4.0, duration=4.0)
+    >>> push.torque([1.0, 3.0, 5.0]).round(6)
+    array([ 100., -100.,    0.])
     """
     return SineTorque(amplitude, period, duration)
 
@@ -350,15 +384,36 @@ def sine_torque(amplitude: float, period: float, duration: float) -> SineTorque:
 def hub_profile(
     angle: TimeFunction, speed: TimeFunction, acceleration: TimeFunction, breakpoints: tuple[float, ...] = ()
 ) -> HubProfile:
-    """Prescribe the hub motion by functions of time.
+    """Prescribe the hub's motion by functions of time.
 
     Parameters
     ----------
     angle, speed, acceleration : callable
-        Hub angle [rad], speed [rad/s] and acceleration [rad/s^2] of the time [s].
+        Hub angle [rad], speed [rad/s] and acceleration [rad/s^2] as functions of the time [s]; each is the slope of the
+        one before.
     breakpoints : tuple of float
-        Instants at which the acceleration or a slope of it jumps, s; steps then end there. Others are found as for
-        `torque`.
+        Instants [s] at which the acceleration or its slope jumps; steps of the solver then end there. Others are found
+        as for `torque`.
+
+    Returns
+    -------
+    HubProfile
+        A manoeuvre for ``simulate``: the hub's motion is prescribed.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Something that is not a function of time; breakpoints that are not numbers. When it is simulated: functions that
+        do not belong together.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import numpy as np
+    >>> sway = bc.hub_profile(lambda t: 1.0 - np.cos(t), np.sin, np.cos)
+    >>> result = bc.hub_beam(modes=1).simulate(sway, [0.0, 1.0, 2.0])
+    >>> result.hub_angle.round(4)
+    array([0.    , 0.4597, 1.4161])
     """
     return HubProfile(angle, speed, acceleration, breakpoints)
 
@@ -369,27 +424,79 @@ def torque(function: TimeFunction, breakpoints: tuple[float, ...] = ()) -> Torqu
     Parameters
     ----------
     function : callable
-        Torque [N m] of the time [s].
+        Torque [N m] as a function of the time [s].
     breakpoints : tuple of float
-        Instants at which the torque or a slope of it jumps, s; steps then end there. Others are found where the torque is
-        looked at, every 0.5 ms and at 16,384 to 1,048,576 instants in all: jumps and corners no nearer to each other than
-        that, and pulses that last as long. What is shorter has to be given.
+        Instants [s] at which the torque or its slope jumps; steps of the solver then end there. Others are found where
+        the torque is looked at, every 0.5 ms and at 16,384 to 1,048,576 instants in all: jumps and corners no nearer to
+        each other than that, and pulses that last as long. What is shorter has to be given.
+
+    Returns
+    -------
+    Torque
+        A manoeuvre for ``simulate``: the torque is given, the hub moves as it will.
 
     Raises
     ------
-    ValueError
-        When it is simulated, if it jumps at more than 10,000 instants.
+    TypeError, ValueError
+        Something that is not a function of time; breakpoints that are not numbers. When it is simulated: a torque that
+        jumps at more than 10,000 instants.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> push = bc.torque(lambda t: 50.0 * (t < 1.0), breakpoints=(1.0,))
+    >>> result = bc.hub_beam(modes=1).simulate(push, [0.0, 1.0, 2.0])
+    >>> result.hub_speed[1:].round(4)  # rad/s, the beam still swings
+    array([0.2067, 0.2088])
     """
     return Torque(function, breakpoints)
 
 
 def hold(angle: float = 0.0) -> Hold:
-    """Hold the hub at an angle [rad]."""
+    """Hold the hub at an angle, as if it were clamped.
+
+    Parameters
+    ----------
+    angle : float
+        Hub angle [rad].
+
+    Returns
+    -------
+    Hold
+        A manoeuvre for ``simulate``: the beam swings, the hub does not.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not a finite number.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> beam = bc.hub_beam(modes=1)
+    >>> bent = [0.0, 0.01, 0.0, 0.0]  # hub angle, mode, and their rates
+    >>> beam.simulate(bc.hold(), [0.0, 1.0], initial=bent).tip_displacement.round(4)  # m
+    array([ 0.02  , -0.0195])
+    """
     return Hold(angle)
 
 
 def free() -> Free:
-    """Leave the hub free, without torque."""
+    """Leave the hub free, without a torque on it.
+
+    Returns
+    -------
+    Free
+        A manoeuvre for ``simulate``: beam and hub move from the initial state.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> turning = [0.0, 0.0, 1.0, 0.0]  # hub angle, mode, and their rates
+    >>> result = bc.hub_beam(modes=1, model="sfoam-consistent").simulate(bc.free(), [0.0, 1.0, 2.0], initial=turning)
+    >>> bool(abs(result.angular_momentum / result.angular_momentum[0] - 1.0).max() < 1e-6)  # it is conserved
+    True
+    """
     return Free()
 
 

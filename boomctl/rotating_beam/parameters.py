@@ -41,6 +41,13 @@ class HubBeamParameters(Parameters):
         If a value is not a real number.
     ValueError
         If a value is not finite or out of its range.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> loaded = bc.HubBeamParameters(tip_mass=2.0)
+    >>> round(loaded.bending_stiffness, 2), round(loaded.rigid_inertia, 2)  # N m^2, kg m^2
+    (566.71, 385.82)
     """
 
     _toml_table = "hub_beam"

@@ -135,7 +135,7 @@ class SimulationResult:
         return f"SimulationResult: {self.model}, {span}\n  {tip}\n  {error}"
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
-        """Draw torque, hub and tip over time, and from when on the deformation is not small; return the axes.
+        """Draw torque, hub and tip over time, and from when on the deformation is not small.
 
         Parameters
         ----------
@@ -143,6 +143,11 @@ class SimulationResult:
             Where to draw: torque, hub angle, hub speed and tip displacement; by default a new figure of pyplot.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_simulation(self, ax, **style)
 

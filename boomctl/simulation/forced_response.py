@@ -41,12 +41,13 @@ class ForcedResponse:
     time : (n,) ndarray
         Times [s].
     outputs : dict from name to (n,) ndarray
+        Values of each output at these times.
     inputs : dict from name to (n,) ndarray
-        The signals given.
+        Values of the signals given.
     error_estimate : float
-        Of the modes left out, relative to the largest output; 0 where none were.
+        Estimated error by the modes left out, relative to the largest output; 0 where none were.
     modes : int
-        Modes used; the number of states of a state-space system.
+        Number of modes used; of a state-space system, of states.
     """
 
     time: Array
@@ -67,7 +68,7 @@ class ForcedResponse:
         return self.outputs[known("output", name, tuple(self.outputs))]
 
     def plot(self, ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any) -> Array:
-        """Draw inputs and outputs over time; return the axes.
+        """Draw inputs and outputs over time.
 
         Parameters
         ----------
@@ -77,6 +78,11 @@ class ForcedResponse:
             By default the first six.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_forced_response(self, ax, outputs=outputs, **style)
 
@@ -103,25 +109,42 @@ def forced_response(
     outputs: str | Sequence[str] | None = None,
     accuracy: float = 1e-6,
 ) -> ForcedResponse:
-    """Return the response of a plant at rest to signals that run along straight lines between the given times.
+    """Return the response of a plant at rest to given signals.
+
+    Between the instants given the signals run along straight lines.
 
     Parameters
     ----------
     plant : SecondOrderModel or control.StateSpace
-        Continuous time.
+        The plant, in continuous time.
     signals : mapping from input to (n,) array
-        Inputs not named stay at zero.
+        Values at ``timepts``; inputs not named stay at zero.
     timepts : (n,) array_like
         Times in equal steps [s].
     outputs : str or sequence of str, optional
-        By default all.
+        Outputs that are read; by default all.
     accuracy : float
-        Wanted of a structure, relative to the largest value of each output.
+        Largest error wanted of a structure's response, relative to the largest value of each output.
+
+    Returns
+    -------
+    ForcedResponse
+        Outputs over time, by name.
 
     Raises
     ------
     TypeError, ValueError
         Another kind of plant, unknown signals, shapes, gaps, times not even.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import numpy as np
+    >>> time = np.linspace(0.0, 20.0, 401)
+    >>> pulled = {"suspension_left": -np.minimum(time, 1.0), "suspension_right": np.minimum(time, 1.0)}  # N
+    >>> result = bc.forced_response(bc.spray_boom(), pulled, time, "tip_right")
+    >>> (1000.0 * result.outputs["tip_right"][[0, 100, 400]]).round(2)  # mm
+    array([0.  , 2.18, 7.  ])
     """
     time, wanted = uniform_times(timepts), positive("accuracy", accuracy)
     h = float(time[-1] - time[0]) / (len(time) - 1)

@@ -25,9 +25,9 @@ class FrictionReport:
     stuck_share : float
         Share of the time spent at rest.
     dissipated : float
-        Energy taken [J].
+        Energy that friction took [J].
     input, output : str
-        Where it acts.
+        Names of the force input through which friction acts, and of the slip.
     """
 
     force: Array = field(repr=False)
@@ -61,8 +61,9 @@ class LoopResult:
     stops : tuple of StopHit
         End stops touched, in order.
     friction : FrictionReport or None
+        What friction did; None without any.
     sample_time, delay : float
-        Of the controller [s].
+        Sampling time of the controller, and delay from a sample to the control that it leads to [s].
     path : str
         Which way the loop was run: "blocks", "steps", "stops not reached" or "contacts", all exact between samples, or
         "exponential steps", of a hub-beam.
@@ -135,7 +136,7 @@ class LoopResult:
         )
 
     def plot(self, ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any) -> Array:
-        """Draw outputs, controls asked for and applied, stops and friction over time; return the axes.
+        """Draw outputs, controls asked for and applied, stops and friction over time.
 
         Parameters
         ----------
@@ -146,5 +147,10 @@ class LoopResult:
             By default the first six that are not strokes.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_loop(self, ax, outputs=outputs, **style)

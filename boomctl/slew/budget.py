@@ -33,7 +33,7 @@ class SlewProgress:
     stage : str
         What is done, in words.
     seconds : float
-        Since the search began.
+        Time since the search began [s].
     objective : float or None
         Of the best iteration so far of this stage that keeps all conditions on its mesh; in seconds where the least time is
         asked for, else over a typical size. None before there is one.

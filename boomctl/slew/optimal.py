@@ -148,37 +148,40 @@ def optimal_slew(
     Parameters
     ----------
     h : hub-beam or control.StateSpace
-        A linear system's first input is the torque, its first output the angle; it ends at the rest with ``A x = 0`` and
-        that angle. Outputs "tip_displacement" and "root_moment" are known by name.
+        A linear system's first input is the torque, its first output the angle; it ends at the rest with ``A x = 0``
+        and that angle. Outputs "tip_displacement" and "root_moment" are known by name.
     angle, torque_limit : float
-        Angle to turn through, rad (None leaves it free), and largest torque either way, N m.
+        Angle to turn through [rad] (None leaves it free), and largest torque either way [N m].
     objective, duration : str, float or None
-        "time"; or in a given duration [s] "effort" (integral of the torque squared), "jerk" (of the hub's jerk squared),
-        "torque-rate" (of the torque's slope squared), "tip" (largest tip displacement).
+        "time"; or in a given duration [s] "effort" (integral of the torque squared), "jerk" (of the hub's jerk
+        squared), "torque-rate" (of the torque's slope squared), "tip" (largest tip displacement).
     torque_rate_limit, speed_limit, tip_limit, moment_limit : float or None
-        Limits of the torque's slope [N m/s], hub speed [rad/s], tip displacement [m] and bending moment at the clamp [N m].
+        Limits of the torque's slope [N m/s], hub speed [rad/s], tip displacement [m] and bending moment at the clamp [N
+        m].
     final_speed : float
-        Hub speed at the end, rad/s: a spin-up, the beam in steady rotation.
+        Hub speed at the end [rad/s]: a spin-up, the beam in steady rotation.
     initial_state, final_state : array_like or None
-        In the order of the system's states; None is rest. A final state prescribes all that the torque moves.
+        States at the beginning and at the end, in the system's own order; None is rest. A final state prescribes all
+        that the torque moves.
     tip_masses : tuple of float
-        Other payloads, kg, left without vibration by the same torque; the angle is that of h itself.
+        Other payloads [kg] that the same torque leaves without vibration; the angle is that of h itself.
     method : str
         "collocation" (Gauss-Legendre), "radau" (Radau IIA) or "shooting", on the same mesh.
     tolerance : float
-        Of the prescribed end state in the replay, relative. What the torque does not move in the linear part, as FOAM's axial
-        motion, is not prescribed; what is left of it is in ``end_error``.
+        Largest relative error of the prescribed end state in the replay. What the torque does not move in the linear
+        part, as FOAM's axial motion, is not prescribed; what is left of it is in ``end_error``.
     intervals : int or None
-        Of the mesh; None refines it until halving it changes the cost by less than 1e-4.
+        Number of intervals of the mesh; None refines it until halving it changes the cost by less than 1e-4.
     time_limit : float
-        Time to search for it, s; judging what was found takes a little more. When it is over, the slew on the finest mesh so
-        far is returned, if the replay confirms it.
+        Time to search for it [s]; judging what was found takes a little more. When it is over, the slew on the finest
+        mesh so far is returned, if the replay confirms it.
     progress : callable or None
         Called with a `SlewProgress` now and then, in the thread that calls this.
 
     Returns
     -------
     SlewResult
+        The torque over time, what the plant does under it, and a certificate.
 
     Raises
     ------
@@ -191,8 +194,12 @@ def optimal_slew(
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 200.0, "effort", 4.0, time_limit=30.0).certificate.switches is None
-    True
+    >>> import control
+    >>> A, B, C = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]]
+    >>> rigid = control.ss(A, B, C, 0.0, inputs="torque", outputs="angle")  # of unit inertia
+    >>> slew = bc.optimal_slew(rigid, angle=1.0, torque_limit=1.0)
+    >>> round(slew.duration, 4), slew.certificate.switches, slew.certificate.optimality
+    (2.0, 1, 'proved')
     """
     budget = _budget(time_limit, progress)
     problem = slew_problem(
@@ -260,20 +267,23 @@ def resolve(
     time_limit: float = TIME_LIMIT,
     progress: Callable[[SlewProgress], object] | None = None,
 ) -> SlewResult:
-    """Solve a slew's programme again with other data, started from its solution; nothing is built anew.
+    """Solve a planned slew again with another angle or torque limit, started from its solution.
+
+    Nothing is built anew, which makes it fast.
 
     Parameters
     ----------
     result : SlewResult
-        Of `optimal_slew` with method "collocation" or "shooting" in its certificate.
+        What `optimal_slew` returned, with method "collocation" or "shooting" in its certificate.
     angle, torque_limit : float or None
-        What is new; None: as before.
+        The new angle [rad] and the new limit [N m]; None: as before.
     time_limit, progress
         As in `optimal_slew`.
 
     Returns
     -------
     SlewResult
+        The new slew, with a certificate of its own.
 
     Raises
     ------
@@ -281,6 +291,14 @@ def resolve(
         If the slew was not planned by a programme, or its angle was free or part of given states.
     SlewError
         As `optimal_slew`.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> slew = bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 200.0, "effort", 4.0, intervals=40)
+    >>> further = bc.slew.resolve(slew, angle=1.1)
+    >>> round(further.cost / slew.cost, 3)  # about 1.1 squared
+    1.21
     """
     if not isinstance(result, SlewResult):
         raise TypeError(f"result = {type(result).__name__}: expected what optimal_slew returns")

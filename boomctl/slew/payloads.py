@@ -26,19 +26,19 @@ class PayloadLine:
     Attributes
     ----------
     slew : str
-        Its name.
+        Name of the slew.
     tip_mass : float
-        The payload, kg.
+        The payload [kg].
     planned : bool
         Whether the slew was planned for it.
     peak_tip : float
-        Largest tip displacement on the way, m.
+        Largest tip displacement on the way [m].
     vibration : float
-        Largest tip displacement after the end, m.
+        Largest tip displacement after the end [m].
     angle_error : float
-        Of the hub, its mean after the end, rad.
+        Error of the hub angle, its mean after the end [rad].
     time, tip_displacement : ndarray, k
-        On the way and afterwards, s and m.
+        Instants on the way and afterwards [s], and the tip displacement then [m].
     """
 
     slew: str
@@ -60,12 +60,13 @@ class PayloadComparison:
     Attributes
     ----------
     lines : tuple of PayloadLine
+        One for each slew and payload.
     durations : dict of str to float
-        Of each slew, s.
+        How long each slew takes [s].
     masses : ndarray, k
-        A fine range of payloads, kg.
+        A fine range of payloads [kg].
     vibrations : dict of str to ndarray
-        Of each slew over that range, m.
+        What each slew leaves over that range [m].
     """
 
     lines: tuple[PayloadLine, ...]
@@ -98,12 +99,25 @@ class PayloadComparison:
         return table_html("Slews with several payloads", heads, rows)
 
     def worst(self, slew: str, planned: bool | None = None) -> PayloadLine:
-        """Return the payload that a slew leaves with most vibration; of those planned for or not, if that is said."""
+        """Return the payload with which a slew leaves most vibration.
+
+        Parameters
+        ----------
+        slew : str
+            Name of the slew.
+        planned : bool, optional
+            True: only of payloads that the slew was planned for.  False: only of others.  By default of all.
+
+        Returns
+        -------
+        PayloadLine
+            The slew with that payload.
+        """
         lines = [line for line in self.lines if line.slew == slew and planned in (None, line.planned)]
         return max(lines, key=lambda line: line.vibration)
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
-        """Draw tip displacements over time and vibration over payload; return the axes.
+        """Draw tip displacements over time and vibration over payload.
 
         Parameters
         ----------
@@ -111,6 +125,11 @@ class PayloadComparison:
             Where to draw: one a slew, and the vibration; by default a new figure of pyplot.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_payloads(self, ax, **style)
 
@@ -123,20 +142,29 @@ def compare_payloads(
     Parameters
     ----------
     slews : mapping of str to SlewResult
-        By name; all of the same beam.
+        The slews by name; all of the same beam.
     tip_masses : sequence of float
-        The payloads, kg.
+        The payloads [kg].
     nominal : float
-        The tip mass of the beam that all slews were planned for; some for others too, kg.
+        The tip mass of the beam that all slews were planned for [kg]; some may be planned for others too.
 
     Returns
     -------
     PayloadComparison
+        Vibration and errors of each slew with each payload; ``.plot()`` draws them.
 
     Raises
     ------
     TypeError, ValueError
         Slews of a linear system; a bad mass; no mass.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> fast = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=200.0)
+    >>> found = bc.slew.compare_payloads({"fast": fast}, [0.0, 0.5])
+    >>> [(line.tip_mass, round(line.vibration, 2)) for line in found.lines]  # kg, m
+    [(0.0, 0.0), (0.5, 3.64)]
     """
     masses = [nonnegative("tip_masses", mass) for mass in sequence("tip_masses", tip_masses, "masses in kg")]
     for name, slew in mapping("slews", slews, "names to slews").items():

@@ -13,7 +13,20 @@ from boomctl.slew.torque import TorqueHistory
 
 
 class SlewError(RuntimeError):
-    """A slew that cannot be done, or could not be found or verified; the message says what binds, and when."""
+    """A slew that cannot be done, or could not be found or verified; the message says what binds, and when.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> A, B, C = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]]
+    >>> rigid = control.ss(A, B, C, 0.0, inputs="torque", outputs="angle")  # of unit inertia
+    >>> try:
+    ...     bc.optimal_slew(rigid, angle=1.0, torque_limit=1.0, objective="effort", duration=1.0)
+    ... except bc.SlewError as error:
+    ...     print(str(error).split(";")[0])
+    duration = 1 s: too short for 1 rad
+    """
 
 
 class LimitsTooTight(SlewError):
@@ -37,15 +50,15 @@ class Replay:
     model : str
         Name of the model.
     tip_mass : float or None
-        Where it is another than the planned one, kg.
+        The tip mass, where it is another than the planned one [kg].
     angle_error : float
-        Hub angle at the end less the wanted one, rad; 0 where the angle is free.
+        Hub angle at the end less the wanted one [rad]; 0 where the angle is free.
     speed_error : float
-        Hub speed at the end less the wanted one, rad/s.
+        Hub speed at the end less the wanted one [rad/s].
     tip_swing : float
-        Largest tip displacement in the 1.5 slowest periods after the end, m.
+        Largest tip displacement in the 1.5 slowest periods after the end [m].
     residual_energy : float or None
-        Energy of the deviation from steady rotation at the wanted speed, J.
+        Energy of the deviation from steady rotation at the wanted speed [J].
     """
 
     model: str
@@ -70,10 +83,10 @@ class SlewCertificate:
         Largest deviation of the end state in the replay, of all coordinates of the model, each relative to its largest size
         on the way.
     prescribed_error : float
-        Likewise of what planning prescribes: all but what the torque does not move in the linear part, as the axial
+        The same for what planning prescribes: all but what the torque does not move in the linear part, as the axial
         motion of FOAM. This is held to the tolerance.
     free_errors : dict of str to float
-        Likewise of the coordinates that planning leaves free, the modes in the order of their frequencies.
+        The same for the coordinates that planning leaves free, the modes in the order of their frequencies.
     constraint_violation : float
         Largest relative excess over any limit on the dense replay; 0 if there is none.
     binding : dict of str to float
@@ -87,7 +100,7 @@ class SlewCertificate:
     switches : int or None
         Number of sign changes of a bang-bang torque.
     intervals : int or None
-        Of the mesh.
+        Number of intervals of the mesh; None without one.
     """
 
     method: str
@@ -128,26 +141,29 @@ class SlewResult:
     Attributes
     ----------
     objective : str
+        What was made small: "time", "effort", "jerk", "torque-rate" or "tip".
     duration : float
-        s.
+        How long the slew takes [s].
     cost : float
         Value of the objective: s for "time", N^2 m^2 s for "effort", rad^2/s^5 for "jerk", N^2 m^2/s for "torque-rate",
         m for "tip".
     time : ndarray, k
         Instants of the dense replay, s.
     torque, hub_angle, hub_speed : ndarray, k
-        N m, rad, rad/s.
+        Torque [N m], hub angle [rad] and hub speed [rad/s] then.
     tip_displacement : ndarray, k, or None
-        m; None of a linear system without an output of this name.
+        Tip displacement [m]; None of a linear system without an output of this name.
     root_moment : ndarray, k, or None
-        Bending moment at the clamp, N m.
+        Bending moment at the clamp [N m]; None likewise.
     states : ndarray, k x n
-        Of the plant, in its own order.
+        States of the plant, in its own order.
     residual_energy : float or None
-        Energy left after the end, J; None of a linear system.
+        Energy left after the end [J]; None of a linear system.
     end_error : float
-        As in the certificate: of all coordinates of the model, also of those that planning does not prescribe.
+        Largest relative deviation of the end state, as in the certificate: of all coordinates of the model, also of
+        those that planning does not prescribe.
     certificate : SlewCertificate
+        How close the slew is to what was asked and to the best there is.
     history : TorqueHistory
         The torque as a function of time.
     replay : callable
@@ -200,7 +216,7 @@ class SlewResult:
         return self.replay()
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
-        """Draw torque, hub and tip over time, with the limits near them; return the axes.
+        """Draw torque, hub and tip over time, with the limits near them.
 
         Parameters
         ----------
@@ -209,5 +225,10 @@ class SlewResult:
             a new figure of pyplot.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_slew(self, ax, **style)

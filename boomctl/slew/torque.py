@@ -25,9 +25,9 @@ class TorqueHistory:
     Attributes
     ----------
     edges : ndarray, N + 1
-        Instants at which the intervals meet, s; ascending, the first is 0.
+        Instants at which the intervals meet [s]; ascending, the first is 0.
     left, right : ndarray, N
-        Torque at the beginning and at the end of each interval, N m.
+        Torque at the beginning and at the end of each interval [N m].
     """
 
     edges: Array
@@ -48,7 +48,7 @@ class TorqueHistory:
         return np.where((t >= 0.0) & (t <= self.edges[-1]), value, 0.0)
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw the torque over time; return the axes.
+        """Draw the torque over time.
 
         Parameters
         ----------
@@ -56,6 +56,11 @@ class TorqueHistory:
             Where to draw; by default a new figure of pyplot.
         **style
             Of the curve, as matplotlib's lines take it.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_torque(self, ax, **style)
 
@@ -103,7 +108,18 @@ class TorqueHistory:
         return float(np.sum(np.diff(self.edges) * 0.5 * (self.left + self.right)))
 
     def means(self, t: Array) -> Array:
-        """Mean torque between instants t [s] within the duration, N m."""
+        """Return the mean torque between neighbouring instants.
+
+        Parameters
+        ----------
+        t : (k,) ndarray
+            Instants within the duration, ascending [s].
+
+        Returns
+        -------
+        (k - 1,) ndarray
+            Mean torque from each instant to the next [N m].
+        """
         widths = np.diff(self.edges)
         whole = np.concatenate([[0.0], np.cumsum(0.5 * widths * (self.left + self.right))])
         k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, widths.size - 1)

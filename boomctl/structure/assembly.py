@@ -51,16 +51,26 @@ class Assembly:
     links : tuple of SpringDamper
         Springs and dampers between any two points.
     forces : tuple of Force
-        Force and torque inputs.
+        The inputs: forces and torques.
     outputs : tuple of Output
-        Measured motions.
+        The outputs: measured motions.
     cuts : tuple of CutJoint
         Joints that close kinematic chains.
 
     Raises
     ------
-    ValueError
-        Two bodies, forces or outputs of one name; a body before its parent.
+    TypeError, ValueError
+        Something of another kind; two bodies, forces or outputs of one name; a body before its parent.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> s = bc.structure
+    >>> cart = s.RigidBody("cart", s.GROUND.at(0.0), s.prismatic(0.0), mass=2.0)
+    >>> spring = s.SpringDamper(cart.at(0.0), s.GROUND.at(0.0), "x", stiffness=50.0)
+    >>> force, place = s.Force("push", cart.at(0.0), "x"), s.Output("place", cart.at(0.0), "x")
+    >>> s.Assembly((cart,), (spring,), (force,), (place,)).assemble().eigenfrequencies_hz(1).round(4)
+    array([0.7958])
     """
 
     bodies: tuple[RigidBody | Beam, ...]
@@ -106,7 +116,14 @@ class Assembly:
             raise ValueError(f"{user} refers to body {point.body.name!r}; expected one listed before: {sorted(there)}")
 
     def points(self) -> list[Point]:
-        """Return every point that something is attached to, bodies' joints included."""
+        """Return every point that something is attached to.
+
+        Returns
+        -------
+        list of Point
+            Joints of the bodies first, then ends of links, cut joints, forces and outputs; a point may stand there
+            twice.
+        """
         points = [body.parent for body in self.bodies]
         points += [point for link in self.links for point in (link.a, link.b)]
         points += [point for cut in self.cuts for point in (cut.a, cut.b)]
@@ -118,6 +135,11 @@ class Assembly:
 
     def assemble(self) -> SecondOrderModel:
         """Return the equations of motion, forces as inputs.
+
+        Returns
+        -------
+        SecondOrderModel
+            ``M, C, K`` with named coordinates; its inputs are the forces, its outputs the outputs, by their names.
 
         Raises
         ------
@@ -133,7 +155,14 @@ class Assembly:
         return SecondOrderModel.of(Structure.weighed(layout, weights), ports)
 
     def exact(self) -> ExactModel:
-        """Return the structure with exact beams, forces as inputs; the beams' discretisations are not used."""
+        """Return the structure with exact beams, which need no elements; forces are its inputs.
+
+        Returns
+        -------
+        ExactModel
+            Frequency responses and eigenfrequencies from the beams' differential equations; the beams' discretisations
+            are not used.
+        """
         mechanism = _mechanism(self, exact=True)
         segments = tuple(
             Segment(

@@ -28,7 +28,10 @@ def prescribe_displacement(
     motion: str | Mapping[str, str] = "displacement",
     reactions: bool = False,
 ) -> SecondOrderModel:
-    """Turn force inputs into motions of the points (or relative motions of the pairs of points) that they act on.
+    """Turn force inputs into imposed motions of the points they act on.
+
+    A force between two bodies becomes their relative motion.  Source: Anthonis & Ramon (2003); the forces are their Eq.
+    (7).
 
     Parameters
     ----------
@@ -50,9 +53,19 @@ def prescribe_displacement(
 
     Raises
     ------
-    ValueError
-        Unknown names, displacements that depend on each other, or a model with displacement inputs already: all are to
-        be prescribed in one call.
+    TypeError, ValueError
+        Another kind of model; unknown names; displacements that depend on each other; a model with displacement inputs
+        already: all are to be prescribed in one call.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> driven = bc.spray_boom(excitation="force")
+    >>> held = bc.structure.prescribe_displacement(driven, ["actuator_left", "actuator_right"])
+    >>> driven.n, held.n  # two coordinates are given now
+    (16, 14)
+    >>> held.eigenfrequencies_hz(2).round(3)
+    array([0.245, 0.587])
     """
     there = instance("model", model, SecondOrderModel).inputs
     moved, held = names("input", inputs, there), names("input", hold, there)

@@ -22,7 +22,15 @@ _INSIDE = 24  # points inside the box at which a family is checked besides its c
 
 @dataclass(frozen=True)
 class Slope:
-    """How matrices change from the centre of a parameter's range to its upper end."""
+    """How matrices change from the centre of a parameter's range to its upper end.
+
+    Attributes
+    ----------
+    M, C, K : (n, n) ndarray or scipy.sparse array
+        Changes of the mass, damping and stiffness matrix.
+    B : ndarray
+        Changes of the columns of the inputs.
+    """
 
     M: Matrix
     C: Matrix
@@ -34,21 +42,35 @@ class Slope:
 
 @dataclass(frozen=True)
 class AffineFamily:
-    """A family of structures over a box of parameters, exactly affine in them.
+    """A family of structures whose matrices depend on uncertain parameters in a straight line (affinely).
 
-    With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_i delta_i M_i``; ``C``, ``K`` and the
-    columns of the inputs alike.  What the outputs read does not change.
+    With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_i delta_i M_i``; ``C``, ``K`` and
+    the columns of the inputs alike.  What the outputs read does not change.  `AffineFamily.through` makes one.
 
     Attributes
     ----------
     names : tuple of str
-        Of the parameters.
+        Names of the parameters.
     low, high : (k,) ndarray
-        Ends of their ranges.
+        Lower and upper ends of their ranges, in the parameters' units.
     centre : SecondOrderModel
         The structure in the middle of the box.
     slopes : tuple of Slope
-        One a parameter.
+        For each parameter, how the matrices change from the middle of its range to the upper end.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not as many ends and slopes as names; ends that do not ascend; a centre that is not a SecondOrderModel.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> family = bc.boom_family(spring=(0.7, 1.3))
+    >>> family.names, family.size
+    (('spring', 'mass'), 2)
+    >>> family.at([1.0, 0.0]).eigenfrequencies_hz(1).round(3)  # springs 1.3 times as stiff
+    array([0.275])
     """
 
     names: tuple[str, ...]
@@ -82,12 +104,21 @@ class AffineFamily:
     def through(
         cls, ranges: Mapping[str, tuple[float, float]], make: Callable[[Mapping[str, float]], SecondOrderModel]
     ) -> AffineFamily:
-        """Return the family that ``make`` spans, checked at every corner of the box and at points drawn inside it.
+        """Return the family through the structures that a function makes.
+
+        It is checked at every corner of the box and at points drawn inside it.
 
         Parameters
         ----------
         ranges : mapping from name to (low, high)
-        make : function from parameter values to a structure
+            The parameters and the ends of their ranges, ascending.
+        make : function
+            Makes a `SecondOrderModel` from a mapping of parameter values; its matrices must depend on them affinely.
+
+        Returns
+        -------
+        AffineFamily
+            The structures over that box.
 
         Raises
         ------
@@ -119,7 +150,23 @@ class AffineFamily:
         return len(self.names)
 
     def deltas(self, values: Mapping[str, float]) -> Array:
-        """Return parameter values as ``delta``; those not given are in the middle of their range."""
+        """Return parameter values as ``delta``, from -1 at the lower end of a range to 1 at the upper.
+
+        Parameters
+        ----------
+        values : mapping from name to float
+            Values of parameters, in their units; those left out are in the middle of their range.
+
+        Returns
+        -------
+        (k,) ndarray
+            In the order of ``names``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An unknown parameter; values that are not finite.
+        """
         for name in mapping("values", values, "parameters to numbers"):
             known("parameter", name, self.names)
         middle, width = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
@@ -127,13 +174,45 @@ class AffineFamily:
         return (given - middle) / width
 
     def values(self, delta: ArrayLike) -> dict[str, float]:
-        """Return ``delta`` as parameter values."""
+        """Return ``delta`` as parameter values.
+
+        Parameters
+        ----------
+        delta : (k,) array_like
+            Place in the box, from -1 to 1 across each range, in the order of ``names``.
+
+        Returns
+        -------
+        dict of str to float
+            Values by name, in the parameters' units.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not as many numbers as parameters, or not finite.
+        """
         d = self._delta(delta)
         found = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * d
         return {name: float(value) for name, value in zip(self.names, found, strict=True)}
 
     def at(self, delta: ArrayLike) -> SecondOrderModel:
-        """Return the structure at ``delta``; beyond -1 and 1 it is extrapolated."""
+        """Return the structure at one point of the box.
+
+        Parameters
+        ----------
+        delta : (k,) array_like
+            Place in the box, from -1 to 1 across each range; beyond these the family is extrapolated.
+
+        Returns
+        -------
+        SecondOrderModel
+            With the signals of ``centre``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not as many numbers as parameters, or not finite.
+        """
         d, c = self._delta(delta), self.centre
         M, C, K = (
             sum((x * getattr(s, name) for x, s in zip(d, self.slopes, strict=True)), getattr(c, name))

@@ -41,6 +41,13 @@ class SecondOrderModel:
     coordinates : sequence of str, optional
         Names of the coordinates; by default ``q0, q1, ...``.
 
+    Attributes
+    ----------
+    structure : Structure
+        The matrices and the names of the coordinates.
+    ports : Ports
+        The inputs and outputs.
+
     Raises
     ------
     TypeError, ValueError
@@ -48,8 +55,9 @@ class SecondOrderModel:
 
     Examples
     --------
-    >>> m = SecondOrderModel([[1.0]], [[0.1]], [[4.0]], {"force": [1.0]}, {"position": [1.0]})
-    >>> m.eigenfrequencies_hz(1).round(4)
+    >>> import boomctl as bc
+    >>> mass = bc.structure.SecondOrderModel([[1.0]], [[0.1]], [[4.0]], {"force": [1.0]}, {"place": [1.0]})
+    >>> mass.eigenfrequencies_hz(1).round(4)
     array([0.3182])
     """
 
@@ -91,7 +99,20 @@ class SecondOrderModel:
 
     @classmethod
     def of(cls, structure: Structure, ports: Ports) -> SecondOrderModel:
-        """Return the model of a structure, which others may share, with these inputs and outputs."""
+        """Return the model of a structure, which others may share, with inputs and outputs of its own.
+
+        Parameters
+        ----------
+        structure : Structure
+            The matrices.
+        ports : Ports
+            The inputs and outputs.
+
+        Returns
+        -------
+        SecondOrderModel
+            The model; no matrix is copied.
+        """
         model = cls.__new__(cls)
         object.__setattr__(model, "structure", structure)
         object.__setattr__(model, "ports", ports)
@@ -140,7 +161,23 @@ class SecondOrderModel:
     def select(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
     ) -> SecondOrderModel:
-        """Return the model with only the inputs and outputs named, in that order."""
+        """Return the model with only the inputs and outputs named, in that order.
+
+        Parameters
+        ----------
+        inputs, outputs : str or sequence of str, optional
+            Names; by default all.
+
+        Returns
+        -------
+        SecondOrderModel
+            The same structure; nothing is computed anew.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Unknown names, or one asked for twice.
+        """
         for what, wanted, there in (("input", inputs, self.inputs), ("output", outputs, self.outputs)):
             if wanted is not None:
                 some_names(what, wanted, there)
@@ -149,15 +186,20 @@ class SecondOrderModel:
     def eigenfrequencies_hz(self, count: int = 5) -> Array:
         """Return the lowest damped eigenfrequencies, ``Im(lambda)/2 pi > 0``, ascending [Hz].
 
+        Parameters
+        ----------
+        count : int
+            How many eigenfrequencies.
+
+        Returns
+        -------
+        (count,) ndarray
+            The lowest damped eigenfrequencies, ascending [Hz].
+
         Raises
         ------
-        ValueError
-            The model has fewer than ``count`` of them.
-
-        Warns
-        -----
-        AccuracyWarning
-            Rounding may be more than 1e-8 of them: elements of very unlike length and stiffness, or very fast modes.
+        TypeError, ValueError
+            ``count`` is not a whole number above zero, or the model has fewer of them.
         """
         poles, rounding = poles_and_rounding(self.structure, whole("count", count))
         warn_of_rounding("the highest eigenfrequency", rounding, PROMISED)
@@ -169,14 +211,24 @@ class SecondOrderModel:
         inputs: str | Sequence[str] | None = None,
         outputs: str | Sequence[str] | None = None,
     ) -> control.FrequencyResponseData:
-        """Return the frequency response of the inputs and outputs named, from ``M, C, K``, without a state space.
+        """Return the frequency response between the inputs and outputs named, from ``M, C, K``, without a state space.
 
         Parameters
         ----------
         omega : array_like
             Angular frequencies [rad/s].
         inputs, outputs : str or sequence of str, optional
-            By default all.
+            Names of the inputs and outputs; by default all.
+
+        Returns
+        -------
+        control.FrequencyResponseData
+            Outputs by inputs by frequencies, signals named.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Frequencies negative or not finite; unknown names.
         """
         from boomctl.lti.python_control import control
 
@@ -193,32 +245,39 @@ class SecondOrderModel:
     ) -> control.StateSpace:
         """Return a state-space system with named inputs, outputs and states.
 
-        Each coordinate, or mode, has two states: ``NAME.x1 = q - G d`` and ``NAME.x2 = x1' - H d``, of a displacement input
-        ``d``; without one, place and speed.  Source: Anthonis & Ramon (2003), Eqs. (9), (10), (12), with the signs mended.
+        Each coordinate, or mode, has two states: ``NAME.x1 = q - G d`` and ``NAME.x2 = x1' - H d``, of a displacement
+        input ``d``; without one, place and speed.  Source: Anthonis & Ramon (2003), Eqs. (9), (10), (12), with the
+        signs mended.
 
         Parameters
         ----------
         inputs, outputs : str or sequence of str, optional
-            By default all.
+            Names of the inputs and outputs; by default all.
         states : str, optional
-            ``"modes"``: over undamped modes, ``mode1``, ``mode2``, ..., slowest first, each state scaled by a power of two
-            so that the state matrix is balanced.  What computes with the system, python-control too, then keeps its
-            digits on fine meshes.  ``"coordinates"``: over the coordinates, not scaled.  By default modes for models that
-            were assembled, such as the boom; for matrices given, coordinates if they are even, else modes.  A model
-            without real modes is over its coordinates, scaled.
+            ``"modes"``: over undamped modes, ``mode1``, ``mode2``, ..., slowest first, each state scaled by a power of
+            two so that the state matrix is balanced.  What computes with the system, python-control too, then keeps its
+            digits on fine meshes.  ``"coordinates"``: over the coordinates, not scaled.  By default modes for models
+            that were assembled, such as the boom; for matrices given, coordinates if they are even, else modes.  A
+            model without real modes is over its coordinates, scaled.
+
+        Returns
+        -------
+        control.StateSpace
+            ``A, B, C, D`` with two states for each coordinate or mode, and those of filters behind outputs.
 
         Raises
         ------
-        ValueError
-            The mass matrix is singular, an output needs a derivative of an input that is not there, or another word for
-            ``states``.
+        TypeError, ValueError
+            Unknown names; the mass matrix is singular; an output needs a derivative of an input that is not there; another
+            word for ``states``.
 
         Examples
         --------
-        >>> m = SecondOrderModel([[1.0]], [[0.1]], [[4.0]], {"force": [1.0]}, {"position": [1.0]})
-        >>> m.to_statespace().state_labels
+        >>> import boomctl as bc
+        >>> mass = bc.structure.SecondOrderModel([[1.0]], [[0.1]], [[4.0]], {"force": [1.0]}, {"place": [1.0]})
+        >>> mass.to_statespace().state_labels
         ['q0.x1', 'q0.x2']
-        >>> m.to_statespace(states="modes").state_labels
+        >>> mass.to_statespace(states="modes").state_labels
         ['mode1.x1', 'mode1.x2']
         """
         if states not in (None, MODES, COORDINATES):
@@ -236,14 +295,29 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     Signals that come in pairs become ``stem_sym = (right + left)/sqrt 2`` and ``stem_anti = (right - left)/sqrt 2``;
     the transformation is orthonormal, so that the singular values of the two halves are those of the whole.
 
+    Parameters
+    ----------
+    model : SecondOrderModel
+        A machine that is symmetric about ``x = 0``, mesh and signals included.
+
     Returns
     -------
     jolt, yaw : SecondOrderModel
+        The two halves: they do not feel each other, and together have all the modes of the whole.
 
     Raises
     ------
-    ValueError
-        The mesh or the machine is not symmetric about ``x = 0``.
+    TypeError, ValueError
+        Another kind of model; the mesh or the machine is not symmetric about ``x = 0``.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> jolt, yaw = bc.split_symmetric(bc.spray_boom())
+    >>> yaw.outputs
+    ('tip_anti', 'stroke_anti')
+    >>> jolt.eigenfrequencies_hz(1).round(3), yaw.eigenfrequencies_hz(1).round(3)
+    (array([0.587]), array([0.245]))
     """
     instance("model", model, SecondOrderModel)
     if model.mirror is None:

@@ -18,7 +18,28 @@ from boomctl.structure.beams.mesh import BeamMesh
 
 @dataclass(frozen=True)
 class Joint:
-    """What a body may do relative to its parent: slide along directions (name, angle in rad) and turn."""
+    """What a body may do relative to its parent; `fixed`, `revolute`, `prismatic` and `free` make the usual joints.
+
+    Parameters
+    ----------
+    slides : tuple of (str, float)
+        Directions along which the body may slide: a name for the coordinate, and the direction's angle from the x axis
+        [rad].
+    turns : bool
+        Whether the body may turn about the joint.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not pairs of a name and a finite angle, or ``turns`` is neither True nor False.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> slide = bc.structure.Joint(slides=(("slide", 0.0),), turns=True)  # as of a pin in a slot along x
+    >>> slide.turns
+    True
+    """
 
     slides: tuple[tuple[str, float], ...] = ()
     turns: bool = False
@@ -33,22 +54,93 @@ class Joint:
 
 
 def fixed() -> Joint:
-    """Return a joint without freedom."""
+    """Return a joint that lets the body move in no way: it is welded to its parent.
+
+    Returns
+    -------
+    Joint
+        The body gets no coordinates of its own.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.structure.fixed()
+    Joint(slides=(), turns=False)
+    """
     return Joint()
 
 
 def revolute() -> Joint:
-    """Return a hinge: the body turns about the joint point (coordinate ``theta``)."""
+    """Return a hinge: the body turns about the joint.
+
+    Returns
+    -------
+    Joint
+        The body gets one coordinate, ``NAME.theta`` [rad].
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.structure.revolute().turns
+    True
+    """
     return Joint(turns=True)
 
 
 def prismatic(angle: float = pi / 2, name: str = "slide") -> Joint:
-    """Return a slide along the direction at ``angle`` (rad, from the x axis; default: along y)."""
+    """Return a slide: the body moves along a straight line and does not turn.
+
+    Parameters
+    ----------
+    angle : float
+        Direction of the line, from the x axis [rad]; by default along y.
+    name : str
+        The coordinate is called ``BODY.name``.
+
+    Returns
+    -------
+    Joint
+        The body gets one coordinate, its displacement along the line [m].
+
+    Raises
+    ------
+    TypeError, ValueError
+        ``angle`` is not a finite number, or ``name`` is not a name.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.structure.prismatic(0.0, "along").slides
+    (('along', 0.0),)
+    """
     return Joint(slides=((name, real("angle", angle)),))
 
 
 def free(*freedoms: str) -> Joint:
-    """Return a joint with the freedoms named, any of ``"x"``, ``"y"``, ``"theta"``."""
+    """Return a joint with the freedoms named.
+
+    Parameters
+    ----------
+    freedoms : "x", "y" or "theta"
+        In which directions the body may move, and whether it may turn; any number of these words.
+
+    Returns
+    -------
+    Joint
+        The body gets one coordinate for each freedom: ``NAME.x`` and ``NAME.y`` [m], ``NAME.theta`` [rad].
+
+    Raises
+    ------
+    ValueError
+        Another word.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> joint = bc.structure.free("y", "theta")
+    >>> [name for name, angle in joint.slides], joint.turns
+    (['y'], True)
+    """
     for freedom in freedoms:
         known("freedom", freedom, ("x", "y", "theta"))
     slides = tuple((name, angle) for name, angle in (("x", 0.0), ("y", pi / 2)) if name in freedoms)
@@ -57,7 +149,26 @@ def free(*freedoms: str) -> Joint:
 
 @dataclass(frozen=True)
 class Point:
-    """A point of a body, given by its position at rest [m]."""
+    """A point of a body, given by where it is at rest; ``body.at(x, y)`` makes one.
+
+    Parameters
+    ----------
+    body : RigidBody, Beam or GROUND
+        The body that the point moves with.
+    x, y : float
+        Its position at rest in the inertial frame [m].
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of body; not finite numbers; a point of a beam that is not on its axis.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.structure.GROUND.at(1.5)
+    GROUND.at(1.5, 0)
+    """
 
     body: "Ground | RigidBody | Beam"
     x: float
@@ -76,7 +187,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Ground:
-    """The inertial frame."""
+    """The inertial frame: what does not move. `boomctl.structure.GROUND` is the one there is."""
 
     name: ClassVar[str] = "ground"
 
@@ -84,7 +195,23 @@ class Ground:
         return "GROUND"
 
     def at(self, x: float, y: float = 0.0) -> Point:
-        """Return the point that stands at ``(x, y)``."""
+        """Return the point of the ground at ``(x, y)``.
+
+        Parameters
+        ----------
+        x, y : float
+            Its position [m].
+
+        Returns
+        -------
+        Point
+            It does not move.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not finite numbers.
+        """
         return Point(self, x, y)
 
 
@@ -93,20 +220,35 @@ GROUND = Ground()
 
 @dataclass(frozen=True)
 class RigidBody:
-    """A rigid body.
+    """A rigid body that hangs on its parent by a joint.
 
     Parameters
     ----------
     name : str
         Its coordinates are called ``name.y``, ``name.theta``, ``name.slide``, ...
     parent : Point
-        Where on which body its joint sits.
+        Point of another body, or of the ground, at which its joint sits.
     joint : Joint
-        What it may do there.
+        How the body may move relative to its parent at that point.
     mass, inertia : float
         Mass [kg] and moment of inertia about the centre of mass [kg m^2]; zero is allowed.
     centre : (float, float), optional
         Centre of mass at rest [m]; by default the joint.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Something else than a name; another kind of parent or joint; a negative mass or inertia; a centre that is not two
+        numbers.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> s = bc.structure
+    >>> rod = s.RigidBody("rod", s.GROUND.at(0.0), s.revolute(), mass=3.0, inertia=0.25, centre=(0.5, 0.0))
+    >>> machine = s.Assembly((rod,), (s.SpringDamper(rod.at(1.0), s.GROUND.at(1.0), "y", stiffness=100.0),))
+    >>> machine.assemble().eigenfrequencies_hz(1).round(4)  # 10/(2 pi): the inertia about the hinge is 1 kg m^2
+    array([1.5915])
     """
 
     name: str
@@ -128,7 +270,23 @@ class RigidBody:
     __repr__ = compact
 
     def at(self, x: float, y: float = 0.0) -> Point:
-        """Return the point of the body that rests at ``(x, y)``."""
+        """Return the point of the body that is at ``(x, y)`` when the machine rests.
+
+        Parameters
+        ----------
+        x, y : float
+            Its position at rest [m]; it need not be within the body.
+
+        Returns
+        -------
+        Point
+            It moves and turns with the body.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not finite numbers.
+        """
         return Point(self, x, y)
 
 
@@ -148,6 +306,17 @@ class BeamSection:
         ``E I`` [N m^2].
     damping : float
         Stiffness-proportional structural damping ``c_b`` [s]: bending moment ``E I (kappa + c_b kappa')``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A length, mass or stiffness that is not above zero; a negative damping.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.structure.BeamSection(length=3.0, mass_per_length=3.5, bending_stiffness=20e3).damping
+    0.0
     """
 
     length: float
@@ -170,13 +339,18 @@ class BeamSection:
         Parameters
         ----------
         length : float
-            Of the stretch [m].
+            Length of the stretch [m].
         section : CrossSection
-            From `tube_section`, `round_tube_section`, `bar_section`, `rod_section` or `i_section`.
+            What `tube_section`, `round_tube_section`, `bar_section`, `rod_section` or `i_section` returns.
         youngs_modulus, density : float
-            Of the material [Pa], [kg/m^3].
+            Young's modulus [Pa] and density [kg/m^3] of the material.
         damping : float
-            As of `BeamSection` [s].
+            Stiffness-proportional structural damping, as for `BeamSection` [s].
+
+        Returns
+        -------
+        BeamSection
+            With ``rho A`` and ``E I`` of that section and material.
 
         Raises
         ------
@@ -185,8 +359,10 @@ class BeamSection:
 
         Examples
         --------
-        >>> from boomctl.structure import tube_section
-        >>> round(BeamSection.from_cross_section(3.0, tube_section(0.04, 0.04, 0.003), 210e9, 7850.0).mass_per_length, 6)
+        >>> import boomctl as bc
+        >>> steel = {"youngs_modulus": 210e9, "density": 7850.0}
+        >>> tube = bc.structure.tube_section(0.04, 0.04, 0.003)
+        >>> round(bc.structure.BeamSection.from_cross_section(3.0, tube, **steel).mass_per_length, 4)
         3.4854
         """
         given = instance("section", section, CrossSection)
@@ -211,17 +387,36 @@ class Beam:
     name : str
         Its coordinates are called ``name.w3`` (transverse displacement of node 3) and ``name.phi3`` (slope).
     parent : Point
-        Where its joint sits; the point must lie on the beam.
+        Point of another body, or of the ground, at which its joint sits; it must lie on the beam.
     joint : Joint
-        What it may do there.
+        How the beam may move relative to its parent at that point.
     start : (float, float)
-        Where station 0 rests [m].
+        Where the beam begins at rest [m]; stations are counted from there.
     sections : sequence of BeamSection
-        The stretches from the start on.
-    discretization : Discretization
-        How the beam is turned into coordinates.
+        The stretches, one after the other from the start.
+    discretization : FiniteElements or DiscreteElements
+        How the beam is turned into coordinates; any object with a method ``mesh`` like theirs will do.
     angle : float
-        Direction of the beam's axis at rest [rad, from the x axis]; the transverse direction is 90 degrees further.
+        Direction of the beam's axis at rest, from the x axis [rad]; the transverse direction is 90 degrees further.
+
+    Attributes
+    ----------
+    length : float
+        Sum of the lengths of the sections [m].
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of parent, joint, section or discretisation; no section; a parent that does not lie on the beam.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> s = bc.structure
+    >>> stretch = s.BeamSection(length=2.0, mass_per_length=3.0, bending_stiffness=5e3)
+    >>> beam = s.Beam("beam", s.GROUND.at(0.0), s.fixed(), (0.0, 0.0), (stretch,), s.FiniteElements(8))
+    >>> s.Assembly((beam,)).assemble().eigenfrequencies_hz(2).round(3)  # of a cantilever
+    array([ 5.711, 35.795])
     """
 
     name: str
@@ -252,7 +447,23 @@ class Beam:
     __repr__ = compact
 
     def station(self, x: float, y: float) -> float:
-        """Return how far along the beam the point at ``(x, y)`` rests; a point off the beam is an error."""
+        """Return how far along the beam the point at ``(x, y)`` lies at rest.
+
+        Parameters
+        ----------
+        x, y : float
+            Position at rest [m].
+
+        Returns
+        -------
+        float
+            Distance from the beam's start [m].
+
+        Raises
+        ------
+        ValueError
+            The point is not on the beam's axis.
+        """
         dx, dy = x - self.start[0], y - self.start[1]
         along, across = dx * cos(self.angle) + dy * sin(self.angle), dy * cos(self.angle) - dx * sin(self.angle)
         slack = 1e-9 * self.length
@@ -264,11 +475,43 @@ class Beam:
         return min(max(along, 0.0), self.length)
 
     def at(self, x: float, y: float = 0.0) -> Point:
-        """Return the point of the beam that rests at ``(x, y)``."""
+        """Return the point of the beam that is at ``(x, y)`` when the machine rests.
+
+        Parameters
+        ----------
+        x, y : float
+            Position at rest [m], on the beam's axis.
+
+        Returns
+        -------
+        Point
+            It moves with the beam's axis and turns with its slope.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not finite numbers, or the point is not on the beam's axis.
+        """
         return Point(self, x, y)
 
     def at_station(self, station: float) -> Point:
-        """Return the point of the beam that rests ``station`` [m] from its start."""
+        """Return the point of the beam at a distance from its start.
+
+        Parameters
+        ----------
+        station : float
+            Distance from the start along the axis [m].
+
+        Returns
+        -------
+        Point
+            It moves with the beam's axis and turns with its slope.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not a finite number, negative, or beyond the beam's end.
+        """
         station = real("station", station)
         return Point(self, self.start[0] + station * cos(self.angle), self.start[1] + station * sin(self.angle))
 
@@ -299,18 +542,33 @@ def _check_pair(a: Point, b: Point, what: str, direction: "str | float") -> None
 
 @dataclass(frozen=True)
 class SpringDamper:
-    """A linear spring and viscous damper between points of two bodies.
+    """A linear spring and a viscous damper, side by side, between points of two bodies.
 
     Parameters
     ----------
     a, b : Point
         Its ends; its elongation is the displacement of ``a`` less that of ``b`` along ``direction``.
     direction : "x", "y", "theta" or float
-        Line of action; ``"theta"`` makes it rotational, a number is an angle from the x axis [rad].
+        Line along which it acts; a number is an angle from the x axis [rad]; ``"theta"`` makes it a torsion spring.
     stiffness : float
-        [N/m], or [N m/rad] if rotational.
+        Force over elongation [N/m]; for ``"theta"`` torque over angle [N m/rad].
     damping : float
-        [N s/m], or [N m s/rad] if rotational.
+        Force over rate [N s/m]; for ``"theta"`` torque over turning rate [N m s/rad].
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not points of two bodies; an unknown direction; a negative stiffness or damping.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> s = bc.structure
+    >>> mass = s.RigidBody("mass", s.GROUND.at(0.0), s.prismatic(), mass=2.0)
+    >>> spring = s.SpringDamper(mass.at(0.0), s.GROUND.at(0.0), "y", stiffness=50.0, damping=0.4)
+    >>> model = s.Assembly((mass,), (spring,)).assemble()
+    >>> model.M, model.C, model.K
+    (array([[2.]]), array([[0.4]]), array([[50.]]))
     """
 
     a: Point
@@ -329,7 +587,34 @@ class SpringDamper:
 
 @dataclass(frozen=True)
 class Force:
-    """A force (or torque, direction ``"theta"``) input on ``point``, with its reaction on another body if given."""
+    """An input of the machine: a force or a torque on a point.
+
+    Parameters
+    ----------
+    name : str
+        Name of the input.
+    point : Point
+        Point at which it acts.
+    direction : "x", "y", "theta" or float
+        Its direction [N]; a number is an angle from the x axis [rad]; ``"theta"`` makes it a torque [N m].
+    reaction : Point, optional
+        A point of another body that feels the opposite force, as with an actuator between two bodies.  Without one, the
+        force acts from outside.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Something else than a name; not points of two bodies; an unknown direction.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> s = bc.structure
+    >>> mass = s.RigidBody("mass", s.GROUND.at(0.0), s.prismatic(), mass=2.0)
+    >>> push, place = s.Force("push", mass.at(0.0)), s.Output("place", mass.at(0.0))
+    >>> s.Assembly((mass,), forces=(push,), outputs=(place,)).assemble().inputs
+    ('push',)
+    """
 
     name: str
     point: Point
@@ -348,10 +633,36 @@ class Force:
 
 @dataclass(frozen=True)
 class Output:
-    """A measured motion: of ``point`` along ``direction``, less that of ``relative_to`` if given.
+    """An output of the machine: a measured motion.
 
-    ``derivative`` is 0 for displacement, 1 for velocity, 2 for acceleration.  ``bandwidth_hz`` puts a second-order
-    low-pass filter (damping ratio ``1/sqrt 2``) behind it, as in a band-limited accelerometer.
+    Parameters
+    ----------
+    name : str
+        Name of the output.
+    point : Point
+        The point whose motion is measured.
+    direction : "x", "y", "theta" or float
+        Direction of the motion [m]; a number is an angle from the x axis [rad]; ``"theta"`` reads the turn [rad].
+    relative_to : Point, optional
+        A point whose motion along the same direction is taken off, as with a sensor between two bodies.
+    derivative : 0, 1 or 2
+        Displacement, velocity or acceleration.
+    bandwidth_hz : float, optional
+        Puts a second-order low-pass filter (damping ratio ``1/sqrt 2``) of this bandwidth [Hz] behind it, as in an
+        accelerometer.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Something else than a name; not a point; an unknown direction; another derivative; a bandwidth not above zero.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> s = bc.structure
+    >>> mass = s.RigidBody("mass", s.GROUND.at(0.0), s.prismatic(), mass=2.0)
+    >>> s.Output("acceleration", mass.at(0.0), derivative=2, bandwidth_hz=50.0).derivative
+    2
     """
 
     name: str
@@ -377,7 +688,30 @@ class Output:
 
 @dataclass(frozen=True)
 class CutJoint:
-    """A joint that closes a kinematic chain: points ``a`` and ``b`` stay together along ``directions``."""
+    """A joint that closes a kinematic chain: its two points stay together.
+
+    Parameters
+    ----------
+    a, b : Point
+        Points of two bodies, at one place at rest.
+    directions : tuple of "x", "y", "theta" or float
+        Along which the points stay together; both ``"x"`` and ``"y"`` make a hinge, with ``"theta"`` a weld.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not points of two bodies; points that do not rest at one place; no direction or an unknown one.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> s = bc.structure
+    >>> left = s.RigidBody("left", s.GROUND.at(0.0), s.revolute(), 1.0, 0.1)
+    >>> right = s.RigidBody("right", s.GROUND.at(2.0), s.revolute(), 1.0, 0.1)
+    >>> pin = s.CutJoint(left.at(1.0), right.at(1.0), directions=("y",))
+    >>> s.Assembly((left, right), cuts=(pin,)).assemble().n  # two angles, one of them bound to the other
+    1
+    """
 
     a: Point
     b: Point

@@ -126,8 +126,24 @@ def design_names(*kinds: str) -> tuple[str, ...]:
 
     Parameters
     ----------
-    kinds : str
-        "suspension", "slew"; both unless given.
+    kinds : "suspension", "machine" or "slew"
+        Kinds of designs; all unless given.
+
+    Returns
+    -------
+    tuple of str
+        Names that :func:`load_design` takes.
+
+    Raises
+    ------
+    ValueError
+        Another word.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.design_names("slew")
+    ('min_time_slew', 'robust_payload_slew', 'spin_up_slew')
     """
     for kind in kinds:
         if not (isinstance(kind, str) and kind in KINDS):
@@ -190,8 +206,12 @@ def load_design(name: str) -> "SuspensionDesign | MachineDesign | SlewDesign":
 
     Examples
     --------
-    >>> load_design("passive_tuning").parameters.spring_stiffness < 1100.0
-    True
+    >>> import boomctl as bc
+    >>> design = bc.load_design("lqr_suspension")
+    >>> design.controller.output_labels
+    ['suspension_left', 'suspension_right']
+    >>> design.facts["slowest pole"]
+    '-0.685 rad/s'
     """
     if not isinstance(name, (str, Path)):
         raise TypeError(f"name: expected the name of a design or a file, got {type(name).__name__}")

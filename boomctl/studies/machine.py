@@ -33,27 +33,38 @@ class MachineDesign:
     Attributes
     ----------
     name, title : str
-        In one word, and in a line.
+        A name in one word, and what it is in a line.
     plant : SecondOrderModel or control.StateSpace
-        Signals named.
+        The machine, signals named.
     controller : control.StateSpace
         ``u = K y`` in continuous time; its inputs are outputs of the plant, its outputs inputs of it.
     inputs, outputs : str or sequence of str, optional
-        Between which signals of the plant the loop is judged; by default from all inputs that the controller does not
+        Signals of the plant between which the loop is judged; by default from all inputs that the controller does not
         drive to all outputs.
     sample_time : float, optional
-        For C code of the controller [s]; without, there is none.
+        Sampling time of C code of the controller [s]; without one, there is none.
     force_limit : float, optional
-        Of each control, for C code.
+        Largest value of each control, for C code.
     facts : mapping of str to str
         What synthesis and reduction say of themselves.
     notes : tuple of str
-        What a reader should know.
+        What a reader of the report should know.
 
     Raises
     ------
     TypeError, ValueError
         Other kinds of system; signals that do not meet.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> boom = bc.spray_boom().select(["actuator_left", "suspension_left"], ["tip_left", "stroke_left"])
+    >>> signals = {"inputs": "stroke_left", "outputs": "suspension_left"}
+    >>> damper = control.ss([[-30.0]], [[30.0]], [[3000.0]], [[-3000.0]], **signals)
+    >>> design = bc.MachineDesign("damper", "a damper at the left spring", boom, damper)
+    >>> design.controller.input_labels
+    ['stroke_left']
     """
 
     name: str
@@ -83,6 +94,16 @@ class MachineDesign:
     def scene(**options: Any) -> None:
         """Return the scene: a machine of one's own has none.
 
+        Parameters
+        ----------
+        options
+            None are taken.
+
+        Returns
+        -------
+        None
+            Nothing.
+
         Raises
         ------
         ValueError
@@ -94,10 +115,20 @@ class MachineDesign:
     def evaluate(self, scene: None = None) -> MachineResult:
         """Judge the design: peaks without and with the controller, stability, margins.
 
+        Parameters
+        ----------
+        scene : None
+            A machine of one's own has no scene.
+
+        Returns
+        -------
+        MachineResult
+            What was found, as text and for a report.
+
         Raises
         ------
         TypeError, ValueError
-            As of :func:`boomctl.sigma` and :func:`boomctl.margins`.
+            As for :func:`boomctl.sigma` and :func:`boomctl.margins`.
         """
         loop = joined(self.plant, self.controller)
         inputs = names("input", self.inputs, loop.disturbances)
@@ -123,10 +154,11 @@ class MachineResult:
     Attributes
     ----------
     design : MachineDesign
+        The design that was judged.
     before, after : SigmaResult
         Singular values without and with the controller, with certified peaks.
     margins : Margins or None
-        None of an unstable loop.
+        Margins of the loop; None where it is unstable.
     stable : bool
         Whether every pole of the closed loop decays, hidden ones included.
     """
@@ -153,7 +185,13 @@ class MachineResult:
         return f"{self.design.title}: {self.verdict}{facts}" + (f"\n{self.margins.render()}" if self.margins else "")
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the numbers, for JSON."""
+        """Return the numbers, for JSON.
+
+        Returns
+        -------
+        dict
+            Names, numbers and texts that JSON can hold.
+        """
         numbers: dict[str, Any] = {
             "design": self.design.name,
             "stable": self.stable,
@@ -166,7 +204,18 @@ class MachineResult:
         return numbers
 
     def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
-        """Return the report: pictures, margins, the controller in files; ``tell`` is told what comes next."""
+        """Return the report: pictures, margins, the controller in files.
+
+        Parameters
+        ----------
+        tell : callable, optional
+            Is told in words what comes next.
+
+        Returns
+        -------
+        Report
+            ``.write(folder)`` writes it.
+        """
         from boomctl.plotting.canvas import new_figure, picture
         from boomctl.plotting.sigma import plot_sigma
 
@@ -192,7 +241,13 @@ class MachineResult:
         return Report(f"Machine: {self.design.title}", (lead,), tuple(parts), self.as_dict(), files)
 
     def controller_files(self) -> dict[str, bytes | str]:
-        """Return the controller for other programs, as contents by name of file: JSON, MATLAB, C99 where it is sampled."""
+        """Return the controller for other programs: JSON, MATLAB, and C99 where it is sampled.
+
+        Returns
+        -------
+        dict of str to bytes or str
+            What the files hold, by their names.
+        """
         K, design = self.design.controller, self.design
         shared: dict[str, Any] = {
             "certificate": {"verdict": self.verdict},

@@ -18,7 +18,19 @@ _NOISE = 1e-13  # share of all performance rows below which one of them is what 
 
 
 class SynthesisError(RuntimeError):
-    """No controller could be computed and verified; the message says which assumption fails, and at which signal."""
+    """No controller could be computed and verified; the message says which assumption fails, and at which signal.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> hidden = control.ss([[1.0]], [[0.0]], [[1.0]], 0.0, inputs="u", outputs="y")
+    >>> try:
+    ...     bc.lqr(hidden, 1.0, 1.0)
+    ... except bc.SynthesisError as error:
+    ...     print(str(error).split(":")[0])
+    not stabilisable
+    """
 
 
 def check_stabilizable(A: Array, B: Array, controls: Sequence[str], states: Sequence[str], dt: float = 0.0) -> None:

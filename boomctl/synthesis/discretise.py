@@ -26,7 +26,7 @@ def discretize(
     controller : control.StateSpace
         In continuous time.
     sample_time : float
-        [s]
+        Time between samples [s].
     method : "tustin" or "zoh"
         Trapezoidal rule (keeps the frequency response, but for a warped axis), or exact for inputs held between samples
         (delays them by half a sample).
@@ -48,9 +48,10 @@ def discretize(
 
     Examples
     --------
+    >>> import boomctl as bc
     >>> import control
     >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="stroke", outputs="force")
-    >>> discretize(lag, 0.1).A.round(4)
+    >>> bc.discretize(lag, 0.1).A.round(4)
     array([[0.8182]])
     """
     poles = of(controller, "controller", "StateSpace").poles

@@ -42,7 +42,8 @@ class RobustStability:
     Attributes
     ----------
     proved : bool
-        Stable at every point of the box: no pole touches the imaginary axis in any of the cells that cover it.
+        Whether the loop is proved stable at every point of the box: no pole touches the imaginary axis in any of the
+        cells that cover it.
     unstable_at : dict or None
         Parameter values at which the loop is unstable, if such were found.
     cells : int
@@ -50,7 +51,7 @@ class RobustStability:
     abscissa : float
         Largest real part of the poles at the points tried [rad/s]; a lower bound of that over the box.
     worst : dict
-        Parameter values at which that is so.
+        Parameter values at which the largest real part was found.
     reason : str
         Why the proof was given up, and where; empty where it was not.
     """
@@ -66,7 +67,13 @@ class RobustStability:
         return sentence("RobustStability", self.render())
 
     def render(self) -> str:
-        """Return the verdict as text."""
+        """Return the verdict as text.
+
+        Returns
+        -------
+        str
+            A sentence.
+        """
         if self.unstable_at is not None:
             return f"unstable at {_listed(self.unstable_at)} (pole with real part {self.abscissa:.4g} rad/s)"
         verdict = "stable over the whole box, proved" if self.proved else "stable where tried, but not proved,"
@@ -81,11 +88,11 @@ class StructuredMargin:
     Attributes
     ----------
     stable_up_to : float
-        Proved stable over the box enlarged by this factor.
+        The loop is proved stable over the box enlarged by this factor.
     unstable_at : float
-        Unstable at a point of the box enlarged by this factor; ``inf`` if none was found.
+        The loop is unstable at a point of the box enlarged by this factor; ``inf`` if none was found.
     unstable_values : dict or None
-        That point.
+        Parameter values of that point.
     """
 
     stable_up_to: float
@@ -106,7 +113,13 @@ class StructuredMargin:
         return sentence("StructuredMargin", self.render())
 
     def render(self) -> str:
-        """Return both bounds as text."""
+        """Return both bounds as text.
+
+        Returns
+        -------
+        str
+            A sentence.
+        """
         proved = f"proved stable over the box enlarged {self.stable_up_to:.4g} times"
         if self.unstable_values is None:
             return f"{proved}; no instability found"
@@ -120,13 +133,13 @@ class WorstCase:
     Attributes
     ----------
     norm : NormCertificate
-        At the worst point found; infinite where the loop is unstable.
+        The norm at the worst point found; infinite where the loop is unstable.
     values : dict
-        That point.
+        Parameter values of that point.
     nominal : NormCertificate
-        In the middle of the box.
+        The norm in the middle of the box.
     evaluations : int
-        Points tried.
+        Number of points tried.
     """
 
     norm: NormCertificate
@@ -138,7 +151,13 @@ class WorstCase:
         return sentence("WorstCase", self.render())
 
     def render(self) -> str:
-        """Return the worst case found as text."""
+        """Return the worst case found as text.
+
+        Returns
+        -------
+        str
+            A sentence.
+        """
         where = f"at {_listed(self.values)} and {self.norm.omega:.4g} rad/s"
         middle = f"in the middle of the box {self.nominal.lower:.5g}"
         return f"H-infinity norm up to {self.norm.lower:.5g} {where}; {middle}; {self.evaluations} points tried"
@@ -185,19 +204,33 @@ def robust_stability(
     Parameters
     ----------
     family : AffineFamily
-        Its controls are forces.
+        The plants, such as :func:`boomctl.boom_family` returns; its controls are forces.
     controller : control.StateSpace
-        Its inputs are outputs of the family, its outputs inputs of it.
+        ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.
     max_cells : int
-        After so many neither is claimed.
+        Largest number of cells; after so many neither stability nor instability is claimed.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
+
+    Returns
+    -------
+    RobustStability
+        Whether it was proved, or parameter values at which the loop is unstable.
 
     Raises
     ------
     TypeError, ValueError
         Other kinds of system; names that do not meet; controls that impose motion.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> family = bc.boom_family(half="yaw")
+    >>> spring = control.ss([], [], [], [[-100.0]], inputs="stroke_anti", outputs="suspension_anti")
+    >>> bc.robust_stability(family, spring).proved
+    True
     """
     limit = whole("max_cells", max_cells)
     loops = _loops(family, controller)
@@ -274,19 +307,39 @@ def structured_margin(
 ) -> StructuredMargin:
     """Return how many times the box may grow about its middle before the loop ``u = K y`` becomes unstable.
 
-    Bisected: from above by unstable points found, from below by proof.
+    It is found by bisection: from above by unstable points, from below by proof.
 
     Parameters
     ----------
     family, controller, max_cells
-        As of :func:`robust_stability`.
+        As for :func:`robust_stability`.
     largest : float
-        The box is not enlarged beyond this factor; what then has no known instability has ``unstable_at = inf``.
+        The box is not enlarged beyond this factor; where no instability is known up to there, ``unstable_at = inf``.
     tolerance : float
         Wanted relative distance of the two bounds.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
+
+    Returns
+    -------
+    StructuredMargin
+        A factor up to which the loop is proved stable, and one at which it is unstable.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for :func:`robust_stability`; a factor or a tolerance out of range.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> family = bc.yaw_family(half="yaw")  # springs of 1100 to 2375 N/m
+    >>> spring = control.ss([], [], [], [[-100.0]], inputs="stroke_anti", outputs="suspension_anti")
+    >>> margin = bc.structured_margin(family, spring)
+    >>> round(margin.stable_up_to, 1), round(margin.unstable_at, 1)
+    (2.8, 2.9)
     """
     top, close, limit = positive("largest", largest), positive("tolerance", tolerance), whole("max_cells", max_cells)
     loops = _loops(family, controller)
@@ -335,18 +388,38 @@ def worst_case(
 ) -> WorstCase:
     """Return the largest H-infinity norm of the loop ``u = K y`` found over a box of parameters, certified where found.
 
-    A search over the box's lattice and a pattern search from its worst point: a lower bound of the worst case.
+    Points of a grid over the box are tried, then the neighbourhood of the worst of them: a lower bound of the worst case.
 
     Parameters
     ----------
     family, controller
-        As of :func:`robust_stability`.
+        As for :func:`robust_stability`.
     inputs, outputs : str or sequence of str, optional
-        Between which signals of the closed loop (:func:`boomctl.feedback_loop`); by default from all disturbances to
-        all outputs of the family.
+        Signals of the closed loop (:func:`boomctl.feedback_loop`) between which the norm is taken; by default from all
+        disturbances to all outputs of the family.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
+
+    Returns
+    -------
+    WorstCase
+        The norm, the parameter values at which it was found, and the norm in the middle of the box.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for :func:`robust_stability`; unknown signals.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}
+    >>> damper = control.ss([[-30.0]], [[30.0]], [[3000.0]], [[-3000.0]], **signals)  # 100 N s/m
+    >>> worst = bc.worst_case(bc.yaw_family(half="yaw"), damper, "actuator_anti", "tip_anti")
+    >>> round(worst.nominal.lower, 1), round(worst.norm.lower, 1)
+    (76.1, 97.7)
     """
     _loops(family, controller)
 

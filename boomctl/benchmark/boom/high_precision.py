@@ -188,7 +188,7 @@ def _of_sides(symmetric: Array, antisymmetric: Array) -> Array:
 
 
 def exact_response(p: BoomParameters, omega: Array, digits: int = DIGITS) -> Array:
-    """Return the response of the boom with an exact beam, (outputs, inputs, frequencies); signals as of ``spray_boom``.
+    """Return the response of the boom with an exact beam, (outputs, inputs, frequencies); signals as for ``spray_boom``.
 
     Parameters
     ----------

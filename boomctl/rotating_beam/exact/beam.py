@@ -53,6 +53,11 @@ class GeometricallyExactBeam(HubBeam):
     modes : int
         Number of polynomials of curvature, and of stretch, on each span; 1 to 60.
 
+    Attributes
+    ----------
+    model : str
+        ``"geometrically-exact"``.
+
     Raises
     ------
     TypeError, ValueError
@@ -95,7 +100,23 @@ class GeometricallyExactBeam(HubBeam):
         return critical_speed(self.basis)
 
     def shape(self, states: ArrayLike) -> Array:
-        """Positions x + i y in fixed axes for k states, from the clamp through the Gauss points to the free end, m."""
+        """Return where the beam is, in fixed axes.
+
+        Parameters
+        ----------
+        states : (k, n) array_like
+            States in the order of `state_names`; one state, or one a row.
+
+        Returns
+        -------
+        (k, points) complex ndarray
+            Positions ``x + i y`` from the clamp through the Gauss points to the free end [m].
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not finite, or not as many numbers as states.
+        """
         return self.dynamics.positions(self._states(states)[:, : self._size])
 
     @property

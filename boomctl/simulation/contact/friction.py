@@ -25,18 +25,31 @@ class CoulombFriction:
     force : float
         Friction force while sliding [N].
     static_force : float, optional
-        What must be exceeded to break away [N]; by default ``force``.
+        Force that must be exceeded to break away [N]; by default ``force``.
     input : str
-        Force input of the plant through which friction acts.
+        Name of the force input of the plant through which friction acts.
     output : str
-        Slip: the displacement on which that force does work.
+        Name of the slip: the displacement on which that force does work.
     substeps : int
-        Steps from one point of the grid to the next.
+        Number of steps of the computation from one instant asked for to the next.
+
+    Attributes
+    ----------
+    breakaway : float
+        Largest force that holds [N].
 
     Raises
     ------
     TypeError, ValueError
         A force not positive, ``static_force`` below ``force``, fewer than one step.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.CoulombFriction(3.0, static_force=4.0).breakaway
+    4.0
+    >>> bc.CoulombFriction(3.0).breakaway
+    3.0
     """
 
     force: float

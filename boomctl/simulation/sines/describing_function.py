@@ -75,7 +75,7 @@ class SineResponse:
         return singular_values(self.response[:, None, :])[0]
 
     def plot(self, ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
-        """Draw the gain of each output and the slip over frequency; return the axes.  Hollow markers: the contact sticks.
+        """Draw the gain of each output and the slip over frequency.  Hollow markers: the contact sticks.
 
         Parameters
         ----------
@@ -85,6 +85,11 @@ class SineResponse:
             Of the frequency axis, by default Hz.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_sines(self, ax, unit=unit, **style)
 
@@ -125,26 +130,44 @@ def describing_function(
     amplitude: float,
     outputs: str | Sequence[str] | None = None,
 ) -> SineResponse:
-    """Return the response of a plant with friction to sines, by harmonic balance.
+    """Return the response of a plant with friction to sines, by harmonic balance (a describing function).
+
+    Friction is replaced by the fundamental of its force at the slip that results.
 
     Parameters
     ----------
     plant : SecondOrderModel or control.StateSpace
+        The plant without friction, in continuous time.
     friction : CoulombFriction
-        Its static force is not used: a sine in balance does not know of break-away.
+        Where friction acts.  Its static force is not used: a sine in balance does not know of break-away.
     omega : array_like
         Angular frequencies [rad/s], above zero.
     excitation : str or mapping from input to complex
-        The input that is shaken, or a pattern of several, whose length is scaled to one.
+        The input that is shaken, or a pattern of several inputs, whose length is scaled to one.
     amplitude : float
-        Amplitude of the excitation.
+        Amplitude of the excitation, in the unit of the input.
     outputs : str or sequence of str, optional
-        By default all.
+        Outputs that are read; by default all.
+
+    Returns
+    -------
+    SineResponse
+        Fundamentals of the outputs per unit excitation, the slip, and where the contact sticks.
 
     Raises
     ------
     TypeError, ValueError
         Unknown signals, amplitude or frequencies not above zero, an undamped resonance among these.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> dry = bc.CoulombFriction(3.0)
+    >>> for amplitude in (0.001, 0.01, 0.1):  # m: the larger the motion, the less friction matters
+    ...     print(bc.describing_function(bc.spray_boom(), dry, [9.0], "actuator_left", amplitude).gain.round(3))
+    [0.935]
+    [1.43]
+    [1.487]
     """
     grid, size, law = positive_grid(omega), positive("amplitude", amplitude), friction_law(friction)
     excited, shape = sine_pattern(plant_inputs(plant), excitation)

@@ -57,9 +57,10 @@ def swept_sine(
     plant, friction, omega, excitation, amplitude, outputs
         As for :func:`describing_function`; break-away at ``static_force`` is simulated.
     steps : int
-        Steps a period, 16 to 10,000; more are taken at frequencies so low that a step would be long for the plant.
+        Steps of the computation in a period, 16 to 10,000; more are taken at frequencies so low that a step would be long
+        for the plant.
     periods : int
-        Most periods, at most 10,000.
+        Largest number of periods simulated at each frequency, at most 10,000.
     tolerance : float
         Change of the response from one window of periods to the next, relative to its size, at which it counts as
         steady.
@@ -67,12 +68,21 @@ def swept_sine(
     Returns
     -------
     SineResponse
-        ``settled`` says how steady each frequency was at the end.
+        Fundamentals of the outputs per unit excitation, the slip, and where the contact sticks; ``settled`` says how steady
+        each frequency was at the end.
 
     Raises
     ------
     TypeError, ValueError
         Unknown signals; amplitude, frequencies or tolerance not above zero; too few steps or periods.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> dry = bc.CoulombFriction(3.0)
+    >>> found = bc.swept_sine(bc.spray_boom(), dry, [9.0], "actuator_left", 0.01, steps=50)
+    >>> found.gain.round(2), bool(found.stuck[0])
+    (array([1.42]), False)
     """
     grid, size, law = positive_grid(omega), positive("amplitude", amplitude), friction_law(friction)
     count, most = whole("steps", steps, 16, _MOST), whole("periods", periods, _LEAST_PERIODS, _MOST)
@@ -253,26 +263,37 @@ def sine_sigma(
     outputs: str | Sequence[str] | None = None,
     method: str = "swept",
 ) -> Array:
-    """Return the singular values of a plant with friction, as they are measured: from independent patterns of sines.
+    """Return the singular values of a plant with friction as they are measured: from independent patterns of sines.
 
     Each pattern is applied on its own; the response matrix is what takes the patterns to the responses.
 
     Parameters
     ----------
+    plant, friction, omega, amplitude, outputs
+        As for :func:`describing_function`.
     patterns : sequence of mapping from input to complex
         As many independent patterns as there are inputs excited.
     method : "swept" or "balance"
-        :func:`swept_sine` or :func:`describing_function`.
+        How the responses are found: by :func:`swept_sine` or by :func:`describing_function`.
 
     Returns
     -------
     (k, n) ndarray
-        Descending.
+        Singular values at each of the ``n`` frequencies, descending.
 
     Raises
     ------
     TypeError, ValueError
         Patterns that depend on each other or are not as many as inputs; what the methods raise.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> both = [{"actuator_left": 1.0, "actuator_right": 1.0}, {"actuator_left": -1.0, "actuator_right": 1.0}]
+    >>> dry = bc.CoulombFriction(3.0)
+    >>> bc.sine_sigma(bc.spray_boom(), dry, [9.0], both, 0.01, ["tip_left", "tip_right"], method="balance").round(3)
+    array([[0.679],
+           [0.444]])
     """
     known("method", method, ("swept", "balance"))
     if not isinstance(patterns, Sequence) or not all(isinstance(pattern, Mapping) for pattern in patterns):

@@ -22,15 +22,16 @@ _INTERVALS = 200  # on which a smooth torque is held: its steps are a hundredth 
 
 @dataclass(frozen=True, eq=False)
 class Shaper:
-    """A train of impulses.
+    """A train of impulses that shapes a torque, so that it leaves little of one vibration.
 
     Attributes
     ----------
     name : str
+        "none", "ZV", "ZVD" or "EI".
     times : ndarray
-        s; the first is 0.
+        Instants of the impulses [s]; the first is 0.
     amplitudes : ndarray
-        They add up to one.
+        Their sizes; they add up to one.
     """
 
     name: str
@@ -40,7 +41,20 @@ class Shaper:
     __repr__ = compact
 
     def residual(self, frequency: float, damping_ratio: float = 0.0) -> float:
-        """Vibration that is left of that after one impulse, at an angular frequency [rad/s]."""
+        """Return the vibration that is left after the train, as a share of that after one impulse.
+
+        Parameters
+        ----------
+        frequency : float
+            Angular frequency of the vibration [rad/s].
+        damping_ratio : float
+            Its damping ratio.
+
+        Returns
+        -------
+        float
+            0 where nothing is left, 1 where the train does no better than one impulse.
+        """
         s = -damping_ratio * frequency + 1j * frequency * math.sqrt(1.0 - damping_ratio**2)
         return float(abs(np.sum(self.amplitudes * np.exp(s * (self.times[-1] - self.times)))))
 
@@ -55,24 +69,38 @@ _TRAINS: dict[str, Callable[[float, float], list[float]]] = {
 
 
 def shaper(name: str, frequency: float, damping_ratio: float = 0.0, level: float = 0.05) -> Shaper:
-    """Return a shaper against one vibration.
+    """Return a shaper: a train of impulses against one vibration.
 
     Parameters
     ----------
     name : str
-        "none", "ZV", "ZVD" or "EI".
+        "none", "ZV" (zero vibration), "ZVD" (zero vibration and derivative) or "EI" (extra-insensitive).
     frequency : float
-        Undamped angular frequency, rad/s.
+        Undamped angular frequency of the vibration [rad/s].
     damping_ratio : float
-        Below 1.
+        Damping ratio of the vibration, below 1.
     level : float
         Of EI: the vibration that it tolerates at the frequency itself, as a share. Without damping it is exact; with little
         damping it is the usual approximation, the amplitudes weighted by the decay.
 
+    Returns
+    -------
+    Shaper
+        Instants and sizes of the impulses.
+
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         If the name is unknown or a number out of its range.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> train = bc.slew.shaper("ZV", frequency=2.0)
+    >>> train.times.round(4), train.amplitudes.round(4)
+    (array([0.    , 1.5708]), array([0.5, 0.5]))
+    >>> round(train.residual(2.0), 6), round(train.residual(2.2), 3)  # at the frequency, and 10 % above
+    (0.0, 0.156)
     """
     known("shaper", name, _TRAINS)
     zeta = nonnegative("damping_ratio", damping_ratio)
@@ -87,7 +115,7 @@ def shaper(name: str, frequency: float, damping_ratio: float = 0.0, level: float
 
 
 def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, torque_limit: float) -> TorqueHistory:
-    """Torque that turns a rigid body from rest to rest, shaped.
+    """Return a torque that turns a rigid body from rest to rest, shaped.
 
     Parameters
     ----------
@@ -95,17 +123,31 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
         "bang-bang"; "smoothed", a bang-bang that rises, turns and falls by cubics, the rise a tenth of the duration
         (Junkins, Rahman and Bang 1991); or "versine": ``sin(2 pi t / T)``, under which the speed is a versine.
     train : Shaper
+        What `shaper` returns.
     angle : float
-        rad.
+        Angle to turn through [rad].
     inertia : float
-        kg m^2.
+        Moment of inertia of the body [kg m^2].
     torque_limit : float
-        N m; the torque before shaping reaches it, and shaping with positive amplitudes does not exceed it.
+        The torque before shaping reaches it [N m], and shaping with positive amplitudes does not exceed it.
+
+    Returns
+    -------
+    TorqueHistory
+        The torque over time; ``.plot()`` draws it.
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         If the shape is unknown or a number out of its range.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> train = bc.slew.shaper("ZV", frequency=2.0)
+    >>> push = bc.slew.classical_torque("bang-bang", train, angle=1.0, inertia=100.0, torque_limit=50.0)
+    >>> round(push.duration, 3), round(push.peak, 3)  # s, N m
+    (4.399, 25.0)
     """
     known("shape", shape, ("bang-bang", "smoothed", "versine"))
     if not isinstance(train, Shaper):
@@ -131,7 +173,7 @@ def classical_torque(shape: str, train: Shaper, angle: float, inertia: float, to
 
 
 def classical_spin_up(shape: str, train: Shaper, speed: float, inertia: float, torque_limit: float) -> TorqueHistory:
-    """Torque that spins a rigid body up from rest, shaped.
+    """Return a torque that spins a rigid body up from rest, shaped.
 
     Parameters
     ----------
@@ -139,13 +181,31 @@ def classical_spin_up(shape: str, train: Shaper, speed: float, inertia: float, t
         "constant"; or "smooth", ``1 - cos(2 pi t / T)``: what the hub's motion of Bai et al. (2009), Eq. (43), asks of a
         rigid body.
     train : Shaper
-    speed, inertia, torque_limit : float
-        rad/s, kg m^2, N m.
+        What `shaper` returns.
+    speed : float
+        Speed at the end [rad/s].
+    inertia : float
+        Moment of inertia of the body [kg m^2].
+    torque_limit : float
+        The torque before shaping reaches it [N m], and shaping with positive amplitudes does not exceed it.
+
+    Returns
+    -------
+    TorqueHistory
+        The torque over time; ``.plot()`` draws it.
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         If the shape is unknown or a number out of its range.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> plain = bc.slew.shaper("none", frequency=2.0)
+    >>> push = bc.slew.classical_spin_up("smooth", plain, speed=1.0, inertia=100.0, torque_limit=50.0)
+    >>> round(push.duration, 3), round(push.angular_momentum, 3)  # s, N m s
+    (4.0, 100.0)
     """
     known("shape", shape, ("constant", "smooth"))
     instance("train", train, Shaper)

@@ -31,21 +31,22 @@ class TrackingResult:
     Attributes
     ----------
     tip_mass : float
-        The true one, kg.
+        The true tip mass [kg].
     time : ndarray, k
-        s; beyond the end of the slew.
+        Instants, on beyond the end of the slew [s].
     gains : ndarray, m x n
-        Of the samples until the end: ``u = u_planned + K (x - x_planned)``, states in the plant's own order.
+        Gains of the feedback at the samples until the end: ``u = u_planned + K (x - x_planned)``, states in the plant's
+        own order.
     reference_angle, reference_tip : ndarray, k
-        As planned, rad and m.
+        Hub angle [rad] and tip displacement [m] as planned.
     torque, hub_angle, tip_displacement : ndarray, k
-        With feedback, N m, rad, m.
+        With feedback: torque [N m], hub angle [rad], tip displacement [m].
     open_torque, open_hub_angle, open_tip_displacement : ndarray, k
-        Without.
+        The same without feedback.
     final_angle_error, open_final_angle_error : float
-        At the last instant, rad, absolute.
+        Absolute error of the hub angle at the last instant, with and without feedback [rad].
     tip_swing, open_tip_swing : float
-        Largest tip displacement in the last slowest period, m.
+        Largest tip displacement in the last slowest period, with and without feedback [m].
     """
 
     tip_mass: float
@@ -70,7 +71,7 @@ class TrackingResult:
         return f"TrackingResult: tip mass {self.tip_mass:.4g} kg\n  {angle}\n  {swing}"
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
-        """Draw angle, tip and torque over time; return the axes.
+        """Draw angle, tip and torque over time.
 
         Parameters
         ----------
@@ -78,6 +79,11 @@ class TrackingResult:
             Where to draw: hub angle, tip displacement and torque; by default a new figure of pyplot.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_tracking(self, ax, **style)
 
@@ -91,18 +97,18 @@ def track(
     torque_margin: float = 1.5,
     error_weight: float = 1000.0,
 ) -> TrackingResult:
-    """Follow a slew of a hub-beam with another tip mass than the planned one.
+    """Follow a planned slew with feedback, by a hub-beam with another tip mass than the planned one.
 
     Parameters
     ----------
     result : SlewResult
-        Of a hub-beam.
+        A slew of a hub-beam.
     tip_mass : float
-        The true one, kg.
+        The true tip mass [kg].
     sample_time : float
-        The torque is held so long, s.
+        The torque is held so long [s].
     settle : float or None
-        Time after the slew, s; None: four of the slowest periods.
+        Time simulated after the slew [s]; None: four of the slowest periods.
     torque_margin : float
         The limit of the torque with feedback over that of the planning; a time-optimal slew leaves none of its own.
     error_weight : float
@@ -112,13 +118,22 @@ def track(
     Returns
     -------
     TrackingResult
+        Motions without and with feedback; ``.plot()`` draws them.
 
     Raises
     ------
     TypeError, ValueError
-        Of a bad argument, or a slew of a linear system.
+        An argument of another kind or out of its range; a slew of a linear system.
     SlewError
         If the motion with feedback overflows.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> fast = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=200.0)
+    >>> found = bc.slew.track(fast, tip_mass=0.5)
+    >>> round(found.open_tip_swing, 2), round(found.tip_swing, 2)  # m, without and with feedback
+    (3.64, 0.02)
     """
     if not isinstance(result, SlewResult):
         raise TypeError(f"result = {type(result).__name__}: expected what optimal_slew returns")

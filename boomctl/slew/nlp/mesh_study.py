@@ -52,7 +52,17 @@ class MeshLine:
 
 @dataclass(frozen=True, eq=False)
 class MeshStudy:
-    """Errors over numbers of intervals, of a slew of least effort that takes `duration` [s]."""
+    """Errors over numbers of intervals, of a slew of least effort.
+
+    Attributes
+    ----------
+    duration : float
+        How long the slew takes [s].
+    intervals : ndarray, k
+        Numbers of intervals.
+    lines : tuple of MeshLine
+        One curve of errors for the end state of each scheme, and one for the cost of the last.
+    """
 
     duration: float
     intervals: Array
@@ -64,7 +74,7 @@ class MeshStudy:
         return f"MeshStudy: a slew of {self.duration:.6g} s on {meshes}\n  {listed(orders, 94)}"
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
-        """Draw the errors over the number of intervals; return the axes.
+        """Draw the errors over the number of intervals.
 
         Parameters
         ----------
@@ -72,6 +82,11 @@ class MeshStudy:
             Where to draw; by default a new figure of pyplot.
         **style
             Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
         """
         return import_module("boomctl.plotting").plot_mesh_study(self, ax, **style)
 
@@ -86,16 +101,16 @@ def mesh_study(
     *,
     progress: "Listener | None" = None,
 ) -> MeshStudy:
-    """Solve a least-effort slew on several meshes.
+    """Solve a slew of least effort on several meshes, and measure how the error falls.
 
     Parameters
     ----------
     h, angle, torque_limit, duration
         As in `optimal_slew`.
     schemes : tuple of (method, order)
-        Order is the number of collocation points, or of substeps.
+        Methods of `optimal_slew`; the order is the number of collocation points, or of substeps.
     intervals : tuple of int
-        Ascending.
+        Numbers of intervals, ascending.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
@@ -108,8 +123,15 @@ def mesh_study(
 
     Raises
     ------
-    TypeError, ValueError
-        A bad argument.
+    TypeError, ValueError, SlewError
+        As for `optimal_slew`.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> found = bc.slew.mesh_study(bc.hub_beam(modes=1), 1.0, 200.0, 4.0, (("collocation", 2),), intervals=(20, 40))
+    >>> round(found.lines[0].order, 1), found.lines[0].theory
+    (3.9, 4.0)
     """
     meshes = [whole("intervals", number, 4) for number in sequence("intervals", intervals, "whole numbers")]
     if len(meshes) < 2 or not (np.diff(meshes) > 0).all():

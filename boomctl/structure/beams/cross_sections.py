@@ -12,19 +12,30 @@ from boomctl.checks import exactly, positive, up_to
 
 @dataclass(frozen=True)
 class CrossSection:
-    """What bending knows of a cross section; `BeamSection.from_cross_section` makes a stretch of a beam of it.
+    """What bending knows of a beam's cross section; `BeamSection.from_cross_section` makes a stretch of a beam of it.
 
     Attributes
     ----------
     area : float
-        [m^2]
+        Area of the section [m^2].
     second_moment : float
-        About the axis across the plane, through the centre of area [m^4].
+        Second moment of area about the axis across the plane of motion, through the centre of area [m^4].
+
+    Raises
+    ------
+    TypeError, ValueError
+        Numbers that are not above zero.
 
     Notes
     -----
     Beams are those of Euler and Bernoulli, in small motions in a plane: no shear deformation, no rotary inertia of the
     section, no torsion, and no gravity.  That holds while the half-waves of a mode are long beside the depth.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.structure.CrossSection(area=3e-4, second_moment=2e-8).area
+    0.0003
     """
 
     area: float
@@ -41,9 +52,15 @@ def tube_section(width: float, depth: float, wall: float | tuple[float, float]) 
     Parameters
     ----------
     width, depth : float
-        Outside, across the plane of bending and in it [m].
+        Outer sides [m]: across the plane of bending, and in it.
     wall : float or (float, float)
-        Thickness of the walls [m]; of two, the first is taken off the width on either side, the second off the depth.
+        Thickness of the walls [m].  Of two, the first is that of the walls left and right of the width, the second that
+        of the walls on both sides of the depth.
+
+    Returns
+    -------
+    CrossSection
+        Area [m^2] and second moment of area [m^4].
 
     Raises
     ------
@@ -52,8 +69,9 @@ def tube_section(width: float, depth: float, wall: float | tuple[float, float]) 
 
     Examples
     --------
-    >>> tube = tube_section(0.0603, 0.02, (0.00215, 0.0021))  # of the spray boom
-    >>> round(tube.area * 1e6, 2), round(tube.second_moment * 1e12, 1)
+    >>> import boomctl as bc
+    >>> tube = bc.structure.tube_section(0.0603, 0.02, (0.00215, 0.0021))  # of the spray boom
+    >>> round(tube.area * 1e6, 2), round(tube.second_moment * 1e12, 1)  # mm^2, mm^4
     (321.2, 21793.2)
     """
     sides, covers = wall if isinstance(wall, tuple) and len(wall) == 2 else (wall, wall)
@@ -66,7 +84,19 @@ def tube_section(width: float, depth: float, wall: float | tuple[float, float]) 
 
 
 def round_tube_section(diameter: float, wall: float) -> CrossSection:
-    """Return the section of a round tube, from its outer diameter and the thickness of its wall [m].
+    """Return the section of a round tube.
+
+    Parameters
+    ----------
+    diameter : float
+        Outer diameter [m].
+    wall : float
+        Thickness of the wall [m].
+
+    Returns
+    -------
+    CrossSection
+        Area [m^2] and second moment of area [m^4].
 
     Raises
     ------
@@ -75,7 +105,8 @@ def round_tube_section(diameter: float, wall: float) -> CrossSection:
 
     Examples
     --------
-    >>> round(round_tube_section(0.06, 0.002).area * 1e6, 3)
+    >>> import boomctl as bc
+    >>> round(bc.structure.round_tube_section(0.06, 0.002).area * 1e6, 3)  # mm^2
     364.425
     """
     d, t = positive("diameter", diameter), positive("wall", wall)
@@ -85,7 +116,17 @@ def round_tube_section(diameter: float, wall: float) -> CrossSection:
 
 
 def bar_section(width: float, depth: float) -> CrossSection:
-    """Return the section of a solid rectangular bar: across the plane of bending, and in it [m].
+    """Return the section of a solid rectangular bar.
+
+    Parameters
+    ----------
+    width, depth : float
+        Sides [m]: across the plane of bending, and in it.
+
+    Returns
+    -------
+    CrossSection
+        Area [m^2] and second moment of area [m^4].
 
     Raises
     ------
@@ -94,7 +135,8 @@ def bar_section(width: float, depth: float) -> CrossSection:
 
     Examples
     --------
-    >>> round(bar_section(0.03, 0.01).second_moment * 1e12, 6)
+    >>> import boomctl as bc
+    >>> round(bc.structure.bar_section(0.03, 0.01).second_moment * 1e12, 6)  # mm^4
     2500.0
     """
     b, h = positive("width", width), positive("depth", depth)
@@ -102,7 +144,17 @@ def bar_section(width: float, depth: float) -> CrossSection:
 
 
 def rod_section(diameter: float) -> CrossSection:
-    """Return the section of a solid round rod [m].
+    """Return the section of a solid round rod.
+
+    Parameters
+    ----------
+    diameter : float
+        Diameter [m].
+
+    Returns
+    -------
+    CrossSection
+        Area [m^2] and second moment of area [m^4].
 
     Raises
     ------
@@ -111,7 +163,8 @@ def rod_section(diameter: float) -> CrossSection:
 
     Examples
     --------
-    >>> round(rod_section(0.02).area * 1e6, 3)
+    >>> import boomctl as bc
+    >>> round(bc.structure.rod_section(0.02).area * 1e6, 3)  # mm^2
     314.159
     """
     d = positive("diameter", diameter)
@@ -124,9 +177,14 @@ def i_section(width: float, depth: float, web: float, flange: float) -> CrossSec
     Parameters
     ----------
     width, depth : float
-        Outside: of the flanges, and over both of them [m].
+        Outer sides [m]: the width of the flanges, and the height over both of them.
     web, flange : float
         Thickness of the web and of each flange [m].
+
+    Returns
+    -------
+    CrossSection
+        Area [m^2] and second moment of area [m^4].
 
     Raises
     ------
@@ -135,7 +193,8 @@ def i_section(width: float, depth: float, web: float, flange: float) -> CrossSec
 
     Examples
     --------
-    >>> round(i_section(0.1, 0.2, 0.0056, 0.0085).area * 1e6)
+    >>> import boomctl as bc
+    >>> round(bc.structure.i_section(0.1, 0.2, 0.0056, 0.0085).area * 1e6)  # mm^2
     2725
     """
     b, h, s, t = positive("width", width), positive("depth", depth), positive("web", web), positive("flange", flange)

@@ -36,7 +36,7 @@ class SlewDesign:
     Attributes
     ----------
     name, title : str
-        In one word, and in a line.
+        A name in one word, and what it is in a line.
     beam : AssumedModesBeam
         What the slew was planned for.
     planned : mapping of str to SlewResult
@@ -45,11 +45,19 @@ class SlewDesign:
     rival : str
         The slew that the film shows beside the designed one: planned or classical. "": a rigid body's.
     payloads : tuple of float
-        Tip masses with which the planned slews are played, kg.
+        Tip masses with which the planned slews are played [kg].
     profile : SpinUp or None
-        Of a spin-up, a profile of the hub to be set beside it, prescribed exactly.
+        For a spin-up: a profile of the hub to be set beside it, prescribed exactly.
     notes : tuple of str
-        What a reader should know.
+        What a reader of the report should know.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> beam = bc.hub_beam(modes=1)
+    >>> fastest = bc.optimal_slew(beam, angle=1.0, torque_limit=200.0)
+    >>> bc.SlewDesign("quick", "one radian in least time", beam, {"least time": fastest}).rival
+    ''
     """
 
     name: str
@@ -80,10 +88,27 @@ class SlewDesign:
 
     @staticmethod
     def scene() -> None:
-        """Return the scene of a slew: there is none to choose."""
+        """Return the scene of a slew: there is none to choose.
+
+        Returns
+        -------
+        None
+            Nothing.
+        """
 
     def evaluate(self, scene: None = None) -> "SlewEvaluation":
-        """Set the slew beside the others, with all payloads, by an integrator that planning does not use."""
+        """Set the slew beside the others, with all payloads, by an integrator that planning does not use.
+
+        Parameters
+        ----------
+        scene : None
+            A slew has no scene.
+
+        Returns
+        -------
+        SlewEvaluation
+            What was found, as text and for a report.
+        """
         h, problem = self.beam, self.slew.plan.problem
         comparison = compare_slews(h, problem.angle, problem.limits.torque, self.planned, problem.final_speed)
         payloads, pair = None, ()
@@ -101,10 +126,11 @@ class SlewEvaluation:
     Attributes
     ----------
     design : SlewDesign
+        The design that was judged.
     comparison : SlewComparison
-        Beside the other planned ones and classical ones.
+        The slew beside the other planned ones and classical ones.
     payloads : PayloadComparison or None
-        Where the design names payloads.
+        The planned slews with several payloads; None where the design names none.
     spin_ups : tuple of SpinUpMotion
         The spin-up designed, and the hub's profile; () without a profile.
     meshes : MeshStudy or None
@@ -152,7 +178,18 @@ class SlewEvaluation:
         return (planned, *slew.replays)
 
     def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
-        """Replay and follow the slew and return the report; ``tell`` is told in words what comes next."""
+        """Replay and follow the slew, and return the report.
+
+        Parameters
+        ----------
+        tell : callable, optional
+            Is told in words what comes next.
+
+        Returns
+        -------
+        Report
+            ``.write(folder)`` writes it.
+        """
         design, slew, h = self.design, self.design.slew, self.design.beam
         free = slew.plan.problem.angle is None
         tell("other models")

@@ -34,14 +34,14 @@ _MIXED = 1e-6  # share of a controller between the halves that passes for roundi
 
 @dataclass(frozen=True)
 class HalfAssurance:
-    """Of one half, jolt or yaw.
+    """What was found of one half of a closed loop, jolt or yaw.
 
     Attributes
     ----------
     margins : Margins
-        At control and measurements.
+        Margins at the control and at the measurements.
     box : RobustStability
-        Over springs of 70 to 130 % and a beam mass of 80 to 120 %, together.
+        Stability over springs of 70 to 130 % and a beam mass of 80 to 120 %, together.
     worst : WorstCase
         The largest peak from platform to tips found over that box.
     """
@@ -60,14 +60,15 @@ class Assurance:
     Attributes
     ----------
     jolt, yaw : HalfAssurance
+        What was found of either half.
     measured_yaw : RobustStability
-        Of the yaw over springs that bring its frequency from that of Table 2 to the measured 0.34 Hz.
+        Stability of the yaw over springs that bring its frequency from that of Table 2 to the measured 0.34 Hz.
     exact : ExactLoopStability
-        With the exact beam, by winding number.
+        Stability with the exact beam, by winding number.
     exact_sigma : SigmaResult
         Singular values of the loop with the exact beam.
     family_sigma : tuple of SigmaResult
-        At corners and middles of the edges of the uncertainty.
+        Singular values at corners and middles of the edges of the uncertainty.
     mixed : float
         Share of the controller that leads from one half to the other.
     """
@@ -144,7 +145,7 @@ def _exact_plant(
 ) -> Callable[[Array], control.FrequencyResponseData]:
     """Return the frequency response of the exact boom to platform and suspension, as a function of frequency [rad/s].
 
-    Signals as of :func:`suspension_model`; an accelerometer is the second derivative of a tip behind a
+    Signals as for :func:`suspension_model`; an accelerometer is the second derivative of a tip behind a
     second-order low pass, ``-w^2 F(i w)``, with the damping ratio of the model's, the square root of one half.
     """
     corner = 2.0 * np.pi * accelerometer_hz

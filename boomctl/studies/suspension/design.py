@@ -29,20 +29,27 @@ class SuspensionDesign:
     Attributes
     ----------
     name, title : str
-        In one word, and in a line.
+        A name in one word, and what it is in a line.
     parameters : BoomParameters
         The machine, passive parts of the suspension included.
     controller : control.StateSpace or None
         ``u = K y`` in SI units; inputs named as outputs of the machine (``stroke_left``, ``tip_left_acceleration``,
         ...), outputs ``suspension_left``, ``suspension_right``.
     plant : control.StateSpace or None
-        A machine of its own where the controller reads what :func:`suspension_model` does not offer, such as states.
+        A machine of its own where the controller reads what the boom with its sensors does not offer, such as states.
     facts : mapping from str to str
         What synthesis and reduction say of themselves: gamma and bounds, errors, orders.
     weights : mapping from str to control.StateSpace
         Weights of the design, to be drawn over frequency.
     notes : tuple of str
-        What a reader should know.
+        What a reader of the report should know.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> soft = bc.SuspensionDesign("soft", "softer springs", bc.BoomParameters(spring_stiffness=550.0))
+    >>> soft.controller is None  # a passive suspension
+    True
     """
 
     name: str
@@ -58,7 +65,23 @@ class SuspensionDesign:
 
     @staticmethod
     def scene(**options: Any) -> FieldScene:
-        """Return the field with some of its properties changed; see :class:`FieldScene`."""
+        """Return the field with some of its properties changed; see :class:`FieldScene`.
+
+        Parameters
+        ----------
+        options
+            Properties of :class:`FieldScene` by name.
+
+        Returns
+        -------
+        FieldScene
+            The field, its other properties at their defaults.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As for :class:`FieldScene`.
+        """
         return FieldScene(**options)
 
     def evaluate(self, scene: FieldScene | None = None, passive: BoomParameters | None = None) -> "SuspensionResult":
@@ -67,13 +90,19 @@ class SuspensionDesign:
         Parameters
         ----------
         scene : FieldScene, optional
+            The field that both are driven over; by default ``FieldScene()``.
         passive : BoomParameters, optional
             The boom to compare with; by default Table 2 of Anthonis & Ramon (2003).
+
+        Returns
+        -------
+        SuspensionResult
+            What was found, as text and for a report.
 
         Raises
         ------
         TypeError, ValueError
-            As of :func:`boomctl.simulate_loop` and of the analyses.
+            As for :func:`boomctl.simulate_loop` and of the analyses.
         """
         where = FieldScene() if scene is None else scene
         base = BoomParameters() if passive is None else passive
@@ -94,11 +123,13 @@ class SuspensionResult:
     Attributes
     ----------
     design : SuspensionDesign
+        The design that was judged.
     scene : FieldScene
+        The field it was driven over.
     passive_parameters : BoomParameters
-        Of the boom it is compared with.
+        The boom it is compared with.
     passive, active : Performance
-        Of that boom, and of the design.
+        What that boom does, and what the design does.
     assured : Assurance or None
         Margins, uncertainty and the exact boom; None of a passive design or one on a plant of its own.
     """
@@ -165,7 +196,13 @@ class SuspensionResult:
         return f"{self.design.title}: {self.verdict}{checks}"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the numbers, for JSON."""
+        """Return the numbers, for JSON.
+
+        Returns
+        -------
+        dict
+            Names, numbers and texts that JSON can hold.
+        """
         return {
             "design": self.design.name,
             "better_than_passive": self.better,
@@ -177,7 +214,18 @@ class SuspensionResult:
         }
 
     def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
-        """Return the report: pictures, tables, and the numbers of ``results.json``; ``tell`` is told what comes next."""
+        """Return the report: pictures, tables, and the numbers of ``results.json``.
+
+        Parameters
+        ----------
+        tell : callable, optional
+            Is told in words what comes next.
+
+        Returns
+        -------
+        Report
+            ``.write(folder)`` writes it.
+        """
         design, scene, before, after = self.design, self.scene, self.passive, self.active
         tell("pictures")
         summary = Section(
@@ -204,9 +252,14 @@ class SuspensionResult:
         return Report(f"Suspension: {design.title}", (lead,), tuple(parts), self.as_dict(), files)
 
     def controller_files(self) -> dict[str, bytes | str]:
-        """Return the controller for other programs, as contents by name of file: JSON, MATLAB, and C99 with its limits.
+        """Return the controller for other programs: JSON, MATLAB, and C99 with its limits.
 
         A controller that is too fast for the scene's sampling has no C code.
+
+        Returns
+        -------
+        dict of str to bytes or str
+            What the files hold, by their names.
         """
         K, scene = self.design.controller, self.scene
         if K is None:

@@ -22,23 +22,26 @@ _SPARE = 1.0  # length of track beyond the place where the front wheels end [m] 
 
 @dataclass(frozen=True)
 class FieldScene:
-    """A run over a field; all of it assumed, the papers give none of it but the stroke of the shaker's cylinders.
+    """A run over a field, on which suspensions are compared.
+
+    All of it is assumed; the papers give none of it but the stroke of the shaker's cylinders.
 
     Attributes
     ----------
     road_class : str
-        Of the track, ISO 8608; ``"E"`` is a rough field track.
+        Road class of the track, ISO 8608; ``"E"`` is a rough field track.
     tractor : TractorParameters
+        The tractor that carries the boom.
     speed : float
         Driving speed [m/s].
     run_in, duration : float
-        Time driven before the record begins, until lightly damped modes have built up, and of the record [s].
+        Time driven before the record begins, until lightly damped modes have built up, and length of the record [s].
     seed : int
-        Of the random track.
+        Seed of the random track.
     sample_time, delay : float
-        Of the controller, and between a sample and the force it leads to [s].
+        Sampling time of the controller, and time between a sample and the force it leads to [s].
     force_limit, stroke_limit : float
-        Of each actuator of the suspension [N], [m].
+        Largest force of each actuator of the suspension [N], and its end stops [m].
     stroke_step, acceleration_step : float
         What the sensors resolve [m], [m/s^2].
     accelerometer_hz : float
@@ -50,6 +53,13 @@ class FieldScene:
     ------
     TypeError, ValueError
         A value out of range.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> scene = bc.FieldScene(speed=2.0, run_in=5.0, duration=10.0)
+    >>> round(float(scene.motion().time[-1]), 3)  # s, run-in included
+    15.0
     """
 
     road_class: str = "E"
@@ -78,12 +88,12 @@ class FieldScene:
                 (nonnegative if each.name in _MAY_BE_ZERO else positive)(each.name, value)
 
     def motion(self) -> PlatformMotion:
-        """Return what the track does to the platform, run-in included; a longer run begins with the shorter one.
+        """Return what the track does to the platform, run-in included.
 
-        Raises
-        ------
-        ValueError
-            A longer way than the 10 km of ground that a seed has.
+        Returns
+        -------
+        PlatformMotion
+            Displacements of the platform's actuators [m], at the controller's samples.
         """
         duration = self.run_in + self.duration
         most = (GROUND_LENGTH - self.tractor.wheelbase - _SPARE) / self.speed
@@ -97,7 +107,18 @@ class FieldScene:
         return platform_motion(track, self.tractor, self.speed, duration, self.sample_time)
 
     def quantization(self, measurements: tuple[str, ...]) -> Mapping[str, float]:
-        """Return the steps of the measurements that sensors take."""
+        """Return the steps of the measurements that sensors take.
+
+        Parameters
+        ----------
+        measurements : tuple of str
+            Names of measurements.
+
+        Returns
+        -------
+        mapping of str to float
+            Steps [m] or [m/s^2] of those measurements that a sensor takes.
+        """
         steps = {**dict.fromkeys(STROKES, self.stroke_step), **dict.fromkeys(ACCELERATIONS, self.acceleration_step)}
         return {name: steps[name] for name in measurements if steps.get(name)}
 

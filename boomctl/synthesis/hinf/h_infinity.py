@@ -100,12 +100,13 @@ class HInfinityResult:
     Attributes
     ----------
     controller : control.StateSpace
-        From the measurements to the controls, ``u = K y``, named as in the generalised plant.
+        ``u = K y``, from the measurements to the controls, named as in the generalised plant.
     closed_loop : control.StateSpace
-        From the disturbances to the performance signals, named.
+        The loop from the disturbances to the performance signals, named likewise.
     gamma : float
         The closed loop's H-infinity norm, verified.
     certificate : HInfinityCertificate
+        What vouches for the controller, and how far from the best possible one it is.
     """
 
     _controller: Lti = field(repr=False)
@@ -115,12 +116,12 @@ class HInfinityResult:
 
     @cached_property
     def controller(self) -> "control.StateSpace":
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._controller.statespace("controller")
 
     @cached_property
     def closed_loop(self) -> "control.StateSpace":
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._closed_loop.statespace("closed_loop")
 
     def __repr__(self) -> str:
@@ -162,6 +163,7 @@ def h_infinity(
         designed for as its continuous image by the bilinear map, which has the same loops and norms; controller and loop
         are mapped back, and the loop is verified anew on the unit circle.
     nmeas, ncon : int
+        Numbers of measurements and controls.
     gamma : float, optional
         A level that is enough: the closed loop's norm will not exceed it, and nothing lower is sought.
     tolerance : float
@@ -179,6 +181,7 @@ def h_infinity(
     Returns
     -------
     HInfinityResult
+        The controller, the closed loop it was verified in, its norm ``gamma``, and a certificate.
 
     Raises
     ------
@@ -197,10 +200,11 @@ def h_infinity(
 
     Examples
     --------
+    >>> import boomctl as bc
     >>> import control
     >>> P = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
-    >>> design = h_infinity(P, 1, 1)
-    >>> bool(design.gamma <= 1.01 * design.certificate.lower)
+    >>> design = bc.h_infinity(P, nmeas=1, ncon=1)
+    >>> bool(design.gamma <= 1.01 * design.certificate.lower)  # no controller does better by more than 1 %
     True
     """
     plant = partition(P.system if isinstance(P, ReductionResult) else P, nmeas, ncon, sampled=True)

@@ -33,14 +33,15 @@ class H2Result:
     controller : control.StateSpace
         ``u = K y``, its signals named as the measurements and controls of the generalised plant.
     closed_loop : control.StateSpace
-        From the disturbances to the performance outputs, named as in the generalised plant.
+        The loop from the disturbances to the performance outputs, named as in the generalised plant.
     norm : float
         H2 norm of the closed loop, by Gramians of the loop itself.
     optimum : float
         The least H2 norm of any controller, from the Riccati solutions alone.
     poles : complex ndarray
-        Of the closed loop [rad/s]: those of the regulator, then those of the filter.
+        Poles of the closed loop [rad/s]: those of the regulator, then those of the filter.
     certificate : FeedbackCertificate
+        How well both Riccati equations are solved, and the norm found in other ways.
     """
 
     _controller: Lti = field(repr=False)
@@ -52,12 +53,12 @@ class H2Result:
 
     @cached_property
     def controller(self) -> "control.StateSpace":
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._controller.statespace("h2")
 
     @cached_property
     def closed_loop(self) -> "control.StateSpace":
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._closed_loop.statespace("closed_loop")
 
     def __repr__(self) -> str:
@@ -66,7 +67,7 @@ class H2Result:
 
 
 def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
-    """Return the controller of least H2 norm.
+    """Return the controller that makes the H2 norm of the closed loop as small as can be.
 
     Parameters
     ----------
@@ -79,6 +80,7 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
     Returns
     -------
     H2Result
+        The controller ``u = K y``, the closed loop, its norm, and a certificate.
 
     Raises
     ------
@@ -90,12 +92,13 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
 
     Examples
     --------
+    >>> import boomctl as bc
     >>> import control
     >>> P = control.ss(
     ...     [[0.0]], [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]],
     ...     inputs=["load", "noise", "u"], outputs=["place", "effort", "y"],
     ... )
-    >>> round(h2(P, 1, 1).norm ** 2, 6)
+    >>> round(bc.h2(P, 1, 1).norm ** 2, 6)
     2.0
     """
     plant = partition(P, nmeas, ncon)

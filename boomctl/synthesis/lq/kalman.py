@@ -30,15 +30,16 @@ class KalmanResult:
     Attributes
     ----------
     gain : (n, p) ndarray
-        ``L``.
+        Gain ``L`` of the filter.
     covariance : (n, n) ndarray
-        Of the error of the estimate.
+        Covariance of the error of the estimate.
     estimator : control.StateSpace
-        From the measurements and the known inputs, by their names, to the estimated states (dots in their names
-        replaced by ``_``).
+        The filter as a system: from the measurements and the known inputs, by their names, to the estimated states
+        (dots in their names replaced by ``_``).
     poles : (n,) complex ndarray
-        Of the estimator [rad/s]; in discrete time ``z``, without a unit.
+        Poles of the estimator [rad/s].
     certificate : RiccatiCertificate
+        How well the Riccati equation is solved.
     """
 
     gain: Array
@@ -49,7 +50,7 @@ class KalmanResult:
 
     @cached_property
     def estimator(self) -> control.StateSpace:
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._estimator.statespace("estimator")
 
     def __repr__(self) -> str:
@@ -72,11 +73,11 @@ def kalman(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        Of a discrete one the estimate at a sample is that of the measurements before it, and noise is white at the samples.
+        The system, in continuous time, signals named.
     process_noise : number, vector, matrix or mapping from input name to number
-        Intensity of the noise, in discrete time its variance, positive semidefinite: over the inputs named in
-        ``disturbances``; without these, a mapping is over the inputs it names, a number, vector or matrix over the states
-        (noise on ``x'``).  What an input feeds through to a measurement is noise on both, and counted as such.
+        Intensity of the noise, positive semidefinite: over the inputs named in ``disturbances``; without these, a
+        mapping is over the inputs it names, a number, vector or matrix over the states (noise on ``x'``).  What an
+        input feeds through to a measurement is noise on both, and counted as such.
     measurement_noise : number, vector, matrix or mapping from output name to number
         Intensity of the noise on the measurements, positive definite.
     measurements : sequence of str, optional
@@ -87,6 +88,7 @@ def kalman(
     Returns
     -------
     KalmanResult
+        The gain ``L``, the estimator as a system, the covariance of the error of its estimate, and a certificate.
 
     Raises
     ------
@@ -98,9 +100,10 @@ def kalman(
 
     Examples
     --------
+    >>> import boomctl as bc
     >>> import control
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    >>> kalman(mass, {"force": 4.0}, 1.0).gain.round(4).T
+    >>> bc.kalman(mass, {"force": 4.0}, 1.0).gain.round(4).T
     array([[2., 2.]])
     """
     plant = plant_of(system, sampled=True)

@@ -34,15 +34,16 @@ class LqgResult:
     controller : control.StateSpace
         ``u = K y``, from the measurements to the controls, by their names.
     closed_loop : control.StateSpace
-        From the inputs that are no controls (if there are none: from signals added to the controls, of their names)
-        to the outputs of the system.
+        The loop, from the inputs that are no controls (if there are none: from signals added to the controls, of their
+        names) to the outputs of the system.
     regulator_gain, filter_gain : ndarray
         ``F`` of ``u = -F z`` and ``L`` of ``z' = A z + B u + L (y - C z - D u)``; in discrete time ``z+`` for ``z'``.
     poles : complex ndarray
-        Of the closed loop [rad/s], in discrete time ``z``: those of the regulator, then those of the filter.
+        Poles of the closed loop [rad/s]: those of the regulator, then those of the filter.
     cost : float
         Expected value of ``x^T Q x + y^T W y + u^T R u`` at rest in the noise.
     certificate : FeedbackCertificate
+        How well both Riccati equations are solved, and the cost found in other ways.
     """
 
     _controller: Lti = field(repr=False)
@@ -55,12 +56,12 @@ class LqgResult:
 
     @cached_property
     def controller(self) -> control.StateSpace:
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._controller.statespace("lqg")
 
     @cached_property
     def closed_loop(self) -> control.StateSpace:
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._closed_loop.statespace("closed_loop")
 
     def __repr__(self) -> str:
@@ -88,11 +89,11 @@ def lqg(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        Of a discrete one the controller is that of all whose control at a sample rests on the measurements before it.
+        The system, in continuous time, signals named.
     Q, R, output_weight
-        Weights, as of :func:`lqr`.
+        Weights of states, controls and outputs, as for :func:`lqr`.
     process_noise, measurement_noise, disturbances
-        Intensities and the inputs they are of, as of :func:`kalman`.
+        Intensities of the noises, and the inputs that are noise, as for :func:`kalman`.
     measurements, controls : sequence of str, optional
         Outputs the controller reads and inputs it drives; by default all.
     ltr : float
@@ -103,6 +104,7 @@ def lqg(
     Returns
     -------
     LqgResult
+        The controller ``u = K y``, the closed loop, its poles and expected cost, and a certificate.
 
     Raises
     ------
@@ -114,11 +116,12 @@ def lqg(
 
     Examples
     --------
+    >>> import boomctl as bc
     >>> import control
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    >>> design = lqg(mass, None, 1.0, {"force": 1.0}, 1.0, output_weight={"place": 1.0})
-    >>> round(design.cost, 4)
-    8.4853
+    >>> design = bc.lqg(mass, None, 1.0, {"force": 1.0}, 1.0, output_weight={"place": 1.0})
+    >>> round(design.cost, 4), design.controller.nstates
+    (8.4853, 2)
     """
     plant = plant_of(system, sampled=True)
     driven = chosen("controls", controls, plant.inputs)

@@ -68,15 +68,16 @@ class LqrResult:
         ``u = K x``, so ``K = -F``: inputs named as the states, dots replaced by ``_``, and
         behind them the integrated outputs; outputs named as the controls.  Static unless it integrates.
     closed_loop : control.StateSpace
-        From the inputs that are no controls (if there are none: from signals added to the controls, of their names) to
-        the outputs of the system.
+        The loop, from the inputs that are no controls (if there are none: from signals added to the controls, of their
+        names) to the outputs of the system.
     effort : control.StateSpace
-        From the same inputs to the controls.
+        The loop, from the same inputs to the controls.
     poles : (n,) complex ndarray
-        Of the closed loop [rad/s]; in discrete time ``z``, without a unit.
+        Poles of the closed loop [rad/s].
     unmoved : tuple of HiddenMode
         Stable modes that the controls cannot move; they stay as they are.
     certificate : LqrCertificate
+        How well the Riccati equation is solved, and what that proves of the loop.
     """
 
     gain: Array
@@ -90,17 +91,17 @@ class LqrResult:
 
     @cached_property
     def controller(self) -> control.StateSpace:
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._controller.statespace("regulator")
 
     @cached_property
     def closed_loop(self) -> control.StateSpace:
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._closed_loop.statespace("closed_loop")
 
     @cached_property
     def effort(self) -> control.StateSpace:
-        """As python-control's, made when first read."""
+        """As a system of python-control; it is made when it is first read."""
         return self._effort.statespace("effort")
 
     def __repr__(self) -> str:
@@ -127,7 +128,7 @@ def lqr(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        ``x' = A x + B u``; of a discrete one, ``x+ = A x + B u``, the sum over the samples is minimised.
+        The system ``x' = A x + B u``, in continuous time, signals named.
     Q : number, vector, matrix, mapping from state name to number, or None
         Weight of the states, positive semidefinite; None weighs none of them.
     R : number, vector, matrix or mapping from control name to number
@@ -146,6 +147,7 @@ def lqr(
     Returns
     -------
     LqrResult
+        The gain ``F``, the controller ``u = -F x``, the closed loop and its poles, and a certificate.
 
     Raises
     ------
@@ -157,9 +159,10 @@ def lqr(
 
     Examples
     --------
+    >>> import boomctl as bc
     >>> import control
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    >>> lqr(mass, None, 1.0, output_weight={"place": 1.0}).gain.round(4)
+    >>> bc.lqr(mass, None, 1.0, output_weight={"place": 1.0}).gain.round(4)
     array([[1.    , 1.4142]])
     """
     bare = plant_of(system, sampled=True)

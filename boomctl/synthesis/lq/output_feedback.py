@@ -23,7 +23,13 @@ _AGREEMENT = 1e-4  # relative difference of the three H2 norms above which none 
 
 @dataclass(frozen=True)
 class QuadraticNorm:
-    """An H2 norm by the Gramian of controllability and by that of observability; infinite if not stable or proper."""
+    """An H2 norm, found in two ways.
+
+    Attributes
+    ----------
+    controllability, observability : float
+        By the Gramian of controllability and by that of observability; infinite if not stable or proper.
+    """
 
     controllability: float
     observability: float

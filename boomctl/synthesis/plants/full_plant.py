@@ -68,9 +68,9 @@ class FullPlantCertificate:
         The largest ``K S`` (from what is added to the measurements to the controls) times the error of the reduction, at
         any frequency: below one, the loop is proved stable.
     error : float
-        Of the reduction, verified.
+        Error of the reduction, verified.
     full_order : int
-        States of the full plant, without weights.
+        Number of states of the full plant, without weights.
     slowest_pole : float
         Largest real part of the poles of the full loop [rad/s]; ``nan`` where they were not computed.
     norm : NormCertificate or None

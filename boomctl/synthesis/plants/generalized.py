@@ -31,7 +31,7 @@ def generalized_plant(
     measurements: str | Sequence[str],
     controls: str | Sequence[str],
 ) -> control.StateSpace:
-    """Return a plant with weighted disturbances and noises, weighted outputs and efforts, measurements and controls.
+    """Return a generalised plant: what disturbs, what shall be small, what is measured and what is set, with weights.
 
     A weight is a number or a stable system with one input and one output (`low_pass`, `high_pass`, `band_pass`,
     `shelf`).  Numbers add no states; inputs and outputs that nobody names are left out.
@@ -69,6 +69,24 @@ def generalized_plant(
     ReductionWarning
         The error of the reduction is as large as all that the reduced plant does from disturbances to performance
         outputs, or from controls to measurements.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> yaw = bc.split_symmetric(bc.spray_boom())[1]
+    >>> P = bc.generalized_plant(
+    ...     yaw,
+    ...     disturbances={"actuator_anti": bc.band_pass(0.02, 0.5, 5.0)},
+    ...     performance={"tip_anti": 10.0},
+    ...     effort={"suspension_anti": 0.01},
+    ...     noises={"stroke_anti": 0.001},
+    ...     measurements="stroke_anti",
+    ...     controls="suspension_anti",
+    ... )
+    >>> P.input_labels
+    ['w_actuator_anti', 'n_stroke_anti', 'suspension_anti']
+    >>> P.output_labels
+    ['z_tip_anti', 'z_suspension_anti', 'stroke_anti']
     """
     system = plant_within(plant)
     ins, outs = system.inputs, system.outputs
@@ -133,7 +151,7 @@ def mixed_sensitivity(
     W2: Weight | None = None,
     W3: Weight | None = None,
 ) -> control.StateSpace:
-    """Return the generalised plant of mixed sensitivity: weighted control error, control and output, per reference.
+    """Return the generalised plant of mixed sensitivity: weighted control errors, controls and outputs, for references.
 
     The controller reads the control errors ``e = r - y``.  The closed loop is ``[W1 S; W2 K S; W3 T]``, with
     ``S = (I + G K)^-1`` and ``T = G K S``.
@@ -141,7 +159,7 @@ def mixed_sensitivity(
     Parameters
     ----------
     plant : control.StateSpace, SecondOrderModel or ReductionResult
-        As of `generalized_plant`; all inputs are controls, all outputs are controlled.
+        As for `generalized_plant`; all inputs are controls, all outputs are controlled.
     W1, W2, W3 : float or control.StateSpace, optional
         Weights of errors, controls and outputs, each for every signal of its kind; None leaves them out.
 
@@ -154,7 +172,19 @@ def mixed_sensitivity(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system or weight, as of `generalized_plant`; no weight at all.
+        Another kind of system or weight, as for `generalized_plant`; no weight at all.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="u", outputs="y")
+    >>> P = bc.mixed_sensitivity(lag, W1=bc.shelf(100.0, 0.5, corner=1.0), W2=0.1)
+    >>> P.input_labels, P.output_labels
+    (['r_y', 'u'], ['z_error_y', 'z_u', 'error_y'])
+    >>> design = bc.h_infinity(P, nmeas=1, ncon=1)
+    >>> round(design.gamma, 2)
+    0.92
     """
     system = plant_within(plant)
     ins, outs = system.inputs, system.outputs
@@ -237,12 +267,32 @@ def _selection(choices: Sequence[str], wanted: Iterable[str]) -> Array:
 def select_channels(
     system: control.StateSpace, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
 ) -> control.StateSpace:
-    """Return a system between some of its signals, by name; the states and the sampling time stay.
+    """Return a system between some of its signals, found by name; the states and the sampling time stay.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        The system, signals named.
+    inputs, outputs : str or sequence of str, optional
+        Names of the signals to keep, in this order; by default all.
+
+    Returns
+    -------
+    control.StateSpace
+        The same states with fewer signals.
 
     Raises
     ------
     TypeError, ValueError
         Another kind of system, not finite; an unknown signal, one asked for twice, or none on a side.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> boom = bc.spray_boom().to_statespace()
+    >>> small = bc.select_channels(boom, inputs="suspension_left", outputs=["stroke_left", "stroke_right"])
+    >>> small.ninputs, small.noutputs, small.nstates == boom.nstates
+    (1, 2, True)
     """
     plain = of(system, expected="StateSpace", any_time=True)
     for what, wanted, choices in (("input", inputs, plain.inputs), ("output", outputs, plain.outputs)):

@@ -181,6 +181,13 @@ def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "co
     The controller's inputs are the last outputs of ``P`` and its outputs the last inputs: found by name where the
     controller bears their names, in that order where all of its names are strange to ``P``.
 
+    Parameters
+    ----------
+    P : control.StateSpace
+        Generalised plant in continuous time: its last inputs are controls, its last outputs measurements.
+    controller : control.StateSpace
+        ``u = K y``, in continuous time.
+
     Returns
     -------
     control.StateSpace
@@ -189,8 +196,19 @@ def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "co
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, sampling times that differ, too many signals; names of which some are signals of ``P`` but not
-        those last ones; the loop is not well-posed.
+        Other kinds of system, discrete time, too many signals; names of which some are signals of ``P`` but not those
+        last ones; the loop is not well-posed.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="u", outputs="y")
+    >>> P = bc.mixed_sensitivity(lag, W1=1.0)
+    >>> gain = control.ss([], [], [], [[9.0]], inputs="error_y", outputs="u")
+    >>> loop = bc.close_loop(P, gain)
+    >>> loop.output_labels, round(float(loop.dcgain()), 3)  # the error that is left: 1/(1 + 9)
+    (['z_error_y'], 0.1)
     """
     plant, K = matched(P, controller, sampled=True)
     return lower_lft(plant.system, K).statespace("closed_loop")

@@ -34,9 +34,9 @@ def join_symmetric(
     Parameters
     ----------
     model : SecondOrderModel
-        The machine, with the mirror symmetry by which :func:`boomctl.split_symmetric` splits it.
+        The whole machine, with the mirror symmetry by which :func:`boomctl.split_symmetric` splits it.
     symmetric, antisymmetric : control.StateSpace
-        Controllers of the halves, ``u = K y``; inputs named as outputs of the half, outputs as its inputs.
+        Controllers of the two halves, ``u = K y``; inputs named as outputs of the half, outputs as its inputs.
 
     Returns
     -------
@@ -48,6 +48,19 @@ def join_symmetric(
     TypeError, ValueError
         Another kind of model or controller, one with entries that are not finite; the model has no mirror symmetry; the
         halves' controllers differ in sampling time; a signal that is no half of a pair of the machine's.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> jolt = control.ss([], [], [], [[-200.0]], inputs="stroke_sym", outputs="suspension_sym")
+    >>> yaw = control.ss([], [], [], [[-100.0]], inputs="stroke_anti", outputs="suspension_anti")
+    >>> whole = bc.join_symmetric(bc.spray_boom(), jolt, yaw)
+    >>> whole.input_labels
+    ['stroke_left', 'stroke_right']
+    >>> whole.D.round(6)
+    array([[-150.,  -50.],
+           [ -50., -150.]])
     """
     mirror = _mirror(model)
     halves = [
@@ -75,12 +88,12 @@ def split_controller(
     model : SecondOrderModel
         The machine, with mirror symmetry.
     controller : control.StateSpace
-        Of the machine, ``u = K y``, in continuous time; both signals of each pair.
+        Controller of the machine, ``u = K y``, in continuous time, with both signals of each pair.
 
     Returns
     -------
     symmetric, antisymmetric : control.StateSpace
-        Without the states that only serve the other half.
+        Controllers of the two halves, without the states that only serve the other half.
     missed : float
         Share of the controller that leads from one half to the other: the largest gain of those channels at the
         frequencies of its poles and decades around, over the largest gain of the others, each in units in which the
@@ -92,6 +105,16 @@ def split_controller(
     TypeError, ValueError
         Another kind of model or controller, discrete time, not finite; the model has no mirror symmetry; a signal
         without its mirror image.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> names = {"inputs": ["stroke_left", "stroke_right"], "outputs": ["suspension_left", "suspension_right"]}
+    >>> whole = control.ss([], [], [], [[-150.0, -50.0], [-50.0, -150.0]], **names)
+    >>> jolt, yaw, missed = bc.split_controller(bc.spray_boom(), whole)
+    >>> jolt.D.round(6), yaw.D.round(6), round(missed, 9)
+    (array([[-200.]]), array([[-100.]]), 0.0)
     """
     mirror, K = _mirror(model), of(controller, "controller", "StateSpace").balanced()
     sides = []

@@ -17,18 +17,36 @@ if TYPE_CHECKING:
 
 
 def in_units(system: "control.StateSpace | SecondOrderModel", units: Mapping[str, float]) -> "control.StateSpace":
-    """Return a system whose signals count in units of their own; names stay.
+    """Return a system whose signals count in units of their own, such as millimetres; names stay.
+
+    A synthesis weighs numbers that are all near one better than metres beside newtons.
 
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
+        The system, signals named.
     units : mapping from signal to float
-        What counts as one, in the system's own units: 0.05 for a stroke of 50 mm.  Signals left out keep theirs.
+        For each signal what counts as one, in the system's own units: 0.05 for a stroke of 50 mm.  Signals left out keep
+        theirs.
+
+    Returns
+    -------
+    control.StateSpace
+        Inputs are multiplied by their unit, outputs divided by theirs.
 
     Raises
     ------
     TypeError, ValueError
         Another kind of system; a unit that is not a number above zero or of an unknown signal.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> spring = control.ss([[-1.0]], [[1.0]], [[0.001]], 0.0, inputs="force", outputs="place")  # 1 mm/N
+    >>> scaled = bc.in_units(spring, {"force": 100.0, "place": 0.001})  # 100 N, 1 mm
+    >>> float(abs(scaled.dcgain()).round(3))
+    100.0
     """
     plain = of(system)
     _check(units)
@@ -44,14 +62,27 @@ def from_units(controller: "control.StateSpace", units: Mapping[str, float]) -> 
     Parameters
     ----------
     controller : control.StateSpace
-        Its inputs are outputs of that plant, its outputs inputs.
+        ``u = K y`` for the plant in units: its inputs are outputs of that plant, its outputs inputs.
     units : mapping from signal to float
         As given to :func:`in_units`; signals that the controller does not know are left alone.
+
+    Returns
+    -------
+    control.StateSpace
+        The same controller, from SI units to SI units.
 
     Raises
     ------
     TypeError, ValueError
         Another kind of system, entries that are not finite; a unit that is not a number above zero.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> gain = control.ss([], [], [], [[-2.0]], inputs="place", outputs="force")  # of 1 mm, in 100 N
+    >>> bc.from_units(gain, {"force": 100.0, "place": 0.001}).D.round(1)  # N/m
+    array([[-200000.]])
     """
     plain = of(controller, "controller", "StateSpace", any_time=True)
     _check(units)

@@ -28,7 +28,7 @@ def _second(corner: float, damping: float) -> tuple[list[list[float]], list[list
 
 
 def low_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTERWORTH) -> control.StateSpace:
-    """Return a filter with ``gain`` below ``corner`` [rad/s] that rolls off above.
+    """Return a low-pass filter, to be used as a weight: ``gain`` below the corner frequency, rolling off above.
 
     Parameters
     ----------
@@ -37,13 +37,26 @@ def low_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTE
     corner : float
         Corner frequency [rad/s].
     order : 1 or 2
+        Number of poles: the gain falls by 20 or by 40 dB a decade.
     damping : float
-        Damping ratio of the second order; a small one makes a peak of height ``gain/(2 damping)``.
+        Damping ratio of the two poles of order 2; a small one makes a peak of height ``gain/(2 damping)``.
+
+    Returns
+    -------
+    control.StateSpace
+        One input, ``in``, and one output, ``out``; stable, with ``order`` states.
 
     Raises
     ------
     TypeError, ValueError
-        A number out of range.
+        Not finite numbers; a corner or a damping that is not above zero; another order.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> weight = bc.low_pass(2.0, corner=10.0)
+    >>> abs(weight.frequency_response([0.0, 10.0, 1000.0]).complex).round(3)
+    array([2.   , 1.414, 0.02 ])
     """
     g, w, zeta = real("gain", gain), positive("corner", corner), positive("damping", damping)
     if _order(order) == 1:
@@ -52,9 +65,35 @@ def low_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTE
 
 
 def high_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTTERWORTH) -> control.StateSpace:
-    """Return a filter with ``gain`` above ``corner`` [rad/s] that vanishes at zero frequency.
+    """Return a high-pass filter, to be used as a weight: ``gain`` above the corner frequency, zero at zero frequency.
 
-    Parameters and errors as of `low_pass`; ``gain`` is that at high frequency.
+    Parameters
+    ----------
+    gain : float
+        Gain at high frequency.
+    corner : float
+        Corner frequency [rad/s].
+    order : 1 or 2
+        Number of poles: below the corner the gain rises by 20 or by 40 dB a decade.
+    damping : float
+        Damping ratio of the two poles of order 2.
+
+    Returns
+    -------
+    control.StateSpace
+        One input, ``in``, and one output, ``out``; stable, with ``order`` states.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not finite numbers; a corner or a damping that is not above zero; another order.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> weight = bc.high_pass(2.0, corner=10.0, order=2)
+    >>> abs(weight.frequency_response([0.0, 10.0, 1000.0]).complex).round(3)
+    array([0.   , 1.414, 2.   ])
     """
     g, w, zeta = real("gain", gain), positive("corner", corner), positive("damping", damping)
     if _order(order) == 1:
@@ -63,19 +102,33 @@ def high_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTT
 
 
 def band_pass(gain: float, low: float, high: float) -> control.StateSpace:
-    """Return a second-order filter between two corner frequencies [rad/s]: platform motion from a track, for instance.
+    """Return a second-order filter between two corner frequencies, to be used as a weight.
+
+    It may stand, for instance, for the platform's motion on a track.
 
     Parameters
     ----------
     gain : float
         Largest gain, at ``sqrt(low high)``.
     low, high : float
-        Where the gain is lower by the square root of two [rad/s], ascending.
+        Frequencies at which the gain is lower by the square root of two [rad/s], ascending.
+
+    Returns
+    -------
+    control.StateSpace
+        One input, ``in``, and one output, ``out``; stable, with two states.
 
     Raises
     ------
     TypeError, ValueError
         A number out of range; frequencies that do not ascend.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> weight = bc.band_pass(2.0, low=0.5, high=8.0)
+    >>> abs(weight.frequency_response([0.5, 2.0, 8.0]).complex).round(3)
+    array([1.414, 2.   , 1.414])
     """
     g, a, b = real("gain", gain), positive("low", low), positive("high", high)
     if a >= b:
@@ -86,21 +139,33 @@ def band_pass(gain: float, low: float, high: float) -> control.StateSpace:
 
 
 def shelf(low_gain: float, high_gain: float, corner: float, order: int = 1) -> control.StateSpace:
-    """Return a filter that goes from one gain to another: lag or lead, performance weight or roll-off of the effort.
+    """Return a filter that goes from one gain to another, to be used as a weight: for performance, or for the effort.
 
     Parameters
     ----------
     low_gain, high_gain : float
         Gains at zero and at infinite frequency, both above zero.
     corner : float
-        Where the gain is the geometric mean of both [rad/s].
+        Frequency at which the gain is the geometric mean of both [rad/s].
     order : 1 or 2
-        Two double the slope in between.
+        Number of poles; two make the way from one gain to the other twice as steep.
+
+    Returns
+    -------
+    control.StateSpace
+        One input, ``in``, and one output, ``out``; stable, with ``order`` states.
 
     Raises
     ------
     TypeError, ValueError
-        A number out of range.
+        Gains or a corner that are not above zero; another order.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> weight = bc.shelf(10.0, 0.1, corner=2.0)
+    >>> abs(weight.frequency_response([0.0, 2.0, 1e6]).complex).round(3)
+    array([10. ,  1. ,  0.1])
     """
     a, b, w = positive("low_gain", low_gain), positive("high_gain", high_gain), positive("corner", corner)
     count = _order(order)
