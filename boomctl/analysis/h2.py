@@ -73,6 +73,9 @@ class H2Certificate:
 def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     """Return the certified H2 norm: the RMS of the outputs to white noise of unit intensity at every input.
 
+    In discrete time it is white noise of unit variance at every sample.  The square of the norm is then the sum of the
+    squares of all pulse responses, the feedthrough included.
+
     Parameters
     ----------
     system : SecondOrderModel or control.StateSpace
@@ -86,7 +89,8 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time, not finite; an output of a structure that needs a derivative of an input.
+        Another kind of system, discrete time that does not say its sampling time, not finite; an output of a structure
+        that needs a derivative of an input.
 
     Examples
     --------

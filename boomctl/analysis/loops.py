@@ -153,7 +153,7 @@ def feedback_loop(
     Parameters
     ----------
     plant : SecondOrderModel or control.StateSpace
-        The plant, signals named.
+        The plant, signals named.  A discrete one needs a discrete controller of the same sampling time.
     controller : control.StateSpace
         Its inputs are outputs of the plant, its outputs inputs of the plant.
     added : str or sequence of str, optional
@@ -174,17 +174,18 @@ def feedback_loop(
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, discrete time; names that do not meet; nothing left to drive the loop; a loop that is
-        not well-posed.
+        Other kinds of system; sampling times that differ or are not said; a delay that the loop cannot have; names that
+        do not meet; nothing left to drive the loop; a loop that is not well-posed.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> import control
-    >>> spring = control.ss([], [], [], [[-500.0]], inputs="stroke_left", outputs="suspension_left")
-    >>> loop = bc.feedback_loop(bc.spray_boom(), spring)
-    >>> loop.input_labels
-    ['actuator_left', 'actuator_right', 'suspension_right', 'cradle']
+    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
+    >>> loop = bc.feedback_loop(mass, bc.discretize(lead, 0.05), "force", delay=0.02)
+    >>> loop.input_labels, loop.dt, bool(abs(loop.poles()).max() < 1.0)
+    (['force_added'], 0.05, True)
     """
     return joined(plant, controller, delay).closed(added).statespace("closed loop")
 

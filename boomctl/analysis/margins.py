@@ -133,7 +133,10 @@ class LoopMargin:
         Least angle that makes it unstable [degrees], and where [rad/s]; ``inf`` and ``nan`` without a crossing of gain one.
     delay, delay_omega : float
         Least delay that makes it unstable [s], and where [rad/s]; 0 and ``inf`` where the loop's gain at infinite frequency
-        is not below one, so that the least delay does (or leaves no decay at high frequencies).
+        is not below one, so that the least delay does (or leaves no decay at high frequencies).  In a sampled loop around a
+        continuous plant it is a further delay of this control, or of this reading, by parts of a sample too: exact.  A
+        discrete plant is not known between its samples.  Around one it is the least ``tau`` with which
+        ``L exp(-j omega tau)`` is one at a crossing of gain one: exact for whole samples.
     disk : DiskMargin
         Its disk margin.
     rounding : float
@@ -286,9 +289,13 @@ def margins(
     Parameters
     ----------
     plant : SecondOrderModel or control.StateSpace
-        The plant, signals named.
+        The plant, signals named.  A discrete one needs a discrete controller of the same sampling time.
     controller : control.StateSpace
-        Its inputs are outputs of the plant, its outputs inputs of the plant.
+        Its inputs are outputs of the plant, its outputs inputs of the plant.  A discrete one makes the sampled loop of
+        :func:`boomctl.feedback_loop`.  Its margins are those at the samples: of what is sent at a control, and of what
+        is read at a measurement.
+    delay : float, optional
+        Time between a sample and the moment its control acts [s]; only with a discrete controller.
 
     Returns
     -------
@@ -305,16 +312,22 @@ def margins(
     -----
     UncertainMarginsWarning
         Rounding of the loop's matrices alone may change the response by more than one part in 1e5.
+    SamplingCostsMarginWarning
+        Sampling and delay take more than 3 dB off the disk margin at all controls, or off that at all measurements.  The
+        loop is compared with that of the continuous plant and of the continuous controller whose Tustin discretisation
+        the discrete one is.  Where there is no such loop (a discrete plant, a pole at ``z = -1``, a continuous loop that is
+        not stable) nothing is compared.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> import control
-    >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="force", outputs="place")
-    >>> integrator = control.ss([[0.0]], [[1.0]], [[-2.0]], 0.0, inputs="place", outputs="force")
-    >>> found = bc.margins(lag, integrator).loops[0]
-    >>> found.signal, round(found.phase_deg, 1), round(found.delay, 3)  # degrees, s
-    ('force', 38.7, 0.54)
+    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
+    >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
+    >>> round(bc.margins(mass, lead)["force"].phase_deg, 1)
+    34.0
+    >>> round(bc.margins(mass, bc.discretize(lead, 0.01), delay=0.004)["force"].phase_deg, 1)  # sampling takes some
+    33.2
     """
     P, K = of(plant, "plant", sampled=True), of(controller, "controller", "StateSpace", sampled=True)
     loop = joined(P, K, delay)

@@ -34,7 +34,8 @@ class ModeRow:
     Attributes
     ----------
     pole : complex
-        The pole, of a pair that of non-negative imaginary part [rad/s].
+        The pole, of a pair that of non-negative imaginary part [rad/s]; in discrete time the rate ``log(z)/dt``, ``-inf`` for
+        ``z = 0``.
     input_shares, output_shares : (m,) and (p,) ndarray
         From 0 to 1: how much of the largest modal peak between an input and any output (an output and any input) this
         mode makes.
@@ -145,6 +146,8 @@ def _z(z: complex) -> str:
 def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
     """Return the modes of a system, and how well each input moves and each output shows them.
 
+    Poles ``z`` of a discrete system stand beside their rates ``log(z)/dt``, whose frequency and damping they have.
+
     Parameters
     ----------
     system : SecondOrderModel or control.StateSpace
@@ -158,8 +161,8 @@ def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time, not finite; poles without eigenvectors of their own (a rigid body that
-        no support holds, equal poles in a chain).
+        Another kind of system, discrete time that does not say its sampling time, not finite; poles without
+        eigenvectors of their own (a rigid body that no support holds, equal poles in a chain).
 
     Examples
     --------

@@ -116,7 +116,8 @@ def hinf_norm(system: "control.StateSpace") -> NormCertificate:
     Raises
     ------
     TypeError, ValueError
-        Another kind of system (:func:`boomctl.sigma` takes structures as well), discrete time, not finite.
+        Another kind of system (:func:`boomctl.sigma` takes structures as well), discrete time that does not say its sampling
+        time, not finite.
 
     Examples
     --------

@@ -149,14 +149,15 @@ def platform_motion(
     Parameters
     ----------
     track : Track
-        The ground.  On a periodic track the tractor has driven before, until the motion is stationary; on another it
-        starts from equilibrium, with its rear axle at the beginning of the track.
+        The ground.  The tractor starts from equilibrium, its rear axle at the beginning of the track; the usual one moves as
+        much from the second second on as it does later.  A periodic track is driven on before, until the motion is
+        stationary.
     tractor : TractorParameters, optional
         The tractor; by default a typical one.
     speed : float
         Driving speed [m/s].
     duration : float, optional
-        How long it drives [s]; by default once over the track.
+        How long it drives [s]; by default once over the track, until the front axle is at its end.
     sample_time : float
         Time between the instants of the result [s].
     actuator_distance : float

@@ -319,7 +319,7 @@ def iso_track(
     >>> import boomctl as bc
     >>> rough = bc.iso_track("E", length=100.0, seed=3)
     >>> len(rough.left), rough.length  # points; m
-    (5000, 100.0)
+    (5001, 100.0)
     >>> bool((rough.left == bc.iso_track("E", length=100.0, seed=3).left).all())  # the same seed, the same ground
     True
     """

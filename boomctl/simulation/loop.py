@@ -138,15 +138,18 @@ def simulate_loop(
 
     Examples
     --------
+    A hub brought to rest at 0.5 rad, with 0.1 kg at the tip of which its controller does not know:
     >>> import boomctl as bc
     >>> import control
     >>> import numpy as np
-    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    >>> lead = control.ss([[-10.0]], [[10.0]], [[9.0]], [[-10.0]], inputs="place", outputs="force")
-    >>> time, start = np.arange(0.0, 5.0, 0.01), [1.0, 0.0]
-    >>> run = bc.simulate_loop(mass, lead, None, time, sample_time=0.01, delay=0.005, initial=start)
-    >>> run.outputs["place"][[0, 100, 499]].round(3)
-    array([1.   , 0.122, 0.047])
+    >>> beam = bc.hub_beam(model="sfoam", modes=3)
+    >>> gains = [[-150.0, -250.0]]
+    >>> pd = control.ss([], [], [], gains, 0.01, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
+    >>> time = np.linspace(0.0, 20.0, 2001)
+    >>> wanted = {"hub_angle": np.full(time.size, 0.5)}
+    >>> run = bc.simulate_loop(beam.with_tip_mass(0.1), pd, None, time, sample_time=0.01, reference=wanted)
+    >>> bool(abs(run["hub_angle"][-1] - 0.5) < 0.01)
+    True
     """
     late = nonnegative("delay", delay)
     tolerance = positive("rtol", rtol), positive("atol", atol)

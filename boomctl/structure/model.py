@@ -200,6 +200,11 @@ class SecondOrderModel:
         ------
         TypeError, ValueError
             ``count`` is not a whole number above zero, or the model has fewer of them.
+
+        Warns
+        -----
+        AccuracyWarning
+            Rounding may be more than 1e-8 of them: elements of very unlike length and stiffness, or very fast modes.
         """
         poles, rounding = poles_and_rounding(self.structure, whole("count", count))
         warn_of_rounding("the highest eigenfrequency", rounding, PROMISED)

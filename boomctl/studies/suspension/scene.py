@@ -88,12 +88,17 @@ class FieldScene:
                 (nonnegative if each.name in _MAY_BE_ZERO else positive)(each.name, value)
 
     def motion(self) -> PlatformMotion:
-        """Return what the track does to the platform, run-in included.
+        """Return what the track does to the platform, run-in included; a longer run begins with the shorter one.
 
         Returns
         -------
         PlatformMotion
             Displacements of the platform's actuators [m], at the controller's samples.
+
+        Raises
+        ------
+        ValueError
+            A longer way than the 10 km of ground that a seed has.
         """
         duration = self.run_in + self.duration
         most = (GROUND_LENGTH - self.tractor.wheelbase - _SPARE) / self.speed

@@ -89,7 +89,8 @@ def lqg(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        The system, in continuous time, signals named.
+        The system, signals named.  Of a discrete one the controller is the best of all whose control at a sample rests
+        on the measurements before it.
     Q, R, output_weight
         Weights of states, controls and outputs, as for :func:`lqr`.
     process_noise, measurement_noise, disturbances

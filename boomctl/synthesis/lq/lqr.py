@@ -128,7 +128,8 @@ def lqr(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        The system ``x' = A x + B u``, in continuous time, signals named.
+        The system ``x' = A x + B u``, signals named.  Of a discrete one, ``x+ = A x + B u``, the sum over the samples is
+        minimised.
     Q : number, vector, matrix, mapping from state name to number, or None
         Weight of the states, positive semidefinite; None weighs none of them.
     R : number, vector, matrix or mapping from control name to number

@@ -184,9 +184,9 @@ def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "co
     Parameters
     ----------
     P : control.StateSpace
-        Generalised plant in continuous time: its last inputs are controls, its last outputs measurements.
+        Generalised plant: its last inputs are controls, its last outputs measurements.
     controller : control.StateSpace
-        ``u = K y``, in continuous time.
+        ``u = K y``, of the same sampling time if there is one.
 
     Returns
     -------
@@ -196,7 +196,7 @@ def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "co
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, discrete time, too many signals; names of which some are signals of ``P`` but not those
+        Other kinds of system, sampling times that differ, too many signals; names of which some are signals of ``P`` but not those
         last ones; the loop is not well-posed.
 
     Examples
