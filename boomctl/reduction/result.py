@@ -75,8 +75,8 @@ class ReductionResult:
     method : str
         How the system was reduced.
     certificate : NormCertificate
-        Bounds of the H-infinity norm of the difference between the core and the reduced system; of discrete systems, between their
-        stable parts on the unit circle.
+        Bounds of the H-infinity norm of the difference between the core and the reduced system; of discrete systems,
+        between their stable parts on the unit circle.
     truncation_bound : float
         Bound, in closed form, of what the core leaves out of the full system, and of what rounding changed in its
         coordinates; part of both errors.

@@ -309,7 +309,7 @@ class Spring:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"build": 3}, "build: expected a function of the parameters or an AffineFamily, got int"),
+        ({"build": 3}, "build = 3: expected a function of the parameters, or an AffineFamily, got int"),
         ({"build": lambda p: None}, "build: expected eigenfrequencies"),
         ({"build": lambda p: [1.0]}, "at least 3 eigenfrequencies, got 1"),
         ({"build": lambda p: [np.nan] * 3}, "answer of build: expected finite"),

@@ -135,7 +135,7 @@ def test_an_angle_beside_another_final_state_is_refused():
 
 @pytest.mark.parametrize("masses", [None, 0.1, "0.1"])
 def test_payloads_are_given_as_numbers(masses):
-    with pytest.raises(TypeError, match=r"tip_masses = .*: expected numbers of kilograms"):
+    with pytest.raises(TypeError, match=r"tip_masses = .*: expected a sequence of masses in kg"):
         bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 100.0, tip_masses=masses)
 
 

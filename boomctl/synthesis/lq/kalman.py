@@ -76,7 +76,8 @@ def kalman(
         The system, signals named.  Of a discrete one the estimate at a sample is that of the measurements before it, and
         noise is white at the samples.
     process_noise : number, vector, matrix or mapping from input name to number
-        Intensity of the noise, in discrete time its variance, positive semidefinite: over the inputs named in ``disturbances``; without these, a
+        Intensity of the noise, in discrete time its variance, positive semidefinite: over the inputs named in
+        ``disturbances``; without these, a
         mapping is over the inputs it names, a number, vector or matrix over the states (noise on ``x'``).  What an
         input feeds through to a measurement is noise on both, and counted as such.
     measurement_noise : number, vector, matrix or mapping from output name to number

@@ -196,8 +196,8 @@ def close_loop(P: "control.StateSpace", controller: "control.StateSpace") -> "co
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, sampling times that differ, too many signals; names of which some are signals of ``P`` but not those
-        last ones; the loop is not well-posed.
+        Other kinds of system, sampling times that differ, too many signals; names of which some are signals of ``P`` but
+        not those last ones; the loop is not well-posed.
 
     Examples
     --------
