@@ -91,9 +91,15 @@ def test_a_folder_in_place_of_a_file_is_bad_use(words, tmp_path):
 
 @pytest.mark.slow
 def test_a_speed_at_which_a_track_is_not_resolved_is_named(tmp_path):
+    done = boomctl("design", "passive_tuning", "--speed", "80", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "at speed = 80, or a speed of at most 50 m/s" in done.stderr
+
+
+def test_a_way_longer_than_the_ground_is_named(tmp_path):
     done = boomctl("design", "passive_tuning", "--speed", "300", cwd=tmp_path)
     assert done.returncode == 2
-    assert "at speed = 300, or a speed of at most" in done.stderr
+    assert "run_in, duration = 60, 60: expected at most" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -86,7 +86,7 @@ def joined(
     P, K = of(plant, "plant", sampled=either), of(controller, "controller", "StateSpace", sampled=either)
     K = replace(K, states=tuple(f"controller_{label}" for label in K.states))
     acting, measured = signals_of(K, P.inputs, P.outputs)
-    dt, late = time_of_loop(P, K, delay or 0.0)
+    dt, late = time_of_loop(P, K, 0.0 if delay is None else delay)
     if dt:
         P = sampled_plant(P, acting, dt, [late] * len(acting))
     others = [i for i in range(len(P.inputs)) if i not in acting]

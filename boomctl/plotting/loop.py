@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from boomctl.simulation.result import LoopResult
 
 _MOST = 6  # outputs that are drawn unless some are named: as many as there are colours
+# outputs by how their names end, and the panel that they have to themselves: one with the others would show only some
+_APART = {"_acceleration": "accelerations", "_moment": "moments", "_strain": "strains"}
 _ABOVE = 1.6  # of the largest control, shown of what was asked for (a choice)
 
 
@@ -26,8 +28,8 @@ def plot_loop(
     ----------
     result : LoopResult
     ax : sequence of matplotlib Axes, or a figure, optional
-        One for the outputs, the accelerations among them, the strokes, the controls and the friction, those that there
-        are; by default a new figure of pyplot.
+        One for the outputs, those of accelerations, moments and strains, the strokes, the controls and the friction,
+        those that there are; by default a new figure of pyplot.
     outputs : str or sequence of str, optional
         By default the first six that are not strokes.
     **style
@@ -63,13 +65,16 @@ def plot_loop(
 def _outputs(
     there: dict[str, Any], asked: str | Sequence[str] | None, without: Iterable[str] = ()
 ) -> list[tuple[str, dict[str, Any]]]:
-    """Return the outputs to draw, those asked for or the first; accelerations apart: one panel would show no other."""
+    """Return the outputs to draw, those asked for or the first, in panels of about one size."""
     if asked is not None:
         chosen = list(names("output", asked, tuple(there)))
     else:
         chosen = [name for name in there if name not in without][:_MOST]
-    fast = {name: there[name] for name in chosen if name.endswith("_acceleration")}
-    return [("outputs", {name: there[name] for name in chosen if name not in fast}), ("accelerations", fast)]
+    found: dict[str, dict[str, Any]] = {title: {} for title in ("outputs", *_APART.values())}
+    for name in chosen:
+        title = next((panel for end, panel in _APART.items() if name.endswith(end)), "outputs")
+        found[title][name] = there[name]
+    return list(found.items())
 
 
 def _draw(ax: Any, result: "LoopResult", title: str, signals: dict[str, Any], style: dict[str, Any]) -> None:
@@ -107,7 +112,8 @@ def plot_forced_response(
     ----------
     result : ForcedResponse
     ax : sequence of matplotlib Axes, or a figure, optional
-        One for the inputs, one for the outputs, and one for accelerations among them; by default a new figure of pyplot.
+        One for the inputs, one for the outputs, and those of accelerations, moments and strains among them; by default a
+        new figure of pyplot.
     outputs : str or sequence of str, optional
         By default the first six.
     **style

@@ -38,7 +38,7 @@ _SPARE = 12  # modes beyond twice those wanted in a basis for damped poles (a ch
 _LARGEST_DENSE = 3000  # coordinates up to which all poles can be found at once: a minute, a gigabyte (a choice)
 _LANCZOS = 500  # iterations up to which Lanczos' method converges if it does; some ten are usual (a choice)
 # what rounding leaves uncertain of a mode, over how many times faster than the slowest it is (measured, with room)
-_FAST = 0.5 * float(np.finfo(float).eps)
+_FAST = 4.0 * float(np.finfo(float).eps)
 PROMISED = 1e-8  # of frequencies, what rounding may be before a user is warned (a choice)
 _LOST = "singular to rounding: expected elements that differ less, or a description from which its rows are known"
 _NOISE = 1e3 * float(np.finfo(float).eps)  # of the largest stiffness over mass: rounding, with room (a choice)
