@@ -86,6 +86,7 @@ def test_a_loop_that_is_lost_at_rest_is_limited_there(gain):
     assert found.gain_high_omega == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_one_loop_at_a_time_is_the_loop_closed_by_all_others(seed):
     plant, K = chain(seed), velocity_feedback(0.2, 8.0)

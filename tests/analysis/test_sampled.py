@@ -137,6 +137,7 @@ def test_gains_and_delays_at_a_margin_are_where_the_stepped_loop_rings(seed):
             assert radius(plant, controller, delay, further=further, at=loop.signal) < 1.0
 
 
+@pytest.mark.slow
 @examples(100)
 @given(st.integers(0, 100_000))
 def test_every_gain_within_the_disk_is_borne_by_all_signals_at_once(seed):
@@ -205,6 +206,7 @@ def test_what_sampling_costs_is_warned_of():
         bc.margins(control.sample_system(plant, 0.05, name="plant"), bc.discretize(K, 0.05), delay=0.05)
 
 
+@pytest.mark.slow
 def test_a_boom_under_a_fast_sampled_damper_keeps_its_margins():
     model = bc.spray_boom(elements=4)
     measured, driven = "stroke_right", "suspension_right"

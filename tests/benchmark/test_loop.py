@@ -50,6 +50,7 @@ def test_the_simulation_solves_the_loop_that_it_is_raced_on(short):
         np.testing.assert_allclose(found[name], true[k], atol=1e-10 * np.abs(true).max())
 
 
+@pytest.mark.slow
 def test_the_sampled_loop_tends_to_the_continuous_one(short):
     begin = short.until(301)
     exact = continuous_reference(begin)
@@ -64,6 +65,7 @@ def test_the_sampled_loop_tends_to_the_continuous_one(short):
     assert far < 1e-2 * np.abs(exact).max()
 
 
+@pytest.mark.slow
 def test_the_peers_solve_their_loops(short):
     begin = short.until(201)
     exact = continuous_reference(begin)

@@ -59,6 +59,7 @@ def test_the_time_spent_behind_an_edge_is_that_of_many_drops(seed, size, thickne
     assert found == pytest.approx(counted, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_boom_that_drives_evenly_sprays_evenly():
     t = 0.01 * np.arange(2001)
     result = bc.spray_deposit(t, np.full((24, 2001), 0.3), X, 2.5, cell=(0.07, 0.11))
@@ -132,6 +133,7 @@ def test_the_mirrored_boom_leaves_the_mirrored_field(seed):
     assert found.deposit == pytest.approx(other.deposit[::-1], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_same_motion_twice_as_fast_and_far_leaves_the_same_field():
     """Only the path counts: all times halved, all speeds doubled."""
     t, moved = sine(0.4, 2.0)

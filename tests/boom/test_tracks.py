@@ -157,6 +157,7 @@ def test_grounds_of_different_seeds_have_nothing_in_common(grounds):
             assert abs((np.abs(white[one]) ** 2 * np.exp(2j * np.pi * n[100:] * shift)).mean()) < 2.0 * error
 
 
+@pytest.mark.slow
 def test_short_tracks_rise_and_fall_as_the_density_says_everywhere_on_them():
     """Mean square of heights and of their differences, at the beginning and at the end, over many seeds."""
     tracks = [bc.iso_track("C", 60.0, seed, step=0.25, band=(0.01, 1.5)) for seed in range(200)]

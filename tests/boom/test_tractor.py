@@ -145,6 +145,7 @@ def test_on_a_periodic_track_each_harmonic_is_the_frequency_response_to_it():
     assert np.abs(found - expected).max() < 2e-4 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periodic", [False, True])
 def test_the_density_is_that_of_the_motions(periodic):
     """Mean square displacement and velocity over many tracks against the integrals, jolt and yaw apart.

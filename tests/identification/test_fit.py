@@ -209,6 +209,7 @@ def test_a_product_of_which_both_factors_are_free_is_said():
     assert product == pytest.approx(single.values["youngs_modulus"] * truth.second_moment, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_what_changes_nothing_by_itself_is_said_by_itself():
     measured = bc.spray_boom(TRUTH).eigenfrequencies_hz(5) * np.array([1.01, 0.99, 1.005, 1.0, 0.998])
     found = bc.fit(bc.spray_boom, measured, ["platform_mass", "spring_stiffness", "cradle_mass"], starts=1)

@@ -58,8 +58,9 @@ def reproduced(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def result(reproduced):
-    return reproduced.result
+def result(request):
+    """What the command computes, from the run of the command where that is tried anyway."""
+    return compute() if is_quick() else request.getfixturevalue("reproduced").result
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +71,7 @@ def study(reproduced):
 # -- files ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_reproduce_writes_a_report_that_stands_alone(reproduced):
     out, done = reproduced.out, reproduced.done
     assert done.returncode == 0
@@ -82,6 +84,7 @@ def test_reproduce_writes_a_report_that_stands_alone(reproduced):
         assert (out / name).stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_json_on_standard_output_is_the_results_file(reproduced):
     out, done = reproduced.out, reproduced.done
     printed = json.loads(done.stdout)
@@ -144,6 +147,7 @@ def _reading(study, name):
     return next(reading for reading in study.readings if reading.name.startswith(name))
 
 
+@pytest.mark.slow
 def test_the_force_matches_the_damping_at_the_cradles_mode(study):
     assert study.matched_hz == pytest.approx(0.9325, abs=1e-3)  # the exact beam's third frequency
     bare = _reading(study, "in place of viscous").balance
@@ -152,6 +156,7 @@ def test_the_force_matches_the_damping_at_the_cradles_mode(study):
     assert 0.3 * BoomParameters().cradle_damping < damping < 1.5 * BoomParameters().cradle_damping
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["balance", "swept"])
 def test_friction_in_place_of_damping_lowers_the_lower_singular_value_between_2_5_and_3_5_hz(study, method):
     whole, part = (
@@ -162,6 +167,7 @@ def test_friction_in_place_of_damping_lowers_the_lower_singular_value_between_2_
     assert whole < part < 0.95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["balance", "swept"])
 def test_friction_beside_damping_and_a_stuck_cradle_raise_it(study, method):
     found = getattr(_reading(study, "added"), method)
@@ -169,6 +175,7 @@ def test_friction_beside_damping_and_a_stuck_cradle_raise_it(study, method):
     assert study.change(study.omega, study.stuck) > study.change(found.omega, found.gain)
 
 
+@pytest.mark.slow
 def test_above_the_band_the_lower_singular_value_is_yaw_and_does_not_feel_the_cradle(study):
     freq_hz = study.omega / (2 * np.pi)
     above, within = (freq_hz > 3.7) & (freq_hz < 4.5), (freq_hz > 2.0) & (freq_hz < 3.4)
@@ -178,6 +185,7 @@ def test_above_the_band_the_lower_singular_value_is_yaw_and_does_not_feel_the_cr
         np.testing.assert_allclose(study.ratio(study.omega, reading.balance.gain)[above], 1.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_both_methods_agree_in_the_band(study):
     for reading in study.readings:
         chosen = (reading.swept.omega >= 2 * np.pi * BAND_HZ[0]) & (reading.swept.omega <= 2 * np.pi * BAND_HZ[1])
@@ -193,6 +201,7 @@ def test_the_force_is_in_proportion_to_the_amplitude():
     assert large[1] == small[1]
 
 
+@pytest.mark.slow
 def test_the_numbers_are_those_of_the_curves(study):
     numbers = study.numbers()
     assert len(numbers) == 1 + 2 * len(study.readings)
@@ -200,6 +209,7 @@ def test_the_numbers_are_those_of_the_curves(study):
     assert max(numbers, key=lambda name: numbers[name]) == "stuck"
 
 
+@pytest.mark.slow
 def test_the_picture_is_drawn(study):
     assert figure_bytes(draw_friction(study), "png").startswith(b"\x89PNG")
 
@@ -269,11 +279,13 @@ def updating(reproduced):
     return reproduced.updating
 
 
+@pytest.mark.slow
 def test_the_boom_that_is_fitted_is_the_exact_one_to_two_parts_in_ten_thousand(updating):
     for found in updating.readings:
         assert found.fitted == pytest.approx(exact_eigenfrequencies_hz(found.parameters, 5), rel=2e-4)
 
 
+@pytest.mark.slow
 def test_no_spring_and_no_modulus_explains_the_measured_first_frequency(updating):
     """Within the printed digits of the others, 0.34 Hz stays far away: it is not for want of a fit."""
     for free in (("spring_stiffness",), ("youngs_modulus",), ("spring_stiffness", "youngs_modulus")):
@@ -283,6 +295,7 @@ def test_no_spring_and_no_modulus_explains_the_measured_first_frequency(updating
     assert np.abs(updating.without_first.residuals).max() < 0.02
 
 
+@pytest.mark.slow
 def test_the_lever_of_the_springs_explains_all_five(updating):
     """To 4 %, as nothing else alone; 1.9 m in place of 1.318 m, or 1 kN m/rad more in the hinge."""
     lever = updating.lever
@@ -301,6 +314,7 @@ def test_the_lever_of_the_springs_explains_all_five(updating):
     assert ratio == pytest.approx(rigid, rel=0.15)
 
 
+@pytest.mark.slow
 def test_the_report_says_what_was_fitted_and_keeps_both_numbers(reproduced):
     report = (reproduced.out / "report.html").read_text()
     assert "does not come from a stiffer spring" in report

@@ -91,6 +91,7 @@ def test_neglected_terms_are_what_cfoam_has_beyond_foam():
     assert section.claims[0].verdict == CORRECTED
 
 
+@pytest.mark.slow
 def test_spin_up_peaks():
     section = hub_beam_spin_up.foam_and_tlam()
     tlam, foam, ratio = section.comparisons

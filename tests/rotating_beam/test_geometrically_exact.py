@@ -117,6 +117,7 @@ def test_energy_and_angular_momentum_are_kept_on_a_free_hub(parameters, seconds)
     assert np.ptp(r.angular_momentum) < 1e-12 * r.angular_momentum[0]
 
 
+@pytest.mark.slow
 def test_energy_and_angular_momentum_are_kept_after_a_torque():
     model, times = GeometricallyExactBeam(BAI, 5), np.linspace(0, 25, 251)
     r = model.simulate(sine_torque(300.0, 5.0, 5.0), times, rtol=1e-5)

@@ -55,6 +55,7 @@ def test_bai_table_two_exactly():
     assert model.frequencies_hz(1.0, coupled=True)[0] == pytest.approx(0.47111033, rel=2e-6)
 
 
+@pytest.mark.slow
 def test_small_free_vibration_is_the_linear_one():
     model = GeometricallyExactBeam(BAI, 4)
     speed, times = 1.3, np.linspace(0, 3, 61)

@@ -80,6 +80,7 @@ def test_torque_feeds_the_energy_and_the_angular_momentum(model):
     assert result.angular_momentum[-1] == pytest.approx(impulse, abs=1e-5 * np.abs(result.angular_momentum).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "model", [pytest.param(m, marks=[pytest.mark.slow] if m in ("cfoam", "tlam") else []) for m in ALL_MODELS]
 )
@@ -149,6 +150,7 @@ def converged(beam, motion, edges, start, rtol):
     raise AssertionError("no convergence")
 
 
+@pytest.mark.slow
 @examples(10)
 @example(p=SLENDER, speed=1.0, phases=6.0, modes=4)
 @given(p=parameters(), speed=st.floats(-3.0, 3.0), phases=st.floats(1.0, 8.0), modes=st.integers(1, 4))
@@ -234,6 +236,7 @@ def test_inertia_torque_of_table_3(amplitude):
     assert np.abs(result.inertia_torque).max() == pytest.approx(expected, abs=0.5 * digit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["foam", "cfoam"])
 def test_residual_after_400_newton_metres(model):
     t = np.linspace(0.0, 30.0, 6001)

@@ -72,6 +72,7 @@ def test_many_modes_are_as_exact(modes, rtol):
     assert np.abs(result.tip_displacement - exact.tip).max() <= rtol * np.abs(exact.tip).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", [1e-6, 1e-8])
 def test_an_explicit_method_of_others_agrees(rtol):
     beam = hub_beam(BAI, "sfoam", 2)

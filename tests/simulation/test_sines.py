@@ -44,6 +44,7 @@ def test_much_friction_leaves_a_cradle_that_sticks(method):
     assert not found.slip.any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.03, 40.0])
 def test_only_the_ratio_of_friction_and_excitation_matters(scale):
     for method in _METHODS:

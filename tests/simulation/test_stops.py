@@ -89,6 +89,7 @@ def test_stops_out_of_reach_change_nothing():
     assert found.stops == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [48, 69, 107])
 def test_a_shaken_boom_between_narrow_stops(seed):
     """White noise of the platform, a kink at every sample: both stops at once, on either side, one driving the other."""
@@ -171,6 +172,7 @@ def test_bad_stops(limit, message):
         simulate_loop(_FREE, None, None, np.linspace(0, 1, 11), sample_time=0.1, stroke_limit=limit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heavy", [0.5, 2.0, 8.0])
 def test_what_sticks_below_break_away_still_does_when_a_stop_holds_it(heavy):
     """A mass on a carriage at its stop: pulled by more than sliding friction and less than what holds, it stays."""

@@ -49,6 +49,7 @@ def test_two_masses_and_a_spring_from_the_rigid_torque():
     assert found.history.duration == pytest.approx(least_time(problem).duration, rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "modes", "payloads"),
     [("sfoam", 2, ()), pytest.param("sfoam", 3, (), marks=pytest.mark.slow), ("sfoam-consistent", 1, (0.3,))],
@@ -173,6 +174,7 @@ def test_programmes_along_the_motion_find_how_many_arcs_there_are():
     assert 2 * counted(ends, first_half(first), 200).switches.size + 1 == 11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "modes"),
     [pytest.param("sfoam", 5, marks=pytest.mark.slow), pytest.param("sfoam", 4, marks=pytest.mark.slow), ("foam", 1)],

@@ -136,6 +136,7 @@ def test_bad_progress_is_refused():
         bc.optimal_slew(sfoam(1), 1.0, 200.0, progress=1)  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("payload", [1e-6, 1e-4, 0.2])
 def test_payloads_close_to_the_beams_own_take_few_iterations(payload):
     limits = Limits(200.0)

@@ -47,6 +47,7 @@ def test_rigid_jerk_is_the_fifth_order_polynomial(angle, duration):
     assert slew.hub_angle == pytest.approx(angle * share**3 * (10.0 - 15.0 * share + 6.0 * share**2), abs=1e-3 * angle)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", ["effort", "torque-rate", "jerk", pytest.param("tip", marks=pytest.mark.slow)])
 def test_shooting_and_collocation_agree(beam, objective):
     slews = [
@@ -116,6 +117,7 @@ def test_limits_are_kept_on_a_dense_replay(beam, name, value):
     assert slew.duration > bc.optimal_slew(beam, ANGLE, LIMIT).duration
 
 
+@pytest.mark.slow
 @examples(6)
 @given(
     st.sampled_from([("speed_limit", 0.75), ("tip_limit", 0.75), ("moment_limit", 0.75)]),
@@ -149,6 +151,7 @@ def test_any_limit_is_kept_or_the_failure_names_it(limit, angle, stretch):
     assert slew.cost >= free.cost * (1.0 - 1e-9)
 
 
+@pytest.mark.slow
 def test_orders_of_the_schemes(beam):
     schemes = (("collocation", 1), ("collocation", 2), ("radau", 2))
     first, second, radau, held = mesh_study(beam, ANGLE, LIMIT, 3.6, schemes, (20, 40, 80, 160)).lines

@@ -177,6 +177,7 @@ def test_vibration_alone_is_brought_to_rest(angle, amplitude):
     assert slew.states[-1][2:] == pytest.approx([0.0, 0.0], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_bent_beam_is_brought_to_rest(sign):
     h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2)

@@ -35,6 +35,7 @@ def test_rigid_bound_is_sharp():
     assert bc.optimal_slew(rigid(241.0), 1.0, 100.0, "effort", 1.01 * least, intervals=100).end_error < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method", ["shooting", *(pytest.param(name, marks=pytest.mark.slow) for name in ("collocation", "radau"))]
 )
