@@ -35,8 +35,8 @@ def pinned_mesh_frequency(count: int) -> float:
         return float(mp.sqrt(420 * ratio / h**4))
 
 
-def _cantilever(nodes: Sequence[float]) -> tuple[Any, Any]:
-    """Return mass and stiffness matrix of a clamped beam of unit mass per length and stiffness on the nodes given."""
+def _cantilever(nodes: Sequence[float], stiffness: Sequence[float], mass: Sequence[float]) -> tuple[Any, Any]:
+    """Return mass and stiffness matrix of a clamped beam on the nodes given, of bending stiffnesses and masses per length."""
     n = 2 * len(nodes)
     M, K = mp.zeros(n), mp.zeros(n)
     for e, (left, right) in enumerate(pairwise(nodes)):
@@ -44,24 +44,35 @@ def _cantilever(nodes: Sequence[float]) -> tuple[Any, Any]:
         scale = (mp.mpf(1), h, mp.mpf(1), h)
         for i in range(4):
             for j in range(4):
-                M[2 * e + i, 2 * e + j] += scale[i] * scale[j] * _MASS[i][j] * h / 420
-                K[2 * e + i, 2 * e + j] += scale[i] * scale[j] * _STIFFNESS[i][j] / h**3
+                at = 2 * e + i, 2 * e + j
+                M[at] += mp.mpf(mass[e]) * scale[i] * scale[j] * _MASS[i][j] * h / 420
+                K[at] += mp.mpf(stiffness[e]) * scale[i] * scale[j] * _STIFFNESS[i][j] / h**3
     return M[2:, 2:], K[2:, 2:]
 
 
-def cantilever_frequencies(nodes: Sequence[float]) -> Array:
-    """Return all natural frequencies [rad/s] of a clamped beam of cubic elements on the nodes given, ascending."""
-    with mp.workdps(DIGITS):
-        M, K = _cantilever(nodes)
+def cantilever_frequencies(
+    nodes: Sequence[float],
+    stiffness: Sequence[float] | None = None,
+    mass: Sequence[float] | None = None,
+    digits: int = DIGITS,
+) -> Array:
+    """Return all natural frequencies [rad/s] of a clamped beam of cubic elements on the nodes given, ascending.
+
+    Bending stiffness and mass per length are those of each element, by default one.  Squares of frequencies that are 1e55
+    apart want more digits than these 55 and those that are to be right.
+    """
+    even = [1.0] * (len(nodes) - 1)
+    with mp.workdps(digits):
+        M, K = _cantilever(nodes, stiffness or even, mass or even)
         root = mp.inverse(mp.cholesky(M))
         values = mp.eigsy(root * K * root.T, eigvals_only=True)
-        return np.sqrt(np.array(sorted(float(v) for v in values)))
+        return np.array(sorted(float(mp.sqrt(value)) for value in values))
 
 
 def cantilever_response(nodes: Sequence[float], omega: Sequence[float]) -> Array:
     """Return the tip's motion for a force on it, undamped, at some frequencies."""
     with mp.workdps(DIGITS):
-        M, K = _cantilever(nodes)
+        M, K = _cantilever(nodes, *2 * [[1.0] * (len(nodes) - 1)])
         force = mp.zeros(K.rows, 1)
         force[K.rows - 2] = 1
         return np.array([complex(mp.lu_solve(K - mp.mpf(w) ** 2 * M, force)[K.rows - 2]) for w in omega])

@@ -2,13 +2,13 @@
 
 import warnings
 
-import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import given
 
 import boomctl as bc
 from boomctl.analysis.norm import LOST
+from boomctl.stress.references import cantilever_frequencies
 from boomctl.structure import GROUND, Assembly, Beam, BeamSection, FiniteElements, Force, Output, fixed
 from boomctl.structure.response.poles import damped_poles, undamped_modes
 from boomctl.structure.response.rounding import AccuracyWarning
@@ -88,24 +88,12 @@ def clamped(sections, nodes):
     return Assembly([beam], forces=[Force("tip", beam.at(1.0))], outputs=[Output("tip", beam.at(1.0))]).assemble()
 
 
-def frequencies_in_many_digits(sections, nodes):
-    """Of cubic elements, from textbook matrices [rad/s]; 130 digits, since stiffnesses are up to 1e55 apart."""
+def true_frequencies(sections, nodes):
+    """Of the same elements, in 130 digits, since stiffnesses are up to 1e55 apart [rad/s]."""
     ends = np.cumsum([section.length for section in sections])[:-1]
-    bending = mp.matrix([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]])
-    inertia = mp.matrix([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
-    with mp.workdps(130):
-        M, K = mp.zeros(2 * len(nodes)), mp.zeros(2 * len(nodes))
-        for e, (left, right) in enumerate(zip(nodes[:-1].tolist(), nodes[1:].tolist(), strict=True)):
-            section, h = sections[int(np.searchsorted(ends, 0.5 * (left + right)))], mp.mpf(right) - mp.mpf(left)
-            size = (1, h, 1, h)
-            for i in range(4):
-                for j in range(4):
-                    at = 2 * e + i, 2 * e + j
-                    K[at] += mp.mpf(section.bending_stiffness) * bending[i, j] * size[i] * size[j] / h**3
-                    M[at] += mp.mpf(section.mass_per_length) * inertia[i, j] * size[i] * size[j] * h / 420
-        root = mp.inverse(mp.cholesky(M[2:, 2:]))
-        squares = mp.eigsy(root * K[2:, 2:] * root.T, eigvals_only=True)
-        return np.array([float(mp.sqrt(square)) for square in squares])
+    of = [sections[k] for k in np.searchsorted(ends, 0.5 * (nodes[1:] + nodes[:-1]))]
+    stiffness, mass = [each.bending_stiffness for each in of], [each.mass_per_length for each in of]
+    return cantilever_frequencies(nodes.tolist(), stiffness, mass, digits=130)
 
 
 @pytest.mark.slow
@@ -118,7 +106,7 @@ def test_frequencies_of_unlike_sections_and_tiny_elements_are_right_or_said_to_b
     except ValueError as error:
         assert "one node for both" in str(error)  # noqa: PT017
         return
-    truth = frequencies_in_many_digits(sections, nodes)
+    truth = true_frequencies(sections, nodes)
     for count in range(1, model.n + 1):
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always", AccuracyWarning)
