@@ -70,7 +70,7 @@ class H2Certificate:
         return self.gap <= _AGREEMENT and self.upper - self.lower <= _AGREEMENT * self.upper
 
 
-def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
+def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> H2Certificate:
     """Return the certified H2 norm: the RMS of the outputs to white noise of unit intensity at every input.
 
     In discrete time it is white noise of unit variance at every sample.  The square of the norm is then the sum of the
@@ -78,7 +78,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace") -> H2Certificate:
 
     Parameters
     ----------
-    system : SecondOrderModel or control.StateSpace
+    system : SecondOrderModel, control.StateSpace or control.TransferFunction
         The system.
 
     Returns

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.analysis.sampled import sampled_plant, time_of_loop
+from boomctl.analysis.sampled_loops.sampled_plant import sampled_plant, time_of_loop
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names
 from boomctl.lti.bilinear import continuous_image
@@ -69,7 +69,9 @@ class Loop:
 
 
 def joined(
-    plant: SecondOrderModel | control.StateSpace | Lti, controller: control.StateSpace | Lti, delay: float | None = None
+    plant: SecondOrderModel | control.StateSpace | control.TransferFunction | Lti,
+    controller: control.StateSpace | control.TransferFunction | Lti,
+    delay: float | None = None,
 ) -> Loop:
     """Return the loop of a plant and a controller, found by name.
 
@@ -85,7 +87,7 @@ def joined(
     either = delay is not None
     P, K = of(plant, "plant", sampled=either), of(controller, "controller", "StateSpace", sampled=either)
     K = replace(K, states=tuple(f"controller_{label}" for label in K.states))
-    acting, measured = signals_of(K, P.inputs, P.outputs)
+    acting, measured = signals_of(K, P.inputs, P.outputs, P.states)
     dt, late = time_of_loop(P, K, 0.0 if delay is None else delay)
     if dt:
         P = sampled_plant(P, acting, dt, [late] * len(acting))
@@ -122,15 +124,21 @@ def unsampled(P: Lti, K: Lti) -> Loop | None:
         return None
 
 
-def signals_of(controller: Lti, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[list[int], list[int]]:
+def signals_of(
+    controller: Lti, inputs: Sequence[str], outputs: Sequence[str], states: Sequence[str] = ()
+) -> tuple[list[int], list[int]]:
     """Return which inputs of a plant a controller drives and which of its outputs it reads, by name.
 
     Raises
     ------
     ValueError
-        One is not there.
+        One is not there; of a state of the plant, how it becomes an output is said.
     """
     for label in controller.inputs:
+        if label not in outputs and label in (state.replace(".", "_") for state in states):
+            raise ValueError(
+                f"plant: the controller reads its state {label!r}, which is no output; boomctl.with_states(plant) has it"
+            )
         known("plant output (it is an input of the controller)", label, outputs)
     for label in controller.outputs:
         known("plant input (it is an output of the controller)", label, inputs)
@@ -138,8 +146,8 @@ def signals_of(controller: Lti, inputs: Sequence[str], outputs: Sequence[str]) -
 
 
 def feedback_loop(
-    plant: SecondOrderModel | control.StateSpace,
-    controller: control.StateSpace,
+    plant: SecondOrderModel | control.StateSpace | control.TransferFunction,
+    controller: control.StateSpace | control.TransferFunction,
     added: str | Sequence[str] = (),
     *,
     delay: float = 0.0,
@@ -152,9 +160,10 @@ def feedback_loop(
 
     Parameters
     ----------
-    plant : SecondOrderModel or control.StateSpace
+    plant : SecondOrderModel, control.StateSpace or control.TransferFunction
         The plant, signals named.  A discrete one needs a discrete controller of the same sampling time.
-    controller : control.StateSpace
+        :func:`boomctl.with_states` makes outputs of its states, for controllers that read these.
+    controller : control.StateSpace or control.TransferFunction
         Its inputs are outputs of the plant, its outputs inputs of the plant.
     added : str or sequence of str, optional
         Controls and measurements at which a further signal is added, ``u = K (y + n) + v``; its name is that of the

@@ -12,7 +12,7 @@ circle, so that gains, angles and disks are the same; frequencies are mapped bac
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -20,13 +20,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.further_delay import FurtherDelay
 from boomctl.analysis.loops import joined, unsampled
 from boomctl.analysis.norm import axis_eigenvalues, matrices_norm
+from boomctl.analysis.sampled_loops.further_delay import FurtherDelay
 from boomctl.arrays import Array
 from boomctl.checks import known
 from boomctl.lti.bilinear import continuous_image, omega_of_image
-from boomctl.lti.frequency import DRAWN, Response, Triangular, resonance_grid, singular_values, triangular
+from boomctl.lti.frequency import DRAWN, Response, Triangular, resonance_grid, singular_values, smooth_curve, triangular
 from boomctl.lti.modal import resolved, side_of_axis, sides
 from boomctl.lti.system import Lti, of
 from boomctl.printing import listed, table_html
@@ -57,14 +57,16 @@ _MOVED = 1e-13  # share of the fastest pole by which rounding may have moved one
 _LOOKED_AT = 32  # least damped resonances at which rounding is looked for (a choice)
 _DIGITS = 1e-5  # share of the response that rounding may change before it is said: that of a certified norm
 _WAY = 9  # frequencies from rest to a crossing at which the gain is looked at; near rest it is a parabola (a choice)
-_SMOOTH = 0.05  # share of its distance from zero, plus one, by which a step of a Nyquist curve may move (a choice)
-_HALVINGS = 10  # of a step of a Nyquist curve at most: a narrow resonance is a circle of many steps (a choice)
 _POLE = 1e-12  # a sensitivity below this is a pole of the loop, of infinite gain
 _ACTIVE = 24  # frequencies at which a scaling is made good, those of the largest values found so far (a choice)
 _ROUNDS = 12  # of adding those where it is not; two or three do
 _LEVELLED = 1e-6  # how much larger the values elsewhere may be, relative
 _SWEEPS = 50  # over rows and columns, to make them alike; few do, for the start of a search
 _SEARCH = {"xatol": 1e-4, "fatol": 1e-6}  # of the logarithm of a scaling, and of the value: alpha to six digits
+_STEP = 0.1  # of that logarithm, the first of a search over one (a choice)
+_CLOSE = (
+    1e-4  # share of that logarithm to which it is found, for six digits of the least value: its slope is zero there
+)
 _EVALUATIONS = 80  # of the search, a row of the response (a choice)
 _SIMPLEX = 6  # signals up to which a search without slopes is quick; beyond, it takes minutes
 _ROUNDS_OF_MANY = 3  # with more signals than that
@@ -171,22 +173,9 @@ class LoopMargin:
         image = S if S.dt == 0.0 else continuous_image(S)
         opened = _opened(image)
         limits = [self.gain_low_omega, self.gain_high_omega, self.phase_omega, self.delay_omega, self.disk.omega]
-        grids = [_grid(image), [] if opened is None else _grid(opened)]
+        grids = [grid_of_loop(image), [] if opened is None else grid_of_loop(opened)]
         asked = np.concatenate([*(grid if S.dt == 0.0 else omega_of_image(grid, S.dt) for grid in grids), limits])
-        omega = np.unique(asked[np.isfinite(asked)])
-        values = _loop_response(S, omega)
-        for _ in range(_HALVINGS):
-            size = np.minimum(np.abs(values[:-1]), np.abs(values[1:]))
-            with np.errstate(invalid="ignore"):
-                far = np.abs(np.diff(values)) > _SMOOTH * (1.0 + size)
-            if not far.any():
-                break
-            between = 0.5 * (omega[:-1] + omega[1:])[far]
-            omega, values = np.append(omega, between), np.append(values, _loop_response(S, between))
-            order = np.argsort(omega)
-            omega, values = omega[order], values[order]
-        there = np.isfinite(values)
-        return omega[there], values[there]
+        return smooth_curve(partial(_loop_response, S), np.unique(asked[np.isfinite(asked)]))
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
         """Draw the loop's Nyquist curve around the critical point, and its margins.
@@ -264,6 +253,16 @@ class Margins:
         ]
         return f"Margins: opened at {listed([x.signal for x in self.loops])}\n  least: {least[0]}\n  {least[1]}"
 
+    def __figures__(self) -> dict[str, float]:
+        """Return what a comparison shows."""
+        return {
+            "phase margin, least [deg]": min(x.phase_deg for x in self.loops),
+            "delay margin, least [s]": min(x.delay for x in self.loops),
+            "disk margin, all controls": self.controls.alpha,
+            "disk margin, all measurements": self.measurements.alpha,
+            "disk margin, everywhere": self.everywhere.alpha,
+        }
+
     def _repr_html_(self) -> str:
         heads, *rows = self._table()
         return table_html("Margins", heads, rows)
@@ -282,15 +281,19 @@ class Margins:
 
 
 def margins(
-    plant: "SecondOrderModel | control.StateSpace", controller: "control.StateSpace", *, delay: float = 0.0
+    plant: "SecondOrderModel | control.StateSpace | control.TransferFunction",
+    controller: "control.StateSpace | control.TransferFunction",
+    *,
+    delay: float = 0.0,
 ) -> Margins:
     """Return the margins of the loop ``u = K y``, signals found by name.
 
     Parameters
     ----------
-    plant : SecondOrderModel or control.StateSpace
+    plant : SecondOrderModel, control.StateSpace or control.TransferFunction
         The plant, signals named.  A discrete one needs a discrete controller of the same sampling time.
-    controller : control.StateSpace
+        :func:`boomctl.with_states` makes outputs of its states, for controllers that read these.
+    controller : control.StateSpace or control.TransferFunction
         Its inputs are outputs of the plant, its outputs inputs of the plant.  A discrete one makes the sampled loop of
         :func:`boomctl.feedback_loop`.  Its margins are those at the samples: of what is sent at a control, and of what
         is read at a measurement.
@@ -340,7 +343,7 @@ def margins(
         raise ValueError(f"the loop is not stable (pole at {at}): it has no margins")
     S = loop.sensitivity
     image = S if dt == 0.0 else continuous_image(S)
-    quick, grid = triangular(image), _grid(image)
+    quick, grid = triangular(image), grid_of_loop(image)
     G = quick.response(grid)
     m, total = len(loop.controls), len(S.D)
     places, rounding = ["control"] * m + ["measurement"] * (total - m), _rounding(S)
@@ -363,8 +366,10 @@ def margins(
         for i, (name, place) in enumerate(zip(loop.controls + loop.measurements, places, strict=True))
     )
     first, second, every = (
-        _disk(S.between(rows, rows), G[np.ix_(rows, rows)], float(rounding[np.ix_(rows, rows)].max(initial=0.0)))
-        for rows in (list(range(m)), list(range(m, total)), list(range(total)))
+        loops[rows[0]].disk
+        if len(rows) == 1
+        else _disk(S.between(rows, rows), G[np.ix_(rows, rows)], float(rounding[np.ix_(rows, rows)].max(initial=0.0)))
+        for rows in (range(m), range(m, total), range(total))
     )
     if dt != 0.0:
         before = _of_continuous(P, K)
@@ -385,7 +390,7 @@ def _of_continuous(P: Lti, K: Lti) -> list[DiskMargin]:
     if loop is None or (sides(loop.system.poles, 0.0) >= 0).any():
         return []
     S, m = loop.sensitivity, len(loop.controls)
-    G = triangular(S).response(_grid(S))
+    G = triangular(S).response(grid_of_loop(S))
     groups = list(range(m)), list(range(m, len(S.D)))
     return [_disk(S.between(rows, rows), G[np.ix_(rows, rows)], 0.0) for rows in groups]
 
@@ -418,6 +423,11 @@ def _disk(S: Lti, G: Array, rounding: float) -> DiskMargin:
     C, D = scale[:, None] * 2.0 * S.C, scale[:, None] * (2.0 * S.D - eye) / scale
     norm = matrices_norm(Lti(S.A, S.B / scale, C, D, dt=S.dt))
     return DiskMargin(2.0 / max(norm.upper, 1.0), norm.omega, norm.certified and rounding <= _DIGITS)
+
+
+def single_disk(S: Lti) -> DiskMargin:
+    """Return the disk margin of a loop of one signal, whose sensitivity is given."""
+    return _disk(S, np.ones((1, 1, 1), dtype=complex), float(_rounding(S).max(initial=0.0)))
 
 
 def _scaling(G: Array) -> Array:
@@ -471,8 +481,15 @@ def _least(G: Array, start: Array) -> tuple[Array, float]:
     if len(G) > _SIMPLEX:
         found = optimize.minimize(lambda log: _slope(log, G), start, jac=True, method="BFGS", options=_DESCENT)
         return found.x, float(found.fun)
+
+    def largest(log: Array) -> float:
+        return float(_scaled_values(log, G).max())
+
+    if len(G) == 2:
+        found = optimize.minimize_scalar(lambda log: largest(np.array([log])), (start[0], start[0] + _STEP), tol=_CLOSE)
+        return np.array([found.x]), float(found.fun)
     found = optimize.minimize(
-        lambda log: float(_scaled_values(log, G).max()),
+        largest,
         start,
         method="Nelder-Mead",
         options={"maxiter": _EVALUATIONS * len(G), **_SEARCH},
@@ -488,7 +505,7 @@ def _slope(log: Array, G: Array) -> tuple[float, Array]:
     return float(values[k, 0]), values[k, 0] * (np.abs(U[k, :, 0]) ** 2 - np.abs(Vh[k, 0]) ** 2)[:-1]
 
 
-def _grid(system: Lti) -> Array:
+def grid_of_loop(system: Lti) -> Array:
     """Return frequencies that show a system's resonances and anti-resonances, however narrow, from all sides.
 
     A loop crosses a level or an axis anywhere on the flank of a resonance, so that the places around it reach from
@@ -545,7 +562,7 @@ def _loop_margin(
     """
     disk, dt = _disk(S, known[1][None, None], rounding), S.dt
     open_loop = _opened(image)
-    more = np.setdiff1d(_grid(image if open_loop is None else open_loop), known[0])
+    more = np.setdiff1d(grid_of_loop(image if open_loop is None else open_loop), known[0])
     grid = np.concatenate([known[0], more])
     values = np.concatenate([known[1], quick.response(more)[0, 0]])[order := np.argsort(grid)]
     grid = grid[order]
@@ -602,11 +619,12 @@ def _crossings(response: Response, grid: Array, values: Array, height: Callable[
         return found
     from scipy import optimize  # long to import; a loop without crossings does not come here
 
+    def at(omega: float) -> float:
+        value = float(height(response(np.array([omega])))[0])
+        return 0.0 if np.isnan(value) else value  # a pole of L itself, through which the sign changes: told apart later
+
     for i in flips:
-        root = optimize.brentq(
-            lambda w: float(height(response(np.array([w])))[0]), grid[i], grid[i + 1], xtol=_TINY, rtol=_LAST_DIGIT
-        )
-        found.append(float(root))  # type: ignore[arg-type]
+        found.append(float(optimize.brentq(at, grid[i], grid[i + 1], xtol=_TINY, rtol=_LAST_DIGIT)))  # type: ignore[arg-type]
     return found
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
 
+_FREQUENCY = ("freq_hz", "frequency_hz")  # names of the first column
 _UNIVERSAL = (".uff", ".unv", ".uf", ".58")  # ends of the names of universal files
 
 
@@ -85,10 +86,11 @@ class MeasuredCurve:
 def read_measured_curve(path: str | Path) -> MeasuredCurve:
     r"""Read a measured curve or frequency response.
 
-    CSV: the first line names the columns.  ``freq_hz`` [Hz] comes first.  Magnitudes: any further names, one column a
-    curve.  Complex frequency response: pairs of columns ``re_OUT_IN, im_OUT_IN`` (``OUT``, ``IN`` whole numbers from 1), of
-    which the singular values are taken; ``response`` keeps the phase.  Lines that begin with ``#`` are comments.  Values
-    are separated by commas; or by semicolons or tabs, and then decimal commas are read as well as decimal points.
+    CSV: the first line names the columns, in a comment or not.  ``freq_hz`` or ``frequency_hz`` [Hz] comes first.
+    Magnitudes: any further names, one column a curve.  Complex frequency response: pairs of columns ``re_OUT_IN,
+    im_OUT_IN`` (``OUT``, ``IN`` whole numbers from 1), of which the singular values are taken; ``response`` keeps the
+    phase.  Other lines that begin with ``#`` are comments.  Values are separated by commas; or by semicolons or tabs, and
+    then decimal commas are read as well as decimal points.
 
     Universal files (``.uff``, ``.unv``, ``.58``): the frequency responses of all data sets 58, one for each entry, in SI
     units.  Signals are named by node and direction, such as ``3+y``.  This needs the package pyuff:
@@ -133,7 +135,7 @@ def read_measured_curve(path: str | Path) -> MeasuredCurve:
         return _of_response(*read_responses(file))
     table = read_numbers(path)
     header, values = table.header, table.values
-    if header[0] != "freq_hz" or len(header) < 2:
+    if header[0] not in _FREQUENCY or len(header) < 2:
         raise ValueError(
             f"{path}, line {table.header_line}: expected columns freq_hz and at least one more, got {list(header)}"
         )

@@ -21,7 +21,7 @@ given coordinates   no real modes                                     always hol
 The last two give a state-space system, whose norm is that of :mod:`boomctl.analysis.norm`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import inf
@@ -37,7 +37,7 @@ from boomctl.lti.system import Lti, beside
 from boomctl.structure.matrices import dense, halves
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.core import Core, build_core, modal_core, rounding_estimate
-from boomctl.structure.response.direct import direct_response, ports_rounding, respond_parts
+from boomctl.structure.response.direct import direct_response, ports_rounding, respond, respond_parts
 from boomctl.structure.response.modal_form import elastic, in_modes
 from boomctl.structure.response.pencil import factorized
 from boomctl.structure.response.poles import damped_poles, first_order_poles, undamped_modes
@@ -85,12 +85,20 @@ class SplitModel:
     def singular_values(self, omega: Array, quiet: bool = False) -> Array:
         """Return the singular values, descending, shape (min(outputs, inputs), frequencies)."""
         del quiet  # nothing is answered from beside a frequency: an infinite response is refused
+        return singular_values_together([self], omega)[0]
+
+    def _from_parts(self, answers: Sequence[Array], points: int) -> Array:
+        """Return the singular values, descending, from the responses of the parts."""
         count = min(len(self.model.inputs), len(self.model.outputs))
-        answers = respond_parts([(part.structure, part.ports) for part in self.parts], omega)
-        found = [singular_values(answer.values) for answer in answers]
+        found = [singular_values(answer) for answer in answers]
         if [len(values) for values in found] == [1, 1]:
             return np.array([np.maximum(*found)[0], np.minimum(*found)[0]])[:count]
-        return -np.sort(-np.vstack([*found, np.zeros((count, len(omega)))]), axis=0)[:count]
+        return -np.sort(-np.vstack([*found, np.zeros((count, points))]), axis=0)[:count]
+
+    def response(self, omega: Array, quiet: bool = False) -> Array:
+        """Return the frequency response, shape (outputs, inputs, frequencies)."""
+        del quiet
+        return respond(self.model.structure, self.model.ports, omega).values
 
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the poles up to a few times the eighth mode, or up to ``high`` [rad/s], and a band that shows them."""
@@ -117,9 +125,17 @@ class SplitModel:
             found = _norms_of_small(self.parts)
         else:
             found = [_part_norm(part, seen) for part, seen in zip(self.parts, self.seen, strict=True)]
-        largest, upper = max(found, key=lambda norm: norm.lower), max(norm.upper for norm in found)
+        largest, widest = max(found, key=lambda norm: norm.lower), max(found, key=lambda norm: norm.upper)
         path = () if self.parts == (self.model,) else ("halves",)
-        return replace(largest, upper=upper, path=sum((norm.path for norm in found), path))
+        both = replace(largest, upper=widest.upper, path=sum((norm.path for norm in found), path))
+        return both if both.certified else replace(both, method=widest.method)  # why it is not
+
+
+def singular_values_together(given: Sequence[SplitModel], omega: Array) -> list[Array]:
+    """Return the singular values of each model; small parts of one size are computed in one call."""
+    parts = [(part.structure, part.ports) for each in given for part in each.parts]
+    answers = iter(respond_parts(parts, omega))
+    return [each._from_parts([next(answers).values for _ in each.parts], len(omega)) for each in given]
 
 
 def _modal_band(model: SecondOrderModel) -> tuple[float, float] | None:

@@ -8,7 +8,8 @@ are those of the rate ``log(z)/dt``, which in continuous time decays and turns a
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -134,6 +135,23 @@ class ModeTable:
             lines.append(start + "  " + z + "  ".join(cells))
         return "\n".join(lines)
 
+    def plot(self, ax: Any = None, **style: Any) -> Any:
+        """Draw the damping of each mode over its frequency.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        **style
+            Of the marks, as matplotlib's lines take it.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
+        """
+        return import_module("boomctl.plotting").plot_mode_table(self, ax, **style)
+
     @property
     def _discrete(self) -> bool:
         return any(row.z is not None for row in self.rows)
@@ -143,14 +161,14 @@ def _z(z: complex) -> str:
     return f"{z.real:.6g}" if z.imag == 0.0 else f"{z.real:.6g}{z.imag:+.6g}j"
 
 
-def mode_table(system: "SecondOrderModel | control.StateSpace") -> ModeTable:
+def mode_table(system: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> ModeTable:
     """Return the modes of a system, and how well each input moves and each output shows them.
 
     Poles ``z`` of a discrete system stand beside their rates ``log(z)/dt``, whose frequency and damping they have.
 
     Parameters
     ----------
-    system : SecondOrderModel or control.StateSpace
+    system : SecondOrderModel, control.StateSpace or control.TransferFunction
         The system.
 
     Returns

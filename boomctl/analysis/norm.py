@@ -24,7 +24,7 @@ from boomctl.lti.bilinear import continuous_image, modal_image, omega_of_image
 from boomctl.lti.faithful_modes import faithful_modes, rounding_doubt
 from boomctl.lti.frequency import Response, largest_gain, resonance_grid, singular_values
 from boomctl.lti.modal import split_and_doubt
-from boomctl.lti.system import Lti, beside, of
+from boomctl.lti.system import Lti, beside, is_frequency_response, of
 
 if TYPE_CHECKING:
     import control
@@ -57,6 +57,7 @@ NO_CIRCLE_CROSSING = "no eigenvalue of the symplectic pencil on the unit circle"
 CIRCLE_NOT_TOLD = "an eigenvalue of the symplectic pencil too close to the unit circle to tell"  # no upper bound
 NOT_TOLD = "a Hamiltonian eigenvalue too close to the imaginary axis to tell"  # no upper bound
 NOT_ENDED = "the level was raised too often"  # no upper bound
+OF_DATA = "largest value on the grid of the data"  # no upper bound
 BY_MODES = "cells of frequencies, each proved in modal coordinates"
 LOST = "rounding of the entries changes the peak by more than can be certified"
 DOUBTFUL = "that the digits given do not tell from one on the {boundary}, where the norm would be infinite"
@@ -97,16 +98,18 @@ class NormCertificate:
         return self.lower == inf or self.upper <= self.lower * (1.0 + _CERTIFIED) + np.finfo(float).tiny
 
 
-def hinf_norm(system: "control.StateSpace") -> NormCertificate:
-    """Return the certified H-infinity norm of a state-space system; infinite if it is not stable.
+def hinf_norm(
+    system: "control.StateSpace | control.TransferFunction | control.FrequencyResponseData",
+) -> NormCertificate:
+    """Return the certified H-infinity norm of a linear system; infinite if it is not stable.
 
     Poles on the imaginary axis count only if they show in the response (undamped or integrating modes).  Of a discrete
     system it is the largest singular value on the unit circle, and such poles are those on the circle.
 
     Parameters
     ----------
-    system : control.StateSpace
-        The system.
+    system : control.StateSpace, control.TransferFunction or control.FrequencyResponseData
+        The system.  Of frequency response data the largest value on their grid is returned, which certifies nothing.
 
     Returns
     -------
@@ -128,6 +131,8 @@ def hinf_norm(system: "control.StateSpace") -> NormCertificate:
     >>> round(norm.lower, 2), round(norm.omega, 3), bool(norm.certified)
     (10.01, 0.997, True)
     """
+    if is_frequency_response(system):
+        return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
     given = of(system, expected="a StateSpace", sampled=True).balanced()
     largest = [float(np.abs(matrix).max(initial=0.0)) for matrix in (given.B, given.C)]
     if min(largest) == 0.0 or min(largest) >= _TINY:
@@ -137,6 +142,21 @@ def hinf_norm(system: "control.StateSpace") -> NormCertificate:
     raised = replace(given, B=np.ldexp(given.B, up[0]), C=np.ldexp(given.C, up[1]), D=np.ldexp(given.D, sum(up)))
     found = matrices_norm(raised)
     return replace(found, lower=float(np.ldexp(found.lower, -sum(up))), upper=float(np.ldexp(found.upper, -sum(up))))
+
+
+def norm_of_data(omega: Array, response: Array) -> NormCertificate:
+    """Return the largest singular value of a frequency response, outputs by inputs by frequencies, on its grid.
+
+    Raises
+    ------
+    ValueError
+        The response is not finite, or has no frequencies.
+    """
+    if not (np.isfinite(response).all() and response.size):
+        raise ValueError("system: expected finite frequency response data")
+    values = singular_values(response)[0]
+    best = int(np.argmax(values))
+    return NormCertificate(float(values[best]), inf, float(omega[best]), OF_DATA)
 
 
 def matrices_norm(system: Lti, response: Response | None = None) -> NormCertificate:

@@ -8,8 +8,9 @@ Beyond a frequency at which ``|G K| < 1`` for good it cannot wind any more.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -64,6 +65,8 @@ class ExactLoopStability:
         Whether a bound of the plant stands behind that; otherwise it was seen over two further decades.
     evaluations : int
         Number of frequencies at which the plant was asked.
+    omega, curve : (n,) ndarray
+        The frequencies [rad/s], and ``det(I - G K) - 1`` there, which must not wind around -1 more than said.
     """
 
     stable: bool
@@ -75,6 +78,25 @@ class ExactLoopStability:
     top: float
     plant_bounded: bool
     evaluations: int
+    omega: Array = field(repr=False)
+    curve: Array = field(repr=False)
+
+    def plot(self, ax: Any = None, **style: Any) -> Any:
+        """Draw the curve that was followed around -1.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        **style
+            Of the curve, as matplotlib's lines take it.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
+        """
+        return import_module("boomctl.plotting").plot_exact_loop(self, ax, **style)
 
     def __repr__(self) -> str:
         verdict = "stable" if self.stable else f"{self.unstable_poles} unstable poles"
@@ -82,6 +104,12 @@ class ExactLoopStability:
         known = "by a bound of the plant" if self.plant_bounded else "as far as seen"
         beyond = f"loop gain below one beyond {self.top:.4g} rad/s, {known}"
         return f"ExactLoopStability: {verdict}\n  {near}\n  {beyond}; {self.evaluations} frequencies asked"
+
+
+class _Followed(Protocol):
+    """What is followed along a way: ``I - G K``, as a stack of matrices."""
+
+    def difference(self, omega: Array, /) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -175,7 +203,7 @@ def exact_loop_stability(
     end = _top(gain, K, 2.0 * reach if top is None else positive("top", top), plant_bound)
     low = _BELOW * float(np.abs(near).min(initial=1.0))
     grid = resonance_grid(near, low, end, points=_POINTS, places=DRAWN, narrowest=NARROWEST, also=[0.0, end])
-    omega, values = _walked(gain, grid, limit)
+    omega, values = walked(gain, grid, limit)
     determinants = np.linalg.det(values)
     turned = float(np.angle(determinants[1:] / determinants[:-1]).sum())
     rest = float(np.angle(np.linalg.eigvals(values[-1])).sum())
@@ -198,6 +226,8 @@ def exact_loop_stability(
         top=end,
         plant_bounded=plant_bound is not None,
         evaluations=len(omega),
+        omega=omega,
+        curve=determinants - 1.0,
     )
 
 
@@ -229,7 +259,7 @@ def _top(gain: _LoopGain, K: Lti, start: float, bound: Callable[[float], float] 
     raise ValueError("the loop gain does not fall below one: give plant_bound, or let the controller roll off")
 
 
-def _walked(gain: _LoopGain, grid: Array, limit: int) -> tuple[Array, Array]:
+def walked(gain: _Followed, grid: Array, limit: int) -> tuple[Array, Array]:
     """Return frequencies and ``I - G K`` at them, so close that the determinant's phase cannot be mistaken."""
     omega, values = grid, gain.difference(grid)
     settled = np.zeros(len(grid) - 1, dtype=bool)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.model_norm import SplitModel
-from boomctl.analysis.norm import UNSTABLE, NormCertificate, matrices_norm
+from boomctl.analysis.norm import UNSTABLE, NormCertificate, matrices_norm, norm_of_data
 from boomctl.arrays import Array
 from boomctl.checks import exactly, frequencies, known, mapping, names, up_to
 from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_values
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
 
+    LinearSystem = SecondOrderModel | control.StateSpace | control.TransferFunction | control.FrequencyResponseData
+
 _POINTS = 240  # of a curve, beside those at the resonances: about 100 a decade on a boom's band (a choice)
 _PRINTED = 100  # coordinates up to which printing waits for the poles: tens of milliseconds (measured)
 _SAME = 1e-9  # share of half the sampling rate by which a frequency above it is rounding, of a unit for instance
@@ -37,7 +39,7 @@ NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is draw
 
 
 @dataclass(frozen=True)
-class _StateSpace:
+class GivenSystem:
     """A state-space system, asked the same as a :class:`SplitModel`."""
 
     system: Lti
@@ -45,6 +47,10 @@ class _StateSpace:
     def singular_values(self, omega: Array, quiet: bool = False) -> Array:
         """Return the singular values, descending; ``quiet`` as in :meth:`Lti.response`."""
         return singular_values(self.system.response(omega, quiet=quiet))
+
+    def response(self, omega: Array, quiet: bool = False) -> Array:
+        """Return the frequency response, shape (outputs, inputs, frequencies)."""
+        return self.system.response(omega, quiet=quiet)
 
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the lowest resonances, or those up to ``high`` [rad/s], and a band that shows them."""
@@ -80,7 +86,7 @@ class SigmaResult:
     sigma: Array
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    _of: SplitModel | _StateSpace | NormCertificate  # what the norm is of; the norm itself where it is known
+    _of: SplitModel | GivenSystem | NormCertificate  # what the norm is of; the norm itself where it is known
     unit: str = "Hz"
 
     @cached_property
@@ -106,11 +112,15 @@ class SigmaResult:
         """Whether the system has an unstable pole: no response to a sine is then as large as its singular value."""
         if "certificate" in self.__dict__ or isinstance(self._of, NormCertificate):
             return self.certificate.method == UNSTABLE
-        if isinstance(self._of, _StateSpace):
+        if isinstance(self._of, GivenSystem):
             return bool((sides(self._of.system.poles, self._of.system.dt) > 0).any())
         m = self._of.model
         poles = first_order_poles(dense(m.M), dense(m.C), dense(m.K)) if m.n <= _PRINTED else None
         return self.certificate.method == UNSTABLE if poles is None else bool((side_of_axis(poles) > 0).any())
+
+    def __figures__(self) -> dict[str, float]:
+        """Return what a comparison shows."""
+        return {"H-infinity norm" if self.certified else "largest singular value": self.peak}
 
     @property
     def peak(self) -> float:
@@ -154,7 +164,7 @@ class SigmaResult:
 
 
 def sigma(
-    system: SecondOrderModel | control.StateSpace | control.FrequencyResponseData,
+    system: LinearSystem,
     omega: ArrayLike | None = None,
     inputs: str | Sequence[str] | None = None,
     outputs: str | Sequence[str] | None = None,
@@ -165,7 +175,7 @@ def sigma(
 
     Parameters
     ----------
-    system : SecondOrderModel, control.StateSpace or control.FrequencyResponseData
+    system : SecondOrderModel, control.StateSpace, control.TransferFunction or control.FrequencyResponseData
         A structure, a system in continuous time, or measured data.
     omega : array_like, optional
         Angular frequencies [rad/s], of a discrete system at most ``pi/dt``.  By default a grid that spans the lowest
@@ -196,12 +206,12 @@ def sigma(
     >>> round(float(found.peak)), bool(found.certified)
     (2473, True)
     """
-    asked, unit = _asked(omega, frequency_hz)
+    asked, unit = asked_frequencies(omega, frequency_hz)
     if is_frequency_response(system):
         return _of_data(system, asked, inputs, outputs)
-    chosen, given = _parts(system, inputs, outputs)
+    chosen, given = between_signals(system, inputs, outputs)
     if asked is not None:
-        asked = _below_nyquist(asked, given, "omega" if frequency_hz is None else "frequency_hz")
+        asked = below_nyquist(asked, given, "omega" if frequency_hz is None else "frequency_hz")
         values = _finite(asked, given.singular_values(asked))
         return SigmaResult(asked, values, chosen.inputs, chosen.outputs, given, unit)
     with computing("singular values") as tell:
@@ -215,7 +225,7 @@ def sigma(
     return SigmaResult(grid, values, chosen.inputs, chosen.outputs, certificate)
 
 
-def _asked(omega: ArrayLike | None, frequency_hz: ArrayLike | None) -> tuple[Array | None, str]:
+def asked_frequencies(omega: ArrayLike | None, frequency_hz: ArrayLike | None) -> tuple[Array | None, str]:
     """Return the frequencies asked for [rad/s], None for none, and the unit in which they were."""
     if frequency_hz is None:
         return (None, "Hz") if omega is None else (frequencies("omega", omega), "rad/s")
@@ -224,11 +234,11 @@ def _asked(omega: ArrayLike | None, frequency_hz: ArrayLike | None) -> tuple[Arr
     return 2.0 * np.pi * frequencies("frequency_hz", frequency_hz), "Hz"
 
 
-def _parts(
-    system: SecondOrderModel | control.StateSpace,
+def between_signals(
+    system: SecondOrderModel | control.StateSpace | control.TransferFunction,
     inputs: str | Sequence[str] | None,
     outputs: str | Sequence[str] | None,
-) -> tuple[SecondOrderModel | Lti, SplitModel | _StateSpace]:
+) -> tuple[SecondOrderModel | Lti, SplitModel | GivenSystem]:
     """Return a system between the chosen signals, and what answers for it."""
     if isinstance(system, SecondOrderModel):
         first = system.ports.primary or (None, None)
@@ -239,14 +249,14 @@ def _parts(
         return model, SplitModel.of(model)
     expected = "SecondOrderModel, StateSpace or FrequencyResponseData"
     chosen = of(system, expected=expected, sampled=True).select(inputs, outputs).balanced()
-    return chosen, _StateSpace(chosen)
+    return chosen, GivenSystem(chosen)
 
 
-def _nyquist(given: SplitModel | _StateSpace) -> float:
-    return given.system.nyquist if isinstance(given, _StateSpace) else float("inf")
+def _nyquist(given: SplitModel | GivenSystem) -> float:
+    return given.system.nyquist if isinstance(given, GivenSystem) else float("inf")
 
 
-def _below_nyquist(omega: Array, given: SplitModel | _StateSpace, what: str) -> Array:
+def below_nyquist(omega: Array, given: SplitModel | GivenSystem, what: str) -> Array:
     """Return frequencies that a system has; above half the sampling rate it has none."""
     top = _nyquist(given)
     high = float(omega.max(initial=0.0))
@@ -269,7 +279,12 @@ def drawn_grid(found: Resonances, also: Sequence[float] = ()) -> Array:
         narrowest=NARROWEST,
         also=[omega for omega in also if found.low <= omega < np.inf],
     )
-    undamped = np.abs(found.poles[side_of_axis(found.poles) == 0].imag)  # where the response cannot be asked
+    return beside_undamped(found, grid)
+
+
+def beside_undamped(found: Resonances, grid: Array) -> Array:
+    """Return the frequencies at which the response can be asked: not those of undamped modes."""
+    undamped = np.abs(found.poles[side_of_axis(found.poles) == 0].imag)
     return grid[(np.abs(grid[:, None] - undamped) > _BESIDE * NARROWEST * undamped).all(axis=1)]
 
 
@@ -316,7 +331,7 @@ class SigmaComparison:
 
 
 def compare_sigma(
-    systems: Mapping[str, SecondOrderModel | control.StateSpace | control.FrequencyResponseData],
+    systems: Mapping[str, LinearSystem],
     omega: ArrayLike | None = None,
     inputs: str | Sequence[str] | None = None,
     outputs: str | Sequence[str] | None = None,
@@ -327,8 +342,8 @@ def compare_sigma(
 
     Parameters
     ----------
-    systems : mapping of str to SecondOrderModel, control.StateSpace or control.FrequencyResponseData
-        The systems by name.
+    systems : mapping of str to SecondOrderModel or to a system of python-control
+        The systems by name, each as :func:`sigma` takes it.
     omega, frequency_hz : array_like, optional
         As for :func:`sigma`.  By default the band that shows the lowest modes of all of them, on one grid that resolves
         each system's peaks in it.  Data have frequencies of their own.
@@ -357,7 +372,7 @@ def compare_sigma(
     mapping("systems", systems, "systems by name")
     if not systems:
         raise ValueError("systems: expected at least one")
-    asked, unit = _asked(omega, frequency_hz)
+    asked, unit = asked_frequencies(omega, frequency_hz)
     done: dict[str, SigmaResult] = {}
     models: dict[str, Any] = {}
     for name, system in systems.items():
@@ -365,7 +380,7 @@ def compare_sigma(
             if is_frequency_response(system):
                 done[name] = _of_data(system, None, inputs, outputs)
             else:
-                models[name] = _parts(system, inputs, outputs)
+                models[name] = between_signals(system, inputs, outputs)
         except (TypeError, ValueError) as error:
             raise type(error)(f"systems[{name!r}]: {error}") from None
     norms: dict[str, Any] = {}
@@ -379,7 +394,7 @@ def compare_sigma(
         grid = grid[grid <= min(_nyquist(given) for _, given in models.values())]  # what all of them have
     for name, (chosen, given) in models.items():
         if asked is not None:
-            grid = _below_nyquist(
+            grid = below_nyquist(
                 asked, given, f"systems[{name!r}]: {'omega' if frequency_hz is None else 'frequency_hz'}"
             )
         values = _finite(grid, given.singular_values(grid, quiet=asked is None))
@@ -410,10 +425,4 @@ def _of_data(
     o, i = [data.output_labels.index(n) for n in outs], [data.input_labels.index(n) for n in ins]
     response: Array = np.asarray(data.frdata)[np.ix_(o, i)]
     grid, values = np.asarray(data.omega, dtype=float), singular_values(response)
-    if not np.isfinite(values).all():
-        raise ValueError("system: expected finite frequency response data")
-    best = int(np.argmax(values[0]))
-    certificate = NormCertificate(
-        float(values[0, best]), np.inf, float(grid[best]), "largest value on the grid of the data"
-    )
-    return SigmaResult(grid, values, ins, outs, certificate)
+    return SigmaResult(grid, values, ins, outs, norm_of_data(grid, response))

@@ -212,3 +212,16 @@ def test_margins_that_rounding_changes_are_said_to_be_uncertain():
     assert not bad.disk.certified
     good = margins(control.ss(A, B, C, 0.0, **names), K)["u"]
     assert good.rounding < 1e-9 < bad.rounding
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 4.0, 0.25])
+def test_a_loop_opened_where_the_rest_of_it_swings_undamped(stiffness):
+    """Opened at the speed, a mass on a spring is left: at its frequency, met to the last digit, L is infinite."""
+    signals = {"inputs": "force", "outputs": ["place", "speed"]}
+    mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], np.eye(2), np.zeros((2, 1)), **signals)
+    K = control.ss([], [], [], [[-stiffness, -1.0]], inputs=["place", "speed"], outputs="force")
+    found = margins(mass, K)
+    assert found["speed"].gain_low == 0.0
+    assert found["speed"].gain_high == np.inf
+    crossing = np.sqrt(0.5 * (1.0 + np.sqrt(1.0 + 4.0 * stiffness**2)))  # where |(s + k)/s^2| is one
+    assert found["force"].phase_deg == pytest.approx(np.degrees(np.arctan(crossing / stiffness)), rel=1e-9)

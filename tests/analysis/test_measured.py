@@ -257,3 +257,15 @@ def test_a_curve_with_phase_pickles_and_prints(tmp_path):
     again = pickle.loads(pickle.dumps(curve))
     assert np.array_equal(again.response.frdata, curve.response.frdata)
     assert "with phase, 2 x 2" in repr(curve)
+
+
+def test_names_may_stand_in_a_comment_as_numpy_writes_them(tmp_path):
+    path = tmp_path / "saved.csv"
+    table = np.column_stack([[0.5, 1.0], [3.0, 1.0], [0.5, 0.25]])
+    np.savetxt(path, table, delimiter=";", header="shaken by hand\nfrequency_hz;re_1_1;im_1_1")
+    curve = bc.read_measured_curve(path)
+    np.testing.assert_array_equal(curve.freq_hz, table[:, 0])
+    np.testing.assert_array_equal(curve.entries[0, 0], table[:, 1] + 1j * table[:, 2])
+    np.savetxt(path, table)
+    with pytest.raises(ValueError, match="line 1: expected a line of column names before the numbers"):
+        bc.read_measured_curve(path)

@@ -120,7 +120,7 @@ def test_no_resonance_is_missed_however_light_its_damping(seed, damping):
     assert at_poles.max() >= 0.5 * certificate.lower
 
 
-@pytest.mark.parametrize("system", [None, 1.0, control.tf([1.0], [1.0, 1.0])])
+@pytest.mark.parametrize("system", [None, 1.0, np.eye(2)])
 def test_other_kinds_of_system_are_refused(system):
     with pytest.raises(TypeError, match="system: expected a StateSpace"):
         hinf_norm(system)

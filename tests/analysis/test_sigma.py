@@ -63,6 +63,15 @@ def test_halves_have_the_singular_values_of_the_whole():
     assert -np.sort(-np.array(parts), axis=0) == pytest.approx(bc.sigma(model, omega).sigma, rel=1e-12)
 
 
+def test_signals_that_were_selected_are_those_meant():
+    boom = bc.spray_boom(elements=6)
+    for ins, outs in ((["actuator_left"], ["tip_left"]), (["cradle"], None), (None, ["stroke_left", "tip_left"])):
+        asked = bc.sigma(boom, [1.0, 9.0], ins, outs)
+        selected = bc.sigma(boom.select(ins, outs), [1.0, 9.0])
+        np.testing.assert_array_equal(selected.sigma, asked.sigma)
+        assert (selected.inputs, selected.outputs) == (asked.inputs, asked.outputs)
+
+
 def test_data_are_not_certified():
     data = bc.spray_boom().frequency_response([1.0, 2.0], ACTUATORS, TIPS)
     result = bc.sigma(data)

@@ -10,6 +10,10 @@ from boomctl.analysis.box.zero_exclusion import Cell, prove_cell
 from tests.profiles import examples
 
 
+def _terms(centre, slopes):
+    return {(): centre, **{(i,): slope for i, slope in enumerate(slopes)}}
+
+
 def pencils(seed, n=6, size=0.3):
     """Return a stable pencil with lightly damped poles, and two changes of it."""
     rng = np.random.default_rng(seed)
@@ -29,7 +33,7 @@ def pencils(seed, n=6, size=0.3):
 @examples(30)
 def test_what_is_proved_holds_at_every_point_tried(seed, reach):
     centre, slopes = pencils(seed)
-    found = prove_cell(centre, slopes, Cell(np.zeros(2), np.full(2, reach)))
+    found = prove_cell(_terms(centre, slopes), Cell(np.zeros(2), np.full(2, reach)))
     if not found.proved:
         return
     deltas = np.random.default_rng(seed).uniform(-reach, reach, (40, 2))
@@ -45,7 +49,7 @@ def test_couplings_and_diagonals_are_bounded_all_along_an_interval(seed):
     rng = np.random.default_rng(seed)
     centre, slopes = pencils(seed)
     reach = np.array([0.2, 0.1])
-    modes = zero_exclusion._modes(centre, slopes, Cell(np.zeros(2), reach))
+    modes = zero_exclusion._modes(_terms(centre, slopes), reach)
     assert modes is not None
     ends = np.array([[lowest := rng.uniform(0.0, 8.0), 1.0], [lowest + rng.exponential(1.0), 1.0]])
     n = len(modes.poles)
@@ -79,8 +83,8 @@ def test_a_radius_is_called_below_one_only_if_it_is(seed, radius, n):
 def test_a_wide_cell_is_cut_where_a_pole_crosses_and_proved_where_none_does():
     centre = LoopPencil(np.eye(2), np.array([[-0.1, 3.0], [-3.0, -0.1]]))
     slopes = (LoopPencil(np.zeros((2, 2)), np.eye(2)),)
-    assert prove_cell(centre, slopes, Cell(np.zeros(1), np.array([0.099]))).proved
-    assert not prove_cell(centre, slopes, Cell(np.zeros(1), np.array([0.101]))).proved
+    assert prove_cell(_terms(centre, slopes), Cell(np.zeros(1), np.array([0.099]))).proved
+    assert not prove_cell(_terms(centre, slopes), Cell(np.zeros(1), np.array([0.101]))).proved
 
 
 @given(st.integers(0, 10_000), st.floats(0.1, 1.5))
@@ -90,11 +94,11 @@ def test_half_the_range_of_a_parameter_halves_its_share(seed, size):
     centre, slopes = pencils(seed)
     idle = LoopPencil(np.zeros((6, 6)), np.zeros((6, 6)))
     cell = Cell(np.zeros(3), np.array([5.0, size, size]))
-    modes = zero_exclusion._modes(centre, (idle, *slopes), cell)
+    modes = zero_exclusion._modes(_terms(centre, (idle, *slopes)), cell.reach)
     assert modes is not None
     small, point = modes.halved(1), np.array([[2.0, 1.0]])
     whole, part = (zero_exclusion._couplings(zero_exclusion._squares(m), point) for m in (modes, small))
     assert (part <= whole * (1.0 + 1e-12)).all()
     assert (zero_exclusion._along(small, point) >= zero_exclusion._along(modes, point) - 1e-12).all()
-    proof = prove_cell(centre, (idle, *slopes), cell)
+    proof = prove_cell(_terms(centre, (idle, *slopes)), cell)
     assert proof.proved or not proof.stable or proof.axis != 0

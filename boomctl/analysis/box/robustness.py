@@ -1,25 +1,27 @@
 """Stability and performance of a loop over a whole box of real parameters: a proof, and the worst point found."""
 
 from dataclasses import dataclass
-from itertools import count, product
+from itertools import product
 from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.box.loop_pencil import LoopPencil, closed_pencil
-from boomctl.analysis.box.zero_exclusion import Cell, prove_cell
-from boomctl.analysis.loops import joined, signals_of
-from boomctl.analysis.norm import NormCertificate, matrices_norm
+from boomctl.analysis.box.loops import BoxLoops
+from boomctl.analysis.box.sampled_cells import SampledBox
+from boomctl.analysis.box.zero_exclusion import Cell, CellProof
+from boomctl.analysis.loops import signals_of
+from boomctl.analysis.sampled_loops.sampled_plant import time_of_loop
 from boomctl.arrays import Array
-from boomctl.checks import positive, whole
-from boomctl.lti.system import of
+from boomctl.checks import exactly, instance, nonnegative, positive, whole
+from boomctl.lti.controllers.scheduled import ScheduledController
+from boomctl.lti.system import Lti, of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, Tell, computing
-from boomctl.structure.families import AffineFamily
+from boomctl.structure.families import AffineFamily, Family
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     import control
 
@@ -31,7 +33,7 @@ _PROOFS = 12  # at most, of a margin
 _FINER = 0.1  # share of the tolerance to which the factor of known instability is narrowed down, before proofs begin
 
 
-def _listed(values: dict[str, float]) -> str:
+def listed_values(values: dict[str, float]) -> str:
     return ", ".join(f"{name} = {value:.5g}" for name, value in values.items())
 
 
@@ -75,9 +77,9 @@ class RobustStability:
             A sentence.
         """
         if self.unstable_at is not None:
-            return f"unstable at {_listed(self.unstable_at)} (pole with real part {self.abscissa:.4g} rad/s)"
+            return f"unstable at {listed_values(self.unstable_at)} (pole with real part {self.abscissa:.4g} rad/s)"
         verdict = "stable over the whole box, proved" if self.proved else "stable where tried, but not proved,"
-        found = f"real parts of poles found up to {self.abscissa:.4g} rad/s, at {_listed(self.worst)}"
+        found = f"real parts of poles found up to {self.abscissa:.4g} rad/s, at {listed_values(self.worst)}"
         return f"{verdict} in {self.cells} cells{f' ({self.reason})' if self.reason else ''}; {found}"
 
 
@@ -123,92 +125,41 @@ class StructuredMargin:
         proved = f"proved stable over the box enlarged {self.stable_up_to:.4g} times"
         if self.unstable_values is None:
             return f"{proved}; no instability found"
-        return f"{proved}; unstable at {self.unstable_at:.4g} times: {_listed(self.unstable_values)}"
+        return f"{proved}; unstable at {self.unstable_at:.4g} times: {listed_values(self.unstable_values)}"
 
 
-@dataclass(frozen=True)
-class WorstCase:
-    """The largest certified H-infinity norm found over a box of parameters.
-
-    Attributes
-    ----------
-    norm : NormCertificate
-        The norm at the worst point found; infinite where the loop is unstable.
-    values : dict
-        Parameter values of that point.
-    nominal : NormCertificate
-        The norm in the middle of the box.
-    evaluations : int
-        Number of points tried.
-    """
-
-    norm: NormCertificate
-    values: dict[str, float]
-    nominal: NormCertificate
-    evaluations: int
-
-    def __repr__(self) -> str:
-        return sentence("WorstCase", self.render())
-
-    def render(self) -> str:
-        """Return the worst case found as text.
-
-        Returns
-        -------
-        str
-            A sentence.
-        """
-        where = f"at {_listed(self.values)} and {self.norm.omega:.4g} rad/s"
-        middle = f"in the middle of the box {self.nominal.lower:.5g}"
-        return f"H-infinity norm up to {self.norm.lower:.5g} {where}; {middle}; {self.evaluations} points tried"
-
-
-@dataclass(frozen=True)
-class _Loops:
-    """The closed loop over a box of parameters, ``-1 <= delta <= 1``, affine in them."""
-
-    centre: LoopPencil
-    slopes: tuple[LoopPencil, ...]
-
-    def at(self, delta: Array) -> LoopPencil:
-        E = self.centre.E + np.tensordot(delta, np.array([s.E for s in self.slopes]), 1)
-        A = self.centre.A + np.tensordot(delta, np.array([s.A for s in self.slopes]), 1)
-        return LoopPencil(E, A)
-
-    def most_unstable(self, factor: float) -> tuple[Array, float]:
-        """Return the point of the box with the largest real part of a pole, by corners, faces and a pattern search."""
-        return _pattern_search(lambda delta: self.at(delta).abscissa, len(self.slopes), factor)[:2]
-
-
-def _loops(family: AffineFamily, controller: "control.StateSpace") -> _Loops:
-    if not isinstance(family, AffineFamily):
-        raise TypeError(f"family: expected AffineFamily, got {type(family).__name__}")
-    K = of(controller, "controller", "StateSpace").balanced()
-    signals_of(K, family.centre.inputs, family.centre.outputs)
-    deltas = [np.zeros(family.size), *np.eye(family.size)]
-    centre, *ends = (closed_pencil(family.at(delta).select(K.outputs, K.inputs), K) for delta in deltas)
-    return _Loops(centre, tuple(LoopPencil(end.E - centre.E, end.A - centre.A) for end in ends))
+def _most_unstable(loops: BoxLoops, factor: float) -> tuple[Array, float]:
+    """Return the point of the box with the largest real part of a pole, by corners, faces and a pattern search."""
+    return pattern_search(lambda delta: loops.at(delta).abscissa, loops.family.size, factor)[:2]
 
 
 def robust_stability(
-    family: AffineFamily,
-    controller: "control.StateSpace",
+    family: Family,
+    controller: "control.StateSpace | ScheduledController",
     max_cells: int = _CELLS,
     *,
+    delay: float = 0.0,
     progress: "Listener | None" = None,
 ) -> RobustStability:
     """Prove that a loop ``u = K y`` is stable over a whole box of parameters, or find where it is not.
 
     The box is halved until in each cell no pole can touch the imaginary axis (:mod:`boomctl.analysis.box.zero_exclusion`).
+    With a discrete controller, until in each cell the small gain proves it, by the norm between samples
+    (:mod:`boomctl.analysis.box.sampled_cells`): that takes about as many cells as a range is wider than damping.
 
     Parameters
     ----------
-    family : AffineFamily
-        The plants, such as :func:`boomctl.boom_family` returns; its controls are forces.
-    controller : control.StateSpace
-        ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.
+    family : AffineFamily or PolynomialFamily
+        The plants, such as :func:`boomctl.boom_family` or ``.family()`` of a hub-beam returns; its controls are forces.
+    controller : control.StateSpace or ScheduledController
+        ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.  A discrete one makes sampled
+        loops, of an AffineFamily.  One that follows a parameter of the
+        family (:func:`boomctl.schedule`) is proved as it is at each value while that value stays; a changing one is the
+        matter of :func:`boomctl.ramp_bound`.
     max_cells : int
         Largest number of cells; after so many neither stability nor instability is claimed.
+    delay : float, optional
+        Time between a sample and the moment its control acts [s]; only with a discrete controller.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
@@ -221,7 +172,7 @@ def robust_stability(
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; names that do not meet; controls that impose motion.
+        Other kinds of system; names that do not meet; controls that impose motion; a delay that the loop cannot have.
 
     Examples
     --------
@@ -233,36 +184,64 @@ def robust_stability(
     True
     """
     limit = whole("max_cells", max_cells)
-    loops = _loops(family, controller)
+    if not isinstance(controller, ScheduledController):
+        K = of(controller, "controller", "StateSpace or ScheduledController", sampled=True)
+        if K.dt != 0.0:
+            return _sampled_stability(
+                instance("family", family, AffineFamily), K, limit, delay=delay, progress=progress
+            )
+    if nonnegative("delay", delay):
+        raise ValueError(f"delay = {exactly(delay)}: expected 0 with a controller in continuous time")
+    loops = BoxLoops.of(family, controller)
     with computing("robust stability", progress) as tell:
         tell("points of the box")
-        worst, abscissa = loops.most_unstable(1.0)
+        worst, abscissa = _most_unstable(loops, 1.0)
         if not loops.at(worst).stable:
             return RobustStability(False, family.values(worst), 0, abscissa, family.values(worst))
-        proved, cells, bad, open_cell = _covered(loops, 1.0, limit, tell)
+        proved, cells, bad, open_cell = _covered(loops.prove, loops.cells(1.0), 1.0, limit, tell)
     if bad is not None:
         return RobustStability(False, family.values(bad), cells, loops.at(bad).abscissa, family.values(bad))
-    reason = "" if open_cell is None else _given_up(family, loops, open_cell, limit)
+    reason = "" if open_cell is None else _given_up(family, loops.at(open_cell.middle).abscissa, open_cell, limit)
     return RobustStability(proved, None, cells, abscissa, family.values(worst), reason)
 
 
-def _given_up(family: AffineFamily, loops: _Loops, cell: Cell, limit: int) -> str:
+def _sampled_stability(
+    family: AffineFamily, K: Lti, limit: int, *, delay: float, progress: "Listener | None"
+) -> RobustStability:
+    """Prove that a sampled loop is stable over a whole box, or find where it is not."""
+    signals_of(K, family.centre.inputs, family.centre.outputs)
+    time_of_loop(Lti(K.A, K.B, K.C, K.D), K, delay)  # what a delay may be
+    box = SampledBox.of(family, K, delay)
+    with computing("robust stability", progress) as tell:
+        tell("points of the box")
+        worst, rate = pattern_search(box.rate, family.size, 1.0)[:2]
+        if rate >= 0.0:
+            return RobustStability(False, family.values(worst), 0, rate, family.values(worst))
+        proved, cells, bad, open_cell = _covered(box.prove, box.cells(), 1.0, limit, tell)
+    if bad is not None:
+        return RobustStability(False, family.values(bad), cells, box.rate(bad), family.values(bad))
+    reason = "" if open_cell is None else _given_up(family, box.rate(open_cell.middle), open_cell, limit)
+    return RobustStability(proved, None, cells, rate, family.values(worst), reason)
+
+
+def _given_up(family: Family, abscissa: float, cell: Cell, limit: int) -> str:
     """Return why a proof ended at a cell: it is as small as cells get, or there were as many as allowed."""
-    where = f"at {_listed(family.values(cell.middle))}, where poles have real parts up to"
-    where = f"{where} {loops.at(cell.middle).abscissa:.4g} rad/s"
+    where = f"at {listed_values(family.values(cell.middle))}, where poles have real parts up to"
+    where = f"{where} {abscissa:.4g} rad/s"
     if cell.reach.max() < 1.0 / limit:
         return f"given up {where}: not even a cell of 1/{limit} of the box (max_cells) could be proved there"
     return f"given up {where}: it would take more than max_cells = {limit}"
 
 
-def _covered(loops: _Loops, factor: float, limit: int, tell: Tell) -> tuple[bool, int, Array | None, Cell | None]:
+def _covered(
+    prove: "Callable[[Cell], CellProof]", waiting: list[Cell], factor: float, limit: int, tell: Tell
+) -> tuple[bool, int, Array | None, Cell | None]:
     """Return whether the box is covered by proved cells, their number, an unstable point met, the cell given up at."""
-    size = len(loops.slopes)
-    waiting, cells = [Cell(np.zeros(size), np.full(size, factor))], 0
+    cells = 0
     while waiting:
         cell = waiting.pop()
         tell("cells of the box proved", cells)
-        found = prove_cell(loops.centre, loops.slopes, cell)
+        found = prove(cell)
         if not found.stable:
             return False, cells, cell.middle, None
         if found.proved:
@@ -274,7 +253,7 @@ def _covered(loops: _Loops, factor: float, limit: int, tell: Tell) -> tuple[bool
     return True, cells, None, None
 
 
-def _pattern_search(value: "Callable[[Array], float]", size: int, factor: float) -> tuple[Array, float, int]:
+def pattern_search(value: "Callable[[Array], float]", size: int, factor: float) -> tuple[Array, float, int]:
     """Return where in the box ``value`` is largest among its lattice and the points a pattern search visits."""
     lattice = [factor * np.array(point) for point in product((0.0, -1.0, 1.0), repeat=size)]
     values = [value(point) for point in lattice]
@@ -297,8 +276,8 @@ def _pattern_search(value: "Callable[[Array], float]", size: int, factor: float)
 
 
 def structured_margin(
-    family: AffineFamily,
-    controller: "control.StateSpace",
+    family: Family,
+    controller: "control.StateSpace | ScheduledController",
     largest: float = 4.0,
     tolerance: float = 0.05,
     max_cells: int = _MARGIN_CELLS,
@@ -342,8 +321,8 @@ def structured_margin(
     (2.8, 2.9)
     """
     top, close, limit = positive("largest", largest), positive("tolerance", tolerance), whole("max_cells", max_cells)
-    loops = _loops(family, controller)
-    if not loops.centre.stable:
+    loops = BoxLoops.of(family, controller)
+    if not loops.at(np.zeros(family.size)).stable:
         return StructuredMargin(0.0, 0.0, family.values(np.zeros(family.size)))
     with computing("structured margin", progress) as tell:
         tell("unstable points")
@@ -351,7 +330,7 @@ def structured_margin(
         good, ceiling = 0.0, min(bad, top)
         tried = ceiling * (1.0 - 0.5 * close) if bad < inf else ceiling
         for _ in range(_PROOFS):
-            proved, _, point, _ = _covered(loops, tried, limit, tell)
+            proved, _, point, _ = _covered(loops.prove, loops.cells(tried), tried, limit, tell)
             if point is not None:
                 bad, where = float(np.abs(point).max()), point
             good, ceiling = (tried, ceiling) if proved else (good, tried)
@@ -361,78 +340,18 @@ def structured_margin(
     return StructuredMargin(good, bad, None if where is None else family.values(where))
 
 
-def _unstable_factor(loops: _Loops, top: float, close: float) -> tuple[float, Array | None]:
+def _unstable_factor(loops: BoxLoops, top: float, close: float) -> tuple[float, Array | None]:
     """Return the smallest factor found at which a point of the box is unstable."""
-    where, _ = loops.most_unstable(top)
+    where, _ = _most_unstable(loops, top)
     if loops.at(where).stable:
         return inf, None
     good, bad = 0.0, float(np.abs(where).max())
     while bad - good > _FINER * close * bad:
         middle = 0.5 * (good + bad)
         along = where * middle / np.abs(where).max()
-        unstable = next((at for at in (loops.most_unstable(middle)[0], along) if not loops.at(at).stable), None)
+        unstable = next((at for at in (_most_unstable(loops, middle)[0], along) if not loops.at(at).stable), None)
         if unstable is None:
             good = middle
         else:
             bad, where = min(middle, float(np.abs(unstable).max())), unstable
     return bad, where
-
-
-def worst_case(
-    family: AffineFamily,
-    controller: "control.StateSpace",
-    inputs: "str | Sequence[str] | None" = None,
-    outputs: "str | Sequence[str] | None" = None,
-    *,
-    progress: "Listener | None" = None,
-) -> WorstCase:
-    """Return the largest H-infinity norm of the loop ``u = K y`` found over a box of parameters, certified where found.
-
-    Points of a grid over the box are tried, then the neighbourhood of the worst of them: a lower bound of the worst case.
-
-    Parameters
-    ----------
-    family, controller
-        As for :func:`robust_stability`.
-    inputs, outputs : str or sequence of str, optional
-        Signals of the closed loop (:func:`boomctl.feedback_loop`) between which the norm is taken; by default from all
-        disturbances to all outputs of the family.
-    progress : callable, optional
-        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
-        what goes on; `listening` hears whatever runs within it.
-
-    Returns
-    -------
-    WorstCase
-        The norm, the parameter values at which it was found, and the norm in the middle of the box.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As for :func:`robust_stability`; unknown signals.
-
-    Examples
-    --------
-    >>> import boomctl as bc
-    >>> import control
-    >>> signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}
-    >>> damper = control.ss([[-30.0]], [[30.0]], [[3000.0]], [[-3000.0]], **signals)  # 100 N s/m
-    >>> worst = bc.worst_case(bc.yaw_family(half="yaw"), damper, "actuator_anti", "tip_anti")
-    >>> round(worst.nominal.lower, 1), round(worst.norm.lower, 1)
-    (76.1, 97.7)
-    """
-    _loops(family, controller)
-
-    def at(delta: Array) -> NormCertificate:
-        loop = joined(family.at(delta), controller).closed()
-        return matrices_norm(loop.select(inputs, family.centre.outputs if outputs is None else outputs).balanced())
-
-    looked_at = count(1)
-    with computing("worst case", progress) as tell:
-
-        def peak(point: Array) -> float:
-            tell("points of the box", next(looked_at))
-            return at(point).lower
-
-        delta, _, tried = _pattern_search(peak, family.size, 1.0)
-        return WorstCase(at(delta), family.values(delta), at(np.zeros(family.size)), tried)

@@ -7,14 +7,17 @@ modes.  At a frequency the pencil is regular over the whole cell if the matrix o
 least modulus of its diagonal entry, has a spectral radius below one (a diagonal scaling then makes it diagonally
 dominant).  Moduli and couplings are bounded over intervals of frequency that cover the axis, infinity included: the
 entries are multilinear in frequency and the products of parameters, so their values lie in the convex hull of those at
-the corners, and couplings, convex in frequency, are largest at an interval's ends.  Any positive vector ``x`` bounds the
-radius of a nonnegative matrix by the largest ``(H x)_k/x_k`` (Collatz & Wielandt).  An interval that fails is cut; a
-cell is given up at once where a single frequency fails, for then no cut helps.  The eigenvectors follow the parameters
-to first order, so that the couplings are of second order.
+the corners, and couplings, convex in frequency, are largest at an interval's ends.  Products of more than three
+parameters, which only matrices that are polynomials of them bring, are small and count by their magnitudes.  Any
+positive vector ``x`` bounds the radius of a nonnegative matrix by the largest ``(H x)_k/x_k`` (Collatz & Wielandt).  An
+interval that fails is cut; a cell is given up at once where a single frequency fails, for then no cut helps.  The
+eigenvectors follow the parameters to first order, so that the couplings are of second order.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +40,7 @@ _ROUNDING = 32.0 * np.finfo(float).eps  # of sums of products of a few terms eac
 _BELOW = 1.0 - 1e-10  # below one by more than the rounding of a matrix times a vector
 _LEAST = 1e-12  # smallest entry of the vector, relative: without it, entries could vanish
 _CLOSE = 1e-4  # share of the narrowest half-width that no interval is narrower than, so that none is empty
+_PRODUCTS = 3  # parameters in a product whose matrix keeps its phases; longer products are small (a choice)
 _ASKED = 4  # of the hardest frequencies, whose spectral radius is computed (a choice)
 
 
@@ -79,7 +83,8 @@ class _Modes:
     """The pencil over a cell, ``sum_t w_t (s E_t - A_t)`` and ``s - poles`` on the diagonal, ``low <= w <= high``.
 
     Of the first ``exact`` terms the diagonal is accounted for exactly; of the others, small ones, in magnitude.
-    ``powers[t, i]`` tells how often the weight of a term has parameter ``i`` as a factor.
+    ``powers[t, i]`` tells how often the weight of a term has parameter ``i`` as a factor.  What is left besides has entries
+    of at most ``rest[0]`` and ``rest[1]`` in E and A.
     """
 
     poles: Array
@@ -89,6 +94,7 @@ class _Modes:
     high: Array
     exact: int
     powers: NDArray[np.int_]
+    rest: tuple[Array, Array]
 
     def halved(self, axis: int) -> "_Modes":
         """Return the same over the middle half of a parameter's range."""
@@ -107,14 +113,41 @@ class _Modes:
         return E, A
 
 
-def prove_cell(centre: LoopPencil, slopes: tuple[LoopPencil, ...], cell: Cell) -> CellProof:
+Terms = Mapping[tuple[int, ...], LoopPencil]
+"""A pencil that is a polynomial of parameters: of each product of them, ``()`` for one, ``(0, 0, 1)`` for ``d0^2 d1``."""
+
+
+def value_at(terms: Terms, delta: Array) -> LoopPencil:
+    """Return the pencil at a point of the box."""
+    shares = [float(np.prod(delta[list(power)])) for power in terms]
+    E, A = (sum(w * getattr(x, name) for w, x in zip(shares, terms.values(), strict=True)) for name in "EA")
+    return LoopPencil(np.asarray(E), np.asarray(A))
+
+
+def _about(terms: Terms, middle: Array) -> dict[tuple[int, ...], LoopPencil]:
+    """Return the same polynomial in the distances of the parameters from another middle."""
+    found: dict[tuple[int, ...], LoopPencil] = {}
+    for power, pencil in terms.items():
+        often = [power.count(i) for i in range(len(middle))]
+        for kept in product(*(range(count + 1) for count in often)):
+            share = float(np.prod([comb(n, k) * m ** (n - k) for n, k, m in zip(often, kept, middle, strict=True)]))
+            here = tuple(i for i, k in enumerate(kept) for _ in range(k))
+            if share or not here:
+                E, A = (found[here].E, found[here].A) if here in found else (0.0, 0.0)
+                found[here] = LoopPencil(E + share * pencil.E, A + share * pencil.A)
+    return found
+
+
+def prove_cell(terms: Terms, cell: Cell) -> CellProof:
     """Try to prove that the poles stay on their side of the imaginary axis throughout a cell."""
-    E = centre.E + sum(d * s.E for d, s in zip(cell.middle, slopes, strict=True))
-    A = centre.A + sum(d * s.A for d, s in zip(cell.middle, slopes, strict=True))
-    here = LoopPencil(np.asarray(E), np.asarray(A))
-    modes = _modes(here, slopes, cell) if here.stable else None
+    return prove_pencil(terms, cell, value_at(terms, cell.middle).stable)
+
+
+def prove_pencil(terms: Terms, cell: Cell, stable: bool) -> CellProof:
+    """Try to prove that no eigenvalue is imaginary anywhere in a cell; ``stable``: whether its middle is worth a proof."""
+    modes = _modes(_about(terms, cell.middle), cell.reach) if stable else None
     if modes is None:
-        return CellProof(here.stable, False, int(np.argmax(cell.reach)))
+        return CellProof(stable, False, int(np.argmax(cell.reach)))
     worst = _unexcluded_frequency(modes)
     return CellProof(True, worst is None, 0 if worst is None else _parameter_to_halve(modes, worst))
 
@@ -135,7 +168,8 @@ def _parameter_to_halve(modes: _Modes, point: Array) -> int:
     return min(found)[2]
 
 
-def _modes(here: LoopPencil, slopes: tuple[LoopPencil, ...], cell: Cell) -> _Modes | None:
+def _modes(local: Terms, reach: Array) -> _Modes | None:
+    here = local[()]
     state = np.linalg.solve(here.E, here.A)
     balanced, (scale, _) = linalg.matrix_balance(state, permute=False, separate=True)
     poles, V = linalg.eig(balanced)  # type: ignore[misc]
@@ -144,32 +178,31 @@ def _modes(here: LoopPencil, slopes: tuple[LoopPencil, ...], cell: Cell) -> _Mod
         W = np.linalg.inv(here.E @ V)
     except np.linalg.LinAlgError:
         return None
-    E, A = (
-        np.array([W @ here_X @ V, *(W @ X @ V for X in changes)])
-        for here_X, changes in ((here.E, [s.E for s in slopes]), (here.A, [s.A for s in slopes]))
-    )
-    E[0] -= np.eye(len(poles))
-    A[0] -= np.diag(poles)
-    return _straightened(poles, E, A, cell.reach) if np.isfinite(E).all() and np.isfinite(A).all() else None
+    both = {power: (W @ x.E @ V, W @ x.A @ V) for power, x in local.items()}
+    rounding = both.pop(())
+    both[(-1,)] = rounding[0] - np.eye(len(poles)), rounding[1] - np.diag(poles)
+    finite = all(np.isfinite(X).all() for pair in both.values() for X in pair)
+    return _straightened(poles, both, reach) if finite else None
 
 
-def _straightened(poles: Array, E: Array, A: Array, reach: Array) -> _Modes:
+def _straightened(poles: Array, changes: Mapping[tuple[int, ...], tuple[Array, Array]], reach: Array) -> _Modes:
     """Return the pencil in eigenvectors that follow the parameters to first order, so that couplings are of second.
 
-    ``(1 + sum d_i Y_i)(s E - A)(1 + sum d_i X_i)`` is regular only if ``s E - A`` is; ``E[0], A[0]`` are rounding.
+    ``(1 + sum d_i Y_i)(s E - A)(1 + sum d_i X_i)`` is regular only if ``s E - A`` is; ``changes[(-1,)]`` is rounding.
     """
     k, n = len(reach), len(poles)
     gaps = poles[:, None] - poles[None, :]
     gaps[gaps == 0.0] = np.inf
-    X = (E[1:] * poles - A[1:]) / gaps
+    E, A = (np.array([changes[(i,)][j] if (i,) in changes else np.zeros((n, n)) for i in range(k)]) for j in (0, 1))
+    X = (E * poles - A) / gaps
     X *= 1.0 - np.eye(n)
     X[np.abs(X) * reach[:, None, None] > _TURN] = 0.0
-    Y = -E[1:] - X
+    Y = -E - X
     eye, diagonal = np.eye(n, dtype=complex), np.diag(poles)
     terms: dict[tuple[int, ...], list[Array]] = {}
-    for (left, L), (middle, e, a), (right, R) in product(
+    for (left, L), (middle, (e, a)), (right, R) in product(
         [((), eye), *(((i,), Y[i]) for i in range(k))],
-        [((), eye, diagonal), *(((i,), E[1 + i], A[1 + i]) for i in range(k)), ((-1,), E[0], A[0])],
+        [((), (eye, diagonal)), *changes.items()],
         [((), eye), *(((i,), X[i]) for i in range(k))],
     ):
         power = tuple(sorted((*left, *middle, *right)))
@@ -177,6 +210,11 @@ def _straightened(poles: Array, E: Array, A: Array, reach: Array) -> _Modes:
             sums = terms.setdefault(power, [np.zeros((n, n), complex), np.zeros((n, n), complex)])
             sums[0] += L @ e @ R
             sums[1] += L @ a @ R
+    rest = np.zeros((n, n)), np.zeros((n, n))
+    for power in [power for power in terms if len(power) > _PRODUCTS]:
+        size = max(abs(end) for end in _range(power, reach))
+        for total, each in zip(rest, terms.pop(power), strict=True):
+            total += size * np.abs(each)
     order = sorted(terms, key=lambda power: (-1 in power or len(power) > 2, len(power), power))
     bounds = np.array([_range(power, reach) for power in order])
     return _Modes(
@@ -187,6 +225,7 @@ def _straightened(poles: Array, E: Array, A: Array, reach: Array) -> _Modes:
         high=bounds[:, 1],
         exact=sum(-1 not in power and len(power) <= 2 for power in order),
         powers=np.array([[power.count(i) for i in range(k)] for power in order]),
+        rest=rest,
     )
 
 
@@ -246,6 +285,9 @@ def _squares(modes: _Modes) -> Array:
     found = np.stack([np.abs(E) ** 2, np.abs(A) ** 2, -2.0 * (1j * E * A.conj()).real], axis=1)
     found[:, :2] *= 1.0 + _ROUNDING
     np.einsum("tqkk->tqk", found)[: modes.exact] = 0.0
+    E, A = modes.rest
+    if E.any() or A.any():
+        found = np.concatenate([found, [(1.0 + _ROUNDING) * np.array([E**2, A**2, 2.0 * E * A])]])
     return found.reshape(len(found), 3, -1)
 
 

@@ -8,14 +8,20 @@ still to act, and measurements still on their way, are states.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.checks import exactly, nonnegative
+from boomctl.checks import exactly, names, nonnegative, positive
 from boomctl.lti.hold import zero_order_hold
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, of
+
+if TYPE_CHECKING:
+    import control
+
+    from boomctl.structure.model import SecondOrderModel
 
 _SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
 _ROUNDING = 1e-9  # share of a sample up to which a delay is a whole number of them (a choice)
@@ -50,8 +56,7 @@ def time_of_loop(plant: Lti, controller: Lti, delay: float) -> tuple[float, floa
                 f"delay = {exactly(late)}: expected 0 with a controller in continuous time; boomctl.discretize samples it"
             )
         return 0.0, 0.0
-    if late / dt > _MOST_SAMPLES:
-        raise ValueError(f"delay = {exactly(late)}: expected at most {_MOST_SAMPLES} samples of {exactly(dt)} s")
+    _check_samples(late, dt)
     if plant.dt != 0.0:
         if abs(plant.dt - dt) > _SAME * dt:
             raise ValueError(
@@ -65,8 +70,66 @@ def time_of_loop(plant: Lti, controller: Lti, delay: float) -> tuple[float, floa
     return dt, late
 
 
+def sample_plant(
+    plant: "SecondOrderModel | control.StateSpace | control.TransferFunction",
+    sample_time: float,
+    controls: str | Sequence[str] | None = None,
+    *,
+    delay: float = 0.0,
+) -> "control.StateSpace":
+    """Return a plant as a sampled controller sees it: exact at the samples, its controls held and late.
+
+    A discrete controller is designed for it (:func:`boomctl.lqg`, :func:`boomctl.h_infinity`, :func:`boomctl.h2`) and then
+    runs on the plant itself with the same delay: poles and margins are the same.
+
+    Parameters
+    ----------
+    plant : SecondOrderModel, control.StateSpace or control.TransferFunction
+        The plant in continuous time, signals named.
+    sample_time : float
+        Time between samples [s].
+    controls : str or sequence of str, optional
+        Inputs that a controller drives; by default all.  The others are held from sample to sample, without delay.
+    delay : float, optional
+        Time between a sample and the moment the controls change [s]: whole samples, a part of one, or both.
+
+    Returns
+    -------
+    control.StateSpace
+        In discrete time, with the plant's signals.  Outputs are those just before the controls change.  Controls on their
+        way, and those that an output feels at once, are states behind the plant's, ``NAME_held_1`` and so on.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system, discrete time; a sampling time that is not above zero; unknown names; a delay that is
+        negative or of more than 1000 samples.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="force", outputs="speed", states="v")
+    >>> sampled = bc.sample_plant(lag, 0.1, delay=0.14)
+    >>> sampled.state_labels, sampled.dt
+    (['v', 'force_held_1', 'force_held_2'], 0.1)
+    """
+    given, dt = of(plant, "plant"), positive("sample_time", sample_time)
+    acting = [given.inputs.index(name) for name in names("control", controls, given.inputs)]
+    late = nonnegative("delay", delay)
+    _check_samples(late, dt)
+    name = getattr(plant, "name", None)
+    found = sampled_plant(given, acting, dt, [late] * len(acting))
+    return found.statespace(name if isinstance(name, str) else "plant")
+
+
+def _check_samples(late: float, dt: float) -> None:
+    if late / dt > _MOST_SAMPLES:
+        raise ValueError(f"delay = {exactly(late)}: expected at most {_MOST_SAMPLES} samples of {exactly(dt)} s")
+
+
 @dataclass(frozen=True)
-class _Held:
+class Held:
     """A plant whose controls are held, and what they are between two samples: states of a queue, or inputs at once.
 
     Attributes
@@ -93,7 +156,7 @@ class _Held:
     direct: Array
 
     @classmethod
-    def of(cls, plant: Lti, acting: Sequence[int], dt: float, delays: Sequence[float]) -> "_Held":
+    def of(cls, plant: Lti, acting: Sequence[int], dt: float, delays: Sequence[float]) -> "Held":
         """Return a plant with its queues: what is still to act, and what acts just before a sample if that is felt."""
         n, m = plant.B.shape
         wholes, changes, controls = np.zeros(m, dtype=int), np.zeros(m), np.zeros(m, dtype=bool)
@@ -166,7 +229,7 @@ def sampled_plant(
     n, m = plant.B.shape
     scale = linalg.matrix_balance(plant.A, permute=False, separate=True)[1][0] if n else np.ones(0)
     scaled = replace(plant, A=plant.A * scale / scale[:, None], B=plant.B / scale[:, None], C=plant.C * scale)
-    held = _Held.of(scaled, acting, dt, delays)
+    held = Held.of(scaled, acting, dt, delays)
     size = int(held.starts[-1])
     A, B = np.zeros((size, size)), np.zeros((size, m))
     A[:n], B[:n] = held.state(dt)

@@ -12,7 +12,7 @@ from math import inf, nan
 import numpy as np
 
 from boomctl.analysis.loops import signals_of
-from boomctl.analysis.sampled import sampled_plant, whole_samples
+from boomctl.analysis.sampled_loops.sampled_plant import sampled_plant, whole_samples
 from boomctl.arrays import Array
 from boomctl.lti.modal import sides
 from boomctl.lti.system import Lti, lower_lft

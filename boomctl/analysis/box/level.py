@@ -1,0 +1,150 @@
+"""Proof that the largest singular value of a loop stays below a level throughout a cell of parameters.
+
+The loop is ``E x' = A x + B w``, ``z = C x + D w``.  ``E``, ``A`` and ``B`` are polynomials of the parameters: places and
+momenta are its states, so that neither the inverse of the mass matrix nor a derivative of what comes in appears.  A singular
+value is ``gamma`` at a frequency where the even (Hamiltonian) pencil
+
+    s diag(E, E^T) - [[F, B R^-1 B^T], [-C^T (1 + D R^-1 D^T) C, -F^T]],   F = A + B R^-1 D^T C,   R = gamma^2 - D^T D
+
+is singular (Bruinsma & Steinbuch 1990, with a matrix ``E``).  Where the loop is stable in the middle of a cell, ``gamma`` is
+above the gain at infinite frequency, and no eigenvalue of the pencil can be imaginary anywhere in the cell, the loop is
+stable throughout, and its norm is below ``gamma``: a pole on its way across the axis would make the norm pass ``gamma``
+before, or, where it does not show, be such an eigenvalue itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from boomctl.analysis.box.loop_pencil import LoopPencil
+from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_pencil, value_at
+from boomctl.arrays import Array
+from boomctl.lti.system import Lti
+from boomctl.structure.families import Family
+from boomctl.structure.matrices import dense
+from boomctl.structure.ports import FILTER_DAMPING
+
+Polynomial = dict[tuple[int, ...], Array]
+
+
+@dataclass(frozen=True)
+class DrivenLoops:
+    """A loop over a box, from what disturbs it to what is judged."""
+
+    E: Polynomial
+    A: Polynomial
+    B: Polynomial
+    C: Array
+    D: Array
+
+    @classmethod
+    def of(cls, family: Family, K: Lti, inputs: Sequence[str], outputs: Sequence[str]) -> DrivenLoops:
+        """Return the loops ``u = K y``.
+
+        Raises
+        ------
+        ValueError
+            A signal that needs a derivative of what disturbs the loop, or of a place without a filter.
+        """
+        centre = family.centre
+        ports, n = centre.ports, centre.n
+        controls = [centre.inputs.index(name) for name in K.outputs]
+        disturbed = [centre.inputs.index(name) for name in inputs]
+        filtered = [(o, b) for o, b in enumerate(ports.bandwidths) if b is not None]
+        k, f = len(K.A), 2 * len(filtered)
+        size = 2 * n + f + k
+        needed = {centre.outputs.index(name) for name in (*K.inputs, *outputs)}
+        plain = [o for o in sorted(needed) if ports.bandwidths[o] is None]
+        columns = (ports.B, *(change.B for _, change in family.terms))
+        derived = (*ports.L[1:, plain], *ports.E[1:, plain][:, :, disturbed])
+        late = (*(X[2][:, disturbed] for X in columns), *(X[1:, :, controls] for X in columns))
+        if any(X.any() for X in (*derived, *late)):
+            raise ValueError("family: expected signals that are places, or accelerations behind a filter")
+        read, direct = np.zeros((len(centre.outputs), size)), ports.E[0][:, disturbed].copy()
+        read[:, :n] = ports.L[0]
+        A, B = np.zeros((size, size)), np.zeros((size, len(disturbed)))
+        for j, (o, b) in enumerate(filtered):
+            first, second = 2 * n + 2 * j, 2 * n + 2 * j + 1
+            (l0, l1, l2), (e0, e1, e2) = (X[:, o] for X in (ports.L, ports.E[:, :, disturbed]))
+            turn = 2.0 * FILTER_DAMPING * b
+            A[first, second], A[first, first], A[second, first] = 1.0, -turn, -(b**2)
+            A[first, :n], A[second, :n] = b**2 * (l1 - turn * l2), b**2 * (l0 - b**2 * l2)
+            B[first], B[second] = b**2 * (e1 - turn * e2), b**2 * (e0 - b**2 * e2)
+            read[o], direct[o] = 0.0, b**2 * e2
+            read[o, :n], read[o, first] = b**2 * l2, 1.0
+        rows = [centre.outputs.index(name) for name in K.inputs]
+        force, own = np.zeros((len(K.C), size)), slice(2 * n + f, size)  # what the controller sends
+        force[:, own] = K.C
+        force += K.D @ read[rows]
+        at_once = K.D @ direct[rows]
+        A[own, own] = K.A
+        A[own] += K.B @ read[rows]
+        B[own] = K.B @ direct[rows]
+        E0 = np.eye(size)
+        E0[:n, :n] = dense(centre.M)
+        A[:n, :n], A[:n, n : 2 * n] = -dense(centre.C), np.eye(n)
+        A[n : 2 * n, :n] = -dense(centre.K)
+        A[n : 2 * n] += ports.B[0][:, controls] @ force
+        B[:n] = ports.B[1][:, disturbed]
+        B[n : 2 * n] = ports.B[0][:, disturbed] + ports.B[0][:, controls] @ at_once
+        found: tuple[Polynomial, Polynomial, Polynomial] = {(): E0}, {(): A}, {(): B}
+        for power, change in family.terms:
+            e, a, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros_like(B)
+            e[:n, :n], a[:n, :n], a[n : 2 * n, :n] = dense(change.M), -dense(change.C), -dense(change.K)
+            a[n : 2 * n] += change.B[0][:, controls] @ force
+            b[:n] = change.B[1][:, disturbed]
+            b[n : 2 * n] = change.B[0][:, disturbed] + change.B[0][:, controls] @ at_once
+            for total, each in zip(found, (e, a, b), strict=True):
+                if each.any():
+                    total[power] = each
+        judged = [centre.outputs.index(name) for name in outputs]
+        return cls(*found, read[judged], direct[judged])
+
+    @property
+    def at_infinity(self) -> float:
+        """The gain at infinite frequency."""
+        return float(np.linalg.norm(self.D, 2)) if self.D.size else 0.0
+
+    @property
+    def pencils(self) -> Terms:
+        """The loop without what disturbs it."""
+        empty = np.zeros_like(self.E[()])
+        powers = dict.fromkeys((*self.E, *self.A))
+        return {power: LoopPencil(self.E.get(power, empty), self.A.get(power, empty)) for power in powers}
+
+    def even(self, gamma: float) -> Terms:
+        """Return the even pencil at a level."""
+        inverse = np.linalg.inv(gamma**2 * np.eye(self.D.shape[1]) - self.D.T @ self.D)
+        n = len(self.E[()])
+        found: dict[tuple[int, ...], tuple[Array, Array]] = {}
+
+        def part(power: tuple[int, ...]) -> tuple[Array, Array]:
+            return found.setdefault(tuple(sorted(power)), (np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 2 * n))))
+
+        for power, E in self.E.items():
+            part(power)[0][:n, :n] += E
+            part(power)[0][n:, n:] += E.T
+        add = inverse @ self.D.T @ self.C
+        for power, F in (*self.A.items(), *((power, B @ add) for power, B in self.B.items())):
+            part(power)[1][:n, :n] += F
+            part(power)[1][n:, n:] -= F.T
+        for (p, B), (q, other) in product(self.B.items(), repeat=2):
+            part((*p, *q))[1][:n, n:] += B @ inverse @ other.T
+        part(())[1][n:, :n] -= self.C.T @ (self.C + self.D @ add)
+        return {power: LoopPencil(E, A) for power, (E, A) in found.items()}
+
+    def at(self, delta: Array) -> Lti:
+        """Return the loop at a point, as a state-space system."""
+        here = value_at(self.pencils, delta)
+        B = sum(float(np.prod(delta[list(power)])) * each for power, each in self.B.items())
+        solved = np.linalg.solve(here.E, np.hstack([here.A, np.asarray(B)]))
+        n = len(here.E)
+        return Lti(solved[:, :n], solved[:, n:], self.C, self.D).balanced()
+
+    def prove(self, even: Terms, cell: Cell) -> CellProof:
+        """Return whether the loop is stable and its norm below the level of an even pencil throughout a cell."""
+        return prove_pencil(even, cell, value_at(self.pencils, cell.middle).stable)

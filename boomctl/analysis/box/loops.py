@@ -1,0 +1,179 @@
+"""The loops of a family and a controller, which may be scheduled over one of the family's parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.analysis.box.loop_pencil import LoopPencil, closed_pencil
+from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_cell, value_at
+from boomctl.analysis.loops import signals_of
+from boomctl.arrays import Array
+from boomctl.checks import exactly, instance, known
+from boomctl.lti.controllers.scheduled import ScheduledController, frozen
+from boomctl.lti.system import Lti, of
+from boomctl.structure.families import Family
+from boomctl.structure.matrices import Structure
+from boomctl.structure.model import SecondOrderModel
+
+if TYPE_CHECKING:
+    import control
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """The part of a box in which a controller is a straight line in one parameter.
+
+    Attributes
+    ----------
+    low, high : float
+        Its ends along that parameter, as ``delta``; infinite where it goes on.
+    terms : Terms
+        The closed loop in it, a polynomial of all ``delta``.
+    """
+
+    low: float
+    high: float
+    terms: Terms
+
+
+@dataclass(frozen=True)
+class BoxLoops:
+    """The closed loop over a box of parameters, ``-1 <= delta <= 1``.
+
+    Attributes
+    ----------
+    family : Family
+        The plants.
+    axis : int
+        The parameter that the controller follows; 0 where it follows none.
+    stretches : tuple of Stretch
+        Side by side along that parameter; one where the controller follows none.
+    """
+
+    family: Family
+    axis: int
+    stretches: tuple[Stretch, ...]
+
+    @classmethod
+    def of(cls, family: Family, controller: control.StateSpace | ScheduledController) -> BoxLoops:
+        """Return the loops ``u = K y``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Other kinds of system; names that do not meet; controls that impose motion; a schedule over no parameter.
+        """
+        instance("family", family, Family, "AffineFamily or PolynomialFamily")
+        if not isinstance(controller, ScheduledController):
+            K = of(controller, "controller", "StateSpace or ScheduledController", any_time=True).balanced()
+            if K.dt != 0.0:
+                raise ValueError(
+                    f"controller: expected continuous time, got a sampling time of {exactly(K.dt)} s; of sampled loops "
+                    "boomctl.robust_stability proves stability"
+                )
+            signals_of(K, family.centre.inputs, family.centre.outputs)
+            return cls(family, 0, (Stretch(-np.inf, np.inf, _terms(family, K, None, 0)),))
+        if controller.dt != 0.0:
+            raise ValueError(f"controller: expected continuous time, got a sampling time of {controller.dt:g} s")
+        known("parameter that the controller follows", controller.signal, family.names)
+        signals_of(controller.systems[0], family.centre.inputs, family.centre.outputs)
+        axis = family.names.index(controller.signal)
+        middle, width = 0.5 * (family.low + family.high)[axis], 0.5 * (family.high - family.low)[axis]
+        places = (controller.values - middle) / width
+        first, *_, last = controller.systems
+        found = [Stretch(-np.inf, float(places[0]), _terms(family, first, None, axis))]
+        for k, (low, high) in enumerate(pairwise(places.tolist())):
+            a, b = controller.systems[k : k + 2]
+            slope = _combined((b, a), (1.0 / (high - low), -1.0 / (high - low)))
+            start = _combined((a, slope), (1.0, -low))
+            found.append(Stretch(float(low), float(high), _terms(family, start, slope, axis)))
+        found.append(Stretch(float(places[-1]), np.inf, _terms(family, last, None, axis)))
+        return cls(family, axis, tuple(found))
+
+    def at(self, delta: Array) -> LoopPencil:
+        """Return the loop at a point."""
+        here = next(each for each in self.stretches if delta[self.axis] <= each.high)
+        return value_at(here.terms, delta)
+
+    def terms(self, cell: Cell) -> Terms:
+        """Return the loop over a cell that lies in one stretch."""
+        return next(each for each in self.stretches if cell.middle[self.axis] <= each.high).terms
+
+    def prove(self, cell: Cell) -> CellProof:
+        """Return what is known of a cell that lies in one stretch."""
+        return prove_cell(self.terms(cell), cell)
+
+    def cells(self, factor: float) -> list[Cell]:
+        """Return the box, enlarged by a factor, as one cell a stretch."""
+        found = []
+        for each in self.stretches:
+            low, high = max(each.low, -factor), min(each.high, factor)
+            if low < high:
+                middle, reach = np.zeros(self.family.size), np.full(self.family.size, factor)
+                middle[self.axis], reach[self.axis] = 0.5 * (low + high), 0.5 * (high - low)
+                found.append(Cell(middle, reach))
+        return found
+
+
+def controller_at(
+    family: Family, controller: control.StateSpace | ScheduledController, delta: Array
+) -> control.StateSpace | Lti:
+    """Return a controller as it is at a point of the box."""
+    if not isinstance(controller, ScheduledController):
+        return controller
+    return frozen(controller, family.values(delta)[controller.signal])
+
+
+def _combined(systems: tuple[Lti, Lti], shares: tuple[float, float]) -> Lti:
+    A, B, C, D = (sum(w * getattr(each, x) for w, each in zip(shares, systems, strict=True)) for x in "ABCD")
+    first: Any = systems[0]
+    return Lti(np.asarray(A), np.asarray(B), np.asarray(C), np.asarray(D), first.inputs, first.outputs)
+
+
+def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
+    """Return the loop with ``K + delta slope``, ``delta`` that of one parameter, as a polynomial of the parameters."""
+    centre = family.centre.select(K.outputs, K.inputs)
+    acting = [family.centre.inputs.index(name) for name in K.outputs]
+    empty = np.zeros((centre.n, centre.n))
+    bare = SecondOrderModel.of(Structure.of(empty, empty, empty, centre.coordinates), centre.ports)
+    found: dict[tuple[int, ...], LoopPencil] = {(): closed_pencil(centre, K)}
+    unforced = SecondOrderModel.of(bare.structure, replace(centre.ports, B=np.zeros_like(centre.ports.B)))
+    rest = closed_pencil(unforced, K)
+    for power, change in family.terms:
+        columns = change.B[:, :, acting]
+        if slope is not None and columns.any():
+            raise ValueError(
+                "controller: expected no schedule over a family in which the controls act otherwise from point to point"
+            )
+        moved = SecondOrderModel.of(
+            Structure.of(change.M, change.C, change.K, centre.coordinates), replace(centre.ports, B=columns)
+        )
+        found[power] = _less(closed_pencil(moved, K), rest)
+    if slope is not None:
+        along = _less(closed_pencil(bare, slope), closed_pencil(bare, _combined((slope, slope), (1.0, -1.0))))
+        more = found.get((axis,))
+        found[(axis,)] = along if more is None else LoopPencil(more.E + along.E, more.A + along.A)
+    return without(found, family.unfelt)
+
+
+def _less(one: LoopPencil, other: LoopPencil) -> LoopPencil:
+    return LoopPencil(one.E - other.E, one.A - other.A)
+
+
+def without(terms: Terms, positions: tuple[int, ...]) -> Terms:
+    """Return the loop without those positions that nothing in it feels."""
+    size = len(terms[()].E)
+    unit = np.eye(size)
+
+    def felt(i: int) -> bool:
+        own = all(not x.A[:, i].any() and (x.E[:, i] == (unit[i] if p == () else 0.0)).all() for p, x in terms.items())
+        return not own
+
+    kept = [i for i in range(size) if i not in positions or felt(i)]
+    if len(kept) == size:
+        return terms
+    return {power: LoopPencil(x.E[np.ix_(kept, kept)], x.A[np.ix_(kept, kept)]) for power, x in terms.items()}

@@ -1,0 +1,182 @@
+"""Size and phase of each response over frequency, on a grid that has every peak."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.analysis.looking.given import looked_at
+from boomctl.analysis.sigma import asked_frequencies, below_nyquist, beside_undamped, between_signals, drawn_grid
+from boomctl.arrays import Array
+from boomctl.checks import known, names
+from boomctl.lti.frequency import with_peaks
+from boomctl.lti.system import is_frequency_response
+from boomctl.printing import between
+
+if TYPE_CHECKING:
+    import control
+
+    from boomctl.structure.model import SecondOrderModel
+
+_ABOVE = 1.2  # how far above the highest peak a band reaches, so that it is seen from both sides (a choice)
+
+
+@dataclass(frozen=True)
+class BodeResult:
+    """Frequency responses, size and phase.
+
+    Attributes
+    ----------
+    omega : (n,) ndarray
+        Angular frequencies [rad/s].
+    values : (p, m, n) complex ndarray
+        Responses: outputs by inputs by frequencies.
+    inputs, outputs : tuple of str
+        Names of the signals.
+    unit : str
+        Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
+    """
+
+    omega: Array
+    values: Array = field(repr=False)
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    unit: str = "Hz"
+
+    def __repr__(self) -> str:
+        span = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
+        o, i, k = np.unravel_index(int(np.abs(self.values).argmax()), self.values.shape)
+        peak = f"{abs(self.values[o, i, k]):.6g} at {self.omega[k]:.6g} rad/s, {self.inputs[i]} -> {self.outputs[o]}"
+        return f"BodeResult: {between(self.inputs, self.outputs)}\n  {span}\n  largest {peak}"
+
+    def __getitem__(self, pair: tuple[str, str]) -> Array:
+        """Return the complex response of an output to an input: ``result["output", "input"]``."""
+        if not isinstance(pair, tuple) or len(pair) != 2:
+            raise ValueError(f"{pair!r}: expected an output and an input, as result['output', 'input']")
+        output, given = known("output", pair[0], self.outputs), known("input", pair[1], self.inputs)
+        return self.values[self.outputs.index(output), self.inputs.index(given)]
+
+    @property
+    def magnitude(self) -> Array:
+        """Sizes, shape (outputs, inputs, frequencies)."""
+        return np.abs(self.values)
+
+    @property
+    def phase_deg(self) -> Array:
+        """Phases [degrees], without jumps, the first from -180 to 180."""
+        return np.degrees(np.unwrap(np.angle(self.values), axis=2))
+
+    @property
+    def frequency_hz(self) -> Array:
+        """The frequencies of ``omega`` in Hz."""
+        return self.omega / (2.0 * np.pi)
+
+    @property
+    def response(self) -> control.FrequencyResponseData:
+        """The same as python-control's named frequency response, whose ``.plot()`` draws it as python-control does."""
+        from boomctl.lti.python_control import control
+
+        labels = {"inputs": list(self.inputs), "outputs": list(self.outputs)}
+        return control.frd(self.values, self.omega, **labels, name="response")
+
+    def plot(self, ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
+        """Draw sizes above phases, one curve for each pair of signals.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw: size and phase; by default a new figure of pyplot.
+        unit : {"Hz", "rad/s"}, optional
+            Of the frequency axis.  By default that of the curves that are there already, otherwise that in which the
+            frequencies were asked for.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
+        """
+        return import_module("boomctl.plotting").plot_bode(self, ax, unit=unit, **style)
+
+
+def bode(
+    system: SecondOrderModel | control.StateSpace | control.TransferFunction | Any,
+    omega: ArrayLike | None = None,
+    inputs: str | Sequence[str] | None = None,
+    outputs: str | Sequence[str] | None = None,
+    *,
+    frequency_hz: ArrayLike | None = None,
+) -> BodeResult:
+    """Return size and phase of a system's responses over frequency.
+
+    It has the short name that python-control gives to its ``bode_plot``.  The default grid has every peak of every response
+    in its band, and the band has the highest peak: the largest value is that of the response, not of a grid beside it.
+    Undamped modes, where the response is infinite, are left out.
+
+    Parameters
+    ----------
+    system : SecondOrderModel, control.StateSpace, TransferFunction or FrequencyResponseData, or a result
+        What is looked at.  Of a design (``lqr``, ``lqg``, ``h2``, ``h_infinity``) it is the closed loop; of a reduction the
+        reduced system.
+    omega : array_like, optional
+        Angular frequencies [rad/s], of a discrete system at most ``pi/dt``.
+    inputs, outputs : str or sequence of str, optional
+        Between which signals.  By default all; of a boom model, platform actuators and tips.
+    frequency_hz : array_like, optional
+        Frequencies in Hz, in place of ``omega``.
+
+    Returns
+    -------
+    BodeResult
+        Frequencies and complex responses; ``.plot()`` draws them, ``.response`` is python-control's.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system; unknown signals; frequencies above half the sampling rate, negative or not finite, given
+        twice, or given for measured data; a frequency at which the response is infinite.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> found = bc.bode(bc.spray_boom(), inputs="actuator_left", outputs="tip_left")
+    >>> round(float(found.magnitude.max())), round(bc.sigma(bc.spray_boom(), None, "actuator_left", "tip_left").peak)
+    (1236, 1236)
+    """
+    asked, unit = asked_frequencies(omega, frequency_hz)
+    system = looked_at(system)
+    if is_frequency_response(system):
+        if asked is not None:
+            raise ValueError("omega: frequency response data have their own frequencies; leave it out")
+        ins, outs = names("input", inputs, system.input_labels), names("output", outputs, system.output_labels)
+        o, i = ([there.index(name) for name in wanted] for there, wanted in
+                ((system.output_labels, outs), (system.input_labels, ins)))  # fmt: skip
+        grid = np.asarray(system.omega, dtype=float)
+        return BodeResult(grid, _finite(grid, np.asarray(system.frdata)[np.ix_(o, i)]), ins, outs)
+    chosen, given = between_signals(system, inputs, outputs)
+    for kind, there in (("inputs", chosen.inputs), ("outputs", chosen.outputs)):
+        if not there:
+            raise ValueError(f"system: expected a system with {kind}, got none")
+    if asked is not None:
+        grid = below_nyquist(asked, given, "omega" if frequency_hz is None else "frequency_hz")
+        return BodeResult(grid, _finite(grid, given.response(grid)), chosen.inputs, chosen.outputs, unit)
+    found, peak = given.resonances(), given.norm().omega
+    if found.high < _ABOVE * peak < np.inf:
+        found = given.resonances(_ABOVE * peak)
+    grid, values = with_peaks(
+        lambda w: given.response(w, quiet=True), drawn_grid(found, [peak]), lambda w: beside_undamped(found, w)
+    )
+    return BodeResult(grid, _finite(grid, values), chosen.inputs, chosen.outputs)
+
+
+def _finite(omega: Array, values: Array) -> Array:
+    bad = ~np.isfinite(values).all(axis=(0, 1))
+    if bad.any():
+        raise ValueError(f"system: its response at {omega[bad][0]:g} rad/s is not finite; leave this frequency out")
+    return values

@@ -1,0 +1,233 @@
+"""Several loops, designs or runs in one table and in one picture.
+
+What a result has to show beside others is what its method ``__figures__`` returns: numbers by name, units in brackets.  Of a
+linear system it is the certified peak, the H2 norm and the slowest pole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.analysis.h2 import h2_norm
+from boomctl.analysis.looking.given import looked_at, matrices
+from boomctl.analysis.margins import Margins
+from boomctl.analysis.sigma import SigmaResult, compare_sigma
+from boomctl.checks import known, mapping, shown
+from boomctl.lti.modal import resolved
+from boomctl.lti.system import Lti
+from boomctl.lti.time_series import TimeSeries
+from boomctl.printing import count, listed, table_html
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+TIME, FREQUENCY, MARGINS = "time", "frequency", "margins"  # the pictures of a comparison, in the order tried
+_SHOWN = 40  # letters of a figure's name in a table at least (a choice)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Figures of several systems or results, side by side.
+
+    Attributes
+    ----------
+    names : tuple of str
+        What is compared.
+    figures : tuple of str
+        Names of the figures, those that some have and others not included.
+    values : dict of str to dict of str to float
+        For each name the figures that it has.
+    """
+
+    names: tuple[str, ...]
+    figures: tuple[str, ...]
+    values: dict[str, dict[str, float]] = field(repr=False)
+    _parts: dict[str, tuple[Any, ...]] = field(repr=False, compare=False)
+
+    def __getitem__(self, name: str) -> dict[str, float]:
+        """Return the figures of one of them by its name."""
+        return self.values[known("name", name, self.names)]
+
+    def __str__(self) -> str:
+        return self.render()
+
+    def __repr__(self) -> str:
+        return f"Comparison: {listed(self.names)}\n  {count(len(self.figures), 'figure')}: {listed(self.figures, 70)}"
+
+    def _repr_html_(self) -> str:
+        heads, *rows = self._table()
+        return table_html("Comparison", heads, rows)
+
+    def render(self) -> str:
+        """Return the figures as text.
+
+        Returns
+        -------
+        str
+            A table, one line a figure, one column a name.
+        """
+        table = self._table()
+        first = max(_SHOWN, *(len(row[0]) for row in table))
+        wide = [max(len(row[k]) for row in table) for k in range(1, len(self.names) + 1)]
+        return "\n".join(
+            "  ".join([f"{row[0]:{first}}", *(f"{cell:>{w}}" for cell, w in zip(row[1:], wide, strict=True))])
+            for row in table
+        )
+
+    def as_dict(self) -> dict[str, dict[str, float]]:
+        """Return the figures as plain dictionaries: ``pandas.DataFrame(comparison.as_dict())`` is a table of them.
+
+        Returns
+        -------
+        dict of str to dict of str to float
+            For each name the figures that it has.
+        """
+        return {name: dict(figures) for name, figures in self.values.items()}
+
+    def plot(self, ax: Any = None, *, what: str | None = None, signals: Sequence[str] = (), **style: Any) -> Any:
+        """Draw all of them over each other, each in a colour of its own.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, sequence of them, or a figure, optional
+            Where to draw: one axes a signal or loop, one for singular values; by default a new figure of pyplot.
+        what : {"time", "frequency", "margins"}, optional
+            Signals over time, singular values, or Nyquist curves with the critical disks.  By default the first that all of
+            them have.
+        signals : sequence of str, optional
+            Which signals over time, or at which the loop is opened; by default those that all have, six at most.
+        **style
+            Of all curves, as matplotlib's lines take it; a ``label`` stands before the names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on.
+        """
+        there = [kind for kind in (TIME, FREQUENCY, MARGINS) if all(_of_kind(kind, p) for p in self._parts.values())]
+        if not there:
+            raise ValueError("plot: there is nothing over time, over frequency, or of margins that all of them have")
+        chosen = there[0] if what is None else known("picture", what, there)
+        drawn = {name: _of_kind(chosen, parts) for name, parts in self._parts.items()}
+        return import_module("boomctl.plotting").plot_comparison(chosen, drawn, ax, signals=signals, **style)
+
+    def _table(self) -> list[tuple[str, ...]]:
+        rows: list[tuple[str, ...]] = [("", *self.names)]
+        for figure in self.figures:
+            cells = (self.values[name].get(figure) for name in self.names)
+            rows.append((figure, *("–" if cell is None else f"{cell:.4g}" for cell in cells)))
+        return rows
+
+
+def compare(results: Mapping[str, Any], *, omega: ArrayLike | None = None) -> Comparison:
+    """Return figures of several loops, designs or runs side by side, to be printed as a table and drawn over each other.
+
+    Parameters
+    ----------
+    results : mapping of str to system or result, or to a sequence of these
+        By name: simulated loops (rms and peak of outputs and of controls), other runs, linear systems such as closed loops
+        (certified peak, H2 norm, slowest pole, least damping), designs (of their closed loops, and the controller's
+        states), margins, worst cases, sprays, slews, performances.  A sequence gives all figures of its members.
+    omega : array_like, optional
+        Angular frequencies at which linear systems are drawn [rad/s]; by default those that show the peaks of all.
+
+    Returns
+    -------
+    Comparison
+        ``comparison["name"]["figure"]``; ``print`` shows a table, ``.plot()`` a picture, ``.as_dict()`` gives all numbers.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Nothing to compare; something that has no figures, with its name; unknown kinds of system.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import numpy as np
+    >>> soft, stiff = (bc.lqr(bc.hub_beam(modes=1).linearize(), np.eye(4), weight) for weight in (10.0, 0.1))
+    >>> both = bc.compare({"soft": soft, "stiff": stiff})
+    >>> both["soft"]["slowest pole [rad/s]"] > both["stiff"]["slowest pole [rad/s]"]
+    True
+    """
+    mapping("results", results, "systems or results by name")
+    if not results:
+        raise ValueError("results: expected at least one")
+    values: dict[str, dict[str, float]] = {}
+    parts: dict[str, tuple[Any, ...]] = {}
+    for name, given in results.items():
+        if not isinstance(name, str):
+            raise TypeError(f"name of a result = {shown(name)}: expected a string, got {type(name).__name__}")
+        members = tuple(given) if isinstance(given, list | tuple) else (given,)
+        if not members:
+            raise ValueError(f"results[{name!r}]: expected at least one")
+        parts[name] = members
+    linear: dict[str, Any] = {}
+    systems: dict[str, tuple[Any, Lti]] = {}
+    for name, members in parts.items():
+        for k, member in enumerate(members):
+            if not hasattr(type(member), "__figures__"):
+                with _naming(name):
+                    system = looked_at(member)
+                    systems[f"{name} {k}"] = system, matrices(system)
+                    linear[f"{name} {k}"] = system.statespace("system") if isinstance(system, Lti) else system
+    curves = compare_sigma(linear, omega) if linear else {}  # all on one grid
+    for name, members in parts.items():
+        values[name], kept = {}, []
+        for k, member in enumerate(members):
+            own = f"{name} {k}" in linear
+            with _naming(name):
+                values[name] |= (
+                    _of_system(member, *systems[f"{name} {k}"], curves[f"{name} {k}"]) if own else member.__figures__()
+                )
+            kept.append(curves[f"{name} {k}"] if own else member)
+        parts[name] = tuple(kept)
+    order: dict[str, None] = {}
+    for figures in values.values():
+        order |= dict.fromkeys(figures)
+    return Comparison(tuple(results), tuple(order), values, parts)
+
+
+@contextmanager
+def _naming(name: str) -> Iterator[None]:
+    """Say in an error of which result it is."""
+    try:
+        yield
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"results[{name!r}]: {error}") from None
+
+
+def _of_system(given: Any, system: Any, found: Lti, curves: SigmaResult) -> dict[str, float]:
+    """Return what a linear system has to show, besides its singular values."""
+    figures = {"H-infinity norm" + ("" if curves.certified else ", not certified"): curves.peak}
+    figures["H2 norm"] = h2_norm(system).value
+    rates = found.rates[np.isfinite(found.rates)]
+    if len(rates):
+        figures["slowest pole [rad/s]"] = float(rates.real.max())
+        turning = rates[resolved(rates) & (rates.imag > 0.0)]
+        if len(turning):
+            figures["least damping [%]"] = float(100.0 * (-turning.real / np.abs(turning)).min())
+    controller = getattr(given, "_controller", None)
+    if isinstance(controller, Lti):
+        figures["states of the controller"] = float(len(controller.A))
+    return figures
+
+
+def _of_kind(kind: str, parts: tuple[Any, ...]) -> Any:
+    """Return the first part that a picture of a kind is drawn of; None without one."""
+    for part in parts:
+        if kind == TIME and isinstance(part, TimeSeries):
+            return {**part._outputs(), **part._inputs()}, part.time
+        if kind == TIME and isinstance(getattr(part, "run", None), TimeSeries):
+            return {**part.run._outputs(), **part.run._inputs()}, part.run.time
+        if kind == FREQUENCY and hasattr(part, "sigma"):
+            return part if hasattr(part, "omega") else part.sigma
+        if kind == MARGINS and isinstance(part, Margins):
+            return part
+    return None

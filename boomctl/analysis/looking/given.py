@@ -1,0 +1,63 @@
+"""What is looked at: a system, or the system that a result is about."""
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from boomctl.lti.system import Lti, of
+from boomctl.structure.model import SecondOrderModel
+
+EXPECTED = "a SecondOrderModel, StateSpace, TransferFunction, or a result with a closed loop or a reduced system"
+
+
+def looked_at(given: object, what: str = "system") -> Any:
+    """Return the system that is meant: of a design its closed loop, of a reduction the reduced system, a transfer function
+    as a state space; all else as it is.
+    """
+    for part in ("_closed_loop", "_reduced"):
+        if isinstance(found := getattr(given, part, None), Lti | SecondOrderModel):
+            return found
+    return _realised(given, what)
+
+
+def controller_of(given: object) -> Any:
+    """Return a controller: that of a design, a transfer function as a state space; all else as it is."""
+    found = getattr(given, "_controller", None)
+    return found if isinstance(found, Lti) else _realised(given, "controller")
+
+
+def _realised(given: object, what: str) -> Any:
+    control = sys.modules.get("control")
+    if control is None or not isinstance(given, control.TransferFunction):
+        return given
+    try:
+        return control.ss(given)
+    except ValueError as error:
+        raise ValueError(f"{what}: expected a proper transfer function ({' '.join(str(error).split())})") from None
+
+
+def matrices(
+    given: object,
+    inputs: str | Sequence[str] | None = None,
+    outputs: str | Sequence[str] | None = None,
+    what: str = "system",
+) -> Lti:
+    """Return the matrices of what is looked at, between the signals named: of a boom by default actuators and tips.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system; unknown names; no inputs or no outputs; discrete time that does not say its sampling time.
+    """
+    system = looked_at(given, what)
+    if isinstance(system, SecondOrderModel):
+        first = system.ports.primary or (None, None)
+        system = system.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
+        found = of(system)
+    else:
+        found = of(system, what, f"SecondOrderModel, {EXPECTED.removeprefix('a SecondOrderModel, ')}", sampled=True)
+        found = found.select(inputs, outputs)
+    for kind, there in (("inputs", found.inputs), ("outputs", found.outputs)):
+        if not there:
+            raise ValueError(f"{what}: expected a system with {kind}, got none")
+    return found.balanced()

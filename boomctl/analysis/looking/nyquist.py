@@ -1,0 +1,284 @@
+"""The Nyquist curve of a loop, its encirclements of -1 counted along it, and the critical disk.
+
+With ``L`` the loop's response under negative feedback, ``det(I + L)`` is the product of ``s - p`` over the closed loop's
+poles over that of the open one.  Its winding about zero, poles of the open loop on the axis left to the left, is by how many
+the closed loop's poles on the right are fewer (Nyquist 1932).  The number that it says is compared with the eigenvalues of
+the closed loop: two ways that share nothing but the matrices.
+
+A sampled loop is looked at through the bilinear map, by which the unit circle is the imaginary axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.analysis.looking.given import controller_of, looked_at, matrices
+from boomctl.analysis.loops import joined
+from boomctl.analysis.margins import DiskMargin, grid_of_loop, single_disk
+from boomctl.analysis.nyquist import walked
+from boomctl.arrays import Array
+from boomctl.lti.bilinear import continuous_image, omega_of_image
+from boomctl.lti.frequency import Triangular, smooth_curve, triangular
+from boomctl.lti.modal import side_of_axis
+from boomctl.lti.system import Lti, of, well_posed_inverse
+from boomctl.printing import count, listed
+
+if TYPE_CHECKING:
+    import control
+
+    from boomctl.structure.model import SecondOrderModel
+
+_FAR = 1e4  # how far beyond the fastest pole the curve is followed: what is left turns by less than a thousandth each
+_RIGID = 1e-7  # share of the fastest pole up to which one may be at zero: rounding moves a double one by its root
+_DETOUR = 0.1  # of the distance from a pole on the axis to the next one, the radius of the way round it (a choice)
+_ON_ARC = 33  # places on the way round a pole to begin with: steps of less than 6 degrees (a choice)
+_STATIC = 1.0  # [rad/s], where a loop without dynamics is asked: its response is the same everywhere
+_INTEGER = 1e-2  # distance from a whole number of windings that is rounding and what is left beyond the end (a choice)
+_LIMIT = 200_000  # frequencies that one way may take: as many as of a loop around an exact boom
+_CLOSE = 1e-12  # of the largest pole: distance within which two are one
+
+
+@dataclass(frozen=True)
+class NyquistResult:
+    """A loop's Nyquist curve, and what it says of stability.
+
+    Attributes
+    ----------
+    omega : (n,) ndarray
+        Angular frequencies [rad/s].
+    curve : (n,) complex ndarray
+        The loop's response ``L`` under negative feedback; of several signals ``det(I + L) - 1``, which is as near to -1.
+    signals : tuple of str
+        Where the loop is opened, all at once.
+    encirclements : int
+        How often the whole curve, negative frequencies included, winds around -1, counter-clockwise.
+    open_loop_poles, closed_loop_poles : int
+        Unstable poles of the open and of the closed loop: the second is the first less the encirclements, and the
+        eigenvalues of the closed loop agree.
+    disk : DiskMargin or None
+        The disk margin at this signal; None of several signals (see :func:`boomctl.margins`) and of an unstable loop.
+    """
+
+    omega: Array
+    curve: Array = field(repr=False)
+    signals: tuple[str, ...]
+    encirclements: int
+    open_loop_poles: int
+    closed_loop_poles: int
+    disk: DiskMargin | None
+
+    def __repr__(self) -> str:
+        turns = (
+            f"{self.encirclements} encirclements of -1, {count(self.open_loop_poles, 'unstable pole')} of the open loop"
+        )
+        verdict = "stable" if self.stable else f"{count(self.closed_loop_poles, 'unstable pole')} of the closed loop"
+        disk = "" if self.disk is None else f"; disk margin {self.disk.alpha:.4g}"
+        return f"NyquistResult: opened at {listed(self.signals, 60)}\n  {turns}: {verdict}{disk}"
+
+    @property
+    def stable(self) -> bool:
+        """Whether the closed loop is stable."""
+        return self.closed_loop_poles == 0
+
+    @property
+    def response(self) -> control.FrequencyResponseData:
+        """The curve as python-control's frequency response."""
+        from boomctl.lti.python_control import control
+
+        return control.frd(self.curve[None, None, :], self.omega, name="loop")
+
+    def plot(self, ax: Any = None, **style: Any) -> Any:
+        """Draw the curve around -1, with the critical disk that it does not enter.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        **style
+            Of the curve, as matplotlib's lines take it.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
+        """
+        return import_module("boomctl.plotting").plot_nyquist(self, ax, **style)
+
+
+def nyquist(
+    system: SecondOrderModel | control.StateSpace | control.TransferFunction | Any,
+    controller: control.StateSpace | control.TransferFunction | Any | None = None,
+    *,
+    delay: float = 0.0,
+) -> NyquistResult:
+    """Return the Nyquist curve of a loop, and its encirclements of -1.
+
+    It has the short name that python-control gives to its ``nyquist_plot``.
+
+    Parameters
+    ----------
+    system : SecondOrderModel, control.StateSpace or TransferFunction
+        Without a controller: the loop's gain ``L`` under negative feedback, as python-control takes it, with as many outputs
+        as inputs.  With one: the plant, signals named.
+    controller : control.StateSpace, TransferFunction, or a design, optional
+        ``u = K y``, signals found by name, as for :func:`boomctl.margins`: then ``L = -K G``.  A discrete one makes the
+        sampled loop.
+    delay : float, optional
+        Time between a sample and the moment its control acts [s]; only with a discrete controller.
+
+    Returns
+    -------
+    NyquistResult
+        Frequencies, curve, encirclements and unstable poles; ``.plot()`` draws it with the critical disk.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Other kinds of system; not as many outputs as inputs; names that do not meet; a loop that is not well-posed; a pole
+        at ``z = -1``.
+    ArithmeticError
+        A pole of the closed loop on the imaginary axis (the unit circle), or so close to it that encirclements cannot be
+        told.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> motor = control.ss([[0.0, 1.0], [0.0, -1.0]], [[0.0], [1.0]], [[0.5, 0.0]], 0.0)
+    >>> found = bc.nyquist(motor)
+    >>> found.stable, round(found.disk.phase_deg, 1)
+    (True, 60.0)
+    """
+    if controller is None:
+        if delay:
+            raise ValueError(f"delay = {delay!r}: expected 0 without a controller")
+        opened, S, signals = _of_gain(matrices(system))
+    else:
+        opened, S, signals = _of_loop(looked_at(system, "plant"), controller_of(controller), delay)
+    dt, images = S.dt, (S, opened)
+    if dt != 0.0:
+        images = continuous_image(S), continuous_image(opened)
+    image, _ = images
+    grid = np.union1d(*(grid_of_loop(each) for each in images))
+    quick = triangular(image)
+    turns, unstable = _windings(*images, quick, grid)
+    closed = unstable - turns
+    told = side_of_axis(image.poles)
+    if (told == 0).any() or closed != int((told > 0).sum()):
+        raise ArithmeticError(
+            f"encirclements cannot be told: they say {closed} unstable poles, the eigenvalues of the closed loop"
+            f" {int((told > 0).sum())}, and {int((told == 0).sum())} on the boundary of stability"
+        )
+    grid = grid[grid > 0.0] if len(grid) > 1 else np.array([_STATIC])
+    omega, curve = smooth_curve(lambda w: _determinant(quick, 1j * w) - 1.0, grid)
+    disk = single_disk(S) if len(signals) == 1 and not closed else None
+    return NyquistResult(
+        omega=omega if dt == 0.0 else omega_of_image(omega, dt),
+        curve=curve,
+        signals=signals,
+        encirclements=turns,
+        open_loop_poles=unstable,
+        closed_loop_poles=closed,
+        disk=disk,
+    )
+
+
+def _of_gain(L: Lti) -> tuple[Lti, Lti, tuple[str, ...]]:
+    """Return a loop's gain, its sensitivity ``(I + L)^-1``, and its signals."""
+    if L.D.shape[0] != L.D.shape[1]:
+        raise ValueError(f"system: expected as many outputs as inputs, got {len(L.outputs)} and {len(L.inputs)}")
+    R = well_posed_inverse(np.eye(len(L.D)) + L.D)
+    return L, replace(L, A=L.A - L.B @ R @ L.C, B=L.B @ R, C=-R @ L.C, D=R).balanced(), L.outputs
+
+
+def _of_loop(plant: Any, controller: Any, delay: float) -> tuple[Lti, Lti, tuple[str, ...]]:
+    """Return the open loop, the sensitivity at the controls, and these, of ``u = K y``."""
+    P, K = of(plant, "plant", sampled=True), of(controller, "controller", "StateSpace", sampled=True)
+    loop = joined(P, K, delay)
+    still = joined(
+        P, replace(K, C=0.0 * K.C, D=0.0 * K.D), delay
+    )  # a controller that says nothing leaves the loop open
+    m = len(loop.controls)
+    return still.system, loop.sensitivity.between(range(m), range(m)), loop.controls
+
+
+def _determinant(S: Triangular, s: Array) -> Array:
+    """Return ``det(I + L)``, the inverse of that of ``S``; infinite where that is zero.
+
+    Raises
+    ------
+    ArithmeticError
+        A pole of the closed loop lies there.
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        values = np.moveaxis(S.at(s), 2, 0)
+        if not np.isfinite(values).all():
+            raise ArithmeticError(
+                "encirclements cannot be told: the closed loop has a pole on the boundary of stability"
+            )
+        return 1.0 / np.linalg.det(values)
+
+
+@dataclass(frozen=True)
+class _Way:
+    """A part of the way along the axis, by a parameter that ascends."""
+
+    place: Callable[[Array], Array]
+    S: Triangular
+
+    def difference(self, t: Array) -> Array:
+        """Return ``I + L`` there, as far as its determinant goes."""
+        return _determinant(self.S, self.place(t))[:, None, None]
+
+
+def _windings(image: Lti, opened: Lti, S: Triangular, grid: Array) -> tuple[int, int]:
+    """Return how often ``det(I + L)`` winds around zero, counter-clockwise, over the whole axis, and poles on its right.
+
+    Poles of the open loop on the axis, and those near zero that may be, are passed on their right.
+    """
+    if not len(S.T):
+        return 0, 0
+    ours, theirs = opened.poles, image.poles
+    size = np.abs(np.concatenate([ours, theirs]))
+    fastest = float(size.max())
+    side = side_of_axis(ours)
+    at_zero = np.abs(ours) <= _RIGID * fastest
+    passed = at_zero | (side == 0)
+    centres = np.unique(np.where(at_zero, 0.0, ours.imag)[passed & (at_zero | (ours.imag > 0.0))])
+    others = np.concatenate([ours[~passed], ours[passed & ~at_zero], theirs])
+    end, begin, turned = _FAR * max(fastest, _STATIC), 0.0, 0.0
+    for centre in centres:
+        gaps = np.abs(others - 1j * centre)
+        gaps = gaps[gaps > _CLOSE * fastest]
+        radius = _DETOUR * float(gaps.min(initial=end))
+        if centre > 0.0:
+            turned += _turned(S, lambda w: 1j * w, _between(grid, begin, centre - radius))
+        start = 0.0 if centre == 0.0 else -0.5 * np.pi
+        angles = np.linspace(start, 0.5 * np.pi, _ON_ARC)
+        turned += _turned(S, lambda t, c=centre, r=radius: 1j * c + r * np.exp(1j * t), angles)
+        begin = centre + radius
+    turned += _turned(S, lambda w: 1j * w, _between(grid, begin, end))
+    at_end = _determinant(S, np.array([1j * end]))[0]
+    turned += float(np.angle(1.0 / np.linalg.det(S.D) / at_end))
+    windings = turned / np.pi
+    turns = round(windings)
+    if abs(windings - turns) > _INTEGER:
+        raise ArithmeticError(f"the loop winds {windings:.4f} times about -1, not a whole number of times")
+    return turns, int(((side > 0) & ~at_zero).sum())
+
+
+def _between(grid: Array, low: float, high: float) -> Array:
+    """Return the frequencies of a grid between two, and these."""
+    return np.concatenate([[low], grid[(grid > low) & (grid < high)], [high]])
+
+
+def _turned(S: Triangular, place: Callable[[Array], Array], t: Array) -> float:
+    """Return by how much the determinant turns along a part of the way [rad]."""
+    _, values = walked(_Way(place, S), t, _LIMIT)
+    determinants = values[:, 0, 0]
+    return float(np.angle(determinants[1:] / determinants[:-1]).sum())

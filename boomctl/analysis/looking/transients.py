@@ -1,0 +1,287 @@
+"""Step and impulse responses, exact at their instants, with instants that show what the system does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import linalg
+
+from boomctl.analysis.looking.given import matrices
+from boomctl.arrays import Array
+from boomctl.checks import finite_array, known, plain_array, positive
+from boomctl.lti.hold import observability
+from boomctl.lti.modal import side_of_axis
+from boomctl.lti.system import Lti
+from boomctl.printing import between
+
+if TYPE_CHECKING:
+    import control
+
+    from boomctl.structure.model import SecondOrderModel
+
+_SETTLED = 5.0  # time constants of the slowest mode after which a response is shown no longer: 1 % is left (a choice)
+_PERIODS = 30.0  # of the slowest vibration that are shown at most: more are a filled band (a choice)
+_EXPLODED = 7.0  # time constants of the fastest unstable mode that are shown: it has grown a thousandfold (a choice)
+_PER_PERIOD = 20  # instants in a period of the fastest vibration that is seen (a choice)
+_PER_CONSTANT = 10  # instants in its time constant (a choice)
+_SEEN = 1e-3  # share of the largest modal part of a response up to which one does not show (a choice)
+_RIGID = 1e-7  # share of the fastest pole up to which one may be of a rigid motion, whose part has no digits
+_FEWEST, _MOST = 200, 20_000  # instants of a picture (a choice)
+_EVEN = 1e-9  # relative difference of steps that are equal but for rounding
+_NONE = 10.0  # [s], shown of a system without dynamics (a choice)
+_INTEGRATED = 10.0  # of the fastest time constants, shown of a system that only integrates besides (a choice)
+_BLOCK = 128  # steps taken at once (a choice)
+
+
+@dataclass(frozen=True)
+class TransientResult:
+    """What a system at rest does after a step or an impulse of each input.
+
+    Attributes
+    ----------
+    kind : str
+        "step" or "impulse".
+    time : (n,) ndarray
+        Instants in equal steps from 0 [s].
+    values : (p, m, n) ndarray
+        Outputs by inputs by instants.
+    inputs, outputs : tuple of str
+        Names of the signals.
+    dt : float
+        Sampling time [s]; 0 in continuous time.
+    """
+
+    kind: str
+    time: Array = field(repr=False)
+    values: Array = field(repr=False)
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    dt: float = 0.0
+
+    def __repr__(self) -> str:
+        span = f"to {self.time[-1]:.6g} s, {len(self.time)} instants"
+        o, i, k = np.unravel_index(int(np.abs(self.values).argmax()), self.values.shape)
+        at = f"{self.values[o, i, k]:.6g} at {self.time[k]:.6g} s, {self.inputs[i]} -> {self.outputs[o]}"
+        return f"TransientResult: {self.kind}, {between(self.inputs, self.outputs)}\n  {span}; largest {at}"
+
+    def __getitem__(self, name: str | tuple[str, str]) -> Array:
+        """Return an output over time by name; ``result["output", "input"]`` where there are several inputs."""
+        output, given = name if isinstance(name, tuple) and len(name) == 2 else (name, None)
+        row = self.values[self.outputs.index(known("output", output, self.outputs))]
+        if given is None and len(self.inputs) > 1:
+            raise ValueError(f"{name!r}: expected an output and an input, as result['output', 'input']")
+        return row[0] if given is None else row[self.inputs.index(known("input", given, self.inputs))]
+
+    @property
+    def response(self) -> control.TimeResponseData:
+        """The same as python-control's named time response."""
+        from boomctl.lti.python_control import control
+
+        acting = np.zeros((len(self.inputs), len(self.inputs), len(self.time)))
+        own = np.arange(len(self.inputs))
+        if self.kind == "step":
+            acting[own, own] = 1.0
+        elif self.dt:
+            acting[own, own, 0] = 1.0 / self.dt
+        return control.TimeResponseData(
+            self.time,
+            self.values,
+            inputs=acting,
+            output_labels=list(self.outputs),
+            input_labels=list(self.inputs),
+            trace_labels=[f"From {name}" for name in self.inputs],
+            trace_types=[self.kind] * len(self.inputs),
+            issiso=False,
+            sysname=self.kind,
+            plot_inputs=False,
+        )
+
+    def plot(self, ax: Any = None, **style: Any) -> Array:
+        """Draw each output over time, one panel an output, one curve an input.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw, one axes an output; by default a new figure of pyplot.
+        **style
+            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
+        """
+        return import_module("boomctl.plotting").plot_transient(self, ax, **style)
+
+
+def step(
+    system: SecondOrderModel | control.StateSpace | control.TransferFunction | Any,
+    timepts: ArrayLike | float | None = None,
+    inputs: str | Sequence[str] | None = None,
+    outputs: str | Sequence[str] | None = None,
+) -> TransientResult:
+    """Return what a system at rest does after a unit step of each input.
+
+    Parameters
+    ----------
+    system : SecondOrderModel, control.StateSpace or TransferFunction, or a result
+        What is looked at.  Of a design (``lqr``, ``lqg``, ``h2``, ``h_infinity``) it is the closed loop; of a reduction the
+        reduced system.
+    timepts : array_like or float, optional
+        Instants in equal steps from 0, or the last one [s].  By default until the slowest mode has settled, but at most
+        30 of the slowest periods, in steps that show the fastest mode that is seen.
+    inputs, outputs : str or sequence of str, optional
+        Between which signals.  By default all; of a boom model, platform actuators and tips.
+
+    Returns
+    -------
+    TransientResult
+        Exact but for rounding at these instants; ``.plot()`` draws it, ``.response`` is python-control's.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system; unknown signals; instants that are not equally spaced from 0; an unstable system whose
+        outputs grow beyond all numbers.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> swing = control.ss([[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, outputs="place")
+    >>> round(float(bc.step(swing)["place"].max()), 2)
+    1.85
+    """
+    L = matrices(system, inputs, outputs)
+    n, m = L.B.shape
+    held = np.eye(m) if L.dt else np.zeros((m, m))  # the input stays: as a state, its rate is zero
+    A = np.block([[L.A, L.B], [np.zeros((m, n)), held]])
+    return _moved("step", L, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]), np.hstack([L.C, L.D])))
+
+
+def impulse(
+    system: SecondOrderModel | control.StateSpace | control.TransferFunction | Any,
+    timepts: ArrayLike | float | None = None,
+    inputs: str | Sequence[str] | None = None,
+    outputs: str | Sequence[str] | None = None,
+) -> TransientResult:
+    """Return what a system at rest does after a unit impulse of each input.
+
+    What passes an impulse on at once, ``D``, is an impulse itself and not among the values, as in python-control.  In
+    discrete time the impulse is ``1/dt`` at the first sample, so that its area is one there too.
+
+    Parameters
+    ----------
+    system, timepts, inputs, outputs
+        As for :func:`step`.
+
+    Returns
+    -------
+    TransientResult
+        Exact but for rounding at these instants; ``.plot()`` draws it, ``.response`` is python-control's.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for :func:`step`.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> swing = control.ss([[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, outputs="place")
+    >>> round(float(bc.impulse(swing)["place"].max()), 2)
+    0.93
+    """
+    L = matrices(system, inputs, outputs)
+    if not L.dt:
+        return _moved("impulse", L, timepts, (L.A, L.B, L.C))
+    n, m = L.B.shape  # the input is a state that lasts for one sample
+    A = np.block([[L.A, L.B], [np.zeros((m, n + m))]])
+    return _moved("impulse", L, timepts, (A, np.vstack([np.zeros((n, m)), np.eye(m)]) / L.dt, np.hstack([L.C, L.D])))
+
+
+def _moved(
+    kind: str, system: Lti, timepts: ArrayLike | float | None, motion: tuple[Array, Array, Array]
+) -> TransientResult:
+    """Return the free motion ``C A^k X`` of a system that starts with the columns of ``X``."""
+    A, X, C = motion
+    time = _instants(system, timepts)
+    count = len(time)
+    with np.errstate(over="ignore", invalid="ignore"):
+        Phi = A if system.dt else linalg.expm(A * (time[1] - time[0]))
+        seen, power = observability(Phi, C, min(_BLOCK, count))
+        blocks = []
+        for _ in range(-(-count // len(seen))):
+            blocks.append(seen @ X)
+            X = power @ X
+        values = np.moveaxis(np.concatenate(blocks)[:count], 0, 2)
+    if not np.isfinite(values).all():
+        raise ValueError(f"system: its outputs grow beyond all numbers within {time[-1]:g} s; it is unstable")
+    return TransientResult(kind, time, values, system.inputs, system.outputs, system.dt)
+
+
+def _instants(system: Lti, timepts: ArrayLike | float | None) -> Array:
+    """Return instants in equal steps from 0, those asked for or those that show the system."""
+    if timepts is None or plain_array("timepts", timepts).ndim == 0:
+        span, width = _shown(system)
+        if timepts is not None:
+            span = positive("timepts", timepts)
+        if system.dt:
+            return system.dt * np.arange(max(2, 1 + min(int(np.ceil(span / system.dt - _EVEN)), _MOST)))
+        return np.linspace(0.0, span, 1 + int(np.clip(np.ceil(span / width), _FEWEST, _MOST)))
+    time = finite_array("timepts", timepts, ndim=1)
+    if len(time) < 2 or time[0] != 0.0:
+        raise ValueError("timepts: expected two instants or more, from 0 on")
+    width = time[-1] / (len(time) - 1)
+    if not width > 0.0 or np.abs(time - width * np.arange(len(time))).max() > _EVEN * time[-1]:
+        raise ValueError("timepts: expected instants in equal steps")
+    if system.dt and abs(width - system.dt) > _EVEN * system.dt * len(time):
+        raise ValueError(f"timepts: expected steps of the sampling time, {system.dt:g} s, got {width:g} s")
+    return time
+
+
+def _shown(system: Lti) -> tuple[float, float]:
+    """Return how long a response is worth showing, and steps that show its fastest part [s]."""
+    rates = _seen(system)
+    if not len(rates):
+        return _NONE, _NONE / _FEWEST
+    side, decay, turning = side_of_axis(rates), np.abs(rates.real), np.abs(rates.imag)
+    swings = turning > decay
+    if (side > 0).any():
+        span = _EXPLODED / float(rates.real[side > 0].max())
+    else:
+        settled = _SETTLED / decay[side < 0].min(initial=np.inf)
+        creeping = _SETTLED / decay[(side < 0) & ~swings].min(initial=np.inf)
+        periods = 2.0 * np.pi * _PERIODS / turning[swings].min() if swings.any() else np.inf
+        span = float(min(settled if settled > 0.0 else np.inf, max(periods, creeping)))
+        if not swings.any() and (side == 0).any():  # what integrates goes on for good
+            span = max(
+                span if np.isfinite(span) else 0.0, _INTEGRATED / float(np.abs(rates).max() or _INTEGRATED / _NONE)
+            )
+    width = min(
+        span / _FEWEST,
+        2.0 * np.pi / _PER_PERIOD / max(turning.max(), np.finfo(float).tiny),
+        1.0 / _PER_CONSTANT / max(decay.max(), np.finfo(float).tiny),
+    )
+    return float(span), float(width)
+
+
+def _seen(system: Lti) -> Array:
+    """Return the rates of the modes that show in a response [rad/s]: those of rigid motions in any case."""
+    if not len(system.A):
+        return np.zeros(0)
+    _, left, right = system.eigensystem
+    rates, overlap = system.rates, np.abs(np.sum(left.conj() * right, axis=0))
+    size = np.abs(system.C @ right).max(axis=0) * np.abs(left.conj().T @ system.B).max(axis=1)
+    there, fastest = np.isfinite(rates.real), np.abs(rates[np.isfinite(rates)]).max(initial=0.0)
+    moving = there & (np.abs(rates) > _RIGID * fastest)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        part = size / overlap / np.abs(rates)
+    told = moving & np.isfinite(part)
+    return rates[there & (~told | (part > _SEEN * part[told].max(initial=0.0)))]

@@ -1,0 +1,429 @@
+"""The largest gain of a sampled loop in continuous time, between samples included: its L2-induced norm.
+
+Signals of continuous time are taken one sample at a time (lifting; Bamieh & Pearson 1992, IEEE Transactions on Automatic
+Control 37).  A level is above the norm exactly if a discrete system that depends on the level has an H-infinity norm below
+one.  That system is the solution over a sample of ``x' = A x + B w``, ``p' = -A^T p - C^T z`` under the worst ``w``, kept as
+``x(h) = Phi x(0) + W p(h)``, ``p(0) = Phi^T p(h) + X x(0)``: of a step so short that nothing can go wrong, then doubled,
+where ``W X`` stays below one exactly if the level is above what can be gained within the step.  Nothing grows in it, however
+fast the poles are.
+
+The lower bound is found apart from that: disturbances that run along straight lines in parts of a sample, and turn by an
+angle from sample to sample, leave outputs whose energy is a Gramian.  Whatever the number of parts, the gain is reached.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.analysis.norm import NormCertificate, matrices_norm, stays_below_on_circle
+from boomctl.analysis.sampled_loops.sampled_plant import Held, sampled_plant, time_of_loop, whole_samples
+from boomctl.arrays import Array
+from boomctl.checks import names
+from boomctl.lti.modal import sides
+from boomctl.lti.system import Lti, lower_lft, of
+
+if TYPE_CHECKING:
+    import control
+
+    from boomctl.structure.model import SecondOrderModel
+
+LIFTED = "levels of the lifted loop, and disturbances straight in parts of a sample"  # how both bounds are found
+NOT_TOLD = "no level above the gain reached could be proved"  # no upper bound
+NOT_STABLE = "a pole on or outside the unit circle"  # infinite
+_SMALL = 0.5  # size of a first step times its Hamiltonian matrix, whose series then has all digits after 14 terms
+_TERMS = 14  # of that series: 0.5^15/15! is below rounding
+_SHORT = 0.25  # of a level, that can be gained at most within the first step: far from any limit (a choice)
+_DOUBLINGS = 60  # of the first step at most: more is a mistake of unit (a choice)
+_CLOSE = 1e-7  # relative distance of a level from the norm at which the search ends: far below 1e-5
+_ABOVE = (2e-6, 4e-6, 6e-6, 8e-6, 3e-5, 1e-4, 1e-3)  # above it, at which a level is proved: norms are certified to 1e-6
+_TINY = 1e-300  # a norm below it counts as this, so that it has a logarithm
+_LOGARITHM = 600.0  # size of one beyond which its exponential is no number
+_ROUNDS = 60  # levels tried at most; a dozen does
+_FACTOR = 2.0  # from one level to the next, until one is above the norm and one below
+_WANTED = 5e-6  # relative gap of the bounds at which no more parts are taken: half of what certifies a norm
+_PARTS = (4, 16, 64, 192)  # of a sample, in the order tried; what is lost falls with their fourth power (a choice)
+_GUESS = (0.1, 0.3, 0.7)  # shares of half the sampling rate at which the search begins (a choice)
+
+
+def sampled_norm(
+    plant: "SecondOrderModel | control.StateSpace | control.TransferFunction",
+    controller: "control.StateSpace | control.TransferFunction",
+    inputs: str | Sequence[str] | None = None,
+    outputs: str | Sequence[str] | None = None,
+    *,
+    delay: float = 0.0,
+) -> NormCertificate:
+    """Return the L2-induced norm of a sampled loop ``u = K y``: its largest gain, between samples included.
+
+    The energy of the outputs, as functions of time, is at most the square of this norm times that of the disturbances,
+    whatever these do between samples.  ``hinf_norm(feedback_loop(...))`` knows only disturbances that are held from sample to
+    sample, and outputs at the samples.
+
+    Parameters
+    ----------
+    plant : SecondOrderModel, control.StateSpace or control.TransferFunction
+        The plant in continuous time, signals named; a generalised plant too.
+    controller : control.StateSpace or control.TransferFunction
+        In discrete time: its inputs are outputs of the plant, its outputs inputs of the plant.
+    inputs : str or sequence of str, optional
+        Disturbances; by default all inputs of the plant that the controller does not drive.
+    outputs : str or sequence of str, optional
+        Outputs of the plant, or controls as the plant feels them; by default all outputs of the plant.
+    delay : float, optional
+        Time between a sample and the moment its control acts [s].
+
+    Returns
+    -------
+    NormCertificate
+        A gain that sinusoids reach, a level that is proved, and the frequency of the former up to whole sampling rates
+        [rad/s].  Infinite if the loop is not stable.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Other kinds of system; a plant in discrete time, a controller in continuous time; names that do not meet; a delay
+        that the loop cannot have; a disturbance that acts on a measurement directly, without a filter.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> signals = {"inputs": ["load", "force"], "outputs": "place"}
+    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0]], 0.0, **signals)
+    >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
+    >>> norm = bc.sampled_norm(mass, bc.discretize(lead, 0.05), delay=0.03)
+    >>> round(norm.lower, 3), bool(norm.certified)
+    (0.904, True)
+    """
+    from boomctl.analysis.loops import signals_of
+
+    P, K = of(plant, "plant"), of(controller, "controller", "StateSpace", discrete=True, sampled=True)
+    if K.dt == 0.0:
+        raise ValueError("controller: expected a sampling time, got continuous time; boomctl.discretize samples it")
+    acting, measured = signals_of(K, P.inputs, P.outputs, P.states)
+    dt, late = time_of_loop(P, K, delay)
+    free = [name for name in P.inputs if name not in K.outputs]
+    driven = [P.inputs.index(name) for name in names("disturbance", inputs, free)]
+    shown = names("output", outputs, (*P.outputs, *K.outputs)) if outputs is not None else P.outputs
+    if not (driven and shown):
+        raise ValueError("inputs, outputs: expected at least one disturbance and one output")
+    loop = SampledLoop.of(P, K, Signals(driven, acting, measured, shown), dt, late)
+    if (sides(loop.at_samples.poles, dt) >= 0).any():
+        return NormCertificate(inf, inf, float("nan"), NOT_STABLE)
+    return loop.norm()
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Which inputs of a plant are disturbances and controls, which outputs are read, and the names of those that count."""
+
+    driven: list[int]
+    acting: list[int]
+    measured: list[int]
+    shown: Sequence[str]
+
+
+@dataclass(frozen=True)
+class _Step:
+    """What a plant does in a while at a level: ``x(h) = Phi x + W p(h)``, ``p = Phi^T p(h) + X x``."""
+
+    Phi: Array
+    W: Array
+    X: Array
+
+    def then(self, other: "_Step") -> "_Step | None":
+        """Return this step and another after it; None where the level can be reached within the two."""
+        L = _root(self.W)
+        inner = np.eye(L.shape[1]) - L.T @ other.X @ L
+        try:
+            factor = linalg.cho_factor(0.5 * (inner + inner.T))
+        except linalg.LinAlgError:
+            return None
+        # x1 = (I - W1 X2)^-1 (Phi1 x + W1 Phi2^T p), with (I - W1 X2)^-1 = I + L inner^-1 L^T X2
+        spread = L @ linalg.cho_solve(factor, L.T)
+        reach = self.Phi + spread @ (other.X @ self.Phi)
+        W = other.W + other.Phi @ spread @ other.Phi.T
+        X = self.X + self.Phi.T @ (other.X + other.X @ spread @ other.X) @ self.Phi
+        return _Step(other.Phi @ reach, 0.5 * (W + W.T), 0.5 * (X + X.T))
+
+
+def _root(matrix: Array) -> Array:
+    """Return ``L`` with ``L L^T`` the positive semidefinite matrix given."""
+    values, vectors = linalg.eigh(matrix)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _step(system: Lti, duration: float, level: float) -> _Step | None:
+    """Return what a system does in a while at a level; None where it can be reached within."""
+    A, B, C, D, n = system.A, system.B, system.C, system.D, len(system.A)
+    direct = float(np.linalg.norm(D, 2))
+    if direct >= level:
+        return None
+    inverse = linalg.inv(np.eye(B.shape[1]) - D.T @ D / level**2)
+    moved = A + B @ inverse @ D.T @ C / level**2
+    weighed = C + D @ (inverse @ (D.T @ C)) / level**2
+    H = np.block([[moved, B @ inverse @ B.T / level], [-C.T @ weighed / level, -moved.T]])
+    size = float(np.linalg.norm(H, 2)) * duration
+    gain = float(np.linalg.norm(B, 2) * np.linalg.norm(C, 2)) * duration * np.exp(_SMALL)
+    shares = size / _SMALL, gain / (_SHORT * (level - direct))
+    count = max(0, *(int(np.ceil(np.log2(max(share, 1.0)))) for share in shares))
+    if count > _DOUBLINGS:
+        raise ValueError(
+            f"plant: expected poles below {2.0**_DOUBLINGS:.0e} times the sampling rate; choose other units"
+        )
+    short = np.ldexp(H * duration, -count)
+    term = E = np.eye(2 * n)
+    for k in range(1, _TERMS + 1):
+        term = term @ short / k
+        E = E + term
+    back = linalg.inv(E[n:, n:])
+    W, X = E[:n, n:] @ back, -back @ E[n:, :n]
+    found: _Step | None = _Step(back.T, 0.5 * (W + W.T), 0.5 * (X + X.T))
+    for _ in range(count):
+        found = None if found is None else found.then(found)
+    return found
+
+
+@dataclass(frozen=True)
+class SampledLoop:
+    """A sampled loop: the plant between its samples, its queue of controls, the controller.
+
+    Attributes
+    ----------
+    plant : Lti
+        The plant in continuous time, balanced.
+    controller : Lti
+    signals : Signals
+    dt, change : float
+        Sampling time, and how long after a sample the controls change [s].
+    delay : float
+        Between a sample and the moment its control acts [s].
+    queue : Lti
+        The plant from sample to sample.
+    from_states, from_given : ndarray
+        The plant's state at a sample, its controls before and after they change: of all states, and of what is given.
+    at_samples : Lti
+        The closed loop from sample to sample.
+    """
+
+    plant: Lti
+    controller: Lti
+    signals: Signals
+    dt: float
+    change: float
+    delay: float
+    queue: Lti
+    from_states: Array
+    from_given: Array
+    at_samples: Lti
+
+    @classmethod
+    def of(cls, P: Lti, K: Lti, signals: Signals, dt: float, delay: float) -> "SampledLoop":
+        direct = P.D[np.ix_(signals.measured, signals.driven)]
+        if direct.any():
+            o, i = (int(k[0]) for k in np.nonzero(direct))
+            raise ValueError(
+                f"disturbance {P.inputs[signals.driven[i]]!r} acts on measurement {P.outputs[signals.measured[o]]!r} "
+                "directly: expected a filter between the two (a low-pass weight), without which samples of it have no bound"
+            )
+        scale = linalg.matrix_balance(P.A, permute=False, separate=True)[1][0] if len(P.A) else np.ones(0)
+        P = replace(P, A=P.A * scale / scale[:, None], B=P.B / scale[:, None], C=P.C * scale)
+        delays = [delay] * len(signals.acting)
+        queue = sampled_plant(P, signals.acting, dt, delays)
+        n, m, held = len(P.A), len(signals.acting), Held.of(P, signals.acting, dt, delays)
+        before, after = held.before[signals.acting], held.after[signals.acting]
+        given = np.vstack([np.zeros((n + m, m)), held.direct[np.ix_(signals.acting, signals.acting)]])
+        states = np.vstack([np.eye(n, len(queue.A)), before, after])
+        change = whole_samples(delay, dt)[1]
+        closed = lower_lft(queue.between(signals.acting, signals.measured), K)
+        return cls(P, K, signals, dt, change, delay, queue, states, given, closed)
+
+    def only(self, driven: Array, shown: Array) -> "SampledLoop":
+        """Return the loop between disturbances and outputs of these places alone."""
+        s = self.signals
+        chosen = replace(s, driven=[s.driven[k] for k in driven], shown=[s.shown[k] for k in shown])
+        return replace(self, signals=chosen)
+
+    def at_level(self, level: float) -> Lti | None:
+        """Return the discrete loop whose norm is below one exactly if the level is above that of this loop, or None.
+
+        Its states are those of ``at_samples``.  Signals are in units in which the level is one.
+        """
+        P, s, n, m = self.plant, self.signals, len(self.plant.A), len(self.signals.acting)
+        rows = _shown(P, self.controller, s)
+        total: _Step | None = None
+        for duration, place in ((self.change, 0), (self.dt - self.change, 1)):
+            if duration <= 0.0:
+                continue
+            # the plant's state, and the controls before and after they change, of which one acts
+            A, C = np.zeros((n + 2 * m, n + 2 * m)), np.zeros((len(rows[0]), n + 2 * m))
+            at = slice(n + place * m, n + (place + 1) * m)
+            A[:n, :n], A[:n, at], C[:, :n], C[:, at] = P.A, P.B[:, s.acting], rows[0], rows[1]
+            B = np.vstack([P.B[:, s.driven], np.zeros((2 * m, len(s.driven)))])
+            part = _step(Lti(A, B, C, rows[2]), duration, level)
+            total = part if total is None or part is None else total.then(part)
+            if total is None:
+                return None
+        assert total is not None
+        entry, leave = _root(total.W)[:n], _root(total.X).T
+        size = len(self.queue.A)
+        A, B = self.queue.A.copy(), self.queue.B[:, s.acting].copy()
+        A[:n], B[:n] = total.Phi[:n] @ self.from_states, total.Phi[:n] @ self.from_given
+        driving = np.vstack([entry, np.zeros((size - n, entry.shape[1]))])
+        C = np.vstack([leave @ self.from_states, self.queue.C[s.measured]])
+        reading = self.queue.D[np.ix_(s.measured, s.acting)]
+        D = np.block(
+            [
+                [np.zeros((len(leave), entry.shape[1])), leave @ self.from_given],
+                [np.zeros((len(s.measured), entry.shape[1])), reading],
+            ]
+        )
+        return lower_lft(Lti(A, np.hstack([driving, B]), C, D, dt=self.dt), replace(self.controller, states=()))
+
+    def of_level(self, level: float) -> NormCertificate:
+        """Return the norm of the loop of a level, which is below one exactly if the level is above that of this loop."""
+        found = self.at_level(level)
+        # where the level can be gained within a sample there is none; below the norm it need not be stable
+        if found is None or (sides(found.poles, self.dt) >= 0).any():
+            return NormCertificate(inf, inf, 0.0, NOT_STABLE)
+        return matrices_norm(found.balanced())
+
+    def stays_below(self, level: float) -> bool:
+        """Return whether a level is proved to be above the norm of a loop that is stable."""
+        found = self.at_level(level)
+        if found is None or (sides(found.poles, self.dt) >= 0).any():
+            return False
+        return stays_below_on_circle(found.balanced(), 1.0)
+
+    def norm(self) -> NormCertificate:
+        """Return the norm between two bounds."""
+        level = max(self.gain(share * np.pi / self.dt, _PARTS[0]) for share in _GUESS)
+        if level == 0.0:
+            return NormCertificate(0.0, 0.0, 0.0, "no disturbance shows")
+        level, omega = self._crossing(level)
+        for above in _ABOVE:
+            found = self.of_level(level * (1.0 + above))
+            if found.upper < 1.0:
+                omega = found.omega
+                return NormCertificate(self._reached(omega, level), level * (1.0 + above), omega, LIFTED)
+        return NormCertificate(self._reached(omega, level), inf, omega, NOT_TOLD)
+
+    def _crossing(self, level: float) -> tuple[float, float]:
+        """Return the level the loop of which has the norm one, by secants between a level below and one above."""
+        low, high, omega = 0.0, inf, 0.0
+        points: list[tuple[float, float]] = []  # logarithms of a level and of the norm of its loop
+        for _ in range(_ROUNDS):
+            found = self.of_level(level)
+            if np.isfinite(found.lower):
+                omega = found.omega
+                points = [*points[-1:], (float(np.log(level)), float(np.log(max(found.lower, _TINY))))]
+            if found.lower < 1.0:
+                high = level
+            else:
+                low = level
+            if len(points) and abs(points[-1][1]) <= _CLOSE:
+                return level, omega
+            if high < inf and high - low <= _CLOSE * high:
+                return high, omega
+            level = _next(points, low, high)
+        return high, omega
+
+    def _reached(self, omega: float, level: float) -> float:
+        """Return the largest gain that is reached at a frequency."""
+        best = 0.0
+        for parts in _PARTS:
+            best = max(best, self.gain(omega, parts))
+            if best >= level * (1.0 - _WANTED):
+                break
+        return best
+
+    def gain(self, omega: float, parts: int) -> float:
+        """Return the largest gain of disturbances that are straight in each part of a sample, and turn by ``omega dt``.
+
+        In a part they are ``c + sqrt(3) s d``, ``s`` from -1 to 1, of the energy ``|c|^2 + |d|^2`` times its length.
+        """
+        P, s, n, m, nw = self.plant, self.signals, len(self.plant.A), len(self.signals.acting), len(self.signals.driven)
+        rows, ends = _shown(P, self.controller, s), n + 2 * m
+        pieces: list[tuple[float, int]] = []
+        for duration, place in ((self.change, 0), (self.dt - self.change, 1)):
+            count = int(np.ceil(parts * duration / self.dt))  # none of a part of no length
+            pieces += [(duration / max(count, 1), place)] * count
+        size = ends + 2 * nw * len(pieces)
+        reach, energy = (
+            np.eye(ends, size),
+            np.zeros((size, size)),
+        )  # of what there is at the sample, and all parts' c, d
+        known: dict[tuple[float, int], tuple[Array, Array]] = {}
+        for k, (length, place) in enumerate(pieces):
+            if (length, place) not in known:
+                # the plant's state, the controls before and after they change, the disturbance, and its slope
+                F, C = np.zeros((ends + 2 * nw, ends + 2 * nw)), np.zeros((len(s.shown), ends + 2 * nw))
+                at = slice(n + place * m, n + (place + 1) * m)
+                F[:n, :n], F[:n, at], F[:n, ends : ends + nw] = P.A, P.B[:, s.acting], P.B[:, s.driven]
+                F[ends : ends + nw, ends + nw :] = np.eye(nw) / length
+                C[:, :n], C[:, at], C[:, ends : ends + nw] = rows
+                known[length, place] = _moved_and_energy(F, C, length)
+            moved, gramian = known[length, place]
+            here = np.zeros((ends + 2 * nw, size))
+            own = ends + 2 * nw * k
+            unit = np.eye(nw) / np.sqrt(length)
+            here[:ends] = reach
+            here[ends : ends + nw, own : own + nw], here[ends : ends + nw, own + nw : own + 2 * nw] = (
+                unit,
+                -np.sqrt(3.0) * unit,
+            )
+            here[ends + nw :, own + nw : own + 2 * nw] = 2.0 * np.sqrt(3.0) * unit
+            energy += here.T @ gramian @ here
+            reach = (moved @ here)[:ends]
+        states, inputs = len(self.queue.A), size - ends
+        entering = np.vstack([reach[:n, ends:], np.zeros((states - n, inputs))])
+        B = np.hstack([entering, self.queue.B[:, s.acting]])
+        C = np.vstack([self.from_states, self.queue.C[s.measured]])
+        D = np.zeros((len(C), B.shape[1]))
+        D[:, inputs:] = np.vstack([self.from_given, self.queue.D[np.ix_(s.measured, s.acting)]])
+        closed = lower_lft(Lti(self.queue.A, B, C, D, dt=self.dt), replace(self.controller, states=()))
+        start = closed.balanced().response(np.array([omega]), quiet=True)[:, :, 0]
+        whole = np.vstack([start, np.eye(inputs)])
+        values = linalg.eigvalsh(whole.conj().T @ energy @ whole, subset_by_index=[inputs - 1, inputs - 1])
+        return float(np.sqrt(max(values[-1], 0.0)))
+
+
+def _moved_and_energy(F: Array, C: Array, duration: float) -> tuple[Array, Array]:
+    """Return ``exp(F h)`` and the integral of ``exp(F^T t) C^T C exp(F t)`` over ``h``: of a short step, then doubled."""
+    n = len(F)
+    count = max(0, int(np.ceil(np.log2(max(float(np.linalg.norm(F, 2)) * duration / _SMALL, 1.0)))))
+    upper = linalg.expm(np.ldexp(np.block([[-F.T, C.T @ C], [np.zeros((n, n)), F]]) * duration, -count))
+    moved = upper[n:, n:]
+    energy = moved.T @ upper[:n, n:]
+    for _ in range(count):
+        energy, moved = energy + moved.T @ energy @ moved, moved @ moved
+    return moved, 0.5 * (energy + energy.T)
+
+
+def _shown(P: Lti, K: Lti, s: Signals) -> tuple[Array, Array, Array]:
+    """Return the outputs that count, of the plant's state, of the controls that act and of the disturbances."""
+    of_state, of_controls = np.zeros((len(s.shown), len(P.A))), np.zeros((len(s.shown), len(s.acting)))
+    of_disturbances = np.zeros((len(s.shown), len(s.driven)))
+    for k, name in enumerate(s.shown):
+        if name in P.outputs:
+            row = P.outputs.index(name)
+            of_state[k], of_controls[k], of_disturbances[k] = P.C[row], P.D[row, s.acting], P.D[row, s.driven]
+        else:
+            of_controls[k, K.outputs.index(name)] = 1.0
+    return of_state, of_controls, of_disturbances
+
+
+def _next(points: list[tuple[float, float]], low: float, high: float) -> float:
+    """Return the level to try next: by the secant through the last two, kept between those known, else halfway."""
+    if high == inf:
+        return low * _FACTOR
+    if len(points) == 2 and points[0][1] != points[1][1]:
+        (x0, y0), (x1, y1) = points
+        crossing = float(np.exp(np.clip(x1 - y1 * (x1 - x0) / (y1 - y0), -_LOGARITHM, _LOGARITHM)))
+        if low < crossing < high:
+            return crossing
+    return high / _FACTOR if low == 0.0 else float(np.sqrt(low * high))

@@ -1,0 +1,285 @@
+"""Bode, Nyquist, step, impulse, poles and zeros, comparisons: against python-control and by their laws."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib import pyplot as plt
+
+import boomctl as bc
+from boomctl.analysis.looking.given import looked_at
+from tests import handed_out as one
+from tests.profiles import examples
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def swinging(seed, modes=4, least=1e-6):
+    """Return a random system of lightly damped modes, some of them close together."""
+    rng = np.random.default_rng(seed)
+    omega, zeta = np.cumsum(rng.uniform(0.05, 3.0, modes)), 10.0 ** rng.uniform(np.log10(least), -1.0, modes)
+    A = np.zeros((2 * modes, 2 * modes))
+    for k in range(modes):
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[0.0, omega[k]], [-omega[k], -2.0 * zeta[k] * omega[k]]]
+    B, C = np.zeros((2 * modes, 1)), np.zeros((1, 2 * modes))
+    B[1::2, 0], C[0, ::2] = rng.normal(size=modes), rng.normal(size=modes)
+    return control.ss(A, B, C, 0.0, inputs="u", outputs="y")
+
+
+def random_gain(seed):
+    """Return a random loop gain: of one signal or two, stable or not, with integrators or without."""
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(1, 5)), int(rng.integers(1, 3))
+    A = rng.normal(size=(n, n)) - rng.uniform(-0.5, 1.5) * np.eye(n)
+    B, C = rng.normal(size=(n, m)), 10.0 ** rng.uniform(-1.0, 1.0) * rng.normal(size=(m, n))
+    D = rng.normal(size=(m, m)) * rng.integers(0, 2)
+    if rng.integers(2):
+        A = np.block([[A, np.zeros((n, 1))], [np.zeros((1, n + 1))]])
+        B, C = np.vstack([B, rng.normal(size=(1, m))]), np.hstack([C, rng.normal(size=(m, 1))])
+    return A, B, C, D
+
+
+@examples(60)
+@given(SEEDS)
+def test_bode_has_python_controls_values_and_its_grid_the_certified_peak(seed):
+    system = swinging(seed)
+    found = bc.bode(system)
+    assert found["y", "u"] == pytest.approx(system(1j * found.omega), rel=1e-6)
+    assert found.magnitude.max() == pytest.approx(bc.sigma(system).peak, rel=1e-3)
+    own = np.array([0.3, 1.0, 7.0])
+    theirs = control.frequency_response(system, own)
+    assert bc.bode(system, own)["y", "u"] == pytest.approx(theirs.frdata[0, 0], rel=1e-9)
+
+
+@examples(30)
+@given(SEEDS)
+def test_every_peak_of_every_response_is_on_the_grid(seed):
+    """Searched for anew around each of its local maxima."""
+    system = swinging(seed, least=1e-4)
+    found = bc.bode(system)
+    size = found.magnitude[0, 0]
+    for k in np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] > size[2:])) + 1:
+        fine = np.linspace(found.omega[k - 1], found.omega[k + 1], 201)
+        assert np.abs(system(1j * fine)).max() <= size[k] * (1.0 + 1e-5)
+
+
+def test_the_peak_that_a_coarse_grid_misses():
+    m = bc.spray_boom()
+    found = bc.bode(m, inputs="actuator_left", outputs="tip_left")
+    theirs = control.frequency_response(m.to_statespace("actuator_left", "tip_left"))
+    assert found.magnitude.max() == pytest.approx(bc.sigma(m, None, "actuator_left", "tip_left").peak, rel=1e-9)
+    assert np.abs(theirs.frdata).max() < 0.6 * found.magnitude.max()
+    assert found.response.input_labels == ["actuator_left"]
+    assert np.abs(np.diff(found.phase_deg, axis=2)).max() < 180.0
+
+
+def test_a_peak_beyond_the_band_of_the_lowest_modes_is_shown():
+    """Twelve modes, the fastest one the highest."""
+    omega = np.arange(1.0, 13.0)
+    gain = np.where(omega == 12.0, 1000.0, 1.0)
+    modes = bc.structure.SecondOrderModel(
+        np.eye(12), np.diag(0.01 * omega), np.diag(omega**2), {"f": gain}, {"y": np.ones(12)}
+    )
+    for system in (modes, modes.to_statespace()):
+        found = bc.bode(system)
+        assert found.magnitude.max() == pytest.approx(bc.sigma(system).peak, rel=1e-6)
+        assert found.omega[-1] > 12.5
+
+
+def test_what_else_is_looked_at():
+    tf = control.tf([1.0], [1.0, 0.2, 1.0])
+    assert bc.bode(tf, [1.0]).values[0, 0, 0] == pytest.approx(-5.0j)
+    assert bc.bode(one.h_infinity()).values.shape[:2] == bc.bode(one.h_infinity().closed_loop).values.shape[:2]
+    reduced = bc.reduce(one.yaw().select("actuator_anti", "tip_anti"), order=4)
+    assert bc.pzmap(reduced).poles.shape == (4,)
+    data = one.mass().frequency_response([1.0, 2.0])
+    assert bc.bode(data).omega.tolist() == [1.0, 2.0]
+    assert looked_at(data) is data
+    with pytest.raises(ValueError, match="own frequencies"):
+        bc.bode(data, [1.0])
+    with pytest.raises(TypeError, match="expected SecondOrderModel, StateSpace"):
+        bc.step(3.0)
+    with pytest.raises(ValueError, match=r"result\['output', 'input'\]"):
+        bc.bode(tf, [1.0])["y"]
+    sampled = control.sample_system(control.ss(tf), 0.1)
+    assert bc.bode(sampled).omega.max() <= np.pi / 0.1 * (1.0 + 1e-12)
+    with pytest.raises(ValueError, match="half the sampling rate"):
+        bc.bode(sampled, [40.0])
+
+
+@examples(40)
+@given(SEEDS, st.sampled_from([0, 0.1]), st.sampled_from(["step", "impulse"]))
+def test_transients_are_python_controls(seed, dt, kind):
+    rng = np.random.default_rng(seed)
+    system = control.ss(*(random_gain(seed)), inputs=None)
+    stable = np.asarray(system.A) - 1.1 * max(np.linalg.eigvals(system.A).real.max(), 0.0) * np.eye(system.nstates)
+    system = control.ss(stable, system.B, system.C, system.D)
+    system = control.sample_system(system, dt) if dt else system
+    time = (dt or rng.uniform(0.01, 0.1)) * np.arange(40)
+    found = getattr(bc, kind)(system, time)
+    theirs = getattr(control, f"{kind}_response")(system, time)
+    want = np.asarray(theirs.y)
+    assert found.values == pytest.approx(want, abs=1e-9 * max(1.0, np.abs(want).max()))
+    ours = found.response
+    assert np.asarray(ours.y) == pytest.approx(want, abs=1e-9 * max(1.0, np.abs(want).max()))
+
+
+def test_default_instants_show_rise_and_rest():
+    lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="u", outputs="y")
+    found = bc.step(lag)
+    assert found["y"][-1] == pytest.approx(1.0, abs=0.01)
+    assert found["y"] == pytest.approx(1.0 - np.exp(-2.0 * found.time), abs=1e-12)
+    assert bc.impulse(lag, 3.0).time[-1] == 3.0
+    double = bc.step(control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0))
+    assert double.values[0, 0] == pytest.approx(0.5 * double.time**2)
+    unstable = bc.impulse(control.ss([[3.0]], [[1.0]], [[1.0]], 0.0))
+    assert 1e2 < unstable.values.max() < 1e4
+    boom = bc.step(bc.spray_boom(), inputs="suspension_left")
+    assert boom["tip_left", "suspension_left"].shape == boom.time.shape
+    static = bc.step(control.ss([], [], [], [[2.0]]))
+    assert (static.values == 2.0).all()
+    for wrong in ([0.0, 0.1, 0.3], [0.1, 0.2], [0.0]):
+        with pytest.raises(ValueError, match="timepts: expected"):
+            bc.step(lag, wrong)
+    with pytest.raises(ValueError, match="grow beyond all numbers"):
+        bc.step(control.ss([[3.0]], [[1.0]], [[1.0]], 0.0), 1e4)
+
+
+@examples(40)
+@given(SEEDS)
+def test_zeros_stop_the_response_and_poles_are_those_of_the_state_matrix(seed):
+    A, B, C, _ = random_gain(seed)
+    system = control.ss(A, B[:, :1], C[:1], 0.0)
+    found = bc.pzmap(system)
+    order = np.lexsort((found.poles.imag, found.poles.real))
+    want = np.linalg.eigvals(A)
+    want = want[np.lexsort((want.imag, want.real))]
+    assert found.poles[order] == pytest.approx(want, abs=1e-6 * np.abs(want).max())
+    for zero in found.zeros:
+        if np.abs(zero - found.poles).min() > 1e-3:
+            pencil = np.block([[A - zero * np.eye(len(A)), B[:, :1]], [C[:1], np.zeros((1, 1))]])
+            assert np.linalg.svd(pencil)[1].min() < 1e-8 * np.linalg.norm(pencil)
+    assert found.response.poles is found.poles
+
+
+@examples(100)
+@given(SEEDS, st.sampled_from([0, 0.1]))
+def test_encirclements_say_how_many_poles_of_the_closed_loop_are_unstable(seed, dt):
+    A, B, C, D = random_gain(seed)
+    system = control.ss(A, B, C, D)
+    if dt:
+        system = control.sample_system(system, dt)
+        A, B, C, D = (np.asarray(x) for x in (system.A, system.B, system.C, system.D))
+    if np.linalg.cond(np.eye(len(D)) + D) > 1e6:
+        return
+    poles = np.linalg.eigvals(A - B @ np.linalg.solve(np.eye(len(D)) + D, C))
+    apart = np.abs(np.abs(poles) - 1.0) if dt else np.abs(poles.real)
+    if apart.min() < 1e-6:
+        return
+    found = bc.nyquist(system)
+    assert found.closed_loop_poles == int(((np.abs(poles) > 1.0) if dt else (poles.real > 0.0)).sum())
+    assert found.open_loop_poles - found.encirclements == found.closed_loop_poles
+    assert found.stable == (found.closed_loop_poles == 0)
+    if len(D) == 1 and found.stable:
+        s = np.exp(1j * found.omega * dt) if dt else 1j * found.omega
+        L = np.array([np.squeeze(system(each)) for each in s])
+        assert found.curve == pytest.approx(L, rel=1e-5, abs=1e-6)
+        # outside of the disk: the margin is 2/|S - T|, and S - T = (1 - L)/(1 + L)
+        assert np.abs((1.0 - L) / (1.0 + L)).max() <= (1.0 + 1e-5) * 2.0 / found.disk.alpha
+
+
+def test_nyquist_of_a_plant_and_a_controller_is_that_of_the_loop():
+    K = one.suspension()
+    found = bc.nyquist(one.yaw(), K)
+    margin = bc.margins(one.yaw(), K)["suspension_anti"]
+    assert found.stable
+    assert found.disk.alpha == pytest.approx(margin.disk.alpha, rel=1e-9)
+    at = np.argmin(np.abs(found.omega - margin.phase_omega))
+    omega, L = margin.open_loop
+    k = np.argmin(np.abs(omega - found.omega[at]))
+    assert found.curve[at] == pytest.approx(-L[k], rel=0.1, abs=0.1)
+    strong = bc.discretize(
+        control.ss(K.A, K.B, 1e3 * K.C, 1e3 * K.D, inputs=K.input_labels, outputs=K.output_labels), 0.02
+    )
+    late = bc.nyquist(one.yaw(), strong, delay=0.03)
+    poles = bc.feedback_loop(one.yaw(), strong, delay=0.03).poles()
+    assert late.closed_loop_poles == int((np.abs(poles) > 1.0).sum()) > 0
+
+
+def test_nyquist_refuses_what_it_cannot_count():
+    with pytest.raises(ArithmeticError, match=r"encirclements cannot be told|boundary|pole on"):
+        bc.nyquist(control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0))
+    with pytest.raises(ValueError, match="as many outputs as inputs"):
+        bc.nyquist(control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]]))
+    with pytest.raises(ValueError, match="without a controller"):
+        bc.nyquist(control.ss(-1.0, 1.0, 1.0, 0.0), delay=1.0)
+
+
+def test_a_comparison_has_the_figures_that_each_result_gives():
+    K = one.suspension()
+    runs = {}
+    for name, factor in (("as designed", 1.0), ("half", 0.5)):
+        gain = control.ss(K.A, K.B, factor * K.C, factor * K.D, inputs=K.input_labels, outputs=K.output_labels)
+        runs[name] = [bc.feedback_loop(one.yaw(), gain), bc.margins(one.yaw(), gain)]
+    runs["run"] = one.loop()
+    both = bc.compare(runs)
+    loop = runs["half"][0]
+    assert both["half"]["H-infinity norm"] == bc.hinf_norm(loop).lower
+    assert both["half"]["H2 norm"] == bc.h2_norm(loop).value
+    assert both["half"]["slowest pole [rad/s]"] == pytest.approx(loop.poles().real.max(), rel=1e-6)
+    assert both["half"]["disk margin, everywhere"] == runs["half"][1].everywhere.alpha
+    run, (name, values) = runs["run"], next(iter(one.loop().outputs.items()))
+    assert both["run"][f"{name}: rms"] == pytest.approx(np.sqrt(np.mean(run.outputs[name] ** 2)), rel=1e-12)
+    assert both["run"][f"{name}: peak"] == np.abs(values).max()
+    assert "–" in str(both)  # the run has no margins
+    assert both.as_dict()["run"] == both["run"]
+    with pytest.raises(ValueError, match="nothing over time"):
+        both.plot()
+    with pytest.raises(ValueError, match="unknown picture"):
+        bc.compare({"run": one.loop()}).plot(what="margins")
+    for wrong, said in (({}, "at least one"), ({"a": 3}, r"results\['a'\]: .*expected"), ({"a": []}, "at least one")):
+        with pytest.raises((TypeError, ValueError), match=said):
+            bc.compare(wrong)
+
+
+def a_line():
+    """Return one slew of a comparison, of which the others are not needed."""
+    t = np.linspace(0.0, 3.0, 20)
+    return bc.slew.SlewLine("ZV", 2.0, 0.1, 0.0, 0.0, 5.0, 9.0, 0.05, 0.2, one.slew().history, t, np.sin(t))
+
+
+SERIES = {
+    "SimulationResult": lambda: one.hub_beam().simulate(bc.spin_up(0.5, 5.0), np.linspace(0.0, 6.0, 50)),
+    "LoopResult": one.loop,
+    "LoopResult, of a hub-beam": one.beam_loop,
+    "ForcedResponse": lambda: bc.forced_response(one.mass(), {"force": np.ones(50)}, np.linspace(0.0, 5.0, 50)),
+    "SlewResult": one.slew,
+    "SlewResult, linear": one.linear_slew,
+    "PlatformMotion": one.motion,
+    "SlewLine": a_line,
+    "TrackingResult": lambda: bc.slew.track(one.slew(), 0.1),
+    "PayloadLine": lambda: bc.slew.PayloadLine("ZV", 0.1, True, 0.1, 0.0, 0.0, np.arange(3.0), np.ones(3)),
+    "SwitchingCurve": lambda: bc.slew.SwitchingCurve(*(np.ones(3),) * 3, np.zeros(1), 1.0),
+}
+
+
+@pytest.mark.parametrize("make", [pytest.param(make, id=name) for name, make in SERIES.items()])
+def test_whatever_has_a_time_axis_has_its_signals_by_name_and_as_python_controls_response(make):
+    result = make()
+    response = result.response
+    assert np.array_equal(response.time, result.time)
+    for k, name in enumerate(response.output_labels):
+        assert np.array_equal(result[name], np.atleast_2d(response.y)[k])
+    with pytest.raises(ValueError, match=r"unknown (signal|output) 'nothing'"):
+        result["nothing"]
+    drawn = result.plot()
+    assert len(np.atleast_1d(drawn))
+    plt.close("all")
+
+
+def test_systems_that_are_compared_are_drawn_at_the_same_frequencies():
+    both = bc.compare({"slow": control.tf(1.0, [1.0, 0.02, 1.0]), "fast": control.tf(1.0, [1.0, 2.0, 1e4])})
+    slow, fast = (x for line in both.plot()[0].lines if len(x := line.get_xdata()) > 1)  # but for marks of peaks
+    assert slow.min() == fast.min()
+    assert slow.max() == fast.max()

@@ -1,0 +1,135 @@
+"""Plants with their states as outputs: regulators in loops that meet by name, and the laws of these loops."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from tests.profiles import examples
+
+
+def random_plant(seed, n=4, m=2, dt=0.0):
+    """Return a random plant, stable or not, every state of which its controls move."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((n, n))
+    if dt:
+        A *= rng.uniform(0.5, 1.3) / np.abs(np.linalg.eigvals(A)).max()
+    signals = {
+        "inputs": ["w", *(f"u{i}" for i in range(m))],
+        "outputs": ["y0", "y1"],
+        "states": [f"x.{i}" for i in range(n)],
+    }
+    return control.ss(A, rng.standard_normal((n, m + 1)), rng.standard_normal((2, n)), 0.0, dt, **signals), rng
+
+
+def regulator(plant, rng):
+    controls = [name for name in plant.input_labels if name != "w"]
+    weight = rng.standard_normal((plant.nstates, plant.nstates))
+    return bc.lqr(plant, weight @ weight.T, np.exp(rng.uniform(-1.0, 1.0, len(controls))), controls=controls), controls
+
+
+@pytest.mark.parametrize("dt", [0.0, 0.1])
+@given(st.integers(0, 10**6))
+@examples(20)
+def test_states_are_further_outputs_and_nothing_else_changes(dt, seed):
+    plant, _ = random_plant(seed, dt=dt)
+    found = bc.with_states(plant)
+    assert found.output_labels == ["y0", "y1", "x_0", "x_1", "x_2", "x_3"]
+    assert (found.input_labels, found.state_labels, found.dt) == (plant.input_labels, plant.state_labels, plant.dt)
+    for letter in "AB":
+        assert (getattr(found, letter) == getattr(plant, letter)).all()
+    assert np.array_equal(found.C, np.vstack([plant.C, np.eye(4)]))
+    assert not found.D.any()
+    again = bc.with_states(found)  # they are there already
+    assert again.output_labels == found.output_labels
+
+
+@given(st.integers(0, 10**6))
+@examples(20)
+def test_a_regulator_of_one_control_has_kalmans_margins(seed):
+    plant, rng = random_plant(seed, m=1)
+    design, (u,) = regulator(plant, rng)
+    found = bc.margins(bc.with_states(plant), design.controller)[u]
+    assert found.gain_high == np.inf
+    assert found.gain_low <= 0.5 * (1.0 + 1e-6)
+    assert found.phase_deg >= 60.0 - 1e-6
+    # Kalman's inequality itself: |S| is at most one
+    S = bc.feedback_loop(bc.with_states(plant), design.controller, u)
+    i, o = S.input_labels.index(f"{u}_added"), S.output_labels.index(u)
+    assert bc.hinf_norm(control.ss(S.A, S.B[:, [i]], S.C[[o]], S.D[[o], [i]])).upper <= 1.0 + 1e-5
+
+
+@pytest.mark.parametrize("dt", [0.0, 0.1])
+@given(st.integers(0, 10**6))
+@examples(20)
+def test_the_loop_of_a_regulator_is_that_written_by_hand(dt, seed):
+    plant, rng = random_plant(seed, dt=dt)
+    design, controls = regulator(plant, rng)
+    loop = bc.feedback_loop(bc.with_states(plant), design.controller)
+    columns = [plant.input_labels.index(name) for name in controls]
+    by_hand = plant.A - plant.B[:, columns] @ design.gain
+    np.testing.assert_allclose(loop.A, by_hand, rtol=1e-12, atol=1e-12 * np.abs(by_hand).max())
+    assert loop.input_labels == ["w"]
+    assert loop.output_labels == ["y0", "y1", "x_0", "x_1", "x_2", "x_3", *controls]
+    assert loop.C[-2:] == pytest.approx(-design.gain)
+    assert bc.hinf_norm(bc.select_channels(loop, outputs=["y0", "y1"])).lower == pytest.approx(
+        bc.hinf_norm(design.closed_loop).lower, rel=1e-8
+    )
+
+
+@given(st.integers(0, 10**6))
+@examples(10)
+def test_a_regulator_runs_in_simulations_as_the_matrix_exponential_says(seed):
+    plant, rng = random_plant(seed)
+    design, controls = regulator(plant, rng)
+    dt, start = 0.02, rng.standard_normal(4)
+    time = dt * np.arange(51)
+    run = bc.simulate_loop(
+        bc.with_states(plant), design.controller, None, time, sample_time=dt, initial=start, anti_windup=False
+    )
+    sampled = control.sample_system(plant, dt)
+    x, columns = start, [plant.input_labels.index(name) for name in controls]
+    for k in range(50):
+        assert [run[f"x_{i}"][k] for i in range(4)] == pytest.approx(x, rel=1e-8, abs=1e-8 * np.abs(start).max())
+        x = sampled.A @ x - sampled.B[:, columns] @ (design.gain @ x)
+
+
+def test_integral_action_joins_a_regulator_by_name():
+    mass = control.ss(
+        [[0, 1], [0, 0]], [[0, 0], [1, 1]], [[1, 0]], 0, inputs=["force", "load"], outputs="place", states=["x", "v"]
+    )
+    design = bc.lqr(mass, None, 1.0, output_weight={"place": 1.0}, controls="force", integral=["place"])
+    loop = bc.feedback_loop(bc.with_states(mass), design.controller)
+    assert np.sort_complex(loop.poles()) == pytest.approx(np.sort_complex(design.poles))
+    assert loop.dcgain()[0] == pytest.approx(0.0, abs=1e-12)  # a constant load leaves no error in what is integrated
+
+
+def test_a_structure_has_the_states_that_its_regulator_reads():
+    yaw = bc.split_symmetric(bc.spray_boom())[1]
+    given = {"output_weight": {"tip_anti": 1.0}, "controls": "suspension_anti"}
+    design = bc.lqr(yaw, None, 1e-7, **given)
+    loop = bc.feedback_loop(bc.with_states(yaw), design.controller)
+    assert loop.poles().real.max() < 0.0
+    columns = np.sort_complex(loop.poles()), np.sort_complex(design.poles)
+    assert columns[0] == pytest.approx(columns[1], rel=1e-6)
+    with pytest.raises(ValueError, match=r"boomctl.with_states\(plant\)"):
+        bc.margins(yaw, design.controller)
+    with pytest.raises(ValueError, match=r"boomctl.with_states\(plant\)"):
+        bc.simulate_loop(yaw, design.controller, None, [0.0, 0.01], sample_time=0.01)
+
+
+def test_names_that_cannot_be_are_refused():
+    A, B = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]]
+    other = control.ss(A, B, [[0.0, 2.0]], 0.0, outputs="v", states=["x", "v"])
+    with pytest.raises(ValueError, match="output 'v' to be the state"):
+        bc.with_states(other)
+    twice = control.ss(A, B, [[1.0, 0.0]], 0.0, states=["a.b", "a_b"])
+    with pytest.raises(ValueError, match="'a_b' twice"):
+        bc.with_states(twice)
+    with pytest.raises(TypeError, match="plant: expected"):
+        bc.with_states(np.eye(2))  # type: ignore[arg-type]
+    design = bc.lqr(control.ss(A, B, [[1.0, 0.0]], 0.0), 1.0, 1.0)
+    with pytest.raises(TypeError, match=r"got LqrResult; its \.controller is one"):
+        bc.margins(other, design)  # type: ignore[arg-type]

@@ -1,0 +1,139 @@
+"""Worst cases from both sides: bounds that nothing exceeds, near the worst that is found, and said where there are none."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.analysis.box.level import DrivenLoops
+from boomctl.lti.system import of
+from boomctl.structure import AffineFamily, SecondOrderModel
+from tests.profiles import examples
+from tests.strategies import seeds
+
+
+def chain(rng, parameters):
+    """Return a family of three masses between walls whose springs, masses and dampers are uncertain, and a damper on it."""
+    springs, masses, dampers = rng.uniform(1.0, 9.0, 4), rng.uniform(0.5, 2.0, 3), rng.uniform(0.02, 0.2, 4)
+    names = [f"p{k}" for k in range(parameters)]
+    parts = [("spring", i) for i in range(4)] + [("mass", i) for i in range(3)] + [("damper", i) for i in range(4)]
+    chosen = [parts[i] for i in rng.permutation(len(parts))[:parameters]]
+    spread = rng.uniform(0.05, 0.3, parameters)
+
+    def make(values):
+        k, m, c = springs.copy(), masses.copy(), dampers.copy()
+        for name, (kind, i) in zip(names, chosen, strict=True):
+            {"spring": k, "mass": m, "damper": c}[kind][i] *= values[name]
+        M, (C, K) = np.diag(m), (np.diag(x[:-1] + x[1:]) - np.diag(x[1:-1], 1) - np.diag(x[1:-1], -1) for x in (c, k))
+        forces = {"push": np.array([1.0, 0.0, 0.0]), "u": np.array([0.0, 1.0, 0.0])}
+        return SecondOrderModel(M, C, K, forces, {"y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]})
+
+    family = AffineFamily.through({n: (1.0 - s, 1.0 + s) for n, s in zip(names, spread, strict=True)}, make)
+    corner, strength = rng.uniform(5.0, 20.0), rng.uniform(0.05, 0.4)
+    K = control.ss(-corner, corner, corner * strength, -corner * strength, inputs="y", outputs="u")
+    return family, K
+
+
+def norm_at(family, K, delta, inputs, outputs):
+    closed = bc.feedback_loop(family.at(delta), K)
+    rows, columns = (
+        [names.index(name) for name in wanted]
+        for names, wanted in ((closed.output_labels, outputs), (closed.input_labels, inputs))
+    )
+    return bc.hinf_norm(closed[rows, columns])
+
+
+@examples(200)
+@given(seed=seeds, parameters=st.integers(1, 2))
+def test_nothing_in_the_box_is_above_the_bound_and_the_worst_found_is_near(seed, parameters):
+    rng = np.random.default_rng(seed)
+    family, K = chain(rng, parameters)
+    found = bc.worst_case(family, K, "push", ["y", "z"], tolerance=1e-3)
+    assert found.upper_bound < np.inf, found.reason
+    assert found.norm.lower <= found.upper_bound <= found.norm.lower * (1.0 + 1.001e-3)
+    for delta in rng.uniform(-1.0, 1.0, (10, parameters)):
+        assert norm_at(family, K, delta, ["push"], ["y", "z"]).lower <= found.upper_bound
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "points"), [(0, 20_000), (1, 2000), (2, 2000), (3, 2000)])
+def test_no_point_of_many_is_above_it_nor_any_that_a_search_finds(seed, points):
+    from scipy.optimize import minimize
+
+    rng = np.random.default_rng(seed)
+    family, K = chain(rng, 2)
+    found = bc.worst_case(family, K, "push", "z", tolerance=1e-4)
+    loops = DrivenLoops.of(family, of(K, "K"), ["push"], ["z"])
+
+    def gain(delta):
+        return bc.hinf_norm(loops.at(np.clip(delta, -1.0, 1.0)).statespace("loop")).lower
+
+    drawn = rng.uniform(-1.0, 1.0, (points, 2))
+    values = np.array([gain(point) for point in drawn])
+    best = [-minimize(lambda d: -gain(d), drawn[k], method="Nelder-Mead").fun for k in np.argsort(-values)[:3]]
+    assert max(values.max(), *best) <= found.upper_bound * (1.0 + 1e-9)
+    assert max(values.max(), *best) >= found.norm.lower * (1.0 - 2e-4)
+
+
+@pytest.mark.slow
+def test_three_parameters():
+    family, K = chain(np.random.default_rng(5), 3)
+    found = bc.worst_case(family, K, "push", "z", tolerance=1e-2)
+    assert found.norm.lower <= found.upper_bound <= 1.0101 * found.norm.lower
+
+
+@pytest.mark.parametrize("half", ["jolt", "yaw"])
+def test_the_loops_of_the_proof_are_those_of_the_boom_with_its_filters(half):
+    family = bc.boom_family(half=half, accelerometer_bandwidth_hz=20.0)
+    end = {"jolt": "sym", "yaw": "anti"}[half]
+    rng = np.random.default_rng(3)
+    signals = {"inputs": [f"stroke_{end}", f"tip_acceleration_{end}"], "outputs": f"suspension_{end}"}
+    K = control.ss(-40.0 * np.eye(2), np.diag([3.0, 1.0]), -rng.uniform(1.0, 9.0, (1, 2)), [[-2.0, -0.5]], **signals)
+    inputs, outputs = [f"actuator_{end}"], [f"tip_{end}", f"tip_acceleration_{end}"]
+    loops = DrivenLoops.of(family, of(K, "K"), inputs, outputs)
+    for delta in ([0.0, 0.0], [1.0, -1.0], [-0.3, 0.8]):
+        closed = bc.feedback_loop(family.at(delta), K)
+        for omega in (0.5, 3.0, 20.0, 150.0):
+            wanted = closed(1j * omega, squeeze=False)[[closed.output_labels.index(n) for n in outputs]]
+            wanted = wanted[:, [closed.input_labels.index(n) for n in inputs]]
+            here = loops.at(np.array(delta)).response(np.array([omega]))[:, :, 0]
+            np.testing.assert_allclose(here, wanted, rtol=1e-7, atol=1e-9 * np.abs(wanted).max())
+
+
+def test_a_damped_boom_is_bounded_to_a_hundred_thousandth():
+    family = bc.boom_family(half="yaw", accelerometer_bandwidth_hz=20.0)
+    damper = control.ss(-60.0, 60.0, 60.0 * 800.0, -60.0 * 800.0, inputs="stroke_anti", outputs="suspension_anti")
+    found = bc.worst_case(family, damper, "actuator_anti", "tip_anti", tolerance=1e-5)
+    assert found.gap <= 1.001e-5
+    assert found.cells > 0
+    assert "none above" in found.render()
+
+
+def test_where_there_is_no_bound_it_is_said_why():
+    family, K = chain(np.random.default_rng(1), 2)
+    assert bc.worst_case(family, K, "push", "z", tolerance=None).reason == "none was asked for"
+    few = bc.worst_case(family, K, "push", "z", max_cells=1, tolerance=1e-6)
+    assert few.upper_bound == np.inf
+    assert "max_cells = 1" in few.reason
+    beam = bc.hub_beam(bc.HubBeamParameters(damping_ratio=0.01), model="sfoam", modes=1)
+    brake = control.ss([], [], [], [[-100.0]], inputs="hub_speed", outputs="torque")
+    assert "places" in bc.worst_case(beam.family(hub_speed=(0.0, 2.0)), brake, "tip_force", "tip_displacement").reason
+
+    def beside(values):  # a mass on a spring, and one that floats by itself
+        K, C = np.diag([4.0 * values["spring"], 0.0]), np.diag([0.1, 0.0])
+        return SecondOrderModel(np.eye(2), C, K, {"push": [1.0, 0.0], "u": [1.0, 0.0]}, {"y": [1.0, 0.0]})
+
+    damper = control.ss([], [], [], [[-1.0]], inputs="y", outputs="u")
+    floating = bc.worst_case(AffineFamily.through({"spring": (0.9, 1.1)}, beside), damper, "push", "y")
+    assert np.isfinite(floating.norm.lower)
+    assert "hides" in floating.reason
+    unstable = control.ss([], [], [], [[50.0]], inputs="y", outputs="u")
+    lost = bc.worst_case(family, unstable, "push", "z")
+    assert (lost.norm.lower, lost.upper_bound) == (np.inf, np.inf)
+    assert "unstable" in lost.reason
+    with pytest.raises(ValueError, match="tolerance = 2: expected at most 1"):
+        bc.worst_case(family, K, "push", "z", tolerance=2.0)
+    with pytest.raises(ValueError, match="max_cells"):
+        bc.worst_case(family, K, "push", "z", max_cells=0)
