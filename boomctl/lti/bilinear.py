@@ -15,6 +15,7 @@ from boomctl.lti.system import Lti
 
 # share of the largest singular value of A + 1 (of 1 - A/g) below which a pole lies at z = -1 (at w = g) but for rounding
 _SINGULAR = 1e-15
+_NOTHING = 4.0 * float(np.finfo(float).eps)  # share of its terms up to which an entry of a product is rounding
 _LAST = (
     1e-12  # share of pi/dt by which a frequency below it counts as pi/dt, whose image is infinite (rounding of both)
 )
@@ -67,7 +68,10 @@ def discrete_image(system: Lti, dt: float) -> Lti:
     eye = np.eye(n)
     inverse = _inverse(eye - system.A / g, f"system: it has a pole at 2/dt = {g:.6g} rad/s, and so no image")
     B, C, side = inverse @ system.B, system.C @ inverse, np.sqrt(2.0 / g)
-    A, D = inverse @ (eye + system.A / g), system.D + system.C @ B / g
+    moved = eye + system.A / g
+    A, D = inverse @ moved, system.D + system.C @ B / g
+    # of a pole at -2/dt nothing is left but rounding
+    A[np.abs(A) <= _NOTHING * (np.abs(inverse) @ (eye + np.abs(system.A) / g))] = 0.0
     return Lti(A, side * B, side * C, D, system.inputs, system.outputs, system.states, dt)
 
 

@@ -35,6 +35,9 @@ _COMPARED = 8  # frequencies of the grid at which eigenvectors must show what so
 _ALIKE = 1e-6  # relative difference of the two up to which they do: that of a level of a norm
 _SEARCHED = 60  # frequencies between the resonances at which a largest gain is searched for (a choice)
 _LOWEST = 1e-12  # least frequency [rad/s] that is asked for beside zero
+_TOPS = 3  # rounds in which a peak is placed on a grid: each leaves the square of what was missing (a choice)
+_SMOOTH = 0.05  # share of its distance from zero, plus one, by which a step of a Nyquist curve may move (a choice)
+_HALVINGS = 10  # of a step of a Nyquist curve at most: a narrow resonance is a circle of many steps (a choice)
 _BAND = 16  # poles that a picture shows by default: eight modes (a choice)
 _RESTING = 1e-9  # share of the fastest pole up to which a slow one is no reason to show so low frequencies (a choice)
 _LOWEST_SHOWN = (
@@ -144,6 +147,55 @@ def highest_peak(
     return peak, at
 
 
+def with_peaks(respond: Response, grid: Array, allowed: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Return a grid and the response on it, with every peak of every entry of the response among its frequencies.
+
+    The inverse square of a resonance is a parabola: the top of that through a peak's three points is its place, and a second
+    and a third one, through points that are nearer, leave nothing to see.
+
+    Parameters
+    ----------
+    respond : function from frequencies to responses
+    grid : (n,) ndarray
+        Ascending, so fine that each peak has a point of its own.
+    allowed : function from frequencies to those of them at which the response can be asked
+    """
+    values = respond(grid)
+    for _ in range(_TOPS):
+        size = np.abs(values).reshape(-1, len(grid))
+        rows, k = np.nonzero((size[:, 1:-1] > size[:, :-2]) & (size[:, 1:-1] >= size[:, 2:]))
+        left, top, right = (size[rows, k + i] for i in range(3))
+        low, middle, high = (grid[k + i] for i in range(3))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            p, q = (middle - low) * ((top / right) ** 2 - 1.0), (middle - high) * ((top / left) ** 2 - 1.0)
+            vertex = middle - 0.5 * ((middle - low) * p - (middle - high) * q) / (p - q)
+        inside = (vertex > low) & (vertex < high) & (np.abs(vertex - middle) > _PLACED * middle)
+        new = np.setdiff1d(allowed(np.unique(vertex[inside])), grid)
+        if not len(new):
+            break
+        grid, values = np.concatenate([grid, new]), np.concatenate([values, respond(new)], axis=2)
+        order = np.argsort(grid)
+        grid, values = grid[order], values[:, :, order]
+    return grid, values
+
+
+def smooth_curve(respond: Callable[[Array], Array], omega: Array) -> tuple[Array, Array]:
+    """Return more frequencies, and a complex curve there without corners, from those at which it is known to turn."""
+    values = respond(omega)
+    for _ in range(_HALVINGS):
+        size = np.minimum(np.abs(values[:-1]), np.abs(values[1:]))
+        with np.errstate(invalid="ignore"):
+            far = np.abs(np.diff(values)) > _SMOOTH * (1.0 + size)
+        if not far.any():
+            break
+        between = 0.5 * (omega[:-1] + omega[1:])[far]
+        omega, values = np.append(omega, between), np.append(values, respond(between))
+        order = np.argsort(omega)
+        omega, values = omega[order], values[order]
+    there = np.isfinite(values)
+    return omega[there], values[there]
+
+
 def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array, halved: bool) -> tuple[Array, Array]:
     """Return narrower brackets of peaks, and the values there, in the order of the frequencies.
 
@@ -246,12 +298,16 @@ class Triangular:
     D: Array
 
     def response(self, omega: Array) -> Array:
-        """Return the frequency response, shape (outputs, inputs, frequencies), by substitution from the last state."""
+        """Return the frequency response, shape (outputs, inputs, frequencies)."""
+        return self.at(1j * omega)
+
+    def at(self, s: Array) -> Array:
+        """Return the response anywhere in the complex plane, likewise, by substitution from the last state."""
         p, m = self.D.shape
         if not (len(self.T) and m and p):
-            return np.repeat(self.D[:, :, None].astype(complex), len(omega), axis=2)
+            return np.repeat(self.D[:, :, None].astype(complex), len(s), axis=2)
         step = max(1, _COLUMNS // m)
-        parts = [self._part(1j * omega[i : i + step]) for i in range(0, len(omega), step)]
+        parts = [self._part(s[i : i + step]) for i in range(0, len(s), step)]
         return np.concatenate(parts, axis=2) if parts else np.zeros((p, m, 0), complex)
 
     def _part(self, s: Array) -> Array:

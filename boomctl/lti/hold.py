@@ -145,8 +145,8 @@ class Lifted:
     @classmethod
     def of(cls, Phi: Array, G: Array, C: Array, D: Array, size: int) -> Lifted:
         """Return the blocks of a recursion."""
-        seen, power = _observability(Phi, C, size)
-        reached = _observability(Phi.T, G.T, size)[0][::-1]
+        seen, power = observability(Phi, C, size)
+        reached = observability(Phi.T, G.T, size)[0][::-1]
         answers = np.moveaxis(seen[:-1] @ G, 0, 2)
         return cls(size, seen, power, reached, np.concatenate([D[:, :, None], answers], axis=2))
 
@@ -203,7 +203,7 @@ def lifted_response(maps: tuple[Array, Array, Array], C: Array, D: Array, U: Arr
     return y.transpose(0, 2, 1).reshape(len(C), -1)[:, : U.shape[1]]
 
 
-def _observability(Phi: Array, C: Array, size: int) -> tuple[Array, Array]:
+def observability(Phi: Array, C: Array, size: int) -> tuple[Array, Array]:
     """Return ``C Phi^k`` for k below ``size``, (size, outputs, n), and ``Phi^size``, by doubling."""
     rows, power = C[None], Phi
     while len(rows) < size:

@@ -258,7 +258,7 @@ def split_and_doubt(system: Lti, chosen: Array, what: str) -> tuple[Lti, Lti, fl
 
 
 def residualised(system: Lti, count: int) -> Lti:
-    """Return the first ``count`` states with the others at rest, ``x2' = 0``: the static gain is kept.
+    """Return the first ``count`` states with the others at rest, ``x2' = 0`` or ``x2+ = x2``: the static gain is kept.
 
     Raises
     ------
@@ -268,7 +268,8 @@ def residualised(system: Lti, count: int) -> Lti:
     r, A, B, C, D = count, system.A, system.B, system.C, system.D
     if r >= len(A):
         return system
-    rest = -np.linalg.solve(A[r:, r:], np.hstack([A[r:, :r], B[r:]]))
+    still = A[r:, r:] if system.dt == 0.0 else A[r:, r:] - np.eye(len(A) - r)
+    rest = -np.linalg.solve(still, np.hstack([A[r:, :r], B[r:]]))
     X, U = rest[:, :r], rest[:, r:]
     return replace(
         system, A=A[:r, :r] + A[:r, r:] @ X, B=B[:r] + A[:r, r:] @ U, C=C[:, :r] + C[:, r:] @ X, D=D + C[:, r:] @ U,

@@ -16,6 +16,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import names
+from boomctl.lti.transfer_functions import realized
 from boomctl.printing import compact
 
 if TYPE_CHECKING:
@@ -290,6 +291,12 @@ def is_frequency_response(system: object) -> "TypeGuard[control.FrequencyRespons
     return control is not None and isinstance(system, control.FrequencyResponseData)
 
 
+def is_transfer_function(system: object) -> "TypeGuard[control.TransferFunction]":
+    """Return whether this is a ``control.TransferFunction``, without importing python-control to find out."""
+    control = sys.modules.get("control")
+    return control is not None and isinstance(system, control.TransferFunction)
+
+
 def of(
     system: object,
     what: str = "system",
@@ -299,11 +306,11 @@ def of(
     any_time: bool = False,
     sampled: bool = False,
 ) -> Lti:
-    """Return the matrices and names of what a user hands in: a ``control.StateSpace``, a structural model, an ``Lti``.
+    """Return the matrices and names of what a user hands in: a system of python-control, a structural model, an ``Lti``.
 
     Parameters
     ----------
-    system : StateSpace, SecondOrderModel or Lti
+    system : StateSpace, TransferFunction, SecondOrderModel or Lti
     what : str
         What a message calls it: the parameter's name.
     expected : str
@@ -332,9 +339,13 @@ def of(
     else:
         if models and hasattr(system, "to_statespace"):
             given = given.to_statespace()
-        if not is_statespace(given):
-            raise TypeError(f"{what}: expected {expected}, got {type(system).__name__}")
-        found = _plain(given)
+        if is_transfer_function(given):
+            matrices = realized(given, what)
+            found = Lti(*matrices, *_names(given), tuple(f"x[{i}]" for i in range(len(matrices[0]))), _time(given))
+        elif is_statespace(given):
+            found = _plain(given)
+        else:
+            raise TypeError(f"{what}: expected {expected}, got {type(system).__name__}{_instead(system)}")
     if not any_time:
         _check_time(what, found.dt, discrete, sampled)
     for letter in "ABCD":
@@ -356,6 +367,16 @@ def of(
     return found
 
 
+def _instead(system: object) -> str:
+    """Return what to hand in instead of something that is no system with poles."""
+    if is_frequency_response(system):
+        return (
+            ", which does not tell its poles: boomctl.fit finds a model for it, boomctl.sigma shows it, and "
+            "boomctl.closed_loop_response closes a loop around it"
+        )
+    return "; its .controller is one" if is_statespace(getattr(system, "controller", None)) else ""
+
+
 def _check_time(what: str, dt: float, discrete: bool, sampled: bool) -> None:
     """Raise ``ValueError`` where a system has the wrong kind of time."""
     continuous = dt == 0.0
@@ -374,9 +395,15 @@ def _check_time(what: str, dt: float, discrete: bool, sampled: bool) -> None:
 def _plain(system: "control.StateSpace") -> Lti:
     """Return the matrices, names and time of a python-control system."""
     A, B, C, D = (np.asarray(getattr(system, letter), dtype=float) for letter in "ABCD")
-    labels = tuple(system.input_labels), tuple(system.output_labels), tuple(system.state_labels)
-    dt = 0.0 if system.isctime() else float("nan") if system.dt is True else float(system.dt)
-    return Lti(A, B, C, D, *labels, dt)
+    return Lti(A, B, C, D, *_names(system), tuple(system.state_labels), _time(system))
+
+
+def _names(system: "control.StateSpace | control.TransferFunction") -> tuple[tuple[str, ...], tuple[str, ...]]:
+    return tuple(system.input_labels), tuple(system.output_labels)
+
+
+def _time(system: "control.StateSpace | control.TransferFunction") -> float:
+    return 0.0 if system.isctime() else float("nan") if system.dt is True else float(system.dt)
 
 
 def _seconds(dt: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, final
 
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     import casadi
 
     from boomctl.rotating_beam.modal.forced import ForcedModes
+    from boomctl.rotating_beam.sensors import BeamSensor
+    from boomctl.structure.families import PolynomialFamily
 
 ASSUMED_MODES = ("tlam", "sfoam", "sfoam-consistent", "foam", "cfoam")
 
@@ -137,6 +139,50 @@ class AssumedModesBeam(HubBeam):
         momenta = equations.inertia(x[None, :size]).momenta(rate)
         return float(0.5 * np.sum(momenta * rate) + 0.5 * q @ equations.K @ q)
 
+    def family(
+        self,
+        hub_speed: tuple[float, float] | float = 0.0,
+        tip_mass: tuple[float, float] | None = None,
+        sensors: Sequence[BeamSensor] = (),
+    ) -> PolynomialFamily:
+        """Return the linear models about steady rotation over ranges of hub speed and tip mass.
+
+        Parameters
+        ----------
+        hub_speed : (float, float) or float
+            Least and largest hub speed [rad/s]; a number: that speed alone.
+        tip_mass : (float, float), optional
+            Least and largest point mass [kg]; by default that of the parameters.
+        sensors : sequence of BeamSensor
+            Further outputs; none of acceleration.
+
+        Returns
+        -------
+        PolynomialFamily
+            With the parameters ``"hub_speed"`` and ``"tip_mass"``, inputs and outputs as in `simulate_loop` but for
+            ``"tip_acceleration"``, and the states by their names; for :func:`boomctl.robust_stability` and its like.  Proofs
+            leave the hub angle out, an integrator, where the controller does not read it.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Ranges that are not two ascending numbers, or none at all; a speed at which there is no steady rotation; a
+            sensor of acceleration.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> import control
+        >>> family = bc.hub_beam(model="sfoam", modes=3).family(hub_speed=(0.0, 6.0), tip_mass=(0.0, 0.1))
+        >>> signals = {"inputs": ["hub_angle", "hub_speed"], "outputs": "torque"}
+        >>> pd = control.ss([], [], [], [[-150.0, -250.0]], **signals)
+        >>> bc.robust_stability(family, pd).proved
+        True
+        """
+        from boomctl.rotating_beam.families import hub_beam_family  # which a simulation does not need
+
+        return hub_beam_family(self, self.equations.tip, hub_speed, tip_mass, sensors)
+
     @property
     def root_moment_row(self) -> Array:
         """Row that reads the bending moment ``EI v''(0)`` at the clamp [N m] off a state."""
@@ -196,6 +242,49 @@ class AssumedModesBeam(HubBeam):
         small = self._small_motion(0.0)
         modes = forced.rest_modes(small.mass, small.damping, small.stiffness)
         return forced.forced_modes(modes, law, places, p, self.state_names, sensors)
+
+    def _varied_modes(self, sensors: Sequence[object]) -> ForcedModes:
+        """As `_forced_modes`, with tip mass [kg], what multiplies the stiffness, and damping (if any) among the inputs."""
+        import casadi as ca
+
+        from boomctl.rotating_beam.modal import forced  # which only a loop needs
+
+        p, axial, m = self.parameters, self.has_axial_modes, self.integrals
+        one = self.with_tip_mass(1.0)
+        tip_mass, stiffness = ca.SX.sym("tip_mass"), ca.SX.sym("stiffness")
+        if self.model == "cfoam":
+            points = one._points
+            masses = [*points.mass[:-1].tolist(), tip_mass]
+            kinetic = partial(energy.complete_energy, replace(points, mass=masses), p.hub_inertia)
+        else:
+            none = self.with_tip_mass(0.0).integrals
+            integrals = replace(m, **{
+                name: ca.SX(getattr(none, name)) + tip_mass * ca.SX(getattr(one.integrals, name) - getattr(none, name))
+                for name in ("inertia", "M1", "V1", "M2", "V2", "D", "R")
+            })  # fmt: skip
+            kinetic = partial(energy.first_order_energy, integrals, stiffening=self.model != "tlam", axial=axial)
+        bending = stiffness * ca.SX(m.K2)
+        symbols, names, damping = ca.vertcat(tip_mass, stiffness), ("tip_mass", "stiffness"), self.equations.C
+        if np.any(damping):
+            matrix = ca.SX.sym("damping", *damping.shape)
+            symbols, damping = ca.vertcat(symbols, ca.vec(matrix)), matrix
+            names += tuple(f"damping_{i}" for i in range(matrix.numel()))
+        varied = self.lagrangian._replace(
+            kinetic=kinetic, stiffness=ca.diagcat(ca.SX(m.K1), bending) if axial else bending, damping=damping
+        )
+        places = forced.shape_places(p, self.modes, axial=axial, shortening=self.model != "tlam")
+        law = forced.lagrangian_law(varied, places, p.length)
+        small = self._small_motion(0.0)
+        modes = forced.rest_modes(small.mass, small.damping, small.stiffness)
+        inputs = forced.Varied(names, symbols, stiffness)
+        return forced.forced_modes(modes, law, places, p, self.state_names, sensors, inputs)
+
+    def _variation(self, tip_mass: float, stiffness: float) -> Array:
+        """Return the values of those inputs for another tip mass [kg], and a stiffness multiplied by a factor."""
+        found = [tip_mass, stiffness]
+        if np.any(self.equations.C):
+            found += self.with_tip_mass(tip_mass).with_stiffness(stiffness).equations.C.ravel("F").tolist()
+        return np.array(found)
 
     @property
     def _size(self) -> int:

@@ -29,6 +29,8 @@ from boomctl.checks import (
     within,
 )
 from boomctl.printing import count, listed
+from boomctl.progress import computing
+from boomctl.rotating_beam.campbell import CampbellDiagram, campbell_diagram
 from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque, TorqueDriven
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion, SimulationResult, named_failure
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from boomctl.lti.system import Lti
     from boomctl.rotating_beam.modal.forced import ForcedModes
     from boomctl.rotating_beam.sensors import BeamSensor
+    from boomctl.structure.response.mode_shapes import ModeShapes
 
 INPUTS = ("torque",)
 OUTPUTS = ("hub_angle", "hub_speed", "tip_displacement")
@@ -46,6 +49,9 @@ _SHORTEST = 1e-60  # s between instants: its powers are numbers still (a choice)
 _LATEST = 1e9  # s that a motion may last: 30 years (a choice)
 _FASTEST = 1e60  # rad/s that a hub may turn at: powers of it are numbers still (a choice)
 
+_SMALL = 1e-6  # of the length, by which coordinates are moved either way to see a shape: its square is rounding
+_JUST_BELOW = 1.0 - 1e-6  # of the speed at which the stiffness is lost, where a diagram ends: a frequency is nearly 0
+_STEEP = 12  # speeds before it that a diagram gains there (a choice)
 _START_TOLERANCE = 1e-12  # an initial hub angle or speed is the manoeuvre's but for rounding, relative or in rad, rad/s
 
 
@@ -168,6 +174,99 @@ class HubBeam(ABC):
         self._check_speed(speed, self.critical_speed())
         return self._frequencies_hz(speed, coupled)
 
+    def mode_shapes(self, count: int = 3) -> ModeShapes:
+        """Return the lowest undamped modes at rest, the hub held, and what they look like.
+
+        Parameters
+        ----------
+        count : int
+            How many modes, from the lowest.
+
+        Returns
+        -------
+        ModeShapes
+            Frequencies, mass-normalised shapes over the beam's coordinates, bending and axial motion told; ``.plot()``
+            draws the beam.
+
+        Raises
+        ------
+        TypeError, ValueError
+            ``count`` is not a whole number up to that of the coordinates.
+        """
+        from scipy.linalg import eigh
+
+        from boomctl.structure.response.mode_shapes import ModeShapes, ShapeLine, signed
+
+        small, size = self._small_motion(0.0), self._size
+        wanted = whole("count", count, most=size - 1)
+        M, K = (0.5 * (matrix + matrix.T)[1:, 1:] for matrix in (small.mass, small.stiffness))
+        slowness, shapes = eigh(M, K)  # upside down: the slow modes keep their digits
+        slowness, shapes = slowness[::-1][:wanted], shapes[:, ::-1][:, :wanted]
+        shapes = signed(shapes / np.sqrt(slowness))
+        rest = self.shape(np.zeros(2 * size))[0]
+        states = np.zeros((wanted, 2 * size))
+        states[:, 1:size] = _SMALL * self.parameters.length * (shapes / np.abs(shapes).max(axis=0)).T
+        moved = (self.shape(states) - self.shape(-states)) / (2.0 * _SMALL * self.parameters.length)
+        moved = moved * np.abs(shapes).max(axis=0)[:, None]
+        kinds = ["bending" if sideways else "axial" for sideways in np.ptp(moved.imag, 1) > np.ptp(moved.real, 1)]
+        points, displacement = np.stack([rest.real, rest.imag], 1), np.stack([moved.real, moved.imag], 2)
+        return ModeShapes(
+            1.0 / (2.0 * np.pi * np.sqrt(slowness)),
+            shapes,
+            self.state_names[1:size],
+            tuple(kinds),
+            (ShapeLine("beam", True, points, displacement),),
+        )
+
+    def campbell(
+        self,
+        speeds: ArrayLike,
+        *,
+        count: int = 3,
+        orders: Sequence[float] = (1.0, 2.0, 3.0),
+        coupled: bool = False,
+    ) -> CampbellDiagram:
+        """Return the natural frequencies over the hub speed, and the speeds at which multiples of it meet them.
+
+        Parameters
+        ----------
+        speeds : array_like
+            Hub speeds, ascending, from 0 on [rad/s]; in place of those at which the stiffness is lost stand some just
+            below them.
+        count : int
+            How many frequencies, from the lowest; fewer where the model has fewer.
+        orders : sequence of float
+            Multiples of the hub speed, above zero.
+        coupled : bool
+            As for `frequencies_hz`.
+
+        Returns
+        -------
+        CampbellDiagram
+            ``.crossings`` are the critical speeds, to rounding; ``.plot()`` draws the diagram.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Speeds that do not ascend, negative ones, or none at which the beam keeps its stiffness; as `frequencies_hz`.
+        """
+        asked = finite_array("speeds", speeds, ndim=1)
+        if len(asked) < 2 or asked[0] < 0.0 or not (np.diff(asked) > 0.0).all():
+            raise ValueError("speeds: expected two hub speeds or more, ascending, from 0 on [rad/s]")
+        multiples = tuple(positive("orders", order) for order in sequence("orders", orders, "numbers"))
+        most, lost = whole("count", count), self.critical_speed()
+        below = asked[asked < lost * _JUST_BELOW]
+        if not len(below):
+            raise ValueError(f"speeds: expected some below {up_to(lost)} rad/s, where {self.model} loses its stiffness")
+        if len(below) < len(asked):
+            steep = lost * np.sqrt(
+                1.0 - np.linspace(0.0, 1.0, _STEEP + 1)[::-1] ** 2
+            )  # a frequency falls as a circle does
+            below = np.concatenate([below, steep[(steep > below[-1]) & (steep < lost)], [lost * _JUST_BELOW]])
+        return campbell_diagram(
+            self.model, lambda speed: self.frequencies_hz(speed, coupled)[:most], below, multiples, lost
+        )
+
     def simulate(
         self,
         manoeuvre: Manoeuvre,
@@ -210,7 +309,8 @@ class HubBeam(ABC):
         tolerance = positive("rtol", rtol), positive("atol", atol)
         start = self._start(manoeuvre, initial)
         manoeuvre = _checked(manoeuvre, float(instants[-1]))
-        return self._result(manoeuvre, instants, self._motion(manoeuvre, instants, start, tolerance))
+        with computing("motion"):
+            return self._result(manoeuvre, instants, self._motion(manoeuvre, instants, start, tolerance))
 
     def simulate_many(
         self,
@@ -258,7 +358,8 @@ class HubBeam(ABC):
             with named_failure(f"manoeuvres[{i}]"):
                 starts.append(self._start(manoeuvre, state))
                 checked.append(_checked(manoeuvre, float(instants[-1])))
-        motions = self._motions(checked, instants, starts, tolerance)
+        with computing("motions"):
+            motions = self._motions(checked, instants, starts, tolerance)
         return tuple(self._result(each, instants, found) for each, found in zip(checked, motions, strict=True))
 
     def simulate_torque(

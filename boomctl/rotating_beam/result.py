@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, final
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.time_series import TimeSeries
 
 SMALL_DEFORMATION = 0.1  # of the length: the tip displacement up to which Bai et al. (2009) call a deformation small
 _HALVINGS = 50  # of a step, to find an instant within it: to rounding
@@ -68,7 +69,7 @@ class Details(NamedTuple):
 
 @final
 @dataclass(frozen=True)
-class SimulationResult:
+class SimulationResult(TimeSeries):
     """Motion of the hub-beam at the instants asked for.
 
     Arrays have one value an instant (k of them) unless their shape is given. What is not the displacement of the free
@@ -150,6 +151,23 @@ class SimulationResult:
             Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_simulation(self, ax, **style)
+
+    def _outputs(self) -> dict[str, Array]:
+        names = ("hub_angle", "hub_speed", "tip_displacement", "axial_tip_displacement", "foreshortening")
+        return {name: getattr(self, name) for name in names}
+
+    def _inputs(self) -> dict[str, Array]:
+        return {"torque": self.torque}
+
+    def __figures__(self) -> dict[str, float]:
+        """Return what a comparison shows."""
+        return {
+            "tip displacement: rms [m]": float(np.sqrt(np.mean(self.tip_displacement**2))),
+            "tip displacement: peak [m]": float(np.abs(self.tip_displacement).max()),
+            "torque: rms [N m]": float(np.sqrt(np.mean(self.torque**2))),
+            "torque: peak [N m]": float(np.abs(self.torque).max()),
+            "final hub angle [rad]": float(self.hub_angle[-1]),
+        }
 
     @cached_property
     def _details(self) -> Details:

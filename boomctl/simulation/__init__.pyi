@@ -1,5 +1,6 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
+from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.simulation.contact.stops import StopHit
 from boomctl.simulation.forced_response import ForcedResponse, forced_response
@@ -15,6 +16,7 @@ __all__ = [
     "LoopResult",
     "SineResponse",
     "StopHit",
+    "TimeVaryingController",
     "describing_function",
     "forced_response",
     "simulate_loop",

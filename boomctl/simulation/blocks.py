@@ -44,6 +44,7 @@ def in_blocks(p: LoopProblem) -> bool:
     """Return whether a loop without contacts is linear between its limits, sampled at each step, and not too large."""
     states = len(p.plant.A) + (p.lag + 1) * len(p.controller.driven) + len(p.controller.A)
     plain = p.grid.per_sample == 1 and not p.limits.coarse and p.lag < _LONGEST_QUEUE and not p.added.any
+    plain = plain and p.controller.laws is None
     return plain and states <= _MOST_STATES and p.grid.steps >= 2 * _BLOCK
 
 

@@ -1,7 +1,7 @@
 """A controller as it runs: discrete, its signals matched to the plant's, its state corrected where it saturates."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from scipy import linalg
@@ -9,6 +9,8 @@ from scipy import linalg
 from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
 from boomctl.checks import exactly, known, up_to
+from boomctl.lti.controllers.scheduled import ScheduledController
+from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.lti.system import Lti, of
 from boomctl.simulation.machine.machine import MachineModes
 from boomctl.simulation.plant import ModalPlant
@@ -16,10 +18,46 @@ from boomctl.simulation.plant import ModalPlant
 if TYPE_CHECKING:
     import control
 
+    Controller: TypeAlias = control.StateSpace | control.TransferFunction | ScheduledController | TimeVaryingController
+
 DISCRETIZATIONS = ("tustin", "zoh")
 _SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
 # share of the noise added everywhere, so that the Riccati equation is solvable; below all that is felt
 _REGULAR = 1e-10
+
+
+@dataclass(frozen=True)
+class Laws:
+    """Matrices of a controller that change from sample to sample.
+
+    Attributes
+    ----------
+    law : (k, controls + n, measurements + n) ndarray
+        ``[[D, C], [B, A]]`` of each.
+    correction : (k, n, controls) ndarray
+        ``L`` of each.
+    place : int or None
+        The measurement that they follow, in straight lines between ``values``; None: the i-th are those of sample i, and
+        the last stay.
+    values : (k,) ndarray
+        Of that measurement, ascending; empty where there is none.
+    """
+
+    law: Array
+    correction: Array
+    place: int | None
+    values: Array
+
+    def at(self, sample: int, measured: Array) -> tuple[Array, Array]:
+        """Return the matrices at a sample, at which so much was measured (less no reference)."""
+        if self.place is None:
+            i = min(sample, len(self.law) - 1)
+            return self.law[i], self.correction[i]
+        i = min(max(int(np.searchsorted(self.values, measured[self.place])) - 1, 0), len(self.values) - 2)
+        share = (measured[self.place] - self.values[i]) / (self.values[i + 1] - self.values[i])
+        t = min(max(float(share), 0.0), 1.0)
+        both = ((1.0 - t) * each[i] + t * each[i + 1] for each in (self.law, self.correction))
+        return next(both), next(both)
 
 
 @dataclass(frozen=True)
@@ -34,6 +72,8 @@ class SampledController:
         Which outputs of the plant it reads, which inputs it drives.
     inputs, outputs : tuple of str
         Their names.
+    laws : Laws or None
+        Where the matrices change; the others are then the first of them.
     """
 
     A: Array
@@ -45,10 +85,11 @@ class SampledController:
     driven: Array
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    laws: Laws | None = None
 
 
 def sampled_controller(
-    controller: "control.StateSpace | None",
+    controller: "Controller | None",
     plant: "ModalPlant | MachineModes",
     sample_time: float,
     anti_windup: bool = True,
@@ -68,32 +109,76 @@ def sampled_controller(
         return SampledController(
             A=none, B=none, C=none, D=none, L=none, measured=nothing, driven=nothing, inputs=(), outputs=()
         )
-    given = of(controller, "controller", expected="StateSpace or None", any_time=True)
-    driven, measured = signals_of(given, plant.inputs, plant.outputs)
-    found = _discrete(given, sample_time, known("discretization", discretization, DISCRETIZATIONS))
-    A, B, C, D = found.A, found.B, found.C, found.D
-    L = conditioning_gain(A, B, C, D) if anti_windup and len(A) else np.zeros((len(A), len(C)))
+    known("discretization", discretization, DISCRETIZATIONS)
+    if isinstance(controller, TimeVaryingController):
+        return _time_varying(controller, plant, sample_time, anti_windup)
+    scheduled = controller if isinstance(controller, ScheduledController) else None
+    if scheduled is None:
+        given = (of(controller, "controller", expected="StateSpace, ScheduledController or None", any_time=True),)
+    else:
+        given = scheduled.systems
+    driven, measured = signals_of(
+        given[0], plant.inputs, plant.outputs, plant.states if isinstance(plant, ModalPlant) else ()
+    )
+    found = [_discrete(each, sample_time, discretization) for each in given]
+    gains = [
+        conditioning_gain(each.A, each.B, each.C, each.D)
+        if anti_windup and len(each.A)
+        else np.zeros((len(each.A), len(each.C)))
+        for each in found
+    ]
+    laws = None
+    if scheduled is not None:
+        law = np.array([np.block([[each.D, each.C], [each.B, each.A]]) for each in found])
+        laws = Laws(law, np.array(gains), scheduled.place, scheduled.values)
     return SampledController(
-        A=A,
-        B=B,
-        C=C,
-        D=D,
-        L=L,
+        A=found[0].A,
+        B=found[0].B,
+        C=found[0].C,
+        D=found[0].D,
+        L=gains[0],
         measured=np.array(measured, dtype=int),
         driven=np.array(driven, dtype=int),
-        inputs=given.inputs,
-        outputs=given.outputs,
+        inputs=given[0].inputs,
+        outputs=given[0].outputs,
+        laws=laws,
     )
+
+
+def _time_varying(
+    controller: TimeVaryingController, plant: "ModalPlant | MachineModes", sample_time: float, anti_windup: bool
+) -> SampledController:
+    """Return a controller whose matrices change from sample to sample."""
+    _check_time(controller.sample_time, sample_time)
+    A, B, C, D, L = (getattr(controller, letter) for letter in "ABCDL")
+    L = L if anti_windup else np.zeros_like(L)
+    first = Lti(A[0], B[0], C[0], D[0], tuple(controller.inputs), tuple(controller.outputs))
+    driven, measured = signals_of(first, plant.inputs, plant.outputs)
+    return SampledController(
+        A=A[0],
+        B=B[0],
+        C=C[0],
+        D=D[0],
+        L=L[0],
+        measured=np.array(measured, dtype=int),
+        driven=np.array(driven, dtype=int),
+        inputs=first.inputs,
+        outputs=first.outputs,
+        laws=Laws(controller.laws, L, None, np.zeros(0)),
+    )
+
+
+def _check_time(own: float, sample_time: float) -> None:
+    if abs(own - sample_time) > _SAME * sample_time:
+        raise ValueError(
+            f"controller: its sampling time is {exactly(own)} s; expected sample_time = {exactly(sample_time)} s"
+        )
 
 
 def _discrete(controller: Lti, sample_time: float, method: str) -> Lti:
     """Return the controller at ``sample_time``."""
     if controller.dt != 0.0:
-        if abs(controller.dt - sample_time) > _SAME * sample_time:
-            raise ValueError(
-                f"controller: its sampling time is {exactly(controller.dt)} s; expected sample_time = "
-                f"{exactly(sample_time)} s"
-            )
+        _check_time(controller.dt, sample_time)
         return controller
     poles = np.linalg.eigvals(controller.A) if len(controller.A) else np.zeros(1)
     fastest = complex(poles[np.abs(poles).argmax()])

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import known, names, positive
 from boomctl.lti.hold import lifted_response
+from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import count, signals
 from boomctl.simulation.plant import ModalPlant, in_modal_coordinates, modal_plant, realized, truncated
 from boomctl.simulation.signals import disturbance_rows, uniform_times
@@ -33,7 +34,7 @@ _WITNESSES = 2  # highest modes kept whose motion beyond rest stands for that of
 
 
 @dataclass(frozen=True)
-class ForcedResponse:
+class ForcedResponse(TimeSeries):
     """Outputs over time.
 
     Attributes
@@ -86,20 +87,16 @@ class ForcedResponse:
         """
         return import_module("boomctl.plotting").plot_forced_response(self, ax, outputs=outputs, **style)
 
-    @property
-    def response(self) -> control.TimeResponseData:
-        """The same as python-control's named time response."""
-        from boomctl.lti.python_control import control
+    def _outputs(self) -> dict[str, Array]:
+        return self.outputs
 
-        return control.TimeResponseData(
-            self.time,
-            np.array(list(self.outputs.values())),
-            inputs=np.array(list(self.inputs.values())),
-            output_labels=list(self.outputs),
-            input_labels=list(self.inputs),
-            issiso=False,
-            sysname="response",
-        )
+    def _inputs(self) -> dict[str, Array]:
+        return self.inputs
+
+    def __figures__(self) -> dict[str, float]:
+        """Return what a comparison shows."""
+        sizes = {f"{name}: rms": float(np.sqrt(np.mean(values**2))) for name, values in self.outputs.items()}
+        return sizes | {f"{name}: peak": float(np.abs(values).max()) for name, values in self.outputs.items()}
 
 
 def forced_response(

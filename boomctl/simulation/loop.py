@@ -24,13 +24,14 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, finite_array, nonnegative, positive, sequence, truth
+from boomctl.progress import computing
 from boomctl.simulation.blocks import in_blocks, run_fast, run_if_no_stop_is_met
 from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, stop_places
 from boomctl.simulation.contact.friction import CoulombFriction, friction_law
 from boomctl.simulation.contact.stepping import ContactLog, run_contact
 from boomctl.simulation.contact.stops import merged_hits
 from boomctl.simulation.controller import sampled_controller
-from boomctl.simulation.machine.machine import Machine, MachineModes
+from boomctl.simulation.machine.machine import Machine, MachineModes, reading_states
 from boomctl.simulation.plant import ModalPlant, modal_plant
 from boomctl.simulation.result import FrictionReport, LoopResult
 from boomctl.simulation.signals import TimeGrid, disturbance_rows, per_signal, sampled_noise, sampled_signals, time_grid
@@ -40,6 +41,7 @@ from boomctl.structure.model import SecondOrderModel
 if TYPE_CHECKING:
     import control
 
+    from boomctl.simulation.controller import Controller
     from boomctl.simulation.machine.run import MachineLoop
 
 # steps from one point of the grid to the next where there are stops: strokes between points are seen
@@ -49,8 +51,8 @@ _ROUNDING = 1e-9  # share of a step up to which a delay is a whole number of ste
 
 
 def simulate_loop(
-    plant: control.StateSpace | SecondOrderModel | Machine,
-    controller: control.StateSpace | None,
+    plant: control.StateSpace | control.TransferFunction | SecondOrderModel | Machine,
+    controller: Controller | None,
     disturbance: Mapping[str, ArrayLike] | ArrayLike | None,
     timepts: ArrayLike,
     *,
@@ -81,14 +83,18 @@ def simulate_loop(
 
     Parameters
     ----------
-    plant : control.StateSpace, SecondOrderModel or AssumedModesBeam
-        Continuous time, signals named.  A model of more than 60 coordinates is projected onto its lowest 60 modes.  A
-        hub-beam has the inputs ``torque``, ``disturbance_torque`` (both on the hub) and ``tip_force`` (across the
-        undeformed beam, turning with the hub), and the outputs ``hub_angle``, ``hub_speed``, ``tip_displacement``,
-        ``root_moment``, ``tip_acceleration`` (absolute, across the undeformed beam) and those of its ``sensors``.
-    controller : control.StateSpace or None
+    plant : control.StateSpace, control.TransferFunction, SecondOrderModel or AssumedModesBeam
+        Continuous time, signals named.  :func:`boomctl.with_states` makes outputs of a linear plant's states.  A model of
+        more than 60 coordinates is projected onto its lowest 60 modes.  A hub-beam has the inputs ``torque``,
+        ``disturbance_torque`` (both on the hub) and ``tip_force`` (across the undeformed beam, turning with the hub), and
+        the outputs ``hub_angle``, ``hub_speed``, ``tip_displacement``, ``root_moment``, ``tip_acceleration`` (absolute,
+        across the undeformed beam), those of its ``sensors``, and those of its states that the controller reads by their
+        names, as one of :func:`boomctl.lqr` does.
+    controller : control.StateSpace, control.TransferFunction, ScheduledController, TimeVaryingController or None
         ``u = K y``: its inputs are named as outputs of the plant, its outputs as inputs of the plant.  A discrete one
-        has ``sample_time`` as its own; a continuous one is discretised.  ``None``: open loop.
+        has ``sample_time`` as its own; a continuous one is discretised.  Of a scheduled one (:func:`boomctl.schedule`)
+        each controller is discretised, and the matrices follow the measurement as it is read, no reference taken from it.
+        A :class:`boomctl.TimeVaryingController` has matrices for each sample.  ``None``: open loop.
     disturbance : mapping from input to (n,) array, (k, n) array or None
         At ``timepts``.  An array has one row for each input of the plant that the controller does not drive.
     timepts : (n,) array_like
@@ -139,6 +145,7 @@ def simulate_loop(
     Examples
     --------
     A hub brought to rest at 0.5 rad, with 0.1 kg at the tip of which its controller does not know:
+
     >>> import boomctl as bc
     >>> import control
     >>> import numpy as np
@@ -160,6 +167,7 @@ def simulate_loop(
             if value is not None:
                 raise ValueError(f"{name}: expected None for a hub-beam, which has no contacts")
         modal = plant._forced_modes(sequence("sensors", sensors, "BeamSensor"))
+        modal = reading_states(modal, getattr(controller, "input_labels", None) or getattr(controller, "inputs", ()))
         places = []
     else:
         if sequence("sensors", sensors, "BeamSensor"):
@@ -184,16 +192,17 @@ def simulate_loop(
 
         size = 2 * len(modal.omega)
         begin = modal.from_state @ (np.zeros(size) if initial is None else _initial(initial, size))
-        lag, switch = _whole_steps(late, grid.h)
+        lag, switch = whole_steps(late, grid.h)
         loop = MachineLoop(modal, K, grid, grid.refined(rows), lag, switch, limits, added, begin)
-        return _machine_result(loop, late, *tolerance)
+        with computing("closed loop"):
+            return _machine_result(loop, late, *tolerance)
     start = _start(initial, modal)
     _check_strokes(places, modal.C @ start + modal.D @ rows[:, 0], modal.outputs)
 
     def problem(finer: int, touching: bool) -> tuple[LoopProblem, float]:
         """Return the loop in steps so much finer, and when the controls change within one."""
         steps = grid if finer == 1 else time_grid(timepts, sample_time, finer)
-        lag, rest = _whole_steps(late, steps.h)
+        lag, rest = whole_steps(late, steps.h)
         maps = modal.step(steps.h, rest)
         contacts = contacts_of(modal, maps, friction, places, K.outputs) if touching else None
         W = steps.refined(rows)
@@ -232,7 +241,7 @@ def _substeps(friction: CoulombFriction | None, stops: bool) -> int:
     return max(wanted, _STOP_SUBSTEPS) if stops else wanted
 
 
-def _whole_steps(delay: float, h: float) -> tuple[int, float]:
+def whole_steps(delay: float, h: float) -> tuple[int, float]:
     """Return a delay as whole steps and what is left of it."""
     if delay / h > _MOST_STEPS:
         raise ValueError(f"delay = {delay:g}: expected at most {_MOST_STEPS:g} steps of {h:g} s")
@@ -242,7 +251,9 @@ def _whole_steps(delay: float, h: float) -> tuple[int, float]:
 
 
 def _contact_inputs(
-    plant: control.StateSpace | SecondOrderModel, friction: CoulombFriction | None, limit: StrokeLimit
+    plant: control.StateSpace | control.TransferFunction | SecondOrderModel,
+    friction: CoulombFriction | None,
+    limit: StrokeLimit,
 ) -> tuple[str, ...]:
     """Return the inputs of a model at which contact forces act."""
     if not isinstance(plant, SecondOrderModel):

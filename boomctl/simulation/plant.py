@@ -31,6 +31,9 @@ _SHIFT = 1e-6  # of the square of the highest frequency kept: holds rigid bodies
 class ModalPlant:
     """``z' = A z + B d``, ``y = C z + D d``, ``x = T z``, with ``A`` block-diagonal.
 
+    ``states`` are the names that states of the plant have where they are handed out, so that a loop that reads one can say
+    what is missing.
+
     A block is a real pole, a complex pair, or poles too close together to be told apart (rigid-body modes, Jordan
     blocks): those stay one dense block.
     """
@@ -43,6 +46,7 @@ class ModalPlant:
     blocks: tuple[slice, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    states: tuple[str, ...] = ()
 
     def motion(self, duration: float) -> tuple[Array, Array, Array]:
         """Return ``exp(A h)``, ``int_0^h exp(A s) ds`` and ``int_0^h exp(A (h - s)) s ds``, block-diagonal."""
@@ -98,7 +102,9 @@ class StepMaps:
         return self.before + self.after if self.before.any() else self.after
 
 
-def modal_plant(system: "control.StateSpace | SecondOrderModel", keep_rigid: tuple[str, ...] = ()) -> ModalPlant:
+def modal_plant(
+    system: "control.StateSpace | control.TransferFunction | SecondOrderModel", keep_rigid: tuple[str, ...] = ()
+) -> ModalPlant:
     """Return a system in real modal coordinates.
 
     A ``SecondOrderModel`` of many coordinates is projected onto its lowest undamped modes; the others answer as they
@@ -114,7 +120,9 @@ def modal_plant(system: "control.StateSpace | SecondOrderModel", keep_rigid: tup
             known("input of a contact", name, system.inputs)
         small, compliance = truncated(system, _MODES)
         compliance[:, [system.inputs.index(name) for name in keep_rigid]] = 0.0
-        return in_modal_coordinates(realized(small, compliance))
+        handed_out = (*(f"mode{k + 1}" for k in range(small.n)), *small.structure.coordinates)
+        states = tuple(f"{name}.{part}" for name in handed_out for part in ("x1", "x2"))
+        return replace(in_modal_coordinates(realized(small, compliance)), states=states)
     return in_modal_coordinates(of(system, "plant"))
 
 
@@ -131,6 +139,7 @@ def in_modal_coordinates(system: Lti) -> ModalPlant:
             blocks=(),
             inputs=system.inputs,
             outputs=system.outputs,
+            states=system.states,
         )
     balanced, (scale, _) = linalg.matrix_balance(system.A, permute=False, separate=True)
     blocks, T, sizes = block_diagonal(balanced, _CONDITION)
@@ -147,6 +156,7 @@ def in_modal_coordinates(system: Lti) -> ModalPlant:
         blocks=parts,
         inputs=system.inputs,
         outputs=system.outputs,
+        states=system.states,
     )
 
 

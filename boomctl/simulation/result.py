@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known
+from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import count, listed
 from boomctl.simulation.contact.stops import StopHit
-
-if TYPE_CHECKING:
-    import control
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class FrictionReport:
 
 
 @dataclass(frozen=True)
-class LoopResult:
+class LoopResult(TimeSeries):
     """A closed loop in time.
 
     Attributes
@@ -114,26 +114,27 @@ class LoopResult:
         """The outputs named ``stroke_*``."""
         return {name: values for name, values in self.outputs.items() if name.startswith("stroke_")}
 
-    @property
-    def response(self) -> "control.TimeResponseData":
-        """Outputs over disturbances and controls as python-control's named time response."""
-        import numpy as np
+    def _outputs(self) -> dict[str, Array]:
+        return self.outputs
 
-        from boomctl.lti.python_control import control
-
+    def _inputs(self) -> dict[str, Array]:
+        """Return disturbances and controls; what is both, added up."""
         moved = {name: np.zeros(len(self.time)) for name in (*self.disturbances, *self.controls)}
         for signals in (self.disturbances, self.controls):
             for name, values in signals.items():
                 moved[name] = moved[name] + values
-        return control.TimeResponseData(
-            self.time,
-            np.array(list(self.outputs.values())).reshape(-1, len(self.time)),
-            inputs=np.array(list(moved.values())).reshape(-1, len(self.time)) if moved else None,
-            output_labels=list(self.outputs),
-            input_labels=list(moved) if moved else None,
-            issiso=False,
-            sysname="loop",
-        )
+        return moved
+
+    def __figures__(self) -> dict[str, float]:
+        """Return what a comparison shows."""
+        found = {}
+        for kind, signals in (("", self.outputs), ("control ", self.controls)):
+            for name, values in signals.items():
+                found[f"{kind}{name}: rms"] = float(np.sqrt(np.mean(values**2)))
+                found[f"{kind}{name}: peak"] = float(np.abs(values).max())
+        limited = {name: share for name, share in self.saturation_share.items() if share}
+        found |= {f"control {name}: at its limit [%]": 100.0 * share for name, share in limited.items()}
+        return found | ({"hits of stops": float(len(self.stops))} if self.stops else {})
 
     def plot(self, ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any) -> Array:
         """Draw outputs, controls asked for and applied, stops and friction over time.

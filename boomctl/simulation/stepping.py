@@ -137,13 +137,17 @@ def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
     coarse = np.isfinite(p.limits.quantum)
     bounded = bool(np.isfinite(p.limits.force).any() or np.isfinite(p.limits.rate).any())
     force, rate, last = p.limits.force.tolist(), p.limits.rate.tolist(), [0.0] * nu
-    asked, given, correct = log.asked, log.given, c.L.any()
+    asked, given, correction, laws = log.asked, log.given, c.L, c.laws
+    correct = correction.any() if laws is None else laws.correction.any()
 
     def sample(k: int, at: Array) -> None:
+        nonlocal law, correction
         np.dot(reads, at, out=y)
         y.__iadd__(heard[k])
         if grain is not None:
             y[coarse] = (grain * np.rint(y / grain))[coarse]
+        if laws is not None:
+            law, correction = laws.at(k, y)
         if wanted is not None:
             y.__isub__(wanted[k])
         np.dot(law, known, out=found)
@@ -153,7 +157,7 @@ def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
         if bounded and limited(u.tolist(), k, force, rate, last, log):
             given[k] = last
             if correct:
-                following.__iadd__(c.L @ (given[k] - asked[k]))
+                following.__iadd__(correction @ (given[k] - asked[k]))
         else:
             given[k] = u
         state[:] = following

@@ -10,6 +10,8 @@ from boomctl.slew.optimal import optimal_slew, resolve
 from boomctl.slew.payloads import PayloadComparison, PayloadLine, compare_payloads
 from boomctl.slew.result import Replay, SlewCertificate, SlewError, SlewResult
 from boomctl.slew.torque import TorqueHistory
+from boomctl.slew.tracking.monte_carlo import TrackingStudy
+from boomctl.slew.tracking.tracked import TrackedSlew
 
 __all__ = [
     "MeshStudy",
@@ -25,7 +27,9 @@ __all__ = [
     "SlewResult",
     "SwitchingCurve",
     "TorqueHistory",
+    "TrackedSlew",
     "TrackingResult",
+    "TrackingStudy",
     "classical_spin_up",
     "classical_torque",
     "compare_payloads",

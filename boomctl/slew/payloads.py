@@ -9,6 +9,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import instance, mapping, nonnegative, sequence
+from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import compact, table_html
 from boomctl.slew.plant import SlewMachine, plant_of
 from boomctl.slew.result import SlewResult
@@ -20,7 +21,7 @@ _DURING, _AFTER, _SWEPT = 301, 121, 61
 
 
 @dataclass(frozen=True, eq=False)
-class PayloadLine:
+class PayloadLine(TimeSeries):
     """One slew with one payload.
 
     Attributes
@@ -51,6 +52,9 @@ class PayloadLine:
     tip_displacement: Array
 
     __repr__ = compact
+
+    def _outputs(self) -> dict[str, Array]:
+        return {"tip_displacement": self.tip_displacement}
 
 
 @dataclass(frozen=True, eq=False)

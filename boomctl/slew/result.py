@@ -1,15 +1,22 @@
 """What a planned slew returns, and what is raised when none can be vouched for."""
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from boomctl.arrays import Array
+from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import compact
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.torque import TorqueHistory
+
+if TYPE_CHECKING:
+    from boomctl.simulation.signals import Levels
+    from boomctl.slew.tracking.tracked import TrackedSlew
 
 
 class SlewError(RuntimeError):
@@ -135,7 +142,7 @@ class SlewCertificate:
 
 
 @dataclass(frozen=True, eq=False)
-class SlewResult:
+class SlewResult(TimeSeries):
     """A slew: the torque, what the plant does under it, and the certificate.
 
     Attributes
@@ -214,6 +221,111 @@ class SlewResult:
     def replays(self) -> tuple[Replay, ...]:
         """What the torque does to the other payloads, to FOAM and to the geometrically exact beam; computed when asked."""
         return self.replay()
+
+    def track(
+        self,
+        *,
+        sample_time: float = 0.005,
+        torque_limit: float | None = None,
+        settle: float | None = None,
+        measurements: str | Sequence[str] | None = None,
+        sensors: Sequence[Any] = (),
+        noise: Levels = None,
+        error_weight: float = 1000.0,
+        integral_time: float | None = 0.3,
+        disturbance: float | None = None,
+        model_error: float = 0.1,
+    ) -> TrackedSlew:
+        """Return the slew with feedback along it: a time-varying LQR, or LQG, about its trajectory.
+
+        The plan's torque is the feedforward, and what is measured is compared with the plan.  The nonlinear model is
+        linearised along the plan, sampled as the torque is held; Riccati's recursion runs back from the rest at the end.
+
+        Parameters
+        ----------
+        sample_time : float
+            Between samples [s]; rounded such that the slew has a whole number of them.
+        torque_limit : float, optional
+            Largest torque of plan and feedback together [N m]; by default half as much again as that of the planning. A
+            slew of least time takes all that it is planned with, so plan it with less than there is.
+        settle : float, optional
+            Time for which the end is held [s]; by default four of the slowest periods.
+        measurements : str or sequence of str, optional
+            Outputs of the machine that are read, as :func:`boomctl.simulate_loop` names them; by default all states.
+        sensors : sequence of BeamSensor
+            Further outputs.
+        noise : float or mapping from measurement to float, optional
+            Standard deviation of each measurement, at each sample.
+        error_weight : float
+            Weight of the deviations of hub angle, tip and their rates over the span of each in the plan, squared, beside
+            that of the torque over its limit; larger follows more tightly.
+        integral_time : float, optional
+            Time in which a constant torque that disturbs is made out and balanced [s]; None: it is not.
+        disturbance : float, optional
+            Standard deviation of a torque that the observer takes to disturb, anew at each sample [N m]; by default 10 % of
+            the largest torque.
+        model_error : float
+            Share by which the observer takes the stiffness to be wrong.
+
+        Returns
+        -------
+        TrackedSlew
+            ``.simulate()`` follows the slew, ``.monte_carlo()`` many times, by machines that differ.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Arguments of another kind or out of range; a slew of a linear system.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> slew = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=160.0)
+        >>> slew.track(torque_limit=200.0)
+        TrackedSlew: 2.69713 s, sampled every 0.005004 s
+          LQR of all states
+          torque: 160 N m planned of 200
+          stable at the end, the slowest pole in 1.56 s
+        """
+        from boomctl.slew.tracking.tracked import tracked_slew  # which only a slew that is followed needs
+
+        if self.plan is None:
+            raise ValueError("slew: expected one that was planned by optimal_slew")
+        problem = self.plan.problem
+        return tracked_slew(
+            problem.plants[0],
+            self.history,
+            self.states[0],
+            problem.limits.torque,
+            problem.final_speed,
+            sample_time=sample_time,
+            torque_limit=torque_limit,
+            settle=settle,
+            measurements=measurements,
+            sensors=sensors,
+            noise=noise,
+            error_weight=error_weight,
+            integral_time=integral_time,
+            disturbance=disturbance,
+            model_error=model_error,
+        )
+
+    def _outputs(self) -> dict[str, Array]:
+        names = ("hub_angle", "hub_speed", "tip_displacement", "root_moment")
+        return {name: values for name in names if (values := getattr(self, name)) is not None}
+
+    def _inputs(self) -> dict[str, Array]:
+        return {"torque": self.torque}
+
+    def __figures__(self) -> dict[str, float]:
+        """Return what a comparison shows."""
+        found = {"duration [s]": self.duration, "torque: peak [N m]": self.history.peak}
+        found["effort [N^2 m^2 s]"] = self.history.effort
+        if self.tip_displacement is not None:
+            found["tip displacement: peak [m]"] = float(abs(self.tip_displacement).max())
+        if self.residual_energy is not None:
+            found["energy left [J]"] = self.residual_energy
+        return found | {"end error": self.end_error}
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
         """Draw torque, hub and tip over time, with the limits near them.

@@ -11,7 +11,7 @@ from boomctl.structure.beams.cross_sections import (
 )
 from boomctl.structure.beams.elements import DiscreteElements, FiniteElements
 from boomctl.structure.displacement_input import prescribe_displacement
-from boomctl.structure.families import AffineFamily
+from boomctl.structure.families import AffineFamily, PolynomialFamily
 from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.structure.parts import (
     GROUND,
@@ -29,6 +29,7 @@ from boomctl.structure.parts import (
     prismatic,
     revolute,
 )
+from boomctl.structure.response.mode_shapes import ModeShapes, ShapeLine
 
 __all__ = [
     "GROUND",
@@ -42,10 +43,13 @@ __all__ = [
     "FiniteElements",
     "Force",
     "Joint",
+    "ModeShapes",
     "Output",
     "Point",
+    "PolynomialFamily",
     "RigidBody",
     "SecondOrderModel",
+    "ShapeLine",
     "SpringDamper",
     "bar_section",
     "fixed",

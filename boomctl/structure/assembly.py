@@ -28,6 +28,7 @@ from boomctl.structure.kinematics import Kinematics, Row, attachments, kinematic
 from boomctl.structure.layout import Layout, Weights, squared_sums
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.outline import Line, Outline
 from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point, RigidBody, SpringDamper
 from boomctl.structure.ports import Ports
 
@@ -37,6 +38,8 @@ _DAMPED_ALIKE = 1e-9  # of the largest damping; what differs less from proportio
 _STATIONS_LOSE = 8.0 * float(
     np.finfo(float).eps
 )  # of a beam's length: rounding of stations, which count from its start
+_DRAWN = 10  # points of a picture on each element (a choice)
+_POINTS = (60, 600)  # on a beam at least and at most: finer than a picture shows (a choice)
 _UNEVEN = 0.41421356  # share of its length at which a free beam is cut in two: sqrt 2 - 1, no node of a low mode
 
 
@@ -146,13 +149,43 @@ class Assembly:
         ValueError
             The joints contradict each other, or a coordinate without mass is acted upon.
         """
-        mechanism = _mechanism(self, exact=False)
+        mechanism, outline = _mechanism(self, exact=False), Outline(self)
         layout, ports, weights = mechanism.layout, mechanism.ports, mechanism.weights(self)
         massless = np.flatnonzero(squared_sums(layout.N, weights.m) == 0.0)
         if len(massless):
             T, kept = _condensation(Structure.weighed(layout, weights), ports, massless)
             layout, ports = layout.congruent(T, tuple(layout.coordinates[i] for i in kept)), ports.congruent(T)
-        return SecondOrderModel.of(Structure.weighed(layout, weights), ports)
+            outline = outline.mapped(T)
+        return SecondOrderModel.of(Structure.weighed(layout, weights).drawn_as(outline), ports)
+
+    def lines(self) -> tuple[Line, ...]:
+        """Return where the bodies are, and how they move with the coordinates that the joints leave.
+
+        Returns
+        -------
+        tuple of Line
+            A beam has points along its elements, a rigid body those at which something is attached.
+        """
+        points = self.points()
+        mesh_of = {beam.name: _discretized(beam, attachments(beam, points)) for beam in self._beams()}
+        motion = kinematics(self.bodies, mesh_of, self.cuts)
+        index = {name: i for i, name in enumerate(motion.coordinates)}
+        T, _ = _free_coordinates(motion, index)
+        found = []
+        for body in self.bodies:
+            if isinstance(body, Beam):
+                nodes = mesh_of[body.name].nodes
+                between = np.linspace(0.0, body.length, int(np.clip(_DRAWN * (len(nodes) - 1), *_POINTS)) + 1)
+                shown = [body.at_station(float(s)) for s in between]
+            else:
+                own = [body.parent, *(point for point in points if point.body.name == body.name)]
+                places = {(point.x, point.y) for point in own} | ({body.centre} if body.centre else set())
+                shown = [body.at(x, y) for x, y in sorted(places)]
+            frames = [motion.motion(point) for point in shown]
+            rows = (row_matrix([getattr(frame, axis) for frame in frames], index) @ T for axis in "xy")
+            places = np.array([(frame.x0, frame.y0) for frame in frames])
+            found.append(Line(body.name, isinstance(body, Beam), places, *rows))
+        return tuple(found)
 
     def exact(self) -> ExactModel:
         """Return the structure with exact beams, which need no elements; forces are its inputs.

@@ -98,6 +98,7 @@ def prescribe_displacement(
         choice, layout, imposed = _eliminated(old.layout, both, J.tobytes())
         moving = _Side(choice.T_q, layout)
         structure = Structure.weighed(layout, old.weights, None if old.mirror is None else layout.mirror)
+    structure = structure.drawn_as(old.outline, choice.T_q)
     return SecondOrderModel.of(
         structure, _Prescribed(old, model.ports, moving, imposed, moved, held).ports(orders, reactions)
     )

@@ -1,22 +1,26 @@
-"""Structures whose matrices are affine in uncertain parameters."""
+"""Structures whose matrices depend on uncertain parameters: in straight lines, or as polynomials."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array, Matrix
-from boomctl.checks import finite_array, instance, known, mapping, real, sequence, signal_name
+from boomctl.checks import finite_array, instance, known, mapping, real, sequence, signal_name, whole
 from boomctl.printing import compact, listed, signals
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
 
 _EXACT = 1e-9  # share of an entry; what is missed by less is rounding of the assembly (a choice)
+_NOISE = 1e-12  # share of an entry below which a coefficient of a polynomial is rounding (a choice)
+_FIRST_POINTS = 5  # at which a polynomial is tried first: enough for squares (a choice)
 _INSIDE = 24  # points inside the box at which a family is checked besides its corners (a choice)
 
 
@@ -40,109 +44,31 @@ class Slope:
     __repr__ = compact
 
 
-@dataclass(frozen=True)
-class AffineFamily:
-    """A family of structures whose matrices depend on uncertain parameters in a straight line (affinely).
-
-    With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_i delta_i M_i``; ``C``, ``K`` and
-    the columns of the inputs alike.  What the outputs read does not change.  `AffineFamily.through` makes one.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Names of the parameters.
-    low, high : (k,) ndarray
-        Lower and upper ends of their ranges, in the parameters' units.
-    centre : SecondOrderModel
-        The structure in the middle of the box.
-    slopes : tuple of Slope
-        For each parameter, how the matrices change from the middle of its range to the upper end.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Not as many ends and slopes as names; ends that do not ascend; a centre that is not a SecondOrderModel.
-
-    Examples
-    --------
-    >>> import boomctl as bc
-    >>> family = bc.boom_family(spring=(0.7, 1.3))
-    >>> family.names, family.size
-    (('spring', 'mass'), 2)
-    >>> family.at([1.0, 0.0]).eigenfrequencies_hz(1).round(3)  # springs 1.3 times as stiff
-    array([0.275])
-    """
+class Family:
+    """Structures over a box of parameters: one in its middle, and how products of the parameters change its matrices."""
 
     names: tuple[str, ...]
     low: Array
     high: Array
     centre: SecondOrderModel
-    slopes: tuple[Slope, ...]
-
-    def __post_init__(self) -> None:
-        count = len([signal_name("parameter", name) for name in sequence("names", self.names, "names of parameters")])
-        instance("centre", self.centre, SecondOrderModel)
-        slopes = [instance("slope", slope, Slope) for slope in sequence("slopes", self.slopes, "Slope")]
-        for name in ("low", "high"):
-            ends = finite_array(name, getattr(self, name), ndim=1)
-            if len(ends) != count:
-                raise ValueError(f"{name}: expected {count} numbers, one a parameter, got {len(ends)}")
-            object.__setattr__(self, name, ends)
-        if len(slopes) != count:
-            raise ValueError(f"slopes: expected {count}, one a parameter, got {len(slopes)}")
-        if not (self.low < self.high).all():
-            raise ValueError(f"low = {self.low.tolist()}, high = {self.high.tolist()}: expected low below high")
+    _no: ClassVar[str]
 
     def __repr__(self) -> str:
         box = (
             f"{name} {low:.6g} to {high:.6g}" for name, low, high in zip(self.names, self.low, self.high, strict=True)
         )
         ports = signals(self.centre.inputs, self.centre.outputs)
-        return f"AffineFamily: {self.centre.n} coordinates; {listed(list(box), 50)}\n{ports}"
+        return f"{type(self).__name__}: {self.centre.n} coordinates; {listed(list(box), 50)}\n{ports}"
 
-    @classmethod
-    def through(
-        cls, ranges: Mapping[str, tuple[float, float]], make: Callable[[Mapping[str, float]], SecondOrderModel]
-    ) -> AffineFamily:
-        """Return the family through the structures that a function makes.
+    @property
+    def terms(self) -> tuple[tuple[tuple[int, ...], Slope], ...]:
+        """What each product of ``delta``s, such as ``(0, 0, 1)`` for ``d0^2 d1``, brings to the matrices."""
+        raise NotImplementedError
 
-        It is checked at every corner of the box and at points drawn inside it.
-
-        Parameters
-        ----------
-        ranges : mapping from name to (low, high)
-            The parameters and the ends of their ranges, ascending.
-        make : function
-            Makes a `SecondOrderModel` from a mapping of parameter values; its matrices must depend on them affinely.
-
-        Returns
-        -------
-        AffineFamily
-            The structures over that box.
-
-        Raises
-        ------
-        TypeError, ValueError
-            Empty or reversed ranges; structures of different signals; a corner or a point inside that the affine family
-            misses, or outputs that change.
-        """
-        if not mapping("ranges", ranges, "parameters to pairs"):
-            raise ValueError("ranges: expected at least one parameter")
-        names = tuple(signal_name("parameter", name) for name in ranges)
-        pairs = [interval(name, ranges[name]) for name in names]
-        low, high = np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
-        middle, width = 0.5 * (low + high), 0.5 * (high - low)
-
-        def at(delta: Array) -> SecondOrderModel:
-            return make({n: float(v) for n, v in zip(names, middle + delta * width, strict=True)})
-
-        centre = at(np.zeros(len(names)))
-        ends = [at(unit) for unit in np.eye(len(names))]
-        family = cls(names, low, high, centre, tuple(_slope(centre, end) for end in ends))
-        inside = np.random.default_rng(0).uniform(-1.0, 1.0, (_INSIDE, len(names)))
-        for delta in (*np.array(list(product((-1.0, 1.0), repeat=len(names)))), *inside):
-            family._check(delta, at(delta))
-        return family
+    @property
+    def unfelt(self) -> tuple[int, ...]:
+        """Coordinates whose position nothing in the structure feels: left out of a loop that does not read them."""
+        return ()
 
     @property
     def size(self) -> int:
@@ -214,19 +140,42 @@ class AffineFamily:
             Not as many numbers as parameters, or not finite.
         """
         d, c = self._delta(delta), self.centre
+        shares = [float(np.prod(d[list(power)])) for power, _ in self.terms]
         M, C, K = (
-            sum((x * getattr(s, name) for x, s in zip(d, self.slopes, strict=True)), getattr(c, name))
+            sum((w * getattr(s, name) for w, (_, s) in zip(shares, self.terms, strict=True)), getattr(c, name))
             for name in ("M", "C", "K")
         )
-        B = sum((x * s.B for x, s in zip(d, self.slopes, strict=True)), c.ports.B)
+        B = sum((w * s.B for w, (_, s) in zip(shares, self.terms, strict=True)), c.ports.B)
         ports = replace(c.ports, B=B)
-        return SecondOrderModel.of(Structure.of(M, C, K, c.coordinates, c.mirror), ports)
+        return SecondOrderModel.of(Structure.of(M, C, K, c.coordinates, c.mirror).drawn_as(c.structure.outline), ports)
 
     def _delta(self, delta: ArrayLike) -> Array:
         d = finite_array("delta", delta, ndim=1)
         if len(d) != len(self.names):
             raise ValueError(f"delta has {len(d)} entries; expected {len(self.names)}: {', '.join(self.names)}")
         return d
+
+    def _least(self, name: str) -> Array | float:
+        """Return sizes of a matrix's entries over the box, where what vanishes at a point of it counts by them."""
+        return 0.0
+
+    def _checked_box(self) -> None:
+        """Refuse what is no box of parameters around a structure."""
+        count = len([signal_name("parameter", name) for name in sequence("names", self.names, "names of parameters")])
+        instance("centre", self.centre, SecondOrderModel)
+        for name in ("low", "high"):
+            ends = finite_array(name, getattr(self, name), ndim=1)
+            if len(ends) != count:
+                raise ValueError(f"{name}: expected {count} numbers, one a parameter, got {len(ends)}")
+            object.__setattr__(self, name, ends)
+        if not (self.low < self.high).all():
+            raise ValueError(f"low = {self.low.tolist()}, high = {self.high.tolist()}: expected low below high")
+
+    def _check_inside(self, at: Callable[[Array], SecondOrderModel]) -> None:
+        """Refuse a family that misses what a function makes at a corner of the box or a point drawn inside it."""
+        inside = np.random.default_rng(0).uniform(-1.0, 1.0, (_INSIDE, self.size))
+        for delta in (*np.array(list(product((-1.0, 1.0), repeat=self.size))), *inside):
+            self._check(delta, at(delta))
 
     def _check(self, delta: Array, exact: SecondOrderModel) -> None:
         mine = self.at(delta)
@@ -236,7 +185,7 @@ class AffineFamily:
             pairs += [(f"{group}{k}", mine_3[k], exact_3[k]) for k in range(3)]
         for name, a, b in pairs:
             a, b = dense(a), dense(b)
-            size = np.maximum(np.abs(a), np.abs(b))
+            size = np.maximum(np.maximum(np.abs(a), np.abs(b)), self._least(name))
             if name in ("M", "C", "K"):  # an entry may cancel, and is then as exact as the diagonals beside it
                 along = np.sqrt(np.diag(size))
                 size = np.maximum(size, np.outer(along, along))
@@ -245,9 +194,296 @@ class AffineFamily:
             if (np.abs(a - b) > _EXACT * size).any():
                 where = ", ".join(f"{key} = {value:.6g}" for key, value in self.values(delta).items())
                 raise ValueError(
-                    f"{name} is not affine in {', '.join(self.names)}, or an output changes with them: the family misses"
+                    f"{name} is {self._no} {', '.join(self.names)}, or an output changes with them: the family misses"
                     f" what was made at {where}"
                 )
+
+
+@dataclass(frozen=True, repr=False)
+class AffineFamily(Family):
+    """A family of structures whose matrices depend on uncertain parameters in a straight line (affinely).
+
+    With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_i delta_i M_i``; ``C``, ``K`` and
+    the columns of the inputs alike.  What the outputs read does not change.  `AffineFamily.through` makes one.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the parameters.
+    low, high : (k,) ndarray
+        Lower and upper ends of their ranges, in the parameters' units.
+    centre : SecondOrderModel
+        The structure in the middle of the box.
+    slopes : tuple of Slope
+        For each parameter, how the matrices change from the middle of its range to the upper end.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not as many ends and slopes as names; ends that do not ascend; a centre that is not a SecondOrderModel.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> family = bc.boom_family(spring=(0.7, 1.3))
+    >>> family.names, family.size
+    (('spring', 'mass'), 2)
+    >>> family.at([1.0, 0.0]).eigenfrequencies_hz(1).round(3)  # springs 1.3 times as stiff
+    array([0.275])
+    """
+
+    names: tuple[str, ...]
+    low: Array
+    high: Array
+    centre: SecondOrderModel
+    slopes: tuple[Slope, ...]
+
+    _no: ClassVar[str] = "not affine in"
+
+    def __post_init__(self) -> None:
+        self._checked_box()
+        slopes = [instance("slope", slope, Slope) for slope in sequence("slopes", self.slopes, "Slope")]
+        if len(slopes) != self.size:
+            raise ValueError(f"slopes: expected {self.size}, one a parameter, got {len(slopes)}")
+
+    @property
+    def terms(self) -> tuple[tuple[tuple[int, ...], Slope], ...]:
+        return tuple(((i,), slope) for i, slope in enumerate(self.slopes))
+
+    @classmethod
+    def through(
+        cls, ranges: Mapping[str, tuple[float, float]], make: Callable[[Mapping[str, float]], SecondOrderModel]
+    ) -> AffineFamily:
+        """Return the family through the structures that a function makes.
+
+        It is checked at every corner of the box and at points drawn inside it.
+
+        Parameters
+        ----------
+        ranges : mapping from name to (low, high)
+            The parameters and the ends of their ranges, ascending.
+        make : function
+            Makes a `SecondOrderModel` from a mapping of parameter values; its matrices must depend on them affinely.
+
+        Returns
+        -------
+        AffineFamily
+            The structures over that box.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Empty or reversed ranges; structures of different signals; a corner or a point inside that the affine family
+            misses, or outputs that change.
+        """
+        names, low, high = _box(ranges)
+        middle, width = 0.5 * (low + high), 0.5 * (high - low)
+
+        def at(delta: Array) -> SecondOrderModel:
+            return make({n: float(v) for n, v in zip(names, middle + delta * width, strict=True)})
+
+        centre = at(np.zeros(len(names)))
+        ends = [at(unit) for unit in np.eye(len(names))]
+        family = cls(names, low, high, centre, tuple(_slope(centre, end) for end in ends))
+        family._check_inside(at)
+        return family
+
+
+@dataclass(frozen=True, repr=False)
+class PolynomialFamily(Family):
+    """A family of structures whose matrices are polynomials of uncertain parameters, as a rotating beam's of its speed.
+
+    With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_p delta^p M_p`` over products
+    ``delta^p`` of them; ``C``, ``K`` and the columns of the inputs alike.  What the outputs read does not change.
+    `PolynomialFamily.through` makes one.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the parameters.
+    low, high : (k,) ndarray
+        Lower and upper ends of their ranges, in the parameters' units.
+    centre : SecondOrderModel
+        The structure in the middle of the box.
+    changes : tuple of (tuple of int, Slope)
+        Products of parameters, each named by its factors, ``(0, 0, 1)`` for the square of the first times the second, and
+        what they are multiplied by.
+    free : tuple of str
+        Coordinates whose position nothing in the structure feels, as a hub's angle: proofs leave the integrator out
+        where the controller does not read them.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not as many ends as names; ends that do not ascend; products of unknown parameters; unknown coordinates; a centre
+        that is not a SecondOrderModel.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> family = bc.hub_beam(model="sfoam", modes=2).family(hub_speed=(0.0, 6.0))
+    >>> [power for power, _ in family.changes]  # the speed and its square
+    [(0,), (0, 0)]
+    """
+
+    names: tuple[str, ...]
+    low: Array
+    high: Array
+    centre: SecondOrderModel
+    changes: tuple[tuple[tuple[int, ...], Slope], ...]
+    free: tuple[str, ...] = ()
+    _no: ClassVar[str] = "no polynomial of"
+
+    def __post_init__(self) -> None:
+        self._checked_box()
+        for entry in sequence("changes", self.changes, "pairs of factors and Slope"):
+            pair = sequence("changes", entry, "pairs of factors and Slope")
+            if len(pair) != 2:
+                raise ValueError(f"changes: expected pairs of factors and Slope, got {len(pair)} of them together")
+            power, slope = pair
+            instance("change", slope, Slope)
+            if not sequence("factors", power, "int"):
+                raise ValueError("changes: expected products of one parameter or more, got none")
+            for factor in power:
+                whole("factor", factor, 0, self.size - 1)
+        for name in sequence("free", self.free, "str"):
+            known("coordinate", name, self.centre.coordinates)
+
+    @property
+    def terms(self) -> tuple[tuple[tuple[int, ...], Slope], ...]:
+        return self.changes
+
+    @property
+    def unfelt(self) -> tuple[int, ...]:
+        return tuple(self.centre.coordinates.index(name) for name in self.free)
+
+    def _least(self, name: str) -> Array | float:
+        if name not in ("M", "C", "K"):
+            return 0.0
+        pairs = [(letter, dense(getattr(self.centre, letter))) for letter in ("M", "C", "K")]
+        largest = {x: np.abs(c) + sum(np.abs(getattr(slope, x)) for _, slope in self.terms) for x, c in pairs}
+        return _sizes({letter: size[None] for letter, size in largest.items()})[name]
+
+    @classmethod
+    def through(
+        cls,
+        ranges: Mapping[str, tuple[float, float]],
+        make: Callable[[Mapping[str, float]], SecondOrderModel],
+        degree: int = 16,
+        free: Sequence[str] = (),
+    ) -> PolynomialFamily:
+        """Return the family through the structures that a function makes, at Chebyshev points of the box.
+
+        Coefficients that are rounding are left out.  The family is checked at every corner of the box and at points drawn
+        inside it: entries are met to 1e-9.
+
+        Parameters
+        ----------
+        ranges : mapping from name to (low, high)
+            The parameters and the ends of their ranges, ascending.
+        make : function
+            Makes a `SecondOrderModel` from a mapping of parameter values; its matrices must be polynomials of them, or
+            as smooth as one.
+        degree : int
+            Largest power of a parameter that is tried; what is needed is found.
+        free : sequence of str
+            As of the family.
+
+        Returns
+        -------
+        PolynomialFamily
+            The structures over that box.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Empty or reversed ranges; structures of different signals; a corner or a point inside that the family misses,
+            or outputs that change.
+        """
+        names, low, high = _box(ranges)
+        middle, width = 0.5 * (low + high), 0.5 * (high - low)
+
+        def at(delta: Array) -> SecondOrderModel:
+            return make({n: float(v) for n, v in zip(names, middle + delta * width, strict=True)})
+
+        axes = np.eye(len(names))
+        counts = [_points_needed(lambda x, unit=unit: at(x * unit), whole("degree", degree)) for unit in axes]
+        made = [at(np.array(point)) for point in product(*(chebyshev.chebpts1(count) for count in counts))]
+        stacks, found = _matrices(made), {}
+        for letter, size in _sizes(stacks).items():
+            grid = stacks[letter].reshape(*counts, *size.shape)
+            for axis, count in enumerate(counts):
+                grid = np.moveaxis(np.tensordot(_to_series(count), grid, (1, axis)), 0, axis)
+            grid[np.abs(grid) <= _NOISE * size] = 0.0
+            for axis, count in enumerate(counts):
+                to_powers = np.array(
+                    [np.pad(chebyshev.cheb2poly(unit), (0, count))[:count] for unit in np.eye(count)]
+                ).T
+                grid = np.moveaxis(np.tensordot(to_powers, grid, (1, axis)), 0, axis)
+            found[letter] = grid
+        changes: list[Any] = []
+        for exponents in product(*(range(count) for count in counts)):
+            parts = [found[letter][exponents] for letter in ("M", "C", "K", "B")]
+            if sum(exponents) and any(part.any() for part in parts):
+                power = tuple(i for i, exponent in enumerate(exponents) for _ in range(exponent))
+                changes.append((power, Slope(*parts)))
+        zero = (0,) * len(names)
+        structure = Structure.of(found["M"][zero], found["C"][zero], found["K"][zero], made[0].coordinates)
+        centre = SecondOrderModel.of(structure, replace(made[0].ports, B=found["B"][zero]))
+        order = sorted(changes, key=lambda change: (len(change[0]), change[0]))
+        family = cls(names, low, high, centre, tuple(order), tuple(free))
+        family._check_inside(at)
+        return family
+
+
+def _points_needed(at: Callable[[float], SecondOrderModel], degree: int) -> int:
+    """Return at how many Chebyshev points a line of structures is to be known, so that what is left is rounding."""
+    count = _FIRST_POINTS
+    while count <= degree:
+        found = _matrices([at(float(x)) for x in chebyshev.chebpts1(count)])
+        series = {letter: np.tensordot(_to_series(count), stack, 1) for letter, stack in found.items()}
+        if all((np.abs(series[x][-2:]) <= _NOISE * size).all() for x, size in _sizes(found).items()):
+            return count
+        count = 2 * count - 1
+    return degree + 1
+
+
+def _to_series(count: int) -> Array:
+    """Return the matrix from values at Chebyshev points to coefficients of Chebyshev polynomials."""
+    return np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(count), count - 1))
+
+
+def _matrices(made: Sequence[SecondOrderModel]) -> dict[str, Array]:
+    """Return the matrices of structures and the columns of their inputs, stacked; refused where signals differ."""
+    for each in made:
+        _slope(made[0], each)
+    found = {letter: np.array([dense(getattr(each, letter)) for each in made]) for letter in ("M", "C", "K")}
+    return {**found, "B": np.array([each.ports.B for each in made])}
+
+
+def _sizes(stacks: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the size of each entry, by which rounding is judged: of what may cancel, that of what it goes with.
+
+    Masses and stiffnesses go with the diagonals beside them, a coordinate without stiffness counting with the least rate of
+    the others; dampings and gyroscopic terms go with the largest rate.
+    """
+    found = {letter: np.abs(stack).max(axis=0) for letter, stack in stacks.items()}
+    mass, stiffness = np.diag(found["M"]), np.diag(found["K"])
+    squares = np.divide(stiffness, mass, out=np.zeros_like(mass), where=mass > 0.0)
+    stiffness = np.maximum(stiffness, mass * squares[squares > 0.0].min(initial=np.inf if squares.any() else 0.0))
+    beside = {"M": np.sqrt(np.outer(mass, mass)), "K": np.sqrt(np.outer(stiffness, stiffness))}
+    rates = np.divide(found["C"], beside["M"], out=np.zeros_like(found["C"]), where=beside["M"] > 0.0)
+    beside["C"] = rates.max(initial=0.0) * beside["M"]
+    return {letter: np.maximum(size, beside.get(letter, 0.0)) for letter, size in found.items()}
+
+
+def _box(ranges: Mapping[str, tuple[float, float]]) -> tuple[tuple[str, ...], Array, Array]:
+    """Return names and ends of a box of parameters that a user hands in."""
+    if not mapping("ranges", ranges, "parameters to pairs"):
+        raise ValueError("ranges: expected at least one parameter")
+    names = tuple(signal_name("parameter", name) for name in ranges)
+    pairs = [interval(name, ranges[name]) for name in names]
+    return names, np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
 
 
 def interval(name: str, given: object) -> tuple[float, float]:

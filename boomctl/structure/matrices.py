@@ -14,6 +14,7 @@ from scipy import sparse
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix
 from boomctl.printing import compact
 from boomctl.structure.layout import HalfLayout, Layout, Weights, squared_sums
+from boomctl.structure.outline import Outline
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.mixed import MixedForm
 from boomctl.structure.response.pencil import Pencil, stored
@@ -54,6 +55,8 @@ class Structure:
         Rows over the coordinates and their weights, where they are known.
     mirror : Mirror or None
         The reflection about ``x = 0`` that leaves the matrices as they are, where there is one.
+    outline : Outline or None
+        Where the parts are and how they move with the coordinates, where that is known.
     dense_up_to : int
         Coordinates up to which matrices that follow from rows are stored dense.
     """
@@ -64,6 +67,7 @@ class Structure:
     weights: Weights | None = None
     mirror: Mirror | None = None
     dense_up_to: int = field(default=DENSE_LIMIT, repr=False)
+    outline: Outline | None = field(default=None, repr=False)
 
     __repr__ = compact
 
@@ -88,6 +92,12 @@ class Structure:
     def __getstate__(self) -> dict[str, object]:
         """Pickle what it is made of; what was computed when asked for can be computed again."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    def drawn_as(self, outline: Outline | None, T: Matrix | None = None, parity: int = 0) -> "Structure":
+        """Return the structure with the outline of another one, whose coordinates are ``T`` times its own."""
+        if outline is None:
+            return self
+        return replace(self, outline=outline if T is None else outline.mapped(T, parity))
 
     @property
     def n(self) -> int:
@@ -254,12 +264,13 @@ def _mirrored(layout: Layout, mirror: Mirror) -> Layout:
 def _half_structure(whole: Structure, parity: int) -> HalfStructure:
     if whole.layout is not None and whole.weights is not None:
         found: HalfLayout = whole.layout.symmetric_half if parity > 0 else whole.layout.antisymmetric_half
-        return HalfStructure(found.P, Structure.weighed(found.layout, whole.weights, dense_up_to=_DENSE_HALF))
+        structure = Structure.weighed(found.layout, whole.weights, dense_up_to=_DENSE_HALF)
+        return HalfStructure(found.P, structure.drawn_as(whole.outline, found.P, parity))
     if whole.mirror is None:
         raise ValueError("the structure carries no mirror")
     P, names = whole.mirror.basis(parity), whole.mirror.half_coordinates(whole.coordinates, parity)
     M, C, K = (P.T @ (matrix @ P) for matrix in (whole.M, whole.C, whole.K))
-    return HalfStructure(P, Structure.of(M, C, K, names))
+    return HalfStructure(P, Structure.of(M, C, K, names).drawn_as(whole.outline, P, parity))
 
 
 @dataclass(frozen=True)

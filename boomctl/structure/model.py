@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,7 @@ from boomctl.structure.matrices import Structure, half
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import respond
 from boomctl.structure.response.modal_form import COORDINATES, MODES, handed_out
+from boomctl.structure.response.mode_shapes import ModeShapes, mode_shapes
 from boomctl.structure.response.poles import PROMISED, poles_and_rounding
 from boomctl.structure.response.rounding import warn_of_rounding
 from boomctl.structure.symmetry import TOLERANCE, Mirror
@@ -47,6 +48,8 @@ class SecondOrderModel:
         The matrices and the names of the coordinates.
     ports : Ports
         The inputs and outputs.
+    chosen : record or None
+        Which mesh was chosen where an accuracy was asked for, and why.
 
     Raises
     ------
@@ -63,6 +66,7 @@ class SecondOrderModel:
 
     structure: Structure
     ports: Ports
+    chosen: Any
 
     def __init__(
         self,
@@ -92,13 +96,15 @@ class SecondOrderModel:
         ports = Ports.of_forces(tuple(force_inputs or {}), columns.T, tuple(outputs or {}), L)
         object.__setattr__(self, "structure", Structure.of(**matrices, coordinates=labels))
         object.__setattr__(self, "ports", ports)
+        object.__setattr__(self, "chosen", None)
 
     def __repr__(self) -> str:
         stored = ", sparse" if sparse.issparse(self.M) else ""
-        return f"SecondOrderModel: {count(self.n, 'coordinate')}{stored}\n{signals(self.inputs, self.outputs)}"
+        chosen = "" if self.chosen is None else f"\n  {self.chosen}"
+        return f"SecondOrderModel: {count(self.n, 'coordinate')}{stored}\n{signals(self.inputs, self.outputs)}{chosen}"
 
     @classmethod
-    def of(cls, structure: Structure, ports: Ports) -> SecondOrderModel:
+    def of(cls, structure: Structure, ports: Ports, chosen: Any = None) -> SecondOrderModel:
         """Return the model of a structure, which others may share, with inputs and outputs of its own.
 
         Parameters
@@ -107,6 +113,8 @@ class SecondOrderModel:
             The matrices.
         ports : Ports
             The inputs and outputs.
+        chosen : record, optional
+            Which mesh was chosen for the model, and why.
 
         Returns
         -------
@@ -114,6 +122,7 @@ class SecondOrderModel:
             The model; no matrix is copied.
         """
         model = cls.__new__(cls)
+        object.__setattr__(model, "chosen", chosen)
         object.__setattr__(model, "structure", structure)
         object.__setattr__(model, "ports", ports)
         return model
@@ -181,7 +190,7 @@ class SecondOrderModel:
         for what, wanted, there in (("input", inputs, self.inputs), ("output", outputs, self.outputs)):
             if wanted is not None:
                 some_names(what, wanted, there)
-        return SecondOrderModel.of(self.structure, self.ports.select(inputs, outputs))
+        return SecondOrderModel.of(self.structure, self.ports.select(inputs, outputs), self.chosen)
 
     def eigenfrequencies_hz(self, count: int = 5) -> Array:
         """Return the lowest damped eigenfrequencies, ``Im(lambda)/2 pi > 0``, ascending [Hz].
@@ -209,6 +218,27 @@ class SecondOrderModel:
         poles, rounding = poles_and_rounding(self.structure, whole("count", count))
         warn_of_rounding("the highest eigenfrequency", rounding, PROMISED)
         return np.sort(poles.imag)[:count] / (2.0 * np.pi)
+
+    def mode_shapes(self, count: int = 5) -> ModeShapes:
+        """Return the lowest undamped modes and what they look like.
+
+        Parameters
+        ----------
+        count : int
+            How many modes, from the lowest; rigid motions count.
+
+        Returns
+        -------
+        ModeShapes
+            Frequencies, mass-normalised shapes, jolt and yaw of a symmetric machine told; ``.plot()`` draws beams as
+            their elements bend, other bodies as lines through what is attached to them.
+
+        Raises
+        ------
+        TypeError, ValueError
+            ``count`` is not a whole number up to that of the coordinates; matrices without real modes.
+        """
+        return mode_shapes(self.structure, count)
 
     def frequency_response(
         self,

@@ -97,14 +97,18 @@ class Ports:
         return not any(self.integrators) and all(bandwidth is None for bandwidth in self.bandwidths)
 
     def select(self, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> "Ports":
-        """Return the ports named, in the order asked for; ``None`` means all."""
+        """Return the ports named, in the order asked for; ``None`` means all.  Who names some means these first of all."""
         if inputs is None and outputs is None:
             return self
         ins, outs = names("input", inputs, self.inputs), names("output", outputs, self.outputs)
         i = [self.inputs.index(name) for name in ins]
         o = [self.outputs.index(name) for name in outs]
+        first = self.primary
+        if first is not None:
+            first = ins if inputs is not None else first[0], outs if outputs is not None else first[1]
         return replace(
             self,
+            primary=first,
             inputs=ins,
             outputs=outs,
             B=self.B[:, :, i],

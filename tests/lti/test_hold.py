@@ -90,6 +90,6 @@ def test_what_grows_beyond_all_numbers_and_what_is_no_system_is_refused():
         linear_hold_response(unstable, np.ones((1, 50000)), 0.1)
     with pytest.raises(ValueError, match="system: expected finite numbers"):
         linear_hold_response(control.ss([[np.nan]], [[1.0]], [[1.0]], 0.0), np.ones((1, 5)), 0.1)
-    for wrong in (None, control.tf([1.0], [1.0, 1.0])):
+    for wrong in (None, control.frd([1.0], [1.0])):
         with pytest.raises(TypeError, match=r"system: expected StateSpace"):
             linear_hold_response(wrong, np.ones((1, 5)), 0.1)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from boomctl.boom.model import spray_boom
+from boomctl.boom.factory import spray_boom
 from boomctl.lti.system import Lti, append, lower_lft, of, series, static
 
 OMEGA = np.array([0.0, 0.3, 2.0, 50.0])

@@ -12,7 +12,7 @@ from boomctl.benchmark.rotating_beam.run import run
 def test_benchmark_keeps_its_errors_and_ratios():
     told = []
     report = run(progress=told.append)
-    assert len(told) == 4
+    assert len(told) == 5
     own = [row for row in report.rows if not row.section.startswith("Against")]
     for row in own:
         assert row.error <= (1e-5 if row.job.startswith("residual") else 1e-6), row.job
@@ -25,6 +25,8 @@ def test_benchmark_keeps_its_errors_and_ratios():
     fed_back = [row for row in own if row.section.startswith("Under feedback")]
     assert [row.met for row in fed_back if row.target] == [True]
     assert all(row.error <= 1e-10 for row in fed_back)
+    many = [row for row in report.rows if row.section.startswith("256 machines")]
+    assert [row.met for row in many] == [True]
     against = [row for row in report.rows if row.section.startswith("Against") and row.job.startswith("SFOAM")]
     assert len(against) == 2
     assert [row.target.endswith("exudyn") for row in against] == [True, False]

@@ -36,12 +36,13 @@ def _exact_accelerations(dynamics, y, rate, forces):
 def brute_force(beam, law, disturbance, time, *, sample_time, read, start=None, **options):
     """States at the times, and what the controller was given at each sample.
 
-    ``law`` is ``(A, B, C, D, L)``; ``read`` maps state, accelerations and forces to what the controller measures.
+    ``law`` is ``(A, B, C, D, L)``, or a function from what is measured to that; ``read`` maps state, accelerations and
+    forces to what the controller measures.
     """
     delay, force = options.get("delay", 0.0), options.get("force", np.inf)
     rate, quantum = options.get("rate", np.inf) * sample_time, options.get("quantum")
     noise, reference, forward = options.get("noise"), options.get("reference"), options.get("forward")
-    A, B, C, D, L = law
+    changing = law if callable(law) else lambda measured: law
     size = len(beam.state_names) // 2
     end = time[-1]
     rows = np.array([disturbance.get(name, 0.0 * time) for name in LOOP_INPUTS])
@@ -57,13 +58,15 @@ def brute_force(beam, law, disturbance, time, *, sample_time, read, start=None, 
     events = np.sort(events)
     events = events[np.append(True, np.diff(events) > _SAME)]
     x = np.zeros(2 * size) if start is None else np.array(start, dtype=float)
-    state, last, given, control, states, k, come = np.zeros(len(A)), 0.0, [], 0.0, [], 0, 0
+    state, last, given, control, states, k, come = None, 0.0, [], 0.0, [], 0, 0
     for number, t in enumerate(events):
         if k < len(samples) and abs(samples[k] - t) <= _SAME:
             f = forces(t, control)
             y = np.array(read(x, accelerations(beam, x[:size], x[size:], f)))
             y = y if noise is None else y + noise[k]
             y = y if quantum is None else quantum * np.rint(y / quantum)
+            A, B, C, D, L = changing(y)
+            state = np.zeros(len(A)) if state is None else state
             y = y if reference is None else y - np.array([np.interp(t, time, row) for row in reference])
             asked = float(C @ state + D @ y) + (0.0 if forward is None else np.interp(t, time, forward))
             allowed = float(np.clip(asked, -force, force))

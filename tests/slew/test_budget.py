@@ -77,8 +77,8 @@ def test_the_time_limit_ends_the_search_in_words(limit):
 @pytest.mark.parametrize("objective", ["time", "tip"])
 def test_the_time_limit_is_of_every_way(objective):
     duration = None if objective == "time" else 4.5
-    with pytest.raises(bc.SlewError, match=r"time_limit = 0\.05 s"):
-        bc.optimal_slew(sfoam(), np.pi / 2, 200.0, objective, duration, time_limit=0.05)
+    with pytest.raises(bc.SlewError, match=r"time_limit = 0\.001 s"):  # no machine is as fast as that
+        bc.optimal_slew(sfoam(), np.pi / 2, 200.0, objective, duration, time_limit=1e-3)
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.gauss import CollocationMethod, gauss_method
+from boomctl.progress import tell
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.manoeuvres import Manoeuvre, PrescribedMotion
 
@@ -26,6 +27,7 @@ _NOISE = 1e-10  # relative corrections below this that no longer shrink are roun
 _STALLED = 0.5  # contraction above which corrections no longer shrink
 _SLOW = 0.05  # contraction above which the frozen Jacobian is renewed: a choice
 _HOPELESS = 0.7  # contraction above which a frozen Jacobian is given up for a fresh one
+_TOLD = 100  # steps from one word of the progress to the next (a choice)
 _CHUNK = 500  # mass matrices held at once: a choice, to bound the memory
 
 
@@ -82,6 +84,8 @@ def march(
     states, momenta = np.tile(q, (times.size, 1)), np.tile(p, (times.size, 1))
     frozen: Array | None = None
     for k in range(times.size - 1):
+        if k % _TOLD == 0:
+            tell(f"steps of {h:.2g} s", k, times.size - 1)
         step = _Step(
             dynamics=dynamics,
             rule=rule,

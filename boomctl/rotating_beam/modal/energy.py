@@ -19,7 +19,7 @@ class Lagrangian(NamedTuple):
     ----------
     kinetic : callable
         Kinetic energy [J] of coordinates and rates, N each, as CasADi expressions.
-    stiffness, damping : ndarray, N - 1 x N - 1
+    stiffness, damping : ndarray or casadi.SX, N - 1 x N - 1
         Of the beam's coordinates: the elastic energy is ``1/2 q^T K q``, Eq. (22).
     tip : ndarray, N - 1
         Row of the free end's transverse displacement.
@@ -28,8 +28,8 @@ class Lagrangian(NamedTuple):
     """
 
     kinetic: "Callable[[casadi.SX, casadi.SX], casadi.SX]"
-    stiffness: Array
-    damping: Array
+    stiffness: "Array | casadi.SX"
+    damping: "Array | casadi.SX"
     tip: Array
     keeps_inertia_torque: bool
 
@@ -56,7 +56,7 @@ def first_order_energy(
     """
     import casadi as ca
 
-    m, n = integrals, integrals.V2.size
+    m, n = integrals, integrals.V2.shape[0]
     w, q2, u2 = rate[0], y[-n:], rate[-n:]
     mass2 = m.M2 - m.D if stiffening else m.M2
     energy = 0.5 * w**2 * (m.inertia + ca.bilin(mass2, q2, q2)) + w * ca.dot(m.V2, u2) + 0.5 * ca.bilin(m.M2, u2, u2)
@@ -111,7 +111,7 @@ def equations_of_motion(lagrangian: Lagrangian) -> tuple["casadi.SX", "casadi.SX
     residual += ca.gradient(elastic - kinetic, y)
     if not lagrangian.keeps_inertia_torque:
         residual[0] = ca.substitute(residual[0], rate, ca.SX.zeros(size))
-    residual[1:] += ca.mtimes(ca.DM(lagrangian.damping), rate[1:])
+    residual[1:] += ca.mtimes(ca.SX(lagrangian.damping), rate[1:])
     return y, rate, acceleration, residual
 
 

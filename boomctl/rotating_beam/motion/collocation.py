@@ -14,6 +14,7 @@ from numpy.polynomial import legendre
 
 from boomctl.arrays import Array
 from boomctl.gauss import CollocationMethod, integrated_legendre
+from boomctl.progress import tell
 from boomctl.rotating_beam.modal.equations import Tangents
 from boomctl.rotating_beam.motion.problems import Problem
 
@@ -139,6 +140,7 @@ def march(
     pieces, ends, first, wanted = [], [edges[:1]], 0, WINDOW
     q, v = start
     while first < edges.size - 1:
+        tell("steps", first, edges.size - 1)
         last = min(first + wanted, edges.size - 1)
         here = edges[first : last + 1]
         piece = _solve_window(problem, method, here, (q, v), guess, tolerance)

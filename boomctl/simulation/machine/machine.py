@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from boomctl.arrays import Array
@@ -22,6 +23,11 @@ class MachineModes(Protocol):
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of what is measured."""
+        ...
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states."""
         ...
 
     @property
@@ -72,3 +78,18 @@ class Machine(Protocol):
     def _forced_modes(self, sensors: Sequence[Any]) -> MachineModes:
         """Return its equations, sensors among the outputs."""
         ...
+
+
+def reading_states(machine: MachineModes, wanted: Sequence[str]) -> MachineModes:
+    """Return a machine whose outputs include those of its states that a controller reads by their names."""
+    more = [name for name in wanted if name in machine.states and name not in machine.outputs]
+    if not more:
+        return machine
+    import casadi as ca
+
+    z, u = ca.SX.sym("z", len(machine.to_state)), ca.SX.sym("u", len(machine.inputs))
+    outputs, margin = machine.read.call([z, u])
+    rows = machine.to_state[[machine.states.index(name) for name in more]]
+    read = ca.Function("read", [z, u], [ca.vertcat(outputs, ca.mtimes(ca.sparsify(ca.DM(rows)), z)), margin])
+    whole: Any = machine  # a dataclass, whatever machine it is
+    return replace(whole, outputs=(*machine.outputs, *more), read=read)

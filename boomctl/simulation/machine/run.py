@@ -17,6 +17,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly
+from boomctl.progress import tell
 from boomctl.simulation.controller import SampledController
 from boomctl.simulation.machine.exponential_step import exponential_step
 from boomctl.simulation.machine.machine import MachineModes
@@ -83,6 +84,17 @@ class MachineLoop:
         return divmod(self.lag, self.grid.per_sample)
 
     @property
+    def waiting(self) -> int:
+        """How many controls on their way, the one given last among them, are states of the loop."""
+        late = self.queued[0]
+        return late + 1 if late <= _LONGEST_QUEUE else 1
+
+    @property
+    def size(self) -> int:
+        """Number of states of the loop."""
+        return len(self.start) + (1 + self.waiting) * len(self.controller.driven) + len(self.controller.A)
+
+    @property
     def segments(self) -> tuple[float, ...]:
         """Lengths of the parts of a step in which the control is held, s."""
         return (self.switch, self.grid.h - self.switch) if self.switch else (self.grid.h,)
@@ -97,6 +109,13 @@ class MachineRun:
     error: float
 
 
+def steps_for(machine: MachineModes, length: float) -> int:
+    """Return how many steps a first trial takes over a time [s]."""
+    felt = (np.abs(machine.push) > _FELT * np.abs(machine.push).max()).any(axis=1)
+    pace = max(float(machine.omega[felt].max()) / _ANGLE, machine.decay / _DAMPED)
+    return max(1, int(np.ceil(length * pace)))
+
+
 def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
     """Return the motion whose judged displacements are exact to ``atol + rtol max |displacement|`` [m].
 
@@ -105,10 +124,7 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
     ValueError
         The loop diverges, the machine is deformed beyond its model, or the tolerance is not reached.
     """
-    felt = (np.abs(p.machine.push) > _FELT * np.abs(p.machine.push).max()).any(axis=1)
-    fastest = float(p.machine.omega[felt].max())
-    pace = max(fastest / _ANGLE, p.machine.decay / _DAMPED)
-    counts = tuple(max(1, int(np.ceil(length * pace))) for length in p.segments)
+    counts = tuple(steps_for(p.machine, length) for length in p.segments)
     judged = p.machine.judged.map(len(p.grid.time))
     coarse, best, failures = None, np.inf, 0
     while True:
@@ -162,17 +178,19 @@ def _stays(rtol: float, error: float, counts: tuple[int, ...]) -> None:
     )
 
 
-def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]:
-    """Run the loop in so many steps a segment."""
+def loop_step(p: MachineLoop, counts: tuple[int, ...]) -> tuple[casadi.Function, casadi.Function]:
+    """Return a step of the loop in so many steps a segment, ``(s, w) -> (s, asked, given, marks)``, and its sample.
+
+    The state s has those of the machine, the control that acts, those on their way, and the controller's; `StepSignals` w.
+    """
     import casadi as ca
 
     c, ps = p.controller, p.grid.per_sample
-    nz, nu, (late, offset) = len(p.start), len(c.driven), p.queued
-    queue = late + 1 if late <= _LONGEST_QUEUE else 1
-    size, beside = nz + nu + queue * nu + len(c.A), _StepSignals(p)
+    nz, nu, queue, late = len(p.start), len(c.driven), p.waiting, p.queued[0]
+    beside = StepSignals(p)
     sample, advance = _sample(p, queue), _advance(p, counts)
     symbol: Any = ca.SX.sym if advance.is_a("SXFunction") else ca.MX.sym
-    s, w = symbol("s", size), symbol("w", beside.rows)
+    s, w = symbol("s", p.size), symbol("w", beside.rows)
     z, acting = s[:nz], s[nz : nz + nu]
     after, asked, given, marks = sample(s, w)
     kept = after if ps == 1 else ca.if_else(w[beside.sampled], after, s)
@@ -180,7 +198,14 @@ def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]
     arriving = held[late * nu :] if queue > 1 or not late else w[beside.arriving]
     acting_then = arriving if ps == 1 else ca.if_else(w[beside.arrives], arriving, acting)
     moved = advance(z, acting, acting_then, w[beside.first], w[beside.last])
-    unit = ca.Function("unit", [s, w], [ca.vertcat(moved, acting_then, kept[nz + nu :]), asked, given, marks])
+    return ca.Function("unit", [s, w], [ca.vertcat(moved, acting_then, kept[nz + nu :]), asked, given, marks]), sample
+
+
+def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]:
+    """Run the loop in so many steps a segment."""
+    c, ps = p.controller, p.grid.per_sample
+    nz, nu, queue, (late, offset) = len(p.start), len(c.driven), p.waiting, p.queued
+    (unit, sample), beside, size = loop_step(p, counts), StepSignals(p), p.size
     steps = p.grid.steps
     block = min(_BLOCK, steps, late * ps + offset if queue == 1 and late else steps)
     run, signals = unit.mapaccum("run", block), beside.signals()
@@ -188,6 +213,7 @@ def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]
     log = ControlLog(*(np.zeros((p.samples, nu), dtype=kind) for kind in (float, float, bool, bool)))
     states[:, 0] = p.start
     for k in range(0, steps, block):
+        tell(f"{sum(counts)} steps from one time to the next", k, steps)
         here = np.zeros((beside.rows, block))
         end = min(k + block, steps)
         here[:, : end - k] = signals[:, k:end]
@@ -226,21 +252,23 @@ def _repeated(p: MachineLoop, counts: tuple[int, ...], log: ControlLog) -> tuple
     return states, log
 
 
-class _StepSignals:
+class StepSignals:
     """Rows of what each step is given: disturbances at both ends, what is added to the signals, which events it has."""
 
     def __init__(self, p: MachineLoop) -> None:
         self.p, nd, ny, nu = p, len(p.disturbed), len(p.controller.measured), len(p.controller.driven)
         sizes = {"first": nd, "last": nd, "noise": ny, "reference": ny, "forward": nu, "arriving": nu}
-        sizes |= {"sampled": 1, "arrives": 1}
+        laws = p.controller.laws
+        self.changing = None if laws is None or laws.place is not None else laws
+        changing = (0, 0) if self.changing is None else (self.changing.law[0].size, self.changing.correction[0].size)
+        sizes |= {"sampled": 1, "arrives": 1, "law": changing[0], "correction": changing[1]}
         self.rows = 0
         places = {}
         for name, size in sizes.items():
             places[name] = slice(self.rows, self.rows + size)
             self.rows += size
-        self.first, self.last, self.noise, self.reference, self.forward, self.arriving, self.sampled, self.arrives = (
-            places.values()
-        )
+        self.first, self.last, self.noise, self.reference, self.forward, self.arriving = list(places.values())[:6]
+        self.sampled, self.arrives, self.law, self.correction = list(places.values())[6:]
 
     def signals(self, at_end: bool = False) -> Array:
         """Return them for all steps, (rows, steps), or for the sample at the last time, (rows,)."""
@@ -257,6 +285,10 @@ class _StepSignals:
         ):
             if rows is not None:
                 found[place] = rows[np.minimum(steps // ps, len(rows) - 1)].T
+        if self.changing is not None:
+            here = np.minimum(steps // ps, len(self.changing.law) - 1)
+            found[self.law] = self.changing.law[here].reshape(len(here), -1).T
+            found[self.correction] = self.changing.correction[here].reshape(len(here), -1).T
         found[self.sampled], found[self.arrives] = steps % ps == 0, (steps - p.lag) % ps == 0
         return found[:, 0] if at_end else found
 
@@ -277,7 +309,7 @@ def _sample(p: MachineLoop, queue: int) -> casadi.Function:
     """Return ``(s, w) -> (s, asked, given, marks)``: the controller reads, asks, and is given what limits allow."""
     import casadi as ca
 
-    c, limits, beside = p.controller, p.limits, _StepSignals(p)
+    c, limits, beside = p.controller, p.limits, StepSignals(p)
     nz, nu = len(p.start), len(c.driven)
     s, w = ca.SX.sym("s", nz + nu + queue * nu + len(c.A)), ca.SX.sym("w", beside.rows)
     z, acting, last = s[:nz], s[nz : nz + nu], s[nz + nu : nz + 2 * nu]
@@ -288,8 +320,9 @@ def _sample(p: MachineLoop, queue: int) -> casadi.Function:
         if np.isfinite(quantum):
             count = y[k] / quantum
             y[k] = quantum * (count - ca.remainder(count, 1.0))
+    law, correction = _laws(c, y, w, beside)
     y = y if p.added.reference is None else y - w[beside.reference]
-    asked = ca.mtimes(c.C, state) + ca.mtimes(c.D, y)
+    asked, following = ca.vertsplit(ca.mtimes(law, ca.vertcat(y, state)), [0, nu, nu + len(c.A)])
     asked = asked if p.added.feedforward is None else asked + w[beside.forward]
     given, marks = [], [[], []]
     for k in range(nu):
@@ -305,12 +338,34 @@ def _sample(p: MachineLoop, queue: int) -> casadi.Function:
         marks[0].append(saturated)
         marks[1].append(slewed)
     allowed = ca.vertcat(*given)
-    following = ca.mtimes(c.A, state) + ca.mtimes(c.B, y)
-    if c.L.any():
-        following += ca.mtimes(c.L, allowed - asked)
+    if correction is not None:
+        following += ca.mtimes(correction, allowed - asked)
     waiting = ca.vertcat(allowed, s[nz + nu : nz + queue * nu])
     marked = ca.vertcat(*marks[0], *marks[1])
     return ca.Function("sample", [s, w], [ca.vertcat(z, acting, waiting, following), asked, allowed, marked])
+
+
+def _laws(c: SampledController, y: casadi.SX, w: casadi.SX, beside: StepSignals) -> tuple[casadi.SX, casadi.SX | None]:
+    """Return ``[[D, C], [B, A]]`` and ``L`` (None: zero) at a sample, of what is measured and what the step is given."""
+    import casadi as ca
+
+    def sparse(matrix: Array) -> casadi.SX:
+        return ca.SX(ca.sparsify(ca.DM(matrix)))
+
+    if c.laws is None:
+        return sparse(np.block([[c.D, c.C], [c.B, c.A]])), sparse(c.L) if c.L.any() else None
+    laws, found = c.laws, []
+    for each, given in ((laws.law, beside.law), (laws.correction, beside.correction)):
+        _, rows, columns = each.shape
+        if laws.place is None:
+            found.append(ca.reshape(w[given], columns, rows).T)
+            continue
+        total = sparse(each[0])
+        for i, (low, high) in enumerate(pairwise(laws.values.tolist())):
+            share = ca.fmax(ca.fmin((y[laws.place] - low) / (high - low), 1.0), 0.0)
+            total += share * sparse(each[i + 1] - each[i])
+        found.append(total)
+    return found[0], found[1] if laws.correction.any() else None
 
 
 def _advance(p: MachineLoop, counts: tuple[int, ...]) -> casadi.Function:

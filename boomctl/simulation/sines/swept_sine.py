@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import known, positive, some_names, whole
 from boomctl.lti.frequency import singular_values
+from boomctl.progress import computing, tell
 from boomctl.simulation.contact.contacts import Contact, contact_at
 from boomctl.simulation.contact.friction import CoulombFriction, Slip, friction_law, friction_step
 from boomctl.simulation.plant import ModalPlant, modal_plant
@@ -98,11 +99,12 @@ def swept_sine(
     counts = np.array([_steps_needed(shaken, w, count) for w in grid])
     found = np.zeros((len(modal.outputs), len(grid)), dtype=complex)
     stuck, settled = np.zeros(len(grid), dtype=bool), np.zeros(len(grid))
-    for steps_taken in np.unique(counts):
-        here = np.flatnonzero(counts == steps_taken)
-        sweep = _prepared(shaken, grid[here], int(steps_taken))
-        states, stuck[here], settled[here] = _run(sweep, law, most, positive("tolerance", tolerance), modal.C[rows])
-        found[:, here] = modal.C @ states.T + (modal.D @ drive)[:, None]
+    with computing("swept sine"):
+        for steps_taken in np.unique(counts):
+            here = np.flatnonzero(counts == steps_taken)
+            sweep = _prepared(shaken, grid[here], int(steps_taken))
+            states, stuck[here], settled[here] = _run(sweep, law, most, positive("tolerance", tolerance), modal.C[rows])
+            found[:, here] = modal.C @ states.T + (modal.D @ drive)[:, None]
     if stuck.any():
         found[:, stuck] = _held(shaken, grid[stuck])
     slip = np.where(stuck, 0.0, np.abs(found[slip_row]))
@@ -223,6 +225,7 @@ def _run(
     slipping = [Slip(float(value), False, None) for value in speed]
     old, window, done = np.zeros(X.shape, dtype=complex), 1, 0
     while True:
+        tell("periods", done, periods)
         found, at_rest = np.zeros(X.shape, dtype=complex), np.ones(len(X), dtype=bool)
         for _ in range(window):
             X, slipping, fundamental, rested = _period(sweep, law, X, slipping)

@@ -9,6 +9,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known, positive, real
+from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import compact, table_html
 from boomctl.slew.classical.shapers import classical_spin_up, classical_torque, shaper
 from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
@@ -38,7 +39,7 @@ _DURING, _AFTER = 401, 121
 
 
 @dataclass(frozen=True, eq=False)
-class SlewLine:
+class SlewLine(TimeSeries):
     """One way to slew.
 
     Attributes
@@ -80,6 +81,12 @@ class SlewLine:
 
     __repr__ = compact
 
+    def _outputs(self) -> dict[str, Array]:
+        return {"tip_displacement": self.tip_displacement}
+
+    def _inputs(self) -> dict[str, Array]:
+        return {"torque": self.history(self.time)}
+
 
 @dataclass(frozen=True, eq=False)
 class SlewComparison:
@@ -115,6 +122,10 @@ class SlewComparison:
             for x in self.lines
         ]
         return table_html(repr(self).partition("\n")[0], heads, rows)
+
+    def __getitem__(self, name: str) -> SlewLine:
+        """Return a slew by its name, as `line` does."""
+        return self.line(name)
 
     def line(self, name: str) -> SlewLine:
         """Return the slew of a name.

@@ -8,6 +8,8 @@ brings a rigid body to the same angle; what it adds is the length of the train.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +41,23 @@ class Shaper:
     amplitudes: Array
 
     __repr__ = compact
+
+    def plot(self, ax: Any = None, **style: Any) -> Array:
+        """Draw the impulses over time, and what vibration of other frequencies they leave.
+
+        Parameters
+        ----------
+        ax : sequence of two matplotlib Axes, or a figure, optional
+            Where to draw: impulses and vibration left; by default a new figure of pyplot.
+        **style
+            Of the curves, as matplotlib's lines take it.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
+        """
+        return import_module("boomctl.plotting").plot_shaper(self, ax, **style)
 
     def residual(self, frequency: float, damping_ratio: float = 0.0) -> float:
         """Return the vibration that is left after the train, as a share of that after one impulse.

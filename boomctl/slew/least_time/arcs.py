@@ -15,6 +15,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import instance
+from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import count
 from boomctl.slew.dynamics import explicit_step
 from boomctl.slew.linear import guess_from
@@ -212,7 +213,7 @@ def end_map(problem: SlewProblem, first: TorqueHistory) -> EndMap:
 
 
 @dataclass(frozen=True, eq=False)
-class SwitchingCurve:
+class SwitchingCurve(TimeSeries):
     """Time that a unit of torque saves, over the largest it saves: Pontryagin's principle asks for the torque's sign.
 
     Attributes
@@ -238,6 +239,12 @@ class SwitchingCurve:
     def __repr__(self) -> str:
         agree = f"{self.agreement:.4%} of the time the torque has its sign"
         return f"SwitchingCurve: {count(len(self.switches), 'switch', 'switches')} in {self.time[-1]:.6g} s; {agree}"
+
+    def _outputs(self) -> dict[str, Array]:
+        return {"values": self.values}
+
+    def _inputs(self) -> dict[str, Array]:
+        return {"torque": self.torque}
 
     @property
     def agreement(self) -> float:

@@ -1,0 +1,226 @@
+"""Controllers whose matrices follow a signal: designed at some of its values, in straight lines between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.arrays import Array
+from boomctl.checks import finite_array, names, real, sequence, shown, signal_name
+from boomctl.lti.system import Lti, of
+from boomctl.printing import between, count
+
+if TYPE_CHECKING:
+    import control
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class ScheduledController:
+    """A controller whose matrices follow a signal that it reads; :func:`boomctl.schedule` makes it.
+
+    At a value ``w`` of the signal it is ``x' = A(w) x + B(w) y``, ``u = C(w) x + D(w) y``; between neighbours among
+    ``values`` each matrix runs in a straight line, and beyond the first and the last it stays as it is there.
+
+    Attributes
+    ----------
+    signal : str
+        The measurement that is followed.
+    values : (k,) ndarray
+        Values of it, ascending, at which there are matrices.
+    A, B, C, D : ndarray
+        The matrices at each value, (k, n, n), (k, n, p), (k, m, n), (k, m, p).
+    inputs, outputs, states : tuple of str
+        Names; ``signal`` is one of the inputs, with columns of zeros where no controller reads it.
+    dt : float
+        Sampling time [s]; 0 in continuous time.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> signals = {"inputs": "hub_speed", "outputs": "torque"}
+    >>> slow, fast = (control.ss([], [], [], [[gain]], **signals) for gain in (-200.0, -300.0))
+    >>> scheduled = bc.schedule([slow, fast], [0.0, 6.0], "hub_speed")
+    >>> float(scheduled.at(1.5).D[0, 0])
+    -225.0
+    """
+
+    signal: str
+    values: Array
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    states: tuple[str, ...] = field(default=())
+    dt: float = 0.0
+
+    def __repr__(self) -> str:
+        size, ends = count(self.A.shape[1], "state"), f"{self.values[0]:.6g} to {self.values[-1]:.6g}"
+        time = f", every {self.dt:g} s" if self.dt else ""
+        return (
+            f"ScheduledController: {size}{time}, {between(self.inputs, self.outputs)}\n"
+            f"  over {self.signal}: {count(len(self.values), 'controller')} from {ends}, straight lines between them"
+        )
+
+    @property
+    def place(self) -> int:
+        """Which of the inputs the signal is."""
+        return self.inputs.index(self.signal)
+
+    @cached_property
+    def systems(self) -> tuple[Lti, ...]:
+        """The controllers at the values."""
+        both = (self.inputs, self.outputs, self.states, self.dt)
+        return tuple(Lti(*each, *both) for each in zip(self.A, self.B, self.C, self.D, strict=True))
+
+    def at(self, value: float) -> control.StateSpace:
+        """Return the controller as it is while the signal stays at a value.
+
+        Parameters
+        ----------
+        value : float
+            Of the signal, in its unit.
+
+        Returns
+        -------
+        control.StateSpace
+            ``u = K y``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Not a finite number.
+        """
+        return frozen(self, real(self.signal, value)).statespace("controller")
+
+    def to_nlsys(self, references: str | Sequence[str] = ()) -> control.NonlinearIOSystem:
+        """Return the controller as a nonlinear input-output system of python-control.
+
+        Parameters
+        ----------
+        references : str or sequence of str
+            Measurements from which a reference is taken before the matrices meet them; each brings an input more, of the
+            measurement's name with ``_reference`` behind it.  The schedule follows the measurement itself.
+
+        Returns
+        -------
+        control.NonlinearIOSystem
+            From the measurements, then the references, to the controls, by their names; of the controller's time.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Unknown measurements.
+        """
+        from boomctl.lti.python_control import control
+
+        wanted = names("reference", references, self.inputs)
+        places, p, zero = [self.inputs.index(name) for name in wanted], len(self.inputs), np.zeros(0)
+
+        def split(u: Any) -> tuple[Lti, Array]:
+            read = np.array(u[:p], dtype=float)
+            here = frozen(self, float(read[self.place]))
+            read[places] -= u[p:]
+            return here, read
+
+        def update(t: float, x: Any, u: Any, params: Any) -> Array:
+            here, read = split(u)
+            return here.A @ x + here.B @ read if len(here.A) else zero
+
+        def output(t: float, x: Any, u: Any, params: Any) -> Array:
+            here, read = split(u)
+            return here.C @ x + here.D @ read if len(here.A) else here.D @ read
+
+        inputs = [*self.inputs, *(f"{name}_reference" for name in wanted)]
+        n = self.A.shape[1]
+        states = list(self.states) if len(self.states) == n else [f"x{i}" for i in range(n)]
+        given = {"inputs": inputs, "outputs": list(self.outputs), "states": states, "dt": self.dt}
+        return control.nlsys(update if n else None, output, **given, name="scheduled_controller")
+
+
+def frozen(controller: ScheduledController, value: float) -> Lti:
+    """Return a scheduled controller as it is at a value of its signal."""
+    K = controller
+    w = [float(np.interp(value, K.values, unit)) for unit in np.eye(len(K.values))]
+    A, B, C, D = (np.tensordot(w, X, 1) for X in (K.A, K.B, K.C, K.D))
+    return Lti(A, B, C, D, K.inputs, K.outputs, K.states, K.dt)
+
+
+def schedule(
+    controllers: Sequence[control.StateSpace], values: ArrayLike, signal: str = "hub_speed"
+) -> ScheduledController:
+    """Return one controller of several, each designed at a value of a signal: its matrices run in straight lines between.
+
+    States must mean the same in all of them, or what stands between two is no controller at all.  They do where each is
+    a regulator with an observer of the same plant (:func:`boomctl.lqg`, :func:`boomctl.lqr`) or of the same structure;
+    controllers that were balanced or reduced each for itself do not.  :func:`boomctl.robust_stability` shows whether
+    every controller between them is stable with its plant; :func:`boomctl.ramp_bound` how fast the signal may change.
+
+    Parameters
+    ----------
+    controllers : sequence of control.StateSpace
+        Two or more, of the same signals, number of states and time.
+    values : (k,) array_like
+        Values of the signal, ascending, one a controller.
+    signal : str
+        The measurement that the matrices follow; in :func:`boomctl.robust_stability` the parameter of that name.  It
+        becomes an input where the controllers do not read it.
+
+    Returns
+    -------
+    ScheduledController
+        For :func:`boomctl.simulate_loop`, :func:`boomctl.robust_stability`, and ``.to_nlsys()`` for python-control.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Other kinds of system; fewer than two; signals, numbers of states or times that differ; values that do not
+        ascend.
+
+    Examples
+    --------
+    A regulator for a hub-beam at each of three hub speeds:
+
+    >>> import boomctl as bc
+    >>> beam = bc.hub_beam(model="sfoam", modes=2)
+    >>> speeds = [0.0, 3.0, 6.0]
+    >>> weights = {"Q": {"hub_angle": 10.0, "hub_speed": 100.0}, "R": 1.0}
+    >>> scheduled = bc.schedule([bc.lqr(beam.linearize(w), **weights).controller for w in speeds], speeds)
+    >>> scheduled
+    ScheduledController: 0 states, hub_angle, ... (6) -> torque
+      over hub_speed: 3 controllers from 0 to 6, straight lines between them
+    """
+    given = [
+        of(each, f"controllers[{i}]", expected="StateSpace", any_time=True)
+        for i, each in enumerate(sequence("controllers", controllers, "StateSpace"))
+    ]
+    places = finite_array("values", values, ndim=1)
+    if len(given) < 2 or len(places) != len(given):
+        raise ValueError(
+            f"values: expected one for each of two or more controllers, got {len(places)} and {len(given)} controllers"
+        )
+    if not (np.diff(places) > 0.0).all():
+        raise ValueError(f"values = {shown(places.tolist())}: expected ascending ones")
+    first, followed = given[0], signal_name("signal", signal)
+    for i, each in enumerate(given):
+        for what in ("inputs", "outputs", "dt"):
+            if getattr(each, what) != getattr(first, what):
+                raise ValueError(
+                    f"controllers[{i}]: expected the {what} of the first, {getattr(first, what)}, got {getattr(each, what)}"
+                )
+        if len(each.A) != len(first.A):
+            raise ValueError(
+                f"controllers[{i}]: expected {count(len(first.A), 'state')}, as the first, got {len(each.A)}"
+            )
+    inputs = first.inputs if followed in first.inputs else (*first.inputs, followed)
+    A, B, C, D = (np.array([getattr(each, letter) for each in given]) for letter in "ABCD")
+    if len(inputs) > len(first.inputs):
+        B, D = (np.concatenate([X, np.zeros((*X.shape[:2], 1))], axis=2) for X in (B, D))
+    return ScheduledController(followed, places, A, B, C, D, inputs, first.outputs, first.states, first.dt)

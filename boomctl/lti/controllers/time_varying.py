@@ -1,0 +1,95 @@
+"""Controllers whose matrices change from sample to sample, as along a trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.checks import exactly, finite_array, positive, sequence, signal_name
+from boomctl.printing import between, count
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class TimeVaryingController:
+    """``x+ = A_k x + B_k y + L_k (given - asked)``, ``asked = C_k x + D_k y`` at sample k; the last matrices stay.
+
+    Parameters
+    ----------
+    A, B, C, D : array_like
+        The matrices at each sample, (k, n, n), (k, n, p), (k, m, n) and (k, m, p).
+    inputs, outputs : sequence of str
+        Names of the p measurements and the m controls.
+    sample_time : float
+        Time between samples [s].
+    L : array_like, optional
+        How the control that limits allow corrects the state, (k, n, m); zero unless given.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Matrices that do not fit together or have gaps; names used twice; no time above zero.
+
+    Examples
+    --------
+    A gain that grows while a hub turns:
+
+    >>> import boomctl as bc
+    >>> import numpy as np
+    >>> gains = np.linspace(-100.0, -200.0, 5)[:, None, None] * np.array([[1.0, 2.0]])
+    >>> none = np.zeros((5, 0, 0)), np.zeros((5, 0, 2)), np.zeros((5, 1, 0))
+    >>> bc.TimeVaryingController(*none, gains, ["hub_angle", "hub_speed"], ["torque"], sample_time=0.01)
+    TimeVaryingController: 0 states, every 0.01 s, hub_angle, hub_speed -> torque
+      5 samples, the last matrices stay
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    sample_time: float
+    L: Array | None = None
+
+    def __post_init__(self) -> None:
+        for what in ("inputs", "outputs"):
+            given = sequence(what, getattr(self, what), "str")
+            found = tuple(signal_name(f"{what}[{i}]", each) for i, each in enumerate(given))
+            if len(set(found)) < len(found) or not found:
+                raise ValueError(f"{what} = {found!r}: expected one name or more, each once")
+            object.__setattr__(self, what, found)
+        object.__setattr__(self, "sample_time", positive("sample_time", self.sample_time))
+        for letter in "ABCD":
+            object.__setattr__(self, letter, finite_array(letter, getattr(self, letter), ndim=3))
+        (k, n), p, m = self.A.shape[:2], len(self.inputs), len(self.outputs)
+        if self.L is None:
+            object.__setattr__(self, "L", np.zeros((k, n, m)))
+        object.__setattr__(self, "L", finite_array("L", self.correction, ndim=3))
+        wanted = {"A": (k, n, n), "B": (k, n, p), "C": (k, m, n), "D": (k, m, p), "L": (k, n, m)}
+        for letter, shape in wanted.items():
+            if k < 1 or getattr(self, letter).shape != shape:
+                raise ValueError(
+                    f"{letter} has shape {getattr(self, letter).shape}; expected {(max(k, 1), *shape[1:])}, a matrix for "
+                    f"each of one sample or more"
+                )
+
+    def __repr__(self) -> str:
+        signals = between(self.inputs, self.outputs)
+        first = f"{count(self.A.shape[1], 'state')}, every {exactly(self.sample_time)} s, {signals}"
+        return f"TimeVaryingController: {first}\n  {count(len(self.A), 'sample')}, the last matrices stay"
+
+    @property
+    def correction(self) -> Array:
+        """``L_k`` of all samples."""
+        assert self.L is not None
+        return self.L
+
+    @property
+    def laws(self) -> Array:
+        """``[[D, C], [B, A]]`` of all samples, (k, m + n, p + n)."""
+        return np.concatenate(
+            [np.concatenate([self.D, self.C], axis=2), np.concatenate([self.B, self.A], axis=2)], axis=1
+        )

@@ -1,0 +1,74 @@
+"""What all results over time have in common: their signals by name, and the same as python-control's time response."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.checks import known
+
+if TYPE_CHECKING:
+    import control
+
+
+class TimeSeries:
+    """Signals over one time axis.
+
+    Attributes
+    ----------
+    time : (n,) ndarray
+        Times [s].
+    """
+
+    time: Array
+
+    def _outputs(self) -> Mapping[str, Array]:
+        """Return what moves, by name."""
+        raise NotImplementedError
+
+    def _inputs(self) -> Mapping[str, Array]:
+        """Return what drives it, by name."""
+        return {}
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a signal by name."""
+        there = {**self._inputs(), **self._outputs()}
+        return there[known("signal", name, tuple(there))]
+
+    @property
+    def response(self) -> control.TimeResponseData:
+        """The same as python-control's named time response."""
+        from boomctl.lti.python_control import control
+
+        outputs, inputs, count = self._outputs(), self._inputs(), len(self.time)
+        return control.TimeResponseData(
+            self.time,
+            np.array(list(outputs.values())).reshape(-1, count),
+            inputs=np.array(list(inputs.values())).reshape(-1, count) if inputs else None,
+            output_labels=list(outputs),
+            input_labels=list(inputs) if inputs else None,
+            issiso=False,
+            sysname=type(self).__name__,
+        )
+
+    def plot(self, ax: Any = None, **style: Any) -> Array:
+        """Draw each signal over time.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw, one axes a signal; by default a new figure of pyplot.
+        **style
+            Of the curves, as matplotlib's lines take it.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on.
+        """
+        drawn = {getattr(self, "name", type(self).__name__): ({**self._outputs(), **self._inputs()}, self.time)}
+        return import_module("boomctl.plotting").plot_comparison("time", drawn, ax, **style)

@@ -1,0 +1,119 @@
+"""Campbell diagrams: natural frequencies over the hub speed, and the speeds at which a multiple of it meets one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import import_module
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.printing import count, listed
+
+_TURN = 2.0 * np.pi  # rad of a turn
+_LAST_DIGIT = 4.0 * float(np.finfo(float).eps)  # of a speed, to which crossings are found
+
+
+@dataclass(frozen=True)
+class SpeedCrossing:
+    """A hub speed at which a multiple of it is a natural frequency: an unbalance of this order excites the mode.
+
+    Attributes
+    ----------
+    order : float
+        How many times a turn.
+    mode : int
+        Number of the mode, from 1, in the order of the frequencies.
+    hub_speed : float
+        Hub speed at which they meet [rad/s].
+    frequency_hz : float
+        Natural frequency there [Hz].
+    """
+
+    order: float
+    mode: int
+    hub_speed: float
+    frequency_hz: float
+
+    def __repr__(self) -> str:
+        return f"SpeedCrossing: {self.order:g} x {self.hub_speed:.6g} rad/s, mode {self.mode} at {self.frequency_hz:.4g} Hz"
+
+
+@dataclass(frozen=True)
+class CampbellDiagram:
+    """Natural frequencies over the hub speed.
+
+    Attributes
+    ----------
+    model : str
+        Name of the beam's model.
+    hub_speeds : (k,) ndarray
+        Those asked for; in place of those at which the stiffness is lost, some just below [rad/s].
+    frequencies_hz : (k, n) ndarray
+        Ascending at each speed [Hz].
+    crossings : tuple of SpeedCrossing
+        Critical speeds: where an order meets a frequency, between the speeds asked for, ascending.
+    stiffness_lost : float
+        Hub speed at which some stiffness is lost [rad/s]; ``inf`` where none is.
+    orders : tuple of float
+        Multiples of the hub speed.
+    """
+
+    model: str
+    hub_speeds: Array = field(repr=False)
+    frequencies_hz: Array = field(repr=False)
+    crossings: tuple[SpeedCrossing, ...]
+    stiffness_lost: float
+    orders: tuple[float, ...]
+
+    def __repr__(self) -> str:
+        span = f"{self.hub_speeds[0]:.6g} to {self.hub_speeds[-1]:.6g} rad/s"
+        modes = count(self.frequencies_hz.shape[1], "frequency", "frequencies")
+        lost = f"; stiffness lost at {self.stiffness_lost:.6g} rad/s" if isfinite(self.stiffness_lost) else ""
+        met = [f"{c.order:g} x {c.hub_speed:.4g} rad/s (mode {c.mode})" for c in self.crossings]
+        return f"CampbellDiagram: {self.model}, {modes}, {span}{lost}\n  critical speeds: {listed(met)}"
+
+    def plot(self, ax: Any = None, **style: Any) -> Any:
+        """Draw the frequencies over the hub speed, its multiples, and circles where they meet.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.  On a diagram that is there already the multiples are not
+            drawn again.
+        **style
+            Of the frequencies, as matplotlib's lines take it.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
+        """
+        return import_module("boomctl.plotting").plot_campbell(self, ax, **style)
+
+
+def campbell_diagram(
+    model: str, frequencies: Callable[[float], Array], speeds: Array, orders: tuple[float, ...], lost: float
+) -> CampbellDiagram:
+    """Return a diagram from a function that returns the frequencies at a hub speed [Hz], at speeds below ``lost``."""
+    from scipy import optimize  # long to import
+
+    values = np.array([frequencies(float(speed)) for speed in speeds])
+    found = []
+    for order in orders:
+        apart = values - order * speeds[:, None] / _TURN
+        for mode in range(values.shape[1]):
+            met = np.flatnonzero(apart[:, mode] == 0.0)
+            roots = [float(speeds[k]) for k in met if speeds[k] > 0.0]
+
+            def gap(speed: float, order: float = order, mode: int = mode) -> float:
+                return float(frequencies(speed)[mode] - order * speed / _TURN)
+
+            for k in np.flatnonzero(apart[:-1, mode] * apart[1:, mode] < 0.0):
+                roots.append(float(optimize.brentq(gap, speeds[k], speeds[k + 1], rtol=_LAST_DIGIT)))  # type: ignore[arg-type]
+            found += [SpeedCrossing(order, mode + 1, root, order * root / _TURN) for root in roots]
+    found.sort(key=lambda crossing: crossing.hub_speed)
+    return CampbellDiagram(model, speeds, values, tuple(found), lost, orders)

@@ -1,0 +1,274 @@
+"""Feedback along a plan: the machine linearised there, a regulator backwards in time, an observer forwards.
+
+All is done in the machine's modes at rest, on deviations from the plan, and only in those modes that the torque moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import LinAlgError, solve_discrete_are
+
+from boomctl.arrays import Array
+from boomctl.lti.controllers.time_varying import TimeVaryingController
+from boomctl.lti.hold import zero_order_hold
+from boomctl.lti.system import Lti
+from boomctl.simulation.machine.exponential_step import exponential_step
+from boomctl.simulation.machine.run import steps_for
+
+if TYPE_CHECKING:
+    from boomctl.simulation.machine.machine import MachineModes
+
+_STILL = 1e-9  # share of the torque's largest push on a mode, below which it does not move that mode (a choice)
+_SMALL = 1e-12  # largest planned value below which nothing is planned there: it keeps quotients finite
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """A machine linearised along a plan: deviations ``z+ = A z + b u``, ``y = C z + D u``, u acting before the sample.
+
+    Attributes
+    ----------
+    A, b : ndarray, (k + 1) x n x n and (k + 1) x n
+        From each sample to the next under a held torque; the last is that of rest at the end.
+    C, D : ndarray, (k + 1) x p x n and (k + 1) x p
+        Of the measurements.
+    moved : ndarray of bool, 2 m
+        Which of the machine's modal coordinates and rates z has.
+    """
+
+    A: Array
+    b: Array
+    C: Array
+    D: Array
+    moved: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Tuning:
+    """What regulator and observer are weighed by, checked.
+
+    Attributes
+    ----------
+    limit : float
+        Largest torque [N m].
+    error_weight : float
+        Of deviations beside the torque.
+    integral_time : float or None
+        Time in which a constant torque is made out [s].
+    noise : ndarray, p, or None
+        Standard deviations of the measurements; None where they are the states, exactly.
+    disturbance : float
+        Standard deviation of a torque that disturbs, held from sample to sample [N m].
+    model_error : float
+        Share by which the stiffness may be wrong.
+    """
+
+    limit: float
+    error_weight: float
+    integral_time: float | None
+    noise: Array | None
+    disturbance: float
+    model_error: float
+
+
+def linearised_along(modes: MachineModes, measured: list[int], states: Array, torques: Array, step: float) -> Along:
+    """Return a machine's motion near a plan.
+
+    Parameters
+    ----------
+    modes : MachineModes
+        The machine; its first input is the torque.
+    measured : list of int
+        Which of its outputs are read.
+    states : ndarray, (k + 1) x 2 m
+        Modal coordinates and rates at the samples.
+    torques : ndarray, k
+        Held from each sample to the next [N m].
+    step : float
+        Time between samples [s].
+    """
+    import casadi as ca
+
+    z, u, others = ca.SX.sym("z", states.shape[1]), ca.SX.sym("u"), len(modes.inputs) - 1
+    given = ca.vertcat(u, ca.SX.zeros(others))
+    now, count = z, steps_for(modes, step)
+    for _ in range(count):
+        now = exponential_step(modes.rest, modes.omega, step / count, now, given, given)
+    push = np.abs(modes.push[:, 0])
+    moved = np.tile(push > _STILL * push.max(), 2)
+    kept, both = np.flatnonzero(moved).tolist(), ca.vertcat(z[np.flatnonzero(moved).tolist()], u)
+    read = modes.read(z, given)[0][measured]
+    flow = ca.Function("flow", [z, u], [ca.densify(ca.jacobian(now[kept], both))])
+    seen = ca.Function("seen", [z, u], [ca.densify(ca.jacobian(read, both))])
+    held, before = np.append(torques, 0.0), np.append(0.0, torques)
+    AB = _stacked(flow.map(len(held))(states.T, held[None]), len(held))
+    CD = _stacked(seen.map(len(held))(states.T, before[None]), len(held))
+    return Along(AB[..., :-1], AB[..., -1], CD[..., :-1], CD[..., -1], moved)
+
+
+def _stacked(matrices: object, count: int) -> Array:
+    wide = np.array(matrices)
+    return wide.reshape(len(wide), count, -1).swapaxes(0, 1)
+
+
+def weights(modes: MachineModes, along: Along, states: Array) -> Array:
+    """Return the weights of hub angle, tip and their rates, each over its largest size in the plan, squared."""
+    import casadi as ca
+
+    z = ca.SX.sym("z", states.shape[1])
+    places = [modes.outputs.index(name) for name in ("hub_angle", "tip_displacement")]
+    at = ca.Function(
+        "rows", [z], [ca.densify(ca.jacobian(modes.read(z, ca.SX.zeros(len(modes.inputs)))[0][places], z))]
+    )
+    half, total = states.shape[1] // 2, np.zeros((along.moved.sum(),) * 2)
+    for row in np.array(at(np.zeros(states.shape[1]))):
+        for each in (row, np.concatenate([np.zeros(half), row[:half]])):
+            size = max(float(np.ptp(states @ each)), _SMALL)
+            total += np.outer(each[along.moved], each[along.moved]) / size**2
+    return total
+
+
+def regulator(along: Along, Q: Array, tuning: Tuning, step: float) -> Array:
+    """Return the gains K of ``u = K z`` at all samples, (k + 1) x n, by Riccati's recursion from the rest at the end."""
+    R, n = step / tuning.limit**2, along.b.shape[1]
+    W = step * tuning.error_weight * Q
+    P = _stationary(along.A[-1], along.b[-1][:, None], W, np.array([[R]]))
+    gains = np.empty((len(along.A), n))
+    for k in range(len(gains) - 1, -1, -1):
+        A, b = along.A[k], along.b[k]
+        gains[k] = -(b @ P @ A) / (R + b @ P @ b)
+        closed = A + np.outer(b, gains[k])
+        P = W + closed.T @ P @ closed + R * np.outer(gains[k], gains[k])
+        P = 0.5 * (P + P.T)
+    return gains
+
+
+def observer(modes: MachineModes, along: Along, states: Array, tuning: Tuning, step: float) -> Array:
+    """Return the gains F by which what was not predicted corrects deviations and torque, (k + 1) x (n + 1) x p.
+
+    Known states are believed; the torque then follows from what turns the whole machine otherwise than predicted, which a
+    wrong stiffness does not. From other measurements both follow by Kalman's filter.
+    """
+    count, n = along.b.shape
+    slow = 0.0 if tuning.integral_time is None else 1.0 / tuning.integral_time
+    if tuning.noise is None:
+        gains = np.zeros((count, n + 1, along.C.shape[1]))
+        gains[:, :n] = np.linalg.pinv(along.C)
+        # the rigid rotation is the first mode: its rate stands after the coordinates
+        gains[:, n] = -np.expm1(-step * slow) * gains[:, n // 2] / along.b[:, n // 2, None]
+        return gains
+    half = n // 2
+    omega = modes.omega[along.moved[: len(modes.omega)]]
+    largest = np.abs(states[:, : len(modes.omega)]).max(axis=0)[along.moved[: len(modes.omega)]]
+    wrong = tuning.model_error * omega**2 * largest  # accelerations where the stiffness is wrong by that share
+    model = np.zeros((n + 1, n + 1))
+    turning = np.arange(half + 1, n)
+    model[turning, turning] = step * wrong[1:] ** 2 / omega[1:]
+    drift = (tuning.disturbance * step * slow) ** 2
+    R = np.diag(tuning.noise**2)
+
+    def whole(k: int) -> tuple[Array, Array, Array]:
+        A, C = np.eye(n + 1), np.column_stack([along.C[k], along.D[k]])
+        A[:n, :n], A[:n, n] = along.A[k], along.b[k]
+        Q = model + tuning.disturbance**2 * np.outer(np.append(along.b[k], 0.0), np.append(along.b[k], 0.0))
+        Q[n, n] = drift
+        return A, C, Q
+
+    used = slice(0, n + 1 if slow else n)
+    A, C, Q = (each[..., used] for each in whole(-1))
+    P = np.zeros((n + 1, n + 1))
+    P[used, used] = _stationary(A[used].T, C.T, Q[used], R, "measurements: they do not show all that the torque moves")
+    gains = np.empty((count, n + 1, along.C.shape[1]))
+    for k in range(count):
+        A, C, Q = whole(k)
+        gains[k] = np.linalg.solve(C @ P @ C.T + R, C @ P).T
+        rest = np.eye(n + 1) - gains[k] @ C
+        P = A @ (rest @ P @ rest.T + gains[k] @ R @ gains[k].T) @ A.T + Q
+        if not slow:
+            P[n], P[:, n] = 0.0, 0.0
+        P = 0.5 * (P + P.T)
+    return gains
+
+
+def _stationary(A: Array, B: Array, Q: Array, R: Array, refusal: str = "") -> Array:
+    try:
+        return solve_discrete_are(A, B, Q, R)
+    except (LinAlgError, ValueError) as error:
+        raise ValueError(f"{refusal or 'error_weight'}: {error}") from None
+
+
+def controller_along(
+    along: Along, K: Array, F: Array, inputs: tuple[str, ...], output: str, step: float
+) -> TimeVaryingController:
+    """Return regulator and observer as one controller of deviations from the plan.
+
+    Its states are the deviations predicted for the sample, the torque that disturbs, and the torque given last beyond the
+    plan, of which the accelerations that are measured still know.
+    """
+    count, n = along.b.shape
+    size, p = n + 2, len(inputs)
+    seen = np.concatenate([along.C, along.D[..., None], along.D[..., None]], axis=2)
+    correct = np.concatenate([F, np.zeros((count, 1, p))], axis=1)
+    kept = np.eye(size) - correct @ seen
+    G = np.concatenate([K, -np.ones((count, 1)), np.zeros((count, 1))], axis=1)[:, None, :]
+    moving, arriving = np.zeros((count, size, size)), np.zeros((count, size, 1))
+    moving[:, :n, :n], moving[:, :n, n], moving[:, n, n] = along.A, along.b, 1.0
+    arriving[:, :n, 0], arriving[:, n + 1, 0] = along.b, 1.0
+    following = moving + arriving @ G
+    return TimeVaryingController(
+        A=following @ kept, B=following @ correct, C=G @ kept, D=G @ correct, inputs=inputs, outputs=(output,),
+        sample_time=step, L=arriving,
+    )  # fmt: skip
+
+
+def slowest_pole(
+    modes: MachineModes, along: Along, controller: TimeVaryingController, linear: Lti, integral: bool
+) -> float:
+    """Return the time constant of the slowest pole of the sampled loop at the end [s], by the machine's linear model.
+
+    That model is the machine's own, held by a matrix exponential: it shares nothing with what the gains were made from but
+    the measurements' rows.
+
+    Parameters
+    ----------
+    modes : MachineModes
+    along : Along
+    controller : TimeVaryingController
+        Its last matrices are looked at.
+    linear : Lti
+        The machine about its motion at the end, in its own states, the torque its first input.
+    integral : bool
+        Whether a constant torque is made out; otherwise that state of the controller stands still.
+
+    Raises
+    ------
+    ValueError
+        The loop is not stable.
+    """
+    step, kept = controller.sample_time, along.moved
+    into, back = modes.from_state[kept], modes.to_state[:, kept]
+    A, B = zero_order_hold(into @ linear.A @ back, into @ linear.B[:, :1], step)
+    C, D = along.C[-1], along.D[-1][:, None]
+    Ac, Bc, Cc, Dc = (getattr(controller, letter)[-1] for letter in "ABCD")
+    n = len(A)
+    stays = [] if integral else [2 * n]  # the controller's states begin with the deviations
+    # states: of the machine, of the controller, and the torque given last
+    asked = np.hstack([Dc @ C, Cc, Dc @ D])
+    loop = np.vstack(
+        [
+            np.hstack([A, np.zeros((n, len(Ac) + 1))]) + B @ asked,
+            np.hstack([Bc @ C, Ac, Bc @ D]),
+            asked,
+        ]
+    )
+    loop = np.delete(np.delete(loop, stays, axis=0), stays, axis=1)
+    largest = float(np.abs(np.linalg.eigvals(loop)).max())
+    if not largest < 1.0:
+        raise ValueError(
+            f"error_weight, noise, model_error: the loop at the end has a pole of modulus {largest:.6g}; expected weights "
+            f"with which it is stable"
+        )
+    return -step / float(np.log(largest))

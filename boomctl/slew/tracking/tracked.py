@@ -1,0 +1,484 @@
+"""A slew with feedback along it: the controller, and what a machine does under it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from boomctl.arrays import Array
+from boomctl.checks import instance, mapping, nonnegative, positive, sequence, some_names, truth, whole, within
+from boomctl.lti.controllers.time_varying import TimeVaryingController
+from boomctl.printing import listed
+from boomctl.progress import computing
+from boomctl.simulation.controller import sampled_controller
+from boomctl.simulation.loop import simulate_loop, whole_steps
+from boomctl.simulation.machine.batch import Batch, run_batch
+from boomctl.simulation.machine.machine import Machine, MachineModes, reading_states
+from boomctl.simulation.machine.run import MachineLoop
+from boomctl.simulation.result import LoopResult
+from boomctl.simulation.signals import Levels, per_signal, sampled_noise, sampled_signals, time_grid
+from boomctl.simulation.stepping import Added, Limits
+from boomctl.slew.plant import SlewPlant
+from boomctl.slew.torque import TorqueHistory
+from boomctl.slew.tracking.feedback import (
+    Tuning,
+    controller_along,
+    linearised_along,
+    observer,
+    regulator,
+    slowest_pole,
+    weights,
+)
+from boomctl.slew.tracking.machine import RubbingMachine, rubbing
+from boomctl.slew.tracking.monte_carlo import TrackingStudy, drawn
+
+_FEWEST = 8  # samples of a slew at least: fewer would not follow it
+_SETTLE = 4.0  # slowest periods for which the plant is followed after the end, unless it is said how long
+_JUDGED = 1.5  # slowest periods after the end in which a vibration is looked for, as after every other slew
+_RESERVE = 1.5  # largest torque over that of the planning, unless it is said: a slew of least time leaves none
+_DISTURBED = 0.1  # share of the largest torque by which an observer takes it to be disturbed (a choice)
+_REST = 1e-12  # largest entry of a state that is at rest: rounding of coordinates changed to and fro
+_ROUNDING = 1e-9  # share of a torque by which the plan may exceed the limit (a choice)
+_LEAST_WEIGHT = 1e-9  # of errors beside the torque, and one over the largest: beyond, digits are lost (a choice)
+_MOST_SAMPLES = 1e5  # of a slew: each has a matrix of its own (a choice)
+_MOST_RUNS = 100_000  # of a study: more do not fit into the memory (a choice)
+_KEPT = ("hub_angle", "hub_speed", "tip_displacement", "root_moment")  # outputs of all runs
+_CREEP = 0.01  # hub speed at which friction is three quarters of its torque [rad/s]: a hundredth of a slew's (a choice)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class TrackedSlew:
+    """A planned slew, and the feedback that holds a machine to it.
+
+    Attributes
+    ----------
+    controller : TimeVaryingController
+        Of deviations from the plan, for :func:`boomctl.simulate_loop` with ``reference`` and ``feedforward``.
+    gains : ndarray, (k + 1) x n
+        Those of the regulator at each sample of the slew, on the machine's states; the last one stays.
+    time : ndarray, N
+        Instants of the samples, on beyond the end of the slew [s].
+    reference : dict of str to ndarray
+        Outputs and states in the plan, at ``time``.
+    feedforward : dict of str to ndarray
+        The torque of the plan, its mean from each sample to the next [N m].
+    duration, period : float
+        Of the slew, and of the slowest vibration [s].
+    torque_limit : float
+        Largest torque, that of the plan and of the feedback together [N m].
+    planned_limit : float
+        Largest torque of the planning [N m].
+    settling : float
+        Time constant of the slowest pole of the sampled loop at the end, of the machine planned for: computed from its
+        linear model, apart from the gains. A loop that is not stable there is refused [s].
+    noise : dict of str to float
+        Standard deviations of the measurements; empty where the states are known.
+    machine : hub-beam
+        The one planned for.
+    start : ndarray, n
+        State in which the plan begins.
+    sensors : tuple of BeamSensor
+        Its further sensors.
+    """
+
+    controller: TimeVaryingController
+    gains: Array
+    time: Array
+    reference: dict[str, Array]
+    feedforward: dict[str, Array]
+    duration: float
+    period: float
+    torque_limit: float
+    planned_limit: float
+    settling: float
+    noise: dict[str, float]
+    machine: Any
+    start: Array
+    sensors: tuple[Any, ...] = ()
+
+    def __repr__(self) -> str:
+        step = self.controller.sample_time
+        how = f"LQG from {listed(self.controller.inputs, 40)}" if self.noise else "LQR of all states"
+        reserve = f"{self.planned_limit:g} N m planned of {self.torque_limit:g}"
+        return (
+            f"TrackedSlew: {self.duration:.6g} s, sampled every {step:.4g} s\n  {how}\n  torque: {reserve}\n"
+            f"  stable at the end, the slowest pole in {self.settling:.3g} s"
+        )
+
+    def simulate(
+        self,
+        plant: Machine | None = None,
+        *,
+        feedback: bool = True,
+        disturbance: Mapping[str, ArrayLike] | None = None,
+        friction: float = 0.0,
+        creep: float = _CREEP,
+        noise: Levels = None,
+        seed: int = 0,
+        delay: float = 0.0,
+        rate_limit: float | None = None,
+        quantization: Levels = None,
+        initial: ArrayLike | None = None,
+        rtol: float = 1e-8,
+        atol: float = 1e-10,
+    ) -> LoopResult:
+        """Simulate a machine that follows the slew.
+
+        Parameters
+        ----------
+        plant : hub-beam, optional
+            The true machine: ``h.with_tip_mass(0.2)``, ``h.with_stiffness(0.9)``, another model where states are not read;
+            by default the one planned for.
+        feedback : bool
+            Whether the controller reacts; otherwise the torque is that of the plan.
+        disturbance : mapping from input to float or (N,) array, optional
+            "disturbance_torque" [N m] and "tip_force" [N], at ``time``; a number stays all the time.
+        friction, creep : float
+            Torque of dry friction on the hub [N m], ``friction tanh(speed / creep)`` with the creep in rad/s.
+        noise : float or mapping from measurement to float, optional
+            Standard deviations at each sample; by default those that the observer was designed for.
+        seed : int
+            Of the noise.
+        delay, rate_limit, quantization, rtol, atol
+            As of :func:`boomctl.simulate_loop`.
+        initial : (n,) array_like, optional
+            State at the first instant; by default that of the plan.
+
+        Returns
+        -------
+        LoopResult
+            Outputs, states and the torque over time.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Arguments of another kind or out of range; a machine without a measurement; a loop that diverges.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> beam = bc.hub_beam(modes=1)
+        >>> tracked = bc.optimal_slew(beam, angle=1.0, torque_limit=160.0).track(torque_limit=200.0)
+        >>> softer = beam.with_stiffness(0.9)
+        >>> runs = [tracked.simulate(softer, feedback=on) for on in (False, True)]
+        >>> [f"{tracked.vibration(run, wait=1.0):.3f} m" for run in runs]
+        ['0.534 m', '0.045 m']
+        """
+        true = self.machine if plant is None else instance("plant", plant, Machine, "a hub-beam")
+        controller = self.controller if truth("feedback", feedback) else self._still()
+        return simulate_loop(
+            RubbingMachine(true, nonnegative("friction", friction), positive("creep", creep)),
+            controller,
+            self._disturbances(disturbance),
+            self.time,
+            sample_time=controller.sample_time,
+            delay=delay,
+            force_limit=self.torque_limit,
+            rate_limit=rate_limit,
+            quantization=quantization,
+            initial=self._start(true) if initial is None else initial,
+            noise=(self.noise or None) if noise is None else noise,
+            seed=seed,
+            reference={name: self.reference[name] for name in controller.inputs},
+            feedforward=self.feedforward,
+            sensors=self.sensors,
+            rtol=rtol,
+            atol=atol,
+        )
+
+    def monte_carlo(
+        self,
+        runs: int = 256,
+        seed: int = 0,
+        *,
+        tip_mass: Any = None,
+        stiffness: Any = None,
+        friction: Any = None,
+        disturbance_torque: Any = None,
+        feedback: bool = True,
+        wait: float = 0.0,
+        creep: float = _CREEP,
+        noise: Levels = None,
+        delay: float = 0.0,
+        rate_limit: float | None = None,
+        rtol: float = 1e-6,
+        atol: float = 1e-8,
+    ) -> TrackingStudy:
+        """Simulate many machines that follow the slew, all together.
+
+        What differs is drawn evenly from a range, independently. The seed draws the same runs whatever the controller is,
+        so that two controllers, or feedback and none, are compared run by run.
+
+        Parameters
+        ----------
+        runs, seed : int
+            How many, and of all that is drawn, noise included.
+        tip_mass, friction, disturbance_torque : float, (low, high) or (runs,) array_like, optional
+            Tip mass [kg], torque of friction on the hub and a constant torque on it [N m]: a number for all runs, the ends
+            of a range, or one for each run; by default as planned, and none.
+        stiffness : float, (low, high) or (runs,) array_like, optional
+            What multiplies the bending stiffness; a number is the half-width of a range around one: 0.1 is 0.9 to 1.1.
+        feedback : bool
+            Whether the controller reacts.
+        wait : float
+            Time after the end from which a vibration counts [s].
+        creep, noise, delay, rate_limit, rtol, atol
+            As of `simulate`.
+
+        Returns
+        -------
+        TrackingStudy
+            All runs, with quantiles; ``.plot()`` draws them.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Arguments of another kind or out of range; a loop that diverges.
+
+        Examples
+        --------
+        >>> import boomctl as bc
+        >>> slew = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=160.0)
+        >>> tracked = slew.track(torque_limit=200.0, sample_time=0.02)
+        >>> study = tracked.monte_carlo(16, stiffness=0.1, tip_mass=(0.0, 0.1), wait=1.0)
+        >>> study["tip_displacement"].shape == (16, study.time.size)
+        True
+        >>> alone = tracked.monte_carlo(16, stiffness=0.1, tip_mass=(0.0, 0.1), wait=1.0, feedback=False)
+        >>> bool(study.vibration.max() < 0.1 * alone.vibration.max())
+        True
+        """
+        count, start = whole("runs", runs, most=_MOST_RUNS), whole("seed", seed, least=0)
+        rng = np.random.default_rng(start)
+        mass = self.machine.parameters.tip_mass
+        given = {
+            "tip_mass": drawn("tip_mass", tip_mass, count, rng, None, mass),
+            "stiffness": drawn("stiffness", stiffness, count, rng, 1.0, 1.0),
+            "friction": drawn("friction", friction, count, rng, None, 0.0),
+            "disturbance_torque": drawn("disturbance_torque", disturbance_torque, count, rng, None, 0.0),
+        }
+        for name, check in (("tip_mass", nonnegative), ("friction", nonnegative), ("stiffness", positive)):
+            check(name, float(given[name].min()))
+        seeds, reacts = rng.integers(2**32, size=count), truth("feedback", feedback)
+        varied = rubbing(self.machine._varied_modes(self.sensors), "friction", positive("creep", creep))
+        varied = reading_states(varied, self.controller.inputs)
+        names = tuple(name for name in varied.inputs if name not in ("torque", "tip_force"))
+        loop = self._loop(varied, names, self.controller if reacts else self._still(), delay, rate_limit)
+        level, samples = (self.noise or None) if noise is None else noise, len(self.time)
+        drawn_noise = [sampled_noise(level, int(each), loop.controller.inputs, samples) for each in seeds]
+        noises = None if drawn_noise[0] is None else np.array(drawn_noise)
+        loop = replace(loop, added=replace(loop.added, noise=drawn_noise[0]))
+        variations = np.array([
+            self.machine._variation(m, s) for m, s in zip(given["tip_mass"], given["stiffness"], strict=True)
+        ])  # fmt: skip
+        values = np.column_stack([given["disturbance_torque"], variations, given["friction"]])
+        batch = Batch(loop, names, values, noises, _KEPT)
+        with computing("machines that follow a slew"):
+            found = run_batch(batch, positive("rtol", rtol), positive("atol", atol))
+        outputs = found.outputs | {"torque": found.controls["torque"]}
+        planned = {name: self.reference[name] for name in _KEPT} | self.feedforward
+        apart = outputs["tip_displacement"] - planned["tip_displacement"]
+        return TrackingStudy(
+            time=self.time,
+            drawn=given,
+            outputs=outputs,
+            planned=planned,
+            vibration=np.abs(apart[:, self._judged(wait)]).max(axis=1),
+            angle_error=outputs["hub_angle"][:, -1] - planned["hub_angle"][-1],
+            wait=wait,
+            duration=self.duration,
+            feedback=reacts,
+            seed=start,
+            seeds=seeds,
+            error_estimate=found.error,
+        )
+
+    def vibration(self, run: LoopResult, wait: float = 0.0) -> float:
+        """Return the largest distance of the tip from the plan within 1.5 slowest periods after the end of the slew.
+
+        Parameters
+        ----------
+        run : LoopResult
+            What `simulate` returned.
+        wait : float
+            Time after the end from which it counts [s].
+
+        Returns
+        -------
+        float
+            m.
+
+        Raises
+        ------
+        TypeError, ValueError
+            No result of a loop; a time beyond the last instant.
+        """
+        apart = instance("run", run, LoopResult)["tip_displacement"] - self.reference["tip_displacement"]
+        return float(np.abs(apart[self._judged(wait)]).max())
+
+    def _judged(self, wait: float) -> Array:
+        """Which of the samples lie in the 1.5 slowest periods after the end of the slew and a time [s] more."""
+        late = self.time - self.duration - nonnegative("wait", wait)
+        found = (late >= -0.5 * self.controller.sample_time) & (late <= _JUDGED * self.period)
+        if not found.any():
+            raise ValueError(
+                f"wait = {wait:g}: expected at most {self.time[-1] - self.duration:g} s, where the motion ends"
+            )
+        return found
+
+    def _still(self) -> TimeVaryingController:
+        """The same signals without feedback."""
+        p = len(self.controller.inputs)
+        none = np.zeros((1, 0, 0)), np.zeros((1, 0, p)), np.zeros((1, 1, 0)), np.zeros((1, 1, p))
+        return TimeVaryingController(
+            *none, self.controller.inputs, self.controller.outputs, self.controller.sample_time
+        )
+
+    def _loop(
+        self,
+        varied: MachineModes,
+        names: tuple[str, ...],
+        controller: TimeVaryingController,
+        delay: float,
+        rate_limit: float | None,
+    ) -> MachineLoop:
+        """The loop around a machine of which the inputs named are ones."""
+        grid, step = time_grid(self.time, controller.sample_time), controller.sample_time
+        K = sampled_controller(controller, varied, step)
+        rows = np.zeros((len(varied.inputs), len(self.time)))
+        rows[[varied.inputs.index(name) for name in names]] = 1.0
+        reference = {name: self.reference[name] for name in controller.inputs}
+        limits = Limits(
+            force=np.array([self.torque_limit]),
+            rate=per_signal("rate_limit", rate_limit, K.outputs) * step,
+            quantum=np.full(len(K.inputs), np.inf),
+        )
+        added = Added(
+            reference=sampled_signals("reference", reference, K.inputs, grid),
+            feedforward=sampled_signals("feedforward", self.feedforward, K.outputs, grid),
+        )
+        lag, switch = whole_steps(nonnegative("delay", delay), grid.h)
+        return MachineLoop(varied, K, grid, rows, lag, switch, limits, added, varied.from_state @ self.start)
+
+    def _start(self, true: Any) -> Array | None:
+        if np.abs(self.start).max() <= _REST:
+            return None
+        names = tuple(getattr(true, "state_names", ()))
+        if names != tuple(self.machine.state_names):
+            raise ValueError(
+                "initial: expected a state, for the plan does not begin at rest and the machine has other states"
+            )
+        return self.start
+
+    def _disturbances(self, given: Mapping[str, ArrayLike] | None) -> dict[str, Array] | None:
+        if given is None:
+            return None
+        rows = mapping("disturbance", given, "inputs to numbers or arrays")
+        return {name: np.broadcast_to(row, self.time.shape) if np.ndim(row) == 0 else row for name, row in rows.items()}
+
+
+def tracked_slew(
+    plant: SlewPlant,
+    history: TorqueHistory,
+    start: Array,
+    planned_limit: float,
+    final_speed: float,
+    *,
+    sample_time: float,
+    torque_limit: float | None,
+    settle: float | None,
+    measurements: str | Sequence[str] | None,
+    sensors: Sequence[Any],
+    noise: Levels,
+    error_weight: float,
+    integral_time: float | None,
+    disturbance: float | None,
+    model_error: float,
+) -> TrackedSlew:
+    """Return a plan with feedback along it; the arguments are those of `SlewResult.track`.
+
+    Parameters
+    ----------
+    plant : SlewPlant
+    history : TorqueHistory
+        The torque planned.
+    start : ndarray, n
+        State in which the plan begins.
+    planned_limit : float
+        Largest torque of the planning, N m.
+    final_speed : float
+        Hub speed at the end, rad/s.
+    """
+    machine: Any = plant.machine
+    if machine is None:
+        raise TypeError("slew: expected one of a hub-beam; that of a linear system follows no nonlinear plan")
+    rest = _SETTLE * plant.period if settle is None else nonnegative("settle", settle)
+    if (history.duration + rest) / positive("sample_time", sample_time) > _MOST_SAMPLES:
+        raise ValueError(
+            f"sample_time = {sample_time:g}: expected at most {_MOST_SAMPLES:g} samples, settling included"
+        )
+    count = max(_FEWEST, round(history.duration / sample_time))
+    step = history.duration / count
+    after = int(np.ceil(rest / step))
+    limit = positive("torque_limit", _RESERVE * planned_limit if torque_limit is None else torque_limit)
+    if limit < history.peak * (1.0 - _ROUNDING):
+        raise ValueError(
+            f"torque_limit = {limit:g}: expected at least {history.peak:g} N m, the largest torque of the plan"
+        )
+    time, places = step * np.arange(count + after + 1), sequence("sensors", sensors, "BeamSensor")
+    modes = machine._forced_modes(places)
+    modes = reading_states(modes, modes.states)
+    wanted = modes.states if measurements is None else some_names("measurement", measurements, modes.outputs)
+    level = per_signal("noise", noise, wanted, zero=True)
+    if measurements is not None and np.isinf(level).any():
+        silent = ", ".join(name for name, each in zip(wanted, level, strict=True) if np.isinf(each))
+        raise ValueError(
+            f"noise: expected a standard deviation above zero for each measurement, there is none for {silent}"
+        )
+    if measurements is None and noise is not None:
+        raise ValueError("noise: expected None without measurements, for the states are known then")
+    torques = np.concatenate([history.means(time[: count + 1]), np.zeros(after)])
+    motion = machine.simulate_torque(history, time, history.breakpoints, start)
+    states = motion.states @ modes.from_state.T
+    along = linearised_along(
+        modes, [modes.outputs.index(name) for name in wanted], states[: count + 1], torques[:count], step
+    )
+    tuning = Tuning(
+        limit=limit,
+        error_weight=within("error_weight", error_weight, _LEAST_WEIGHT, 1.0 / _LEAST_WEIGHT),
+        integral_time=None if integral_time is None else positive("integral_time", integral_time),
+        noise=None if measurements is None else level,
+        disturbance=positive("disturbance", _DISTURBED * limit if disturbance is None else disturbance),
+        model_error=within("model_error", model_error, 0.0, 1.0),
+    )
+    with np.errstate(all="ignore"):  # weights beyond all numbers are told below
+        K = regulator(along, weights(modes, along, states[: count + 1]), tuning, step)
+        F = observer(modes, along, states[: count + 1], tuning, step)
+    if not (np.isfinite(K).all() and np.isfinite(F).all()):
+        raise ValueError(
+            "noise, disturbance, error_weight: there are no gains for these; expected numbers nearer to each other"
+        )
+    push = np.zeros((len(modes.inputs), len(time)))
+    push[0, 1:] = torques
+    outputs = np.array(modes.read.map(len(time))(states.T, push)[0])
+    controller = controller_along(along, K, F, wanted, modes.inputs[0], step)
+    linear = machine._linear(final_speed)
+    return TrackedSlew(
+        controller=controller,
+        settling=slowest_pole(modes, along, controller, linear, integral_time is not None),
+        gains=K @ modes.from_state[along.moved],
+        time=time,
+        reference=dict(zip(modes.outputs, outputs, strict=True)),
+        feedforward={modes.inputs[0]: np.append(torques, 0.0)},
+        duration=history.duration,
+        period=plant.period,
+        torque_limit=limit,
+        planned_limit=planned_limit,
+        noise={} if measurements is None else dict(zip(wanted, level.tolist(), strict=True)),
+        machine=machine,
+        start=start,
+        sensors=places,
+    )

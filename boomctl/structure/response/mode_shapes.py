@@ -1,0 +1,143 @@
+"""Mode shapes: how a machine swings in its undamped modes, drawn with the interpolation of its elements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.checks import whole
+from boomctl.printing import listed
+from boomctl.structure.matrices import Structure
+from boomctl.structure.response.poles import undamped_modes
+
+JOLT, YAW = "jolt", "yaw"  # symmetric and antisymmetric motion, as the halves of a symmetric machine are called
+
+
+@dataclass(frozen=True)
+class ShapeLine:
+    """How a body moves in each mode.
+
+    Attributes
+    ----------
+    name : str
+        Of the body.
+    bends : bool
+        Whether it is a beam.
+    points : (k, 2) ndarray
+        Where its points rest [m].
+    displacement : (modes, k, 2) ndarray
+        How they move, in each mode, of mass-normalised shapes [m].
+    """
+
+    name: str
+    bends: bool
+    points: Array
+    displacement: Array
+
+    def __repr__(self) -> str:
+        kind = "beam" if self.bends else "rigid body"
+        return f"ShapeLine: {kind} {self.name!r}, {len(self.points)} points, {len(self.displacement)} modes"
+
+
+@dataclass(frozen=True)
+class ModeShapes:
+    """Undamped modes of a structure and what they look like.
+
+    Attributes
+    ----------
+    frequencies_hz : (k,) ndarray
+        Undamped natural frequencies, ascending [Hz]; 0 of rigid motions.
+    shapes : (n, k) ndarray
+        Over the coordinates, one column a mode, mass-normalised: ``shapes.T @ M @ shapes`` is the unit matrix.
+    coordinates : tuple of str
+        Names of the coordinates.
+    kinds : tuple of str
+        What moves: "jolt" (symmetric) or "yaw" (antisymmetric) of a symmetric machine, "bending" or "axial" of a hub-beam,
+        otherwise "".
+    lines : tuple of ShapeLine
+        The bodies; none of a model that was given as matrices.
+    """
+
+    frequencies_hz: Array
+    shapes: Array = field(repr=False)
+    coordinates: tuple[str, ...] = field(repr=False)
+    kinds: tuple[str, ...]
+    lines: tuple[ShapeLine, ...] = field(repr=False)
+
+    def __repr__(self) -> str:
+        bodies = listed([line.name for line in self.lines]) if self.lines else "coordinates without places"
+        return f"ModeShapes: {listed(self.names, 84)}\n  undamped, of {bodies}"
+
+    def __getitem__(self, body: str) -> ShapeLine:
+        """Return how a body moves, by its name."""
+        for line in self.lines:
+            if line.name == body:
+                return line
+        raise ValueError(f"unknown body {body!r} (there are: {', '.join(x.name for x in self.lines) or 'none'})")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What each mode is called: its number, its kind, and its frequency."""
+        return tuple(
+            f"{k + 1}: {f'{kind}, ' if kind else ''}{frequency:.4g} Hz"
+            for k, (kind, frequency) in enumerate(zip(self.kinds, self.frequencies_hz, strict=True))
+        )
+
+    def plot(self, ax: Any = None, **style: Any) -> Array:
+        """Draw each mode: bodies as they swing, each picture to its own scale; without places, the coordinates as bars.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Where to draw, one axes a mode; by default a new figure of pyplot.
+        **style
+            Of the beams, as matplotlib's lines take it.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            Those drawn on, in the order in which ``ax`` names them.
+        """
+        return import_module("boomctl.plotting").plot_mode_shapes(self, ax, **style)
+
+
+def mode_shapes(structure: Structure, count: int) -> ModeShapes:
+    """Return the lowest undamped modes; those of a symmetric structure half by half, so that none mixes two of one frequency.
+
+    Raises
+    ------
+    TypeError, ValueError
+        ``count`` is not a whole number up to that of the coordinates; matrices without real modes.
+    """
+    wanted = whole("count", count, most=structure.n)
+    parts: list[tuple[Array, Array, str]] = []
+    if structure.mirror is not None:
+        for half, kind in ((structure.symmetric_half, JOLT), (structure.antisymmetric_half, YAW)):
+            frequencies, shapes = undamped_modes(half.structure, min(wanted, half.structure.n))
+            parts.append((frequencies, np.asarray(half.P @ shapes), kind))
+    else:
+        parity = 0 if structure.outline is None else structure.outline.parity
+        parts.append((*undamped_modes(structure, wanted), {1: JOLT, -1: YAW, 0: ""}[parity]))
+    frequencies = np.concatenate([part[0] for part in parts])
+    shapes = np.hstack([part[1] for part in parts])
+    kinds = [part[2] for part in parts for _ in part[0]]
+    order = np.argsort(frequencies, kind="stable")[:wanted]
+    shapes = signed(shapes[:, order])
+    lines = () if structure.outline is None else structure.outline.moved(shapes)
+    return ModeShapes(
+        frequencies[order] / (2.0 * np.pi),
+        shapes,
+        structure.coordinates,
+        tuple(kinds[k] for k in order),
+        tuple(ShapeLine(line.name, line.bends, line.points, moved) for line, moved in lines),
+    )
+
+
+def signed(shapes: Array) -> Array:
+    """Return shapes whose largest entry is positive: the sign of a mode says nothing, but is always the same."""
+    largest = np.take_along_axis(shapes, np.abs(shapes).argmax(axis=0)[None], axis=0)
+    return shapes * np.where(largest < 0.0, -1.0, 1.0)

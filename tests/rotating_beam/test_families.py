@@ -1,0 +1,174 @@
+"""The hub-beam over hub speed and tip mass: the linear models at every point, proofs that hold at every point tried."""
+
+from dataclasses import replace
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.analysis.box.loops import BoxLoops
+from boomctl.analysis.box.zero_exclusion import Cell, prove_cell
+from boomctl.structure import PolynomialFamily, SecondOrderModel
+from tests.profiles import examples
+
+_SPEED_HUB = {"inputs": ["hub_speed", "root_moment"], "outputs": "torque"}
+
+
+def _beam(model="sfoam", modes=2, damping=0.01, tip_mass=0.0):
+    return bc.hub_beam(bc.HubBeamParameters(damping_ratio=damping, tip_mass=tip_mass), model=model, modes=modes)
+
+
+def _drive(count=3, last=4.0):
+    gains = [ct.ss([[-3.0]], [[1.0, 0.0]], [[-20.0]], [[-30.0 - 10.0 * k, -0.3]], **_SPEED_HUB) for k in range(count)]
+    return bc.schedule(gains, np.linspace(0.0, last, count))
+
+
+@pytest.mark.parametrize("damping", [0.0, pytest.param(0.02, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "model", ["tlam", "sfoam", "sfoam-consistent", "foam", pytest.param("cfoam", marks=pytest.mark.slow)]
+)
+def test_it_is_the_linear_model_at_every_point(model, damping):
+    beam, high = _beam(model, damping=damping), 1.8 if model == "tlam" else 5.0
+    sensor = bc.BeamSensor("gauge", "strain", 2.0, height=0.01)
+    family = beam.family((0.0, high), (0.0, 0.2), sensors=[sensor])
+    assert family.names == ("hub_speed", "tip_mass")
+    assert family.centre.outputs[:5] == ("hub_angle", "hub_speed", "tip_displacement", "root_moment", "gauge")
+    fast = beam._small_motion(high)
+    sizes = [np.abs(each).max() for each in (fast.mass, fast.damping, fast.stiffness)]
+    for speed, mass in ((0.0, 0.2), (0.37 * high, 0.05), (high, 0.13)):
+        there = beam.with_tip_mass(mass)
+        mine = family.at(family.deltas({"hub_speed": speed, "tip_mass": mass}))
+        motion = there._small_motion(speed)
+        pairs = ((mine.M, motion.mass), (mine.C, motion.damping), (mine.K, motion.stiffness))
+        for (found, true), size in zip(pairs, sizes, strict=True):
+            np.testing.assert_allclose(found, true, rtol=0.0, atol=1e-10 * size)
+        omega, linear = np.array([0.3, 2.0, 9.0]), there.linearize(speed, sensors=[sensor])
+        true = ct.ss(linear.A, linear.B, linear.C, linear.D)(1j * omega)[[0, 1, 2, 3, 5]]
+        response = mine.frequency_response(omega).frdata[:5]
+        size = np.abs(true).max(axis=2, keepdims=True)
+        np.testing.assert_allclose(response / size, true / size, rtol=0.0, atol=1e-6 if model == "cfoam" else 1e-7)
+
+
+def test_one_parameter_is_enough():
+    assert _beam().family(hub_speed=(-2.0, 2.0)).names == ("hub_speed",)
+    fixed = _beam().family(3.0, tip_mass=(0.0, 0.1))
+    assert fixed.names == ("tip_mass",)
+    np.testing.assert_allclose(fixed.at([-1.0]).K, _beam()._small_motion(3.0).stiffness, atol=1e-9)
+
+
+@examples(30)
+@given(st.integers(0, 10_000), st.floats(0.1, 1.2), st.integers(1, 3))
+def test_what_is_proved_of_polynomials_holds_at_every_point_tried(seed, size, degree):
+    rng, n = np.random.default_rng(seed), 3
+    middle = SecondOrderModel(
+        np.eye(n), 0.3 * np.eye(n), np.diag([1.0, 4.0, 9.0]), {"f": np.eye(n)[0]}, {"y": np.eye(n)[1]}
+    )
+    changes = []
+    for power in [(0,), (1,), (0, 0), (0, 1), (1, 1, 1), (0, 0, 1, 1)][: 2 * degree]:
+        M, C, K = (scale * size * rng.standard_normal((n, n)) for scale in (0.02, 0.1, 0.5))
+        slope = bc.structure.families.Slope(0.5 * (M + M.T), C, K, np.zeros((3, n, 1)))
+        changes.append((power, slope))
+    family = PolynomialFamily(("p", "q"), -np.ones(2), np.ones(2), middle, tuple(changes))
+    law = ct.ss([[-2.0]], [[1.0]], [[0.2]], [[-0.1]], inputs="y", outputs="f")
+    loops = BoxLoops.of(family, law)
+    for reach in (0.1, 0.5, 1.0):
+        cell = Cell(rng.uniform(-0.3, 0.3, 2), np.full(2, reach))
+        proof = prove_cell(loops.terms(cell), cell)
+        points = cell.middle + reach * np.vstack(
+            [rng.uniform(-1.0, 1.0, (40, 2)), [[-1, -1], [-1, 1], [1, -1], [1, 1]]]
+        )
+        abscissas = [loops.at(point).abscissa for point in points]
+        assert not proof.proved or max(abscissas) < 0.0
+
+
+@examples(6)
+@given(st.integers(0, 1000))
+def test_a_scheduled_drive_is_proved_where_every_frozen_loop_is_stable(seed):
+    """The loops that the proof covers are those of the linear beam and the controller as it is at that speed."""
+    rng, drive = np.random.default_rng(seed), _drive()
+    family = _beam().family((0.0, 5.0), (0.0, 0.1))
+    found = bc.robust_stability(family, drive)
+    assert found.proved
+    loops = BoxLoops.of(family, drive)
+    for _ in range(5):
+        point = rng.uniform(-1.0, 1.0, 2)
+        values = family.values(point)
+        plant = _beam(tip_mass=values["tip_mass"]).linearize(values["hub_speed"], sensors=())
+        plant = ct.ss(plant, inputs=plant.input_labels, outputs=plant.output_labels)
+        whole = bc.feedback_loop(plant, drive.at(values["hub_speed"]))
+        poles = whole.poles()
+        free = np.sort_complex(poles[np.abs(poles) > 1e-6])  # all but the hub angle, which nothing feels
+        assert len(free) == len(poles) - 1
+        np.testing.assert_allclose(np.sort_complex(loops.at(point).poles), free, atol=1e-6 * np.abs(free).max())
+
+
+def test_the_angle_is_left_out_only_where_nothing_reads_it():
+    family = _beam().family((0.0, 4.0))
+    speed = ct.ss([], [], [], [[-50.0]], inputs="hub_speed", outputs="torque")
+    assert len(BoxLoops.of(family, speed).at(np.zeros(1)).A) == 5
+    assert bc.robust_stability(family, speed).proved
+    both = ct.ss([], [], [], [[-20.0, -50.0]], inputs=["hub_angle", "hub_speed"], outputs="torque")
+    assert len(BoxLoops.of(family, both).at(np.zeros(1)).A) == 6
+    assert not bc.robust_stability(replace(family, free=()), speed).proved  # an integrator is not stable
+
+
+def test_an_unstable_stretch_of_a_schedule_is_found():
+    drives = [ct.ss([], [], [], [[-gain]], inputs="hub_speed", outputs="torque") for gain in (50.0, -5.0, 50.0)]
+    found = bc.robust_stability(_beam().family((0.0, 4.0)), bc.schedule(drives, [0.0, 2.0, 4.0]))
+    assert not found.proved
+    assert found.unstable_at is not None
+    assert 1.5 < found.unstable_at["hub_speed"] < 2.5
+
+
+def test_margin_and_worst_case_of_a_scheduled_drive():
+    family, drive = _beam().family((1.0, 3.0)), _drive()
+    margin = bc.structured_margin(family, drive, largest=1.5)
+    assert margin.stable_up_to == 1.5
+    worst = bc.worst_case(family, drive, "tip_force", "tip_displacement")
+    speed = worst.values["hub_speed"]
+    plant = _beam().linearize(speed, sensors=())
+    loop = bc.feedback_loop(plant, drive.at(speed))
+    true = bc.hinf_norm(
+        ct.ss(loop, inputs=loop.input_labels, outputs=loop.output_labels)["tip_displacement", "tip_force"]
+    )
+    assert worst.norm.lower == pytest.approx(true.lower, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        ({}, ValueError, "hub_speed = 0.0: expected a range"),
+        ({"hub_speed": (3.0, 1.0)}, ValueError, "range of hub_speed = "),
+        ({"hub_speed": "fast"}, TypeError, "range of hub_speed = 'fast'"),
+        ({"hub_speed": (0.0, 1.0), "tip_mass": (-0.1, 0.1)}, ValueError, "lower end of tip_mass = -0.1"),
+        (
+            {"hub_speed": (0.0, 1.0), "sensors": [bc.BeamSensor("a", "acceleration", 1.0)]},
+            ValueError,
+            "no acceleration",
+        ),
+    ],
+)
+def test_bad_input_is_refused_by_name(given, error, message):
+    with pytest.raises(error, match=message):
+        _beam().family(**given)
+
+
+def test_a_speed_without_steady_rotation_is_refused():
+    with pytest.raises(ValueError, match="loses its stiffness"):
+        _beam("foam").family((0.0, 2000.0))
+
+
+def test_a_schedule_over_no_parameter_is_refused():
+    with pytest.raises(ValueError, match="unknown parameter that the controller follows 'hub_speed'"):
+        bc.robust_stability(_beam().family(0.0, (0.0, 0.1)), _drive())
+
+
+def test_structures_that_no_polynomial_meets_are_refused():
+    def make(values):
+        return SecondOrderModel([[1.0]], [[0.1]], [[1.0 + abs(values["p"])]], {"f": [1.0]}, {"y": [1.0]})
+
+    with pytest.raises(ValueError, match="K is no polynomial of p"):
+        PolynomialFamily.through({"p": (-1.0, 1.0)}, make)

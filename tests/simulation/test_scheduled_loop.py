@@ -1,0 +1,212 @@
+"""Scheduled controllers in a sampled loop: brute force, python-control, and the constant controller as a special case."""
+
+from dataclasses import replace
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.simulation import loop
+from boomctl.simulation.controller import conditioning_gain, sampled_controller
+from tests.profiles import examples
+from tests.simulation.beam_reference import brute_force
+from tests.simulation.cases import random_plant
+
+_TS = 0.02
+_SPEEDS = (0.0, 0.03, 0.5)
+_SCENES = {
+    "plain": {},
+    "late": {"delay": 0.013},
+    "limits": {"delay": 0.007, "force": 25.0, "rate": 60.0},
+    "noisy": {"delay": 0.033, "force": 40.0, "noise": True},
+}
+
+
+def _law(k):
+    """Return one of a row of controllers with all matrices that a controller has."""
+    A, B = [[0.6 - 0.1 * k]], [[0.4, 0.02 * k]]
+    C, D = [[-60.0 - 5.0 * k]], [[-80.0 + 10.0 * k, -240.0 - 20.0 * k]]
+    return ct.ss(A, B, C, D, _TS, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
+
+
+def _scheduled():
+    return bc.schedule([_law(k) for k in range(len(_SPEEDS))], _SPEEDS)
+
+
+def _interpolated(measured):
+    """Return the matrices at a measured speed, by NumPy's interpolation of each entry."""
+    laws = [_law(k) for k in range(len(_SPEEDS))]
+    gains = [conditioning_gain(*(np.asarray(each) for each in (K.A, K.B, K.C, K.D))) for K in laws]
+    stacks = [np.array([np.asarray(getattr(K, name)) for K in laws]) for name in "ABCD"] + [np.array(gains)]
+    found = [
+        np.array([[np.interp(measured[1], _SPEEDS, X[:, i, j]) for j in range(X.shape[2])] for i in range(X.shape[1])])
+        for X in stacks
+    ]
+    return found[0], found[1], found[2][0], found[3][0], found[4][:, 0]
+
+
+@pytest.mark.parametrize("scene", _SCENES)
+def test_the_loop_is_what_brute_force_finds(scene):
+    options = _SCENES[scene]
+    beam = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model="sfoam", modes=2)
+    time = np.linspace(0.0, 0.4, 41)
+    disturbance = {"disturbance_torque": 40.0 * np.cos(2.0 * time)}
+    reference = {"hub_angle": 0.4 * time**2, "hub_speed": 0.8 * time}
+    sigma = np.array([2e-3, 5e-3])
+    noise = sigma * np.random.default_rng(7).standard_normal((21, 2)) if options.get("noise") else None
+    run = bc.simulate_loop(
+        beam,
+        _scheduled(),
+        disturbance,
+        time,
+        sample_time=_TS,
+        delay=options.get("delay", 0.0),
+        force_limit=options.get("force"),
+        rate_limit=options.get("rate"),
+        noise=None if noise is None else {"hub_angle": 2e-3, "hub_speed": 5e-3},
+        seed=7,
+        reference=reference,
+        rtol=1e-11,
+        atol=1e-15,
+    )
+    size = beam.equations.size
+    states, given = brute_force(
+        beam,
+        _interpolated,
+        disturbance,
+        time,
+        sample_time=_TS,
+        read=lambda x, a: (x[0], x[size]),
+        **{**options, "noise": noise, "reference": list(reference.values())},
+    )
+    assert 0.03 < np.abs(states[:, size]).max() < 0.5  # more than one stretch of the schedule is passed
+    np.testing.assert_allclose(run.states, states, rtol=0.0, atol=1e-9 * np.abs(states).max())
+    acting = run.controls["torque"][:: round(_TS / 0.01)]
+    late = int(np.ceil(options.get("delay", 0.0) / _TS - 1e-9))
+    wanted = np.concatenate([np.zeros(late), given])[: len(acting)]
+    np.testing.assert_allclose(acting, wanted, atol=1e-7 * np.abs(given).max())
+
+
+@examples(40)
+@given(st.integers(0, 10_000), st.floats(0.0, 0.03), st.sampled_from([None, 0.3]))
+def test_equal_controllers_are_one(seed, delay, limit):
+    rng = np.random.default_rng(seed)
+    plant = random_plant(rng)
+    law = ct.ss(
+        0.5 * np.eye(2),
+        rng.normal(size=(2, 2)),
+        0.1 * rng.normal(size=(2, 2)),
+        0.1 * rng.normal(size=(2, 2)),
+        _TS,
+        inputs=plant.output_labels[:2],
+        outputs=plant.input_labels[:2],
+    )
+    scheduled = bc.schedule([law, law, law], [-1.0, 0.1, 2.0], plant.output_labels[1])
+    time = np.linspace(0.0, 2.0, 101)
+    given = {"sample_time": _TS, "delay": delay, "force_limit": limit}
+    w = {plant.input_labels[-1]: rng.normal(size=101)}
+    one, other = (bc.simulate_loop(plant, K, w, time, **given) for K in (law, scheduled))
+    for name, row in one.outputs.items():
+        np.testing.assert_allclose(other[name], row, atol=1e-9 * np.abs(row).max())
+
+
+def test_matrices_that_change_by_the_sample(monkeypatch):
+    """The record behind it may hold a matrix for each sample instead, the last of which stays."""
+
+    def tabled(*given):
+        K = sampled_controller(*given)
+        return replace(K, laws=replace(K.laws, place=None, values=np.zeros(0)))
+
+    monkeypatch.setattr(loop, "sampled_controller", tabled)
+    beam, time = bc.hub_beam(model="sfoam", modes=1), np.linspace(0.0, 0.1, 11)
+    given = {"sample_time": _TS, "reference": {"hub_speed": 1.0 + time}}
+    run = bc.simulate_loop(beam, _scheduled(), None, time, **given, rtol=1e-11, atol=1e-15)
+    passed = []
+
+    def by_sample(measured):
+        passed.append(measured)
+        return _interpolated([0.0, _SPEEDS[min(len(passed), len(_SPEEDS)) - 1]])
+
+    read, references = (lambda x, a: (x[0], x[beam.equations.size])), [0.0 * time, 1.0 + time]
+    states, _ = brute_force(beam, by_sample, {}, time, sample_time=_TS, read=read, reference=references)
+    np.testing.assert_allclose(run.states, states, rtol=0.0, atol=1e-9 * np.abs(states).max())
+    plant = beam.linearize(0.0, sensors=())
+    linear = bc.simulate_loop(plant, _scheduled(), None, time, **given)
+    assert abs(linear["hub_speed"] - run["hub_speed"]).max() < 2e-2 * abs(run["hub_speed"]).max()
+
+
+def test_a_regulator_reads_the_states_of_a_hub_beam():
+    """By their names: at each sample the torque is minus the gain, as the measured speed has it, times the state."""
+    beam, speeds = bc.hub_beam(model="sfoam", modes=2), np.array([0.0, 0.2, 1.0])
+    designs = [
+        bc.lqr(beam.linearize(w), {"hub_angle": 10.0, "hub_speed": 1e3, "transverse_1": 1e4 * (1 + w)}, 0.1)
+        for w in speeds
+    ]
+    drive = bc.schedule([each.controller for each in designs], speeds)
+    time = np.linspace(0.0, 2.0, 201)
+    wanted = {"hub_speed": 0.5 * time, "hub_angle": 0.25 * time**2}
+    run = bc.simulate_loop(beam, drive, {"tip_force": np.cos(3.0 * time)}, time, sample_time=0.01, reference=wanted)
+    assert {"transverse_1", "transverse_2_rate"} <= set(run.outputs)
+    gains = np.array([each.gain[0] for each in designs])
+    state = run.states.copy()
+    followed = state[:, beam.equations.size].copy()
+    assert followed.max() > 0.25
+    state[:, 0] -= wanted["hub_angle"]
+    state[:, beam.equations.size] -= wanted["hub_speed"]
+    gain = np.array([np.interp(followed, speeds, column) for column in gains.T]).T
+    np.testing.assert_allclose(run.controls["torque"], -np.sum(gain * state, axis=1), rtol=1e-9, atol=1e-9)
+    for k, name in enumerate(beam.state_names):
+        np.testing.assert_allclose(run[name] if name in run.outputs else run.states[:, k], run.states[:, k], atol=1e-12)
+
+
+def test_the_same_in_python_control():
+    beam = bc.hub_beam(model="sfoam", modes=1)
+    plant, time = beam.linearize(0.0), np.linspace(0.0, 1.0, 51)
+    speed = 0.8 * time
+    run = bc.simulate_loop(plant, _scheduled(), None, time, sample_time=_TS, reference={"hub_speed": speed})
+    discrete = ct.sample_system(plant, _TS)
+    for each in ("input_labels", "output_labels", "state_labels"):
+        setattr(discrete, each, getattr(plant, each))
+    discrete.name = "beam"
+    whole = ct.interconnect(
+        [discrete, _scheduled().to_nlsys("hub_speed")], inplist="hub_speed_reference", outlist=list(plant.output_labels)
+    )
+    found = ct.input_output_response(whole, time, speed)
+    np.testing.assert_allclose(found.outputs[0], run["hub_angle"], atol=1e-9 * abs(run["hub_angle"]).max())
+    np.testing.assert_allclose(found.outputs[1], run["hub_speed"], atol=1e-9 * abs(run["hub_speed"]).max())
+
+
+def test_frozen_controllers_stand_on_straight_lines():
+    scheduled, (low, middle, high) = _scheduled(), (_law(k) for k in range(3))
+    for value, wanted in ((-1.0, low.C), (0.03, middle.C), (0.265, 0.5 * (middle.C + high.C)), (9.0, high.C)):
+        np.testing.assert_allclose(scheduled.at(value).C, wanted, rtol=1e-14)
+    unread = bc.schedule([ct.ss([], [], [], [[k]], inputs="tip", outputs="torque") for k in (1.0, 2.0)], [0.0, 1.0])
+    assert unread.inputs == ("tip", "hub_speed")
+    np.testing.assert_array_equal(unread.at(0.25).D, [[1.25, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("controllers", "values", "message"),
+    [
+        ([_law(0)], [0.0], "values: expected one for each of two or more"),
+        ([_law(0), _law(1)], [0.0, 1.0, 2.0], "values: expected one for each"),
+        ([_law(0), _law(1)], [1.0, 0.0], "expected ascending ones"),
+        ([_law(0), ct.ss(_law(1), dt=0.1)], [0.0, 1.0], r"controllers\[1\]: expected the dt of the first"),
+        ([_law(0), ct.ss(_law(1), inputs=["a", "b"])], [0.0, 1.0], r"controllers\[1\]: expected the inputs"),
+        ([_law(0), ct.append(_law(0), _law(1))], [0.0, 1.0], r"controllers\[1\]: expected the inputs"),
+    ],
+)
+def test_bad_input_is_refused_by_name(controllers, values, message):
+    with pytest.raises(ValueError, match=message):
+        bc.schedule(controllers, values)
+
+
+def test_controllers_of_other_sizes_are_refused():
+    static = ct.ss([], [], [], [[-1.0, -1.0]], _TS, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
+    with pytest.raises(ValueError, match=r"controllers\[1\]: expected 1 state, as the first, got 0"):
+        bc.schedule([_law(0), static], [0.0, 1.0])
+    with pytest.raises(TypeError, match=r"controllers\[1\]: expected StateSpace, got float"):
+        bc.schedule([_law(0), 1.0], [0.0, 1.0])

@@ -1,0 +1,240 @@
+"""Feedback along a slew: brute force, optimality, no steady error, many runs at once, refusals."""
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+
+import boomctl as bc
+from boomctl.plotting.canvas import figure_of
+from tests.simulation.beam_reference import brute_force
+
+NOISE = {"hub_angle": 2e-5, "hub_speed": 2e-4, "root_moment": 0.2}
+
+
+@pytest.fixture(scope="module")
+def slew():
+    return bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 140.0)
+
+
+@pytest.fixture(scope="module")
+def known(slew):
+    return slew.track(torque_limit=200.0, sample_time=0.02, settle=2.0)
+
+
+@pytest.fixture(scope="module")
+def seen(slew):
+    return slew.track(torque_limit=200.0, sample_time=0.02, settle=2.0, measurements=list(NOISE), noise=NOISE)
+
+
+def _laws(controller):
+    """What the controller is at each sample, as the reference takes it."""
+    k = [*range(len(controller.A)), *[len(controller.A) - 1] * 10_000]
+    each = iter(
+        (controller.A[i], controller.B[i], controller.C[i, 0], controller.D[i, 0], controller.L[i, :, 0]) for i in k
+    )
+    return lambda measured: next(each)
+
+
+def _reads(beam, names):
+    size = len(beam.state_names) // 2
+    rows = {name: np.eye(2 * size)[i] for i, name in enumerate(beam.state_names)} | {
+        "root_moment": beam.root_moment_row
+    }
+    return lambda x, a: [rows[name] @ x for name in names]
+
+
+@pytest.mark.parametrize("which", ["seen", pytest.param("known", marks=pytest.mark.slow)])
+def test_a_tracked_run_is_that_of_an_integrator_restarted_at_each_sample(which, request):
+    tracked = request.getfixturevalue(which)
+    beam = tracked.machine.with_tip_mass(0.1).with_stiffness(0.8)
+    time, names = tracked.time[:120], tracked.controller.inputs
+    step = tracked.controller.sample_time
+    push = 15.0 * np.sin(5.0 * tracked.time)
+    level = [tracked.noise.get(name, 0.0) for name in names]
+    noise = np.array(level) * np.random.default_rng(3).standard_normal((len(tracked.time), len(names)))
+    run = tracked.simulate(beam, disturbance={"disturbance_torque": push}, seed=3, rtol=1e-11, atol=1e-13)
+    states, given = brute_force(
+        beam, _laws(tracked.controller), {"disturbance_torque": push[:120]}, time, sample_time=step,
+        read=_reads(beam, names), force=200.0, noise=noise, reference=[tracked.reference[name][:120] for name in names],
+        forward=tracked.feedforward["torque"][:120],
+    )  # fmt: skip
+    assert np.abs(run["hub_angle"][:120] - states[:, 0]).max() < 1e-9
+    tip = states[:, 1:2] @ beam.equations.tip.transverse
+    assert np.abs(run["tip_displacement"][:120] - tip).max() < 1e-9 * np.abs(tip).max()
+    assert np.abs(run.controls["torque"][:119] - given[:119]).max() < 1e-7 * 200.0
+    assert run.saturation_share["torque"] > 0.0  # the limit is met, and the observer is told
+
+
+def test_the_plan_is_held_on_the_machine_planned_for(known):
+    run = known.simulate()
+    assert known.vibration(run) < 1e-3
+    assert np.abs(run["hub_angle"] - known.reference["hub_angle"]).max() < 1e-3
+    assert known.time[-1] >= known.duration + 2.0
+    assert known.reference["hub_angle"][-1] == pytest.approx(1.0, abs=1e-5)
+
+
+def test_gains_at_the_end_are_those_of_the_stationary_regulator(known):
+    """At rest the last gain is that of the Riccati equation of the linear model, held from sample to sample."""
+    from boomctl.lti.hold import zero_order_hold
+
+    beam, step = known.machine, known.controller.sample_time
+    linear = beam._linear(0.0)
+    A, B = zero_order_hold(linear.A, linear.B[:, :1], step)
+    size = len(A) // 2
+    Q = np.zeros_like(A)
+    plan = np.column_stack([known.reference[name] for name in beam.state_names])
+    for row in (np.eye(len(A))[0], np.append([0.0, *beam.equations.tip.transverse], np.zeros(size))):
+        for each in (row, np.append(np.zeros(size), row[:size])):
+            Q += np.outer(each, each) / np.ptp(plan @ each) ** 2
+    R = step / 200.0**2 * np.eye(1)
+    P = solve_discrete_are(A, B, 1000.0 * step * Q, R)
+    wanted = -np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)[0]
+    assert known.gains[-1] == pytest.approx(wanted, rel=1e-6)
+
+
+@pytest.mark.parametrize("which", ["known", "seen"])
+def test_a_constant_torque_leaves_no_steady_error(which, slew, request):
+    tracked = slew.track(torque_limit=200.0, sample_time=0.02, settle=8.0, **_seeing(which))
+    without = slew.track(torque_limit=200.0, sample_time=0.02, settle=8.0, integral_time=None, **_seeing(which))
+    held, off = (
+        abs(each.simulate(disturbance={"disturbance_torque": 10.0}, noise=0.0)["hub_angle"][-1] - 1.0)
+        for each in (tracked, without)
+    )
+    assert held < 2e-5
+    assert off > 100.0 * held
+
+
+@pytest.mark.parametrize("which", ["known", "seen"])
+def test_the_slowest_pole_is_how_fast_an_error_fades(which, slew):
+    tracked = slew.track(torque_limit=200.0, sample_time=0.02, settle=12.0, **_seeing(which))
+    run = tracked.simulate(noise=0.0, initial=[0.02, 0.0, 0.0, 0.0])
+    late = tracked.time > tracked.duration + 8.0
+    off = np.abs(run["hub_angle"] - tracked.simulate(noise=0.0)["hub_angle"])[late]
+    slope = np.polyfit(tracked.time[late], np.log(off), 1)[0]
+    assert -1.0 / slope == pytest.approx(tracked.settling, rel=1e-2)
+
+
+def _seeing(which):
+    return {} if which == "known" else {"measurements": list(NOISE), "noise": NOISE}
+
+
+def test_friction_leaves_no_steady_error(slew):
+    tracked = slew.track(torque_limit=200.0, sample_time=0.02, settle=8.0)
+    held, free = (abs(tracked.simulate(friction=5.0, feedback=on)["hub_angle"][-1] - 1.0) for on in (True, False))
+    assert held < 1e-4
+    assert free > 100.0 * held
+
+
+def test_feedback_holds_a_softer_beam(seen):
+    softer = seen.machine.with_stiffness(0.9)
+    alone, held = (seen.vibration(seen.simulate(softer, feedback=on, noise=0.0)) for on in (False, True))
+    assert alone > 5.0 * held
+
+
+@pytest.mark.parametrize(
+    ("model", "damping", "exact"),
+    [
+        ("sfoam", 0.0, 1e-10),
+        pytest.param("sfoam-consistent", 0.02, 1e-10, marks=pytest.mark.slow),
+        # axial vibrations, thousands of times in a run, leave rounding
+        pytest.param("tlam", 0.0, 1e-8, marks=pytest.mark.slow),
+        pytest.param("foam", 0.01, 1e-8, marks=pytest.mark.slow),
+        pytest.param("cfoam", 0.01, 1e-8, marks=pytest.mark.slow),
+    ],
+)
+def test_runs_at_once_are_those_one_by_one(model, damping, exact):
+    beam = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.05, damping_ratio=damping), model=model, modes=1)
+    slew = bc.optimal_slew(beam, 1.0, 140.0, "effort", duration=4.0, intervals=40)
+    tracked = slew.track(torque_limit=200.0, sample_time=0.05, settle=1.0, measurements=list(NOISE), noise=NOISE)
+    study = tracked.monte_carlo(
+        4, 5, stiffness=0.2, tip_mass=(0.0, 0.3), friction=(0.0, 4.0), disturbance_torque=(-3.0, 3.0), delay=0.01,
+        rate_limit=2000.0, rtol=exact, atol=exact,
+    )  # fmt: skip
+    for i in range(4):
+        drawn = {name: float(row[i]) for name, row in study.drawn.items()}
+        true = beam.with_tip_mass(drawn["tip_mass"]).with_stiffness(drawn["stiffness"])
+        run = tracked.simulate(
+            true, disturbance={"disturbance_torque": drawn["disturbance_torque"]}, friction=drawn["friction"],
+            seed=int(study.seeds[i]), delay=0.01, rate_limit=2000.0, rtol=exact, atol=exact,
+        )  # fmt: skip
+        for name in ("hub_angle", "hub_speed", "tip_displacement", "root_moment"):
+            assert np.abs(study[name][i] - run[name]).max() < 10.0 * exact * np.abs(run[name]).max()
+        assert np.abs(study["torque"][i] - run.controls["torque"]).max() < 1e3 * exact * 200.0
+        assert study.vibration[i] == pytest.approx(tracked.vibration(run), rel=1e2 * exact)
+    assert study.error_estimate < 4.0 * exact
+
+
+def test_what_is_drawn_is_drawn_once_for_all_controllers(known, seen):
+    asked = {"runs": 8, "seed": 4, "stiffness": 0.1, "tip_mass": (0.0, 0.1)}
+    one, other = known.monte_carlo(**asked), seen.monte_carlo(feedback=False, **asked)
+    for name, row in one.drawn.items():
+        assert (row == other.drawn[name]).all()
+    assert (np.abs(one.drawn["stiffness"] - 1.0) <= 0.1).all()
+    fewer = known.monte_carlo(8, 4, tip_mass=(0.0, 0.1))
+    assert (fewer.drawn["tip_mass"] == one.drawn["tip_mass"]).all()
+    assert (one.vibration < 0.5 * other.vibration).all()
+    assert one.quantiles("torque", [0.0, 1.0]).shape == (2, len(known.time))
+    assert np.abs(one["torque"]).max() <= 200.0
+    assert len(figure_of(one.plot).axes) == 4
+    waited = known.monte_carlo(8, 4, tip_mass=(0.0, 0.1), wait=1.0)
+    assert waited.vibration.max() < fewer.vibration.max()
+
+
+def test_another_model_follows_by_its_sensors(seen):
+    other = seen.machine.in_model("sfoam-consistent", 2)
+    run = seen.simulate(other, noise=0.0)
+    assert abs(run["hub_angle"][-1] - 1.0) < 0.01
+
+
+def test_a_spin_up_is_held():
+    """In steady rotation the plan goes on turning, and so does the machine."""
+    plan = bc.optimal_slew(bc.hub_beam(modes=1), None, 140.0, final_speed=1.0)
+    tracked = plan.track(torque_limit=200.0, sample_time=0.02, settle=8.0)
+    run = tracked.simulate(tracked.machine.with_tip_mass(0.1))
+    assert run["hub_speed"][-1] == pytest.approx(1.0, abs=1e-3)
+    assert tracked.reference["hub_speed"][-1] == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"torque_limit": 100.0}, "torque_limit = 100: expected at least 140 N m"),
+        ({"measurements": ["hub_angle"]}, "noise: expected a standard deviation above zero for each measurement"),
+        ({"measurements": ["nothing"], "noise": 1.0}, "unknown measurement 'nothing'"),
+        ({"noise": 1.0}, "noise: expected None without measurements"),
+        ({"sample_time": 0.0}, "sample_time = 0"),
+        ({"integral_time": -1.0}, "integral_time = -1"),
+        ({"measurements": ["tip_displacement"], "noise": 1e-3}, "measurements: they do not show all"),
+    ],
+)
+def test_bad_feedback_is_refused(slew, wrong, words):
+    with pytest.raises(ValueError, match=words):
+        slew.track(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"tip_mass": (0.2, 0.1)}, "expected the lower end first"),
+        ({"tip_mass": (-0.2, 0.1)}, "tip_mass = "),
+        ({"stiffness": 1.5}, "stiffness = 1.5: expected a half-width"),
+        ({"stiffness": (0.0, 0.0)}, "stiffness = 0"),
+        ({"friction": [1.0, 2.0, 3.0]}, "friction has shape"),
+        ({"runs": 0}, "runs = 0"),
+        ({"wait": 99.0}, "wait = 99"),
+    ],
+)
+def test_bad_studies_are_refused(known, wrong, words):
+    with pytest.raises(ValueError, match=words):
+        known.monte_carlo(**({"runs": 4} | wrong))
+
+
+def test_slews_of_linear_systems_and_states_of_other_models_are_refused(known):
+    linear = bc.optimal_slew(bc.hub_beam(modes=1).linearize(), 1.0, 140.0)
+    with pytest.raises(TypeError, match="expected one of a hub-beam"):
+        linear.track()
+    of_foam = bc.optimal_slew(known.machine.in_model("foam"), 1.0, 140.0).track(sample_time=0.02)
+    with pytest.raises(ValueError, match=r"unknown plant output .* 'axial_1'"):
+        of_foam.simulate(known.machine)
+    with pytest.raises(TypeError, match="plant = 5: expected a hub-beam"):
+        known.simulate(plant=5)

@@ -1,0 +1,103 @@
+"""Mode shapes by their laws: orthogonality, symmetry, nodes of a free beam, and no corners."""
+
+from math import pi
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from tests.profiles import examples
+
+s = bc.structure
+
+
+def beam(joint, elements=8, angle=0.0):
+    """Return a uniform beam of 2 m on the ground."""
+    section = s.BeamSection(length=2.0, mass_per_length=3.0, bending_stiffness=5e3)
+    body = s.Beam("beam", s.GROUND.at(0.0), joint, (0.0, 0.0), (section,), s.FiniteElements(elements), angle=angle)
+    return s.Assembly((body,)).assemble()
+
+
+@examples(20)
+@given(st.integers(2, 12), st.sampled_from(["displacement", "force", "velocity"]))
+def test_shapes_are_orthogonal_and_diagonalise_the_stiffness(elements, excitation):
+    m = bc.spray_boom(elements=2 * elements, excitation=excitation)
+    found = m.mode_shapes(6)
+    assert found.shapes.T @ m.M @ found.shapes == pytest.approx(np.eye(6), abs=1e-9)
+    square = (2.0 * np.pi * found.frequencies_hz) ** 2
+    assert found.shapes.T @ m.K @ found.shapes == pytest.approx(np.diag(square), abs=1e-7 * square.max())
+    assert (np.diff(found.frequencies_hz) >= 0.0).all()
+
+
+def test_jolt_is_symmetric_and_yaw_antisymmetric_and_the_halves_have_the_same_shapes():
+    m = bc.spray_boom()
+    found = m.mode_shapes(8)
+    boom = found["boom"]
+    assert boom.points[:, 0] == pytest.approx(-boom.points[::-1, 0], abs=1e-12)
+    for kind, motion in zip(found.kinds, boom.displacement[:, :, 1], strict=True):
+        sign = {"jolt": 1.0, "yaw": -1.0}[kind]
+        assert motion == pytest.approx(sign * motion[::-1], abs=1e-9 * np.abs(motion).max())
+    for half, kind in zip(bc.split_symmetric(m), ("jolt", "yaw"), strict=True):
+        own = half.mode_shapes(2)
+        assert own.kinds == (kind, kind)
+        first = found.kinds.index(kind)
+        assert own.frequencies_hz[0] == pytest.approx(found.frequencies_hz[first], rel=1e-12)
+        ours, theirs = own["boom"].displacement[0, :, 1], boom.displacement[first, :, 1]
+        assert min(np.abs(ours - theirs).max(), np.abs(ours + theirs).max()) < 1e-9
+
+
+def test_outputs_read_what_the_picture_shows():
+    m = bc.spray_boom(elements=10)
+    found = m.mode_shapes(5)
+    ends = found["boom"].displacement[:, [0, -1], 1]
+    rows = np.array([m.ports.L[0][m.outputs.index(name)] for name in ("tip_left", "tip_right")])
+    assert pytest.approx(rows @ found.shapes, abs=1e-12) == ends.T
+
+
+def test_a_free_beam_has_rigid_motions_and_its_nodes_where_they_are_known():
+    """Nodes of the first two bending modes at 0.22416 and 0.13211 of the length (Young & Felgar 1949)."""
+    found = beam(s.free("y", "theta")).mode_shapes(4)
+    assert found.frequencies_hz[:2] == pytest.approx(0.0, abs=1e-5)
+    line = found["beam"]
+    x = line.points[:, 0] / 2.0
+    for mode, nodes, parity in ((2, [0.22416, 0.77584], 1.0), (3, [0.13211, 0.5, 0.86789], -1.0)):
+        w = line.displacement[mode, :, 1]
+        k = np.flatnonzero(np.sign(w[:-1]) * np.sign(w[1:]) < 0.0)
+        crossed = x[k] - w[k] * (x[k + 1] - x[k]) / (w[k + 1] - w[k])
+        if parity < 0.0 and len(crossed) == 2:  # the node in the middle is a point of the picture
+            crossed = np.sort(np.append(crossed, 0.5))
+        assert crossed == pytest.approx(nodes, abs=5e-4)
+        assert w == pytest.approx(parity * w[::-1], abs=1e-6 * np.abs(w).max())
+
+
+def test_a_clamped_beam_is_drawn_as_it_bends_not_by_straight_lines():
+    """Cubic interpolation misses a curve by ``h^4/384`` of its fourth derivative, which is ``z^4`` of the tip at most."""
+    found = beam(s.fixed(), elements=2).mode_shapes(1)
+    line = found["beam"]
+    z, x = 1.8751040687, line.points[:, 0] / 2.0
+    ratio = (np.cosh(z) + np.cos(z)) / (np.sinh(z) + np.sin(z))
+    exact = np.cosh(z * x) - np.cos(z * x) - ratio * (np.sinh(z * x) - np.sin(z * x))
+    w = line.displacement[0, :, 1]
+    assert w / w[-1] == pytest.approx(exact / exact[-1], abs=0.5**4 / 384.0 * z**4)
+    assert len(line.points) > 50
+
+
+def test_an_upright_beam_swings_sideways():
+    found = beam(s.fixed(), angle=pi / 2).mode_shapes(2)["beam"]
+    assert found.points[-1] == pytest.approx([0.0, 2.0], abs=1e-12)
+    assert np.abs(found.displacement[:, :, 1]).max() < 1e-12
+    assert np.abs(found.displacement[:, -1, 0]).min() > 0.1
+
+
+def test_matrices_alone_have_shapes_without_places_and_members_of_a_family_have_them():
+    m = s.SecondOrderModel(np.eye(2), np.zeros((2, 2)), np.diag([1.0, 4.0]), {"f": [1.0, 0.0]}, {"y": [1.0, 1.0]})
+    found = m.mode_shapes(2)
+    assert found.lines == ()
+    assert found.shapes == pytest.approx(np.eye(2))
+    assert bc.yaw_family().at([0.0] * bc.yaw_family().size).mode_shapes(1).lines
+    with pytest.raises(ValueError, match="count"):
+        m.mode_shapes(3)
+    with pytest.raises(ValueError, match="unknown body 'arm'"):
+        bc.spray_boom().mode_shapes(1)["arm"]
