@@ -1,8 +1,8 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
 from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
+from boomctl.boom.factory import spray_boom
 from boomctl.boom.families import boom_family, yaw_family
-from boomctl.boom.model import spray_boom
 from boomctl.boom.motion import PlatformMotion, platform_motion, read_motion, sine_sweep, write_motion
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.spray import Footprint, SprayResult, nozzle_positions, split_motion, spray_by_motion, spray_deposit

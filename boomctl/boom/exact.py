@@ -27,7 +27,9 @@ _MOST = (
 )
 
 
-def exact_boom(parameters: BoomParameters, excitation: str = "displacement") -> ExactModel:
+def exact_boom(
+    parameters: BoomParameters, excitation: str = "displacement", nozzles: tuple[float, ...] = ()
+) -> ExactModel:
     """Return the boom with exact beam segments between tips, springs and hinge.
 
     Parameters
@@ -35,15 +37,17 @@ def exact_boom(parameters: BoomParameters, excitation: str = "displacement") -> 
     parameters : BoomParameters
     excitation : "displacement" or "force"
         What the platform actuators impose.
+    nozzles : tuple of float
+        Places along the boom whose motions are outputs too [m].
     """
-    model = _exact_boom(parameters)
+    model = _exact_boom(parameters, nozzles)
     return model if excitation == "force" else model.prescribed(ACTUATORS)
 
 
 @lru_cache(maxsize=8)
-def _exact_boom(parameters: BoomParameters) -> ExactModel:
-    model = boom_assembly(parameters, FiniteElements(1)).exact()
-    return model.mirrored(boom_mirror(model.coordinates))
+def _exact_boom(parameters: BoomParameters, nozzles: tuple[float, ...] = ()) -> ExactModel:
+    model = boom_assembly(parameters, FiniteElements(1), nozzles=nozzles).exact()
+    return model.mirrored(boom_mirror(model.coordinates, nozzles))
 
 
 @lru_cache(maxsize=16)
@@ -156,9 +160,12 @@ def exact_eigenfrequencies_hz(parameters: BoomParameters, count: int = 5, damped
     model = exact_boom(parameters)
     if not truth("damped", damped):
         return undamped_frequencies(model, wanted) / (2.0 * np.pi)
-    per_element = 2 + wanted // 4
-    half, spring = parameters.length / 2, parameters.spring_distance / 2
-    outer = np.linspace(-half, -spring, per_element + 1)
-    stations = tuple(np.concatenate([outer, [0.0], -outer[::-1]]) + half)
-    start = boom_assembly(parameters, FiniteElements(stations, _START_ORDER)).assemble()
+    start = boom_assembly(parameters, fine_mesh(parameters, wanted)).assemble()
     return np.sort(damped_eigenvalues(model, start, ACTUATORS, wanted).imag) / (2.0 * np.pi)
+
+
+def fine_mesh(parameters: BoomParameters, modes: int) -> FiniteElements:
+    """Return a mesh that knows so many modes far better than to a thousandth."""
+    half, spring = parameters.length / 2, parameters.spring_distance / 2
+    outer = np.linspace(-half, -spring, 3 + modes // 4)
+    return FiniteElements(tuple(np.concatenate([outer, [0.0], -outer[::-1]]) + half), _START_ORDER)

@@ -9,7 +9,7 @@ the boom, and spray liquid in its pipes, are such a change.
 from collections.abc import Mapping
 from dataclasses import replace
 
-from boomctl.boom.model import spray_boom
+from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters, boom_parameters
 from boomctl.checks import known, positive
 from boomctl.structure.families import AffineFamily, interval

@@ -9,11 +9,11 @@ from functools import lru_cache
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.boom.parameters import BoomParameters, boom_parameters
+from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import exactly, finite_array, from_on, known, positive, sequence, shown, up_to, whole
 from boomctl.structure.assembly import Assembly
 from boomctl.structure.beams.elements import MOST_ELEMENTS, DiscreteElements, FiniteElements
-from boomctl.structure.displacement_input import MOTIONS, prescribe_displacement
+from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.parts import (
     GROUND,
@@ -95,77 +95,20 @@ def boom_assembly(
     )
 
 
-def spray_boom(
-    parameters: BoomParameters | None = None,
-    discretization: str = "finite",
-    elements: int | Sequence[float] | Array = 6,
+def boom_model(
+    p: BoomParameters,
+    mesh: Discretization,
     excitation: str = "displacement",
+    *,
     accelerometer_bandwidth_hz: float | None = None,
-    order: int = 12,
     reactions: bool = False,
-    nozzles: Sequence[float] | Array | None = None,
+    nozzles: tuple[float, ...] = (),
 ) -> SecondOrderModel:
-    """Return the horizontal dynamics of the spray boom.
-
-    Source: Anthonis & Ramon (2003).
-
-    Parameters
-    ----------
-    parameters : BoomParameters, optional
-        By default those of Anthonis & Ramon (2003), Table 2.
-    discretization : "finite", "high-order", "discrete-hermite" or "discrete-geometric"
-        How the beam is turned into coordinates.  "finite": equal cubic elements.  "high-order": elements of polynomial
-        order ``order`` with nodes at hinge and springs.  The other two: massless elements between points at which mass
-        is put, at tips, springs and hinge, with Hermitian or with point masses.
-    elements : int or sequence of float
-        A number of elements, or node positions ``x`` [m] from ``-length/2`` to ``length/2``.  Discrete elements: an
-        even number, at least 4; 2 of them lie between the springs, from 20 elements on 4.  High-order: likewise.
-    excitation : "displacement", "velocity", "acceleration" or "force"
-        What the two platform actuators impose.
-    accelerometer_bandwidth_hz : float, optional
-        Adds outputs ``tip_left_acceleration``, ``tip_right_acceleration`` [m/s^2] behind a second-order low pass of
-        this bandwidth [Hz].
-    order : int
-        Polynomial order of the elements of ``"high-order"``.
-    reactions : bool
-        Adds outputs ``actuator_left_force``, ``actuator_right_force`` [N]: what the actuators exert.
-    nozzles : sequence of float, optional
-        Places ``x`` [m] along the boom, ascending; adds outputs ``nozzle_01``, ``nozzle_02``, ... [m], absolute as
-        those of the tips.
-
-    Returns
-    -------
-    SecondOrderModel
-        Inputs ``actuator_left``, ``actuator_right`` (motion [m] of the platform at ``x = -+L_t/2``, or what
-        ``excitation`` says), ``suspension_left``, ``suspension_right``, ``cradle`` (forces [N]).  Outputs ``tip_left``,
-        ``tip_right`` (motion of the tips), ``stroke_left``, ``stroke_right`` (of the boom on the platform, at the
-        springs) and ``cradle_slip`` (of the cradle on the platform), all [m].
-
-    Raises
-    ------
-    TypeError, ValueError
-        Unknown discretisation or excitation; fewer than one element; nodes unsorted or not covering the boom.
-
-    Examples
-    --------
-    >>> import boomctl as bc
-    >>> boom = bc.spray_boom()
-    >>> boom.eigenfrequencies_hz(3).round(3)
-    array([0.245, 0.587, 0.935])
-    >>> finer = bc.spray_boom(elements=20, nozzles=[-3.0, 3.0])
-    >>> finer.outputs[-2:]
-    ('nozzle_01', 'nozzle_02')
-    """
-    p = boom_parameters(parameters)
-    known("excitation", excitation, (*MOTIONS, "force"))
-    mesh = boom_discretization(p, discretization, elements, order)
-    sprayed = () if nozzles is None else _nozzle_places(p, nozzles)
-    model = boom_assembly(p, mesh, accelerometer_bandwidth_hz, sprayed).assemble()
-    structure = model.structure.mirrored(boom_mirror(model.coordinates, sprayed))
+    """Return the boom with a beam of the given mesh, its actuators imposing what ``excitation`` says."""
+    model = boom_assembly(p, mesh, accelerometer_bandwidth_hz, nozzles).assemble()
+    structure = model.structure.mirrored(boom_mirror(model.coordinates, nozzles))
     model = SecondOrderModel.of(structure, replace(model.ports, primary=(ACTUATORS, TIPS)))
     if excitation == "force":
-        if reactions:
-            raise ValueError("reactions = True: the actuators' forces are inputs where excitation = 'force'")
         return model
     return prescribe_displacement(model, ACTUATORS, motion=excitation, reactions=reactions)
 
@@ -221,7 +164,7 @@ def nozzle_name(index: int) -> str:
     return f"nozzle_{index + 1:02d}"
 
 
-def _nozzle_places(p: BoomParameters, nozzles: Sequence[float] | Array) -> tuple[float, ...]:
+def nozzle_places(p: BoomParameters, nozzles: Sequence[float] | Array) -> tuple[float, ...]:
     """Return places on the boom, refused unless they ascend and lie on it."""
     x = finite_array("nozzles", nozzles, ndim=1)
     if not len(x) or not (np.diff(x) > 0.0).all():

@@ -16,6 +16,7 @@ from boomctl.checks import path as checked_path
 from boomctl.files import read_numbers, write_whole
 from boomctl.lti.hold import linear_hold, linear_hold_response, recursion
 from boomctl.lti.system import Lti
+from boomctl.lti.time_series import TimeSeries
 from boomctl.parameters import or_default
 
 _DISTANCE = BoomParameters.actuator_distance
@@ -27,7 +28,7 @@ _STATED = "actuator_distance_m"  # the comment "# actuator_distance_m = 1.78" of
 
 
 @dataclass(frozen=True, eq=False)
-class PlatformMotion:
+class PlatformMotion(TimeSeries):
     """What the two platform actuators do: forward displacements from uniform driving, equally spaced in time.
 
     Attributes
@@ -91,6 +92,9 @@ class PlatformMotion:
             Those drawn on, in the order in which ``ax`` names them.
         """
         return import_module("boomctl.plotting").plot_motion(self, ax, **style)
+
+    def _outputs(self) -> dict[str, Array]:
+        return {"actuator_left": self.left, "actuator_right": self.right, "jolt": self.jolt, "yaw": self.yaw}
 
     @property
     def sample_time(self) -> float:

@@ -146,6 +146,15 @@ class SprayResult:
         """Share of the field with more than 20 % off the nominal deposit."""
         return self.share_outside(0.2)
 
+    def __figures__(self) -> dict[str, float]:
+        """Return what a comparison shows."""
+        return {
+            "deposit: CV [%]": 100.0 * self.cv,
+            "deposit: outside 10 % [% of field]": 100.0 * self.share_outside_10,
+            "deposit: lowest dose": self.lowest_dose,
+            "deposit: highest dose": self.highest_dose,
+        }
+
     def share_outside(self, tolerance: float) -> float:
         """Return the share of the field whose deposit is off the nominal one by more than a tolerance.
 

@@ -1,0 +1,168 @@
+"""The coarsest mesh of the boom whose response is as exact as asked for, up to a frequency: tried against the exact beam."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.boom.exact import exact_boom, fine_mesh
+from boomctl.boom.model import boom_discretization, boom_model
+from boomctl.boom.parameters import BoomParameters
+from boomctl.checks import exactly
+from boomctl.lti.frequency import DRAWN, resonance_grid, singular_values
+from boomctl.lti.modal import side_of_axis
+from boomctl.printing import compact
+from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.direct import respond
+from boomctl.structure.response.poles import damped_poles
+from boomctl.structure.response.rounding import AccuracyWarning
+
+ACCURACIES = (
+    1e-7,
+    1.0,
+)  # that can be asked for: below, rounding of slow strokes shows; above, none is meant (measured)
+_REACH = 1e-3  # of the band, where the frequencies compared begin: slower ones are as quasi-static (a choice)
+_BEYOND = 1.2  # times the band, up to which resonances are looked for: one just outside shows within (a choice)
+_SPREAD = 120  # frequencies compared beside those at resonances (a choice)
+_HALVINGS = 12  # of the distance between two frequencies compared, towards a dip: a narrow one is met (a choice)
+_ELEMENTS = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)  # tried in this order, of the numbers that the boom takes
+_ORDERS = (3, 14)  # of the elements: lowest, and where rounding ends what a higher one gains (measured)
+_SHARE = 0.8  # of the accuracy asked for that a mesh may use: the frequencies compared are not all there are (a choice)
+
+
+@dataclass(frozen=True, repr=False)
+class MeshChoice:
+    """A mesh that was chosen for its accuracy, and what was tried.
+
+    Attributes
+    ----------
+    accuracy, band_hz : float
+        What was asked for.
+    elements, order : int
+        What was chosen: elements of ``"high-order"``, and their polynomial order.
+    error : float
+        The largest relative error of the response up to ``band_hz`` that was found, against the exact beam.
+    tried : tuple of (int, int, float)
+        Elements, order and error of each mesh that was tried, in turn.
+    """
+
+    accuracy: float
+    band_hz: float
+    elements: int
+    order: int
+    error: float
+    tried: tuple[tuple[int, int, float], ...]
+
+    __repr__ = compact
+
+    def __str__(self) -> str:
+        return (
+            f"{self.elements} high-order elements of order {self.order}: error {self.error:.1e} up to {self.band_hz:g} Hz, "
+            f"{self.accuracy:.3g} asked for"
+        )
+
+
+@lru_cache(maxsize=16)
+def chosen_mesh(
+    p: BoomParameters, accuracy: float, band_hz: float, excitation: str, nozzles: tuple[float, ...] = ()
+) -> MeshChoice:
+    """Return the first number of elements that reaches an accuracy, and the lowest order that does.
+
+    The error at a frequency is the largest singular value of the error of the response over that of the exact response:
+    the largest such, of the motions of tips, strokes and slip, to motions of actuators and to forces, each by itself.
+
+    Raises
+    ------
+    ValueError
+        Values out of range; the exact response is not finite at a resonance, or no mesh is as exact as asked for.
+    """
+    if not ACCURACIES[0] <= accuracy <= ACCURACIES[1]:
+        raise ValueError(f"accuracy = {exactly(accuracy)}: expected {ACCURACIES[0]:g} to {ACCURACIES[1]:g}")
+    error, imposed = _error_of(p, band_hz, excitation, nozzles), "force" if excitation == "force" else "displacement"
+    tried: list[tuple[int, int, float]] = []
+
+    def reached(elements: int, order: int) -> bool:
+        mesh = boom_discretization(p, "high-order", elements, order)
+        tried.append((elements, order, error(boom_model(p, mesh, imposed, nozzles=nozzles))))
+        return tried[-1][2] <= _SHARE * accuracy
+
+    for elements in _ELEMENTS:
+        if not reached(elements, _ORDERS[1]):
+            continue
+        low, high = _ORDERS[0] - 1, _ORDERS[1]  # not enough, and enough
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if reached(elements, middle) else (middle, high)
+        found = next(each for each in tried if each[:2] == (elements, high))
+        return MeshChoice(accuracy, band_hz, *found, tuple(tried))
+    best = min(tried, key=lambda each: each[2])
+    raise ValueError(
+        f"accuracy = {exactly(accuracy)}: expected at least {1.3 * best[2]:.1g} with band_hz = {exactly(band_hz)}; {best[0]} "
+        f"elements of order {best[1]} come as near as any"
+    )
+
+
+def _error_of(
+    p: BoomParameters, band_hz: float, excitation: str, nozzles: tuple[float, ...]
+) -> Callable[[SecondOrderModel], float]:
+    """Return what takes a model to its error; the exact response is computed once."""
+    imposed = "force" if excitation == "force" else "displacement"
+    exact, top = exact_boom(p, imposed, nozzles), 2.0 * np.pi * band_hz
+    count = int(exact.count_below(np.array([_BEYOND * top]))[0]) + 1
+    poles = damped_poles(boom_model(p, fine_mesh(p, count), imposed).structure, count)
+    within = poles[poles.imag <= top]
+    undamped = within[side_of_axis(within) == 0]
+    if len(undamped):
+        raise ValueError(
+            f"accuracy: the exact response is infinite at {undamped[0].imag / (2.0 * np.pi):.4g} Hz, where nothing damps it;"
+            f" expected damping, or a band below it"
+        )
+    ports = exact.ports
+    rows = _groups(ports.outputs, ("tip", "nozzle"), ("stroke",), ("cradle",))
+    columns = _groups(ports.inputs, ("actuator",), ("suspension", "cradle"))
+    blocks = [np.ix_(i, j) for i in rows for j in columns]
+
+    def sizes(response: Array) -> Array:
+        return np.array([singular_values(response[at])[0] for at in blocks])
+
+    def exactly_at(omega: Array) -> Array:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AccuracyWarning)  # of a part in 1e9, far below what can be asked for
+            return exact.response(omega, ports.inputs, ports.outputs)
+
+    omega = resonance_grid(poles, _REACH * top, top, points=_SPREAD, places=DRAWN)
+    omega = np.union1d(omega, _dips(lambda at: sizes(exactly_at(at)), omega))
+    wanted = exactly_at(omega)
+    allowed = sizes(wanted)
+
+    def error(model: SecondOrderModel) -> float:
+        found = respond(model.structure, model.ports, omega, available=model.ports).values
+        return float((sizes(found - wanted) / allowed).max())
+
+    return error
+
+
+def _dips(values: Callable[[Array], Array], omega: Array) -> Array:
+    """Return the frequencies at which curves, (curves, frequencies), have local minima: errors weigh most there."""
+    found = values(omega)
+    curve, k = np.nonzero((found[:, 1:-1] < found[:, :-2]) & (found[:, 1:-1] <= found[:, 2:]))
+    which, place = np.arange(len(k)), np.array([omega[k], omega[k + 1], omega[k + 2]])
+    height = np.array([found[curve, k], found[curve, k + 1], found[curve, k + 2]])
+    for _ in range(_HALVINGS):
+        between = 0.5 * (place[:-1] + place[1:])
+        new = np.array([values(between[side])[curve, which] for side in (0, 1)])
+        place = np.array([place[0], between[0], place[1], between[1], place[2]])
+        height = np.array([height[0], new[0], height[1], new[1], height[2]])
+        lowest = 1 + np.argmin(height[1:4], axis=0)
+        place, height = (each[lowest + np.array([[-1], [0], [1]]), which] for each in (place, height))
+    return place[1]
+
+
+def _groups(names: tuple[str, ...], *stems: tuple[str, ...]) -> list[list[int]]:
+    """Return the places of the signals that begin with each of the stems."""
+    return [[k for k, name in enumerate(names) if name.startswith(stem)] for stem in stems]

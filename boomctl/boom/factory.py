@@ -1,0 +1,116 @@
+"""The spray boom, by name of its discretisation or by the accuracy wanted of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from boomctl.arrays import Array
+from boomctl.boom.model import boom_discretization, boom_model, nozzle_places
+from boomctl.boom.parameters import BoomParameters, boom_parameters
+from boomctl.checks import known, positive, shown, truth
+from boomctl.structure.displacement_input import MOTIONS
+from boomctl.structure.model import SecondOrderModel
+
+
+def spray_boom(
+    parameters: BoomParameters | None = None,
+    discretization: str = "finite",
+    elements: int | Sequence[float] | Array = 6,
+    excitation: str = "displacement",
+    accelerometer_bandwidth_hz: float | None = None,
+    order: int = 12,
+    reactions: bool = False,
+    nozzles: Sequence[float] | Array | None = None,
+    accuracy: float | None = None,
+    band_hz: float | None = None,
+) -> SecondOrderModel:
+    """Return the horizontal dynamics of the spray boom.
+
+    Source: Anthonis & Ramon (2003).
+
+    Parameters
+    ----------
+    parameters : BoomParameters, optional
+        By default those of Anthonis & Ramon (2003), Table 2.
+    discretization : "finite", "high-order", "discrete-hermite" or "discrete-geometric"
+        How the beam is turned into coordinates.  "finite": equal cubic elements.  "high-order": elements of polynomial
+        order ``order`` with nodes at hinge and springs.  The other two: massless elements between points at which mass
+        is put, at tips, springs and hinge, with Hermitian or with point masses.
+    elements : int or sequence of float
+        A number of elements, or node positions ``x`` [m] from ``-length/2`` to ``length/2``.  Discrete elements: an
+        even number, at least 4; 2 of them lie between the springs, from 20 elements on 4.  High-order: likewise.
+    excitation : "displacement", "velocity", "acceleration" or "force"
+        What the two platform actuators impose.
+    accelerometer_bandwidth_hz : float, optional
+        Adds outputs ``tip_left_acceleration``, ``tip_right_acceleration`` [m/s^2] behind a second-order low pass of
+        this bandwidth [Hz].
+    order : int
+        Polynomial order of the elements of ``"high-order"``.
+    reactions : bool
+        Adds outputs ``actuator_left_force``, ``actuator_right_force`` [N]: what the actuators exert.
+    nozzles : sequence of float, optional
+        Places ``x`` [m] along the boom, ascending; adds outputs ``nozzle_01``, ``nozzle_02``, ... [m], absolute as
+        those of the tips.
+    accuracy, band_hz : float, optional
+        Instead of ``discretization``, ``elements`` and ``order``: the coarsest mesh is chosen whose response is so exact,
+        relative, at all frequencies up to ``band_hz`` [Hz], its own resonances included.  Meshes of high-order elements
+        are tried against the exact beam; the model's `chosen` says which one was taken, and why.
+
+    Returns
+    -------
+    SecondOrderModel
+        Inputs ``actuator_left``, ``actuator_right`` (motion [m] of the platform at ``x = -+L_t/2``, or what
+        ``excitation`` says), ``suspension_left``, ``suspension_right``, ``cradle`` (forces [N]).  Outputs ``tip_left``,
+        ``tip_right`` (motion of the tips), ``stroke_left``, ``stroke_right`` (of the boom on the platform, at the
+        springs) and ``cradle_slip`` (of the cradle on the platform), all [m].
+
+    Raises
+    ------
+    TypeError, ValueError
+        Unknown discretisation or excitation; fewer than one element; nodes unsorted or not covering the boom; an accuracy
+        without a band, beside a mesh, or that no mesh reaches.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> boom = bc.spray_boom()
+    >>> boom.eigenfrequencies_hz(3).round(3)
+    array([0.245, 0.587, 0.935])
+    >>> finer = bc.spray_boom(elements=20, nozzles=[-3.0, 3.0])
+    >>> finer.outputs[-2:]
+    ('nozzle_01', 'nozzle_02')
+    >>> bc.spray_boom(accuracy=1e-3, band_hz=10.0).chosen.order
+    9
+    """
+    p = boom_parameters(parameters)
+    known("excitation", excitation, (*MOTIONS, "force"))
+    if truth("reactions", reactions) and excitation == "force":
+        raise ValueError("reactions = True: the actuators' forces are inputs where excitation = 'force'")
+    places = () if nozzles is None else nozzle_places(p, nozzles)
+    chosen = None
+    if accuracy is not None or band_hz is not None:
+        for name, given, default in (
+            ("discretization", discretization, "finite"),
+            ("elements", elements, 6),
+            ("order", order, 12),
+        ):
+            if given is not default and shown(given) != shown(default):
+                raise ValueError(
+                    f"{name} = {shown(given)}: expected none beside accuracy and band_hz, which choose the mesh"
+                )
+        for name, given in (("accuracy", accuracy), ("band_hz", band_hz)):
+            if given is None:
+                raise ValueError(f"{name} = None: expected a number; accuracy and band_hz go together")
+        from boomctl.boom.accuracy import chosen_mesh  # and the exact beam
+
+        chosen = chosen_mesh(p, positive("accuracy", accuracy), positive("band_hz", band_hz), excitation, places)
+        discretization, elements, order = "high-order", chosen.elements, chosen.order
+    model = boom_model(
+        p,
+        boom_discretization(p, discretization, elements, order),
+        excitation,
+        accelerometer_bandwidth_hz=accelerometer_bandwidth_hz,
+        reactions=reactions,
+        nozzles=places,
+    )
+    return model if chosen is None else SecondOrderModel.of(model.structure, model.ports, chosen)
