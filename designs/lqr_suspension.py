@@ -4,7 +4,6 @@ No sensor reads the states of a boom; this design tells what the others can be m
 coarse finite element model that also puts out its states.
 """
 
-import control
 import numpy as np
 
 import boomctl as bc
@@ -14,26 +13,9 @@ ELEMENTS = 6
 TIP, TIP_SPEED, FORCE = 0.2, 0.2, 60.0  # what counts as one [m], [m/s], [N]
 
 
-def plant_with_states() -> control.StateSpace:
-    """Return the boom with its states as further outputs; their names lose their dots."""
-    system = suspension_model(elements=ELEMENTS, nozzles=True).to_statespace()
-    n, m = system.nstates, system.ninputs
-    labels = [label.replace(".", "_") for label in system.state_labels]
-    return control.ss(
-        system.A,
-        system.B,
-        np.vstack([system.C, np.eye(n)]),
-        np.vstack([system.D, np.zeros((n, m))]),
-        inputs=list(system.input_labels),
-        outputs=[*system.output_labels, *labels],
-        states=list(system.state_labels),
-        name="boom with states",
-    )
-
-
 def design() -> SuspensionDesign:
     """Return the regulator and its plant."""
-    plant = plant_with_states()
+    plant = bc.with_states(suspension_model(elements=ELEMENTS, nozzles=True))
     tips = np.asarray(plant.C)[[plant.output_labels.index(name) for name in ("tip_left", "tip_right")]]
     speeds = tips @ plant.A
     Q = tips.T @ tips / TIP**2 + speeds.T @ speeds / TIP_SPEED**2

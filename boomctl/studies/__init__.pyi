@@ -4,6 +4,7 @@ from boomctl.studies.catalogue import design_names, load_design
 
 from . import slew as slew
 from . import suspension as suspension
+from . import sweeps as sweeps
 
 __all__ = [
     "design_names",

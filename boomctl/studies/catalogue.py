@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from boomctl.report import Report
     from boomctl.studies.machine import MachineDesign
     from boomctl.studies.slew.design import SlewDesign
+    from boomctl.studies.spin_up import SpinUpDesign
     from boomctl.studies.suspension.design import SuspensionDesign
 
 
@@ -77,6 +78,7 @@ KINDS = {
     ),
     "machine": Kind("machine", "design", "boomctl.studies.machine", "MachineDesign", (), steps=3),
     "slew": Kind("slew", "slew", "boomctl.studies.slew.design", "SlewDesign", (), steps=6),
+    "spin-up": Kind("spin-up", "drive", "boomctl.studies.spin_up", "SpinUpDesign", (), steps=3),
 }
 
 
@@ -126,7 +128,7 @@ def design_names(*kinds: str) -> tuple[str, ...]:
 
     Parameters
     ----------
-    kinds : "suspension", "machine" or "slew"
+    kinds : "suspension", "machine", "slew" or "spin-up"
         Kinds of designs; all unless given.
 
     Returns
@@ -143,7 +145,7 @@ def design_names(*kinds: str) -> tuple[str, ...]:
     --------
     >>> import boomctl as bc
     >>> bc.design_names("slew")
-    ('min_time_slew', 'robust_payload_slew', 'spin_up_slew')
+    ('min_time_slew', 'robust_payload_slew', 'spin_up_slew', 'tracked_slew')
     """
     for kind in kinds:
         if not (isinstance(kind, str) and kind in KINDS):
@@ -154,14 +156,14 @@ def design_names(*kinds: str) -> tuple[str, ...]:
 
 
 def design_file(name: str, *kinds: str) -> DesignFile:
-    """Return the design of a name, or of a Python file with a function ``design()`` or ``slew()``.
+    """Return the design of a name, or of a Python file with a function ``design()``, ``slew()`` or ``drive()``.
 
     Parameters
     ----------
     name : str
         Of a design of boomctl, or of a file that ends in ``.py``.
     kinds : str
-        "suspension", "slew"; either one unless given.
+        "suspension", "slew", "spin-up"; any one unless given.
 
     Raises
     ------
@@ -185,18 +187,18 @@ def design_file(name: str, *kinds: str) -> DesignFile:
     raise ValueError(f"design {name!r}: expected a file with a function {wanted}")
 
 
-def load_design(name: str) -> "SuspensionDesign | MachineDesign | SlewDesign":
+def load_design(name: str) -> "SuspensionDesign | MachineDesign | SlewDesign | SpinUpDesign":
     """Make a design that comes with boomctl, or one of your own.
 
     Parameters
     ----------
     name : str
         One of `design_names`, or a Python file with a function ``design()`` that returns a `SuspensionDesign` or a
-        `MachineDesign`, or ``slew()`` that returns a `SlewDesign`.
+        `MachineDesign`, ``slew()`` that returns a `SlewDesign`, or ``drive()`` that returns a `SpinUpDesign`.
 
     Returns
     -------
-    SuspensionDesign, MachineDesign or SlewDesign
+    SuspensionDesign, MachineDesign, SlewDesign or SpinUpDesign
         ``.evaluate()`` judges it; a suspension in a `FieldScene`.
 
     Raises

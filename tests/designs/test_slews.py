@@ -2,6 +2,7 @@
 
 import sys
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,13 +10,14 @@ import pytest
 from boomctl.slew import switching_curve
 from boomctl.studies import catalogue
 from boomctl.studies.slew import SlewDesign
-from designs import min_time_slew, robust_payload_slew, spin_up_slew
+from designs import min_time_slew, robust_payload_slew, spin_up_slew, tracked_slew
 from tests.profiles import is_quick
 
 RUNS = {
     "min_time_slew": lambda: min_time_slew.main(modes=1),
     "robust_payload_slew": lambda: robust_payload_slew.main(modes=1, intervals=60),
     "spin_up_slew": lambda: spin_up_slew.main(modes=1),
+    "tracked_slew": lambda: tracked_slew.main(modes=1, runs=8),
 }
 QUICK = ("min_time_slew",)  # the others take two seconds each
 
@@ -34,7 +36,8 @@ def all_judged():
 
 def test_the_catalogue_lists_suspensions_and_slews():
     assert catalogue.design_names("slew") == tuple(sorted(RUNS))
-    assert set(catalogue.design_names()) == {*RUNS, *catalogue.design_names("suspension")}
+    others = (*catalogue.design_names("suspension"), *catalogue.design_names("spin-up"))
+    assert set(catalogue.design_names()) == {*RUNS, *others}
     assert "four_bar" not in catalogue.design_names()
 
 
@@ -201,3 +204,37 @@ def test_an_unknown_design_is_refused_with_all_names():
         assert name in str(refused.value)
     with pytest.raises(ValueError, match="unknown design 'lqg_suspension'"):
         catalogue.design_file("lqg_suspension", "slew")
+
+
+@pytest.mark.slow
+def test_feedback_leaves_a_twentieth_of_the_vibration():
+    """The numbers of docs/designs.md, of the design as it is shipped."""
+    evaluation = tracked_slew.main()
+    design, found = evaluation.design, evaluation.feedback
+    page = (Path(__file__).parents[2] / "docs" / "designs.md").read_text(encoding="utf-8")
+    softer, stiffer = (
+        next(line for line in found.lines if line.machine == f"stiffness {way}10 %") for way in "\u2212+"
+    )
+    assert found.stiffness_ratio >= 20.0
+    least = min(softer.ratio, stiffer.ratio)
+    median, most = (np.quantile(found.closed.vibration, level) for level in (0.5, 0.95))
+    alone = np.quantile(found.open.vibration, 0.95)
+    payload = next(line for line in found.lines if line.machine == "tip mass 0.05 kg")
+    for words in (
+        f"{design.slew.duration:.3f} s",
+        f"{1e3 * max(softer.vibration, stiffer.vibration):.0f} mm",
+        f"{softer.open_vibration:.2f} m",
+        f"at least {int(least)} times less",
+        f"{1e3 * payload.vibration:.0f} mm",
+        f"{1e3 * median:.0f} mm",
+        f"{1e3 * most:.0f} mm",
+        f"{1e3 * alone:.0f} mm",
+    ):
+        assert words in page, words
+    # noise apart, a run of the study is the run of the integrator that simulates one
+    worst = int(found.closed.vibration.argmax())
+    drawn = {name: float(row[worst]) for name, row in found.closed.drawn.items()}
+    true = design.beam.with_tip_mass(drawn["tip_mass"]).with_stiffness(drawn["stiffness"])
+    run = design.tracked.simulate(true, friction=drawn["friction"], seed=int(found.closed.seeds[worst]))
+    assert design.tracked.vibration(run) == pytest.approx(found.closed.vibration[worst], rel=1e-5)
+    assert np.abs(run.controls["torque"]).max() <= tracked_slew.LIMIT

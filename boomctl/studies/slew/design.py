@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from boomctl.checks import instance
 from boomctl.printing import compact
 from boomctl.report import Report, Section
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
@@ -16,7 +17,9 @@ from boomctl.slew.least_time.arcs import SwitchingCurve, switching_curve
 from boomctl.slew.nlp.mesh_study import MeshStudy
 from boomctl.slew.payloads import PayloadComparison, compare_payloads
 from boomctl.slew.result import Replay, SlewResult
-from boomctl.studies.slew import sections
+from boomctl.slew.tracking.tracked import TrackedSlew
+from boomctl.studies.slew import feedback, sections
+from boomctl.studies.slew.feedback import FeedbackStudy, Spread
 from boomctl.studies.slew.spin_up import SpinUpMotion, spin_ups
 
 _MORE = 0.1  # by how much the tip mass of the followed beam exceeds the largest planned one [kg]; a choice
@@ -26,6 +29,7 @@ _COMPARED = (
 )  # fmt: skip
 _CARRIED = ("slew", "tip_mass", "planned", "peak_tip", "vibration", "angle_error")
 _TRACKED = ("tip_mass", "final_angle_error", "open_final_angle_error", "tip_swing", "open_tip_swing")
+_HELD = ("machine", "open_vibration", "vibration", "ratio", "open_angle_error", "angle_error")
 _SPUN = ("name", "duration", "peak_torque", "vibration", "speed_error")
 
 
@@ -48,6 +52,12 @@ class SlewDesign:
         Tip masses with which the planned slews are played [kg].
     profile : SpinUp or None
         For a spin-up: a profile of the hub to be set beside it, prescribed exactly.
+    tracked : TrackedSlew or None
+        The slew with feedback along it, to be judged beside the plan alone.
+    spread : Spread or None
+        How the machines that follow it may differ; needed with ``tracked``.
+    runs : int
+        How many of them are drawn.
     notes : tuple of str
         What a reader of the report should know.
 
@@ -67,6 +77,9 @@ class SlewDesign:
     rival: str = ""
     payloads: tuple[float, ...] = ()
     profile: SpinUp | None = None
+    tracked: TrackedSlew | None = None
+    spread: Spread | None = None
+    runs: int = 256
     notes: tuple[str, ...] = ()
 
     __repr__ = compact
@@ -116,7 +129,10 @@ class SlewDesign:
             payloads = compare_payloads(self.planned, self.payloads, h.parameters.tip_mass)
         if self.profile is not None:
             pair = spin_ups(h, self.label, self.slew.history, self.profile)
-        return SlewEvaluation(self, comparison, payloads, pair)
+        held = None
+        if self.tracked is not None:
+            held = feedback.judged(self.tracked, instance("spread", self.spread, Spread), self.runs)
+        return SlewEvaluation(self, comparison, payloads, pair, feedback=held)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +151,8 @@ class SlewEvaluation:
         The spin-up designed, and the hub's profile; () without a profile.
     meshes : MeshStudy or None
         The error of planning over meshes, to be shown in the report.
+    feedback : FeedbackStudy or None
+        What feedback along the slew is worth; None where the design has none.
     """
 
     design: SlewDesign
@@ -142,6 +160,7 @@ class SlewEvaluation:
     payloads: PayloadComparison | None
     spin_ups: tuple[SpinUpMotion, ...]
     meshes: MeshStudy | None = None
+    feedback: FeedbackStudy | None = None
 
     __repr__ = compact
 
@@ -153,6 +172,8 @@ class SlewEvaluation:
             f"{own.duration:.5g} s, {own.duration / rigid.duration:.3f} times a rigid body's least time; the tip vibrates by "
             f"{_length(own.vibration)} afterwards, {_length(rigid.vibration)} after a rigid body's fastest torque"
         )
+        if self.feedback is not None:
+            said += f"; {self.feedback.verdict}"
         if self.payloads is None:
             return said + "."
         masses, left = self.payloads.masses, self.payloads.vibrations
@@ -195,7 +216,12 @@ class SlewEvaluation:
         tell("other models")
         replays = self.replays
         tell("following with another payload")
-        following = track(slew, max(h.parameters.tip_mass, *design.payloads, 0.0) + _MORE)
+        following, held = None, None
+        if self.feedback is None or design.tracked is None:
+            following = track(slew, max(h.parameters.tip_mass, *design.payloads, 0.0) + _MORE)
+            held = sections.tracking_section(h.parameters.tip_mass, following)
+        else:
+            held = sections.feedback_section(design.tracked, self.feedback)
         tell("pictures")
         switching = switching_curve(slew) if slew.certificate.switches is not None else None
         zv = f"{design.rigid}, ZV"
@@ -211,8 +237,8 @@ class SlewEvaluation:
         parts += [
             sections.comparison_section(self.comparison, shown),
             sections.replay_section(replays, free),
-            sections.tracking_section(h.parameters.tip_mass, following),
         ]
+        parts.insert(2 if self.feedback is not None else len(parts), held)
         if self.meshes is not None:
             parts.append(sections.mesh_section(self.meshes))
         tell("report")
@@ -236,7 +262,7 @@ class SlewEvaluation:
         return sections.film_section(design.slew, curves, mass if design.payloads else None), mass
 
     def _results(
-        self, replays: tuple[Replay, ...], following: TrackingResult, switching: SwitchingCurve | None
+        self, replays: tuple[Replay, ...], following: TrackingResult | None, switching: SwitchingCurve | None
     ) -> dict[str, Any]:
         """What results.json holds."""
         design, slew = self.design, self.design.slew
@@ -261,7 +287,8 @@ class SlewEvaluation:
             "comparison": [_attributes(line, _COMPARED) for line in self.comparison.lines],
             "payloads": None if self.payloads is None else _payload_results(self.payloads),
             "spin_ups": [_attributes(each, _SPUN) for each in self.spin_ups],
-            "tracking": _attributes(following, _TRACKED),
+            "tracking": None if following is None else _attributes(following, _TRACKED),
+            "feedback": None if self.feedback is None else _feedback_results(self.feedback),
             "time": slew.time,
             "torque": slew.torque,
             "hub_angle": slew.hub_angle,
@@ -277,6 +304,24 @@ def _length(value: float) -> str:
     if value < 1e-3:
         return f"{1e6 * value:.2g} µm"
     return f"{1e3 * value:.2g} mm" if value < 0.1 else f"{value:.2g} m"
+
+
+def _feedback_results(study: FeedbackStudy) -> dict[str, Any]:
+    return {
+        "machines": [_attributes(line, _HELD) for line in study.lines],
+        "stiffness_ratio": study.stiffness_ratio,
+        "runs": [
+            {
+                "feedback": each.feedback,
+                "seed": each.seed,
+                "drawn": each.drawn,
+                "vibration": each.vibration,
+                "angle_error": each.angle_error,
+                "error_estimate": each.error_estimate,
+            }
+            for each in (study.open, study.closed)
+        ],
+    }
 
 
 def _attributes(value: object, keys: tuple[str, ...]) -> dict[str, Any]:

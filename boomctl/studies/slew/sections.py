@@ -17,6 +17,8 @@ from boomctl.slew.nlp.mesh_study import MeshLine, MeshStudy
 from boomctl.slew.payloads import PayloadComparison
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import Replay, SlewResult
+from boomctl.slew.tracking.tracked import TrackedSlew
+from boomctl.studies.slew.feedback import FeedbackStudy
 from boomctl.studies.slew.spin_up import SpinUpMotion
 
 _LIMITS = {
@@ -239,6 +241,50 @@ def tracking_section(planned: float, t: TrackingResult) -> Section:
     return Section(
         "Followed with another payload", (text,), (table,), (picture("tracking", figure_of(t.plot), caption, "png"),)
     )
+
+
+def feedback_section(tracked: TrackedSlew, study: FeedbackStudy) -> Section:
+    """Return the section of feedback along the slew, beside the plan alone."""
+    read = ", ".join(f"{name.replace('_', ' ')} ({number(level, 1)})" for name, level in tracked.noise.items())
+    text = (
+        f"The plan's torque, up to {tracked.planned_limit:g} N m, is the feedforward; what is measured is compared with the "
+        f"plan every {1e3 * tracked.controller.sample_time:.3g} ms, and a time-varying LQG may add to the torque up to "
+        f"{tracked.torque_limit:g} N m in all: {100.0 * (1.0 - tracked.planned_limit / tracked.torque_limit):.0f} % are kept "
+        f"for it. It reads, with so much noise (standard deviation, SI units): {read}. It knows the planned machine only, "
+        "and balances a constant torque that it makes out.",
+        "Vibration is the largest distance of the tip from the plan within one and a half of the slowest periods after the "
+        "end of the plan, without any time to settle. Noise is there with feedback.",
+    )
+    heads = (
+        "machine", "vibration, plan alone [m]", "with feedback [m]", "times smaller", "hub off, plan alone [rad]",
+        "with feedback [rad]",
+    )  # fmt: skip
+    body = tuple(
+        (
+            line.machine.replace(" ", "\u00a0"),
+            number(line.open_vibration),
+            number(line.vibration),
+            f"{line.ratio:.3g}",
+            number(line.open_angle_error),
+            number(line.angle_error),
+        )
+        for line in study.lines
+    )
+    many = study.closed
+    drawn = "; ".join(
+        f"{name.replace('_', ' ')} {row.min():.2g} to {row.max():.2g}"
+        for name, row in many.drawn.items()
+        if np.ptp(row) > 0.0
+    )
+    caption = (
+        f"{many.vibration.size} machines drawn evenly and independently (seed {many.seed}): {drawn}. Bands: the middle half, "
+        "and nine of ten. {}."
+    )
+    pictures = tuple(
+        picture(name, figure_of(each.plot), caption.format(how), "png")
+        for name, each, how in (("held", many, "With feedback"), ("alone", study.open, "The plan alone"))
+    )
+    return Section("With feedback, and without", text, (Table(heads, body),), pictures)
 
 
 def mesh_section(study: MeshStudy) -> Section:

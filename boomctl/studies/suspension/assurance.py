@@ -7,7 +7,8 @@ from math import inf
 
 import numpy as np
 
-from boomctl.analysis.box.robustness import RobustStability, WorstCase, robust_stability, worst_case
+from boomctl.analysis.box.robustness import RobustStability, robust_stability
+from boomctl.analysis.box.worst_case import WorstCase, worst_case
 from boomctl.analysis.loops import closed_loop_response
 from boomctl.analysis.margins import Margins, margins
 from boomctl.analysis.nyquist import ExactLoopStability, exact_loop_stability
@@ -17,6 +18,7 @@ from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.families import boom_family, scaled_boom, yaw_family
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
+from boomctl.checks import from_on
 from boomctl.lti.python_control import control
 from boomctl.printing import compact
 from boomctl.structure.model import split_symmetric
@@ -27,9 +29,9 @@ from boomctl.synthesis.plants.symmetry import split_controller
 SPRING = (0.7, 1.3)  # springs over those of Table 2; an assumption, for the paper gives no spread
 MASS = (0.8, 1.2)  # boom's mass over that of Table 2; an assumption, for hoses and liquid are not weighed there
 MEASURED_YAW_HZ = 0.34  # the first frequency that the paper measured, where its Table 2 gives 0.245 Hz
-_FAMILY_ELEMENTS = 6  # of the paper's own mesh, whose frequencies are within 0.4 %: far less than the family spans
+FAMILY_ELEMENTS = 6  # of the paper's own mesh, whose frequencies are within 0.4 %: far less than the family spans
 _FREQUENCIES = np.geomspace(0.15, 130.0, 260)  # [rad/s], drawn: from below the slow yaw to beyond the accelerometers
-_MIXED = 1e-6  # share of a controller between the halves that passes for rounding
+MIXED = 1e-6  # share of a controller between the halves that passes for rounding
 
 
 @dataclass(frozen=True)
@@ -93,11 +95,13 @@ class Assurance:
         """All of it in words."""
         said: dict[str, str] = {}
         for name, half in (("jolt", self.jolt), ("yaw", self.yaw)):
-            said[f"{name}: margins at the actuator"] = _margin_text(half.margins)
+            said[f"{name}: margins at the actuator"] = margin_text(half.margins)
             said[f"{name}: springs ±30 %, boom mass ±20 %"] = _proof_text(half.box)
-            said[f"{name}: worst peak found there"] = (
-                f"{half.worst.norm.lower:.4g} (middle: {half.worst.nominal.lower:.4g}) at {_values(half.worst.values)}"
-            )
+            worst = half.worst
+            where = f"at {_values(worst.values)} (middle: {worst.nominal.lower:.4g})"
+            proved = f"none above {from_on(worst.upper_bound)}, proved in {worst.cells} cells"
+            bound = proved if worst.upper_bound < np.inf else f"no bound proved: {worst.reason}"
+            said[f"{name}: worst peak there"] = f"{worst.norm.lower:.4g} {where}; {bound}"
         said["yaw frequency from Table 2 to the measured 0.34 Hz"] = _proof_text(self.measured_yaw)
         verdict = "stable" if self.exact.stable else f"NOT stable, {self.exact.unstable_poles} unstable poles"
         said["exact boom"] = (
@@ -117,11 +121,11 @@ def assure(p: BoomParameters, K: control.StateSpace, scene: FieldScene) -> Assur
     """
     model = suspension_model(p, scene.elements, scene.accelerometer_hz)
     symmetric, antisymmetric, mixed = split_controller(model, K)
-    if mixed > _MIXED:
+    if mixed > MIXED:
         raise ValueError(f"controller: {100 * mixed:.2g} % of it leads from one half to the other; symmetrise it first")
     jolt, yaw = split_symmetric(model)
     band = scene.accelerometer_hz
-    stiffer = yaw_family(p, MEASURED_YAW_HZ, half="yaw", elements=_FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
+    stiffer = yaw_family(p, MEASURED_YAW_HZ, half="yaw", elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
     return Assurance(
         jolt=_half("jolt", jolt, symmetric, p, band),
         yaw=_half("yaw", yaw, antisymmetric, p, band),
@@ -134,7 +138,7 @@ def assure(p: BoomParameters, K: control.StateSpace, scene: FieldScene) -> Assur
 
 
 def _half(name: str, model: object, controller: control.StateSpace, p: BoomParameters, band: float) -> HalfAssurance:
-    family = boom_family(p, SPRING, MASS, half=name, elements=_FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
+    family = boom_family(p, SPRING, MASS, half=name, elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
     side = {"jolt": "sym", "yaw": "anti"}[name]
     worst = worst_case(family, controller, [f"actuator_{side}"], [f"tip_{side}"])
     return HalfAssurance(margins(model, controller), robust_stability(family, controller), worst)  # type: ignore[arg-type]
@@ -183,12 +187,12 @@ def _family_sigma(p: BoomParameters, K: control.StateSpace, scene: FieldScene) -
     found = []
     for spring, mass in product((*SPRING, 1.0), (*MASS, 1.0)):
         if (spring, mass) != (1.0, 1.0):
-            changed = suspension_model(scaled_boom(p, spring, mass), _FAMILY_ELEMENTS, scene.accelerometer_hz)
+            changed = suspension_model(scaled_boom(p, spring, mass), FAMILY_ELEMENTS, scene.accelerometer_hz)
             found.append(sigma(loop_between(changed, K, TIPS), _FREQUENCIES))
     return tuple(found)
 
 
-def _margin_text(found: Margins) -> str:
+def margin_text(found: Margins) -> str:
     loop = found.loops[0]
     gains = (
         f"gain from {loop.gain_low:.2g} to {loop.gain_high:.3g} times"

@@ -1,8 +1,10 @@
 """A suspension that is to be judged, and the judging: beside the boom as it is, with everything that vouches for it."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from math import log10
+from math import inf, log10
 from typing import TYPE_CHECKING, Any
 
 from boomctl.analysis.sigma import SigmaResult
@@ -13,6 +15,7 @@ from boomctl.report import Report, Section
 from boomctl.studies.suspension import sections
 from boomctl.studies.suspension.assurance import Assurance, assure
 from boomctl.studies.suspension.performance import Performance, performance
+from boomctl.studies.suspension.sampled_assurance import SampledAssurance, assure_sampled
 from boomctl.studies.suspension.scene import FieldScene
 
 if TYPE_CHECKING:
@@ -34,7 +37,7 @@ class SuspensionDesign:
         The machine, passive parts of the suspension included.
     controller : control.StateSpace or None
         ``u = K y`` in SI units; inputs named as outputs of the machine (``stroke_left``, ``tip_left_acceleration``,
-        ...), outputs ``suspension_left``, ``suspension_right``.
+        ...), outputs ``suspension_left``, ``suspension_right``.  A discrete one runs at its own sampling time.
     plant : control.StateSpace or None
         A machine of its own where the controller reads what the boom with its sensors does not offer, such as states.
     facts : mapping from str to str
@@ -43,6 +46,8 @@ class SuspensionDesign:
         Weights of the design, to be drawn over frequency.
     notes : tuple of str
         What a reader of the report should know.
+    delay : float or None
+        Time between a sample and the moment its forces act [s]; by default that of the scene.
 
     Examples
     --------
@@ -55,11 +60,12 @@ class SuspensionDesign:
     name: str
     title: str
     parameters: BoomParameters = field(default_factory=BoomParameters)
-    controller: "control.StateSpace | None" = None
-    plant: "control.StateSpace | None" = None
+    controller: control.StateSpace | None = None
+    plant: control.StateSpace | None = None
     facts: Mapping[str, str] = field(default_factory=dict)
-    weights: "Mapping[str, control.StateSpace]" = field(default_factory=dict)
+    weights: Mapping[str, control.StateSpace] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    delay: float | None = None
 
     __repr__ = compact
 
@@ -84,7 +90,7 @@ class SuspensionDesign:
         """
         return FieldScene(**options)
 
-    def evaluate(self, scene: FieldScene | None = None, passive: BoomParameters | None = None) -> "SuspensionResult":
+    def evaluate(self, scene: FieldScene | None = None, passive: BoomParameters | None = None) -> SuspensionResult:
         """Judge the design beside a passive boom.
 
         Parameters
@@ -107,10 +113,14 @@ class SuspensionDesign:
         where = FieldScene() if scene is None else scene
         base = BoomParameters() if passive is None else passive
         before = performance("passive, Table 2" if passive is None else "passive", where, base)
-        after = performance(self.title, where, self.parameters, self.controller, self.plant)
-        assured = None
+        after = performance(self.title, where, self.parameters, self.controller, self.plant, delay=self.delay)
+        assured: Assurance | SampledAssurance | None = None
         if self.controller is not None and self.plant is None:
-            assured = assure(self.parameters, self.controller, where)
+            if self.controller.isctime():
+                assured = assure(self.parameters, self.controller, where)
+            else:
+                late = where.delay if self.delay is None else self.delay
+                assured = assure_sampled(self.parameters, self.controller, where, late)
         return SuspensionResult(
             design=self, scene=where, passive_parameters=base, passive=before, active=after, assured=assured
         )
@@ -130,8 +140,9 @@ class SuspensionResult:
         The boom it is compared with.
     passive, active : Performance
         What that boom does, and what the design does.
-    assured : Assurance or None
-        Margins, uncertainty and the exact boom; None of a passive design or one on a plant of its own.
+    assured : Assurance, SampledAssurance or None
+        Margins, uncertainty and the exact boom, or a finer mesh of a discrete controller's; None of a passive design or
+        one on a plant of its own.
     """
 
     design: SuspensionDesign
@@ -139,7 +150,7 @@ class SuspensionResult:
     passive_parameters: BoomParameters
     passive: Performance
     active: Performance
-    assured: Assurance | None = field(repr=False)
+    assured: Assurance | SampledAssurance | None = field(repr=False)
 
     __repr__ = compact
 
@@ -166,8 +177,8 @@ class SuspensionResult:
 
     @property
     def exact_sigma(self) -> SigmaResult | None:
-        """Singular values of the closed loop on the exact boom."""
-        return None if self.assured is None else self.assured.exact_sigma
+        """Singular values of the closed loop on the exact boom, which a controller in continuous time has."""
+        return self.assured.exact_sigma if isinstance(self.assured, Assurance) else None
 
     @property
     def family_sigma(self) -> tuple[SigmaResult, ...]:
@@ -211,7 +222,17 @@ class SuspensionResult:
             "active": _numbers(self.active),
             "synthesis": dict(self.design.facts),
             "assurance": dict(self.assurance),
+            "controller": None if self.design.controller is None else {"states": self.design.controller.nstates},
+            "worst_case": self._worst_case(),
         }
+
+    def _worst_case(self) -> dict[str, Any] | None:
+        """Return the worst peaks over the box, found and bounded; None where they were not looked for."""
+        if not isinstance(self.assured, Assurance):
+            return None
+        halves = {"jolt": self.assured.jolt.worst, "yaw": self.assured.yaw.worst}
+        bounds = {name: worst.upper_bound if worst.upper_bound < inf else None for name, worst in halves.items()}
+        return {name: {"found": worst.norm.lower, "upper_bound": bounds[name]} for name, worst in halves.items()}
 
     def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
         """Return the report: pictures, tables, and the numbers of ``results.json``.
@@ -248,7 +269,7 @@ class SuspensionResult:
         lead = f"{design.title}: what it does to the boom's motion and to the spray, beside the boom as it is."
         files = self.controller_files()
         if files:
-            parts.append(sections.files_section(tuple(files), scene))
+            parts.append(sections.files_section(tuple(files), scene, after.run.sample_time))
         return Report(f"Suspension: {design.title}", (lead,), tuple(parts), self.as_dict(), files)
 
     def controller_files(self) -> dict[str, bytes | str]:
@@ -270,7 +291,7 @@ class SuspensionResult:
         found |= controller_contents(K, _CONTROLLER, ".mat", **shared)
         try:
             found |= controller_contents(
-                K, _CONTROLLER, ".c", sample_time=scene.sample_time, force_limit=scene.force_limit, **shared
+                K, _CONTROLLER, ".c", sample_time=self.active.run.sample_time, force_limit=scene.force_limit, **shared
             )
         except ValueError:
             return found

@@ -13,6 +13,7 @@ from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.motion import PlatformMotion
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.spray import SprayResult, nozzle_positions, spray_by_motion
+from boomctl.checks import nonnegative
 from boomctl.lti.python_control import control
 from boomctl.printing import compact
 from boomctl.simulation.contact.friction import CoulombFriction
@@ -34,13 +35,16 @@ class Performance:
     title : str
         What the suspension is called.
     sigma : SigmaResult
-        Singular values from platform actuators to tips; the peak is certified.
+        Singular values from platform actuators to tips; the peak is certified.  With a discrete controller those at the
+        samples, of a platform that is held from one to the next.
     jolt, yaw : NormCertificate
         Certified peaks of the symmetric and the antisymmetric part.
     run : LoopResult
         The run over the field, run-in, limits, sampling, delay and quantisation included.
     spray, spray_by_jolt, spray_by_yaw : SprayResult
         Spray of the whole motion, of its symmetric and of its antisymmetric part.
+    sampled : bool
+        Whether the singular values are those at the samples of a discrete controller.
     """
 
     title: str
@@ -51,8 +55,14 @@ class Performance:
     spray: SprayResult = field(repr=False)
     spray_by_jolt: SprayResult = field(repr=False)
     spray_by_yaw: SprayResult = field(repr=False)
+    sampled: bool = False
 
     __repr__ = compact
+
+    def __figures__(self) -> dict[str, float]:
+        """Return what a comparison shows."""
+        peaks = {"H-infinity norm": self.sigma.peak, "of jolt": self.jolt.lower, "of yaw": self.yaw.lower}
+        return peaks | self.spray.__figures__() | {"stroke: peak [m]": self.stroke} | self.run.__figures__()
 
     @property
     def stroke(self) -> float:
@@ -78,6 +88,8 @@ def performance(
     controller: control.StateSpace | None = None,
     plant: control.StateSpace | None = None,
     friction: CoulombFriction | None = None,
+    *,
+    delay: float | None = None,
 ) -> Performance:
     """Return what a suspension does in a scene: singular values, a run over the field, the spray it leaves.
 
@@ -90,11 +102,14 @@ def performance(
     parameters : BoomParameters
         The machine, passive parts of the suspension included.
     controller : control.StateSpace, optional
-        ``u = K y``; without one the suspension is passive.
+        ``u = K y``; without one the suspension is passive.  A discrete one runs at its own sampling time, and its
+        singular values are those of the sampled loop.
     plant : control.StateSpace, optional
         The machine, where the controller reads more than the boom with its sensors offers; by default that boom.
     friction : CoulombFriction, optional
         In the cradle, during the run.
+    delay : float, optional
+        Time between a sample and the moment its forces act [s]; by default that of the scene.
 
     Returns
     -------
@@ -118,14 +133,17 @@ def performance(
     model = (
         suspension_model(parameters, scene.elements, scene.accelerometer_hz, nozzles=True) if plant is None else plant
     )
-    loop = loop_between(model, controller, TIPS)
+    late = scene.delay if delay is None else nonnegative("delay", delay)
+    loop = loop_between(model, controller, TIPS, delay=late)
     motion = scene.motion()
-    run = _run(model, controller, scene, motion, friction)
+    run = _run(model, controller, scene, motion, friction, late)
     points, moved = _boom_motion(run, parameters)
     record = run.time >= run.time[0] + scene.run_in
     nozzles = nozzle_positions(parameters.length)
     sprays = spray_by_motion(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
-    return Performance(title, _loop_sigma(loop), _part(loop, 1.0), _part(loop, -1.0), run, *sprays)
+    return Performance(
+        title, _loop_sigma(loop), _part(loop, 1.0), _part(loop, -1.0), run, *sprays, sampled=loop.isdtime(strict=True)
+    )
 
 
 def loop_between(
@@ -133,10 +151,14 @@ def loop_between(
     controller: control.StateSpace | None,
     outputs: Sequence[str],
     inputs: Sequence[str] = ACTUATORS,
+    delay: float = 0.0,
 ) -> control.StateSpace:
-    """Return the closed loop from inputs to outputs, or the plant alone without a controller; forces count as outputs."""
+    """Return the closed loop from inputs to outputs, or the plant alone without a controller; forces count as outputs.
+
+    A delay [s] is that of a discrete controller; a continuous one has none.
+    """
     if controller is not None:
-        whole = feedback_loop(model, controller)
+        whole = feedback_loop(model, controller, delay=0.0 if controller.isctime() else delay)
     else:
         whole = model.to_statespace() if isinstance(model, SecondOrderModel) else model
     return select_channels(whole, list(inputs), list(outputs))
@@ -145,7 +167,8 @@ def loop_between(
 def _loop_sigma(loop: control.StateSpace) -> SigmaResult:
     """Return the loop's singular values where its peaks are, and from slow yaw to where the boom no longer follows."""
     peaks = sigma(loop)
-    others = sigma(loop, np.setdiff1d(_FREQUENCIES, peaks.omega))
+    there = _FREQUENCIES if loop.isctime() else _FREQUENCIES[np.pi / loop.dt > _FREQUENCIES]
+    others = sigma(loop, np.setdiff1d(there, peaks.omega))
     omega = np.concatenate([peaks.omega, others.omega])
     order = np.argsort(omega)
     return replace(peaks, omega=omega[order], sigma=np.hstack([peaks.sigma, others.sigma])[:, order])
@@ -154,7 +177,7 @@ def _loop_sigma(loop: control.StateSpace) -> SigmaResult:
 def _part(loop: control.StateSpace, parity: float) -> NormCertificate:
     """Return the certified peak of one half; inputs and outputs are left and right."""
     half = np.sqrt(0.5) * np.array([parity, 1.0])
-    return hinf_norm(control.ss(loop.A, loop.B @ half[:, None], half @ loop.C, half @ loop.D @ half[:, None]))
+    return hinf_norm(control.ss(loop.A, loop.B @ half[:, None], half @ loop.C, half @ loop.D @ half[:, None], loop.dt))
 
 
 def _run(
@@ -163,15 +186,17 @@ def _run(
     scene: FieldScene,
     motion: PlatformMotion,
     friction: CoulombFriction | None,
+    delay: float,
 ) -> LoopResult:
     active = controller is not None
+    sampled = controller is not None and controller.isdtime(strict=True)
     return simulate_loop(
         model,
         controller,
         {"actuator_left": motion.left, "actuator_right": motion.right},
         motion.time,
-        sample_time=scene.sample_time,
-        delay=scene.delay if active else 0.0,
+        sample_time=controller.dt if controller is not None and sampled else scene.sample_time,
+        delay=delay if active else 0.0,
         force_limit=dict.fromkeys(CONTROLS, scene.force_limit) if active else None,
         stroke_limit=dict(zip(STROKES, [(scene.stroke_limit, name) for name in CONTROLS], strict=True)),
         quantization=scene.quantization(tuple(controller.input_labels)) if controller is not None else None,

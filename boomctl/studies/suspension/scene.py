@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
-from boomctl.boom.model import spray_boom
+from boomctl.boom.factory import spray_boom
 from boomctl.boom.motion import PlatformMotion, platform_motion
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.spray import nozzle_positions

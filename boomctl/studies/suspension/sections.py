@@ -23,7 +23,7 @@ def weight_sections(weights: "Mapping[str, control.StateSpace]") -> tuple[Sectio
     if not weights:
         return ()
     from boomctl.plotting.canvas import picture
-    from boomctl.plotting.suspension import draw_weights
+    from boomctl.plotting.studies.suspension import draw_weights
 
     drawn = draw_weights(weights, np.geomspace(0.05, 500.0, 400))
     caption = "Weights over frequency, in the units of the design."
@@ -35,7 +35,7 @@ def sigma_section(
 ) -> Section:
     """Return the section of singular values, with those of the exact boom and of others of the family where there are."""
     from boomctl.plotting.canvas import picture
-    from boomctl.plotting.suspension import draw_suspension_sigma
+    from boomctl.plotting.studies.suspension import draw_suspension_sigma
 
     caption = (
         "Singular values from the two platform actuators to the two tips, before and after; circles mark certified peaks:"
@@ -45,6 +45,11 @@ def sigma_section(
         caption += " Dots: the same controller on the exact Euler-Bernoulli boom, without discretisation."
     if family:
         caption += " Faint: springs and boom mass at corners and middles of the edges of their uncertainty."
+    if after.sampled:
+        caption += (
+            f" After: at the samples, every {1e3 * after.run.sample_time:g} ms, for a platform held from one to the next; the"
+            " curve ends at half the sampling rate."
+        )
     drawn = draw_suspension_sigma(before.sigma, after.sigma, (before.title, after.title), exact, family)
     return Section("Singular values", pictures=(picture("sigma", drawn, caption),))
 
@@ -58,7 +63,7 @@ def assurance_sections(found: Mapping[str, str]) -> tuple[Section, ...]:
 def run_section(before: Performance, after: Performance, scene: FieldScene) -> Section:
     """Return the section of the run over the field."""
     from boomctl.plotting.canvas import picture
-    from boomctl.plotting.suspension import draw_run
+    from boomctl.plotting.studies.suspension import draw_run
 
     start = scene.run_in + 0.25 * scene.duration
     drawn = draw_run(
@@ -70,7 +75,7 @@ def run_section(before: Performance, after: Performance, scene: FieldScene) -> S
     )
     caption = f"Platform, left tip, left stroke and forces, {_SPAN:g} s of {scene.duration:g} s."
     tables, pictures = (_limit_table(before, after, scene),), (picture("run", drawn, caption),)
-    return Section("A run over the field", (_scene_text(scene),), tables, pictures)
+    return Section("A run over the field", (_scene_text(scene, after),), tables, pictures)
 
 
 def spray_section(before: Performance, after: Performance) -> Section:
@@ -139,11 +144,11 @@ def fact_table(facts: Mapping[str, str], *heads: str) -> Table:
     return Table(heads or ("synthesis", "says"), tuple(facts.items()), align="l")
 
 
-def _scene_text(s: FieldScene) -> str:
+def _scene_text(s: FieldScene, after: Performance) -> str:
     return (
         f"Track of class {s.road_class} (ISO 8608), seed {s.seed}, driven at {s.speed:g} m/s for {s.duration:g} s after"
         f" {s.run_in:g} s of run-in, through the stated tractor model to jolt and yaw of the platform. Controller sampled"
-        f" every {1e3 * s.sample_time:g} ms, its forces {1e3 * s.delay:g} ms late; strokes resolved to"
+        f" every {1e3 * after.run.sample_time:g} ms, its forces {1e3 * after.run.delay:g} ms late; strokes resolved to"
         f" {1e3 * s.stroke_step:g} mm, accelerations to {s.acceleration_step:g} m/s². Force limit {s.force_limit:g} N, stroke"
         f" ±{1e3 * s.stroke_limit:g} mm (a design assumption)."
     )
@@ -168,11 +173,11 @@ def _limit_table(before: Performance, after: Performance, scene: FieldScene) -> 
     return Table(heads, tuple(lines))
 
 
-def files_section(names: tuple[str, ...], scene: FieldScene) -> Section:
+def files_section(names: tuple[str, ...], scene: FieldScene, sample_time: float) -> Section:
     """Return what lies beside the report for other programs."""
     text = (
         "Beside this report lies the controller for other programs: " + ", ".join(names) + ".",
-        f"boomctl.read_controller reads the JSON file. The C code runs every {scene.sample_time:g} s, holds forces within "
+        f"boomctl.read_controller reads the JSON file. The C code runs every {sample_time:g} s, holds forces within "
         f"{scene.force_limit:g} N and corrects its states where it meets that limit, as the run on the field above."
         if "controller.c" in names
         else "There is no C code: the controller is too fast for the sampling of the field run.",

@@ -1,0 +1,172 @@
+"""A sweep in a file, one line a point, written as each is done: what was interrupted goes on where it was.
+
+Lines are JSON.  Numbers, words and lists stand as they are, numbers to the last bit; arrays in NumPy's own format, anything
+else pickled, both in base64.  A line that was cut off in the middle is dropped.
+"""
+
+import base64
+import hashlib
+import inspect
+import io
+import json
+import os
+import pickle
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from boomctl.checks import path as checked_path
+from boomctl.files import lock
+from boomctl.studies.sweeps.outcome import Outcome
+from boomctl.studies.sweeps.plan import Label
+
+_FORMAT = "boomctl sweep 1"
+_ARRAY, _PICKLE, _FLOAT, _MAPPING = "array", "pickle", "float", "mapping"
+
+Keep = Callable[[Mapping[str, Label], Outcome], None]
+
+
+class KeptSweep:
+    """The points that a file holds, and the file, open for more.
+
+    Attributes
+    ----------
+    path : Path
+    changed : bool
+        Whether the function is not the one, in the same words, that the points were computed with.
+    """
+
+    def __init__(self, path: Path, file: io.BufferedRandom, function: Callable[..., Any], names: Sequence[str]) -> None:
+        self.path, self._file, self._found = path, file, {}
+        head = {"format": _FORMAT, "function": _name(function), "code": _code(function), "over": sorted(names)}
+        text = file.read()
+        whole, _, torn = text.rpartition(b"\n")
+        lines = whole.split(b"\n") if whole else []
+        before = self._head(lines[0], head) if lines else head
+        self.changed = before["code"] != head["code"]
+        for number, line in enumerate(lines[1:], 2):
+            try:
+                row = json.loads(line)
+                columns = {name: _decoded(cell) for name, cell in row["found"].items()}
+                self._found[_key(row["point"])] = Outcome(columns, float(row["seconds"]))
+            except Exception:
+                raise ValueError(
+                    f"{path}, line {number}: not a point of a sweep; expected a file that it wrote"
+                ) from None
+        if torn:
+            file.truncate(len(text) - len(torn))
+        file.seek(0, os.SEEK_END)
+        if not lines:
+            self._write(head)
+
+    def _head(self, line: bytes, head: dict[str, Any]) -> dict[str, Any]:
+        try:
+            before = json.loads(line)
+            is_ours = before["format"] == _FORMAT
+        except (ValueError, TypeError, KeyError):
+            is_ours, before = False, {}
+        if not is_ours:
+            raise ValueError(f"file = {self.path}: expected a file that a sweep wrote, or none")
+        for what, word in (("function", "the function"), ("over", "parameters")):
+            if before[what] != head[what]:
+                raise ValueError(
+                    f"file = {self.path}: holds a sweep with {word} {before[what]}, not {head[what]}; expected another file"
+                )
+        return before
+
+    def get(self, point: Mapping[str, Label]) -> Outcome | None:
+        """Return what came of a point, if that is known."""
+        return self._found.get(_key(point))
+
+    def keep(self, point: Mapping[str, Label], outcome: Outcome) -> None:
+        """Write what came of a point; one that failed is not kept, so that it is tried again."""
+        if outcome.columns is not None:
+            try:
+                found = {name: _encoded(cell) for name, cell in outcome.columns.items()}
+            except Exception as error:  # pickle raises anything
+                raise TypeError(f"file = {self.path}: the function returned what no file keeps: {error}") from None
+            self._write({"point": dict(point), "seconds": outcome.seconds, "found": found})
+
+    def _write(self, row: Mapping[str, Any]) -> None:
+        self._file.write(json.dumps(row).encode("utf-8") + b"\n")
+        self._file.flush()
+
+
+@contextmanager
+def kept_sweep(path: object, function: Callable[..., Any], names: Sequence[str]) -> Iterator[KeptSweep]:
+    """Give the sweep that a file holds, which is made if there is none, and which no other sweep writes to meanwhile."""
+    where = checked_path("file", path)
+    if where.is_dir():
+        raise ValueError(f"file = {where}: expected a file, got a folder")
+    where.touch()
+    with open(where, "r+b") as file:
+        lock(
+            file.fileno(), f"file {where}: another sweep writes to it; wait until it has ended, or choose another file"
+        )
+        yield KeptSweep(where, file, function, names)
+
+
+def _key(point: Mapping[str, Label]) -> str:
+    return json.dumps(dict(point), sort_keys=True)
+
+
+def _name(function: Callable[..., Any]) -> str:
+    if isinstance(function, partial):
+        return _name(function.func)
+    return getattr(function, "__qualname__", type(function).__qualname__)
+
+
+def _code(function: Callable[..., Any]) -> str:
+    """Return a digest of what a function does: of its words; of an object's class and data."""
+    if isinstance(function, partial):
+        parts = [_code(function.func).encode(), _pickled((function.args, sorted(function.keywords.items())))]
+        return hashlib.sha256(b"".join(parts)).hexdigest()
+    routine = inspect.isroutine(function)
+    try:
+        words = inspect.getsource(function if routine else type(function))
+    except (OSError, TypeError):  # of C, or typed at a prompt
+        words = ""
+    return hashlib.sha256(words.encode("utf-8") + (b"" if routine else _pickled(function))).hexdigest()
+
+
+def _pickled(value: object) -> bytes:
+    try:
+        return pickle.dumps(value)
+    except Exception:  # what does not pickle has no digest
+        return b""
+
+
+def _encoded(value: Any) -> Any:
+    if value is None or type(value) in (bool, int, str) or (type(value) is float and isfinite(value)):
+        return value
+    if type(value) is float:
+        return {_FLOAT: repr(value)}
+    if type(value) is list:
+        return [_encoded(item) for item in value]
+    if type(value) is dict and all(isinstance(key, str) for key in value):
+        return {_MAPPING: {key: _encoded(item) for key, item in value.items()}}
+    if type(value) is np.ndarray and value.dtype.kind in "biufcU":
+        written = io.BytesIO()
+        np.save(written, value, allow_pickle=False)
+        return {_ARRAY: base64.b64encode(written.getvalue()).decode("ascii")}
+    return {_PICKLE: base64.b64encode(pickle.dumps(value)).decode("ascii")}
+
+
+def _decoded(cell: Any) -> Any:
+    if isinstance(cell, list):
+        return [_decoded(item) for item in cell]
+    if not isinstance(cell, dict):
+        return cell
+    ((kind, content),) = cell.items()
+    if kind == _FLOAT:
+        return float(content)
+    if kind == _MAPPING:
+        return {key: _decoded(item) for key, item in content.items()}
+    if kind == _ARRAY:
+        return np.load(io.BytesIO(base64.b64decode(content)), allow_pickle=False)
+    return pickle.loads(base64.b64decode(content))
