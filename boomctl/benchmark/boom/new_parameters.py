@@ -12,7 +12,8 @@ from boomctl.benchmark.boom.scene import Scene, Settings
 from boomctl.benchmark.report import Measured, Row, Sheet, Tell, race
 from boomctl.benchmark.timing import Job, interleaved
 from boomctl.boom.exact import exact_frequency_response
-from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
+from boomctl.boom.factory import spray_boom
+from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
 

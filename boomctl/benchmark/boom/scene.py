@@ -6,7 +6,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.benchmark.boom.high_precision import damped_eigenvalues, exact_response, sigma_of
-from boomctl.boom.model import spray_boom
+from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles

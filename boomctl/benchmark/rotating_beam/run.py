@@ -11,6 +11,7 @@ from boomctl.arrays import Array
 from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Tell, measured, race
 from boomctl.benchmark.rotating_beam.exudyn import exudyn_available, exudyn_tip
 from boomctl.benchmark.rotating_beam.loop import loop_rows
+from boomctl.benchmark.rotating_beam.monte_carlo import monte_carlo_rows
 from boomctl.benchmark.rotating_beam.peers import (
     INSTANTS,
     SPIN_UP,
@@ -96,7 +97,7 @@ def run(full: bool = False, progress: Tell | None = None) -> BenchmarkReport:
     -------
     BenchmarkReport
     """
-    subjects = [partial(each, full) for each in (spin_up_rows, torque_rows, loop_rows, exact_rows)]
+    subjects = [partial(each, full) for each in (spin_up_rows, torque_rows, loop_rows, monte_carlo_rows, exact_rows)]
     return measured("hub-beam", subjects, _NOTES, progress)
 
 

@@ -17,7 +17,7 @@ from scipy import linalg
 
 from boomctl.analysis.norm import hinf_norm
 from boomctl.benchmark.report import Measured, Row, Tell, race
-from boomctl.boom.model import spray_boom
+from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
 from boomctl.reduction.reduce import reduce

@@ -14,7 +14,8 @@ from scipy import integrate
 from boomctl.arrays import Array
 from boomctl.benchmark.report import Measured, Row, Tell, race
 from boomctl.benchmark.timing import Job, interleaved
-from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
+from boomctl.boom.factory import spray_boom
+from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
 from boomctl.simulation.forced_response import forced_response

@@ -12,7 +12,8 @@ from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Tell, measu
 from boomctl.benchmark.suspension.h_infinity import h_infinity_lines
 from boomctl.benchmark.suspension.loop import loop_lines
 from boomctl.benchmark.timing import Job, interleaved
-from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
+from boomctl.boom.factory import spray_boom
+from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, of
