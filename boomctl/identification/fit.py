@@ -15,6 +15,7 @@ from boomctl.identification.identifiability import Forward, Seen, differences, s
 from boomctl.identification.intervals import BetterFit, Profile
 from boomctl.identification.measured import BOUNDED, Builder, Measured
 from boomctl.identification.result import FitResult
+from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import AffineFamily
 
 if TYPE_CHECKING:
@@ -115,6 +116,7 @@ def fit(
     outputs: str | Sequence[str] | None = None,
     starts: int = 5,
     seed: int = 0,
+    progress: Listener | None = None,
 ) -> FitResult:
     """Fit parameters of a model to measurements, and say how sure they are.
 
@@ -156,6 +158,8 @@ def fit(
         Number of starts of the search; the first is the one given, the others are drawn.
     seed : int
         Seed of the further starts, which are drawn at random.
+    progress : callable, optional
+        Is told a `Progress` at each start and at each interval.
 
     Returns
     -------
@@ -197,8 +201,9 @@ def fit(
     begun = data.matched(offered, problem.paired(zero))
     if not np.isfinite(data.residuals(begun)).all():
         raise ValueError("build: expected finite values above zero at the start; of absolute errors zeros will do")
-    candidates, path = _search(problem, count, seed)
-    best, seen, size, freedom, ends, names = _polished(problem, candidates[0], known_size, confidence)
+    with computing("fit", progress):
+        candidates, path = _search(problem, count, seed)
+        best, seen, size, freedom, ends, names = _polished(problem, candidates[0], known_size, confidence)
     f = problem.at(best.modes)
     offset, shown = minimum(f, free_parameters, best.x, seen, size if size > 0.0 else 1.0)
     limit = _quantile(confidence, freedom, known_size)
@@ -265,7 +270,8 @@ def _search(problem: _Problem, count: int, seed: int) -> tuple[list[_Candidate],
         first = replace(problem, builder=replace(problem.builder, data=replace(data, errors=BOUNDED)))
         path.append("bounded relative errors first")
     found, steps = [], np.full(problem.free.size, _STEP)
-    for x in problem.free.drawn(count, seed):
+    for k, x in enumerate(problem.free.drawn(count, seed)):
+        tell("starts", k, count)
         try:
             if not np.isfinite(problem.residuals(x, problem.paired(x))).all():
                 continue  # not even a value to compare
@@ -315,6 +321,7 @@ def _infinite(free: FreeParameters, i: int) -> tuple[float, float]:
 def _ends(profile: Profile, i: int, exact: bool) -> tuple[float, float]:
     """Return the interval of a parameter, in its unit."""
     free = profile.free
+    tell("intervals", i, free.size)
     lost = profile.seen.hidden[i] and (exact or not profile.seen.alone[i])
     if lost or not np.isfinite(profile.quantile):
         return _infinite(free, i)

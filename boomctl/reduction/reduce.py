@@ -51,7 +51,7 @@ _LARGEST_CORE = 500  # modes beyond which no core grows: its balancing takes a m
 
 
 def reduce(
-    system: "control.StateSpace | SecondOrderModel",
+    system: "control.StateSpace | control.TransferFunction | SecondOrderModel",
     order: int | None = None,
     method: str = "balanced",
     *,
@@ -65,7 +65,7 @@ def reduce(
 
     Parameters
     ----------
-    system : control.StateSpace or SecondOrderModel
+    system : control.StateSpace, control.TransferFunction or SecondOrderModel
         A discrete one is reduced as its continuous image by the bilinear map, which has the same norms and Hankel singular
         values; the error is verified anew on the unit circle.  Of a large structure a core of its undamped modes is
         reduced, and what the other modes contribute is bounded in closed form.

@@ -1,5 +1,6 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
+from boomctl.lti.controllers.scheduled import ScheduledController, schedule
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.discretise import discretize
 from boomctl.synthesis.hinf.h_infinity import HInfinityCertificate, HInfinityResult, h_infinity
@@ -27,6 +28,7 @@ __all__ = [
     "RecoveryResult",
     "ReducedController",
     "ReductionWarning",
+    "ScheduledController",
     "SynthesisError",
     "band_pass",
     "close_loop",
@@ -45,6 +47,7 @@ __all__ = [
     "lqr",
     "mixed_sensitivity",
     "reduce_controller",
+    "schedule",
     "select_channels",
     "shelf",
     "split_controller",

@@ -75,16 +75,19 @@ def check_ranks(plant: GeneralizedPlant) -> None:
     SynthesisError
         ``D12`` lacks full column rank or ``D21`` full row rank; the signals are named.
     """
+    continuous = plant.system.dt == 0.0
     lazy = _dependent(plant.D12, plant.controls)
     if lazy:
+        where = " at high frequency" if continuous else " at the sample at which it acts"
         raise SynthesisError(
-            f"D12 has not full column rank: the performance signals do not weigh {_combined('control', lazy)} at high "
-            "frequency, so that the best controller would use it without limit; give it an effort weight"
+            f"D12 has not full column rank: the performance signals do not weigh {_combined('control', lazy)}{where}, "
+            "so that the best controller would use it without limit; give it an effort weight"
         )
     exact = _dependent(plant.D21.T, plant.measurements)
     if exact:
+        where = " at high frequency" if continuous else ""
         raise SynthesisError(
-            f"D21 has not full row rank: {_combined('measurement', exact)} carries no noise of its own at high frequency, "
+            f"D21 has not full row rank: {_combined('measurement', exact)} carries no noise of its own{where}, "
             "so that the best controller would differentiate it without limit; give it a noise level"
         )
 
@@ -116,8 +119,8 @@ def check_modes(plant: GeneralizedPlant, ready: NormalizedPlant) -> None:
     SynthesisError
         The plant is not stabilisable or not detectable; the mode and its state are named.
     """
-    check_stabilizable(ready.A, ready.B2, plant.controls, ready.system.states)
-    check_detectable(ready.A, ready.C2, plant.measurements, ready.system.states)
+    check_stabilizable(ready.A, ready.B2, plant.controls, ready.system.states, ready.system.dt)
+    check_detectable(ready.A, ready.C2, plant.measurements, ready.system.states, ready.system.dt)
 
 
 def check_zeros(plant: GeneralizedPlant, ready: NormalizedPlant) -> None:
@@ -130,14 +133,15 @@ def check_zeros(plant: GeneralizedPlant, ready: NormalizedPlant) -> None:
     """
     for zero in _zeros_on_axis(ready):
         raise SynthesisError(
-            f"from the controls ({', '.join(plant.controls)}) to the performance signals nothing passes {_place(zero)}: "
+            f"from the controls ({', '.join(plant.controls)}) to the performance signals nothing passes "
+            f"{_place(zero, plant.system.dt)}: "
             "weigh a signal in which that motion shows, or damp it"
         )
     for zero in _zeros_on_axis(ready.dual):
         raise SynthesisError(
             f"from the disturbances ({', '.join(plant.disturbances)}) to the measurements "
-            f"({', '.join(plant.measurements)}) nothing passes {_place(zero)}: add a disturbance or a measurement noise "
-            "that excites that motion"
+            f"({', '.join(plant.measurements)}) nothing passes {_place(zero, plant.system.dt)}: add a disturbance or a "
+            "measurement noise that excites that motion"
         )
 
 
@@ -146,10 +150,11 @@ def _zeros_on_axis(ready: GeneralizedPlant) -> tuple[HiddenMode, ...]:
     free = ready.nz - ready.ncon
     rows = ready.C1[:free]
     rows = rows[np.linalg.norm(rows, axis=1) > _NOISE * np.linalg.norm(ready.C1)]
-    return unmoved((ready.A - ready.B2 @ ready.C1[free:]).T, rows.T, ready.system.states, axis_only=True)
+    shifted, dt = ready.A - ready.B2 @ ready.C1[free:], ready.system.dt
+    return unmoved(shifted.T, rows.T, ready.system.states, axis_only=True, dt=dt)
 
 
-def _place(zero: HiddenMode) -> str:
+def _place(zero: HiddenMode, dt: float) -> str:
     omega = abs(zero.pole.imag) or zero.omega
     at = f"at {omega:.6g} rad/s ({omega / (2.0 * np.pi):.4g} Hz)"
-    return f"{at}, a zero on the imaginary axis (mostly in state {zero.state!r})"
+    return f"{at}, a zero on the {'unit circle' if dt else 'imaginary axis'} (mostly in state {zero.state!r})"

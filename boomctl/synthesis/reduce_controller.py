@@ -40,7 +40,7 @@ class ReducedController:
     norm : NormCertificate
         The closed loop's norm with this controller, between two bounds.
     fastest_pole : float
-        Largest magnitude of the controller's poles [rad/s].
+        Largest magnitude of the controller's poles [rad/s]; in discrete time without a unit.
     method : str
         What was done to the states left out.
     values : ndarray
@@ -88,9 +88,9 @@ def reduce_controller(
     Parameters
     ----------
     P : control.StateSpace
-        Generalised plant; the controller fits its last outputs and inputs.
+        Generalised plant, in continuous or discrete time; the controller fits its last outputs and inputs.
     controller : control.StateSpace
-        ``u = K y``; it stabilises ``P``.
+        ``u = K y``, of the sampling time of ``P`` if it has one; it stabilises ``P``.
     order : int, optional
         Number of states wanted; fewer where the controller has states that do nothing within the loop.  By default the
         lowest whose loop stays within ``tolerance``.
@@ -98,6 +98,7 @@ def reduce_controller(
         By how much the closed loop's norm may grow, relative to it.
     fastest_pole : float, optional
         No pole of the controller may have a larger magnitude [rad/s]; faster ones are replaced by their static gain.
+        Not for a discrete controller, which runs once a sample.
 
     Returns
     -------
@@ -107,7 +108,8 @@ def reduce_controller(
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; numbers out of range; an order above the controller's.
+        Other kinds of system; sampling times that differ or are not said; numbers out of range; an order above the
+        controller's.
     SynthesisError
         The controller does not stabilise ``P``; no smaller one stays within the tolerance.
 
@@ -122,7 +124,9 @@ def reduce_controller(
     >>> smaller.order <= design.controller.nstates, bool(smaller.gamma <= 1.05 * smaller.full_gamma)
     (True, True)
     """
-    plant, K = matched(P, controller)
+    plant, K = matched(P, controller, sampled=True)
+    if K.dt != 0.0 and fastest_pole is not None:
+        raise ValueError("fastest_pole: expected none for a discrete controller, which runs once a sample")
     share = nonnegative("tolerance", tolerance)
     limit = np.inf if fastest_pole is None else positive("fastest_pole", fastest_pole)
     if order is not None and whole("order", order, 0) > len(K.A):
@@ -169,8 +173,11 @@ def _balanced_in_loop(plant: GeneralizedPlant, K: Lti) -> tuple[Lti, Array]:
     loop, n = lower_lft(plant.system, K), len(plant.A)
     A, (scale, _) = linalg.matrix_balance(loop.A, permute=False, separate=True)
     B, C = loop.B / scale[:, None], loop.C * scale[None, :]
-    driven = _root(linalg.solve_continuous_lyapunov(A, -B @ B.T)[n:, n:])
-    seen = _root(linalg.solve_continuous_lyapunov(A.T, -C.T @ C)[n:, n:])
+    if K.dt == 0.0:
+        P, Q = linalg.solve_continuous_lyapunov(A, -B @ B.T), linalg.solve_continuous_lyapunov(A.T, -C.T @ C)
+    else:
+        P, Q = linalg.solve_discrete_lyapunov(A, B @ B.T), linalg.solve_discrete_lyapunov(A.T, C.T @ C)
+    driven, seen = _root(P[n:, n:]), _root(Q[n:, n:])
     left, values, right = linalg.svd(seen.T @ driven)
     kept = values > _NEGLIGIBLE * values[0]
     into = (left[:, kept] / np.sqrt(values[kept])).T @ seen.T / scale[n:]
@@ -186,6 +193,6 @@ def _root(gramian: Array) -> Array:
 def _smaller(K: Lti, order: int) -> Iterator[tuple[str, Lti]]:
     """Yield controllers of an order: the states left out, and these at rest."""
     yield "truncated", replace(K, A=K.A[:order, :order], B=K.B[:order], C=K.C[:, :order])
-    rest = K.A[order:, order:]
+    rest = K.A[order:, order:] - (0.0 if K.dt == 0.0 else 1.0) * np.eye(len(K.A) - order)  # of x' = 0, or of x+ = x
     if len(rest) and np.linalg.cond(rest) < _SINGULAR:
         yield "residualised", residualised(K, order)

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.analysis import sigma
-from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
+from boomctl.boom.factory import spray_boom
+from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import Lti, of
 from boomctl.reduction import reduce

@@ -140,7 +140,7 @@ BAD = {
     "an unstable weight": ({"performance": {"tip_anti": control.ss(1.0, 1.0, 1.0, 0.0)}}, ValueError, "'tip_anti'.*pole"),
     "an integrator": ({"disturbances": {"actuator_anti": control.ss(0.0, 1.0, 1.0, 0.0)}}, ValueError, "'actuator_anti'"),
     "two outputs": ({"effort": {"suspension_anti": control.rss(2, 2, 1)}}, ValueError, "'suspension_anti'.*one input"),
-    "polynomials": ({"effort": {"suspension_anti": control.tf(1, [1, 1])}}, TypeError, "StateSpace, got TransferFunction"),
+    "data": ({"effort": {"suspension_anti": control.frd([1.0], [1.0])}}, TypeError, "StateSpace, got FrequencyResponseData"),
     "discrete time": ({"noises": {"stroke_anti": control.ss(0.1, 1, 1, 0, True)}}, ValueError, "continuous time"),
     "not a number": ({"noises": {"stroke_anti": float("nan")}}, ValueError, "'stroke_anti'"),
     "an unknown output": ({"performance": {"tip_ant": 1.0}}, ValueError, "did you mean 'tip_anti'"),

@@ -117,8 +117,22 @@ def test_what_cannot_be_split_is_refused():
         split_controller(None, joined)
     with pytest.raises(TypeError, match=r"controller: expected StateSpace, got float"):
         split_controller(MODEL, 1.0)
-    with pytest.raises(ValueError, match=r"controller: expected continuous time, got a sampling time of 0\.01 s"):
-        split_controller(MODEL, bc.discretize(joined, 0.01))
+    with pytest.raises(ValueError, match=r"controller: .* dt = True"):
+        split_controller(MODEL, control.ss(joined.A, joined.B, joined.C, joined.D, True))
+
+
+def test_a_discrete_controller_is_split_into_discrete_ones():
+    halves = half_controller("sym", 1), half_controller("anti", 2)
+    discrete = [control.sample_system(half, 0.01, "tustin") for half in halves]
+    for half, whole in zip(discrete, halves, strict=True):
+        half.update_names(inputs=whole.input_labels, outputs=whole.output_labels)
+    *found, missed = split_controller(MODEL, join_symmetric(MODEL, *discrete))
+    assert missed < 1e-9
+    for half, expected in zip(found, discrete, strict=True):
+        assert (half.dt, half.nstates) == (0.01, expected.nstates)
+        z = np.exp(0.3j)
+        places = [half.input_labels.index(name) for name in expected.input_labels]
+        assert half(z).reshape(half.noutputs, -1)[:, places] == pytest.approx(expected(z).reshape(half.noutputs, -1))
 
 
 @pytest.mark.parametrize("seed", range(8))

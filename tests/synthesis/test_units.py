@@ -53,7 +53,7 @@ def test_what_is_no_mapping_no_system_or_beyond_numbers_is_refused():
         for call in (lambda u: bc.in_units(plant(), u), lambda u: bc.from_units(K, u)):
             with pytest.raises(TypeError, match="units: expected a mapping"):
                 call(units)
-    for wrong in (None, control.tf([1.0], [1.0, 1.0])):
+    for wrong in (None, control.frd([1.0], [1.0])):
         with pytest.raises(TypeError, match=r"controller: expected StateSpace"):
             bc.from_units(wrong, {})
     for call in (lambda u: bc.in_units(plant(), u), lambda u: bc.from_units(K, u)):

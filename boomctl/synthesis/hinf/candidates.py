@@ -200,7 +200,7 @@ def judged(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
         loop = lower_lft(plant.system, K).balanced()
     except ValueError as error:
         return str(error)
-    slowest = float(loop.poles.real.max(initial=-np.inf))
+    slowest = float(loop.rates.real.max(initial=-np.inf))
     if slowest >= 0.0:
         return f"its loop has a pole with real part {slowest:.3g} rad/s"
     norm = matrices_norm(loop)

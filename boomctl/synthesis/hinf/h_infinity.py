@@ -3,11 +3,13 @@
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from boomctl.analysis.norm import NormCertificate, matrices_norm
+from boomctl.analysis.sigma import sigma
 from boomctl.checks import positive, within
 from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
 from boomctl.lti.modal import sides
@@ -124,6 +126,26 @@ class HInfinityResult:
         """As a system of python-control; it is made when it is first read."""
         return self._closed_loop.statespace("closed_loop")
 
+    def plot(self, ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
+        """Draw the singular values of the closed loop below its norm, and the bound that no controller goes below.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        unit : {"Hz", "rad/s"}, optional
+            Of the frequency axis, by default that of the curves that are there already.
+        **style
+            Of the curves, as matplotlib's lines take it.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
+        """
+        curves = sigma(self.closed_loop)
+        return import_module("boomctl.plotting").plot_h_infinity(self, curves, ax, unit=unit, **style)
+
     def __repr__(self) -> str:
         least = f"no controller goes below {self.certificate.lower:.6g}"
         verified = f"norm of the closed loop {self.gamma:.6g}, verified; {least}"
@@ -214,7 +236,7 @@ def h_infinity(
         enough = None if gamma is None else within("gamma", gamma, *_LEVELS) * (1.0 - _MORE)
         image = continuous_image(plant.system).statespace("image")
         more = {"gamma": enough, "tolerance": tolerance, "time_limit": time_limit, "progress": progress}
-        return _on_circle(plant, h_infinity(image, nmeas, ncon, **more))
+        return _on_circle(plant, h_infinity(image, nmeas, ncon, **more), origin_of(P))
     wanted = None if gamma is None else within("gamma", gamma, *_LEVELS)
     share, limit = positive("tolerance", tolerance), positive("time_limit", time_limit)
     allowed = None if fastest_pole is None else positive("fastest_pole", fastest_pole)
@@ -242,7 +264,7 @@ def h_infinity(
         return _result(task, first_accepted(task, strict=allowed is not None), origin_of(P))
 
 
-def _on_circle(plant: GeneralizedPlant, found: HInfinityResult) -> HInfinityResult:
+def _on_circle(plant: GeneralizedPlant, found: HInfinityResult, origin: ReducedPlant | None) -> HInfinityResult:
     """Return a design for the image of a discrete plant as one for the plant itself, its loop verified anew.
 
     Raises
@@ -272,6 +294,7 @@ def _on_circle(plant: GeneralizedPlant, found: HInfinityResult) -> HInfinityResu
         fastest_pole_limit=np.inf,
         path=(*c.path, "mapped to the unit circle"),
         statement=f"{c.statement}; verified anew on the unit circle",
+        full_plant=None if origin is None else judged_on_full_plant(origin, plant, K, norm.upper),
     )
     return HInfinityResult(K, loop, norm.lower, certificate)
 

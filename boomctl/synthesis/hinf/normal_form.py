@@ -49,7 +49,7 @@ def normalised(plant: GeneralizedPlant) -> NormalizedPlant:
     lengths = np.linalg.norm(modes, axis=0)  # those of modes hardly driven or seen differ by many decades
     inverse = np.linalg.inv(modes / lengths) / lengths[:, None] if len(modes) else modes
     names = tuple(plant.system.states[k] for k in np.abs(modes).argmax(axis=0)) if len(modes) else ()
-    system = Lti(inverse @ plant.A @ modes, inverse @ B, C @ modes, D, states=names)
+    system = Lti(inverse @ plant.A @ modes, inverse @ B, C @ modes, D, states=names, dt=plant.system.dt)
     return NormalizedPlant(system, nmeas, ncon, from_controls, from_measurements, modes)
 
 

@@ -1,6 +1,7 @@
 """H2-optimal controllers of generalised plants: two Riccati equations, the norm verified on the closed loop.
 
-Doyle, Glover, Khargonekar & Francis (1989), IEEE Transactions on Automatic Control 34.
+Doyle, Glover, Khargonekar & Francis (1989), IEEE Transactions on Automatic Control 34; in discrete time Chen & Francis
+(1995), Optimal Sampled-Data Control Systems, chapter 6: the control at a sample may use the measurement at that sample.
 """
 
 from dataclasses import dataclass, field, replace
@@ -8,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti, lower_lft
@@ -15,7 +17,8 @@ from boomctl.printing import system
 from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
 from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.lq.output_feedback import FeedbackCertificate, certify, least_cost, observer
-from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, solve_riccati
+from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
+from boomctl.synthesis.lq.riccati_steps import solution_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition, with_feedthrough
 
 if TYPE_CHECKING:
@@ -72,8 +75,10 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
     Parameters
     ----------
     P : control.StateSpace
-        Generalised plant in continuous time: its last ``ncon`` inputs are controls, its last ``nmeas`` outputs are
-        measurements; the others are disturbances (unit white noise) and performance outputs.
+        Generalised plant: its last ``ncon`` inputs are controls, its last ``nmeas`` outputs are measurements; the others
+        are disturbances (unit white noise) and performance outputs.  Of a discrete one the controller is the best of all
+        whose control at a sample rests on the measurements up to that sample; :func:`boomctl.lqg` gives the best of those
+        that rest on the ones before it.
     nmeas, ncon : int
         Numbers of measurements and controls.
 
@@ -85,10 +90,12 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time, not finite; numbers of signals that the plant does not have.
+        Another kind of system, discrete time that does not say its sampling time, not finite; numbers of signals that the
+        plant does not have.
     SynthesisError
         A control that no performance output weighs, a measurement without noise, a direct way from a disturbance to a
-        performance output that no controller can cancel, a mode in the way: each named.  A loop whose norms disagree.
+        performance output that no controller can cancel (in continuous time), a mode in the way: each named.  A loop
+        whose norms disagree.
 
     Examples
     --------
@@ -101,28 +108,28 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
     >>> round(bc.h2(P, 1, 1).norm ** 2, 6)
     2.0
     """
-    plant = partition(P, nmeas, ncon)
+    plant = partition(P, nmeas, ncon, sampled=True)
     if not len(plant.A):
         raise ValueError("P: expected at least one state, got a static gain")
     check_ranks(plant)
-    direct = _cancelling(plant)
+    direct = _cancelling(plant) if plant.system.dt == 0.0 else np.zeros((ncon, nmeas))
     shifted = _with_direct(plant, direct)
     ready = normalised(shifted)
     check_modes(shifted, ready)
     check_zeros(shifted, ready)
     regulator = _solved(shifted, "the Riccati equation of the H2 regulator")
     estimator = _solved(shifted.dual, "the Riccati equation of the H2 filter")
-    way = Lti(shifted.A, shifted.B2, shifted.C2, shifted.D22, plant.controls, plant.measurements, plant.system.states)
-    K = observer(way, regulator.gain, estimator.gain.T)
+    K, least = _controller(shifted, regulator, estimator)
     try:
         K = with_feedthrough(replace(K, D=K.D + direct), plant.D22)
     except ValueError as error:
         raise SynthesisError(f"feedthrough from controls to measurements: {error}") from None
     loop = lower_lft(plant.system, K)
-    if np.abs(loop.D).max(initial=0.0) <= 10.0 * _FEEDTHROUGH * np.abs(plant.D11).max(initial=0.0):
+    if plant.system.dt == 0.0 and np.abs(loop.D).max(initial=0.0) <= 10.0 * _FEEDTHROUGH * np.abs(plant.D11).max(
+        initial=0.0
+    ):
         loop = replace(loop, D=np.zeros_like(loop.D))  # what rounding leaves of the direct way that is cancelled
-    R, W = shifted.D12.T @ shifted.D12, shifted.B1 @ shifted.B1.T
-    certificate = certify(loop, least_cost(W, R, regulator, estimator), regulator, estimator)
+    certificate = certify(loop, least, regulator, estimator)
     return H2Result(
         _controller=K,
         _closed_loop=loop,
@@ -131,6 +138,26 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
         poles=np.concatenate([regulator.poles, estimator.poles]),
         certificate=certificate,
     )
+
+
+def _controller(p: GeneralizedPlant, regulator: RiccatiSolution, estimator: RiccatiSolution) -> tuple[Lti, float]:
+    """Return the controller of a plant without ``D22``, and the least square of the norm.
+
+    In discrete time the regulator would set ``u = -F x - G w``.  The controller sets it for the best estimates of both, which
+    take what the measurement at the sample brings that was not expected: ``M`` times it.
+    """
+    F, L, s = regulator.gain, estimator.gain.T, p.system
+    way = Lti(p.A, p.B2, p.C2, p.D22, p.controls, p.measurements, s.states, s.dt)
+    K = observer(way, F, L)
+    if s.dt == 0.0:
+        return K, least_cost(p.B1 @ p.B1.T, p.D12.T @ p.D12, regulator, estimator)
+    X, Y = regulator.X, estimator.X
+    effort, read = p.D12.T @ p.D12 + p.B2.T @ X @ p.B2, p.D21 @ p.D21.T + p.C2 @ Y @ p.C2.T
+    G = linalg.solve(effort, p.B2.T @ X @ p.B1 + p.D12.T @ p.D11, assume_a="pos")
+    M = linalg.solve(read, (F @ Y @ p.C2.T + G @ p.D21.T).T, assume_a="pos").T
+    K = replace(K, A=K.A + p.B2 @ M @ p.C2, B=K.B - p.B2 @ M, C=K.C + M @ p.C2, D=-M)
+    known = np.trace(p.B1.T @ X @ p.B1) + np.trace(p.D11.T @ p.D11)
+    return K, float(known + np.trace(effort @ (F @ Y @ F.T - M @ read @ M.T)))
 
 
 def _cancelling(parts: GeneralizedPlant) -> Array:
@@ -150,14 +177,19 @@ def _cancelling(parts: GeneralizedPlant) -> Array:
 
 
 def _with_direct(parts: GeneralizedPlant, direct: Array) -> GeneralizedPlant:
-    """Return the generalised plant with ``u = direct y + v``, ``v`` in place of ``u``, and without its ``D22``."""
+    """Return the generalised plant with ``u = direct y + v``, ``v`` in place of ``u``, and without its ``D22``.
+
+    In continuous time ``direct`` cancels its ``D11``.
+    """
     p = parts
     B = np.hstack([p.B1 + p.B2 @ direct @ p.D21, p.B2])
     C = np.vstack([p.C1 + p.D12 @ direct @ p.C2, p.C2])
-    D = np.block([[np.zeros_like(p.D11), p.D12], [p.D21, np.zeros_like(p.D22)]])
+    left = np.zeros_like(p.D11) if p.system.dt == 0.0 else p.D11
+    D = np.block([[left, p.D12], [p.D21, np.zeros_like(p.D22)]])
     return replace(p, system=replace(p.system, A=p.A + p.B2 @ direct @ p.C2, B=B, C=C, D=D))
 
 
 def _solved(p: GeneralizedPlant, what: str) -> RiccatiSolution:
     """Return the regulator of a plant; the filter is the regulator of the dual one."""
-    return solve_riccati(RiccatiProblem(p.A, p.B2, p.C1.T @ p.C1, p.D12.T @ p.D12, p.C1.T @ p.D12), what)
+    problem = RiccatiProblem(p.A, p.B2, p.C1.T @ p.C1, p.D12.T @ p.D12, p.C1.T @ p.D12, p.system.dt)
+    return solution_of(problem, what)

@@ -28,7 +28,8 @@ class QuadraticNorm:
     Attributes
     ----------
     controllability, observability : float
-        By the Gramian of controllability and by that of observability; infinite if not stable or proper.
+        By the Gramian of controllability and by that of observability; infinite if not stable or, in continuous time, not
+        strictly proper.
     """
 
     controllability: float
@@ -131,16 +132,16 @@ def certify(loop: Lti, least: float, regulator: RiccatiSolution, estimator: Ricc
 
 def quadratic_norm(system: Lti) -> QuadraticNorm:
     """Return the H2 norm of a system, by both Gramians; refined ones where these differ, and in discrete time."""
+    through = float(np.sum(system.D**2)) if system.dt != 0.0 else np.inf if system.D.any() else 0.0
     if not len(system.A):
-        value = np.inf if system.D.any() else 0.0
-        return QuadraticNorm(value, value)
-    if system.D.any() or (sides(system.poles, system.dt) >= 0).any():
+        return QuadraticNorm(float(np.sqrt(through)), float(np.sqrt(through)))
+    if through == np.inf or (sides(system.poles, system.dt) >= 0).any():
         return QuadraticNorm(np.inf, np.inf)
     s = system.balanced()
     if s.dt != 0.0:
         P, Q = refined_gramian_of_steps(s.A, s.B)[0], refined_gramian_of_steps(s.A.T, s.C.T)[0]
         squares = float(np.sum((s.C @ P) * s.C)), float(np.sum((s.B.T @ Q) * s.B.T))
-        return QuadraticNorm(*(float(np.sqrt(max(square, 0.0))) for square in squares))
+        return QuadraticNorm(*(float(np.sqrt(max(square, 0.0) + through)) for square in squares))
     P = linalg.solve_continuous_lyapunov(s.A, -s.B @ s.B.T)
     Q = linalg.solve_continuous_lyapunov(s.A.T, -s.C.T @ s.C)
     squares = float(np.trace(s.C @ P @ s.C.T)), float(np.trace(s.B.T @ Q @ s.B))

@@ -16,8 +16,9 @@ import numpy as np
 
 from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, matrices_norm
 from boomctl.arrays import Array
+from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.frequency import largest_gain, singular_values
-from boomctl.lti.modal import side_of_axis
+from boomctl.lti.modal import sides
 from boomctl.lti.system import Lti, lower_lft, of
 from boomctl.printing import compact, sentence
 from boomctl.reduction.result import ReductionResult
@@ -93,7 +94,7 @@ class FullPlantCertificate:
 
 def plant_within(plant: Any, expected: str = "SecondOrderModel, StateSpace or ReductionResult") -> Lti:
     """Return the system that a design is made on: what was handed in, or the reduced one of a reduction."""
-    return of(plant.system if isinstance(plant, ReductionResult) else plant, "plant", expected)
+    return of(plant.system if isinstance(plant, ReductionResult) else plant, "plant", expected, sampled=True)
 
 
 def carrying(P: "control.StateSpace", plant: Any, around: Callable[[Lti], Lti]) -> "control.StateSpace":
@@ -120,10 +121,11 @@ def warn_of_lost_channels(plant: Any, channels: dict[str, tuple[tuple[str, ...],
     """
     if not isinstance(plant, ReductionResult):
         return
-    system, lost = of(plant.system), []
+    system, lost = of(plant.system, sampled=True), []
     for what, (inputs, outputs) in channels.items():
         if inputs and outputs and len(system.A):
-            peak, _ = largest_gain(system.select(inputs, outputs))
+            way = system.select(inputs, outputs)
+            peak, _ = largest_gain(way if way.dt == 0.0 else continuous_image(way))
             if peak <= plant.measured_error:
                 lost.append(f"{what} (at most {peak:.3g})")
     if lost:
@@ -142,11 +144,12 @@ def judged_on_full_plant(origin: ReducedPlant, plant: GeneralizedPlant, K: Lti, 
     stable, slowest, norm = True if share < 1.0 else None, float("nan"), None
     if size <= _MOST_POLES:
         try:
-            loop = lower_lft(origin.around(of(reduction.full)), K).balanced()
+            loop = lower_lft(origin.around(of(reduction.full, sampled=True)), K).balanced()
         except ValueError:  # not well-posed on the full plant
             stable, slowest = False, inf
         else:
-            slowest, side = float(loop.poles.real.max(initial=-inf)), int(side_of_axis(loop.poles).max(initial=-1))
+            slowest = float(loop.rates.real.max(initial=-inf))
+            side = int(sides(loop.poles, loop.dt).max(initial=-1))
             stable = {-1: True, 0: stable, 1: False}[side]  # of poles that stand on the axis the small gain alone tells
             if stable and size <= _MOST_NORM:
                 norm = matrices_norm(loop)
@@ -187,6 +190,7 @@ def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float
         np.hstack([np.zeros((n, p)), plant.B2]),
         np.vstack([np.zeros((m, n)), plant.C2]),
         np.block([[np.zeros((m, p)), np.eye(m)], [np.eye(p), plant.D22]]),
+        dt=plant.system.dt,
     )
     KS = lower_lft(added, K).balanced()
     if reduction.measured_error == 0.0:
@@ -194,7 +198,7 @@ def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float
     if reduction.band is None:
         return matrices_norm(KS).upper * min(reduction.measured_error, reduction.error_bound)
     everywhere = matrices_norm(KS).upper * reduction.error_bound
-    if everywhere < 1.0:
+    if everywhere < 1.0 or KS.dt != 0.0:  # of a band on the unit circle nothing more is told
         return everywhere
     inside = band_norm(KS, KS.response, reduction.band).upper * reduction.measured_error
     low, high = reduction.band

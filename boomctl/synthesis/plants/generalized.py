@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import known, names, real
-from boomctl.lti.modal import side_of_axis
+from boomctl.checks import exactly, known, names, real
+from boomctl.lti.bilinear import discrete_image
+from boomctl.lti.modal import sides
 from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, append, of, series, static
 from boomctl.reduction.result import ReductionResult
 from boomctl.structure.model import SecondOrderModel
 from boomctl.synthesis.plants.full_plant import carrying, plant_within, warn_of_lost_channels
 
-Weight = float | control.StateSpace
+Weight = float | control.StateSpace | control.TransferFunction
 
 
 def generalized_plant(
@@ -34,14 +35,15 @@ def generalized_plant(
     """Return a generalised plant: what disturbs, what shall be small, what is measured and what is set, with weights.
 
     A weight is a number or a stable system with one input and one output (`low_pass`, `high_pass`, `band_pass`,
-    `shelf`).  Numbers add no states; inputs and outputs that nobody names are left out.
+    `shelf`).  Numbers add no states; inputs and outputs that nobody names are left out.  Of a discrete plant a weight has the
+    same sampling time; one in continuous time stands for its Tustin discretisation.
 
     Parameters
     ----------
     plant : control.StateSpace, SecondOrderModel or ReductionResult
-        In continuous time, with named signals.  Of a reduction, what `reduce` returns, the reduced system is taken; the
-        generalised plant remembers its error, and `h_infinity` says what the design is worth on the full one.  Other
-        operations on the generalised plant forget it.
+        With named signals, in continuous or discrete time (:func:`boomctl.sample_plant`).  Of a reduction, what `reduce`
+        returns, the reduced system is taken; the generalised plant remembers its error, and `h_infinity` says what the
+        design is worth on the full one.  Other operations on the generalised plant forget it.
     disturbances : mapping from input to weight
         What drives the plant; ``"actuator_sym"`` becomes the input ``"w_actuator_sym"`` in front of its weight.
     performance : mapping from output to weight
@@ -62,7 +64,7 @@ def generalized_plant(
     ------
     TypeError, ValueError
         Another kind of system; unknown or repeated signals; a weight that is not a number or a stable system with one
-        input and one output, in continuous time; nothing to disturb or nothing that shall be small.
+        input and one output, or has another sampling time than the plant; nothing to disturb or nothing that shall be small.
 
     Warns
     -----
@@ -91,10 +93,11 @@ def generalized_plant(
     system = plant_within(plant)
     ins, outs = system.inputs, system.outputs
     read, set_ = names("measurement", measurements, outs), names("control", controls, ins)
-    w = _weighted("disturbance", "w_", disturbances, ins)
-    n = _weighted("noise of measurement", "n_", {} if noises is None else noises, read)
-    z = _weighted("performance output", "z_", performance, outs)
-    e = _weighted("effort of control", "z_", {} if effort is None else effort, set_)
+    dt = system.dt
+    w = _weighted("disturbance", "w_", disturbances, ins, dt)
+    n = _weighted("noise of measurement", "n_", {} if noises is None else noises, read, dt)
+    z = _weighted("performance output", "z_", performance, outs, dt)
+    e = _weighted("effort of control", "z_", {} if effort is None else effort, set_, dt)
     for what, found in (
         ("disturbance or noise", w | n),
         ("performance output or effort", z | e),
@@ -142,7 +145,7 @@ def _weighed(
             [_selection(outs, read), _selection(read, n).T, np.zeros((len(read), len(set_)))],
         ]
     )
-    return _joined(first, entry, middle, leave, last)
+    return replace(_joined(first, entry, middle, leave, last), dt=system.dt)
 
 
 def mixed_sensitivity(
@@ -160,7 +163,7 @@ def mixed_sensitivity(
     ----------
     plant : control.StateSpace, SecondOrderModel or ReductionResult
         As for `generalized_plant`; all inputs are controls, all outputs are controlled.
-    W1, W2, W3 : float or control.StateSpace, optional
+    W1, W2, W3 : float, control.StateSpace or control.TransferFunction, optional
         Weights of errors, controls and outputs, each for every signal of its kind; None leaves them out.
 
     Returns
@@ -190,9 +193,9 @@ def mixed_sensitivity(
     ins, outs = system.inputs, system.outputs
     errors = tuple(f"error_{name}" for name in outs)
     weights = [
-        *([] if W1 is None else _weighted("error", "z_", dict.fromkeys(errors, W1), errors).values()),
-        *([] if W2 is None else _weighted("control", "z_", dict.fromkeys(ins, W2), ins).values()),
-        *([] if W3 is None else _weighted("output", "z_", dict.fromkeys(outs, W3), outs).values()),
+        *([] if W1 is None else _weighted("error", "z_", dict.fromkeys(errors, W1), errors, system.dt).values()),
+        *([] if W2 is None else _weighted("control", "z_", dict.fromkeys(ins, W2), ins, system.dt).values()),
+        *([] if W3 is None else _weighted("output", "z_", dict.fromkeys(outs, W3), outs, system.dt).values()),
     ]
     if not weights:
         raise ValueError("W1, W2, W3: expected at least one weight")
@@ -213,7 +216,8 @@ def _weighed_sensitivity(system: Lti, *, weights: list[Lti], given: list[bool]) 
     output = np.hstack([np.zeros((p, p)), np.eye(p), np.zeros((p, m))])
     effort = np.hstack([np.zeros((m, 2 * p)), np.eye(m)])
     shown = [rows for rows, there in zip((error, effort, output), given, strict=True) if there]
-    return _joined(first, entry, middle, np.vstack([*shown, error]), append(*weights, _through(errors)))
+    joined = _joined(first, entry, middle, np.vstack([*shown, error]), append(*weights, _through(errors)))
+    return replace(joined, dt=system.dt)
 
 
 def _joined(first: Lti, entry: Array, middle: Lti, leave: Array, last: Lti) -> Lti:
@@ -226,32 +230,38 @@ def _joined(first: Lti, entry: Array, middle: Lti, leave: Array, last: Lti) -> L
     return joined
 
 
-def _weighted(what: str, prefix: str, given: Mapping[str, Weight], choices: Sequence[str]) -> dict[str, Lti]:
+def _weighted(what: str, prefix: str, given: Mapping[str, Weight], choices: Sequence[str], dt: float) -> dict[str, Lti]:
     """Return the weight of each signal in ``given``, named as outside; signals unknown and weights that fail are refused."""
     if not isinstance(given, Mapping):
         raise TypeError(f"{what}: expected a mapping from signal to weight, got {type(given).__name__}")
     found = {}
     for name, weight in given.items():
         outside = prefix + known(what, name, choices)
-        system = _weight(f"weight of {what} {name!r}", weight)
+        system = _weight(f"weight of {what} {name!r}", weight, dt)
         states = tuple(f"{outside}[{k}]" for k in range(len(system.A)))
         found[name] = replace(system, inputs=(outside,), outputs=(outside,), states=states)
     return found
 
 
-def _weight(what: str, weight: Any) -> Lti:
+def _weight(what: str, weight: Any, dt: float) -> Lti:
+    """Return a weight in the time of the plant, whose sampling time is ``dt``."""
     if not isinstance(weight, control.InputOutputSystem):
         return static(np.array([[real(what, weight)]]))
-    system = of(weight, what, "a number or a StateSpace")
+    system = of(weight, what, "a number or a StateSpace", sampled=dt != 0.0)
     outputs, inputs = system.D.shape
     if (outputs, inputs) != (1, 1):
         shape = f"{inputs} input(s) and {outputs} output(s)"
         raise ValueError(f"{what}: expected a system with one input and one output, got {shape}")
-    lasting = system.poles[side_of_axis(system.poles) >= 0]
+    if system.dt not in (0.0, dt):
+        raise ValueError(
+            f"{what}: expected continuous time or the plant's sampling time, {exactly(dt)} s, got {exactly(system.dt)} s"
+        )
+    lasting = system.poles[sides(system.poles, system.dt) >= 0]
     if len(lasting):
-        worst = lasting[np.argmax(lasting.real)]
-        raise ValueError(f"{what}: expected a stable system, this one has a pole at {worst:.6g} rad/s")
-    return system
+        worst = lasting[np.argmax(lasting.real if system.dt == 0.0 else np.abs(lasting))]
+        at = f"{worst:.6g} rad/s" if system.dt == 0.0 else f"z = {worst:.6g}"
+        raise ValueError(f"{what}: expected a stable system, this one has a pole at {at}")
+    return discrete_image(system, dt) if dt != 0.0 and system.dt == 0.0 else system
 
 
 def _through(signals: Sequence[str]) -> Lti:

@@ -39,7 +39,7 @@ class GeneralizedPlant:
     def dual(self) -> "GeneralizedPlant":
         """The transposed plant: controls become measurements, disturbances performance signals, and the other way."""
         s = self.system
-        transposed = Lti(s.A.T, s.C.T, s.B.T, s.D.T, s.outputs, s.inputs, s.states)
+        transposed = Lti(s.A.T, s.C.T, s.B.T, s.D.T, s.outputs, s.inputs, s.states, s.dt)
         return GeneralizedPlant(transposed, self.ncon, self.nmeas)
 
     @property
@@ -225,6 +225,13 @@ def with_feedthrough(K: Lti, D22: Array) -> Lti:
     if not D22.any():
         return K
     twice = Lti(
-        K.A, np.hstack([K.B, K.B]), np.vstack([K.C, K.C]), np.tile(K.D, (2, 2)), K.inputs * 2, K.outputs * 2, K.states
+        K.A,
+        np.hstack([K.B, K.B]),
+        np.vstack([K.C, K.C]),
+        np.tile(K.D, (2, 2)),
+        K.inputs * 2,
+        K.outputs * 2,
+        K.states,
+        K.dt,
     )
     return lower_lft(twice, static(-D22))

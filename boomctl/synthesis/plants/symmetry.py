@@ -7,6 +7,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.bilinear import continuous_image, discrete_image
 from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.modal import resolved
 from boomctl.lti.system import Lti, append, of
@@ -88,7 +89,7 @@ def split_controller(
     model : SecondOrderModel
         The machine, with mirror symmetry.
     controller : control.StateSpace
-        Controller of the machine, ``u = K y``, in continuous time, with both signals of each pair.
+        Controller of the machine, ``u = K y``, with both signals of each pair.
 
     Returns
     -------
@@ -103,7 +104,8 @@ def split_controller(
     Raises
     ------
     TypeError, ValueError
-        Another kind of model or controller, discrete time, not finite; the model has no mirror symmetry; a signal
+        Another kind of model or controller, discrete time that does not say its sampling time or with a pole at
+        ``z = -1``, not finite; the model has no mirror symmetry; a signal
         without its mirror image.
 
     Examples
@@ -116,7 +118,11 @@ def split_controller(
     >>> jolt.D.round(6), yaw.D.round(6), round(missed, 9)
     (array([[-200.]]), array([[-100.]]), 0.0)
     """
-    mirror, K = _mirror(model), of(controller, "controller", "StateSpace").balanced()
+    mirror, K = _mirror(model), of(controller, "controller", "StateSpace", sampled=True).balanced()
+    if K.dt != 0.0:  # told apart as the continuous controller whose Tustin discretisation it is
+        *found, missed = split_controller(model, continuous_image(K).statespace("controller"))
+        symmetric, antisymmetric = (discrete_image(of(half), K.dt).statespace("controller") for half in found)
+        return symmetric, antisymmetric, missed
     sides = []
     for parity in (1, -1):
         read, drive = mirror.signals(K.inputs, parity), mirror.signals(K.outputs, parity)

@@ -48,7 +48,7 @@ def in_units(system: "control.StateSpace | SecondOrderModel", units: Mapping[str
     >>> float(abs(scaled.dcgain()).round(3))
     100.0
     """
-    plain = of(system)
+    plain = of(system, any_time=True)
     _check(units)
     for name in units:
         known("signal in units", name, (*plain.inputs, *plain.outputs))
