@@ -12,7 +12,7 @@ NOTEBOOKS = HERE.parent / "notebooks"
 
 project = "boomctl"
 author = "the boomctl developers"
-copyright = "2025, the boomctl developers"  # noqa: A001  Sphinx's name
+copyright = "2026, the boomctl developers"  # noqa: A001  Sphinx's name
 release = version = installed_version("boomctl")
 
 extensions = [
@@ -26,7 +26,8 @@ exclude_patterns = ["build"]
 html_theme = "furo"
 html_math_renderer = "mathml"
 html_title = "boomctl"
-html_static_path: list[str] = []
+html_static_path = ["style"]
+html_css_files = ["site.css"]
 templates_path: list[str] = []
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]

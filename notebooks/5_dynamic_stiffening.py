@@ -42,32 +42,19 @@ q
 #
 # **Asked:** how do the frequencies of the beam change with the speed of the hub? The picture is called a Campbell
 # diagram. The grey lines are once, twice, three times the speed: where they cross a frequency, an unbalance excites
-# it.
+# it. These critical speeds have circles.
 
 # %%
 speeds = np.linspace(0.0, 10.0, 41)
 exact = bc.hub_beam(q, "geometrically-exact", modes=12)  # its third frequency needs more modes
-fig, ax = plt.subplots(figsize=(7, 4), layout="constrained")
-for name, h, style in (
-    ("geometrically-exact", exact, "k-"),
-    ("foam", models["foam"], "C0--"),
-    ("tlam", models["tlam"], "C1-"),
-):
-    below = np.minimum(speeds, 0.9999 * min(h.critical_speed(), 100.0))
-    lines = np.array([h.frequencies_hz(speed, coupled=name != "tlam")[:3] for speed in below])
-    for k in range(3):
-        ax.plot(below, lines[:, k], style, label=name if k == 0 else None)
-for k in (1, 2, 3):
-    ax.plot(
-        speeds,
-        k * speeds / (2 * np.pi),
-        color="0.7",
-        linewidth=0.8,
-        label="1, 2, 3 times the speed" if k == 1 else None,
-    )
-ax.set(xlabel="hub speed [rad/s]", ylabel="frequency [Hz]", ylim=(0, 13), xlim=(0, 10), title="Campbell diagram")
-ax.legend(loc="upper right", ncols=2, fontsize=8)
-ax.grid(alpha=0.3)
+fig, ax = plt.subplots(figsize=(7, 4.5), layout="constrained")
+stiffened = exact.campbell(speeds, coupled=True)
+stiffened.plot(ax, color="black")
+models["foam"].campbell(speeds, coupled=True).plot(ax, color="C0", linestyle="--")
+models["tlam"].campbell(speeds).plot(ax, color="C1")
+print(stiffened)
+for met in stiffened.crossings:
+    print(f"{met.order:g} times {met.hub_speed:.4f} rad/s is mode {met.mode}, {met.frequency_hz:.4f} Hz")
 
 printed = {("tlam", 0.0): 0.4635, ("tlam", 1.0): 0.4353, ("foam", 1.0): 0.4714}
 for (name, speed), value in printed.items():

@@ -23,7 +23,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import boomctl as bc
-from boomctl.slew import compare_payloads, compare_slews, track
+from boomctl.slew import compare_payloads, compare_slews
 
 quarter, limit = np.pi / 2, 200.0
 h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model="sfoam", modes=2)
@@ -123,20 +123,42 @@ plt.show()
 #
 # ## Feedback along the plan
 #
-# **Asked:** what if the torque may also react? `track` uses the plan as feedforward and adds a time-varying LQR that
-# holds the beam to the plan. All states are taken as known.
+# **Asked:** what if the torque may also react? The fastest plan uses all the torque there is, so we plan with 140 of
+# the 200 N m. `track` uses the plan as feedforward and adds a time-varying LQG that holds the beam to it. It reads an
+# encoder, a gyro and strain gauges at the root, with their noise, and does not know what load hangs at the tip.
 
 # %%
-print("true load   tip swing left, plan alone   with feedback")
+noise = {"hub_angle": 2e-5, "hub_speed": 2e-4, "root_moment": 0.2}
+plan = bc.optimal_slew(h, angle=quarter, torque_limit=140.0)
+tracked = plan.track(torque_limit=limit, measurements=list(noise), noise=noise, settle=4.0)
+print(f"{plan.duration:.4f} s with 140 N m")
+print("true load   tip swing left, plan alone   with feedback   and 2 s later")
 for mass in (0.1, 0.2, 0.3):
-    followed = track(fastest, tip_mass=mass)
-    print(f"{mass:6.1f} kg {followed.open_tip_swing:18.4f} m {followed.tip_swing:20.4f} m")
-followed.plot()
+    alone, held = (tracked.simulate(h.with_tip_mass(mass), feedback=on) for on in (False, True))
+    left = tracked.vibration(alone), tracked.vibration(held), tracked.vibration(held, wait=2.0)
+    print(f"{mass:6.1f} kg {left[0]:18.4f} m {left[1]:22.4f} m {left[2]:13.4f} m")
+
+# %% [markdown]
+# **Seen:** with 140 N m the quarter turn takes 3.4430 s. With twice the load the plan alone leaves a swing of
+# 0.8464 m, with three times the load 1.6599 m. With feedback it is 0.2465 and 0.5071 m at once, and 0.0338 and
+# 0.0803 m when 2 s have passed. Without any error the noise of the sensors moves the tip by 0.0074 m.
+#
+# **Conclude:** plan for what you know, and let feedback do the rest. The price is time: some of the torque must be left
+# for the feedback.
+#
+# **Asked:** and if the stiffness is uncertain too, and the hub rubs? We draw 256 machines, and let all of them follow
+# the plan at once.
+
+# %%
+for on in (False, True):
+    study = tracked.monte_carlo(256, stiffness=0.1, tip_mass=(0.05, 0.15), friction=(0.0, 2.0), feedback=on)
+    print(study)
+study.plot()
 plt.show()
 
 # %% [markdown]
-# **Seen:** with twice the load the plan alone leaves a swing of 1.1827 m, with three times the load 2.2171 m. With
-# feedback it is 0.0008 and 0.0019 m. The feedback may use half as much torque again as the plan.
+# **Seen:** the bands are the middle half of the machines, and nine of ten. In 95 % of the runs the plan alone leaves at
+# most 0.679 m and a hub that is off by 0.131 rad, for friction holds it back. With feedback it is 0.138 m and 0.00293
+# rad.
 #
-# **Conclude:** plan for what you know, and let feedback do the rest. The fastest plan uses all the torque there is,
-# so leave some of it for the feedback.
+# **Conclude:** a controller is judged by many machines, not by the one that it was made for.

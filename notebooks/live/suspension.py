@@ -13,8 +13,11 @@ def _():
     import numpy as np
     import plotly.graph_objects as go
     from plotly.subplots import make_subplots
+    from threadpoolctl import threadpool_limits
 
     import boomctl as bc
+
+    threadpool_limits(1)  # the matrices are small: more threads only wait for one another
 
     return bc, go, make_subplots, mo, np, time
 
