@@ -1,17 +1,27 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.analysis.box.robustness import robust_stability, structured_margin, worst_case
+from boomctl.analysis.box.ramp import ramp_bound
+from boomctl.analysis.box.robustness import robust_stability, structured_margin
+from boomctl.analysis.box.worst_case import worst_case
 from boomctl.analysis.h2 import h2_norm
+from boomctl.analysis.looking.bode import bode
+from boomctl.analysis.looking.comparison import compare
+from boomctl.analysis.looking.nyquist import nyquist
+from boomctl.analysis.looking.pole_zero import pzmap
+from boomctl.analysis.looking.transients import impulse, step
 from boomctl.analysis.loops import closed_loop_response, feedback_loop
 from boomctl.analysis.margins import margins
 from boomctl.analysis.measured import read_measured_curve
 from boomctl.analysis.modes import mode_table
 from boomctl.analysis.norm import hinf_norm
 from boomctl.analysis.nyquist import exact_loop_stability
+from boomctl.analysis.sampled_loops.sampled_norm import sampled_norm
+from boomctl.analysis.sampled_loops.sampled_plant import sample_plant
 from boomctl.analysis.sigma import compare_sigma, sigma
+from boomctl.analysis.state_outputs import with_states
 from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
+from boomctl.boom.factory import spray_boom
 from boomctl.boom.families import boom_family, yaw_family
-from boomctl.boom.model import spray_boom
 from boomctl.boom.motion import PlatformMotion, platform_motion, read_motion, sine_sweep, write_motion
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.spray import Footprint, nozzle_positions, split_motion, spray_by_motion, spray_deposit
@@ -21,6 +31,8 @@ from boomctl.boom.tractor import TractorParameters, tractor_system
 from boomctl.exchange.controller_files import read_controller, read_controller_notes, write_controller
 from boomctl.exchange.other_libraries import to_pymor, to_scipy
 from boomctl.identification.fit import fit
+from boomctl.lti.controllers.scheduled import schedule
+from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.progress import Progress, listening
 from boomctl.reduction.reduce import reduce
 from boomctl.rotating_beam.factory import hub_beam
@@ -38,9 +50,13 @@ from boomctl.structure.model import split_symmetric
 from boomctl.studies.catalogue import design_names, load_design
 from boomctl.studies.machine import MachineDesign
 from boomctl.studies.slew.design import SlewDesign
+from boomctl.studies.spin_up import SpinUpDesign
 from boomctl.studies.suspension.design import SuspensionDesign
 from boomctl.studies.suspension.performance import performance
 from boomctl.studies.suspension.scene import FieldScene
+from boomctl.studies.sweeps.booms import SigmaStudy
+from boomctl.studies.sweeps.field import FieldStudy
+from boomctl.studies.sweeps.sweep import sweep
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.discretise import discretize
 from boomctl.synthesis.hinf.h_infinity import h_infinity
@@ -77,25 +93,31 @@ __all__ = [
     "BoomParameters",
     "CoulombFriction",
     "FieldScene",
+    "FieldStudy",
     "Footprint",
     "HubBeamParameters",
     "MachineDesign",
     "PlatformMotion",
     "Progress",
     "ReductionWarning",
+    "SigmaStudy",
     "SlewDesign",
     "SlewError",
     "SlewResult",
+    "SpinUpDesign",
     "SuspensionDesign",
     "SynthesisError",
+    "TimeVaryingController",
     "Track",
     "TractorParameters",
     "__version__",
     "band_pass",
+    "bode",
     "boom_family",
     "bump_track",
     "close_loop",
     "closed_loop_response",
+    "compare",
     "compare_sigma",
     "describing_function",
     "design_names",
@@ -117,6 +139,7 @@ __all__ = [
     "hold",
     "hub_beam",
     "hub_profile",
+    "impulse",
     "in_units",
     "iso_track",
     "join_symmetric",
@@ -131,10 +154,13 @@ __all__ = [
     "mixed_sensitivity",
     "mode_table",
     "nozzle_positions",
+    "nyquist",
     "optimal_slew",
     "performance",
     "platform_density",
     "platform_motion",
+    "pzmap",
+    "ramp_bound",
     "read_controller",
     "read_controller_notes",
     "read_measured_curve",
@@ -142,6 +168,9 @@ __all__ = [
     "reduce",
     "reduce_controller",
     "robust_stability",
+    "sample_plant",
+    "sampled_norm",
+    "schedule",
     "select_channels",
     "shelf",
     "sigma",
@@ -156,13 +185,16 @@ __all__ = [
     "spray_boom",
     "spray_by_motion",
     "spray_deposit",
+    "step",
     "structured_margin",
+    "sweep",
     "swept_sine",
     "to_pymor",
     "to_scipy",
     "torque",
     "track_filter",
     "tractor_system",
+    "with_states",
     "worst_case",
     "write_controller",
     "write_motion",

@@ -322,7 +322,10 @@ def design(words: Sequence[str]) -> None:
     """Run a design and report what it is worth: a suspension beside the boom as it is, a slew beside classical ones."""
     from boomctl.studies.catalogue import design_file, design_names
 
-    parser, own = _Parser(design), "a Python file with a function design() or slew(), of a machine of your own too"
+    parser, own = (
+        _Parser(design),
+        "a Python file with a function design(), slew() or drive(), of a machine of your own too",
+    )
     parser.add_argument("name", help=f"a design of boomctl ({', '.join(design_names())}), or {own}")
     parser.add_out("results")
     parser.add_argument(
@@ -403,7 +406,8 @@ def sigma(words: Sequence[str]) -> None:
 
 def _boom_sigma(discretization: str, elements: int, parameters: Path | None) -> Any:
     from boomctl.analysis.sigma import sigma as singular_values
-    from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
+    from boomctl.boom.factory import spray_boom
+    from boomctl.boom.model import ACTUATORS, TIPS
     from boomctl.boom.parameters import BoomParameters
 
     p = BoomParameters.from_toml(parameters) if parameters else BoomParameters()
@@ -527,18 +531,28 @@ def benchmark(words: Sequence[str]) -> None:
     text = f"{', '.join(_BENCHMARKS)} (default: %(default)s)"
     parser.add_argument("what", nargs="?", default="boom", help=text)
     parser.add_argument("--full", action="store_true", help="include what takes minutes")
+    text = "what --json printed in an earlier run: adds what got slower or less exact since, in one table"
+    parser.add_argument("--compare", type=Path, metavar="OLD.json", help=text)
     parser.add_json()
     parser.add_quiet()
     asked = parser.parse_args(words)
     known("benchmark", asked.what, tuple(_BENCHMARKS))
+    from boomctl.benchmark.compare import compared, read_results
+
+    before = None if asked.compare is None else read_results(asked.compare)
     with _progress(12) as progress:
         report = import_module(_BENCHMARKS[asked.what]).run(asked.full, progress)
+    comparison = None if before is None else compared(before, report)
     if asked.json:
-        _print_json(report.as_dict())
+        _print_json({**report.as_dict(), **({} if comparison is None else {"comparison": comparison.as_dict()})})
         return
     from rich.console import Console
 
-    Console(width=110 if not sys.stdout.isatty() else None).print(report.render())
+    console = Console(width=110 if not sys.stdout.isatty() else None)
+    console.print(report.render())
+    if comparison is not None:
+        console.print()
+        console.print(comparison.render())
 
 
 def stress(words: Sequence[str]) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import path as checked_path
 
+_BEGIN_NUMBERS = tuple("0123456789+-.,")  # no name of a column begins so
 _SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma"}
 """What parts the values of a CSV file: the first of these that stands in the line of column names."""
 
@@ -52,23 +53,35 @@ def locked_folder(path: str | Path) -> Iterator[Path]:
     """
     folder = prepared_folder(path)
     try:
-        import fcntl  # there is none on Windows
-    except ImportError:
+        handle = os.open(folder, os.O_RDONLY)
+    except PermissionError:  # Windows opens no folders
         yield folder
         return
-    handle = os.open(folder, os.O_RDONLY)
     try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OSError(
-                f"output folder {folder}: another run writes to it; wait until it has ended, or choose another folder"
-            ) from None
-        except OSError:
-            pass  # a drive without locks
+        lock(
+            handle,
+            f"output folder {folder}: another run writes to it; wait until it has ended, or choose another folder",
+        )
         yield folder
     finally:
         os.close(handle)
+
+
+def lock(handle: int, taken: str) -> None:
+    """Lock an open file or folder until it is closed; ``taken`` is what an OSError says where another process has it.
+
+    The lock is the operating system's.  Where there is none (Windows, some network drives) nothing is locked.
+    """
+    try:
+        import fcntl  # there is none on Windows
+    except ImportError:
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise OSError(taken) from None
+    except OSError:
+        pass  # a drive without locks
 
 
 def write_whole(path: Path, content: bytes | str) -> None:
@@ -176,7 +189,8 @@ def read_numbers(path: str | Path) -> NumberTable:
     """Read a CSV file with a line of column names; lines that begin with ``#`` are comments, empty ones are skipped.
 
     Values are separated by commas; or by semicolons or tabs, if the line of names is, and then decimal commas are read as
-    well as decimal points.  A first line ``sep=;``, as spreadsheets write it, is obeyed.
+    well as decimal points.  A first line ``sep=;``, as spreadsheets write it, is obeyed.  The names may stand in a comment
+    right above the numbers, as ``numpy.savetxt`` writes them.
 
     Raises
     ------
@@ -195,6 +209,11 @@ def read_numbers(path: str | Path) -> NumberTable:
     comments = tuple((i, line.lstrip()[1:].strip()) for i, line in full if line.lstrip().startswith("#"))
     if told and told[0][1].lower() in {f"sep={mark}" for mark in _SEPARATORS}:
         told = told[1:]
+    if told and told[0][1].lstrip()[:1] in _BEGIN_NUMBERS:  # no names, unless in a comment above
+        above = [(i, text) for i, text in comments if i < told[0][0]]
+        if not above:
+            raise ValueError(f"{path}, line {told[0][0]}: expected a line of column names before the numbers")
+        told, comments = [*above[-1:], *told], tuple(line for line in comments if line not in above[-1:])
     if len(told) < 2:
         raise ValueError(f"{path}: expected a line of column names and at least one line of numbers")
     separator = next((mark for mark in _SEPARATORS if mark in told[0][1]), ",")

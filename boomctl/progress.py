@@ -3,7 +3,7 @@
 A computation runs within :func:`computing` and tells its stages.  Who listens is, in this order: the function given to it
 (``progress=``), the one of the :func:`listening` around it, and else, after three seconds, one line on a terminal's
 standard error or in a notebook, which goes away when the computation ends.  Where neither is there, nothing is shown.
-A computation within another tells through the outer one.
+A computation within another tells through the outer one, and :func:`tell` tells through the one under way, if any.
 """
 
 import os
@@ -137,6 +137,23 @@ def computing(task: str, progress: Listener | None = None) -> Iterator[Tell]:
         _OUTER.reset(token)
         if line is not None:
             line.end()
+
+
+def tell(stage: str, done: int | None = None, total: int | None = None) -> None:
+    """Say what the computation under way does now; where there is none, nothing."""
+    computation = _OUTER.get()
+    if computation is not None:
+        computation.tell(stage, done, total)
+
+
+@contextmanager
+def counted(tell: Tell) -> Iterator[None]:
+    """Let what computations within tell go to a function of the caller's, who adds his own count of what is done."""
+    token = _OUTER.set(_Computation("", lambda told: tell(told.stage)))
+    try:
+        yield
+    finally:
+        _OUTER.reset(token)
 
 
 def _checked(name: str, listener: Any) -> Listener | None:

@@ -62,6 +62,13 @@ def controller(dt=0):
 
 
 @cache
+def sampled():
+    import control
+
+    return control.ss([[0.5]], [[1.0]], [[-0.1]], 0.0, 0.1, inputs=["y0"], outputs=["u0"])
+
+
+@cache
 def hub_controller():
     import control
 
@@ -97,6 +104,31 @@ def regulator():
 @cache
 def friction():
     return bc.CoulombFriction(3.0)
+
+
+@cache
+def slew():
+    return bc.optimal_slew(bc.hub_beam(modes=1), 0.6, 200.0, "effort", duration=4.0, intervals=20)
+
+
+@cache
+def tracked():
+    return slew().track(sample_time=0.1, settle=0.5)
+
+
+@cache
+def tracked_run():
+    return tracked().simulate()
+
+
+@cache
+def turning():
+    return beam().family((0.0, 1.0))
+
+
+@cache
+def scheduled():
+    return bc.schedule([controller(), controller()], [0.0, 1.0], "y0")
 
 
 @cache
@@ -136,6 +168,16 @@ CALLS = {
     "BeamSensor": lambda: {"name": "gauge", "quantity": "strain", "position": 0.5, "height": 0.01},
     "HubBeamParameters": lambda: {
         name: getattr(bc.HubBeamParameters(), name) for name in bc.HubBeamParameters.__dataclass_fields__
+    },
+    "TimeVaryingController": lambda: {
+        "A": np.zeros((2, 1, 1)),
+        "B": np.zeros((2, 1, 1)),
+        "C": np.zeros((2, 1, 1)),
+        "D": np.zeros((2, 1, 1)),
+        "inputs": ["y0"],
+        "outputs": ["u0"],
+        "sample_time": 0.01,
+        "L": None,
     },
     "TractorParameters": lambda: {
         name: getattr(bc.TractorParameters(), name) for name in bc.TractorParameters.__dataclass_fields__
@@ -222,6 +264,20 @@ CALLS = {
         "accuracy": 1e-6,
     },
     "FieldScene": lambda: {"road_class": "E", "speed": 3.0, "duration": 60.0, "seed": 1, "elements": 20, "delay": 0.0},
+    "SpinUpDesign": lambda: {
+        "name": "mine",
+        "title": "mine",
+        "beam": beam(),
+        "drive": scheduled(),
+        "tip_mass": (0.0, 0.1),
+        "final_speed": 1.0,
+        "duration": 1.0,
+        "sample_time": 0.1,
+        "torque_limit": 10.0,
+        "gust": 0.0,
+        "noise": {},
+        "notes": (),
+    },
     "MachineDesign": lambda: {
         "name": "mine",
         "title": "a machine",
@@ -329,6 +385,12 @@ CALLS = {
         "integral": (),
         "N": None,
     },
+    "bode": lambda: {"system": boom(), "omega": [0.5, 2.0], "inputs": None, "outputs": None},
+    "compare": lambda: {"results": {"one": plant(), "other": system()}, "omega": [0.5, 2.0]},
+    "impulse": lambda: {"system": plant(), "timepts": _TIMES, "inputs": None, "outputs": None},
+    "nyquist": lambda: {"system": plant(), "controller": controller(), "delay": 0.0},
+    "pzmap": lambda: {"system": plant(), "inputs": None, "outputs": None},
+    "step": lambda: {"system": plant(), "timepts": _TIMES, "inputs": None, "outputs": None},
     "margins": lambda: {"plant": plant(), "controller": controller(), "delay": 0.0},
     "mixed_sensitivity": lambda: {"plant": system(), "W1": 1.0, "W2": 0.1, "W3": None},
     "mode_table": lambda: {"system": plant()},
@@ -375,10 +437,35 @@ CALLS = {
         "tolerance": 0.05,
         "fastest_pole": None,
     },
-    "robust_stability": lambda: {"family": family(), "controller": regulator(), "max_cells": 3},
+    "robust_stability": lambda: {"family": family(), "controller": regulator(), "max_cells": 3, "delay": 0.0},
+    "ramp_bound": lambda: {
+        "family": family(),
+        "controller": regulator(),
+        "parameter": "mass",
+        "tolerance": 0.5,
+        "max_cells": 20,
+    },
+    "schedule": lambda: {"controllers": [controller(), controller()], "values": [0.0, 1.0], "signal": "y0"},
     "select_channels": lambda: {"system": plant(), "inputs": ["u0"], "outputs": None},
     "shelf": lambda: {"low_gain": 1.0, "high_gain": 10.0, "corner": 2.0, "order": 1},
     "compare_sigma": lambda: {"systems": {"boom": boom()}, "omega": [0.5, 2.0]},
+    "sweep": lambda: {
+        "function": of_two,
+        "over": {"x": [1.0, 2.0], "y": 3.0},
+        "executor": None,
+        "combine": "grid",
+        "file": None,
+        "units": {"x": "m"},
+        "chunk": 1,
+    },
+    "SigmaStudy": lambda: {
+        "omega": [0.5, 2.0],
+        "build": None,
+        "inputs": "actuator_left",
+        "outputs": None,
+        "certified_peak": False,
+    },
+    "FieldStudy": lambda: {"scene": bc.FieldScene()},
     "sigma": lambda: {"system": boom(), "omega": [0.5, 2.0], "inputs": None, "outputs": None},
     "simulate_loop": lambda: {
         "plant": plant(),
@@ -459,12 +546,25 @@ CALLS = {
     "torque": lambda: {"function": np.sin, "breakpoints": ()},
     "track_filter": lambda: {"tractor": None, "speed": 2.5, "road_class": "C", "sections": 2, "coherence": "isotropic"},
     "tractor_system": lambda: {"tractor": bc.TractorParameters(), "speed": 2.5, "actuator_distance": 1.78},
-    "worst_case": lambda: {"family": family(), "controller": regulator(), "inputs": None, "outputs": None},
+    "sample_plant": lambda: {"plant": plant(), "sample_time": 0.1, "controls": None, "delay": 0.0},
+    "sampled_norm": lambda: {"plant": plant(), "controller": sampled(), "inputs": None, "outputs": None, "delay": 0.0},
+    "with_states": lambda: {"plant": plant()},
+    "worst_case": lambda: {
+        "family": family(),
+        "controller": regulator(),
+        "inputs": None,
+        "outputs": None,
+        "tolerance": 0.1,
+        "max_cells": 3,
+    },
     "write_motion": lambda: {"path": Path("/nowhere/motion.csv"), "motion": motion()},
     "yaw_family": lambda: {"parameters": None, "stiffest_hz": 0.34, "half": "yaw", "elements": 6},
     # any planar machine
     "structure.AffineFamily": lambda: {
         name: getattr(family(), name) for name in ("names", "low", "high", "centre", "slopes")
+    },
+    "structure.PolynomialFamily": lambda: {
+        name: getattr(turning(), name) for name in ("names", "low", "high", "centre", "changes", "free")
     },
     "structure.Assembly": lambda: {"bodies": (points()[0],), "links": (), "forces": (), "outputs": (), "cuts": ()},
     "structure.Beam": lambda: {
@@ -535,6 +635,9 @@ METHODS = {
     "SecondOrderModel.to_statespace": (boom, lambda: {"inputs": None, "outputs": None}),
     "SecondOrderModel.select": (boom, lambda: {"inputs": None, "outputs": ["tip_left"]}),
     "HubBeam.frequencies_hz": (beam, lambda: {"hub_speed": 1.0, "coupled": False}),
+    "SecondOrderModel.mode_shapes": (boom, lambda: {"count": 3}),
+    "HubBeam.mode_shapes": (beam, lambda: {"count": 1}),
+    "HubBeam.campbell": (beam, lambda: {"speeds": [0.0, 1.0], "count": 1, "orders": [1.0], "coupled": False}),
     "HubBeam.linearize": (beam, lambda: {"hub_speed": 0.0, "sensors": None}),
     "HubBeam.simulate_loop": (
         lambda: bc,
@@ -578,7 +681,45 @@ METHODS = {
     "HubBeam.with_tip_mass": (beam, lambda: {"tip_mass": 0.1}),
     "HubBeam.with_stiffness": (beam, lambda: {"factor": 0.9}),
     "HubBeam.in_model": (beam, lambda: {"model": "tlam", "modes": 2}),
+    "HubBeam.family": (beam, lambda: {"hub_speed": (0.0, 1.0), "tip_mass": (0.0, 0.1), "sensors": ()}),
+    "ScheduledController.at": (scheduled, lambda: {"value": 0.5}),
+    "ScheduledController.to_nlsys": (scheduled, lambda: {"references": ()}),
     "HubBeam.shape": (beam, lambda: {"states": np.zeros(4)}),
+    "SlewResult.track": (
+        slew,
+        lambda: {
+            "sample_time": 0.05,
+            "torque_limit": 300.0,
+            "settle": 0.2,
+            "measurements": ["hub_angle"],
+            "sensors": (),
+            "noise": 1e-3,
+            "error_weight": 1e3,
+            "integral_time": 0.3,
+            "disturbance": 5.0,
+            "model_error": 0.1,
+        },
+    ),
+    "TrackedSlew.monte_carlo": (
+        tracked,
+        lambda: {
+            "runs": 2,
+            "seed": 0,
+            "tip_mass": 0.1,
+            "stiffness": 0.1,
+            "friction": 1.0,
+            "disturbance_torque": 1.0,
+            "feedback": True,
+            "wait": 0.0,
+            "creep": 0.01,
+            "noise": None,
+            "delay": 0.0,
+            "rate_limit": None,
+            "rtol": 1e-4,
+            "atol": 1e-6,
+        },
+    ),
+    "TrackedSlew.vibration": (tracked, lambda: {"run": tracked_run(), "wait": 0.0}),
     "Assembly.Beam.at": (lambda: _a_beam(), lambda: {"x": 0.5, "y": 0.0}),
     "Track.heights": (track, lambda: {"distance": [1.0]}),
     "AffineFamily.at": (family, lambda: {"delta": np.zeros(2)}),
@@ -589,6 +730,10 @@ METHODS = {
 
 def _a_beam():
     return bs.Beam(**CALLS["structure.Beam"]())
+
+
+def of_two(x, y):
+    return {"sum": x + y}
 
 
 def _sprayed():

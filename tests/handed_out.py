@@ -143,6 +143,30 @@ def slew():
 
 
 @functools.cache
+def tracked():
+    return slew().track(sample_time=0.05, settle=1.0)
+
+
+@functools.cache
+def tracking_study():
+    return tracked().monte_carlo(4, stiffness=0.1, tip_mass=(0.0, 0.1))
+
+
+@functools.cache
+def drive():
+    signals = {"inputs": ["hub_angle", "hub_speed"], "outputs": "torque"}
+    drives = [control.ss([], [], [], [[-150.0, -gain]], **signals) for gain in (200.0, 300.0)]
+    return bc.schedule(drives, [0.0, 2.0])
+
+
+@functools.cache
+def spin_up():
+    return bc.SpinUpDesign(
+        "mine", "a drive", bc.hub_beam(model="sfoam", modes=1), drive(), (0.0, 0.1), 0.5, 5.0, sample_time=0.02
+    )
+
+
+@functools.cache
 def linear_slew():
     return bc.optimal_slew(hub_beam().linearize(), 1.0, 200.0)
 

@@ -69,7 +69,16 @@ def executed(path):
     )  # this source, wherever the kernel's package is
     for cell in notebook.cells:
         cell.metadata.clear()
+        if cell.cell_type == "code":
+            cell.outputs = [
+                each for each in cell.outputs if not _progress(each)
+            ]  # it depends on how fast the machine is
     return notebook
+
+
+def _progress(output):
+    """Return whether an output is a line that says what goes on: it is displayed, and no picture."""
+    return output.output_type == "display_data" and "image/png" not in output.data
 
 
 def lighten(notebook):

@@ -63,6 +63,7 @@ SCENES = [
         "import boomctl as bc; print(bc.optimal_slew(bc.hub_beam(modes=1), 1.5, 200.0))",
         (LOOP | {"boomctl.boom", "boomctl.synthesis"}) - {"casadi"},
     ),
+    ("import boomctl as bc; bc.sweep(bc.SigmaStudy([1.0]), {'spring_stiffness': [900.0, 1000.0]})", BOOM),
 ]
 
 NAMES = [
@@ -82,6 +83,7 @@ NAMES = [
     "beam",
     "spin-up",
     "slew",
+    "sweep",
 ]
 QUICK = ("package", "rooms", "parameters", "boom", "sigma", "reduction", "slew")  # the others take half a second each
 

@@ -18,7 +18,7 @@ from tests import fuzz
 from tests.test_public_names import PACKAGES
 
 DOCS = Path(__file__).parents[1] / "docs"
-LONG = ("optimal_slew", "worst_case")  # what takes seconds
+LONG = ("optimal_slew", "worst_case", "executor=2")  # what takes seconds
 
 HANDED_OUT = (  # classes of what functions and results hold, which are exported nowhere
     ("report", "Report"),
@@ -28,10 +28,13 @@ HANDED_OUT = (  # classes of what functions and results hold, which are exported
     ("structure.parts", "Ground"),
     ("studies.machine", "MachineResult"),
     ("studies.slew.design", "SlewEvaluation"),
+    ("studies.spin_up", "SpinUpResult"),
     ("studies.suspension.assurance", "Assurance"),
     ("studies.suspension.assurance", "HalfAssurance"),
     ("studies.suspension.design", "SuspensionResult"),
     ("studies.suspension.performance", "Performance"),
+    ("studies.sweeps.result", "FailedPoint"),
+    ("studies.sweeps.result", "SweepResult"),
     ("synthesis.lq.lqr", "LqrCertificate"),
     ("synthesis.lq.output_feedback", "FeedbackCertificate"),
     ("synthesis.lq.output_feedback", "QuadraticNorm"),
@@ -53,7 +56,7 @@ def _pages():
 def test_the_examples_of_a_page_run(name, blocks, tmp_path, monkeypatch):
     """From the first to the last, as a reader would run them."""
     monkeypatch.chdir(tmp_path)
-    names = {}
+    names = {"__name__": "__main__"}
     for block in blocks:
         exec(compile(block, name, "exec"), names)
     results = [value for value in names.values() if hasattr(value, "certificate")]

@@ -20,13 +20,20 @@ from boomctl.slew import SlewError, resolve, shaper
 from boomctl.slew.least_time.arc_count import Overflows
 from boomctl.slew.least_time.switching import SwitchesNotFound
 from boomctl.slew.result import LimitsTooTight
+from boomctl.studies.sweeps import FailedPoint
 from tests import handed_out as one
+
+
+def abs_of(x):
+    return abs(x)
+
 
 FACTORIES = {
     "BoomParameters": bc.BoomParameters,
     "BoomParameters, changed": lambda: bc.BoomParameters(spring_stiffness=900.0, cradle_damping=1.0 / 3.0),
     "SecondOrderModel": one.boom,
     "SecondOrderModel, half": one.yaw,
+    "SecondOrderModel, by accuracy": lambda: bc.spray_boom(accuracy=0.01, band_hz=2.0),
     "SecondOrderModel, sparse": lambda: bc.spray_boom(elements=100),
     "SecondOrderModel, user's": one.mass,
     "Assembly": one.machine,
@@ -37,6 +44,9 @@ FACTORIES = {
     "Force": lambda: one.machine().forces[0],
     "Output": lambda: one.machine().outputs[0],
     "AffineFamily": one.family,
+    "PolynomialFamily": lambda: one.hub_beam().family((0.0, 2.0)),
+    "ScheduledController": one.drive,
+    "RampBound": lambda: bc.ramp_bound(one.hub_beam().family((0.0, 2.0)), one.drive()),
     "Track": one.track,
     "PlatformMotion": one.motion,
     "PlatformDensity": lambda: bc.platform_density(np.geomspace(0.1, 10.0, 20)),
@@ -49,7 +59,14 @@ FACTORIES = {
     ),
     "MachineDesign": lambda: bc.MachineDesign("mine", "a half", one.yaw(), one.suspension()),
     "MachineResult": lambda: bc.MachineDesign("mine", "a half", one.yaw(), one.suspension()).evaluate(),
+    "SpinUpDesign": one.spin_up,
+    "SpinUpResult": lambda: one.spin_up().evaluate(),
     "SlewDesign": lambda: bc.SlewDesign("mine", "a turn", one.hub_beam(), {"planned": one.slew()}),
+    "SweepResult": lambda: bc.sweep(abs_of, {"x": [1.0, -2.0]}, units={"x": "m"}),
+    "SweepResult, of arrays": lambda: bc.sweep(bc.SigmaStudy(one.OMEGA), {"spring_stiffness": [900.0, 1100.0]}),
+    "FailedPoint": lambda: FailedPoint({"x": 1.0}, "ValueError: no", "trace"),
+    "SigmaStudy": lambda: bc.SigmaStudy(one.OMEGA),
+    "FieldStudy": bc.FieldStudy,
     "SigmaResult": lambda: bc.sigma(one.boom()),
     "SigmaResult, norm not yet computed": lambda: bc.sigma(one.boom(), one.OMEGA),
     "SigmaResult, of a StateSpace": lambda: bc.sigma(one.mass().to_statespace(), one.OMEGA),
@@ -115,10 +132,22 @@ FACTORIES = {
     "SlewResult": one.slew,
     "SlewCertificate": lambda: one.slew().certificate,
     "TorqueHistory": lambda: one.slew().history,
+    "TrackedSlew": one.tracked,
+    "TimeVaryingController": lambda: one.tracked().controller,
+    "TrackingStudy": one.tracking_study,
     "SlewResult, of a StateSpace": one.linear_slew,
     "SlewComparison": one.comparison,
     "PayloadComparison": one.payloads,
     "Shaper": lambda: shaper("ZV", 1.0, 0.0),
+    "BodeResult": lambda: bc.bode(one.boom()),
+    "NyquistResult": lambda: bc.nyquist(one.yaw(), one.suspension()),
+    "TransientResult": lambda: bc.step(one.mass()),
+    "PoleZeroResult": lambda: bc.pzmap(one.yaw()),
+    "Comparison": lambda: bc.compare({"run": one.loop(), "loop": [one.mass(), bc.sigma(one.yaw())]}),
+    "ModeShapes": lambda: one.boom().mode_shapes(5),
+    "ShapeLine": lambda: one.boom().mode_shapes(5)["boom"],
+    "CampbellDiagram": lambda: one.hub_beam().campbell([0.0, 1.0, 4.0]),
+    "SpeedCrossing": lambda: one.hub_beam().campbell([0.0, 1.0, 4.0]).crossings[0],
 }
 
 # python-control prints these, and only pickling was mended
@@ -218,6 +247,7 @@ TABLES = (
     "ModeTable",
     "Margins",
     "PayloadComparison",
+    "SweepResult",
 )
 
 

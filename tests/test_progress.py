@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 import boomctl as bc
@@ -21,6 +22,7 @@ CALLS = {
     "worst case": lambda **given: bc.worst_case(
         one.family(), one.suspension(), ["actuator_anti"], ["tip_anti"], **given
     ),
+    "fit": lambda **given: bc.fit(bc.spray_boom, [0.25, 0.59], ["spring_distance"], starts=2, **given),
     "mesh study": lambda **given: mesh_study(one.hub_beam(), 1.0, 200.0, 4.0, (("shooting", 1),), (10, 20), **given),
 }
 
@@ -48,6 +50,28 @@ def test_slews_and_singular_values_tell_those_around():
         bc.sigma(one.boom())
         bc.optimal_slew(one.hub_beam(), 1.0, 200.0, "effort", 4.0)
     assert {told.task for told in heard} >= {"singular values", "optimal slew"}
+
+
+LONG = {
+    "motion": lambda: bc.hub_beam(model="foam", modes=1).simulate(bc.spin_up(2.8, 3.0), [3.0]),
+    "exact motion": lambda: bc.hub_beam(model="geometrically-exact", modes=2).simulate(bc.spin_up(2.8, 1.0), [0.2]),
+    "motions": lambda: bc.hub_beam(model="foam", modes=1).simulate_many([bc.spin_up(2.8, 3.0)] * 2, [3.0]),
+    "closed loop": lambda: bc.simulate_loop(
+        one.hub_beam(), None, {"torque": np.ones(11)}, np.linspace(0.0, 0.1, 11), sample_time=0.01
+    ),
+    "swept sine": lambda: bc.swept_sine(
+        one.boom(), bc.CoulombFriction(3.0), [9.0], {"actuator_left": 1.0}, 0.01, ["tip_left"]
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_motions_and_loops_tell_those_around(name):
+    heard = []
+    with bc.listening(heard.append):
+        LONG[name]()
+    assert {told.task for told in heard} == {name.removeprefix("exact ")}
+    assert all(told.stage and 0 <= told.done <= told.total for told in heard)
 
 
 def test_what_a_listener_raises_ends_the_computation():

@@ -11,8 +11,10 @@ from boomctl.arrays import Array
 from boomctl.plotting.canvas import COLOURS, UNITS, few_labels, frequency_axis, legend, line_look, panels
 
 if TYPE_CHECKING:
+    from boomctl.analysis.sigma import SigmaResult
     from boomctl.reduction.result import ReductionResult
     from boomctl.simulation.sines.describing_function import SineResponse
+    from boomctl.synthesis.hinf.h_infinity import HInfinityResult
     from boomctl.synthesis.lq.recovery import RecoveryResult
 
 _BELOW = 1e-4  # share of the largest error down to which it is shown (a choice)
@@ -157,4 +159,40 @@ def plot_sines(result: "SineResponse", ax: Any = None, *, unit: str | None = Non
         for each in axes:
             few_labels(each)
         top.figure.align_ylabels(list(axes))
+    return axes
+
+
+def plot_h_infinity(
+    result: "HInfinityResult", curves: "SigmaResult", ax: Any = None, *, unit: str | None = None, **style: Any
+) -> Any:
+    """Draw the singular values of a closed loop, its verified norm, and what no controller goes below.
+
+    Parameters
+    ----------
+    result : HInfinityResult
+    curves : SigmaResult
+        Of its closed loop.
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    unit : {"Hz", "rad/s"}, optional
+        Of the frequency axis, by default that of the curves that are there already.
+    **style
+        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    with panels(ax, ("singular values",), (6.4, 4.2)) as (axes,):
+        look = line_look(style, color=COLOURS[0], label="closed loop")
+        curves.plot(axes, unit=unit, **look)
+        axes.axhline(
+            result.gamma, color=look["color"], linewidth=0.9, linestyle="--", label=f"norm {result.gamma:.4g}, verified"
+        )
+        least = result.certificate.lower
+        if least > 0.0:
+            axes.axhline(
+                least, color="0.4", linewidth=0.9, linestyle=":", label=f"no controller goes below {least:.4g}"
+            )
+        legend(axes)
     return axes

@@ -11,7 +11,7 @@ from boomctl.arrays import Array
 from boomctl.plotting.canvas import COLOURS, beside, line_look, panels
 
 if TYPE_CHECKING:
-    from boomctl.analysis.margins import LoopMargin, Margins
+    from boomctl.analysis.margins import DiskMargin, LoopMargin, Margins
 
 _IN_A_ROW = 3  # panels (a choice)
 _LEAST, _MOST = (
@@ -20,7 +20,7 @@ _LEAST, _MOST = (
 )  # half of the side of the square that is shown: unit circle and critical point at least (a choice)
 _ROOM = 1.15  # of the square beyond the farthest margin (a choice)
 _FLAT = 1e3  # gain of a disk margin from which the disk is a half plane to the eye (a choice)
-_SHADE = "#f3d9c9"
+SHADE = "#f3d9c9"
 
 
 def plot_margins(result: "Margins", ax: Any = None, **style: Any) -> Array:
@@ -75,23 +75,31 @@ def plot_loop_margin(result: "LoopMargin", ax: Any = None, **style: Any) -> Any:
     return axes
 
 
+def draw_critical(ax: Any, disk: "DiskMargin | None", *, outlined: Any = None) -> None:
+    """Draw the unit circle, the critical point, and the disk that a loop does not enter: shaded, or its edge in a colour."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    across, up = np.cos(angle), np.sin(angle)
+    if disk is not None and disk.gain < _FLAT:
+        middle, radius = -0.5 * (disk.gain + 1.0 / disk.gain), 0.5 * (disk.gain - 1.0 / disk.gain)
+        if outlined is None:
+            ax.fill(middle + radius * across, radius * up, color=SHADE, zorder=0)
+        else:
+            ax.plot(middle + radius * across, radius * up, color=outlined, linewidth=0.8, linestyle="--")
+    elif disk is not None and outlined is None:
+        ax.axvspan(-_MOST * 10.0, 0.0, color=SHADE, zorder=0)
+    ax.plot(across, up, color="0.6", linewidth=0.8, linestyle=":")
+    ax.plot([-1.0], [0.0], "+", color="black", markersize=9, markeredgewidth=1.6)
+
+
 def _draw(ax: Any, loop: "LoopMargin", style: dict[str, Any]) -> None:
     omega, L = loop.open_loop
     curve, disk = -L, loop.disk
     look = line_look(style, color=COLOURS[0], marker="." if len(L) == 1 else "none")  # a static loop is a point
-    angle = np.linspace(0.0, 2.0 * np.pi, 181)
-    across, up = np.cos(angle), np.sin(angle)
     far = [1.0, *(1.0 / factor for factor in (loop.gain_low, loop.gain_high) if 0.0 < factor < np.inf)]
     half = float(np.clip(_ROOM * max(far), _LEAST, _MOST))
-    if disk.gain < _FLAT:
-        middle, radius = -0.5 * (disk.gain + 1.0 / disk.gain), 0.5 * (disk.gain - 1.0 / disk.gain)
-        ax.fill(middle + radius * across, radius * up, color=_SHADE, zorder=0)
-    else:
-        ax.axvspan(-_MOST * 10.0, 0.0, color=_SHADE, zorder=0)
-    ax.plot(across, up, color="0.6", linewidth=0.8, linestyle=":")
+    draw_critical(ax, disk)
     ax.plot(curve.real, curve.imag, **look)
     ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8, "label": None}))
-    ax.plot([-1.0], [0.0], "+", color="black", markersize=9, markeredgewidth=1.6)
     for words, places, marker, colour in _marks(loop, omega, curve):
         look = {"marker": marker, "color": colour, "markersize": 5, "markerfacecolor": "white", "linestyle": "none"}
         ax.plot(np.real(places), np.imag(places), label=words, **look)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from boomctl.rotating_beam.campbell import CampbellDiagram
     from boomctl.rotating_beam.result import SimulationResult
 
 Place = Literal["", "best", "upper left", "upper right", "lower left", "lower right"]
@@ -31,6 +32,9 @@ COLOURS = {
 """One colour a model, told apart by colour-blind readers too (Okabe & Ito 2008)."""
 
 _CYCLE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+
+
+_CRITICAL = "critical speed"
 
 
 def plot_simulation(result: "SimulationResult", ax: Any = None, **style: Any) -> Array:
@@ -78,6 +82,67 @@ def plot_simulation(result: "SimulationResult", ax: Any = None, **style: Any) ->
         axes[-1].set_xlabel("time [s]")
         axes[0].figure.align_ylabels(list(axes))
     return axes
+
+
+def plot_campbell(result: "CampbellDiagram", ax: Any = None, **style: Any) -> Any:
+    """Draw natural frequencies over the hub speed, its multiples, and circles where they meet.
+
+    Parameters
+    ----------
+    result : CampbellDiagram
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot; on a diagram that is there already the multiples are not drawn again.
+    **style
+        Of the frequencies, as matplotlib's lines take it.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    from boomctl.plotting import canvas
+
+    with canvas.panels(ax, ("Campbell diagram",), (6.6, 4.4)) as (axes,):
+        fresh = not axes.has_data()
+        before = [name for name in axes.get_legend_handles_labels()[1] if name != _CRITICAL]
+        look = canvas.line_look(style, color=canvas.COLOURS[len(before) % len(canvas.COLOURS)])
+        label, speeds = look.pop("label", result.model), result.hub_speeds
+        for k, line in enumerate(result.frequencies_hz.T):
+            axes.plot(speeds, line, **(look | {"label": label if k == 0 else None}))
+        top = 1.08 * float(result.frequencies_hz.max())
+        if fresh:
+            axes.set(xlim=(speeds[0], speeds[-1]), ylim=(0.0, top), xlabel="hub speed [rad/s]", ylabel="frequency [Hz]")
+            _orders(axes, result.orders, float(speeds[-1]), top)
+        else:
+            axes.set(xlim=(0.0, max(speeds[-1], axes.get_xlim()[1])), ylim=(0.0, max(top, axes.get_ylim()[1])))
+        met = [(c.hub_speed, c.frequency_hz) for c in result.crossings]
+        if met:
+            x, y = np.array(met).T
+            said = None if _CRITICAL in axes.get_legend_handles_labels()[1] else _CRITICAL
+            axes.plot(x, y, "o", color=look["color"], markersize=5, fillstyle="none", label=said)
+        if speeds[0] <= result.stiffness_lost <= 1.05 * axes.get_xlim()[1]:
+            axes.axvline(result.stiffness_lost, color=look["color"], linewidth=0.8, linestyle=":")
+            axes.annotate(
+                f"{result.model}: stiffness lost", (result.stiffness_lost, 0.5), xytext=(3, 0), rotation=90,
+                xycoords=("data", "axes fraction"), textcoords="offset points", va="center", fontsize=7, color=look["color"],
+            )  # fmt: skip
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4) if canvas.beside(axes) else axes.legend()
+    return axes
+
+
+def _orders(ax: "Axes", orders: tuple[float, ...], right: float, top: float) -> None:
+    """Draw multiples of the hub speed, each named where it leaves the picture."""
+    for order in orders:
+        end = min(right, 2.0 * np.pi * top / order)
+        ax.plot([0.0, end], [0.0, order * end / (2.0 * np.pi)], color="0.65", linewidth=0.8, zorder=0)
+        side = (
+            {"ha": "left", "va": "center", "xytext": (3, 0)}
+            if end == right
+            else {"ha": "right", "va": "top", "xytext": (-3, -3)}
+        )
+        ax.annotate(
+            f"{order:g}×", (end, order * end / (2.0 * np.pi)), textcoords="offset points", fontsize=7, color="0.4",
+            annotation_clip=False, **side,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from boomctl.checks import known
 from boomctl.plotting.canvas import COLOURS, common_legend, line_look, new_figure, panels, style
 
 _SHAPES = "osDPXph*d<>"
+_BANDS = 0.05, 0.25, 0.5, 0.75, 0.95  # quantiles drawn: the middle run, the middle half, nine of ten (a choice)
 _NEAR = 0.7  # share of a limit from which a curve is near it, and the limit drawn (a choice)
 # slope of an error from which it is said to fall: on coarse meshes fast vibration is not seen (a choice)
 _FALLING = 0.5
@@ -242,6 +243,65 @@ def plot_tracking(result: Any, ax: Any = None, **style: Any) -> Array:
     return axes
 
 
+def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
+    """Draw the runs of a tracked slew: hub angle less the plan, tip, torque, and how much vibration is left how often.
+
+    Parameters
+    ----------
+    study : TrackingStudy
+    ax : sequence of four matplotlib Axes, or a figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it.
+
+    Returns
+    -------
+    (4,) ndarray of matplotlib Axes
+    """
+    apart = study.outputs["hub_angle"] - study.planned["hub_angle"]
+    rows = (
+        ("hub angle less plan [rad]", apart, None),
+        ("tip displacement [m]", study.outputs["tip_displacement"], study.planned["tip_displacement"]),
+        ("torque [N m]", study.outputs["torque"], study.planned["torque"]),
+    )
+    names = [*(row[0] for row in rows), "share of runs"]
+    with panels(ax, names, (7.0, 7.2), _over_time_and_below) as axes:
+        for each, (label, runs, planned) in zip(axes, rows, strict=False):
+            low, quarter, middle, most, high = np.quantile(runs, _BANDS, axis=0)
+            look = line_look(style, linewidth=1.0, label="middle run")
+            (line,) = each.plot(study.time, middle, **look)
+            colour = line.get_color()
+            each.fill_between(study.time, low, high, color=colour, alpha=0.18, linewidth=0.0, label="nine of ten")
+            each.fill_between(study.time, quarter, most, color=colour, alpha=0.35, linewidth=0.0, label="middle half")
+            if planned is not None:
+                each.plot(study.time, planned, color="0.35", linewidth=0.8, linestyle="--", label="planned")
+            each.axvline(study.duration, color="0.7", linewidth=0.8)
+            each.set_ylabel(label)
+            each.set_xmargin(0.0)
+        axes[1].legend(loc="upper right", ncols=2)
+        axes[2].set_xlabel("time [s]")
+        left = np.maximum(np.sort(study.vibration), _NOTHING)
+        share = np.arange(1, left.size + 1) / left.size
+        axes[3].semilogx(np.append(left[0], left), np.append(0.0, share), **line_look(style, drawstyle="steps-post"))
+        axes[3].set_ylim(0.0, 1.02)
+        axes[3].set_ylabel("share of runs")
+        axes[3].set_xlabel("vibration left, at most [m]")
+        how = "with feedback" if study.feedback else "plan alone"
+        axes[0].set_title(f"{study.vibration.size} runs, {how}")
+        axes[0].figure.align_ylabels(list(axes))
+    return axes
+
+
+def _over_time_and_below(figure: Any) -> Any:
+    """Three axes over one time, and one of its own below."""
+    axes = figure.subplots(4, 1)
+    for each in axes[1:3]:
+        each.sharex(axes[0])
+    for each in axes[:2]:
+        each.tick_params(labelbottom=False)
+    return axes
+
+
 def plot_mesh_study(study: Any, ax: Any = None, **style: Any) -> Any:
     """Draw errors over the number of intervals, each with its order.
 
@@ -453,3 +513,38 @@ def slew_film(result: Any, others: dict[str, tuple[Any, Any]], seconds_after: fl
         shapes.append((name, positions[k]))
     radius = float(np.abs(shapes[0][1][0, 0]))
     return film_bytes(Film(time, tuple(shapes), radius, result.title.capitalize()))
+
+
+def plot_shaper(result: Any, ax: Any = None, **style: Any) -> Array:
+    """Draw a train's impulses over time, and the vibration that it leaves over its frequency.
+
+    Parameters
+    ----------
+    result : Shaper
+    ax : sequence of two matplotlib Axes, or a figure, optional
+        Impulses and vibration left; by default a new figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it.
+
+    Returns
+    -------
+    (2,) ndarray of matplotlib Axes
+    """
+
+    def divide(figure: FigureBase) -> Iterable[Axes]:
+        return figure.subplots(1, 2)
+
+    with panels(ax, ("impulses", "vibration left"), (7.2, 3.0), divide) as axes:
+        look = line_look(style, color=COLOURS[0], label=result.name)
+        times, sizes = result.times, result.amplitudes
+        axes[0].vlines(times, 0.0, sizes, color=look["color"], linewidth=1.4)
+        axes[0].plot(times, sizes, **(look | {"marker": "o", "markersize": 4, "linestyle": "none"}))
+        axes[0].set(xlabel="time [s]", ylabel="share of the command", ylim=(0.0, 1.1))
+        # without damping the impulses are half a period apart; one alone belongs to no frequency
+        designed = np.pi / times[1] if len(times) > 1 else 1.0
+        omega = np.linspace(0.0, 2.0 * designed, 401)
+        axes[1].plot(omega, [100.0 * result.residual(float(w)) for w in omega], **look)
+        axes[1].set(xlabel="frequency of the vibration [rad/s]", ylabel="vibration left [%]", ylim=(0.0, 105.0))
+        axes[1].set_xmargin(0.0)
+        axes[1].legend()
+    return axes

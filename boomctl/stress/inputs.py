@@ -12,7 +12,8 @@ from boomctl.analysis.margins import margins
 from boomctl.analysis.norm import hinf_norm
 from boomctl.analysis.sigma import sigma
 from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
-from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
+from boomctl.boom.factory import spray_boom
+from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.system import Lti
 from boomctl.reduction.reduce import reduce

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -73,9 +73,9 @@ class StressReport:
         for head in ("what was tried", "promised", "seen", "outcome"):
             shown.add_column(head, overflow="fold", justify="right" if head in ("promised", "seen") else "left")
         colours = {Outcome.HELD: "green", Outcome.BROKEN: "bold red", Outcome.UNCERTIFIED: "yellow"}
-        for area, lines in groupby(self.lines, lambda line: line.case.area):
+        for area, lines in _gathered(self.lines, lambda line: line.case.area):
             shown.add_row(f"[bold]{escape(area)}[/bold]")
-            for what, rows in _by_what(lines):
+            for what, rows in _gathered(lines, lambda line: line.case.what):
                 for outcome, alike in groupby(rows, lambda line: line.outcome):
                     run = list(alike)
                     colour = colours.get(outcome, "default")
@@ -100,16 +100,16 @@ class StressReport:
                 area,
                 tables=(Table(heads, tuple(map(_cells, lines)), align="llrrlllr", shades=_SHADES),),
             )
-            for area, lines in groupby(self.lines, lambda line: line.case.area)
+            for area, lines in _gathered(self.lines, lambda line: line.case.area)
         ]
         return Report("What was tried where it is hardest", lead, tuple(sections), self.as_dict())
 
     def page(self) -> str:
         """Return the tables of the page of known limits, as Markdown."""
         parts = [f"{self.summary}.", ""]
-        for area, lines in groupby(self.lines, lambda line: line.case.area):
+        for area, lines in _gathered(self.lines, lambda line: line.case.area):
             parts += [f"### {area}", "", "| what was tried | error measured | outcome |", "|---|---|---|"]
-            for what, rows in _by_what(lines):
+            for what, rows in _gathered(lines, lambda line: line.case.what):
                 ended = "; ".join(
                     _told(list(alike)) for _, alike in groupby(rows, lambda line: (line.outcome, _reason_key(line)))
                 )
@@ -143,27 +143,46 @@ def write_page(path: Path, report: StressReport) -> None:
     write_whole(path, f"{before}{_BEGIN}\n\n{report.page()}\n{_END}{after}")
 
 
-def _by_what(lines: Iterable[Line]) -> Iterator[tuple[str, list[Line]]]:
-    """Gather the amounts of one thing tried, in the order of first appearance."""
+def _gathered(lines: Iterable[Line], key: Callable[[Line], str]) -> Iterator[tuple[str, list[Line]]]:
+    """Gather lines of one area, or of one thing tried, in the order of first appearance."""
     gathered: dict[str, list[Line]] = {}
     for line in lines:
-        gathered.setdefault(line.case.what, []).append(line)
+        gathered.setdefault(key(line), []).append(line)
     return iter(gathered.items())
 
 
 def _span(run: list[Line]) -> str:
+    """Return the amounts of a run, from the first to the last; what is not a number is said once."""
     first, last = run[0].case.amount, run[-1].case.amount
-    return first if len(run) == 1 else f"{first} to {last}"
+    if len(run) == 1:
+        return first
+    words, other = first.split(), last.split()
+    while other[1:] and words[0] == other[0] and not words[0][0].isdigit():
+        words, other = words[1:], other[1:]
+    return f"{first} to {' '.join(other)}"
 
 
 def _promises(run: list[Line]) -> str:
+    """Return what is promised over a run of amounts, from the loosest to the tightest."""
     given = [line.case.promise for line in run if line.case.promise is not None]
-    return f"{max(given):.0e}" if given else "refusal"
+    if not given:
+        return "refusal"
+    ends = f"{max(given):.0e}", f"{min(given):.0e}"
+    return ends[0] if ends[0] == ends[1] else " to ".join(ends)
 
 
 def _errors(run: list[Line]) -> str:
-    seen = [line.error for line in run if line.error is not None]
-    return f"{max(seen):.0e}" if seen else ""
+    """Return the largest error of a run; where the promise differs, that of its loosest and of its tightest amount."""
+    seen = [line for line in run if line.error is not None]
+    promises = [line.case.promise or 0.0 for line in seen]
+    if not seen:
+        return ""
+    if max(promises) == min(promises):
+        return f"{max(line.error or 0.0 for line in seen):.0e}"
+    ends = (
+        max(line.error or 0.0 for line in seen if line.case.promise == end) for end in (max(promises), min(promises))
+    )
+    return " to ".join(f"{error:.0e}" for error in ends)
 
 
 def _short(text: str) -> str:

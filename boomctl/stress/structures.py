@@ -8,7 +8,8 @@ import numpy as np
 from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
 from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
-from boomctl.boom.model import ACTUATORS, TIPS, spray_boom
+from boomctl.boom.factory import spray_boom
+from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.stress.case import Case, Seen, each_relative, relative
 from boomctl.stress.references import (
@@ -55,7 +56,7 @@ def _general() -> Iterator[Case]:
         what, measure = "first frequency of a pinned beam of equal elements", "relative, the mesh's own closed form"
         yield Case(_STRUCTURES, what, _elements(n), promise, measure, _pinned, (n,), answered=n <= 10_000, seconds=60.0)
     for ratio in (1.0, 1e2, 1e4, 1e6):
-        amount = f"lengths 1 to {ratio:g}"
+        amount = f"lengths 1 : {ratio:g}"
         measure = "relative, sixty digits"
         what = "frequencies of a cantilever of neighbouring elements"
         yield Case(_STRUCTURES, what, amount, 1e-9, measure, _neighbours, (ratio,), answered=ratio <= 1e4)
@@ -80,7 +81,7 @@ def _general() -> Iterator[Case]:
         what, measure = "response of three masses, springs of unlike stiffness", "relative, sixty digits"
         # the matrix itself loses these digits of its softest spring; from 1e-4 on a warning is promised
         promise = max(1e-9, min(1e-4, 10 * _EPS * stiff))
-        yield Case(_STRUCTURES, what, f"1 to {stiff:g}", promise, measure, _chain, (stiff,), answered=stiff <= 1e8)
+        yield Case(_STRUCTURES, what, f"1 : {stiff:g}", promise, measure, _chain, (stiff,), answered=stiff <= 1e8)
 
 
 def _booms() -> Iterator[Case]:

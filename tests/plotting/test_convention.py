@@ -76,21 +76,38 @@ RESULTS = {
     ),
     "SimulationResult": lambda: one.hub_beam().simulate(bc.spin_up(0.5, 5.0), np.linspace(0.0, 6.0, 50)),
     "SprayResult": one.spray,
+    "SweepResult": lambda: bc.sweep(lambda x: {"square": x**2}, {"x": [1.0, 2.0, 3.0]}),
     "Track": one.track,
     "PlatformMotion": one.motion,
     "PlatformDensity": lambda: bc.platform_density(np.geomspace(0.1, 10.0, 20)),
     "SlewResult": one.slew,
     "TorqueHistory": lambda: one.slew().history,
     "SlewComparison": a_comparison,
+    "SlewLine": lambda: a_comparison().lines[0],
     "PayloadComparison": one.payloads,
+    "PayloadLine": lambda: one.payloads().lines[0],
     "TrackingResult": a_tracking,
+    "TrackingStudy": one.tracking_study,
     "SwitchingCurve": a_switching_curve,
     "MeshStudy": a_mesh_study,
+    "BodeResult": lambda: bc.bode(one.boom(), one.OMEGA),
+    "NyquistResult": lambda: bc.nyquist(one.yaw(), one.suspension()),
+    "TransientResult": lambda: bc.step(one.boom(), np.linspace(0.0, 5.0, 50)),
+    "PoleZeroResult": lambda: bc.pzmap(one.yaw()),
+    "Comparison": lambda: bc.compare({"one": one.beam_loop(), "again": one.beam_loop()}),
+    "ModeTable": lambda: bc.mode_table(one.yaw()),
+    "ExactLoopStability": one.exact_loop,
+    "HInfinityResult": one.h_infinity,
+    "Shaper": lambda: bc.slew.shaper("ZV", 2.0),
+    "ModeShapes": lambda: one.boom().mode_shapes(3),
+    "CampbellDiagram": lambda: one.hub_beam().campbell([0.0, 1.0, 4.0]),
 }
 SEVERAL = {  # pictures of several panels, and how many these have
     "Margins": 2, "RecoveryResult": 2, "LoopResult": 4, "ForcedResponse": 2, "SineResponse": 2, "SimulationResult": 4,
-    "PlatformMotion": 2, "SlewResult": 5, "SlewComparison": 5, "PayloadComparison": 2, "TrackingResult": 3,
-    "SwitchingCurve": 2,
+    "PlatformMotion": 2, "SlewResult": 5, "SlewComparison": 5, "SlewLine": 2, "PayloadComparison": 2,
+    "PayloadLine": 1, "TrackingResult": 3,
+    "TrackingStudy": 4,
+    "SwitchingCurve": 2, "BodeResult": 2, "TransientResult": 2, "Comparison": 6, "Shaper": 2, "ModeShapes": 3,
 }  # fmt: skip
 
 
@@ -118,9 +135,9 @@ def made():
 
 def test_every_class_with_a_plot_is_tried_here():
     """Of all that users are handed; a method with other words than the convention is found as well."""
-    packages = ("boom", "rotating_beam", "analysis", "reduction", "synthesis", "simulation", "slew")
+    packages = ("structure", "boom", "rotating_beam", "analysis", "reduction", "synthesis", "simulation", "slew")
     found = {}
-    for package in packages:
+    for package in (*packages, "studies.sweeps"):
         module = import_module(f"boomctl.{package}")
         owners = [getattr(module, name) for name in module.__all__]
         found |= {owner.__name__: owner.plot for owner in owners if isinstance(owner, type) and hasattr(owner, "plot")}

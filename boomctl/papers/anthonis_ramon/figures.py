@@ -7,7 +7,8 @@ import numpy as np
 from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
 from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
-from boomctl.boom.model import ACTUATORS, TIPS, boom_assembly, spray_boom
+from boomctl.boom.factory import spray_boom
+from boomctl.boom.model import ACTUATORS, TIPS, boom_assembly
 from boomctl.boom.parameters import BoomParameters
 from boomctl.structure.beams.elements import DiscreteElements
 from boomctl.structure.displacement_input import prescribe_displacement

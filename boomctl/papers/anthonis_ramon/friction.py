@@ -17,7 +17,7 @@ import numpy as np
 
 from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
-from boomctl.boom.model import spray_boom
+from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import positive, whole
 from boomctl.report import Picture, Section, Table

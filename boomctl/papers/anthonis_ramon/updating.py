@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.boom.model import spray_boom
+from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
 from boomctl.identification.fit import fit
 from boomctl.identification.result import FitResult

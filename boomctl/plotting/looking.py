@@ -1,0 +1,380 @@
+"""Pictures of systems and loops as python-control names them: Bode, Nyquist, step and impulse, poles and zeros."""
+
+from collections.abc import Iterator
+from itertools import cycle, product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from boomctl.arrays import Array
+from boomctl.checks import names
+from boomctl.plotting.canvas import COLOURS, beside, few_labels, frequency_axis, legend, line_look, panels
+from boomctl.plotting.margins import SHADE, draw_critical
+
+if TYPE_CHECKING:
+    from boomctl.analysis.looking.bode import BodeResult
+    from boomctl.analysis.looking.nyquist import NyquistResult
+    from boomctl.analysis.looking.pole_zero import PoleZeroResult
+    from boomctl.analysis.looking.transients import TransientResult
+    from boomctl.analysis.margins import DiskMargin
+    from boomctl.analysis.modes import ModeTable
+    from boomctl.analysis.nyquist import ExactLoopStability
+
+_STYLES = ("-", "--", ":", "-.")  # of lines, one each time that the colours have been through
+_STEPS = [1.0, 1.5, 3.0, 4.5, 9.0, 10.0]  # of ticks of an angle: 45, 90 and 180 degrees among them
+_SQUARE = 1.7  # half of the side of the square that a Nyquist picture shows at least: unit circle and -1 (a choice)
+_WIDEST = 4.0  # and at most, whatever the curve does (a choice)
+_SHOWN = 16  # poles that a picture shows, the slowest: eight modes (a choice)
+_DAMPINGS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # ratios that a line is drawn for (a choice)
+_PANELS = 6  # signals that a comparison draws unless some are named (a choice)
+_BETWEEN = 6  # places that are drawn from one that was computed to the next (a choice)
+_SAME = 1e-12  # of the largest, distance of places that are one
+_LINES = 4  # of equal damping that are drawn at most: more touch (a choice)
+
+
+def _looks(style: dict[str, Any], curves: list[str], **default: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Return how each of several curves looks: colours first, then other lines; one alone carries no name of its own."""
+    kinds = cycle([(colour, line) for line in _STYLES for colour in COLOURS])
+    for name, (colour, line) in zip(curves, kinds, strict=False):
+        given = line_look(style, label=name) if len(curves) > 1 else {"label": name} | line_look(style)
+        yield name, line_look(style, color=colour, linestyle=line, **default) | {"label": given["label"]}
+
+
+def plot_bode(result: "BodeResult", ax: Any = None, *, unit: str | None = None, **style: Any) -> Array:
+    """Draw sizes above phases over frequency, one curve for each pair of signals.
+
+    Parameters
+    ----------
+    result : BodeResult
+    ax : sequence of two matplotlib Axes, or a figure, optional
+        Size and phase; by default a new figure of pyplot.
+    unit : {"Hz", "rad/s"}, optional
+        Of the frequency axis, by default that of the curves that are there.
+    **style
+        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+    Returns
+    -------
+    (2,) ndarray of matplotlib Axes
+    """
+    with panels(ax, ("magnitude", "phase"), (6.4, 5.4)) as axes:
+        upper, lower = axes
+        scale = frequency_axis(lower, unit, result.unit)
+        seen = result.omega > 0.0  # there is no zero on a logarithmic axis
+        x, pairs = result.omega[seen] / scale, list(product(range(len(result.outputs)), range(len(result.inputs))))
+        pair_names = [f"{result.inputs[i]} → {result.outputs[o]}" for o, i in pairs]
+        phase = result.phase_deg
+        for (o, i), (_, look) in zip(pairs, _looks(style, pair_names), strict=True):
+            size = np.abs(result.values[o, i])[seen]
+            (upper.loglog if (size > 0.0).any() else upper.semilogx)(x, size, **look)
+            lower.semilogx(x, phase[o, i][seen], **look)
+        upper.set_ylabel("magnitude")
+        lower.set_ylabel("phase [deg]")
+        lower.yaxis.set_major_locator(MaxNLocator(6, steps=_STEPS))
+        few_labels(upper)
+        few_labels(lower)
+        legend(upper)
+        upper.figure.align_ylabels(list(axes))
+    return axes
+
+
+def plot_nyquist(result: "NyquistResult", ax: Any = None, **style: Any) -> Any:
+    """Draw a Nyquist curve around -1: positive frequencies with their direction, negative ones pale; the critical disk.
+
+    Parameters
+    ----------
+    result : NyquistResult
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the curve, as matplotlib's lines take it.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    with panels(ax, ("Nyquist curve",), (4.8, 5.4)) as (axes,):
+        turns = f"{result.encirclements} encirclements, {result.open_loop_poles} unstable open-loop poles: "
+        said = turns + ("stable" if result.stable else f"{result.closed_loop_poles} unstable")
+        name = "L" if len(result.signals) == 1 else "det(I + L) − 1"
+        _around(axes, result.curve, result.disk, said, name, style)
+    return axes
+
+
+def _around(ax: Any, curve: Array, disk: "DiskMargin | None", said: str, name: str, style: dict[str, Any]) -> None:
+    """Draw a curve around -1, with its direction, what is said of it, and the critical disk."""
+    fresh = not ax.has_data()
+    look = line_look(style, color=COLOURS[0], marker="." if len(np.unique(curve)) == 1 else "none")
+    label = look.pop("label", None)
+    draw_critical(ax, disk if fresh else None)
+    ax.plot(curve.real, curve.imag, label=f"{label}: {said}" if label else said, **look)
+    ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8}))
+    half = float(np.clip(1.15 * np.percentile(np.abs(curve), 90), _SQUARE, _WIDEST))
+    half = half if fresh else max(half, ax.get_xlim()[1])
+    _arrows(ax, curve, half, look["color"])
+    if disk is not None and fresh:
+        doubt = "" if disk.certified else ", not certified"
+        ax.plot([], [], color=SHADE, linewidth=6, label=f"critical disk: margin {disk.alpha:.3g}{doubt}")
+    ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel=f"Re({name})", ylabel=f"Im({name})")
+    place = {"loc": "lower left", "bbox_to_anchor": (-0.05, 1.0)} if beside(ax) else {"loc": "upper left"}
+    ax.legend(fontsize=7, alignment="left", **place)
+
+
+def _smooth(curve: Array) -> Array:
+    """Return a curve without corners through places that are less than 30 degrees apart."""
+    from scipy.interpolate import CubicSpline  # long to import
+
+    apart = np.abs(np.diff(curve))
+    kept = np.append(True, apart > _SAME * np.abs(curve).max())
+    along = np.cumsum(np.append(0.0, np.sqrt(np.abs(np.diff(curve[kept])))))  # of the root: no loops beside long steps
+    if len(along) < 3:
+        return curve
+    t = np.interp(np.arange(_BETWEEN * (len(along) - 1) + 1) / _BETWEEN, np.arange(len(along)), along)
+    return CubicSpline(along, curve[kept])(t)
+
+
+def _arrows(ax: Any, curve: Array, half: float, colour: Any) -> None:
+    """Draw the direction of a curve where it is seen, at two places."""
+    inside = np.flatnonzero((np.abs(curve[:-1].real) < half) & (np.abs(curve[:-1].imag) < half))
+    if len(inside) < 3:
+        return
+    along = np.cumsum(np.abs(np.diff(curve))[inside])
+    for share in (0.3, 0.7):  # of the way that is seen (a choice)
+        k = int(inside[np.searchsorted(along, share * along[-1])])
+        step = curve[k + 1] - curve[k]
+        if step == 0.0:
+            continue
+        start, end = curve[k], curve[k] + 1e-3 * half * step / abs(step)
+        ax.annotate(
+            "", (end.real, end.imag), (start.real, start.imag),
+            arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 12},
+        )  # fmt: skip
+
+
+def plot_transient(result: "TransientResult", ax: Any = None, **style: Any) -> Array:
+    """Draw step or impulse responses over time, one panel an output, one curve an input.
+
+    Parameters
+    ----------
+    result : TransientResult
+    ax : sequence of matplotlib Axes, or a figure, optional
+        One axes an output; by default a new figure of pyplot.
+    **style
+        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+    Returns
+    -------
+    (p,) ndarray of matplotlib Axes
+    """
+    with panels(ax, result.outputs, (6.4, 1.2 + 1.7 * len(result.outputs))) as axes:
+        steps = [f"{result.kind} of {name}" for name in result.inputs]
+        for each, output, rows in zip(axes, result.outputs, result.values, strict=True):
+            for (_, look), row in zip(_looks(style, steps, linewidth=1.0), rows, strict=True):
+                draw = each.step if result.dt else each.plot
+                draw(result.time, row, **(look | ({"where": "post"} if result.dt else {})))
+            each.set_ylabel(output)
+            each.set_xmargin(0.0)
+        legend(axes[0], **({"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 2} if beside(axes[0]) else {}))
+        axes[-1].set_xlabel("time [s]")
+        axes[0].figure.align_ylabels(list(axes))
+    return axes
+
+
+def plot_pole_zero(result: "PoleZeroResult", ax: Any = None, **style: Any) -> Any:
+    """Draw poles as crosses and zeros as circles: of the slowest modes, with lines of equal damping, or in the unit circle.
+
+    Parameters
+    ----------
+    result : PoleZeroResult
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the marks, as matplotlib's lines take it.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    with panels(ax, ("poles and zeros",), (5.4, 5.0)) as (axes,):
+        fresh = not axes.has_data()
+        look = line_look(style, color=COLOURS[0], markersize=7)
+        label = look.pop("label", None)
+        top = _top(result)
+        poles, zeros = (values[np.abs(values) <= top] for values in (result.poles, result.zeros))
+        hidden = len(result.poles) - len(poles)
+        said = [f"poles ({hidden} faster ones not shown)" if hidden else "poles", "zeros"]
+        for values, marker, words in ((poles, "x", said[0]), (zeros, "o", said[1])):
+            mark = look | {"marker": marker, "linestyle": "none", "fillstyle": "none"}
+            axes.plot(values.real, values.imag, label=f"{label}: {words}" if label else words, **mark)
+        unit = "" if result.dt else " [rad/s]"
+        axes.set(xlabel=f"real part{unit}", ylabel=f"imaginary part{unit}")
+        if result.dt:
+            angle = np.linspace(0.0, 2.0 * np.pi, 361)
+            axes.plot(np.cos(angle), np.sin(angle), color="0.6", linewidth=0.8, linestyle=":", zorder=0)
+            axes.set_aspect("equal")
+        else:
+            axes.axvline(0.0, color="0.6", linewidth=0.8, zorder=0)
+            if fresh:
+                _damping_lines(axes)
+        place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 2} if beside(axes) else {}
+        axes.legend(**place)
+    return axes
+
+
+def _top(result: "PoleZeroResult") -> float:
+    """Return the size up to which poles are shown: that of the slowest modes."""
+    size = np.sort(np.abs(result.poles))
+    return float("inf") if result.dt or len(size) <= _SHOWN else 1.05 * float(size[_SHOWN - 1])
+
+
+def _damping_lines(ax: Any) -> None:
+    """Draw lines of equal damping where they are seen, each with its ratio where it leaves the picture."""
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    ax.set(xlim=(left, right), ylim=(low, high), autoscale_on=False)
+    reach = max(-left, 0.0)
+    if reach == 0.0 or high <= 0.0:
+        return
+    steep = reach / high  # of the diagonal of the picture, as a ratio of real to imaginary part
+    near = [z for z in _DAMPINGS if 0.15 * steep < z / np.sqrt(1.0 - z * z) < 6.0 * steep]  # lines that are told apart
+    for ratio in near[:: max(1, -(-len(near) // _LINES))]:
+        slope = ratio / np.sqrt(1.0 - ratio * ratio)
+        x = max(left, -slope * high)
+        for sign in (1.0, -1.0):
+            line = Line2D([0.0, x], [0.0, -sign * x / slope], color="0.8", linewidth=0.7, linestyle="--", zorder=0)
+            ax.add_line(line)
+        ax.annotate(
+            f"{100.0 * ratio:g} %", (x, -x / slope), xytext=(3, -8), textcoords="offset points", fontsize=7, color="0.45"
+        )  # fmt: skip
+
+
+def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals: Any = (), **style: Any) -> Array:
+    """Draw several systems or results over each other, each in a colour of its own.
+
+    Parameters
+    ----------
+    what : {"time", "frequency", "margins"}
+    drawn : dict
+        By name: signals by name and times; singular values; margins.
+    ax : matplotlib Axes, sequence of them, or a figure, optional
+        One axes a signal or loop, one for singular values; by default a new figure of pyplot.
+    signals : sequence of str
+        Which signals or loops; by default those that all have, six at most.
+    **style
+        Of all curves, as matplotlib's lines take it; a ``label`` stands before the names.
+
+    Returns
+    -------
+    (n,) ndarray of matplotlib Axes
+    """
+    if what == "frequency":
+        with panels(ax, ("singular values",), (6.4, 4.2)) as axes:
+            for curve, (_, look) in zip(drawn.values(), _named(style, drawn), strict=True):
+                curve.plot(axes[0], **look)
+        return axes
+    there = {name: list(part[0]) if what == "time" else [x.signal for x in part.loops] for name, part in drawn.items()}
+    common = [name for name in next(iter(there.values())) if all(name in given for given in there.values())]
+    if what == "time":  # what is the same for all, such as a disturbance, is no comparison
+        shapes = {name: [np.asarray(part[0][name]) for part in drawn.values()] for name in common}
+        apart = [name for name, all_ in shapes.items() if any(not np.array_equal(all_[0], each) for each in all_[1:])]
+        common = common if len(signals) or not apart else apart
+    chosen = common[:_PANELS] if not len(signals) else list(names("signal", signals, common))
+    if not chosen:
+        raise ValueError("signals: all of them have none in common")
+    if what == "time":
+        with panels(ax, chosen, (7.0, 1.2 + 1.5 * len(chosen))) as axes:
+            for each, signal in zip(axes, chosen, strict=True):
+                for (values, time), (_, look) in zip(drawn.values(), _named(style, drawn, linewidth=1.0), strict=True):
+                    each.plot(time, values[signal], **look)
+                each.set_ylabel(signal)
+                each.set_xmargin(0.0)
+            axes[-1].set_xlabel("time [s]")
+            axes[0].figure.align_ylabels(list(axes))
+            above = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 4}
+            axes[0].legend(**(above if beside(axes[0]) else {}))
+        return axes
+    columns = min(len(chosen), 3)
+
+    def divide(figure: FigureBase) -> list[Axes]:
+        rows = -(-len(chosen) // columns)
+        return [figure.add_subplot(rows, columns, k + 1) for k in range(len(chosen))]
+
+    with panels(ax, chosen, (3.6 * columns, 4.2 * -(-len(chosen) // columns)), divide) as axes:
+        for each, signal in zip(axes, chosen, strict=True):
+            half = _SQUARE
+            for (name, margins), (_, look) in zip(drawn.items(), _named(style, drawn), strict=True):
+                loop = margins[signal]
+                L = -loop.open_loop[1]
+                draw_critical(each, loop.disk, outlined=look["color"])
+                words = f"{look['label'] or name}: disk {loop.disk.alpha:.3g}"
+                each.plot(L.real, L.imag, **(look | {"label": words}))
+                gains = [1.0 / g for g in (loop.gain_low, loop.gain_high) if 0.0 < g < np.inf]
+                half = float(np.clip(1.15 * max(gains, default=1.0), half, _WIDEST))
+            each.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
+            place = {"loc": "lower left", "bbox_to_anchor": (-0.05, 1.0)} if beside(each) else {"loc": "upper left"}
+            each.legend(title=f"opened at {signal}", title_fontsize=8, fontsize=7, alignment="left", **place)
+    return axes
+
+
+def _named(style: dict[str, Any], drawn: dict[str, Any], **default: Any) -> list[tuple[str, dict[str, Any]]]:
+    """Return the look of each of several things that are compared, its name as label, even of one alone."""
+    found = []
+    for k, name in enumerate(drawn):
+        kind = _STYLES[k // len(COLOURS) % len(_STYLES)]
+        look = line_look(style, color=COLOURS[k % len(COLOURS)], linestyle=kind, **default)
+        found.append((name, look | {"label": line_look(style, label=name)["label"]}))
+    return found
+
+
+def plot_exact_loop(result: "ExactLoopStability", ax: Any = None, **style: Any) -> Any:
+    """Draw the Nyquist curve of a loop around a plant that is known by its response.
+
+    Parameters
+    ----------
+    result : ExactLoopStability
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the curve, as matplotlib's lines take it.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    verdict = "stable" if result.stable else f"{result.unstable_poles} unstable"
+    said = f"{result.encirclements} encirclements, {result.controller_poles} unstable controller poles: {verdict}"
+    with panels(ax, ("Nyquist curve",), (4.8, 5.4)) as (axes,):
+        _around(axes, _smooth(result.curve), None, said, "det(I − G K) − 1", style)
+    return axes
+
+
+def plot_mode_table(result: "ModeTable", ax: Any = None, **style: Any) -> Any:
+    """Draw the damping of each mode over its frequency, both logarithmic; what has no damping is said.
+
+    Parameters
+    ----------
+    result : ModeTable
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    **style
+        Of the marks, as matplotlib's lines take it.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    with panels(ax, ("damping",), (6.0, 3.8)) as (axes,):
+        seen = [row for row in result.rows if row.damping > 0.0 and np.isfinite(row.omega) and row.omega > 0.0]
+        missing = len(result.rows) - len(seen)
+        said = f"modes ({missing} without damping not shown)" if missing else "modes"
+        look = line_look(style, color=COLOURS[0], marker="o", markersize=4, linestyle="none")
+        label = look.pop("label", None)
+        x, y = ([row.omega / (2.0 * np.pi) for row in seen], [100.0 * row.damping for row in seen])
+        axes.loglog(x, y, label=f"{label}: {said}" if label else said, **look)
+        axes.set(xlabel="natural frequency [Hz]", ylabel="damping [%]")
+        few_labels(axes)
+        axes.legend()
+    return axes

@@ -1,0 +1,114 @@
+"""Pictures of mode shapes: a machine as it swings, or its coordinates as bars."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
+
+from boomctl.arrays import Array
+from boomctl.plotting.canvas import COLOURS, beside, common_legend, line_look, panels
+
+if TYPE_CHECKING:
+    from boomctl.structure.response.mode_shapes import ModeShapes, ShapeLine
+
+_FLAT = (
+    0.02  # share of its length up to which a machine is a line, whose motion is drawn to a scale of its own (a choice)
+)
+_SCALE = 0.15  # of a machine's size, as which the largest motion of others is drawn (a choice)
+_IN_A_ROW = 3  # pictures of a machine in the plane (a choice)
+_ACROSS = "along the beam, drawn across"  # said of a motion that has no room along the line
+_MOST_NAMED = 30  # coordinates that are named below their bars (a choice)
+
+
+def plot_mode_shapes(result: "ModeShapes", ax: Any = None, **style: Any) -> Array:
+    """Draw each mode in its own axes, to its own scale.
+
+    Parameters
+    ----------
+    result : ModeShapes
+    ax : sequence of matplotlib Axes, or a figure, optional
+        One axes a mode; by default a new figure of pyplot.
+    **style
+        Of the beams, or of the bars' ends, as matplotlib's lines take it.
+
+    Returns
+    -------
+    (k,) ndarray of matplotlib Axes
+    """
+    count = len(result.names)
+    rests = np.vstack([line.points for line in result.lines]) if result.lines else np.zeros((0, 2))
+    flat = bool(len(rests)) and float(np.ptp(rests[:, 1])) <= _FLAT * float(np.ptp(rests[:, 0]))
+    columns = 1 if flat or not len(rests) else min(count, _IN_A_ROW)
+    rows = -(-count // columns)
+
+    def divide(figure: FigureBase) -> list[Axes]:
+        if columns == 1:
+            return list(np.ravel(figure.subplots(count, 1, sharex=True)))
+        return [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
+
+    size = (6.4, 1.0 + 1.35 * count) if columns == 1 else (3.0 * columns, 0.4 + 3.0 * rows)
+    with panels(ax, result.names, size, divide) as axes:
+        for k, (each, name) in enumerate(zip(axes, result.names, strict=True)):
+            if len(rests):
+                _machine(each, result.lines, k, flat, float(np.ptp(rests, axis=0).max()), style)
+            else:
+                _bars(each, result, k, style)
+            each.set_title(name + (f" ({_ACROSS})" if each.get_gid() == _ACROSS else ""))
+            each.set_xlabel("" if flat and each is not axes[-1] else "x [m]" if len(rests) else each.get_xlabel())
+        if flat:
+            place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 4} if beside(axes[0]) else {}
+            axes[0].legend(**place)
+        elif len(rests):
+            low, high = (np.array([each.viewLim.get_points()[i] for each in axes]) for i in (0, 1))
+            for each in axes:  # all of one size
+                each.set(xlim=(low[:, 0].min(), high[:, 0].max()), ylim=(low[:, 1].min(), high[:, 1].max()))
+            common_legend(ax, axes[0], ncols=6)
+    return axes
+
+
+def _machine(
+    ax: Any, lines: "tuple[ShapeLine, ...]", mode: int, flat: bool, size: float, style: dict[str, Any]
+) -> None:
+    """Draw bodies at rest, dashed, and as they swing."""
+    largest = max(float(np.abs(line.displacement[mode]).max(initial=0.0)) for line in lines) or 1.0
+    along = flat and max(float(np.abs(x.displacement[mode, :, 1]).max(initial=0.0)) for x in lines) < 1e-3 * largest
+    factor = 1.0 / largest if flat else _SCALE * size / largest
+    beams = 0
+    if along:
+        ax.set_gid(_ACROSS)
+    for k, line in enumerate(sorted(lines, key=lambda line: line.bends)):
+        rest, motion = line.points, factor * line.displacement[mode]
+        if along:  # a motion along a line is drawn across it
+            motion = motion[:, ::-1] * np.array([0.0, 1.0])
+        moved = rest + motion * (np.array([0.0, 1.0]) if flat else 1.0)
+        look = {"color": ("0.25", "0.5", "0.7")[k % 3], "linewidth": 2.2, "label": line.name, "solid_capstyle": "round"}
+        if line.bends:
+            look = line_look(style, color=COLOURS[beams % len(COLOURS)], label=line.name)
+            beams += 1
+        if len(moved) == 1 and not line.bends:
+            look |= {"marker": "s", "markersize": 4, "linestyle": "none"}
+        ax.plot(rest[:, 0], rest[:, 1], color="0.75", linewidth=0.8, linestyle="--", zorder=0)
+        ax.plot(moved[:, 0], moved[:, 1], **look)
+    if flat:
+        ax.set_ylim(-1.25, 1.25)
+        ax.set_ylabel("shape")
+    else:
+        ax.set_aspect("equal", adjustable="box")
+        ax.margins(0.15)
+        ax.set_ylabel("y [m]")
+
+
+def _bars(ax: Any, result: "ModeShapes", mode: int, style: dict[str, Any]) -> None:
+    """Draw the coordinates of a shape as bars, the longest of length one."""
+    shape = result.shapes[:, mode] / (np.abs(result.shapes[:, mode]).max() or 1.0)
+    look = line_look(style, color=COLOURS[0], marker="o", markersize=4, linestyle="none")
+    here = np.arange(len(shape))
+    ax.vlines(here, 0.0, shape, color=look["color"], linewidth=1.2)
+    ax.plot(here, shape, **look)
+    ax.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
+    ax.set(ylim=(-1.25, 1.25), ylabel="shape")
+    if len(here) <= _MOST_NAMED:
+        ax.set_xticks(here, result.coordinates, rotation=90 if len(here) > 8 else 0)  # as many stand beside each other
+    if mode == len(result.names) - 1:
+        ax.set_xlabel("coordinate")
