@@ -51,7 +51,6 @@ def test_every_line_is_there(report):
     cold = [row for row in report.rows if row.job.startswith("cold: ")]
     assert len(cold) == 6
     assert all(row.ours > 0.0 and row.peer > 0.0 and row.met is not None for row in cold)
-    assert {row.met for row in report.rows} >= {True}
     assert any(row.job.startswith("8 elements") and row.peer is None for row in report.rows)
 
 
