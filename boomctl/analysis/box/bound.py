@@ -20,13 +20,13 @@ _LOOSER = (1.0, 10.0, 100.0)  # times the tolerance: levels tried in turn, the n
 _RESPONSES, _PENCIL = "cells of parameters and frequencies", "cells of parameters"
 # Ways to a proof at a level, in the order taken, and how many of the cells that are allowed: strongly coupled poles are for
 # the response, many lightly damped ones for the pencil, and which a loop is shows soon (shares: choices)
-_ROUNDS = ((_RESPONSES, 0.05), (_PENCIL, 0.1), (_RESPONSES, 1.0), (_PENCIL, 1.0))
+_ROUNDS = ((_RESPONSES, 0.05), (_PENCIL, 0.2), (_RESPONSES, 0.5), (_PENCIL, 1.0), (_RESPONSES, 0.5))
 _WORTH = 150  # cells of the response that take as long as one of the pencil (measured: 100 to 300)
 _CHECKED = 8  # points drawn in the box at which a bound is tried again (a choice)
 _COMPARED = 3  # points drawn at which the loops that are proved are compared with those closed anew (a choice)
 _LOOKED_AT = 16  # cells left over, the hardest, in whose middles the poles are looked at (a choice)
 _HARDLY = 1e-3  # damping ratio below which, if little was proved at first, it is given up (a choice)
-_FUTILE = 1e-3  # share of the box that is little: a thousand times as many cells would be needed (a choice)
+_FUTILE = 1e-2  # share of the box that is little: it would take a hundred times as many cells (a choice)
 _SAME = 1e-6  # relative distance of norms by two routes that are the same (a choice: norms are certified to 1e-5)
 
 

@@ -105,8 +105,9 @@ def worst_case(
     """Return the largest H-infinity norm of the loop ``u = K y`` over a box of parameters, from both sides.
 
     From below, points of a grid over the box are tried, then the neighbourhood of the worst of them, and the middles of
-    cells that resist a proof.  From above, the box is halved until in each cell no singular value can reach the level
-    (:mod:`boomctl.analysis.box.level`).
+    cells that resist a proof.  From above, the box is cut until in each cell no singular value can reach the level: cells of
+    parameters and frequencies (:mod:`boomctl.analysis.box.response_cells`), and cells of parameters alone where many poles
+    are lightly damped (:mod:`boomctl.analysis.box.level`).
 
     Parameters
     ----------
@@ -119,7 +120,8 @@ def worst_case(
         How far the bound may lie above the worst point found, relative.  Where that would take too many cells, ten and a
         hundred times as much is tried.  None: no bound is asked for.
     max_cells : int
-        Largest number of cells tried at one level.
+        Largest number of cells of parameters and frequencies tried at one level; of parameters alone, which take longer,
+        are at most one in 150 of it.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
