@@ -554,6 +554,7 @@ CALLS = {
         "controller": regulator(),
         "inputs": None,
         "outputs": None,
+        "norm": "hinf",
         "tolerance": 0.1,
         "max_cells": 3,
     },
