@@ -20,10 +20,10 @@ class Setting:
         Whether it is this package.
     cold : callable or None
         Answers from parameters that were never seen before: it is given a small number (1e-9 to 1e-6, another in each call)
-        by which to change a parameter, relative, so that nothing kept from a call before serves it.  None: the competitor
-        has no such way.
+        by which to change a parameter, relative, so that nothing kept from a call before serves it; zero in the call whose
+        answer is judged.  None: the competitor has no such way.
     hot : callable or None
-        Answers again, with what a user would keep ready beforehand.  None: as cold.
+        Answers again, with what a user would keep ready beforehand; its answer is judged too.  None: as cold.
     prepare : callable
         Makes what ``hot`` is given, once, untimed.
     call : str
