@@ -94,6 +94,11 @@ def in_turns(runs: Mapping[str, Callable[[], object]], repeats: int) -> dict[str
 def _called_again(run: Callable[[], object]) -> float:
     """Processor time of a call after a first one, s."""
     run()
+    return process_time_of(run)
+
+
+def process_time_of(run: Callable[[], object]) -> float:
+    """Return the processor time of a call [s]."""
     start = time.process_time()
     run()
     return time.process_time() - start
