@@ -148,16 +148,16 @@ def fresh_processes(codes: Sequence[str], repeats: int) -> dict[str, float]:
     return dict(zip(codes, np.median(rounds, axis=0).tolist(), strict=True))
 
 
-def environment() -> dict[str, str]:
+def environment(packages: Sequence[str] = _PACKAGES) -> dict[str, str]:
     """Return versions, cores and threads, for whoever compares runs."""
     from threadpoolctl import threadpool_info
 
     facts = {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}"}
-    for package in _PACKAGES:
+    for package in packages:
         try:
             facts[package] = version(package)
         except PackageNotFoundError:
-            facts[package] = "source tree"
+            facts[package] = "source tree" if package == "boomctl" else "not installed"
     facts["cores"] = str(os.cpu_count() or 1)
     with one_thread():
         pools = threadpool_info()
