@@ -10,7 +10,6 @@ from boomctl.benchmark.precision.diagram import Diagram, Lead, Point, Way
 from boomctl.benchmark.precision.growth import Growth
 from boomctl.benchmark.precision.limits import Limit, Rates
 from boomctl.benchmark.precision.recommended import (
-    HEADS,
     Recommendation,
     duration,
     memory_words,
@@ -147,7 +146,7 @@ class PrecisionReport:
         from rich.console import Group
         from rich.text import Text
 
-        shown = [_sheet("What to use", recommendation_table(self.recommended), HEADS.index("Call"))]
+        shown = [_sheet("What to use", recommendation_table(self.recommended))]
         shown.append(_sheet("Whose front is ahead", _lead_table(self.diagrams)))
         shown += [_sheet("How cost grows", _growth_table(self.growths))] if self.growths else []
         shown += [_sheet("Distance from the limit", _limit_table(self.limits))] if self.limits else []
@@ -353,12 +352,8 @@ def _limit_table(found: tuple[Limit, ...]) -> Table:
     return Table(("Path", "Counted", "Run time", "Limit", "Times the limit", "Limited by"), lines, align="llrrrl")
 
 
-def _sheet(title: str, table: Table, left_out: int | None = None) -> Sheet:
-    """Return a table for a terminal, without a column that is too wide for it."""
-    kept = [k for k in range(len(table.heads)) if k != left_out]
-    return Sheet(
-        title, tuple(table.heads[k] for k in kept), tuple(tuple(line[k] for k in kept) for line in table.lines)
-    )
+def _sheet(title: str, table: Table) -> Sheet:
+    return Sheet(title, table.heads, table.lines)
 
 
 def _missing(diagrams: tuple[Diagram, ...]) -> tuple[str, ...]:
