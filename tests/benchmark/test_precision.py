@@ -224,9 +224,9 @@ def test_the_sentence_on_a_lead_says_where_not_and_by_how_much():
     )
     slow = lead_words(diagram(replace(OURS, cold=8e-3), OTHER), "cold")
     assert "NOT ahead at 1 of 1 points" in slow
-    assert "2.0 times as long, 4 ms more" in slow
+    assert "2.0 times as long, 4\u00a0ms more" in slow
     beyond = lead_words(diagram(OURS, OTHER, EXACT), "cold")
-    assert "none of ours is as exact as 1.0e-09, other, c" in beyond
+    assert "none of ours is as exact as 1.0·10⁻⁹, other, c" in beyond
     assert lead_words(diagram(OURS), "cold") == ""
 
 
@@ -305,7 +305,7 @@ def test_the_page_is_written_between_its_marks(tmp_path):
     assert "old" not in text
     assert text.startswith("# Head\n")
     assert text.endswith("foot\n")
-    assert "| 0.1 % | `bc.mine()` | 1.0e-04 | 1 ms | 500 µs | 0.001 MB | other, b: 4.0 times |" in text
+    assert "| 0.1 % | `bc.mine()` | 1.0·10⁻⁴ | 1\u00a0ms | 500\u00a0µs | 0.001\u00a0MB | other, b: 4.0 times |" in text
     assert "Lumped" not in text  # a study, which recommends nothing
     page.write_text("no marks", encoding="utf-8")
     with pytest.raises(ValueError, match="expected one line"):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from boomctl.benchmark.precision.diagram import Diagram, Point, Way
 from boomctl.files import write_whole
-from boomctl.report import Table, number
+from boomctl.report import Table, number, power
 
 NAMES = (
     'Names: import boomctl as bc; p = bc.BoomParameters(); actuators = ("actuator_left", "actuator_right"); tips ='
@@ -29,6 +29,7 @@ HEADS = (
     "Best other, new parameters",
 )
 _ALIKE = 1.15  # times the shortest run time up to which the most exact is taken: medians differ by as much (a choice)
+_SPACE = "\u00a0"  # between a number and its unit, where no line breaks
 _PAGE_HEAD = "| wanted | write | error | new parameters | model ready | memory | best other |"
 _BEGIN = "<!-- what follows is written by `boomctl benchmark precision --page` -->"
 _END = "<!-- what precedes is written by `boomctl benchmark precision --page` -->"
@@ -100,7 +101,7 @@ def recommended_cells(found: Recommendation) -> tuple[str, ...]:
     return (
         wanted,
         point.call,
-        f"{point.error:.1e}",
+        error_words(point.error),
         duration(point.cold),
         duration(point.hot),
         memory_words(point.memory),
@@ -122,17 +123,22 @@ def level_words(level: float) -> str:
     return f"{100 * level:g} %" if level >= 1e-4 else f"{level:g}".replace("e-0", "e-")
 
 
+def error_words(error: float) -> str:
+    """Return an error with two digits, which no line breaks: "2.1·10⁻³"."""
+    return power(error, 2) if error else "0"
+
+
 def duration(seconds: float | None) -> str:
     """Return a run time with its unit."""
     if seconds is None:
         return ""
     scale, unit = (1.0, "s") if seconds >= 1.0 else (1e3, "ms") if seconds >= 1e-3 else (1e6, "µs")
-    return f"{scale * seconds:.3g} {unit}"
+    return f"{scale * seconds:.3g}{_SPACE}{unit}"
 
 
 def memory_words(size: int | None) -> str:
     """Return an amount of memory with its unit."""
-    return "" if size is None else f"{size / 1e6:.3g} MB"
+    return "" if size is None else f"{size / 1e6:.3g}{_SPACE}MB"
 
 
 def page_text(found: Sequence[Recommendation], machine: str) -> str:
