@@ -5,6 +5,7 @@ It shares nothing with this package's solvers, nor with the integrators that the
 Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.9.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ def extrapolated(equations: Ode, timepts: Array, substeps: int, columns: int = _
     h = float(timepts[1] - timepts[0]) / substeps
     rate = ca.Function("rate", [equations.x, equations.t], [equations.ode], {"cse": True})
     x, t = ca.SX.sym("x", equations.x.numel()), ca.SX.sym("t")
-    step = ca.Function("step", [x, t], [_extrapolated_step(rate, x, t, h, columns)])
+    step = ca.Function("step", [x, t], [extrapolated_step(rate, x, t, h, columns)])
     state = np.zeros(equations.x.numel())
     tip = np.zeros(timepts.size)
     for k in range(1, timepts.size):
@@ -49,7 +50,7 @@ def extrapolated(equations: Ode, timepts: Array, substeps: int, columns: int = _
     return tip
 
 
-def _extrapolated_step(rate: Any, x: Any, t: Any, h: float, columns: int) -> Any:
+def extrapolated_step(rate: Callable[[Any, Any], Any], x: Any, t: Any, h: Any, columns: int = _COLUMNS) -> Any:
     """Return the state after a step: midpoint rules of 2, 4, 6, ... parts, whose errors are series in the square of a part."""
     found = []
     for count in range(1, columns + 1):
