@@ -236,7 +236,7 @@ def sigma_of(response: Array) -> Array:
 
 
 def tip_transfer(p: BoomParameters, s: _Number) -> tuple[_Number, _Number]:
-    """Return how the tips follow the actuators at a complex frequency, moving alike and opposite, in the digits set by mpmath."""
+    """Return how the tips follow the actuators, moving alike and opposite, at a complex frequency; in mpmath's digits."""
     symmetric, antisymmetric = (_exact_half(p, s, parity) for parity in (_SYMMETRIC, _ANTISYMMETRIC))
     return _tip(*symmetric), _tip(*antisymmetric)
 

@@ -27,6 +27,8 @@ class Point:
         How many calls the median is of.
     failed : str
         Why there is no answer; empty where there is one.
+    size : int or None
+        As of the setting.
     """
 
     competitor: str
@@ -39,6 +41,7 @@ class Point:
     calls: int = 0
     call: str = ""
     failed: str = ""
+    size: int | None = None
 
     def seconds(self, way: Way) -> float | None:
         """Return the run time of a way; a hot call takes no longer than a cold one where only that was measured."""

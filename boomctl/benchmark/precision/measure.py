@@ -34,6 +34,7 @@ _CHANGES = (
     1e-6,
 )  # least and largest relative change of a parameter in a cold call: new to every cache, the same problem
 _GOLDEN = (sqrt(5.0) - 1.0) / 2.0  # its multiples modulo one never meet again and spread evenly
+_TRACED = 0.05  # share of the seconds given up to which a call is traced for its memory: that takes ten times as long
 _WORDS = 160  # characters of a failure that are kept: the first line of most (a choice)
 
 
@@ -91,7 +92,7 @@ def measured(scene: Scene, seconds: float, tell: Tell) -> Diagram:
     A setting that raises, or whose answer is not finite, is a point with ``failed``.  Warnings are silent here: that a
     setting is inexact is what its error says.  Memory is what Python and NumPy allocate in a cold call (a hot one if there is
     no other), by :mod:`tracemalloc`: work space within compiled solvers and in other processes is not in it.  It is not
-    measured for calls longer than 4 s.
+    measured for calls longer than 4 s, or than a twentieth of ``seconds``.
     """
     changes = _changes()
     with one_thread(), warnings.catch_warnings():
@@ -104,7 +105,7 @@ def measured(scene: Scene, seconds: float, tell: Tell) -> Diagram:
         tell(f"{scene.key}: {len(runs)} runs take turns")
         _take_turns(runs, seconds)
         tell(f"{scene.key}: memory")
-        points = tuple(_point(found) for found in answered)
+        points = tuple(_point(found, min(_LONG, _TRACED * seconds)) for found in answered)
     return Diagram(scene.key, scene.title, scene.question, scene.measure, points, scene.missing, scene.remarks)
 
 
@@ -154,7 +155,8 @@ def _take_turns(runs: list[_Run], seconds: float) -> None:
         if run.first > _LONG:
             run.turns.append(run.first)  # the first call is the one
             continue
-        run.once = max(run.taken(1), 1e-7)  # above zero: a tick of the clock may be 1e-7 s
+        # what an import costs is nothing beside a second; above zero: a tick of the clock may be 1e-7 s
+        run.once = run.first if run.first > _SHORT else max(run.taken(1), 1e-7)
         run.calls = min(_MOST_CALLS, ceil(_TURN / run.once))
     asked = [run for run in runs if not run.turns]
     share = seconds / max(len(asked), 1)
@@ -166,16 +168,16 @@ def _take_turns(runs: list[_Run], seconds: float) -> None:
                 run.turns.append(run.taken(run.calls) / run.calls)
 
 
-def _point(found: _Answered) -> Point:
-    """Return what was measured of a setting, its memory included."""
+def _point(found: _Answered, traced: float) -> Point:
+    """Return what was measured of a setting, its memory included where a call takes no longer than ``traced``."""
     setting, runs = found.setting, found.runs
-    named = Point(setting.competitor, setting.label, setting.ours, found.error, call=setting.call)
+    named = Point(setting.competitor, setting.label, setting.ours, found.error, call=setting.call, size=setting.size)
     failed = found.failed or next((run.failed for run in runs.values() if run.failed), "")
     if failed:
         return replace(named, error=inf, failed=failed)
     memory = None
     from_new = runs.get("cold") or runs["hot"]
-    if median(from_new.turns) <= _LONG:
+    if median(from_new.turns) <= traced:
         memory = peak_memory(Job(lambda _: from_new.call()))
     times = {way: median(run.turns) for way, run in runs.items()}
     again = runs.get("hot") or runs["cold"]

@@ -28,6 +28,8 @@ class Setting:
         Makes what ``hot`` is given, once, untimed.
     call : str
         What a user writes to get this, one line of Python; for the table of recommended settings.
+    size : int, optional
+        Number of unknowns that move with a mass of their own; where diagrams of error against size are drawn.
     """
 
     competitor: str
@@ -37,6 +39,7 @@ class Setting:
     hot: Callable[[Any], Any] | None = None
     prepare: Callable[[], Any] = lambda: None
     call: str = ""
+    size: int | None = None
 
 
 @dataclass(frozen=True)

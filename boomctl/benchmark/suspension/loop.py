@@ -114,7 +114,7 @@ def _loop_rows(rounds: int, tell: Tell) -> list[Row]:
         return lambda _: answers.update({method: continuous_loop(short, method)})
 
     jobs = {
-        "ours": Job(lambda _: answers.update({"ours": simulated_loop(scene)})),
+        "ours": Job(lambda _: answers.update({"ours": ours_of(scene)})),
         **{method: Job(integrated(method)) for method in ("RK45", *_OTHERS)},
         "sampled": Job(lambda _: answers.update({"sampled": sampled_loop(short)})),
     }
@@ -138,8 +138,8 @@ def _loop_rows(rounds: int, tell: Tell) -> list[Row]:
     return rows
 
 
-def simulated_loop(scene: LoopScene) -> Array:
-    """Return the tips by ``simulate_loop``."""
+def ours_of(scene: LoopScene) -> Array:
+    """Return the tips in a loop, by ``simulate_loop``."""
     disturbance = {name: scene.W[scene.plant.input_labels.index(name)] for name in ACTUATORS}
     found = simulate_loop(
         scene.plant,

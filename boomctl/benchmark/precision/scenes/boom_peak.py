@@ -11,11 +11,10 @@ from scipy.optimize import minimize_scalar
 from boomctl.analysis.norm import hinf_norm
 from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
-from boomctl.benchmark.boom.high_precision import DIGITS, damped_eigenvalues, exact_response, sigma_of, tip_transfer
+from boomctl.benchmark.boom.high_precision import DIGITS, damped_eigenvalues, tip_transfer
 from boomctl.benchmark.precision.scene import Extent, Scene, Setting
-from boomctl.benchmark.precision.scenes.boom_sigma import varied
 from boomctl.benchmark.precision.scenes.peers import missing, pymor_model, there
-from boomctl.benchmark.precision.scenes.plain_boom import PlainBoom
+from boomctl.benchmark.precision.scenes.plain_boom import PlainBoom, boom_peer, varied
 from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
@@ -48,8 +47,8 @@ def boom_peak(extent: Extent) -> Scene:
         error=lambda found: abs(float(found) / true - 1.0),
         missing=missing(pyMOR="pymor", slycot="slycot"),
         remarks=(
-            "Ours are certified: no singular value at any frequency is larger, which is proved in the time shown. linfnorm and"
-            " pyMOR search by the eigenvalues of the Hamiltonian matrix too (slycot's ab13dd); a search on a grid proves"
+            "Ours are certified: no singular value at any frequency is larger, which is proved in the time shown. linfnorm"
+            " and pyMOR search by the eigenvalues of the Hamiltonian matrix too (slycot's ab13dd); a search on a grid proves"
             " nothing.",
             "'exact beam, refined' is ours without a proof: the exact response on a grid, and around its largest value.",
         ),
@@ -134,24 +133,16 @@ def refined_peak(largest: Callable[[Array], Array], points: int = 2000) -> float
     k = int(np.argmax(largest(grid)))
     low, high = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
     found = minimize_scalar(
-        lambda w: -float(largest(np.array([w]))[0]), bounds=(low, high), method="bounded", options={"xatol": _XTOL * high}
+        lambda w: -float(largest(np.array([w]))[0]),
+        bounds=(low, high),
+        method="bounded",
+        options={"xatol": _XTOL * high},
     )
     return -float(found.fun)
 
 
 def _others(p: BoomParameters, extent: Extent) -> Iterator[Setting]:
-    def peer(name: str, label: str, elements: int, made: Callable[[PlainBoom], Any], asked: Callable[[Any], float]) -> Setting:
-        def prepared(change: float) -> Any:
-            return made(PlainBoom.of(varied(p, change), elements))
-
-        return Setting(
-            name,
-            label,
-            ours=False,
-            cold=lambda change: asked(prepared(change)),
-            hot=asked,
-            prepare=lambda: prepared(0.0),
-        )
+    peer = partial(boom_peer, p)
 
     def system_of(boom: PlainBoom) -> Any:
         return control.ss(*boom.statespace())
@@ -164,7 +155,9 @@ def _others(p: BoomParameters, extent: Extent) -> Iterator[Setting]:
 
     if there("slycot"):
         for n in _PEERS[extent]:
-            yield peer("control.linfnorm", f"{n} elements", n, system_of, lambda system: float(control.linfnorm(system)[0]))
+            yield peer(
+                "control.linfnorm", f"{n} elements", n, system_of, lambda system: float(control.linfnorm(system)[0])
+            )
     for n in _PEERS[extent]:
         yield peer(
             "control and minimize_scalar",
@@ -175,7 +168,11 @@ def _others(p: BoomParameters, extent: Extent) -> Iterator[Setting]:
         )
     for points in _GRIDS[extent]:
         yield peer(
-            f"control on a grid, {_GRID_MESH} elements", f"{points} points", _GRID_MESH, system_of, partial(on_grid, points)
+            f"control on a grid, {_GRID_MESH} elements",
+            f"{points} points",
+            _GRID_MESH,
+            system_of,
+            partial(on_grid, points),
         )
     if there("pymor") and there("slycot"):
         for n in _PEERS[extent]:

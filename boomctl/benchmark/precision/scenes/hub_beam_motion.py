@@ -19,7 +19,7 @@ from boomctl.rotating_beam.factory import hub_beam
 _MODES = 5  # of SFOAM, of which the integrators are compared
 _SUBSTEPS = 10  # of the reference, from instant to instant: with twice as many it moves by 7e-13 of the largest
 _CALL = f"bc.spin_up({SPIN_UP.final_speed:g}, {SPIN_UP.duration:g})"
-_END, _QUICK_END = 60.0, 20.0  # s, of the motion, and of the part of it by which a quick run compares models
+_END, _QUICK_END = 60.0, 10.0  # s, of the motion, and of the part of it by which a quick run compares models
 _CONVERGED = (12, 1e-10)  # polynomials and tolerance of the geometrically exact beam from which models are measured
 
 _TOLERANCES: dict[Extent, tuple[float, ...]] = {
@@ -29,11 +29,9 @@ _TOLERANCES: dict[Extent, tuple[float, ...]] = {
 _PEERS: dict[Extent, tuple[tuple[str, tuple[float, ...]], ...]] = {
     "quick": (("Radau", (1e-3,)), ("IDAS", (1e-4, 1e-8))),
     "whole": (
-        ("RK45", (1e-3, 1e-6)),
         ("DOP853", (1e-3, 1e-6, 1e-9, 1e-12)),
-        ("Radau", (1e-2, 1e-3, 1e-5, 1e-7, 1e-9)),
-        ("LSODA", (1e-3, 1e-5, 1e-7, 1e-9)),
-        ("BDF", (1e-3, 1e-5)),
+        ("Radau", (1e-2, 1e-3, 1e-5, 1e-7)),
+        ("LSODA", (1e-3, 1e-6, 1e-9)),
         ("IDAS", (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10, 1e-12)),
         ("CVODES", (1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
     ),
@@ -79,7 +77,7 @@ def hub_beam_motion(extent: Extent) -> Scene:
         error=judge(exact),
         remarks=(
             "Everybody solves the same equations; the modal integrals of the peers are ours, computed in their cold calls too.",
-            "Hot: the beam of ours, the integrator of CasADi, the matrices of solve_ivp are ready.",
+            "Hot: the beam of ours and the integrator of CasADi are ready; solve_ivp has nothing to keep.",
             "Ours starts with steps in which every mode vibrates exactly: they are more exact than the loosest tolerances ask"
             " for, and none cheaper.",
         ),

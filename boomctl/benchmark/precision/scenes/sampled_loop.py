@@ -95,7 +95,7 @@ def boom_loop(extent: Extent) -> Scene:
 
     def settings() -> Iterator[Setting]:
         call = "bc.simulate_loop(plant, controller, disturbance, t, sample_time=1e-3, force_limit=0.25)"
-        yield setting("simulate_loop", "exact", "sampled", of_boom.simulated_loop, call)
+        yield setting("simulate_loop", "exact", "sampled", of_boom.ours_of, call)
         for method, tolerance in _each(_CONTROL[extent]):
             yield setting(
                 f"control.input_output_response, {method}",
