@@ -53,7 +53,7 @@ def test_the_boom_meets_its_limit_and_ours_is_exact():
     scene = boom_loop("quick")
     errors = {setting.competitor: scene.error(setting.cold(0.0)) for setting in scene.settings}
     assert errors.pop("simulate_loop") < 1e-12
-    assert 1e-13 < min(errors.values())
+    assert min(errors.values()) > 1e-13
     assert max(errors.values()) < 0.1
     loop = of_boom.loop_scene(0.25)
     free = replace(loop, limit=1e9)
@@ -64,7 +64,7 @@ def test_the_boom_meets_its_limit_and_ours_is_exact():
 def test_both_references_of_the_beam_agree_with_an_implicit_integrator():
     beam, time = AssumedModesBeam(HubBeamParameters(tip_mass=0.1), "sfoam", 3), np.linspace(0.0, 0.05, 51)
     for reference, other in (
-        (of_beam.restarted(beam, time, 1e-12), of_beam.restarted(beam, time, 1e-12, "Radau")),
+        (of_beam.sampled_reference(beam, time), of_beam.restarted(beam, time, 1e-12, "Radau")),
         (of_beam.responded(beam, time, "DOP853", 1e-12), of_beam.responded(beam, time, "Radau", 1e-11)),
     ):
         np.testing.assert_allclose(other, reference, atol=1e-8 * np.abs(reference).max())

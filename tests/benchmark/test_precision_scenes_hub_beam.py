@@ -7,8 +7,8 @@ import pytest
 from boomctl.benchmark.precision.scenes.hub_beam import Drive, judge, machine, until
 from boomctl.benchmark.precision.scenes.hub_beam_motion import hub_beam_models, hub_beam_motion
 from boomctl.benchmark.precision.scenes.hub_beam_torque import hub_beam_torque, hub_beam_torque_models
-from boomctl.benchmark.rotating_beam.exudyn import exudyn_available, exudyn_tip
 from boomctl.benchmark.rotating_beam.extrapolation import extrapolated
+from boomctl.benchmark.rotating_beam.exudyn import exudyn_available, exudyn_tip
 from boomctl.benchmark.rotating_beam.peers import SPIN_UP, TORQUE, Ode, spin_up_ode, torque_ode
 from boomctl.rotating_beam import AssumedModesBeam, hub_beam
 from boomctl.rotating_beam.exact.forced import exact_lagrangian

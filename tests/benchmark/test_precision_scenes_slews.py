@@ -27,9 +27,7 @@ def test_the_replay_finds_the_end_that_ours_reaches():
 
 def test_the_least_effort_is_that_of_ours_extrapolated():
     ours = [
-        optimal_slew(
-            EFFORT.beam, EFFORT.angle, 200.0, "effort", EFFORT.duration, method="shooting", intervals=n
-        ).cost
+        optimal_slew(EFFORT.beam, EFFORT.angle, 200.0, "effort", EFFORT.duration, method="shooting", intervals=n).cost
         for n in (100, 200)
     ]
     least = Referee(EFFORT).least_effort()

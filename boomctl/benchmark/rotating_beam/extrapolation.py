@@ -1,4 +1,4 @@
-"""Motions to rounding by extrapolation, for references: Gragg's modified midpoint rule, extrapolated in Bulirsch and Stoer's way.
+"""Motions to rounding, for references: Gragg's modified midpoint rule, extrapolated as Bulirsch and Stoer do.
 
 It shares nothing with this package's solvers, nor with the integrators that these are compared with.
 
@@ -51,7 +51,10 @@ def extrapolated(equations: Ode, timepts: Array, substeps: int, columns: int = _
 
 
 def extrapolated_step(rate: Callable[[Any, Any], Any], x: Any, t: Any, h: Any, columns: int = _COLUMNS) -> Any:
-    """Return the state after a step: midpoint rules of 2, 4, 6, ... parts, whose errors are series in the square of a part."""
+    """Return the state after a step, of midpoint rules of 2, 4, 6, ... parts.
+
+    Their errors are series in the square of a part.
+    """
     found = []
     for count in range(1, columns + 1):
         part = h / (2 * count)

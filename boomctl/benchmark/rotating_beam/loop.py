@@ -12,6 +12,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.benchmark.report import Measured, Row, Tell, race
+from boomctl.benchmark.rotating_beam.extrapolation import extrapolated_step
 from boomctl.benchmark.timing import Job, interleaved
 from boomctl.lti.python_control import control
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
@@ -92,6 +93,21 @@ def restarted(beam: AssumedModesBeam, time: Array, tolerance: float, method: str
         options = {"rtol": max(tolerance, 3e-14), "atol": 1e-2 * tolerance}
         x = solve_ivp(derivative, (start, end), x, method, **options).y[:, -1]
         found[k + 1] = row @ x[1:size]
+    return found
+
+
+def sampled_reference(beam: AssumedModesBeam, time: Array) -> Array:
+    """Return the tip's displacement to rounding: the equations derived from the energies, extrapolated between samples."""
+    import casadi as ca
+
+    f, size, row = beam.casadi_function(), beam.equations.size, beam.equations.tip.transverse
+    x, u = ca.SX.sym("x", 2 * size), ca.SX.sym("u")
+    step = ca.Function("step", [x, u], [extrapolated_step(lambda a, _: f(a, u)[0], x, 0.0, float(time[1] - time[0]))])
+    state, found = np.zeros(2 * size), np.zeros(time.size)
+    for k in range(1, time.size):
+        asked = _GAINS[0] * (state[0] - _ANGLE) + _GAINS[1] * state[size]
+        state = np.array(step(state, min(max(asked, -_LIMIT), _LIMIT))).ravel()
+        found[k] = row @ state[1:size]
     return found
 
 

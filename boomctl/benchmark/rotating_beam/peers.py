@@ -47,7 +47,7 @@ def scipy_spin_up(beam: AssumedModesBeam, method: str, timepts: Array = INSTANTS
 
 @dataclass(frozen=True)
 class Ode:
-    """A motion from rest as CasADi writes it: states, time [s], the states' rates, and the row that reads the tip off them."""
+    """A motion from rest in CasADi: states, time [s], the states' rates, and the row that reads the tip off the states."""
 
     x: Any
     t: Any

@@ -6,6 +6,7 @@ energies, motions are extrapolated, programmes are `casadi.Opti`'s.
 
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class Referee:
         self.effort = effort
 
     @cached_property
-    def _step(self):  # noqa: ANN202
+    def _step(self) -> Any:
         """Function of state, held torque [N m] and step [s]."""
         import casadi as ca
 

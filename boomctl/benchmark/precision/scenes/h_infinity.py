@@ -29,7 +29,7 @@ _SEARCHES: dict[Extent, tuple[tuple[int, float], ...]] = {
     "quick": ((1, 1e-1), (1, 1e-4), (4, 1.0)),
     "whole": ((1, 1e-1), (1, 1e-2), (1, 1e-3), (1, 1e-4), (1, 1e-6), (3, 1e-2), (3, 1e-4), (4, 1.0)),
 }
-"""Job (1 bisection, 3 bisection and scanning, 4 the given level) and tolerance of SB10AD; its scanning alone takes seconds."""
+"""Job (1 bisection, 3 bisection and scanning, 4 the given level) and tolerance of SB10AD; scanning alone takes seconds."""
 
 
 def h_infinity_design(extent: Extent) -> Scene:

@@ -10,7 +10,6 @@ from boomctl.arrays import Array
 from boomctl.benchmark.precision.scene import Setting
 from boomctl.benchmark.rotating_beam.exudyn import exudyn_available, exudyn_tip
 from boomctl.benchmark.rotating_beam.peers import (
-    TORQUE,
     Motion,
     casadi_spin_up,
     casadi_torque,
@@ -96,13 +95,17 @@ def ours(drive: Drive, model: str, cases: Iterable[tuple[int, float]]) -> Iterat
         )
 
 
-def integrated(drive: Drive, model: str, modes: int, methods: Iterable[tuple[str, tuple[float, ...]]]) -> Iterator[Setting]:
+def integrated(
+    drive: Drive, model: str, modes: int, methods: Iterable[tuple[str, tuple[float, ...]]]
+) -> Iterator[Setting]:
     """Give general-purpose integrators on the equations of a model, each method at some tolerances."""
     for method, tolerances in methods:
         casadi = method in ("IDAS", "CVODES")
         for tolerance in tolerances:
 
-            def build(change: float, method: str = method, casadi: bool = casadi, tolerance: float = tolerance) -> Motion:
+            def build(
+                change: float, method: str = method, casadi: bool = casadi, tolerance: float = tolerance
+            ) -> Motion:
                 beam = AssumedModesBeam(machine(change), model, modes)
                 return (
                     drive.in_casadi(beam, method.lower(), tolerance)
@@ -136,5 +139,3 @@ def in_exudyn(drive: Drive, cases: Iterable[tuple[int, float]]) -> Iterator[Sett
 def missing_exudyn() -> tuple[str, ...]:
     """Name exudyn where it is not installed."""
     return () if exudyn_available() else ("exudyn: not installed",)
-
-

@@ -76,7 +76,7 @@ def hub_beam_motion(extent: Extent) -> Scene:
         settings=(*mine, *integrated(drive, "sfoam", _MODES, _PEERS[extent])),
         error=judge(exact),
         remarks=(
-            "Everybody solves the same equations; the modal integrals of the peers are ours, computed in their cold calls too.",
+            "Everybody solves the same equations; the peers' modal integrals are ours, computed in their cold calls too.",
             "Hot: the beam of ours and the integrator of CasADi are ready; solve_ivp has nothing to keep.",
             "Ours starts with steps in which every mode vibrates exactly: they are more exact than the loosest tolerances ask"
             " for, and none cheaper.",

@@ -19,7 +19,11 @@ from boomctl.rotating_beam.factory import hub_beam
 _MODES = 5  # of SFOAM, of which the integrators are compared
 _SUBSTEPS = 10  # of the reference, from instant to instant: with twice as many it moves by 5e-13 of the largest
 _CALL = f"bc.sine_torque({TORQUE.amplitude:g}, {TORQUE.period:g}, {TORQUE.duration:g})"
-_END, _MODELS_END, _QUICK_END = 60.0, 30.0, 10.0  # s, of the motion; of that by which models are compared, whole and quick
+_END, _MODELS_END, _QUICK_END = (
+    60.0,
+    30.0,
+    10.0,
+)  # s, of the motion; of that by which models are compared, whole and quick
 _CONVERGED: dict[Extent, tuple[int, float]] = {"quick": (6, 1e-7), "whole": (8, 1e-8)}
 """Polynomials and tolerance of the geometrically exact beam from which models are measured."""
 
