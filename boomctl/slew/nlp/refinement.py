@@ -123,9 +123,10 @@ def _gap(cost: float, other: float) -> float:
 
 
 def _companion(problem: SlewProblem, programme: Programme, solution: Solution) -> Solution:
-    """The solution on a mesh half as fine, or twice as fine where that one allows none, as exact, or nearly, as the given.
+    """The solution on a mesh half as fine, or twice as fine where that one is too coarse; it is about as exact as the given.
 
-    It tells the cost alone and is not replayed.
+    Too coarse is a mesh on which the linear part's least effort does not come to the end, or that allows no slew. The
+    solution tells the cost alone: it is not replayed.
     """
     scheme = programme.transcription.scheme
     intervals, order = scheme.intervals, scheme.order

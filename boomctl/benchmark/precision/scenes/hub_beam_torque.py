@@ -44,15 +44,15 @@ _PEERS: dict[Extent, tuple[tuple[str, tuple[float, ...]], ...]] = {
 _MODELS: dict[Extent, dict[str, tuple[tuple[int, float], ...]]] = {
     "quick": {
         "tlam": ((3, 1e-3),),
-        "sfoam": ((1, 1e-3), (3, 1e-3), (5, 1e-5)),
-        "foam": ((3, 1e-3),),
+        "sfoam": ((1, 1e-2), (3, 1e-2), (5, 1e-2)),
+        "foam": ((3, 1e-2),),
         "geometrically-exact": ((3, 1e-3), (4, 1e-4)),
     },
     "whole": {
         "tlam": ((1, 1e-3), (3, 1e-3), (5, 1e-3)),
-        "sfoam": tuple((modes, 1e-4) for modes in (1, 2, 3, 5, 10)),
-        "foam": tuple((modes, 1e-4) for modes in (1, 2, 3, 5, 10)),
-        "cfoam": tuple((modes, 1e-4) for modes in (1, 2, 3, 5)),
+        "sfoam": tuple((modes, 1e-2) for modes in (1, 2, 3, 5, 10)),
+        "foam": tuple((modes, 1e-2) for modes in (1, 2, 3, 5, 10)),
+        "cfoam": tuple((modes, 1e-3) for modes in (1, 2, 3, 5)),
         "geometrically-exact": ((2, 1e-2), (3, 1e-3), (4, 1e-4), (5, 1e-5), (6, 1e-6)),
     },
 }
