@@ -24,7 +24,9 @@ _START = 1000.0  # level from which slycot's searches start: a guess that is hig
 _FAST = 1e9  # rad/s: poles of a controller that only a tight tolerance needs
 
 _TOLERANCES: dict[Extent, tuple[float, ...]] = {"quick": (0.1, 1e-2, 1e-4), "whole": (1.0, 0.1, 1e-2, 1e-3, 1e-4)}
+"""Tolerances of ours."""
 _TIGHT: dict[Extent, tuple[float, ...]] = {"quick": (), "whole": (1e-5, 1e-6, 1e-7)}
+"""Tolerances of ours that only fast poles allow."""
 _SEARCHES: dict[Extent, tuple[tuple[int, float], ...]] = {
     "quick": ((1, 1e-1), (1, 1e-4), (4, 1.0)),
     "whole": ((1, 1e-1), (1, 1e-2), (1, 1e-3), (1, 1e-4), (1, 1e-6), (3, 1e-2), (3, 1e-4), (4, 1.0)),

@@ -31,6 +31,7 @@ _TOLERANCES: dict[Extent, tuple[float, ...]] = {
     "quick": (1e-2, 1e-6, 1e-8),
     "whole": (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10),
 }
+"""Relative tolerances of ours: from looser than anyone wants to rounding."""
 _PEERS: dict[Extent, tuple[tuple[str, tuple[float, ...]], ...]] = {
     "quick": (("IDAS", (1e-3, 1e-6)),),
     "whole": (
@@ -41,6 +42,7 @@ _PEERS: dict[Extent, tuple[tuple[str, tuple[float, ...]], ...]] = {
         ("CVODES", (1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
     ),
 }
+"""Methods and relative tolerances of the others; a quick run has the fastest that are known."""
 _MODELS: dict[Extent, dict[str, tuple[tuple[int, float], ...]]] = {
     "quick": {
         "tlam": ((3, 1e-3),),
@@ -56,14 +58,17 @@ _MODELS: dict[Extent, dict[str, tuple[tuple[int, float], ...]]] = {
         "geometrically-exact": ((2, 1e-2), (3, 1e-3), (4, 1e-4), (5, 1e-5), (6, 1e-6)),
     },
 }
+"""Modes and relative tolerances of each model of ours; the tolerances are far below the error of the model."""
 _MODEL_PEERS: dict[Extent, tuple[tuple[int, tuple[tuple[str, tuple[float, ...]], ...]], ...]] = {
     "quick": ((3, (("IDAS", (1e-4,)),)),),
     "whole": tuple((modes, (("IDAS", (1e-4,)),)) for modes in (1, 3, 5)),
 }
+"""Modes, methods and relative tolerances of the others on SFOAM's equations."""
 _EXUDYN: dict[Extent, tuple[tuple[int, float], ...]] = {
     "quick": ((4, 0.02),),
     "whole": ((4, 0.05), (4, 0.02), (8, 0.01), (8, 0.005), (16, 0.0025)),
 }
+"""Elements and time steps [s], from fast to exact."""
 
 
 def hub_beam_torque(extent: Extent) -> Scene:

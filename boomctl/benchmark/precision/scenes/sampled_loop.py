@@ -24,7 +24,7 @@ _SAME = 1e-12  # error below which none is told from another: rounding, of the r
 _MODES, _TIP_MASS = 5, 0.1  # of SFOAM; kg
 
 _SPAN: dict[Extent, float] = {"quick": 0.25, "whole": 1.0}
-"""How long the motion lasts [s]: everybody's run time is proportional to it, and the slowest takes ten seconds for one."""
+"""How long the motion lasts [s]: run times are proportional to it, and the slowest takes some seconds for one."""
 
 _CONTROL: dict[Extent, tuple[tuple[str, tuple[float, ...]], ...]] = {
     "quick": (("RK45", (1e-3,)),),
@@ -36,14 +36,17 @@ _CONTROL: dict[Extent, tuple[tuple[str, tuple[float, ...]], ...]] = {
         ("Radau", (1e-3, 1e-5)),
     ),
 }
+"""Methods of python-control's integrators, and their relative tolerances."""
 _RESTARTED: dict[Extent, tuple[tuple[str, tuple[float, ...]], ...]] = {
     "quick": (("DOP853", (1e-6,)),),
     "whole": (("RK45", (1e-3, 1e-6, 1e-9)), ("DOP853", (1e-3, 1e-6, 1e-9)), ("LSODA", (1e-6,))),
 }
+"""Methods of solve_ivp, and their relative tolerances."""
 _TOLERANCES: dict[Extent, tuple[float, ...]] = {
     "quick": (1e-3, 1e-8),
     "whole": (1e-2, 1e-4, 1e-6, 1e-8, 1e-10),
 }
+"""Relative tolerances of ours: from looser than anyone wants to rounding."""
 
 _REMARKS = (
     "python-control's loop has a continuous controller, and its error is to the exact solution of that; all others have the"

@@ -18,6 +18,7 @@ _ANGLE, _LIMIT = np.pi / 2, 200.0  # rad, N m: a quarter turn
 _DURATION: dict[Extent, float] = {"quick": 3.2, "whole": 3.0}
 """Of the slew of least effort [s]; the least time is 2.91 s."""
 _MODES: dict[Extent, int] = {"quick": 1, "whole": 3}
+"""Modes of SFOAM."""
 _REFERENCE: dict[Extent, int] = {"quick": 200, "whole": 400}
 """Intervals of the references: with half as many the least effort moves by 1e-8 (1 mode) and 2e-6 (3 modes)."""
 _NEAR = 0.99  # of the angle: where what is kept ready for a second slew comes from
@@ -31,6 +32,7 @@ _OURS: dict[Extent, tuple[tuple[str, int], ...]] = {
         ("radau", 100),
     ),
 }
+"""Methods and numbers of intervals of ours."""
 _OPTI: dict[Extent, tuple[tuple[bool, int, int], ...]] = {
     "quick": ((True, 50, 1), (True, 200, 1)),
     "whole": (
@@ -42,7 +44,9 @@ _OPTI: dict[Extent, tuple[tuple[bool, int, int], ...]] = {
 }
 """Whether the step is mapped, intervals, steps of RK4 on each."""
 _ROCKIT: dict[Extent, tuple[int, ...]] = {"quick": (), "whole": (100, 200)}
+"""Numbers of intervals of rockit, which takes seconds to build."""
 _TOLERANCES: dict[Extent, tuple[float, ...]] = {"quick": (1e-4, 1e-8), "whole": (1e-3, 1e-6, 1e-9)}
+"""Tolerances of the end of ours of least time."""
 
 
 def _beam(extent: Extent, change: float) -> AssumedModesBeam:
