@@ -44,6 +44,7 @@ class _Run:
 
     call: Callable[[], object]
     first: float
+    clock: Callable[[], float]
     failed: str = ""
     once: float = 0.0
     calls: int = 1
@@ -56,13 +57,13 @@ class _Run:
     def taken(self, times: int) -> float:
         """Return the processor time of so many calls [s]; what fails with changed parameters takes no further turns."""
         with _no_collection():
-            start = _clock()
+            start = self.clock()
             try:
                 for _ in range(times):
                     self.call()
             except Exception as raised:
                 self.failed = _in_words(raised)
-            return _clock() - start
+            return self.clock() - start
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ def measured(scene: Scene, seconds: float, tell: Tell) -> Diagram:
         answered = []
         for setting in scene.settings:
             tell(f"{scene.key}: {setting.competitor}, {setting.label}")
-            answered.append(_answer(setting, scene.error, changes))
+            answered.append(_answer(setting, scene, changes))
         runs = [run for found in answered if not found.failed for run in found.runs.values()]
         tell(f"{scene.key}: {len(runs)} runs take turns")
         _take_turns(runs, seconds)
@@ -113,23 +114,27 @@ def _changes() -> Iterator[float]:
     return (low + (high - low) * (k * _GOLDEN % 1.0) for k in count(1))
 
 
-def _answer(setting: Setting, error: Callable[[Any], float], changes: Iterator[float]) -> _Answered:
+def _answer(setting: Setting, scene: Scene, changes: Iterator[float]) -> _Answered:
     """Ask a setting once in either way, unchanged, and judge what it says."""
+
+    def clock() -> float:
+        return _clock() + scene.elsewhere()
+
     runs: dict[Way, _Run] = {}
     worst, answer = 0.0, None
     try:
         cold, hot = setting.cold, setting.hot
         if cold is not None:
-            start = _clock()
+            start = clock()
             answer = cold(0.0)
-            runs["cold"] = _Run(lambda: cold(next(changes)), _clock() - start)
-            worst = max(worst, _judged(error, answer))
+            runs["cold"] = _Run(lambda: cold(next(changes)), clock() - start, clock)
+            worst = max(worst, _judged(scene.error, answer))
         if hot is not None:
             ready = setting.prepare()
-            start = _clock()
+            start = clock()
             answer = hot(ready)
-            runs["hot"] = _Run(lambda: hot(ready), _clock() - start)
-            worst = max(worst, _judged(error, answer))
+            runs["hot"] = _Run(lambda: hot(ready), clock() - start, clock)
+            worst = max(worst, _judged(scene.error, answer))
     except Exception as raised:  # whatever a competitor raises is a point that failed, and said to be one
         return _Answered(setting, inf, _in_words(raised), {})
     failed = "" if runs and isfinite(worst) else "its answer is not finite" if runs else "it has no way to answer"

@@ -24,6 +24,16 @@ SCENES: dict[str, str] = {
     "boom-peak": "boom_peak:boom_peak",
     "boom-time": "boom_time:boom_time",
     "boom-reduction": "boom_reduction:boom_reduction",
+    "boom-loop": "sampled_loop:boom_loop",
+    "h-infinity": "h_infinity:h_infinity_design",
+    "h-infinity-si": "h_infinity:h_infinity_si",
+    "hub-beam-motion": "hub_beam_motion:hub_beam_motion",
+    "hub-beam-models": "hub_beam_motion:hub_beam_models",
+    "hub-beam-torque": "hub_beam_torque:hub_beam_torque",
+    "hub-beam-torque-models": "hub_beam_torque:hub_beam_torque_models",
+    "beam-loop": "sampled_loop:beam_loop",
+    "slew-effort": "slews:least_effort",
+    "slew-time": "slews:fastest",
 }
 STUDIES = ("lumped-masses", "growth", "limits")
 """What is no single diagram."""

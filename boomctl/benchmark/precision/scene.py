@@ -63,6 +63,8 @@ class Scene:
         Peers that are not installed, or cannot do this, with the reason; named in the report.
     remarks : tuple of str
         What a reader has to know to read the diagram.
+    elsewhere : callable
+        Processor time that was spent on answers so far by other processes that run on [s]; it counts as ours does.
     """
 
     key: str
@@ -73,6 +75,7 @@ class Scene:
     error: Callable[[Any], float]
     missing: tuple[str, ...] = ()
     remarks: tuple[str, ...] = field(default=())
+    elsewhere: Callable[[], float] = field(default=lambda: 0.0)
 
 
 Extent = Literal["quick", "whole"]

@@ -22,6 +22,7 @@ _ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limi
 _EXCESS = 1e-9  # relative, over a limit, in a replay: rounding of the integrator
 _TIGHTER, _AT_LEAST = 1.1, 1e-6  # by how many times an excess, and how much more, a limit is tightened
 _HIGHEST = 9  # collocation points, order 17 and more: beyond, a step is not what the replay finds in error; a choice
+_ARRIVES = 1e-6  # of the largest of each state on the way, that a first guess may miss at the end: rounding is far less
 _LONGER = 1.5  # times the linear part's least time: what a first guess takes within more limits than the torque's
 
 
@@ -66,7 +67,7 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
         path = (f"{problem.method} on {problem.intervals} intervals",)
         programme, solution = _solved(problem, _guess(problem, least, None, problem.intervals), problem.intervals)
         try:
-            gap = _gap(solution.cost, _companion(problem, problem.intervals, solution).cost)
+            gap = _gap(solution.cost, _companion(problem, programme, solution).cost)
         except OutOfTime as over:
             return Refined(programme, solution, np.inf, (*path, f"out of time: {over}"))
         return Refined(programme, solution, gap, path)
@@ -121,14 +122,30 @@ def _gap(cost: float, other: float) -> float:
     return abs(cost - other) / max(abs(cost), 1e-300)
 
 
-def _companion(problem: SlewProblem, intervals: int, solution: Solution) -> Solution:
-    """The solution on a mesh half as fine, or twice as fine where that one allows none."""
+def _companion(problem: SlewProblem, programme: Programme, solution: Solution) -> Solution:
+    """The solution on a mesh half as fine, or twice as fine where that one is too coarse; it is about as exact as the given.
+
+    Too coarse is a mesh on which the linear part's least effort does not come to the end, or that allows no slew. The
+    solution tells the cost alone: it is not replayed.
+    """
+    scheme = programme.transcription.scheme
+    intervals, order = scheme.intervals, scheme.order
     if intervals >= 4 * problem.ends.shape[0]:  # fewer than two an end condition would leave nothing to choose
-        try:
-            return _solved(problem, _guess(problem, None, solution.history, intervals // 2), intervals // 2)[1]
-        except SlewError:
-            pass
-    return _solved(problem, _guess(problem, None, solution.history, 2 * intervals), 2 * intervals)[1]
+        guess = _guess(problem, None, solution.history, intervals // 2)
+        if guess.free is None or _arrives(problem, guess):
+            finer = 2 * order if problem.method == "shooting" else min(order + 1, _HIGHEST)
+            try:
+                return _solved(problem, guess, intervals // 2, rough=True, order=finer)[1]
+            except SlewError:
+                pass
+    guess = _guess(problem, None, solution.history, 2 * intervals)
+    return _solved(problem, guess, 2 * intervals, rough=True, order=order)[1]
+
+
+def _arrives(problem: SlewProblem, guess: Guess) -> bool:
+    """Whether the linear part's least effort comes to the end: where it does not, the mesh is most likely too coarse."""
+    way = np.abs(problem.ends) @ guess.sizes
+    return bool((np.abs(problem.ends @ (guess.states[-1] - problem.target)) <= _ARRIVES * way).all())
 
 
 def _ramps(problem: SlewProblem) -> bool:
@@ -148,12 +165,16 @@ def _guess(problem: SlewProblem, least: TorqueHistory | None, before: TorqueHist
     return guess_from(problem, before, intervals, _ramps(problem))
 
 
-def _solved(problem: SlewProblem, guess: Guess, intervals: int, rough: bool = False) -> tuple[Programme, Solution]:
+def _solved(
+    problem: SlewProblem, guess: Guess, intervals: int, rough: bool = False, order: int | None = None
+) -> tuple[Programme, Solution]:
     """Solve on a mesh, with the order raised and the limits tightened until the replay keeps what was asked.
 
     A rough solution is not replayed: it tells the cost, and where to start on the next mesh.
     """
-    order, limits = 1 if problem.method == "shooting" else 3, problem.limits
+    if order is None:
+        order = 1 if problem.method == "shooting" else 3
+    limits = problem.limits
     programme, before, missed, worst = None, guess, np.inf, np.inf
     for _ in range(_ROUNDS):
         if programme is None:
