@@ -83,7 +83,7 @@ def tasks(extent: Extent) -> tuple[Task, ...]:
     few = np.linspace(0.0, 60.0, 1501)
 
     def some(sizes: Sequence[int]) -> tuple[int, ...]:
-        return (sizes[0], sizes[len(sizes) // 2], sizes[-2]) if quick else tuple(sizes)
+        return (sizes[0], sizes[(len(sizes) - 3) // 2], sizes[-3]) if quick else tuple(sizes)
 
     def driven(seconds: int) -> tuple[Any, dict[str, Any]]:
         times = np.arange(round(seconds / time[1]) + 1) * time[1]

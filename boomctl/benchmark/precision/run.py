@@ -39,7 +39,7 @@ STUDIES = ("lumped-masses", "growth", "limits")
 """What is no single diagram."""
 
 _SECONDS: dict[Extent, float] = {
-    "quick": 2.0,
+    "quick": 1.0,
     "whole": 30.0,
 }  # of turns of a scene: together a minute, a quarter of an hour
 _SHARE = 0.2  # of that, for each of the small diagrams of lumped masses
