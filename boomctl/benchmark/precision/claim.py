@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import log
 
 from boomctl.benchmark.precision.diagram import Diagram, Point
-from boomctl.benchmark.precision.recommended import LEVELS, level_words
+from boomctl.benchmark.precision.recommended import LEVELS, error_words, level_words
 from boomctl.benchmark.precision.scenes.lumped_masses import DISCRETE, FINITE
 from boomctl.report import Table
 
@@ -98,7 +98,8 @@ def _falls(diagrams: Mapping[float, Diagram]) -> Iterator[str]:
         power = log(first.error / last.error) / log(ratios[1] / ratios[0])
         yield (
             f"From {ratios[0]:g} to {ratios[1]:g} times the beam's mass the error of {name} on the coarsest mesh,"
-            f" {first.label}, falls from {first.error:.1e} to {last.error:.1e}, as the ratio to the power {-power:.2f}."
+            f" {first.label}, falls from {error_words(first.error)} to {error_words(last.error)}, as the ratio to the power"
+            f" {-power:.2f}."
         )
 
 
@@ -106,7 +107,7 @@ def verdict_table(found: tuple[Verdict, ...]) -> Table:
     """Return the table of the verdicts."""
 
     def words(point: Point | None) -> tuple[str, str]:
-        return ("", "") if point is None else (str(point.size), f"{point.error:.1e}")
+        return ("", "") if point is None else (str(point.size), error_words(point.error))
 
     lines = tuple(
         (f"{v.ratio:g}", level_words(v.wanted), *words(v.finite), *words(v.discrete), v.fewer, v.faster) for v in found

@@ -6,13 +6,30 @@ from pathlib import Path
 
 from boomctl.benchmark.precision.diagram import Diagram, Point, Way
 from boomctl.files import write_whole
-from boomctl.report import Table, number
+from boomctl.report import Table, number, power
+
+NAMES = (
+    'Names: import boomctl as bc; p = bc.BoomParameters(); actuators = ("actuator_left", "actuator_right"); tips ='
+    ' ("tip_left", "tip_right"); omega: frequencies, rad/s; wheels: {"actuator_left": ..., "actuator_right": ...}, motions at'
+    " the instants time."
+)
+"""What stands for what in the settings' calls."""
 
 LEVELS = (1e-2, 1e-3, 1e-6)
 """Relative errors for which settings are recommended."""
 
-HEADS = ("Question", "Wanted", "Setting", "Error", "From new parameters", "Model ready", "Memory", "Best other", "Call")
+HEADS = (
+    "Question",
+    "Wanted",
+    "Write",
+    "Its error",
+    "New parameters",
+    "Model ready",
+    "Memory",
+    "Best other, new parameters",
+)
 _ALIKE = 1.15  # times the shortest run time up to which the most exact is taken: medians differ by as much (a choice)
+_SPACE = "\u00a0"  # between a number and its unit, where no line breaks
 _PAGE_HEAD = "| wanted | write | error | new parameters | model ready | memory | best other |"
 _BEGIN = "<!-- what follows is written by `boomctl benchmark precision --page` -->"
 _END = "<!-- what precedes is written by `boomctl benchmark precision --page` -->"
@@ -64,26 +81,31 @@ def recommendations(diagrams: Iterable[Diagram], levels: Sequence[float] = LEVEL
 def recommendation_table(found: Iterable[Recommendation]) -> Table:
     """Return the table of recommended settings."""
     caption = (
-        "Run times are medians of processor time on the machine named below. 'Best other' is the fastest other program that"
-        " is as exact as wanted, from new parameters, and how many times longer than the setting it takes."
+        "Run times are medians of processor time on the machine named below: of a call from new parameters, and of one more"
+        " with the model ready. 'Best other' is the fastest other program that is as exact as wanted, and how many times as"
+        f" long it takes. {NAMES}"
     )
-    return Table(HEADS, tuple(map(_cells, found)), caption, align="lllrrrrll")
+    lines, before = [], None
+    for each in found:
+        head = "" if each.diagram is before else each.diagram.title  # said once, above its lines
+        lines.append((head, *recommended_cells(each)))
+        before = each.diagram
+    return Table(HEADS, tuple(lines), caption, align="lllrrrrl")
 
 
-def _cells(found: Recommendation) -> tuple[str, ...]:
+def recommended_cells(found: Recommendation) -> tuple[str, ...]:
+    """Return what is wanted, what to write, error, run times, memory, and the best of the others, in words."""
     wanted, point = level_words(found.wanted), found.point
-    head = (found.diagram.title, wanted)
     if point is None:
-        return (*head, "none of ours is so exact", *[""] * 4, _other(found), "")
+        return (wanted, "none of ours is so exact", *[""] * 4, _other(found))
     return (
-        *head,
-        f"{point.competitor}, {point.label}",
-        f"{point.error:.1e}",
+        wanted,
+        point.call,
+        error_words(point.error),
         duration(point.cold),
         duration(point.hot),
         memory_words(point.memory),
         _other(found),
-        point.call,
     )
 
 
@@ -97,8 +119,13 @@ def _other(found: Recommendation) -> str:
 
 
 def level_words(level: float) -> str:
-    """Return an error as it is spoken of: "0.1 %", "1e-06"."""
-    return f"{100 * level:g} %" if level >= 1e-4 else f"{level:g}"
+    """Return an error as it is spoken of: "0.1 %", "1e-6"."""
+    return f"{100 * level:g} %" if level >= 1e-4 else f"{level:g}".replace("e-0", "e-")
+
+
+def error_words(error: float) -> str:
+    """Return an error with two digits, which no line breaks: "2.1·10⁻³"."""
+    return power(error, 2) if error else "0"
 
 
 def duration(seconds: float | None) -> str:
@@ -106,17 +133,17 @@ def duration(seconds: float | None) -> str:
     if seconds is None:
         return ""
     scale, unit = (1.0, "s") if seconds >= 1.0 else (1e3, "ms") if seconds >= 1e-3 else (1e6, "µs")
-    return f"{scale * seconds:.3g} {unit}"
+    return f"{scale * seconds:.3g}{_SPACE}{unit}"
 
 
 def memory_words(size: int | None) -> str:
     """Return an amount of memory with its unit."""
-    return "" if size is None else f"{size / 1e6:.3g} MB"
+    return "" if size is None else f"{size / 1e6:.3g}{_SPACE}MB"
 
 
 def page_text(found: Sequence[Recommendation], machine: str) -> str:
     """Return the tables of the page, as Markdown, a table for each question."""
-    parts = [f"Measured on: {machine}.", ""]
+    parts = [f"Measured on: {machine}.", "", NAMES.replace("{", "`{").replace("}", "}`"), ""]
     for diagram in dict.fromkeys(each.diagram for each in found):
         parts += [
             f"### {diagram.title}",
@@ -131,10 +158,8 @@ def page_text(found: Sequence[Recommendation], machine: str) -> str:
         ]
         for each in found:
             if each.diagram is diagram:
-                wanted, point = level_words(each.wanted), each.point
-                cells = _cells(each)
-                call = "none of ours is so exact" if point is None else f"`{point.call}`"
-                parts.append(f"| {wanted} | {call} | {' | '.join(cell.replace('|', ' ') for cell in cells[3:8])} |")
+                wanted, call, *others = (cell.replace("|", " ") for cell in recommended_cells(each))
+                parts.append(f"| {wanted} | {call if each.point is None else f'`{call}`'} | {' | '.join(others)} |")
         parts.append("")
     return "\n".join(parts)
 

@@ -10,9 +10,9 @@ from boomctl.benchmark.precision.diagram import Diagram, Lead, Point, Way
 from boomctl.benchmark.precision.growth import Growth
 from boomctl.benchmark.precision.limits import Limit, Rates
 from boomctl.benchmark.precision.recommended import (
-    HEADS,
     Recommendation,
     duration,
+    error_words,
     memory_words,
     page_text,
     recommendation_table,
@@ -147,7 +147,7 @@ class PrecisionReport:
         from rich.console import Group
         from rich.text import Text
 
-        shown = [_sheet("What to use", recommendation_table(self.recommended), HEADS.index("Call"))]
+        shown = [_sheet("What to use", recommendation_table(self.recommended))]
         shown.append(_sheet("Whose front is ahead", _lead_table(self.diagrams)))
         shown += [_sheet("How cost grows", _growth_table(self.growths))] if self.growths else []
         shown += [_sheet("Distance from the limit", _limit_table(self.limits))] if self.limits else []
@@ -247,7 +247,7 @@ def _point_table(diagram: Diagram) -> Table:
     lines = []
     for p in diagram.points:
         on = ", ".join(way for way in get_args(Way) if p in fronts[way])
-        error = p.failed or f"{p.error:.1e}"
+        error = p.failed or error_words(p.error)
         lines.append((p.competitor, p.label, error, duration(p.cold), duration(p.hot), memory_words(p.memory), on))
     heads = ("Competitor", "Setting", "Error", "Cold", "Hot", "Memory", "On the front")
     return Table(heads, tuple(lines), align="llrrrrl")
@@ -266,20 +266,20 @@ def lead_words(diagram: Diagram, way: Way) -> str:
             f" {number(least.ratio, 2)} times at least ({_at(least)})."
         )
     worst = min(behind, key=lambda lead: lead.ratio)
-    beyond = [lead for lead in behind if lead.ours is None]
+    beyond, at = [lead for lead in behind if lead.ours is None], [lead.error for lead in behind]
     words = (
         f"{_WAY_WORDS[way].capitalize()}, our front is NOT ahead at {len(behind)} of {len(leads)} points of theirs: "
     )
     if beyond:
         return words + f"none of ours is as exact as {_at(beyond[-1])}."
     return words + (
-        f"errors from {min(lead.error for lead in behind):.1e} to {max(lead.error for lead in behind):.1e}, most at"
+        f"errors from {error_words(min(at))} to {error_words(max(at))}, most at"
         f" {_at(worst)}, where we take {number(1.0 / worst.ratio, 2)} times as long, {_excess(worst, way)} more."
     )
 
 
 def _at(lead: Lead) -> str:
-    return f"{lead.error:.1e}, {lead.other.competitor}, {lead.other.label}"
+    return f"{error_words(lead.error)}, {lead.other.competitor}, {lead.other.label}"
 
 
 def _excess(lead: Lead, way: Way) -> str:
@@ -309,7 +309,7 @@ def _lead_table(diagrams: tuple[Diagram, ...]) -> Table:
                 (
                     diagram.key,
                     way,
-                    f"{max(ends):.0e} to {min(ends):.0e}",
+                    f"{error_words(max(ends))} to {error_words(min(ends))}",
                     "yes" if least.ratio >= 1.0 else "NO",
                     _times(least.ratio),
                     f"{_at(least)}; ours: {_named(least.ours)}",
@@ -353,12 +353,8 @@ def _limit_table(found: tuple[Limit, ...]) -> Table:
     return Table(("Path", "Counted", "Run time", "Limit", "Times the limit", "Limited by"), lines, align="llrrrl")
 
 
-def _sheet(title: str, table: Table, left_out: int | None = None) -> Sheet:
-    """Return a table for a terminal, without a column that is too wide for it."""
-    kept = [k for k in range(len(table.heads)) if k != left_out]
-    return Sheet(
-        title, tuple(table.heads[k] for k in kept), tuple(tuple(line[k] for k in kept) for line in table.lines)
-    )
+def _sheet(title: str, table: Table) -> Sheet:
+    return Sheet(title, table.heads, table.lines)
 
 
 def _missing(diagrams: tuple[Diagram, ...]) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from math import isfinite
 from typing import Any, Protocol
 
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from boomctl.plotting.canvas import COLOURS, few_labels, new_figure, panels, style
 
@@ -116,6 +117,9 @@ def plot_sizes(diagrams: Mapping[str, _Diagram], names: Sequence[str], ax: Any =
                 )
             drawn_on.set_xscale("log")
             drawn_on.set_yscale("log")
+            drawn_on.xaxis.set_major_locator(LogLocator(4.0))
+            drawn_on.xaxis.set_major_formatter(ScalarFormatter())
+            drawn_on.xaxis.set_minor_formatter(NullFormatter())
             drawn_on.set_title(title)
             drawn_on.set_xlabel("unknowns with a mass")
         axes[0].set_ylabel("relative error")

@@ -89,7 +89,7 @@ def _ours(p: BoomParameters, elements: int, extent: Extent) -> Iterator[Setting]
                 cold=lambda change, order=order, method=method: answer(_full(p, elements, change), order, method),
                 hot=lambda model, order=order, method=method: answer(model, order, method),
                 prepare=lambda: _full(p, elements, 0.0),
-                call=f'bc.reduce(bc.spray_boom(p, elements={elements}).select(bc.ACTUATORS, bc.TIPS), {order}, "{method}")',
+                call=f'bc.reduce(bc.spray_boom(p, elements={elements}).select(actuators, tips), {order}, "{method}")',
             )
 
 

@@ -112,7 +112,7 @@ def _ours(p: BoomParameters, omega: Array, extent: Extent) -> Iterator[Setting]:
         cold=lambda change: exact(varied(p, change)),
         hot=exact,
         prepare=lambda: p,
-        call="bc.sigma(bc.exact_frequency_response(p, omega, bc.ACTUATORS, bc.TIPS))",
+        call="bc.sigma(bc.exact_frequency_response(p, omega, actuators, tips))",
     )
 
 

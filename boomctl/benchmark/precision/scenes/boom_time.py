@@ -179,7 +179,7 @@ def _ours(p: BoomParameters, time: Array, wheels: Array, extent: Extent) -> Iter
                 cold=lambda change, made=made, asked=asked: asked(made(change)),
                 hot=asked,
                 prepare=partial(made, 0.0),
-                call=f'bc.forced_response(bc.spray_boom(p, "{kind}", {words}), wheels, time, bc.TIPS, accuracy={accuracy:g})',
+                call=f'bc.forced_response(bc.spray_boom(p, "{kind}", {words}), wheels, time, tips, accuracy={accuracy:g})',
             )
 
 

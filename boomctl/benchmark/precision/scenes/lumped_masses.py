@@ -53,6 +53,8 @@ def lumped_masses(extent: Extent, ratio: float = 100.0) -> Scene:
         remarks=(
             "Unknowns are those that move with a mass of their own: both deflection and slope of a node of finite elements,"
             " the deflection alone of a node of lumped discrete elements.",
+            "Where others are ahead: with so few unknowns all of the run time is Python. Ours reads a description of the arm,"
+            " checks it, assembles rows and names, finds damped poles and estimates their rounding; eigh is given matrices.",
             "SciPy's eigh is given the same matrices by plain NumPy code; lumped ones with the slopes eliminated.",
         ),
     )
