@@ -25,7 +25,7 @@ _FAST = 1e9  # rad/s: poles of a controller that only a tight tolerance needs
 
 _TOLERANCES: dict[Extent, tuple[float, ...]] = {"quick": (0.1, 1e-2, 1e-4), "whole": (1.0, 0.1, 1e-2, 1e-3, 1e-4)}
 """Tolerances of ours."""
-_TIGHT: dict[Extent, tuple[float, ...]] = {"quick": (), "whole": (1e-5, 1e-6, 1e-7)}
+_TIGHT: dict[Extent, tuple[float, ...]] = {"quick": (1e-7,), "whole": (1e-5, 1e-6, 1e-7)}
 """Tolerances of ours that only fast poles allow."""
 _SEARCHES: dict[Extent, tuple[tuple[int, float], ...]] = {
     "quick": ((1, 1e-1), (1, 1e-4), (4, 1.0)),
