@@ -10,7 +10,7 @@ from boomctl.slew.nlp.programme import Programme, Solution, prepare
 from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import Limits, SlewProblem
-from boomctl.slew.replay import played, prescribed_error, violation
+from boomctl.slew.replay import Motion, played, prescribed_error, violation
 from boomctl.slew.result import LimitsTooTight, SlewError
 from boomctl.slew.torque import TorqueHistory
 
@@ -38,12 +38,15 @@ class Refined:
         Change of the cost when the mesh is halved, relative; infinite if there was no time for another mesh.
     path : tuple of str
         The meshes that were tried, in words.
+    motions : tuple of Motion or None
+        The replay of the solution; None where it was not replayed.
     """
 
     programme: Programme
     solution: Solution
     gap: float
     path: tuple[str, ...]
+    motions: tuple[Motion, ...] | None = None
 
 
 def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
@@ -65,12 +68,13 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
     """
     if problem.intervals is not None:
         path = (f"{problem.method} on {problem.intervals} intervals",)
-        programme, solution = _solved(problem, _guess(problem, least, None, problem.intervals), problem.intervals)
+        guess = _guess(problem, least, None, problem.intervals)
+        programme, solution, motions = _solved(problem, guess, problem.intervals)
         try:
             gap = _gap(solution.cost, _companion(problem, programme, solution).cost)
         except OutOfTime as over:
-            return Refined(programme, solution, np.inf, (*path, f"out of time: {over}"))
-        return Refined(programme, solution, gap, path)
+            return Refined(programme, solution, np.inf, (*path, f"out of time: {over}"), motions)
+        return Refined(programme, solution, gap, path, motions)
     best: list[Refined] = []
     budget = problem.budget
     try:
@@ -83,12 +87,12 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
         excess = violation(problem, found.solution.history, motions)
         path = (*found.path, f"out of time: {over}")
         if prescribed_error(problem, motions) <= problem.tolerance and max(excess.values()) <= _EXCESS:
-            return replace(found, path=path)
+            return replace(found, path=path, motions=motions)
         found = best[max(0, len(best) - 2)]  # a coarser mesh, on which the order can be raised in the time that is left
         intervals = found.programme.transcription.scheme.intervals
         guess = _guess(problem, least, found.solution.history, intervals)
-        programme, solution = _solved(problem, guess, intervals)
-        return Refined(programme, solution, found.gap, (*path, f"{problem.method} on {intervals} intervals"))
+        programme, solution, motions = _solved(problem, guess, intervals)
+        return Refined(programme, solution, found.gap, (*path, f"{problem.method} on {intervals} intervals"), motions)
 
 
 def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: list[Refined]) -> Refined:
@@ -98,12 +102,12 @@ def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: li
         last, path = intervals == _MESHES[-1], (*path, f"{problem.method} on {intervals} intervals")
         try:
             guess = _guess(problem, least, coarser, intervals)
-            programme, solution = _solved(problem, guess, intervals, rough=not last)
+            programme, solution, motions = _solved(problem, guess, intervals, rough=not last)
             gap = _gap(solution.cost, cost)
             best.append(Refined(programme, solution, gap, path))
             if gap < _MESH_GAP and not last:
                 guess = _guess(problem, least, solution.history, intervals)
-                programme, solution = _solved(problem, guess, intervals)
+                programme, solution, motions = _solved(problem, guess, intervals)
         except LimitsTooTight as error:
             if error.excess > min(_TOO_MUCH, 0.5 * before):
                 raise
@@ -114,7 +118,7 @@ def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: li
             continue
         cost, coarser = solution.cost, solution.history
         if gap < _MESH_GAP or last:
-            return Refined(programme, solution, gap, path)
+            return Refined(programme, solution, gap, path, motions)
     raise failure
 
 
@@ -167,8 +171,8 @@ def _guess(problem: SlewProblem, least: TorqueHistory | None, before: TorqueHist
 
 def _solved(
     problem: SlewProblem, guess: Guess, intervals: int, rough: bool = False, order: int | None = None
-) -> tuple[Programme, Solution]:
-    """Solve on a mesh, with the order raised and the limits tightened until the replay keeps what was asked.
+) -> tuple[Programme, Solution, tuple[Motion, ...] | None]:
+    """Solve on a mesh, with the order raised and the limits tightened until the replay, returned too, keeps what was asked.
 
     A rough solution is not replayed: it tells the cost, and where to start on the next mesh.
     """
@@ -191,7 +195,7 @@ def _solved(
             programme = prepare(problem, scheme, guess, problem.tolerance)
         solution = programme.solve(problem, before, limits)
         if rough:
-            return programme, solution
+            return programme, solution, None
         motions = played(problem, solution.history)
         excess = violation(problem, solution.history, motions)
         worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
@@ -203,7 +207,7 @@ def _solved(
         elif worst > _EXCESS:
             limits, before = _tightened(limits, excess), solution
         else:
-            return programme, solution
+            return programme, solution, motions
     raise SlewError(
         f"intervals = {intervals}: the replay misses the end by {missed:.1e} or exceeds a limit by "
         f"{worst:.1e}; expected {problem.tolerance:.1e}. More intervals may help"
@@ -219,14 +223,15 @@ def _tightened(limits: Limits, excess: dict[str, float]) -> Limits:
     return replace(limits, **smaller)
 
 
-def solved_again(problem: SlewProblem, programme: Programme, before: Solution) -> Solution:
-    """Solve a programme with other data, the limits tightened until the replay keeps them."""
+def solved_again(problem: SlewProblem, programme: Programme, before: Solution) -> tuple[Solution, tuple[Motion, ...]]:
+    """Solve a programme with other data, the limits tightened until the replay, returned too, keeps them."""
     limits, worst = problem.limits, np.inf
     for _ in range(_ROUNDS):
         before = programme.solve(problem, before, limits)
-        excess = violation(problem, before.history, played(problem, before.history))
+        motions = played(problem, before.history)
+        excess = violation(problem, before.history, motions)
         worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
         if worst <= _EXCESS:
-            return before
+            return before, motions
         limits = _tightened(limits, excess)
     raise SlewError(f"result: solved again on its mesh a limit is exceeded by {worst:.1e}; plan this one anew")

@@ -25,7 +25,7 @@ _FAST = 1e9  # rad/s: poles of a controller that only a tight tolerance needs
 
 _TOLERANCES: dict[Extent, tuple[float, ...]] = {"quick": (0.1, 1e-2, 1e-4), "whole": (1.0, 0.1, 1e-2, 1e-3, 1e-4)}
 """Tolerances of ours."""
-_TIGHT: dict[Extent, tuple[float, ...]] = {"quick": (), "whole": (1e-5, 1e-6, 1e-7)}
+_TIGHT: dict[Extent, tuple[float, ...]] = {"quick": (1e-7,), "whole": (1e-5, 1e-6, 1e-7)}
 """Tolerances of ours that only fast poles allow."""
 _SEARCHES: dict[Extent, tuple[tuple[int, float], ...]] = {
     "quick": ((1, 1e-1), (1, 1e-4), (4, 1.0)),
@@ -56,7 +56,9 @@ def _scene(extent: Extent, key: str, what: str, P: control.StateSpace) -> Scene:
         settings=(*_ours(P, extent), *_searches(P, extent), _hinfsyn(P, peer)),
         error=lambda K: _excess(P, K, lower),
         remarks=(
-            "Ours verifies the loop's stability and norm, and proves how far from the best it is; nobody else does.",
+            "Where others are ahead: ours verifies the loop's stability and norm, and proves how far from the best it is;"
+            " nobody else does. That is the same work at every tolerance, but for a few levels: a loose one saves little."
+            " SB10AD at a level that someone knows, which searches and verifies nothing, is seven times as fast.",
             "Cold: another plant in each call; nobody keeps anything for a second one. Times are those of all processes.",
             f"slycot's searches start from the level {_START:g}, as one who does not know the optimum would.",
             f"Tolerances below 1e-4 with fastest_pole={_FAST:g}: such controllers have poles that cannot be implemented.",

@@ -88,6 +88,8 @@ def hub_beam_torque(extent: Extent) -> Scene:
         remarks=(
             "Everybody solves the same equations; solve_ivp's derivative is ours, CasADi's is derived from our energies.",
             "Hot: the beam of ours and the integrator of CasADi are ready; solve_ivp has nothing to keep.",
+            "Where others are ahead: IDAS takes two thirds of the time to an error of 17 %. Ours is at 1e-4 with the longest"
+            " windows in which it follows the slow modes: there is nothing to save.",
         ),
     )
 
