@@ -30,6 +30,7 @@ HEADS = (
 )
 _ALIKE = 1.15  # times the shortest run time up to which the most exact is taken: medians differ by as much (a choice)
 _SPACE = "\u00a0"  # between a number and its unit, where no line breaks
+_BREAK = "\u200b"  # of no width, where a line may break
 _PAGE_HEAD = "| wanted | write | error | new parameters | model ready | memory | best other |"
 _BEGIN = "<!-- what follows is written by `boomctl benchmark precision --page` -->"
 _END = "<!-- what precedes is written by `boomctl benchmark precision --page` -->"
@@ -88,7 +89,8 @@ def recommendation_table(found: Iterable[Recommendation]) -> Table:
     lines, before = [], None
     for each in found:
         head = "" if each.diagram is before else each.diagram.title  # said once, above its lines
-        lines.append((head, *recommended_cells(each)))
+        *cells, other = recommended_cells(each)
+        lines.append((head, *cells, other.replace("_", f"_{_BREAK}")))
         before = each.diagram
     return Table(HEADS, tuple(lines), caption, align="lllrrrrl")
 
