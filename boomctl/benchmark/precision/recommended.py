@@ -151,7 +151,7 @@ def page_text(found: Sequence[Recommendation], machine: str) -> str:
             f"### {diagram.title}",
             "",
             diagram.question,
-            f"Error: {diagram.measure[:1].lower()}{diagram.measure[1:]}",
+            f"Error: {diagram.measure}",
             "",
         ]
         parts += [

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
-from boomctl.plotting.canvas import COLOURS, few_labels, new_figure, panels, style
+from boomctl.plotting.canvas import COLOURS, common_legend, few_labels, new_figure, panels, style
 
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")  # as many as tell competitors of one colour apart
 _SIZE, _WIDTH = 4.5, 1.2  # of everyone's marks and lines, points (a choice)
@@ -123,7 +123,7 @@ def plot_sizes(diagrams: Mapping[str, _Diagram], names: Sequence[str], ax: Any =
             drawn_on.set_title(title)
             drawn_on.set_xlabel("unknowns with a mass")
         axes[0].set_ylabel("relative error")
-        axes[0].legend()
+        common_legend(ax, axes[0], ncols=3)
     return axes
 
 
