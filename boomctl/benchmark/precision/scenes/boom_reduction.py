@@ -46,8 +46,8 @@ def boom_reduction(extent: Extent) -> Scene:
         missing=missing(pyMOR="pymor", slycot="slycot"),
         remarks=(
             "Ours verifies the error of what it returns within the time shown; the others do not.",
-            "Where others are ahead, at high orders: what a small core leaves out is no longer small beside the error then, and"
-            " ours balances one of more modes anew.",
+            "Where others are ahead, at high orders: what a small core leaves out is no longer small beside the error then,"
+            " and ours balances one of more modes anew.",
             "Others are given the dense first-order matrices of our model; in cold calls with their making.",
         ),
     )
