@@ -322,12 +322,12 @@ CALLS = {
     "hinf_norm": lambda: {"system": plant()},
     "hold": lambda: {"angle": 0.1},
     "hub_beam": lambda: {
-        "parameters": None,
+        "parameters": bc.HubBeamParameters(length=80.0),  # so slow that any time is short, or refused
         "model": None,
         "modes": None,
         "accuracy": 0.1,
-        "manoeuvre": bc.spin_up(0.1, 1.0),
-        "time": 1.0,
+        "manoeuvre": bc.spin_up(1e-3, 1.0),
+        "time": 2.0,
     },
     "hub_profile": lambda: {
         "angle": np.square,

@@ -14,12 +14,13 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import exactly, positive, shown
+from boomctl.checks import exactly, plain_array, positive, shown, up_to
 from boomctl.printing import count
 from boomctl.progress import Tell, computing
-from boomctl.rotating_beam.beam import LATEST, HubBeam, in_model
+from boomctl.rotating_beam.beam import HubBeam, in_model
 from boomctl.rotating_beam.chosen import ModelChoice
 from boomctl.rotating_beam.manoeuvres import Manoeuvre, PrescribedMotion, TorqueDriven
 from boomctl.rotating_beam.parameters import HubBeamParameters
@@ -28,6 +29,7 @@ from boomctl.rotating_beam.result import SimulationError
 # accuracies that can be asked for: below, the reference's rounding shows; above, none is meant (measured)
 ACCURACIES = (1e-7, 1.0)
 _PERIODS = 5.0  # of the slowest mode at rest, that follow a manoeuvre where no time is given (a choice)
+_MOST_PERIODS = 1000.0  # of it, in which models are compared: half a minute for each exact beam (measured)
 
 # Of the accuracy asked for.  What is found of a model, and what its reference may be wrong by, are to be within its share.
 _SHARE = 0.96  # of an assumed-modes model: the rest is its solver's, and what lies between the instants (derived)
@@ -67,7 +69,9 @@ _COSTS = {
 }
 
 
-def chosen_beam(p: HubBeamParameters, accuracy: float | None, manoeuvre: Manoeuvre | None, time: Any) -> HubBeam:
+def chosen_beam(
+    p: HubBeamParameters, accuracy: float | None, manoeuvre: Manoeuvre | None, time: ArrayLike | None
+) -> HubBeam:
     """Return the hub-beam in the cheapest model that reaches an accuracy in a manoeuvre; see `hub_beam`."""
     if accuracy is None:
         raise ValueError("accuracy = None: expected a number; accuracy and manoeuvre go together")
@@ -78,7 +82,13 @@ def chosen_beam(p: HubBeamParameters, accuracy: float | None, manoeuvre: Manoeuv
     wanted = positive("accuracy", accuracy)
     if not ACCURACIES[0] <= wanted <= ACCURACIES[1]:
         raise ValueError(f"accuracy = {exactly(wanted)}: expected {ACCURACIES[0]:g} to {ACCURACIES[1]:g}")
-    until = _own_time(p, manoeuvre) if time is None else _last(time)
+    slowest = float(in_model(p, EXACT, _FEWEST).frequencies_hz()[0])
+    until = _own_time(manoeuvre, slowest) if time is None else _last(time)
+    if until * slowest > _MOST_PERIODS:
+        raise ValueError(
+            f"time = {exactly(until)}: expected at most {up_to(_MOST_PERIODS / slowest)} s, {_MOST_PERIODS:g} periods of the "
+            f"slowest mode"
+        )
     try:
         hash(manoeuvre)
     except TypeError:  # made of a function that cannot be told from others
@@ -89,23 +99,21 @@ def chosen_beam(p: HubBeamParameters, accuracy: float | None, manoeuvre: Manoeuv
     return replace(made, chosen=choice)
 
 
-def _own_time(p: HubBeamParameters, manoeuvre: Manoeuvre) -> float:
+def _own_time(manoeuvre: Manoeuvre, slowest: float) -> float:
     ends = [each for each in manoeuvre.breakpoints if each > 0.0]
     if not ends:
         raise ValueError("time = None: expected the last instant [s], for the manoeuvre does not say when it ends")
-    return max(ends) + _PERIODS / float(in_model(p, EXACT, _FEWEST).frequencies_hz()[0])
+    return max(ends) + _PERIODS / slowest
 
 
-def _last(time: Any) -> float:
-    """Return the last of some instants, or the only one."""
-    name, last = "time", time
-    if isinstance(time, (list, tuple, np.ndarray)) and np.ndim(time) == 1:
-        if not len(time):
-            raise ValueError("time: expected an instant [s] or more, got none")
-        name, last = "time[-1]", time[-1]
-    if positive(name, last) > LATEST:
-        raise ValueError(f"{name} = {exactly(last)}: expected at most {LATEST:g} s")
-    return float(last)
+def _last(time: ArrayLike) -> float:
+    """Return the last of some instants, or the only one [s]."""
+    if not isinstance(time, (list, tuple, np.ndarray)):
+        return positive("time", time)
+    instants = plain_array("time", time)
+    if instants.ndim != 1 or not instants.size:
+        raise ValueError(f"time of shape {instants.shape}: expected an instant [s], or one dimension of them")
+    return positive("time[-1]", instants[-1])
 
 
 @lru_cache(maxsize=64)

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 INPUTS = ("torque",)
 OUTPUTS = ("hub_angle", "hub_speed", "tip_displacement")
 _SHORTEST = 1e-60  # s between instants: its powers are numbers still (a choice)
-LATEST = 1e9  # s that a motion may last: 30 years (a choice)
+_LATEST = 1e9  # s that a motion may last: 30 years (a choice)
 _FASTEST = 1e60  # rad/s that a hub may turn at: powers of it are numbers still (a choice)
 
 _SMALL = 1e-6  # of the length, by which coordinates are moved either way to see a shape: its square is rounding
@@ -812,8 +812,8 @@ def _instants(value: ArrayLike) -> Array:
         raise ValueError(f"timepts[0] = {timepts[0]!r}: expected instants >= 0; a manoeuvre starts at 0")
     if (timepts[1:] <= timepts[:-1]).any():
         raise ValueError("timepts: expected strictly ascending instants")
-    if timepts[-1] > LATEST:
-        raise ValueError(f"timepts[-1] = {exactly(timepts[-1])}: expected at most {LATEST:g} s")
+    if timepts[-1] > _LATEST:
+        raise ValueError(f"timepts[-1] = {exactly(timepts[-1])}: expected at most {_LATEST:g} s")
     if timepts.size > 1 and np.diff(timepts).min() < _SHORTEST:
         raise ValueError(f"timepts: expected instants at least {_SHORTEST:g} s apart, got {np.diff(timepts).min():g} s")
     return timepts

@@ -238,8 +238,11 @@ def test_a_model_that_loses_its_stiffness_is_not_taken():
         ({"accuracy": 0.1 * ACCURACIES[0], "manoeuvre": SPIN_UP}, "accuracy = 1e-08: expected 1e-07 to 1"),
         ({"accuracy": 2.0, "manoeuvre": SPIN_UP}, "accuracy = 2: expected 1e-07 to 1"),
         ({"accuracy": 1e-3, "manoeuvre": SPIN_UP, "time": -1.0}, "time = -1.0: expected"),
-        ({"accuracy": 1e-3, "manoeuvre": SPIN_UP, "time": 1e10}, r"time = 1e\+10: expected at most 1e\+09 s"),
-        ({"accuracy": 1e-3, "manoeuvre": SPIN_UP, "time": []}, "time: expected an instant"),
+        (
+            {"accuracy": 1e-3, "manoeuvre": SPIN_UP, "time": 1e10},
+            r"time = 1e\+10: expected at most 2158\.\d+ s, 1000 periods",
+        ),
+        ({"accuracy": 1e-3, "manoeuvre": SPIN_UP, "time": []}, r"time of shape \(0,\): expected an instant"),
         ({"accuracy": 1e-3, "manoeuvre": bc.torque(np.sin)}, "time = None: expected the last instant"),
         (
             {"accuracy": 1e-3, "manoeuvre": bc.hold(), "time": 1.0},
