@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,9 +11,7 @@ from boomctl.arrays import Array
 if TYPE_CHECKING:
     import casadi
 
-_BLOCK = (
-    1000  # columns that are one call: what repeats a function for more takes longer to build than to run (measured)
-)
+_BLOCK = 1000  # columns that are one call: what repeats a function for more takes longer to build (measured)
 
 
 class Buffered:
@@ -28,6 +26,8 @@ class Buffered:
     def __init__(self, function: casadi.Function) -> None:
         places = range(function.n_in()), range(function.n_out())
         assert all(function.sparsity_in(i).is_dense() for i in places[0])
+        # to be kept as long as this: what runs the function points to it.  Its stub knows of no memory that Python shares
+        self._buffer: Any = None
         self._buffer, self._run = function.buffer()
         # matrices lie column by column: their transposes are what NumPy lays out row by row
         self._given = [np.empty(function.size_in(i)[::-1]) for i in places[0]]
