@@ -9,9 +9,10 @@ from boomctl.files import write_whole
 from boomctl.report import Table, number, power
 
 NAMES = (
-    'Names: import boomctl as bc; p = bc.BoomParameters(); actuators = ("actuator_left", "actuator_right"); tips ='
-    ' ("tip_left", "tip_right"); omega: frequencies, rad/s; wheels: {"actuator_left": ..., "actuator_right": ...}, motions at'
-    " the instants time."
+    "Names: import boomctl as bc; p: parameters, bc.BoomParameters() of the boom, bc.HubBeamParameters() of the hub-beam;"
+    ' actuators = ("actuator_left", "actuator_right"); tips = ("tip_left", "tip_right"); omega: frequencies [rad/s]; wheels:'
+    ' {"actuator_left": ..., "actuator_right": ...}, motions at the instants time; t: instants [s]; P: a generalised plant;'
+    " plant, controller, disturbance: of the boom; beam = bc.hub_beam(p), pd: a sampled controller of it, wanted: its reference."
 )
 """What stands for what in the settings' calls."""
 
@@ -19,7 +20,6 @@ LEVELS = (1e-2, 1e-3, 1e-6)
 """Relative errors for which settings are recommended."""
 
 HEADS = (
-    "Question",
     "Wanted",
     "Write",
     "Its error",
@@ -86,13 +86,15 @@ def recommendation_table(found: Iterable[Recommendation]) -> Table:
         " with the model ready. 'Best other' is the fastest other program that is as exact as wanted, and how many times as"
         f" long it takes. {NAMES}"
     )
-    lines, before = [], None
+    lines: list[tuple[str, ...]] = []
+    before = None
     for each in found:
-        head = "" if each.diagram is before else each.diagram.title  # said once, above its lines
+        if each.diagram is not before:
+            lines.append((each.diagram.title,))
         *cells, other = recommended_cells(each)
-        lines.append((head, *cells, other.replace("_", f"_{_BREAK}")))
+        lines.append((*cells, other.replace("_", f"_{_BREAK}")))
         before = each.diagram
-    return Table(HEADS, tuple(lines), caption, align="lllrrrrl")
+    return Table(HEADS, tuple(lines), caption, align="llrrrrl")
 
 
 def recommended_cells(found: Recommendation) -> tuple[str, ...]:

@@ -354,7 +354,7 @@ def _limit_table(found: tuple[Limit, ...]) -> Table:
 
 
 def _sheet(title: str, table: Table) -> Sheet:
-    return Sheet(title, table.heads, table.lines)
+    return Sheet(title, table.heads, tuple((*line, *[""] * (len(table.heads) - len(line))) for line in table.lines))
 
 
 def _missing(diagrams: tuple[Diagram, ...]) -> tuple[str, ...]:
