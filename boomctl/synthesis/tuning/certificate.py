@@ -184,9 +184,7 @@ def loop_of(plant: GeneralizedPlant, K: Lti) -> Lti:
 def channel_norm(loop: Lti, plant: GeneralizedPlant, channel: Channel) -> NormCertificate | H2Certificate:
     """Return the certified norm of a channel of a loop."""
     columns, rows = places(plant, channel)
-    part = replace(
-        loop, B=loop.B[:, columns], C=loop.C[rows], D=loop.D[np.ix_(rows, columns)], inputs=(), outputs=()
-    )
+    part = replace(loop, B=loop.B[:, columns], C=loop.C[rows], D=loop.D[np.ix_(rows, columns)], inputs=(), outputs=())
     if channel.norm == "hinf":
         return matrices_norm(part.balanced())
     return h2_norm(replace(part, D=np.zeros_like(part.D)).statespace("channel"))

@@ -9,14 +9,14 @@ response at that frequency.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, log
+from math import inf, isfinite, log
 
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.synthesis.tuning.problem import Closed, Problem, ScaledPlant, close
-from boomctl.synthesis.tuning.responses import Response, grid, peaks
+from boomctl.synthesis.tuning.responses import BELOW, Response, coarse, grid, peaks
 
 _STEP = 1e-3  # of differences, in halves of a parameter's range: rounding and what is left out are 1e-12 then (derived)
 _STENCIL = np.arange(5) - 2  # places of a difference of fourth order
@@ -63,6 +63,7 @@ class Point:
         self._known = {} if known is None else known
         self._responses: dict[tuple[int, int], Response] = {}
         self._peaks: dict[tuple[int, int, float], tuple[Array, Array]] = {}
+        self._grids: dict[tuple[int, int], tuple[Array, Array, float]] = {}
         self._moved: dict[tuple[int, int, int], Closed | None] = {}
         self._squares: dict[tuple[int, int], tuple[float, Array]] = {}
 
@@ -100,7 +101,7 @@ class Point:
         rate, values = self.problem.ports.rate, [loop.abscissa if loop else inf for loop in self.loops]
         worst = int(np.argmax(values))
         value, loop = values[worst] / rate, self.loops[worst]
-        assert loop is not None  # noqa: S101 - well-posed
+        assert loop is not None
         K, _ = self.controller
         n, limit = self.problem.order, self.problem.fastest_pole
         if limit is not None and n:
@@ -110,7 +111,7 @@ class Point:
                 return found.value, found.gradient
         poles, left, right = _eigen(loop.A)
         k = int(np.argmax(poles.real))
-        gradient = self._of_pole(worst, poles[k], left[:, k], right[:, k], lambda change: change.real)
+        gradient = self._of_pole(worst, poles[k], left[:, k], right[:, k], lambda change: np.real(change))
         return value, gradient / rate
 
     def _of_pole(
@@ -125,7 +126,7 @@ class Point:
             change[:n, :n] = np.outer(l, r)
             return of(self.controller[1] @ change.ravel())
         loop = self.loops[model]
-        assert loop is not None  # noqa: S101 - well-posed
+        assert loop is not None
         n = len(loop.A)
         outer = np.outer(l @ loop.before[:n], loop.after[:, :n] @ r)
         found = self.controller[1] @ outer.ravel()
@@ -168,10 +169,11 @@ class Point:
         """Return how far poles of the loops are from the damping and decay asked for."""
         damping, decay = self.problem.damping, self.problem.decay
         found: list[Piece] = []
+        rate = self.problem.ports.rate
         if damping is None and decay is None:
             return found
         for i, loop in enumerate(self.loops):
-            assert loop is not None  # noqa: S101 - well-posed
+            assert loop is not None
             poles, left, right = _eigen(loop.A)
             size = np.maximum(np.abs(poles), _TINY)
             if damping is not None:
@@ -179,14 +181,13 @@ class Point:
 
                 def of_damping(change: Array, pole: complex) -> Array:
                     s = abs(pole)
-                    return change.real / s - pole.real * (pole.conjugate() * change).real / s**3
+                    return np.real(change) / s - pole.real * (pole.conjugate() * change).real / s**3
 
                 found += self._poles_near_top(i, DAMPING, values, (poles, left, right), of_damping)
             if decay is not None:
-                rate = self.problem.ports.rate
-                values = (poles.real + decay) / rate
+                    values = (poles.real + decay) / rate
                 found += self._poles_near_top(
-                    i, DECAY, values, (poles, left, right), lambda change, pole: change.real / rate
+                    i, DECAY, values, (poles, left, right), lambda change, pole: np.real(change) / rate
                 )
         return found
 
@@ -223,7 +224,7 @@ class Point:
                 rows, columns = np.arange(len(K) - n), np.arange(K.shape[1] - n)
             else:
                 whole, rows, columns = self.loops[model], self.problem.rows[channel], self.problem.columns[channel]
-            assert whole is not None  # noqa: S101 - well-posed
+            assert whole is not None
             self._responses[key] = Response.of(whole, columns, rows)
         return self._responses[key]
 
@@ -231,11 +232,16 @@ class Point:
         """Return frequencies and values of the peaks of a channel within a share of the highest."""
         key = (model, channel, window)
         if key not in self._peaks:
-            response = self.response(model, channel)
-            poles = np.diagonal(response.T)
-            also = self._known.get((model, channel), np.zeros(0))
-            self._peaks[key] = peaks(response, grid(poles, also), window)
+            self._peaks[key] = peaks(self.response(model, channel), *self._coarse(model, channel)[:2], window)
         return self._peaks[key]
+
+    def _coarse(self, model: int, channel: int) -> tuple[Array, Array, float]:
+        """Return a grid, the largest singular values there, and the largest of all."""
+        if (model, channel) not in self._grids:
+            response = self.response(model, channel)
+            omega = grid(response.poles, self._known.get((model, channel), np.zeros(0)))
+            self._grids[model, channel] = (omega, *coarse(response, omega))
+        return self._grids[model, channel]
 
     def _offset(self, channel: int) -> float:
         """Return the logarithm of what a norm counts in."""
@@ -266,41 +272,77 @@ class Point:
         for model, channel in self._sums:
             at, value = self.norm_peaks(model, channel, 0.0)
             found.append((model, channel, float(at[0]), log(max(float(value[0]), _TINY)) - self._offset(channel)))
-        for c, channel in enumerate(self.problem.channels):
-            if channel.norm == "h2":
-                for i in range(self.problem.count):
-                    value = self._h2(i, c)[0]
-                    found.append((i, c, np.nan, log(max(value, _TINY)) - self._offset(c)))
+        found += self._squares_of(False) + self._squares_of(True)
         return found
+
+    def _highest(self, limits: bool) -> tuple[int, int, float, float] | None:
+        """Return model, channel, frequency and value of the highest objective, or of the highest budget."""
+        pairs = [pair for pair in self._sums if self._is_limit(pair[1]) == limits]
+        rough = [log(max(self._coarse(*pair)[2], _TINY)) - self._offset(pair[1]) for pair in pairs]
+        best: tuple[int, int, float, float] | None = None
+        for i in np.argsort(rough)[::-1]:
+            if best is not None and rough[i] < best[3] + log(BELOW):
+                break  # the grid shows so much of a peak that none of these is higher
+            model, channel = pairs[i]
+            at, value = self.norm_peaks(model, channel, 0.0)
+            height = log(max(float(value[0]), _TINY)) - self._offset(channel)
+            if best is None or height > best[3]:
+                best = model, channel, float(at[0]), height
+        for each in self._squares_of(limits):
+            best = each if best is None or each[3] > best[3] else best
+        return best
+
+    @property
+    def highest(self) -> list[tuple[int, int, float]]:
+        """Models, channels and frequencies of the peaks that make the merit what it is."""
+        found = [each for each in (self._top, self._over) if each is not None]
+        return [each[:3] for each in found if not np.isnan(each[2])]
+
+    def _squares_of(self, limits: bool) -> list[tuple[int, int, float, float]]:
+        found = []
+        for c, channel in enumerate(self.problem.channels):
+            if channel.norm == "h2" and self._is_limit(c) == limits:
+                for i in range(self.problem.count):
+                    value = log(max(self._h2(i, c)[0], _TINY)) - self._offset(c)
+                    found.append((i, c, np.nan, value))
+        return found
+
+    @cached_property
+    def _top(self) -> tuple[int, int, float, float]:
+        found = self._highest(limits=False)
+        assert found is not None
+        return found
+
+    @cached_property
+    def _over(self) -> tuple[int, int, float, float] | None:
+        return self._highest(limits=True)
 
     def merit(self, weight: float) -> "tuple[float, Callable[[], Array]]":
         """Return the largest objective plus ``weight`` times what the worst bound is exceeded by, and its gradient."""
-        if not self.stable or not np.isfinite([each[3] for each in self.norms]).all():
+        if not self.stable or not isfinite(self.aim) or not self.excess < inf:
             return inf, lambda: np.zeros_like(self.x)
-        top = max((each for each in self.norms if not self._is_limit(each[1])), key=lambda each: each[3])
         if self.excess <= 0.0:
-            return top[3], lambda: self._gradient(*top[:3])
-        worst = max((each for each in self.norms if self._is_limit(each[1])), key=lambda each: each[3], default=None)
-        over = max(self.bounds, key=lambda piece: piece.value, default=None)
+            return self.aim, lambda: self._gradient(*self._top[:3])
 
         def gradient() -> Array:
-            if worst is not None and (over is None or worst[3] >= over.value):
-                return self._gradient(*top[:3]) + weight * self._gradient(*worst[:3])
-            assert over is not None  # noqa: S101 - something is exceeded
-            return self._gradient(*top[:3]) + weight * over.gradient
+            most = max(self.bounds, key=lambda piece: piece.value, default=None)
+            if self._over is not None and (most is None or self._over[3] >= most.value):
+                return self._gradient(*self._top[:3]) + weight * self._gradient(*self._over[:3])
+            assert most is not None
+            return self._gradient(*self._top[:3]) + weight * most.gradient
 
-        return top[3] + weight * self.excess, gradient
+        return self.aim + weight * self.excess, gradient
 
     @cached_property
     def excess(self) -> float:
         """By how much the worst bound is exceeded; zero or less where all are kept."""
         found = [piece.value for piece in self.bounds]
-        return max(found + [each[3] for each in self.norms if self._is_limit(each[1])], default=-inf)
+        return max(found if self._over is None else [*found, self._over[3]], default=-inf)
 
     @cached_property
     def aim(self) -> float:
         """The largest objective, as a logarithm."""
-        return max(each[3] for each in self.norms if not self._is_limit(each[1]))
+        return self._top[3]
 
     def _gradient(self, model: int, channel: int, omega: float) -> Array:
         if np.isnan(omega):
@@ -314,6 +356,8 @@ class Point:
         for model, channel in self._sums:
             limit = self._is_limit(channel)
             offset, floor = self._offset(channel), (0.0 if limit else top) + log(1.0 - window)
+            if log(max(self._coarse(model, channel)[2], _TINY)) - offset < floor + log(BELOW):
+                continue
             places, values = self.norm_peaks(model, channel, window)
             for omega, value in zip(places.tolist(), values.tolist(), strict=True):
                 if log(max(value, _TINY)) - offset >= floor:
@@ -324,10 +368,9 @@ class Point:
             )
             if not known:
                 found += self._singular(model, channel, omega, 0.0)
-        for model, channel, omega, value in self.norms:
-            if np.isnan(omega):
-                gradient = self._h2(model, channel)[1]
-                found.append(Piece(model, channel, omega, value, gradient, self._is_limit(channel)))
+        for model, channel, omega, value in self._squares_of(False) + self._squares_of(True):
+            gradient = self._h2(model, channel)[1]
+            found.append(Piece(model, channel, omega, value, gradient, self._is_limit(channel)))
         return found + self.bounds
 
     def _singular(self, model: int, channel: int, omega: float, window: float | None = None) -> list[Piece]:
@@ -348,7 +391,7 @@ class Point:
         found = []
         for u, v, value, top in vectors:
             outer = np.outer(left.T @ u.conj(), right @ v)
-            gradient = (self.controller[1] @ outer.ravel()).real
+            gradient = np.real(self.controller[1] @ outer.ravel())
             for axis, place in enumerate(self.problem.physical if model >= 0 else ()):
                 offsets, weights = self._stencil(axis)
                 moved = [self._response_at(model, channel, axis, each, omega) for each in offsets]
@@ -365,7 +408,7 @@ class Point:
             rows, columns = np.arange(len(K) - n), np.arange(K.shape[1] - n)
         else:
             found = self.loops[model]
-            assert found is not None  # noqa: S101 - well-posed
+            assert found is not None
             whole, rows, columns = found, self.problem.rows[channel], self.problem.columns[channel]
         n = len(whole.A)
         left, right = whole.before[n + rows].astype(complex), whole.after[:, n + columns].astype(complex)
@@ -383,7 +426,7 @@ class Point:
 
     def _h2_and_gradient(self, model: int, channel: int) -> tuple[float, Array]:
         loop = self.loops[model]
-        assert loop is not None  # noqa: S101 - well-posed
+        assert loop is not None
         rows, columns = self.problem.rows[channel], self.problem.columns[channel]
         B, C, _ = loop.part(columns, rows)
         P, Q = _gramian(loop.A, B), _gramian(loop.A.T, C.T)
@@ -399,7 +442,7 @@ class Point:
             values = []
             for offset in offsets:
                 moved = self._loop_at(model, axis, offset)
-                assert moved is not None  # noqa: S101 - well-posed, a small step away
+                assert moved is not None
                 b, c, _ = moved.part(columns, rows)
                 values.append(0.5 * log(max(float(np.sum((c @ _gramian(moved.A, b)) * c)), _TINY**2)))
             gradient[place] = float(weights @ np.array(values))

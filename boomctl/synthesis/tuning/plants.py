@@ -12,8 +12,8 @@ from boomctl.arrays import Array
 from boomctl.checks import function_of
 from boomctl.structure.families import Family
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
-from boomctl.synthesis.tuning.problem import ScaledPlant
 from boomctl.synthesis.tuning.parts.structures import Physical
+from boomctl.synthesis.tuning.problem import ScaledPlant
 
 _REMEMBERED = 256  # sets of plants that are kept for when they are asked for again (a choice)
 _MOST_PARAMETERS = 6  # of a family that may be uncertain: its corners are all tuned for (a choice)

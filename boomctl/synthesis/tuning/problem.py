@@ -8,6 +8,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.synthesis.tuning.channels import Channel
@@ -18,6 +19,8 @@ _POINTS = 24  # frequencies at which sizes of signals are looked at (a choice)
 _ROUNDS = 30  # of scaling rows and columns in turn: each takes the square of what is left (a choice)
 _SLOWEST = 1e-6  # share of the fastest pole below which a slow one says nothing about the band (a choice)
 _MARGIN = 1e-9  # share of a loop's own band by which its poles stay left of the axis: above rounding (a choice)
+_INDEPENDENT = 1e7  # size of the inverse of eigenvectors up to which responses keep eight digits (a choice)
+_HAIR = 1e-7  # share of itself by which such an eigenvalue is moved: far less than norms are tuned to
 _ILL_POSED = 1e-10  # least singular value of I - K D22 up to which a loop is not well-posed (a choice)
 
 
@@ -49,7 +52,7 @@ class ScaledPlant:
         B, C = s.B / states[:, None], s.C * states
         nw, nz = plant.nw, plant.nz
         return cls(
-            s.A * states / states[:, None],
+            _told_apart(s.A * states / states[:, None]),
             B[:, :nw],
             B[:, nw:],
             C[:nz],
@@ -64,6 +67,39 @@ class ScaledPlant:
     def matrix(self) -> Array:
         """All of it in one matrix."""
         return np.block([[self.A, self.B1, self.B2], [self.C1, self.D11, self.D12], [self.C2, self.D21, self.D22]])
+
+
+def _told_apart(A: Array) -> Array:
+    """Return a matrix whose equal eigenvalues without eigenvectors of their own, as of weights, are a hair apart.
+
+    The search alone uses it: responses are then fast, and off by no more than that hair.
+    """
+    if not len(A) or independent(A) is not None:
+        return A
+    blocks, columns, widths = block_diagonal(A, _INDEPENDENT**0.5)
+    start, apart = 0, np.zeros_like(A)
+    for width in widths:
+        part = slice(start, start + width)
+        block = blocks[part, part]
+        if width > 1 and independent(block) is None:  # the transpose of what is nilpotent tells them apart the most
+            nilpotent = block - np.eye(width) * np.trace(block) / width
+            size = float(np.linalg.norm(nilpotent))
+            apart[part, part] = _HAIR * float(np.linalg.norm(block)) * nilpotent.T / max(size, np.finfo(float).tiny)
+        start += width
+    found = A + columns @ apart @ np.linalg.inv(columns)
+    return found if independent(found) is not None else A
+
+
+def independent(A: Array) -> tuple[Array, Array, Array] | None:
+    """Return eigenvalues, the inverse of the eigenvectors and the eigenvectors, if these are independent."""
+    try:
+        values, vectors = np.linalg.eig(A)
+        inverse = np.linalg.inv(vectors)
+    except np.linalg.LinAlgError:
+        return None
+    if not np.abs(inverse).sum(axis=1).max() <= _INDEPENDENT:  # of vectors of length one
+        return None
+    return values.astype(complex), inverse.astype(complex), vectors.astype(complex)
 
 
 def balancing(A: Array) -> Array:
@@ -88,15 +124,25 @@ class Closed:
     after: Array
 
     @cached_property
-    def schur(self) -> tuple[Array, Array]:
-        """Complex Schur form ``A = Z T Z^H``: triangular, unitary."""
+    def coordinates(self) -> tuple[Array, Array, Array]:
+        """``A`` in coordinates in which solving is fast, and the ways into them and out of them.
+
+        Those of the eigenvectors, where these are independent, ``A`` being the vector of the eigenvalues; else those of
+        the Schur form.
+        """
+        if not len(self.A):
+            return np.zeros(0, complex), self.A.astype(complex), self.A.astype(complex)
+        found = independent(self.A)
+        if found is not None:
+            return found
         T, Z = linalg.schur(self.A, output="complex", check_finite=False)
-        return T, Z
+        return T, Z.conj().T, Z
 
     @property
     def poles(self) -> Array:
         """Eigenvalues [rad/s]."""
-        return np.diagonal(self.schur[0]) if len(self.A) else np.zeros(0, complex)
+        A = self.coordinates[0]
+        return A if A.ndim == 1 else np.diagonal(A)
 
     @property
     def abscissa(self) -> float:

@@ -1,7 +1,7 @@
 """``tune``: controllers of a given structure, the largest norm over all models and channels as small as can be found."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp, inf, isfinite, log
 from typing import TYPE_CHECKING, Any
@@ -12,12 +12,10 @@ from boomctl.analysis.box.robustness import pattern_search
 from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
 from boomctl.checks import function_of, instance, known, mapping, positive, real, sequence, whole, within
-from boomctl.lti.system import Lti
 from boomctl.progress import Listener, Tell, computing
 from boomctl.structure.families import Family
 from boomctl.synthesis.assumptions import SynthesisError, check_detectable, check_stabilizable
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-from boomctl.synthesis.tuning.solver.bundle import stationarity
 from boomctl.synthesis.tuning.certificate import (
     ActivePeak,
     ChannelNorm,
@@ -28,15 +26,16 @@ from boomctl.synthesis.tuning.certificate import (
     places,
 )
 from boomctl.synthesis.tuning.channels import Channel, objective
+from boomctl.synthesis.tuning.parts.structures import GAIN, Decentralised, Ports, Series, Structure, Sum
 from boomctl.synthesis.tuning.pieces import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Point
 from boomctl.synthesis.tuning.plants import FamilyPlants, Plants, fixed_plants, made_plants
 from boomctl.synthesis.tuning.problem import Problem, ports_of
 from boomctl.synthesis.tuning.result import TuneResult
+from boomctl.synthesis.tuning.solver.bundle import stationarity
 from boomctl.synthesis.tuning.solver.search import Search, search
-from boomctl.synthesis.tuning.parts.structures import GAIN, PHYSICAL, Decentralised, Ports, Series, Structure, Sum
 
 if TYPE_CHECKING:
-    import control
+    pass
 
 _LARGEST_GAIN = 1e6  # times its natural size, beyond which no free number goes: an infimum at infinite gain (a choice)
 _ACTIVE = 1e-3  # share of a norm or of a bound within which a peak or bound is active (a choice)
@@ -235,7 +234,9 @@ class _Task:
         """Return the ports of the controller."""
         found = ports_of(self.middle())
         limit = self.limits["fastest_pole"]
-        return found if limit is None else replace(found, fastest=min(found.fastest, limit), rate=min(found.rate, limit))
+        return (
+            found if limit is None else replace(found, fastest=min(found.fastest, limit), rate=min(found.rate, limit))
+        )
 
     def problem(self, structure: Structure, ports: Ports | None = None) -> Problem:
         """Return the problem of a structure."""
@@ -323,9 +324,7 @@ class _Task:
         """
         ports = self.ports()
         problem = self.problem(self.structure, ports)
-        found = search(
-            problem, starts, rng, self.deadline, begun, self.tell, lambda less: self.problem(less, ports)
-        )
+        found = search(problem, starts, rng, self.deadline, begun, self.tell, lambda less: self.problem(less, ports))
         if found.best is None:
             ended = [each for each in ("out of time", "stopped") if each in found.path]
             when = f" before it was {ended[0]}" if ended == ["stopped"] else " in the time allowed" if ended else ""
@@ -389,7 +388,7 @@ def _over_family(
     """Return the search with the worst points of the family among the models, until none is worse."""
     worst = None
     for extra in range(_MORE_POINTS + 1):
-        assert found.best is not None  # noqa: S101 - or the search had raised
+        assert found.best is not None
         task.tell("worst point of the family")
         excess, point, worst = _worst(task, over, found)
         if excess <= _WORSE:
@@ -414,7 +413,7 @@ def _over_family(
 
 def _worst(task: _Task, over: FamilyPlants, found: Search) -> tuple[float, Array, ChannelNorm]:
     """Return by how much the worst point of a family is worse than those tuned for, that point, and the norm there."""
-    assert found.best is not None  # noqa: S101 - or the search had raised
+    assert found.best is not None
     x, problem = found.best, found.problem
     plants, values = task.middle(), problem.physical_values(x)
     K = problem.lti(x, plants[0].measurements, plants[0].controls)
@@ -456,7 +455,7 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
     SynthesisError
         It could not be verified, or exceeds a budget.
     """
-    assert found.best is not None  # noqa: S101 - or the search had raised
+    assert found.best is not None
     problem, x = found.problem, found.best
     task.tell("verifying")
     plants = task.plants.given(x[problem.physical])
@@ -518,7 +517,9 @@ def _check_kept(problem: Problem, x: Array, norms: "tuple[tuple[int, ChannelNorm
     for _, each in norms:
         budget = each.channel.budget
         if budget is not None and each.value > budget * (1.0 + _BEYOND):
-            what = "the budgets cannot all be kept as far as was found" if only else "no controller found keeps its budget"
+            what = (
+                "the budgets cannot all be kept as far as was found" if only else "no controller found keeps its budget"
+            )
             where = f", {each.model}" if each.model else ""
             raise SynthesisError(f"{what}: {each.channel.text}{where} is {each.value:.6g}, allowed are {budget:.6g}")
     point = Point(problem, x)
@@ -528,7 +529,9 @@ def _check_kept(problem: Problem, x: Array, norms: "tuple[tuple[int, ChannelNorm
     if problem.gain_limit is not None:
         value = float(point.norm_peaks(-1, GAIN_LIMIT, 0.0)[1][0])
         if value > problem.gain_limit * (1.0 + _BEYOND):
-            raise SynthesisError(f"no controller found keeps gain_limit = {problem.gain_limit:.6g}: it reaches {value:.6g}")
+            raise SynthesisError(
+                f"no controller found keeps gain_limit = {problem.gain_limit:.6g}: it reaches {value:.6g}"
+            )
 
 
 def _bound_text(problem: Problem, kind: int) -> str:

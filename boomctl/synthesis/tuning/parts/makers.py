@@ -125,7 +125,7 @@ def notch(low: float | None = None, high: float | None = None) -> Structure:
 
 
 def ppf(modes: int = 1, low: float | None = None, high: float | None = None) -> Structure:
-    """Return positive position feedback, a sum of ``G w^2/(s^2 + 2 z w s + w^2)`` (Goh & Caughey 1985; Fanson & Caughey 1990).
+    """Return positive position feedback, a sum of ``G w^2/(s^2 + 2 z w s + w^2)`` (Fanson & Caughey 1990).
 
     Gains of either sign are tried, as a plant's own sign may be either.
 
@@ -227,7 +227,9 @@ def decentralised(
     found = []
     for loop in loops:
         if isinstance(loop, Structure):
-            raise ValueError("loops: expected one structure alone, or measurements, controls and structure of each loop")
+            raise ValueError(
+                "loops: expected one structure alone, or measurements, controls and structure of each loop"
+            )
         parts = sequence("loop", loop, "measurements, controls and a structure")
         if len(parts) != 3:
             raise ValueError(f"loop: expected measurements, controls and a structure, got {len(parts)} things")

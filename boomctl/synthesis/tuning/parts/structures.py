@@ -204,9 +204,7 @@ class Pid(Structure):
             gains = Jet(gains.value, gains.slopes / ports.rate)
             direct = gains @ corner
             found = found.beside(
-                SystemJet(
-                    Jet(-corner.value, -corner.slopes), corner, Jet(-direct.value, -direct.slopes), direct
-                )
+                SystemJet(Jet(-corner.value, -corner.slopes), corner, Jet(-direct.value, -direct.slopes), direct)
             )
         return found
 
@@ -293,7 +291,7 @@ class Ppf(Structure):
             filters = repeated(SystemJet(A, B, C, fixed(np.zeros((1, 1)), k)), columns)
             mode = static(_scaled(entries(x, rows, columns, start, k), ports)).after(filters)
             found = mode if found is None else found.beside(mode)
-        assert found is not None  # noqa: S101 - one mode or more
+        assert found is not None
         return found
 
 
@@ -396,9 +394,7 @@ class Series(Structure):
         behind = Ports(names, ports.controls, ones, ports.acts, ports.rate, ports.slowest, ports.fastest)
         before = Ports(ports.measurements, names, ports.reads, ones, ports.rate, ports.slowest, ports.fastest)
         if self.last.square:  # what passes unchanged does not take the sizes of the controls away
-            before = Ports(
-                ports.measurements, names, ports.reads, ports.acts, ports.rate, ports.slowest, ports.fastest
-            )
+            before = Ports(ports.measurements, names, ports.reads, ports.acts, ports.rate, ports.slowest, ports.fastest)
         elif self.first.square:
             behind = Ports(names, ports.controls, ports.reads, ports.acts, ports.rate, ports.slowest, ports.fastest)
         return behind, before

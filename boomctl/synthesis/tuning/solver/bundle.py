@@ -141,9 +141,7 @@ def _step(
 def _unseen(trial: Point, pieces: list[Piece], asked: "set[tuple[int, int, float]]") -> "set[tuple[int, int, float]]":
     """Return what stands out at a point tried and was no piece."""
     found = set()
-    for model, channel, omega, _ in trial.norms:
-        if np.isnan(omega):
-            continue
+    for model, channel, omega in trial.highest:
         there = [p.omega for p in pieces if p.model == model and p.channel == channel]
         if not any(abs(omega - each) <= 1e-3 * abs(omega) or omega == each for each in there):
             found.add((model, channel, omega))

@@ -80,7 +80,7 @@ def descend(
         falling = float(g @ d)
         if falling == 0.0:
             return Descended(x, value, k)
-        t, new = _weak_wolfe(function, x, d, value, falling, low, high, fresh)
+        new = _weak_wolfe(function, x, d, value, falling, low, high, fresh)
         if new is None:
             if fresh:
                 return Descended(x, value, k)
@@ -111,7 +111,7 @@ def _weak_wolfe(
     low: Array,
     high: Array,
     fresh: bool,
-) -> tuple[float, tuple[Array, float, Array] | None]:
+) -> tuple[Array, float, Array] | None:
     """Return a step that falls enough and after which it falls less steeply; or one that just falls, or none."""
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.where(d > 0.0, (high - x) / d, np.where(d < 0.0, (low - x) / d, inf))
@@ -128,8 +128,8 @@ def _weak_wolfe(
             gradient = slope()
             best, short = (point, found, gradient), t
             if gradient @ d >= _TURN * falling or t >= longest:
-                return t, best
+                return best
         t = 0.5 * (short + far) if far < inf else min(2.0 * t, longest)
         if far < inf and far - short <= 1e-12 * far:
             break
-    return short, best
+    return best

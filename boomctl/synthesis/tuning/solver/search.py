@@ -10,10 +10,10 @@ import numpy as np
 from boomctl.analysis.norm import level_norm
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
-from boomctl.synthesis.tuning.solver.bundle import polish
-from boomctl.synthesis.tuning.solver.descent import descend
 from boomctl.synthesis.tuning.pieces import Point
 from boomctl.synthesis.tuning.problem import Problem
+from boomctl.synthesis.tuning.solver.bundle import polish
+from boomctl.synthesis.tuning.solver.descent import descend
 from boomctl.synthesis.tuning.solver.starts import drawn, grown, lower
 
 _STABILISING = 300  # steps of the descent of the spectral abscissa at most (a choice)
@@ -181,9 +181,7 @@ class Search:
         def enough(x: Array, value: float) -> bool:
             return value < 0.0 and self.point(x).stable
 
-        found = descend(
-            function, x, self.problem.low, self.problem.high, steps=_STABILISING, gain=1e-9, enough=enough
-        )
+        found = descend(function, x, self.problem.low, self.problem.high, steps=_STABILISING, gain=1e-9, enough=enough)
         end = self.point(found.x)
         if end.well_posed:
             self.abscissa = min(self.abscissa, max(loop.abscissa for loop in end.loops if loop is not None))

@@ -61,7 +61,7 @@ def _state_space(structure: StateSpace, ports: Ports, rng: np.random.Generator, 
     rates = np.exp(rng.uniform(np.log(ports.slowest), np.log(ports.fastest), n)) / ports.rate
     k = 0
     while k < n:
-        if k + 1 < n and rng.random() < 0.7:  # noqa: PLR2004 - most modes swing (a choice)
+        if k + 1 < n and rng.random() < 0.7:
             damping = rng.uniform(*_DAMPED)
             swing = rates[k] * np.sqrt(1.0 - damping**2)
             A[k : k + 2, k : k + 2] = [[-damping * rates[k], swing], [-swing, -damping * rates[k]]]
@@ -103,7 +103,7 @@ def grown(structure: Structure, ports: Ports, x: Array, rng: np.random.Generator
             found.append(mine if less is None else grown(part, ports, mine, rng))
             start, done = start + size, done or less is not None
         return np.concatenate(found)
-    assert isinstance(structure, StateSpace)  # noqa: S101 - nothing else has a lower order
+    assert isinstance(structure, StateSpace)
     (rows, columns), n = ports.shape, structure.order
     old = n - 1
     A, B, C = np.zeros((n, n)), np.zeros((n, columns)), np.zeros((rows, n))
