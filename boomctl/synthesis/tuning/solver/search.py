@@ -1,0 +1,254 @@
+"""The search from many starts: stabilise, descend, polish, in turn until nothing changes; the best so far is kept."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from math import exp, inf, isfinite, log
+
+import numpy as np
+
+from boomctl.analysis.norm import level_norm
+from boomctl.arrays import Array
+from boomctl.lti.system import Lti
+from boomctl.synthesis.tuning.pieces import Point
+from boomctl.synthesis.tuning.problem import Problem
+from boomctl.synthesis.tuning.solver.bundle import polish
+from boomctl.synthesis.tuning.solver.descent import descend
+from boomctl.synthesis.tuning.solver.starts import drawn, grown, lower
+
+_STABILISING = 300  # steps of the descent of the spectral abscissa at most (a choice)
+_DESCENDING, _POLISHING = 200, 60  # steps of a descent and of a polish at most (choices)
+_ROUNDS = 8  # of both in turn at most (a choice)
+_GAIN = 1e-6  # relative gain of ten steps, or of a round, below which nothing changes (a choice)
+_PROMISE = 1e-8  # relative gain that a step must promise (a choice)
+_WEIGHT = 10.0  # what a unit of an exceeded bound costs at first (a choice); grows until the bounds are kept
+_KEPT = 1e-6  # by how much a bound may be exceeded: what the certificate allows too (a choice)
+_MISSED = 1e-4  # relative height above the peaks known from which on one counts as missed (a choice)
+_ZERO = 1e-9  # share of the first norm seen below which a norm counts as zero: nothing is left to gain
+_PROMISING = 0.25  # logarithm of the norm above the best up to which a start is polished to the end (a choice)
+
+
+class OutOfTime(Exception):
+    """The time is up."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """What one start came to.
+
+    Attributes
+    ----------
+    kind : str
+        How it began.
+    value : float
+        The objective that it reached; ``inf`` where no stabilising controller, or none within the bounds, was found.
+    steps : int
+        Steps taken.
+    stationary : bool
+        Whether it ended because no step promised any gain.
+    """
+
+    kind: str
+    value: float
+    steps: int
+    stationary: bool
+
+
+@dataclass
+class Search:
+    """A search that can be stopped at any moment.
+
+    Attributes
+    ----------
+    problem : Problem
+    deadline : float
+        Moment by the clock [s].
+    """
+
+    problem: Problem
+    deadline: float
+    best: Array | None = None
+    value: float = inf
+    excess: float = inf
+    floor: float = -inf
+    abscissa: float = inf
+    starts: list[Start] = field(default_factory=list)
+    known: dict[tuple[int, int], Array] = field(default_factory=dict)
+    path: list[str] = field(default_factory=list)
+
+    def point(self, x: Array) -> Point:
+        """Return the loops at free numbers; out of time where it is."""
+        if time.monotonic() > self.deadline:
+            raise OutOfTime
+        return Point(self.problem, x, self.known)
+
+    def keep(self, x: Array, point: Point | None = None) -> None:
+        """Remember a point if it is the best so far: within the bounds first, then the lowest."""
+        point = Point(self.problem, x, self.known) if point is None else point
+        if not point.stable or not isfinite(point.aim):
+            return
+        excess = max(point.excess, _KEPT)
+        if self.floor == -inf:
+            self.floor = point.aim + log(_ZERO)
+        if (excess, point.aim) < (self.excess, self.value):
+            self.best, self.value, self.excess = x.copy(), point.aim, excess
+
+    def checked(self, x: Array) -> bool:
+        """Return whether the peaks known are all there are; what a Hamiltonian matrix shows beyond them is remembered."""
+        point, missed = Point(self.problem, x, self.known), False
+        for model, channel, _, value in point.norms:
+            if model < 0 or self.problem.channels[channel].norm == "h2":
+                continue
+            loop = point.loops[model]
+            if loop is None:
+                return True
+            rows, columns = self.problem.rows[channel], self.problem.columns[channel]
+            B, C, D = loop.part(columns, rows)
+            norm = level_norm(Lti(loop.A, B, C, D))
+            here = exp(value + point._offset(channel))
+            if norm.lower > here * (1.0 + _MISSED) and isfinite(norm.omega):
+                self.known[model, channel] = np.append(self.known.get((model, channel), np.zeros(0)), norm.omega)
+                missed = True
+        return not missed
+
+    def run(self, x: Array, kind: str) -> None:
+        """Search from one start."""
+        steps, stationary, weight = 0, False, _WEIGHT
+        mine = inf
+        try:
+            found, taken = self.stabilised(x)
+            steps += taken
+            if found is None:
+                return
+            x = found
+            self.keep(x)
+            before = inf
+            for turn in range(_ROUNDS):
+                down = descend(
+                    lambda x: self._merit(x, weight),  # noqa: B023 - used within this pass alone
+                    x,
+                    self.problem.low,
+                    self.problem.high,
+                    steps=_DESCENDING,
+                    gain=_GAIN if turn else 1e-3,
+                    enough=lambda x, value: value < self.floor,
+                )
+                x, steps = down.x, steps + down.steps
+                self.keep(x)
+                if down.value < self.floor:
+                    mine = down.value
+                    break
+                if turn == 0 and down.value > self.value + 2.0:
+                    break
+                done = polish(
+                    self.point,
+                    x,
+                    self.problem.low,
+                    self.problem.high,
+                    weight=weight,
+                    steps=_POLISHING,
+                    gain=_PROMISE,
+                )
+                x, steps, stationary = done.x, steps + done.steps, done.stationary
+                self.keep(x)
+                fine = self.checked(x)
+                point = self.point(x)
+                if point.excess > _KEPT:
+                    weight *= 10.0
+                    before = inf
+                    continue
+                mine = min(mine, point.aim)
+                if fine and before - done.value < _GAIN:
+                    break
+                if turn >= 1 and done.value > self.value + _PROMISING:
+                    break
+                before = done.value if fine else inf
+        finally:
+            self.starts.append(Start(kind, exp(mine) if mine < inf else inf, steps, stationary))
+
+    def _merit(self, x: Array, weight: float) -> tuple[float, Callable[[], Array]]:
+        return self.point(x).merit(weight)
+
+    def stabilised(self, x: Array) -> tuple[Array | None, int]:
+        """Return free numbers at which all loops are stable, found by descending the spectral abscissa."""
+        if self.point(x).stable:
+            return x, 0
+
+        def function(x: Array) -> tuple[float, Callable[[], Array]]:
+            value, gradient = self.point(x).abscissa()
+            return value, lambda: gradient
+
+        def enough(x: Array, value: float) -> bool:
+            return value < 0.0 and self.point(x).stable
+
+        found = descend(function, x, self.problem.low, self.problem.high, steps=_STABILISING, gain=1e-9, enough=enough)
+        end = self.point(found.x)
+        if end.well_posed:
+            self.abscissa = min(self.abscissa, max(loop.abscissa for loop in end.loops if loop is not None))
+        return (found.x if end.stable else None), found.steps
+
+
+def search(
+    problem: Problem,
+    starts: int,
+    rng: np.random.Generator,
+    deadline: float,
+    first: list[Array],
+    tell: Callable[..., None],
+    problem_of: Callable[..., Problem],
+) -> Search:
+    """Return the search from all starts, or what it had come to when the time ran out or the user stopped it.
+
+    Parameters
+    ----------
+    problem : Problem
+    starts : int
+    rng : Generator
+    deadline : float
+        Moment by the clock [s].
+    first : list of ndarray
+        Starts that are given.
+    tell : function
+        Is told what is going on.
+    problem_of : function
+        Returns the problem with another structure.
+    """
+    work = Search(problem, deadline)
+    try:
+        begun: list[tuple[str, Array]] = [("given", x) for x in first]
+        less = lower(problem.structure)
+        if less is not None and starts > 1:
+            small = problem_of(less)
+            few = max(2, starts // 3)
+            inner = search(small, few, rng, _share(deadline, 0.3), [], tell, problem_of)
+            work.path += inner.path
+            if inner.best is not None:
+                name = f"from order {small.order}: {exp(inner.value):.6g}"
+                work.path.append(name)
+                for _ in range(2):
+                    begun.append((f"order {small.order}", grown(problem.structure, problem.ports, inner.best, rng)))
+            if "stopped" in inner.path:
+                begun = begun[:1]
+        for k in range(max(starts - len(begun), 1)):
+            begun.append(("drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)))
+        for k, (kind, x) in enumerate(begun):
+            tell(f"order {problem.order}, start", k + 1, len(begun))
+            work.run(problem.clipped(x), kind)
+            if work.value < work.floor:
+                work.path.append("nothing left")
+                break
+    except OutOfTime:
+        work.path.append("out of time")
+    except KeyboardInterrupt:
+        work.path.append("stopped")
+    return work
+
+
+def _share(deadline: float, share: float) -> float:
+    now = time.monotonic()
+    return now + share * max(deadline - now, 0.0)
+
+
+def with_structure(problem: Problem, structure: object, **changes: object) -> Problem:
+    """Return a problem with some of its fields changed."""
+    return replace(problem, structure=structure, **changes)  # type: ignore[arg-type]
