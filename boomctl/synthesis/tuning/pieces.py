@@ -185,7 +185,7 @@ class Point:
 
                 found += self._poles_near_top(i, DAMPING, values, (poles, left, right), of_damping)
             if decay is not None:
-                    values = (poles.real + decay) / rate
+                values = (poles.real + decay) / rate
                 found += self._poles_near_top(
                     i, DECAY, values, (poles, left, right), lambda change, pole: np.real(change) / rate
                 )
