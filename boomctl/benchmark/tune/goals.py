@@ -32,8 +32,10 @@ class Goal:
 
     @property
     def limit(self) -> float | None:
-        """The highest norm that passes."""
-        return None if self.norm is None else self.norm * (1.0 + self.within)
+        """The highest norm that passes; without a norm asked for, one near that published."""
+        if self.norm is None:
+            return None if self.published is None else self.published * (1.0 + WITHIN)
+        return self.norm * (1.0 + self.within)
 
     @property
     def name(self) -> str:

@@ -77,7 +77,7 @@ class Outcome:
     @property
     def met(self) -> bool | None:
         """Whether it is certified, low and fast enough; None where only the certificate was asked for and is there."""
-        wanted = self.goal.limit if self.goal.limit is not None else self.goal.published
+        wanted = self.goal.limit
         if not self.certified:
             return False
         if wanted is None:
