@@ -20,6 +20,7 @@ from boomctl.synthesis.tuning.responses import BELOW, Response, coarse, grid, pe
 from boomctl.synthesis.tuning.solver.highest import STATES, highest_peak
 
 _STEP = 1e-3  # of differences, in halves of a parameter's range: rounding and what is left out are 1e-12 then (derived)
+_BEND = 1e-5  # of differences of a controller's derivatives: they need to be right to some digits alone
 _STENCIL = np.arange(5) - 2  # places of a difference of fourth order
 _TINY = 1e-100  # norm that stands for zero, whose logarithm is a number
 _MIXED = (1.0, -1.0, 1j, -1j)  # phases in which two singular vectors of like values are mixed (a choice)
@@ -73,6 +74,18 @@ class Point:
         """The controller's matrices, and their derivatives as rows."""
         jet = self.problem.controller(self.x)
         return jet.value, jet.slopes.reshape(len(self.x), -1)
+
+    @cached_property
+    def bends(self) -> Array | None:
+        """Second derivatives of the controller's matrices; None where there are none."""
+        problem, k = self.problem, len(self.x)
+        if problem.linear:
+            return None
+        found = np.zeros((k, k, *self.controller[0].shape))
+        for i, step in enumerate(_BEND * np.eye(k)):
+            up, down = problem.controller(self.x + step), problem.controller(self.x - step)
+            found[i] = (up.slopes - down.slopes) / (2.0 * _BEND)
+        return 0.5 * (found + found.swapaxes(0, 1))
 
     @cached_property
     def loops(self) -> tuple[Closed | None, ...]:
@@ -214,18 +227,23 @@ class Point:
             for k in chosen
         ]
 
+    def part(self, model: int, channel: int) -> tuple[Closed, Array, Array]:
+        """Return the loop of a model, or the controller by itself, and rows and columns of a channel."""
+        if model < 0:
+            n, K = self.problem.order, self.controller[0]
+            around = np.zeros(K.T.shape)
+            alone = Closed(K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:], np.eye(len(K)), np.eye(K.shape[1]), around)
+            return alone, np.arange(len(K) - n), np.arange(K.shape[1] - n)
+        loop = self.loops[model]
+        assert loop is not None
+        return loop, self.problem.rows[channel], self.problem.columns[channel]
+
     # -- norms -----------------------------------------------------------------------------------------------------
     def response(self, model: int, channel: int) -> Response:
         """Return a channel of a loop; model -1 is the controller itself."""
         key = (model, channel)
         if key not in self._responses:
-            if model < 0:
-                n, K = self.problem.order, self.controller[0]
-                whole = Closed(K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:], np.eye(len(K)), np.eye(K.shape[1]))
-                rows, columns = np.arange(len(K) - n), np.arange(K.shape[1] - n)
-            else:
-                whole, rows, columns = self.loops[model], self.problem.rows[channel], self.problem.columns[channel]
-            assert whole is not None
+            whole, rows, columns = self.part(model, channel)
             self._responses[key] = Response.of(whole, columns, rows)
         return self._responses[key]
 
@@ -415,14 +433,7 @@ class Point:
 
     def _sides(self, model: int, channel: int, omega: float) -> tuple[Array, Array]:
         """Return what carries a change of the controller's matrices to the response: ``left @ change @ right``."""
-        if model < 0:
-            n, K = self.problem.order, self.controller[0]
-            whole = Closed(K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:], np.eye(len(K)), np.eye(K.shape[1]))
-            rows, columns = np.arange(len(K) - n), np.arange(K.shape[1] - n)
-        else:
-            found = self.loops[model]
-            assert found is not None
-            whole, rows, columns = found, self.problem.rows[channel], self.problem.columns[channel]
+        whole, rows, columns = self.part(model, channel)
         n = len(whole.A)
         left, right = whole.before[n + rows].astype(complex), whole.after[:, n + columns].astype(complex)
         if omega < inf and n:
@@ -436,6 +447,14 @@ class Point:
         if (model, channel) not in self._squares:
             self._squares[model, channel] = self._h2_and_gradient(model, channel)
         return self._squares[model, channel]
+
+    def h2_gradient(self, model: int, channel: int) -> Array:
+        """Return the gradient of the logarithm of an H2 norm."""
+        return self._h2(model, channel)[1]
+
+    def beside(self, x: Array) -> "Point":
+        """Return the loops at other free numbers."""
+        return Point(self.problem, x, self._known)
 
     def _h2_and_gradient(self, model: int, channel: int) -> tuple[float, Array]:
         loop = self.loops[model]

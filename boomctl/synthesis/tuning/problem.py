@@ -115,7 +115,8 @@ def balancing(A: Array) -> Array:
 class Closed:
     """A closed loop, and what carries changes of the controller's matrices ``[[A, B], [C, D]]`` into it.
 
-    A change ``d`` of the controller changes ``[[A, B], [C, D]]`` of the loop by ``before @ d @ after``.
+    A change ``d`` of the controller changes ``[[A, B], [C, D]]`` of the loop by ``before @ d @ after``, to first order, and
+    reads itself through ``around``.
     """
 
     A: Array
@@ -124,6 +125,7 @@ class Closed:
     D: Array
     before: Array
     after: Array
+    around: Array
 
     @cached_property
     def coordinates(self) -> tuple[Array, Array, Array]:
@@ -176,7 +178,7 @@ def close(plant: ScaledPlant, K: Array, order: int) -> Closed | None:
     M = np.zeros((n + order + nz, n + order + nw))
     M[:n, :n], M[:n, n + order :] = plant.A, plant.B1
     M[n + order :, :n], M[n + order :, n + order :] = plant.C1, plant.D11
-    gain, before, after = K, M12, M21
+    gain, before, after, around = K, M12, M21, np.zeros((order + ny, order + nu))
     if plant.D22.any():
         through = np.zeros((order + ny, order + nu))
         through[order:, order:] = plant.D22
@@ -185,10 +187,10 @@ def close(plant: ScaledPlant, K: Array, order: int) -> Closed | None:
             return None
         inverse = np.linalg.inv(left)
         gain = inverse @ K
-        before, after = M12 @ inverse, (np.eye(len(M21)) + through @ gain) @ M21
+        before, after, around = M12 @ inverse, (np.eye(len(M21)) + through @ gain) @ M21, through @ inverse
     M += M12 @ gain @ M21
     end = n + order
-    return Closed(M[:end, :end], M[:end, end:], M[end:, :end], M[end:, end:], before, after)
+    return Closed(M[:end, :end], M[:end, end:], M[end:, :end], M[end:, end:], before, after, around)
 
 
 @dataclass(frozen=True)
@@ -235,6 +237,14 @@ class Problem:
     def physical(self) -> Array:
         """Places of the physical parameters among the free numbers."""
         return np.array([i for i, each in enumerate(self.free) if each.kind == PHYSICAL], dtype=int)
+
+    @cached_property
+    def linear(self) -> bool:
+        """Whether the controller's matrices depend on the free numbers in straight lines."""
+        middle = np.where(np.isfinite(self.high), 0.5 * (np.maximum(self.low, -1e300) + self.high), 0.0)
+        drawn = np.random.default_rng(0).normal(size=(2, len(middle)))
+        slopes = [self.structure.system(middle + 0.1 * each, self.ports).matrix().slopes for each in drawn]
+        return bool(np.array_equal(*slopes))
 
     def controller(self, x: Array) -> Jet:
         """Return ``[[A, B], [C, D]]`` of the controller in the users' units, with derivatives."""

@@ -7,18 +7,21 @@ from math import inf, isfinite
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.synthesis.tuning.hessian import peak_hessian
 from boomctl.synthesis.tuning.pieces import Piece, Point
 from boomctl.synthesis.tuning.solver.quadratic import least
 
 _WINDOW = 0.1  # share below the highest within which peaks are looked at (a choice)
 _MOST = 80  # pieces at most, the highest (a choice)
-_TRIALS = 12  # of a step: each either gains a piece or halves the room (a choice)
-_FALL = 0.05  # share of the promised gain that makes a step worth taking (a choice)
-_GOOD = 0.5  # share of the promised gain from which on the next step may be longer (a choice)
-_ACTIVE = 1e-7  # multiplier from which on a piece is active (a choice)
+_TRIALS = 14  # of a step: each either gains a piece or shortens the step (a choice)
+_FALL = 0.1  # share of the promised gain that makes a step worth taking (a choice)
+_GOOD = 0.6  # share of the promised gain from which on the next step may be longer (a choice)
+_ACTIVE = 1e-6  # multiplier from which on a piece is active (a choice)
 _NEAR = 0.1  # share of its frequency by which a peak may move in a step and be the same (a choice)
-_FIRST, _LEAST, _LARGEST = 0.3, 1e-10, 10.0  # room for a step: first, least and largest (choices)
-
+_DAMPING, _LEAST, _LARGEST = 1.0, 1e-9, 1e9  # weight of a step's length in natural sizes: first, least, largest (choices)
+_FAR, _HAIR = 1e4, 1e-11  # natural sizes: how far an end is no matter, and room where there is none (choices)
+_FLAT = 1e-10  # share of the largest natural size below which a number's own is taken to be that
+_LITTLE = 1e-6  # step of differences of an H2 norm's gradient
 
 @dataclass(frozen=True)
 class Polished:
@@ -61,42 +64,75 @@ def polish(
     value = point.merit(weight)[0]
     if not isfinite(value):
         return Polished(x, value, 0, False)
-    B, room, asked = np.eye(n), _FIRST, set()
+    exact = not len(point.problem.physical)
+    H, damping = np.zeros((n, n)), _DAMPING
     history = [value]
     for k in range(steps):
-        moved = None
+        moved, asked = None, set()
         pieces = _chosen(point, asked)
-        for _ in range(_TRIALS):
-            d, promised, multipliers = _step(pieces, B, x, low, high, room, weight, value)
+        sizes = _sizes(pieces, H)
+        if exact:
+            H = _curvature(point, pieces, _step(pieces, H, sizes, damping, x, low, high, weight, value)[2], sizes)
+            sizes = _sizes(pieces, H)
+        for trial in range(_TRIALS):
+            d, promised, multipliers = _step(pieces, H, sizes, damping, x, low, high, weight, value)
             if promised <= gain:
-                return Polished(x, value, k, True)
+                return Polished(x, value, k, damping < 1e3 * _DAMPING)
             new = np.minimum(np.maximum(x + d, low), high)
-            trial = point_at(new)
-            found = trial.merit(weight)[0]
+            there = point_at(new)
+            found = there.merit(weight)[0]
             if found <= value - _FALL * promised:
-                moved = new, trial, found, promised, multipliers, float(np.abs(d).max())
+                moved = new, there, found, multipliers
+                if trial == 0:
+                    good = value - found >= _GOOD * promised
+                    damping = max((0.1 if good else 0.4) * damping, _LEAST)
                 break
-            more = _unseen(trial, pieces, asked) if isfinite(found) else set()
-            room = (0.5 if more else 0.25) * min(room, float(np.abs(d).max()))
+            more = _unseen(there, pieces, asked) if isfinite(found) else set()
             if more:
                 asked |= more
                 pieces = _chosen(point, asked)
-            if room < _LEAST:
-                break
+            damping = min((2.0 if more else 6.0) * damping, _LARGEST)
         if moved is None:
             return Polished(x, value, k, False)
-        new, trial, found, promised, multipliers, length = moved
-        active = [(m, p) for m, p in zip(multipliers, pieces, strict=True) if m > _ACTIVE and p.top]
-        asked = {(p.model, p.channel, p.omega) for _, p in active if p.channel >= -1 and not np.isnan(p.omega)}
-        B = _updated(B, new - x, active, trial.pieces(_WINDOW))
-        if value - found >= _GOOD * promised:
-            room = min(max(room, 2.0 * length), _LARGEST)
-        x, point, value = new, trial, found
-        asked = set()
+        if not exact:
+            active = [(m, p) for m, p in zip(moved[3], pieces, strict=True) if m > _ACTIVE and p.top]
+            H = _updated(H + 1e-3 * damping * np.diag(sizes), moved[0] - x, active, moved[1].pieces(_WINDOW))
+        x, point, value = moved[0], moved[1], moved[2]
         history.append(value)
-        if len(history) > 5 and history[-6] - value < gain:
+        if len(history) > 6 and history[-7] - value < 10.0 * gain:
             return Polished(x, value, k + 1, False)
     return Polished(x, value, steps, False)
+
+
+def _sizes(pieces: list[Piece], H: Array) -> Array:
+    """Return squares of the inverse natural sizes of the free numbers: slopes and curvatures."""
+    squares = np.max([p.gradient**2 for p in pieces], axis=0) + np.abs(np.diag(H))
+    return np.maximum(squares, _FLAT * max(float(squares.max(initial=0.0)), np.finfo(float).tiny))
+
+
+def _curvature(point: Point, pieces: list[Piece], multipliers: Array, sizes: Array) -> Array:
+    """Return the curvature of the Lagrangian, what is negative turned round: so that steps lead away from saddles."""
+    n = len(point.x)
+    H = np.zeros((n, n))
+    for multiplier, piece in zip(multipliers, pieces, strict=True):
+        if multiplier <= _ACTIVE or piece.channel < -1 or not piece.top:
+            continue
+        H += multiplier * (_h2_hessian(point, piece) if np.isnan(piece.omega) else peak_hessian(point, piece))
+    if not np.isfinite(H).all():
+        return np.zeros((n, n))
+    root = np.sqrt(sizes)
+    values, vectors = np.linalg.eigh(0.5 * (H + H.T) / root / root[:, None])
+    return (root[:, None] * vectors * np.maximum(values, 0.0)) @ (vectors.T * root)
+
+
+def _h2_hessian(point: Point, piece: Piece) -> Array:
+    """Return second derivatives of the logarithm of an H2 norm, by differences of its gradient."""
+    rows = []
+    for step in _LITTLE * np.eye(len(point.x)):
+        moved = point.beside(point.x + step)
+        found = moved.h2_gradient(piece.model, piece.channel) if moved.stable else piece.gradient
+        rows.append((found - piece.gradient) / _LITTLE)
+    return np.array(rows)
 
 
 def _chosen(point: Point, asked: "set[tuple[int, int, float]]") -> list[Piece]:
@@ -107,35 +143,52 @@ def _chosen(point: Point, asked: "set[tuple[int, int, float]]") -> list[Piece]:
 
 
 def _step(
-    pieces: list[Piece], B: Array, x: Array, low: Array, high: Array, room: float, weight: float, value: float
+    pieces: list[Piece],
+    H: Array,
+    sizes: Array,
+    damping: float,
+    x: Array,
+    low: Array,
+    high: Array,
+    weight: float,
+    value: float,
 ) -> tuple[Array, float, Array]:
     """Return the step of a quadratic programme, the gain that it promises, and the multipliers of the pieces."""
     n = len(x)
-    values, slopes = np.array([p.value for p in pieces]), np.array([p.gradient for p in pieces])
+    root = np.sqrt(sizes)  # the step counts in natural sizes
+    values, slopes = np.array([p.value for p in pieces]), np.array([p.gradient for p in pieces]) / root
     limits = np.array([p.limit for p in pieces])
     top = values[~limits].max()
-    H = np.zeros((n + 2, n + 2))
-    H[:n, :n] = B
-    c = np.zeros(n + 2)
-    c[n], c[n + 1] = 1.0, weight
-    rows = [np.column_stack([slopes, -(~limits).astype(float), -limits.astype(float)])]
+    any_limits = bool(limits.any())
+    m = n + (2 if any_limits else 1)
+    Q = np.zeros((m, m))
+    Q[:n, :n] = H / root / root[:, None] + damping * np.eye(n)
+    c = np.zeros(m)
+    c[n] = 1.0
+    first = np.column_stack([slopes, -(~limits).astype(float)])
     sides = [np.where(limits, -values, top - values)]
-    slack = np.zeros((1, n + 2))
-    slack[0, n + 1] = -1.0
-    rows.append(slack)
-    sides.append(np.zeros(1))
-    up, down = np.minimum(high - x, room), np.minimum(x - low, room)
-    free = np.hstack([np.eye(n), np.zeros((n, 2))])
-    rows += [free, -free]
-    sides += [np.maximum(up, 0.0), np.maximum(down, 0.0)]
+    if any_limits:
+        c[n + 1] = weight
+        first = np.column_stack([first, -limits.astype(float)])
+    rows = [first]
+    if any_limits:
+        slack = np.zeros((1, m))
+        slack[0, n + 1] = -1.0
+        rows.append(slack)
+        sides.append(np.zeros(1))
     # numbers that rest at an end leave no interior: a hair of room, which is clipped away afterwards
-    sides[-1], sides[-2] = sides[-1] + 1e-12 * room, sides[-2] + 1e-12 * room
-    y, z = least(H, c, np.vstack(rows), np.concatenate(sides))
-    d = y[:n]
-    model = float((np.where(limits, -inf, values - top + slopes @ d)).max())
-    over = max(float((np.where(limits, values + slopes @ d, 0.0)).max(initial=0.0)), 0.0)
-    promised = value - (top + model + weight * over)
-    return d, promised, z[: len(pieces)]
+    unit = np.eye(m)[:n]
+    for sign, room in ((1.0, high - x), (-1.0, x - low)):
+        near = np.isfinite(room) & (room * root < _FAR)
+        rows.append(sign * unit[near])
+        sides.append(np.maximum(room[near] * root[near], 0.0) + _HAIR)
+    y, z = least(Q, c, np.vstack(rows), np.concatenate(sides))
+    scaled = y[:n]
+    model = float((np.where(limits, -inf, values - top + slopes @ scaled)).max())
+    over = max(float((np.where(limits, values + slopes @ scaled, 0.0)).max(initial=0.0)), 0.0)
+    bend = 0.5 * float(scaled @ (Q[:n, :n] - damping * np.eye(n)) @ scaled)
+    promised = value - (top + model + weight * over) - bend
+    return scaled / root, promised, z[: len(pieces)]
 
 
 def _unseen(trial: Point, pieces: list[Piece], asked: "set[tuple[int, int, float]]") -> "set[tuple[int, int, float]]":
