@@ -18,7 +18,7 @@ from boomctl.synthesis.plants.weights import band_pass, high_pass, low_pass, she
 from boomctl.synthesis.reduce_controller import ReducedController, reduce_controller
 from boomctl.synthesis.tuning.certificate import ActivePeak, ChannelNorm, TuneCertificate
 from boomctl.synthesis.tuning.result import TuneResult
-from boomctl.synthesis.tuning.solver.search import Start
+from boomctl.synthesis.tuning.solver.search import TuneStart
 from boomctl.synthesis.tuning.tune import tune
 
 __all__ = [
@@ -35,10 +35,10 @@ __all__ = [
     "ReducedController",
     "ReductionWarning",
     "ScheduledController",
-    "Start",
     "SynthesisError",
     "TuneCertificate",
     "TuneResult",
+    "TuneStart",
     "band_pass",
     "close_loop",
     "discretize",

@@ -1,6 +1,6 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.synthesis.tuning.channels import Channel, budget, objective
+from boomctl.synthesis.tuning.channels import budget, objective
 from boomctl.synthesis.tuning.parts.makers import (
     decentralised,
     gain,
@@ -11,11 +11,8 @@ from boomctl.synthesis.tuning.parts.makers import (
     ppf,
     state_space,
 )
-from boomctl.synthesis.tuning.parts.structures import Structure
 
 __all__ = [
-    "Channel",
-    "Structure",
     "budget",
     "decentralised",
     "gain",

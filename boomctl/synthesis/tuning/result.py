@@ -9,7 +9,7 @@ from boomctl.analysis.sigma import sigma
 from boomctl.lti.system import Lti
 from boomctl.printing import count, listed, system
 from boomctl.synthesis.tuning.certificate import TuneCertificate
-from boomctl.synthesis.tuning.solver.search import Start
+from boomctl.synthesis.tuning.solver.search import TuneStart
 
 if TYPE_CHECKING:
     import control
@@ -36,7 +36,7 @@ class TuneResult:
         in the search's own sizes.
     physical : dict of str to float
         The physical parameters among them.
-    starts : tuple of Start
+    starts : tuple of TuneStart
         What each start came to.
     models : tuple of str
         What the models are called.
@@ -49,7 +49,7 @@ class TuneResult:
     certificate: TuneCertificate
     values: dict[str, float]
     physical: dict[str, float]
-    starts: tuple[Start, ...]
+    starts: tuple[TuneStart, ...]
     models: tuple[str, ...]
 
     @cached_property

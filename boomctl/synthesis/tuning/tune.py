@@ -1,6 +1,7 @@
 """``tune``: controllers of a given structure, the largest norm over all models and channels as small as can be found."""
 
 import time
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp, inf, isfinite, log
@@ -324,7 +325,9 @@ class _Task:
         """
         ports = self.ports()
         problem = self.problem(self.structure, ports)
-        found = search(problem, starts, rng, self.deadline, begun, self.tell, lambda less: self.problem(less, ports))
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # of what is tried and given up
+            found = search(problem, starts, rng, self.deadline, begun, self.tell, lambda less: self.problem(less, ports))
         if found.best is None:
             ended = [each for each in ("out of time", "stopped") if each in found.path]
             when = f" before it was {ended[0]}" if ended == ["stopped"] else " in the time allowed" if ended else ""

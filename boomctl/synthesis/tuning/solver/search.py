@@ -33,7 +33,7 @@ class OutOfTime(Exception):
 
 
 @dataclass(frozen=True)
-class Start:
+class TuneStart:
     """What one start came to.
 
     Attributes
@@ -72,7 +72,7 @@ class Search:
     excess: float = inf
     floor: float = -inf
     abscissa: float = inf
-    starts: list[Start] = field(default_factory=list)
+    starts: list[TuneStart] = field(default_factory=list)
     known: dict[tuple[int, int], Array] = field(default_factory=dict)
     path: list[str] = field(default_factory=list)
 
@@ -164,7 +164,7 @@ class Search:
                     break
                 before = done.value if fine else inf
         finally:
-            self.starts.append(Start(kind, exp(mine) if mine < inf else inf, steps, stationary))
+            self.starts.append(TuneStart(kind, exp(mine) if mine < inf else inf, steps, stationary))
 
     def _merit(self, x: Array, weight: float) -> tuple[float, Callable[[], Array]]:
         return self.point(x).merit(weight)
