@@ -408,7 +408,7 @@ def _over_family(
         except SynthesisError:
             path.append("found nothing with it")
             break
-        again.starts[:0] = found.starts
+        again.earlier = found.starts
         path += again.path
         task, found = more, again
     return task, found, worst
