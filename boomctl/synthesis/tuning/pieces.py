@@ -262,7 +262,8 @@ class Point:
         loop = self.loops[model] if model >= 0 else None
         if loop is None or not 0 < len(loop.A) <= STATES:
             return None
-        found = highest_peak(loop.A, *loop.part(self.problem.columns[channel], self.problem.rows[channel]))
+        parts = loop.part(self.problem.columns[channel], self.problem.rows[channel])
+        found = highest_peak(loop.A, *parts, self._known.get((model, channel), np.zeros(0)))
         return None if found is None else (np.array([found[0]]), np.array([found[1]]))
 
     def _coarse(self, model: int, channel: int) -> tuple[Array, Array, float]:

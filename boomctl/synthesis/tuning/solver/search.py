@@ -114,6 +114,11 @@ class Search:
         excess = max(point.excess, _KEPT)
         if self.floor == -inf:
             self.floor = point.aim + log(_ZERO)
+        if (excess, point.aim) >= (self.excess, self.value):
+            return
+        if not self.checked(x):  # with the peaks that were missed it counts anew
+            point = Point(self.problem, x, self.known)
+            excess = max(point.excess, _KEPT)
         if (excess, point.aim) < (self.excess, self.value):
             self.best, self.value, self.excess = x.copy(), point.aim, excess
 
