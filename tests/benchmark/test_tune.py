@@ -98,7 +98,9 @@ def test_a_goal_is_met_by_norm_certificate_and_time_together(found, met):
 def test_rows_and_sheet_are_of_all_that_was_asked(monkeypatch):
     goals = (Goal("HE1", 0, 0.1539), Goal("AC4", 1, 0.5589, within=0.0))
     monkeypatch.setattr(run, "asked", lambda full: goals)
-    monkeypatch.setattr(run, "tuned", lambda goal: outcome(0.16 if goal.order == 0 else nan, goal, certified=not goal.order))
+    monkeypatch.setattr(
+        run, "tuned", lambda goal: outcome(0.16 if goal.order == 0 else nan, goal, certified=not goal.order)
+    )
     told = []
     report = run.run(progress=told.append)
     assert len(told) == len(report.rows) == 2

@@ -22,7 +22,9 @@ _MARGIN = 1e-9  # share of a loop's own band by which its poles stay left of the
 _INDEPENDENT = 1e7  # size of the inverse of eigenvectors up to which responses keep eight digits (a choice)
 _HAIR = 1e-7  # share of itself by which such an eigenvalue is moved: far less than norms are tuned to
 _LOW = 1e-3  # share of its peak down to which a response says how large it is: tails of rods fall for ever (a choice)
-_NOTHING = 1e-10  # share of what its entry and exit alone would let through below which a response is rounding (a choice)
+_NOTHING = (
+    1e-10  # share of what its entry and exit alone would let through below which a response is rounding (a choice)
+)
 _ILL_POSED = 1e-10  # least singular value of I - K D22 up to which a loop is not well-posed (a choice)
 
 

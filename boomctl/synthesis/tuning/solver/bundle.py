@@ -18,10 +18,15 @@ _FALL = 0.1  # share of the promised gain that makes a step worth taking (a choi
 _GOOD = 0.6  # share of the promised gain from which on the next step may be longer (a choice)
 _ACTIVE = 1e-6  # multiplier from which on a piece is active (a choice)
 _NEAR = 0.1  # share of its frequency by which a peak may move in a step and be the same (a choice)
-_DAMPING, _LEAST, _LARGEST = 1.0, 1e-9, 1e9  # weight of a step's length in natural sizes: first, least, largest (choices)
+_DAMPING, _LEAST, _LARGEST = (
+    1.0,
+    1e-9,
+    1e9,
+)  # weight of a step's length in natural sizes: first, least, largest (choices)
 _FAR, _HAIR = 1e4, 1e-11  # natural sizes: how far an end is no matter, and room where there is none (choices)
 _FLAT = 1e-10  # share of the largest natural size below which a number's own is taken to be that
 _LITTLE = 1e-6  # step of differences of an H2 norm's gradient
+
 
 @dataclass(frozen=True)
 class Polished:

@@ -6,7 +6,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 
-STATES = 40  # up to which the level sets, cubic in twice the states, are faster than a grid (measured)
+STATES = 30  # up to which the level sets, cubic in twice the states, are faster than a grid (measured)
 _WITHIN = 1e-6  # relative, of the norm: where level sets end; nearer to it they may miss a peak by rounding (measured)
 _BESIDE = 3e-3  # share of its frequency to either side of a peak that is known to the square root of that (derived)
 _ROUNDS = 2  # of parabolas: the value is then known to 1e-12

@@ -21,6 +21,7 @@ _DESCENDING, _POLISHING = 400, 60  # steps of a descent and of a polish at most 
 _BRIEF = 20  # steps of the first polish of a start, after which the best are chosen (a choice)
 _FINISHED = 3  # starts that are taken to the end, the best after their first turn (a choice)
 _SHAKES = (0.1, 0.01)  # shares by which the numbers of the best are moved, for one more start each (a choice)
+_BEGINNING = 0.5  # share of the time in which starts are begun; then the best are finished (a choice)
 _HOPE = 4.0  # turns that each gain as much as the last which would bring an attempt down to the best (a choice)
 _ROUNDS = 8  # of both in turn at most (a choice)
 _GAIN = 1e-6  # relative gain of ten steps, or of a round, below which nothing changes (a choice)
@@ -152,6 +153,30 @@ class Search:
         self.path.append("nothing left")
         return True
 
+    def from_starts(
+        self, begun: list[tuple[str, Array]], shaken: bool, rng: np.random.Generator, tell: Callable[..., None]
+    ) -> None:
+        """Begin from all starts, finish the best few, and then, if asked for, from beside the best of all."""
+        order, half = f"order {self.problem.order}", _share(self.deadline, _BEGINNING)
+        for k, (kind, x) in enumerate(begun):
+            tell(f"{order}, start", k + 1, len(begun))
+            self.begin(self.problem.clipped(x), kind)
+            if self.nothing_left():
+                return
+            if self.best is not None and time.monotonic() > half:
+                self.path.append(f"time for {k + 1} starts")
+                break
+        for k, attempt in enumerate(sorted(self.attempts, key=lambda each: each.value)[:_FINISHED]):
+            tell(f"{order}, finishing", k + 1, _FINISHED)
+            self.finish(attempt)
+            if self.nothing_left():
+                return
+        for share in _SHAKES if shaken and self.best is not None else ():
+            tell(f"{order}, shaking the best")
+            assert self.best is not None
+            moved = self.best * (1.0 + share * rng.normal(size=len(self.best)))
+            self.finish(self.begin(self.problem.clipped(moved), "shaken"))
+
     def begin(self, x: Array, kind: str) -> "Attempt":
         """Stabilise from one start, and take a first turn."""
         attempt = Attempt(kind, x)
@@ -270,22 +295,7 @@ def search(
                 begun = begun[:1]
         for k in range(max(starts - len(begun), 1)):
             begun.append(("drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)))
-        for k, (kind, x) in enumerate(begun):
-            tell(f"order {problem.order}, start", k + 1, len(begun))
-            work.begin(problem.clipped(x), kind)
-            if work.nothing_left():
-                return work
-        for k, attempt in enumerate(sorted(work.attempts, key=lambda each: each.value)[:_FINISHED]):
-            tell(f"order {problem.order}, finishing", k + 1, _FINISHED)
-            work.finish(attempt)
-            if work.nothing_left():
-                return work
-        for share in _SHAKES if starts > _FINISHED else ():
-            if work.best is None:
-                break
-            tell(f"order {problem.order}, shaking the best")
-            moved = work.best * (1.0 + share * rng.normal(size=len(work.best)))
-            work.finish(work.begin(problem.clipped(moved), "shaken"))
+        work.from_starts(begun, starts > _FINISHED, rng, tell)
     except OutOfTime:
         work.path.append("out of time")
     except KeyboardInterrupt:
