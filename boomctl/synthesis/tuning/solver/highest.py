@@ -1,5 +1,6 @@
 """The highest peak of a small loop at once, by the level sets of SLICOT (Bruinsma & Steinbuch 1990), and a parabola on it."""
 
+from collections.abc import Callable
 from math import inf, isfinite
 
 import numpy as np
@@ -34,14 +35,19 @@ def highest_peak(A: Array, B: Array, C: Array, D: Array, also: Array) -> tuple[f
         pencils = 1j * at[:, None, None] * np.eye(len(A)) - A
         return np.linalg.svd(C @ np.linalg.solve(pencils, B.astype(complex)) + D, compute_uv=False)[:, 0]
 
-    if len(also):
-        values = largest(also)
-        best = int(np.argmax(values))
-        if values[best] > norm:
-            norm, omega = float(values[best]), float(also[best])
-    if omega == inf or omega == 0.0:
-        return float(omega), float(norm)
-    width = _BESIDE
+    known = np.append(also, 0.0)
+    values = largest(known)
+    best = int(np.argmax(values))
+    if values[best] >= norm:
+        norm, omega = float(values[best]), float(known[best])
+    rest, through = float(values[-1]), float(np.linalg.norm(D, 2)) if D.any() else 0.0
+    omega, norm = (omega, norm) if omega in (0.0, inf) else _refined(largest, omega)
+    return max((norm, omega), (rest, 0.0), (through, inf))[::-1]
+
+
+def _refined(largest: Callable[[Array], Array], omega: float) -> tuple[float, float]:
+    """Return frequency and value of the peak beside a frequency, by parabolas."""
+    norm, width = 0.0, _BESIDE
     for _ in range(_ROUNDS):
         at = omega * np.array([1.0 - width, 1.0, 1.0 + width])
         low, top, high = largest(at)
