@@ -116,7 +116,16 @@ reveal_type(d.gamma)
 reveal_type(d.certificate.statement)
 reveal_type(bc.h_infinity(red, 1, 1).certificate.full_plant)
 T = bc.tunable
-parts = [T.gain(), T.pid(), T.lead(), T.notch(), T.ppf(), T.state_space(2), T.decentralised(T.gain()), T.physical("c", 0.1, 1.0)]
+parts = [
+    T.gain(),
+    T.pid(),
+    T.lead(),
+    T.notch(),
+    T.ppf(),
+    T.state_space(2),
+    T.decentralised(T.gain()),
+    T.physical("c", 0.1, 1.0),
+]
 reveal_type(parts[0])
 reveal_type(T.pid(integral=False) * T.notch(5.0, 50.0) + T.gain())
 tuned = bc.tune(P, 1, 1, T.gain(), channels=[T.objective(), T.budget(None, "z_tip_anti", 2.0)], starts=2)

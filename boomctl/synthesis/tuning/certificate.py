@@ -96,8 +96,8 @@ class TuneCertificate:
     peaks : tuple of ActivePeak
         The peaks that keep the norm from going lower.
     stationarity : float
-        Length of the least element of the hull of the gradients of these peaks' logarithms, the free numbers counting in
-        natural sizes: near zero where no small step goes lower.
+        Length of the least element of the hull of the gradients of these peaks, over that of the longest of them: near zero
+        where no small step goes lower, one where a single smooth peak still falls.
     active : tuple of str
         Bounds that are used up.
     path : tuple of str

@@ -383,7 +383,7 @@ def _initial(problem: Problem, given: "Mapping[str, float]") -> Array:
         value = real(f"initial {each.name}", given[each.name])
         if each.kind != GAIN:
             within(f"initial {each.name}", value, each.low, each.high)
-        x.append(value if each.kind == GAIN else each.number(value))
+        x.append(each.number(value))
     return np.array(x)
 
 

@@ -25,7 +25,7 @@ _BEGINNING = 0.5  # share of the time in which starts are begun; then the best a
 _HOPE = 4.0  # turns that each gain as much as the last which would bring an attempt down to the best (a choice)
 _ROUNDS = 8  # of both in turn at most (a choice)
 _GAIN = 1e-6  # relative gain of ten steps, or of a round, below which nothing changes (a choice)
-_PROMISE = 1e-8  # relative gain that a step must promise (a choice)
+_PROMISE = 1e-11  # relative gain that a step must promise (a choice)
 _WEIGHT = 10.0  # what a unit of an exceeded bound costs at first (a choice); grows until the bounds are kept
 _KEPT = 1e-6  # by how much a bound may be exceeded: what the certificate allows too (a choice)
 _MISSED = 1e-4  # relative height above the peaks known from which on one counts as missed (a choice)
@@ -292,7 +292,9 @@ def search(
                 for _ in range(2):
                     begun.append((f"order {small.order}", grown(problem.structure, problem.ports, inner.best, rng)))
             if "stopped" in inner.path:
-                begun = begun[:1]
+                for _, x in begun:
+                    work.keep(problem.clipped(x))
+                return work
         for k in range(max(starts - len(begun), 1)):
             begun.append(("drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)))
         work.from_starts(begun, starts > _FINISHED, rng, tell)
