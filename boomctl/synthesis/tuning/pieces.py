@@ -60,7 +60,10 @@ class Piece:
 class Point:
     """The loops at one choice of the free numbers."""
 
-    def __init__(self, problem: Problem, x: Array, known: "dict[tuple[int, int], Array] | None" = None) -> None:
+    def __init__(
+        self, problem: Problem, x: Array, known: "dict[tuple[int, int], Array] | None" = None, quick: bool = False
+    ) -> None:
+        self.quick = quick  # the highest peak alone, to a millionth where another is as high: enough for a descent
         self.problem, self.x = problem, x
         self._known = {} if known is None else known
         self._responses: dict[tuple[int, int], Response] = {}
@@ -251,7 +254,7 @@ class Point:
         """Return frequencies and values of the peaks of a channel within a share of the highest."""
         key = (model, channel, window)
         if key not in self._peaks:
-            at_once = self._at_once(model, channel) if window == 0.0 else None
+            at_once = self._at_once(model, channel) if self.quick and window == 0.0 else None
             if at_once is None:
                 at_once = peaks(self.response(model, channel), *self._coarse(model, channel)[:2], window)
             self._peaks[key] = at_once

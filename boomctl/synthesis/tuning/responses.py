@@ -44,7 +44,8 @@ class Response:
         """Return a channel of a loop."""
         B, C, D = loop.part(columns, rows)
         A, into, out_of = loop.coordinates
-        return cls(loop.poles, A, into @ B, C @ out_of, D)
+        poles = A if A.ndim == 1 else np.diagonal(A)  # in the order of the coordinates
+        return cls(poles, A, into @ B, C @ out_of, D)
 
     def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""

@@ -36,7 +36,10 @@ def highest_peak(A: Array, B: Array, C: Array, D: Array, also: Array) -> tuple[f
         return np.linalg.svd(C @ np.linalg.solve(pencils, B.astype(complex)) + D, compute_uv=False)[:, 0]
 
     known = np.append(also, 0.0)
-    values = largest(known)
+    try:
+        values = largest(known)
+    except np.linalg.LinAlgError:  # a pole so near zero is one of a loop that is hardly stable
+        return None
     best = int(np.argmax(values))
     if values[best] >= norm:
         norm, omega = float(values[best]), float(known[best])

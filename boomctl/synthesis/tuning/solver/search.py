@@ -101,11 +101,11 @@ class Search:
     known: dict[tuple[int, int], Array] = field(default_factory=dict)
     path: list[str] = field(default_factory=list)
 
-    def point(self, x: Array) -> Point:
+    def point(self, x: Array, quick: bool = False) -> Point:
         """Return the loops at free numbers; out of time where it is."""
         if time.monotonic() > self.deadline:
             raise OutOfTime
-        return Point(self.problem, x, self.known)
+        return Point(self.problem, x, self.known, quick)
 
     def keep(self, x: Array, point: Point | None = None) -> None:
         """Remember a point if it is the best so far: within the bounds first, then the lowest."""
@@ -199,7 +199,7 @@ class Search:
         """Descend on the highest peak, then polish over all near it."""
         problem, before = self.problem, attempt.merit
         down = descend(
-            lambda x: self.point(x).merit(attempt.weight),
+            lambda x: self.point(x, quick=True).merit(attempt.weight),
             attempt.x,
             problem.low,
             problem.high,
