@@ -175,3 +175,23 @@ def test_where_there_is_no_bound_it_is_said_why():
         bc.worst_case(family, K, "push", "z", tolerance=2.0)
     with pytest.raises(ValueError, match="max_cells"):
         bc.worst_case(family, K, "push", "z", max_cells=0)
+
+
+def test_the_worst_h2_norm_is_attained_and_named_as_found():
+    family, K = chain(np.random.default_rng(3), 2)
+    worst = bc.worst_case(family, K, "push", "z", norm="h2")
+    assert worst.upper_bound == np.inf
+    assert "found, not proved" in worst.reason
+    values = np.array([worst.values[name] for name in family.names])
+    point = (values - 1.0) / (family.high - 1.0)
+    closed = bc.feedback_loop(family.at(point), K)
+    loop = closed[closed.output_labels.index("z"), closed.input_labels.index("push")]
+    assert bc.h2_norm(loop).value == pytest.approx(worst.norm.value, rel=1e-9)
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (30, 2))
+    for delta in drawn:
+        closed = bc.feedback_loop(family.at(delta), K)
+        loop = closed[closed.output_labels.index("z"), closed.input_labels.index("push")]
+        assert bc.h2_norm(loop).value <= worst.norm.value * (1.0 + 1e-9)
+    assert worst.nominal.value <= worst.norm.value
+    with pytest.raises(ValueError, match=r"norm"):
+        bc.worst_case(family, K, norm="h3")

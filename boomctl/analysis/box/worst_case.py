@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from itertools import count
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,12 +11,13 @@ from boomctl.analysis.box.bound import LARGEST, LOST, bounded
 from boomctl.analysis.box.level import DrivenLoops
 from boomctl.analysis.box.loops import BoxLoops, controller_at
 from boomctl.analysis.box.robustness import listed_values, pattern_search
+from boomctl.analysis.h2 import H2Certificate, h2_norm
 from boomctl.analysis.loops import joined
 from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.arrays import Array
-from boomctl.checks import from_on, positive, whole
+from boomctl.checks import from_on, known, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
-from boomctl.lti.system import of
+from boomctl.lti.system import Lti, of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing
 from boomctl.structure.families import Family
@@ -26,20 +27,21 @@ if TYPE_CHECKING:
 
     import control
 
+_NORMS = ("hinf", "h2")
 _CELLS = 60_000  # most cells that are tried at one level (a choice of patience: some ten seconds)
 
 
 @dataclass(frozen=True)
 class WorstCase:
-    """The largest H-infinity norm over a box of parameters: the largest found, and what none exceeds.
+    """The largest norm over a box of parameters: the largest found, and for the H-infinity norm what none exceeds.
 
     Attributes
     ----------
-    norm : NormCertificate
+    norm : NormCertificate or H2Certificate
         The norm at the worst point found; infinite where the loop is unstable.
     values : dict
         Parameter values of that point.
-    nominal : NormCertificate
+    nominal : NormCertificate or H2Certificate
         The norm in the middle of the box.
     evaluations : int
         Number of points tried.
@@ -51,9 +53,9 @@ class WorstCase:
         Why no bound was proved; empty where one was.
     """
 
-    norm: NormCertificate
+    norm: NormCertificate | H2Certificate
     values: dict[str, float]
-    nominal: NormCertificate
+    nominal: NormCertificate | H2Certificate
     evaluations: int
     upper_bound: float = inf
     cells: int = 0
@@ -75,13 +77,13 @@ class WorstCase:
         str
             A sentence.
         """
-        where = f"at {listed_values(self.values)} and {self.norm.omega:.4g} rad/s"
+        name, where = "H2", f"at {listed_values(self.values)}"
+        if isinstance(self.norm, NormCertificate):
+            name, where = "H-infinity", f"{where} and {self.norm.omega:.4g} rad/s"
         middle = f"in the middle of the box {self.nominal.lower:.5g}"
         proved = f"none above {from_on(self.upper_bound)} anywhere in the box, proved in {self.cells} cells"
         bound = proved if self.upper_bound < inf else f"no bound proved ({self.reason})"
-        return (
-            f"H-infinity norm up to {self.norm.lower:.5g} {where}; {bound}; {middle}; {self.evaluations} points tried"
-        )
+        return f"{name} norm up to {self.norm.lower:.5g} {where}; {bound}; {middle}; {self.evaluations} points tried"
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
@@ -98,11 +100,12 @@ def worst_case(
     inputs: "str | Sequence[str] | None" = None,
     outputs: "str | Sequence[str] | None" = None,
     *,
+    norm: str = "hinf",
     tolerance: float | None = 1e-3,
     max_cells: int = _CELLS,
     progress: "Listener | None" = None,
 ) -> WorstCase:
-    """Return the largest H-infinity norm of the loop ``u = K y`` over a box of parameters, from both sides.
+    """Return the largest norm of the loop ``u = K y`` over a box of parameters, the H-infinity norm from both sides.
 
     From below, points of a grid over the box are tried, then the neighbourhood of the worst of them, and the middles of
     cells that resist a proof.  From above, the box is cut until in each cell no singular value can reach the level: cells of
@@ -116,6 +119,9 @@ def worst_case(
     inputs, outputs : str or sequence of str, optional
         Signals of the closed loop (:func:`boomctl.feedback_loop`) between which the norm is taken; by default from all
         disturbances to all outputs of the family.
+    norm : {"hinf", "h2"}
+        Largest singular value over frequency, or RMS of the outputs to white noise.  Of the H2 norm only the worst point
+        is looked for; no bound is proved, and ``reason`` says so.
     tolerance : float or None
         How far the bound may lie above the worst point found, relative.  Where that would take too many cells, ten and a
         hundred times as much is tried.  None: no bound is asked for.
@@ -135,7 +141,7 @@ def worst_case(
     Raises
     ------
     TypeError, ValueError
-        As for :func:`robust_stability`; unknown signals; a tolerance or a number of cells out of range.
+        As for :func:`robust_stability`; unknown signals or norm; a tolerance or a number of cells out of range.
 
     Examples
     --------
@@ -151,16 +157,22 @@ def worst_case(
     wanted = None if tolerance is None else positive("tolerance", tolerance)
     if wanted is not None and wanted > LARGEST:
         raise ValueError(f"tolerance = {wanted:g}: expected at most {LARGEST:g}")
+    known("norm", norm, _NORMS)
     BoxLoops.of(family, controller)
 
-    known: dict[bytes, NormCertificate] = {}
+    def loop_at(delta: Array) -> Lti:
+        loop = joined(family.at(delta), controller_at(family, controller, delta)).closed()
+        return loop.select(inputs, family.centre.outputs if outputs is None else outputs)
 
-    def at(delta: Array) -> NormCertificate:
-        found = known.get(delta.tobytes())
+    seen: dict[bytes, Any] = {}
+
+    def at(delta: Array) -> Any:
+        """Return the certificate of the norm at a point."""
+        found = seen.get(delta.tobytes())
         if found is None:
-            loop = joined(family.at(delta), controller_at(family, controller, delta)).closed()
-            chosen = loop.select(inputs, family.centre.outputs if outputs is None else outputs)
-            found = known[delta.tobytes()] = matrices_norm(chosen.balanced())
+            loop = loop_at(delta)
+            found = h2_norm(loop.statespace("loop")) if norm == "h2" else matrices_norm(loop.balanced())
+            seen[delta.tobytes()] = found
         return found
 
     looked_at = count(1)
@@ -173,7 +185,9 @@ def worst_case(
         delta, _, tried = pattern_search(peak, family.size, 1.0)
         nominal = at(np.zeros(family.size))
         bound, cells, reason = inf, 0, ""
-        if wanted is None:
+        if norm == "h2":
+            reason = "found, not proved: an H2 norm"
+        elif wanted is None:
             reason = "none was asked for"
         elif at(delta).lower == inf:
             reason = LOST

@@ -45,7 +45,8 @@ def highest_peak(A: Array, B: Array, C: Array, D: Array, also: Array) -> tuple[f
         norm, omega = float(values[best]), float(known[best])
     rest, through = float(values[-1]), float(np.linalg.norm(D, 2)) if D.any() else 0.0
     omega, norm = (omega, norm) if omega in (0.0, inf) else _refined(largest, omega)
-    return max((norm, omega), (rest, 0.0), (through, inf))[::-1]
+    value, at = max((norm, omega), (rest, 0.0), (through, inf))
+    return at, value
 
 
 def _refined(largest: Callable[[Array], Array], omega: float) -> tuple[float, float]:
