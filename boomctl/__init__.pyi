@@ -72,6 +72,7 @@ from boomctl.synthesis.plants.symmetry import join_symmetric, split_controller
 from boomctl.synthesis.plants.units import from_units, in_units
 from boomctl.synthesis.plants.weights import band_pass, high_pass, low_pass, shelf
 from boomctl.synthesis.reduce_controller import reduce_controller
+from boomctl.synthesis.tuning.tune import tune
 
 from . import analysis as analysis
 from . import boom as boom
@@ -85,6 +86,7 @@ from . import slew as slew
 from . import structure as structure
 from . import studies as studies
 from . import synthesis as synthesis
+from . import tunable as tunable
 
 __version__: str
 
@@ -194,6 +196,7 @@ __all__ = [
     "torque",
     "track_filter",
     "tractor_system",
+    "tune",
     "with_states",
     "worst_case",
     "write_controller",

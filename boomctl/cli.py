@@ -520,6 +520,7 @@ _BENCHMARKS = {
     "hub-beam": "boomctl.benchmark.rotating_beam.run",
     "suspension": "boomctl.benchmark.suspension.run",
     "slew": "boomctl.benchmark.slew.run",
+    "tune": "boomctl.benchmark.tune.run",
     "precision": "boomctl.benchmark.precision.run",
 }
 

@@ -318,6 +318,33 @@ CALLS = {
         "tolerance": 0.1,
         "fastest_pole": None,
     },
+    "tune": lambda: {
+        "P": generalized(),
+        "nmeas": 1,
+        "ncon": 1,
+        "structure": bc.tunable.gain(),
+        "channels": None,
+        "norm": "hinf",
+        "starts": 1,
+        "seed": 0,
+        "fastest_pole": None,
+        "gain_limit": 1e3,
+        "damping": None,
+        "decay": None,
+        "family": None,
+        "initial": None,
+        "time_limit": SHORT,
+    },
+    "tunable.gain": dict,
+    "tunable.pid": lambda: {"integral": True, "derivative": True, "low": None, "high": 100.0},
+    "tunable.lead": lambda: {"low": 0.1, "high": 100.0},
+    "tunable.notch": lambda: {"low": 0.1, "high": 100.0},
+    "tunable.ppf": lambda: {"modes": 1, "low": 0.1, "high": 100.0},
+    "tunable.state_space": lambda: {"order": 1, "strictly_proper": False},
+    "tunable.decentralised": lambda: {"*": (("y0", "u0", bc.tunable.gain()),)},
+    "tunable.physical": lambda: {"name": "damping", "low": 0.1, "high": 1.0},
+    "tunable.objective": lambda: {"inputs": None, "outputs": "z_y0", "norm": "hinf"},
+    "tunable.budget": lambda: {"inputs": None, "outputs": "z_y0", "limit": 1.0, "norm": "hinf"},
     "high_pass": lambda: {"gain": 1.0, "corner": 2.0, "order": 2, "damping": 0.7},
     "hinf_norm": lambda: {"system": plant()},
     "hold": lambda: {"angle": 0.1},
@@ -961,7 +988,8 @@ def function_of(name):
     """Return what a name stands for: a public function, or a method of something handed out."""
     if name in METHODS:
         return getattr(METHODS[name][0](), name.rsplit(".", 1)[1])
-    return getattr(bs, name.split(".")[1]) if name.startswith("structure.") else getattr(bc, name)
+    package, _, last = name.rpartition(".")
+    return getattr({"structure": bs, "tunable": bc.tunable, "": bc}[package], last)
 
 
 @contextlib.contextmanager

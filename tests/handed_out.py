@@ -62,6 +62,32 @@ def h_infinity():
 
 
 @functools.cache
+def tuned():
+    """Return gains tuned for two models with a budget, and a physical parameter beside them."""
+    parts = bc.tunable.pid(integral=False) + bc.tunable.physical("damping", 0.05, 0.5)
+
+    def plant(stiffness):
+        def make(values):
+            mass = SecondOrderModel(
+                [[1.0]], [[values["damping"]]], [[stiffness]], {"force": [1.0]}, {"position": [1.0]}
+            )
+            return bc.generalized_plant(
+                mass,
+                disturbances={"force": 1.0},
+                performance={"position": 1.0},
+                effort={"force": 0.1},
+                noises={"position": 0.1},
+                measurements=["position"],
+                controls=["force"],
+            )
+
+        return make
+
+    channels = [bc.tunable.objective("w_force"), bc.tunable.budget("n_position", "z_force", 0.5)]
+    return bc.tune([plant(4.0), plant(5.0)], 1, 1, parts, channels=channels, starts=2)
+
+
+@functools.cache
 def designed_on_a_reduction():
     two = control.tf([1.0], [1.0, 0.1, 4.0]) + control.tf([1.0], [1.0, 9.0, 900.0])
     small = bc.reduce(control.ss(two, inputs="force", outputs="position"), order=2)

@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 
 import boomctl
 import boomctl.structure
+import boomctl.tunable
 from tests import fuzz
 from tests.profiles import examples
 
 # tried in a file of their own share: a call takes a hundred times as long as that of others
-SLOW = ("optimal_slew", "h_infinity", "structured_margin", "yaw_family")
+SLOW = ("optimal_slew", "h_infinity", "tune", "structured_margin", "yaw_family")
 QUICK = [name for name in (*fuzz.CALLS, *fuzz.METHODS) if name not in SLOW]
 # raised, handed out, or (the last) records that are looked at where they are used, and what takes seconds
 NOT_CALLED = {"SlewError", "SynthesisError", "SlewResult", "__version__", "structure.GROUND"}
@@ -35,7 +36,9 @@ def elsewhere(tmp_path_factory):
 
 
 def test_every_public_function_is_tried():
-    public = {*boomctl.__all__, *(f"structure.{name}" for name in boomctl.structure.__all__)}
+    parts = [*(f"structure.{name}" for name in boomctl.structure.__all__)]
+    parts += [f"tunable.{name}" for name in boomctl.tunable.__all__]
+    public = {*boomctl.__all__, *parts}
     assert public - set(fuzz.CALLS) == NOT_CALLED
 
 

@@ -104,6 +104,11 @@ FACTORIES = {
     "HInfinityCertificate": lambda: one.h_infinity().certificate,
     "HInfinityResult, of a reduction": one.designed_on_a_reduction,
     "HInfinityCertificate, of a reduction": lambda: one.designed_on_a_reduction().certificate,
+    "TuneResult": one.tuned,
+    "TuneCertificate": lambda: one.tuned().certificate,
+    "TuneStart": lambda: one.tuned().starts[0],
+    "ActivePeak": lambda: one.tuned().certificate.peaks[0],
+    "ChannelNorm": lambda: one.tuned().certificate.norms[0],
     "FullPlantCertificate": lambda: one.designed_on_a_reduction().certificate.full_plant,
     "ReducedController": lambda: bc.reduce_controller(one.generalized(), one.h_infinity().controller, order=1),
     "ControllerNotes": lambda: ControllerNotes({"tip": "m", "torque": ""}, {"norm": 1.0}, {"boomctl": "0"}),
@@ -334,6 +339,7 @@ MADE_WHEN_READ = {
     "LqgResult": ("controller", "closed_loop"),
     "H2Result": ("controller", "closed_loop"),
     "HInfinityResult": ("controller", "closed_loop"),
+    "TuneResult": ("controller", "closed_loop"),
     "ReducedController": ("controller", "closed_loop"),
 }
 

@@ -17,6 +17,7 @@ from tests import handed_out as one
 CALLS = {
     "reduction": lambda **given: bc.reduce(one.yaw().select("actuator_anti", "tip_anti"), order=4, **given),
     "H-infinity synthesis": lambda **given: bc.h_infinity(one.generalized(), 1, 1, **given),
+    "tuning": lambda **given: bc.tune(one.generalized(), 1, 1, bc.tunable.gain(), starts=1, **given),
     "robust stability": lambda **given: bc.robust_stability(one.family(), one.suspension(), **given),
     "structured margin": lambda **given: bc.structured_margin(one.family(), one.suspension(), 1.2, **given),
     "worst case": lambda **given: bc.worst_case(

@@ -14,6 +14,7 @@ import numpy as np
 
 import boomctl
 import boomctl.structure
+import boomctl.tunable
 
 STORED = Path(__file__).with_name("public_names.txt")
 
@@ -69,7 +70,7 @@ def _members(owner):
 def _lines():
     lines = []
     classes = {}
-    for module in (boomctl, boomctl.structure):
+    for module in (boomctl, boomctl.structure, boomctl.tunable):
         for name in module.__all__:
             value = getattr(module, name)
             if isinstance(value, type):

@@ -115,6 +115,23 @@ reveal_type(d.controller)
 reveal_type(d.gamma)
 reveal_type(d.certificate.statement)
 reveal_type(bc.h_infinity(red, 1, 1).certificate.full_plant)
+T = bc.tunable
+parts = [
+    T.gain(),
+    T.pid(),
+    T.lead(),
+    T.notch(),
+    T.ppf(),
+    T.state_space(2),
+    T.decentralised(T.gain()),
+    T.physical("c", 0.1, 1.0),
+]
+reveal_type(parts[0])
+reveal_type(T.pid(integral=False) * T.notch(5.0, 50.0) + T.gain())
+tuned = bc.tune(P, 1, 1, T.gain(), channels=[T.objective(), T.budget(None, "z_tip_anti", 2.0)], starts=2)
+reveal_type(tuned)
+reveal_type(tuned.controller)
+reveal_type(tuned.certificate.peaks[0].omega)
 reveal_type(bc.ReductionWarning("said"))
 reveal_type(bc.h2(P, 1, 1))
 reveal_type(bc.lqr(plant, {"tip_left": 1.0}, np.eye(1)).gain)

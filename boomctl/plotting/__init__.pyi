@@ -1,7 +1,7 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
 from boomctl.plotting.canvas import figure_bytes, figure_of, new_figure, picture, style
-from boomctl.plotting.design import plot_h_infinity, plot_recovery, plot_reduction, plot_sines
+from boomctl.plotting.design import plot_h_infinity, plot_recovery, plot_reduction, plot_sines, plot_tune
 from boomctl.plotting.looking import (
     plot_bode,
     plot_comparison,
@@ -85,6 +85,7 @@ __all__ = [
     "plot_tracking",
     "plot_tracking_study",
     "plot_transient",
+    "plot_tune",
     "slew_film",
     "style",
 ]

@@ -1,6 +1,6 @@
 """Pictures over frequency of what designs are judged by: reductions, recovered loops, sines with friction."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,8 +16,10 @@ if TYPE_CHECKING:
     from boomctl.simulation.sines.describing_function import SineResponse
     from boomctl.synthesis.hinf.h_infinity import HInfinityResult
     from boomctl.synthesis.lq.recovery import RecoveryResult
+    from boomctl.synthesis.tuning.result import TuneResult
 
 _BELOW = 1e-4  # share of the largest error down to which it is shown (a choice)
+_SHOWN = 8  # loops that are drawn at most, those whose peaks are highest (a choice)
 _MOST = 6  # outputs that have a colour of their own
 
 
@@ -194,5 +196,51 @@ def plot_h_infinity(
             axes.axhline(
                 least, color="0.4", linewidth=0.9, linestyle=":", label=f"no controller goes below {least:.4g}"
             )
+        legend(axes)
+    return axes
+
+
+def plot_tune(
+    result: "TuneResult",
+    curves: "Mapping[str, SigmaResult]",
+    ax: Any = None,
+    *,
+    unit: str | None = None,
+    **style: Any,
+) -> Any:
+    """Draw the singular values of tuned loops, and the peaks that keep the largest norm from going lower.
+
+    Parameters
+    ----------
+    result : TuneResult
+    curves : mapping of str to SigmaResult
+        Of its closed loops, by the models' names.
+    ax : matplotlib Axes or figure, optional
+        By default a new figure of pyplot.
+    unit : {"Hz", "rad/s"}, optional
+        Of the frequency axis, by default that of the curves that are there already.
+    **style
+        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    with panels(ax, ("singular values",), (6.4, 4.2)) as (axes,):
+        for k, (name, curve) in enumerate(list(curves.items())[:_SHOWN]):
+            look = line_look(style, color=COLOURS[k % len(COLOURS)], label=name or "closed loop")
+            curve.plot(axes, unit=unit, **look)
+        whole = [p for p in result.certificate.peaks if p.channel.inputs is None and p.channel.outputs is None]
+        shown = [p for p in whole if p.channel.norm == "hinf" and 0.0 < p.omega < np.inf]
+        if shown:
+            scale = frequency_axis(axes, unit)
+            at, heights = [p.omega / scale for p in shown], [p.value for p in shown]
+            axes.plot(at, heights, "o", color="0.2", markersize=4.0, label="active peaks")
+        if all(p.channel.norm == "hinf" for p in result.certificate.peaks):
+            said = f"largest norm {result.gamma:.4g}, verified"
+            axes.axhline(result.gamma, color="0.2", linewidth=0.9, linestyle="--", label=said)
+        if result.certificate.lower > 0.0:
+            least = f"no controller goes below {result.certificate.lower:.4g}"
+            axes.axhline(result.certificate.lower, color="0.4", linewidth=0.9, linestyle=":", label=least)
         legend(axes)
     return axes

@@ -98,6 +98,7 @@ RESULTS = {
     "ModeTable": lambda: bc.mode_table(one.yaw()),
     "ExactLoopStability": one.exact_loop,
     "HInfinityResult": one.h_infinity,
+    "TuneResult": one.tuned,
     "Shaper": lambda: bc.slew.shaper("ZV", 2.0),
     "ModeShapes": lambda: one.boom().mode_shapes(3),
     "CampbellDiagram": lambda: one.hub_beam().campbell([0.0, 1.0, 4.0]),

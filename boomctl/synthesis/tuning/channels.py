@@ -1,0 +1,118 @@
+"""What is to be small, between which signals: objectives, and budgets that are not to be exceeded."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from boomctl.checks import known, positive
+from boomctl.printing import listed
+
+NORMS = ("hinf", "h2")
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Part of a closed loop, and what its norm is worth.
+
+    Attributes
+    ----------
+    inputs, outputs : tuple of str or None
+        Disturbances and performance signals of the generalised plant; None: all.
+    norm : str
+        "hinf" or "h2".
+    budget : float or None
+        What the norm shall not exceed; None: it is to be as small as possible.
+    """
+
+    inputs: tuple[str, ...] | None
+    outputs: tuple[str, ...] | None
+    norm: str
+    budget: float | None = None
+
+    def __repr__(self) -> str:
+        least = "as small as possible" if self.budget is None else f"at most {self.budget:.6g}"
+        return f"Channel: {self.text} {least}"
+
+    @property
+    def text(self) -> str:
+        """The channel in a few words."""
+        name = {"hinf": "H-infinity", "h2": "H2"}[self.norm]
+        ends = [listed(signals, 30) if signals else "all" for signals in (self.inputs, self.outputs)]
+        where = "" if self.inputs is None and self.outputs is None else f" from {ends[0]} to {ends[1]}"
+        return f"{name} norm{where}"
+
+
+def _signals(name: str, given: str | Sequence[str] | None) -> tuple[str, ...] | None:
+    if given is None:
+        return None
+    if isinstance(given, str):
+        return (given,)
+    if not isinstance(given, (tuple, list)) or not all(isinstance(each, str) for each in given):
+        raise TypeError(f"{name} = {given!r}: expected a name or a sequence of names")
+    if not given:
+        raise ValueError(f"{name}: expected at least one name, got none")
+    return tuple(given)
+
+
+def objective(
+    inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None, norm: str = "hinf"
+) -> Channel:
+    """Return a channel whose norm is to be as small as possible; of several, the largest counts.
+
+    Parameters
+    ----------
+    inputs, outputs : str or sequence of str, optional
+        Disturbances and performance signals of the generalised plant; by default all.
+    norm : {"hinf", "h2"}
+        Largest singular value over frequency, or RMS of the outputs to white noise.
+
+    Returns
+    -------
+    Channel
+        For ``bc.tune(..., channels=[...])``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        No names; an unknown norm.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.tunable.objective("w_track", ["z_tip", "z_stroke"])
+    Channel: H-infinity norm from w_track to z_tip, z_stroke as small as possible
+    """
+    return Channel(_signals("inputs", inputs), _signals("outputs", outputs), known("norm", norm, NORMS))
+
+
+def budget(
+    inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None, limit: float, norm: str = "hinf"
+) -> Channel:
+    """Return a channel whose norm is not to exceed a limit.
+
+    Parameters
+    ----------
+    inputs, outputs : str or sequence of str, or None
+        Disturbances and performance signals of the generalised plant; None: all.
+    limit : float
+        The largest norm allowed, in the signals' units.
+    norm : {"hinf", "h2"}
+        Largest singular value over frequency, or RMS of the outputs to white noise.
+
+    Returns
+    -------
+    Channel
+        For ``bc.tune(..., channels=[...])``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        No names; a limit that is not positive; an unknown norm.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.tunable.budget("w_track", "z_force", 12.0, norm="h2")
+    Channel: H2 norm from w_track to z_force at most 12
+    """
+    channel = objective(inputs, outputs, norm)
+    return Channel(channel.inputs, channel.outputs, channel.norm, positive("limit", limit))

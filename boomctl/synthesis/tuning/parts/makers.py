@@ -1,0 +1,290 @@
+"""The parts that users make controllers of, their arguments checked."""
+
+from collections.abc import Sequence
+
+from boomctl.checks import instance, positive, real, sequence, signal_name, truth, whole
+from boomctl.synthesis.tuning.parts.structures import (
+    Decentralised,
+    Gain,
+    Lead,
+    Notch,
+    Physical,
+    Pid,
+    Ppf,
+    StateSpace,
+    Structure,
+)
+
+_LARGEST_ORDER = 60  # beyond which a controller's free numbers are too many to be tuned (a choice)
+_MOST_MODES = 20  # of a positive position feedback (a choice)
+
+
+def gain() -> Structure:
+    """Return a matrix of gains, one from each measurement to each control.
+
+    Returns
+    -------
+    Structure
+        For :func:`boomctl.tune`.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.tunable.gain()
+    Gain()
+    """
+    return Gain()
+
+
+def pid(
+    integral: bool = True, derivative: bool = True, *, low: float | None = None, high: float | None = None
+) -> Structure:
+    """Return proportional, integral and derivative gains, ``G_p + G_i/s + G_d s/(s/w + 1)``.
+
+    Parameters
+    ----------
+    integral, derivative : bool
+        Whether these parts are there.
+    low, high : float, optional
+        Ends of the range of the derivative's corner ``w`` [rad/s]; by default a hundred times the plant's band.
+
+    Returns
+    -------
+    Structure
+        For :func:`boomctl.tune`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Other kinds; ends that are not positive and ascending.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> pd = bc.tunable.pid(integral=False, high=200.0)
+    >>> pd * bc.tunable.notch(10.0, 30.0)  # the notch reads the measurement
+    Series(Pid, Notch)
+    """
+    return Pid(truth("integral", integral), truth("derivative", derivative), *_ends(low, high))
+
+
+def lead(low: float | None = None, high: float | None = None) -> Structure:
+    """Return gains behind a lead or lag, ``G (s/z + 1)/(s/p + 1)``.
+
+    Parameters
+    ----------
+    low, high : float, optional
+        Ends of the range of zero ``z`` and pole ``p`` [rad/s]; by default a hundred times the plant's band.
+
+    Returns
+    -------
+    Structure
+        For :func:`boomctl.tune`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Ends that are not positive and ascending.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.tunable.lead(1.0, 100.0)
+    Lead(low=1, high=100)
+    """
+    return Lead(*_ends(low, high))
+
+
+def notch(low: float | None = None, high: float | None = None) -> Structure:
+    """Return a notch on each of the signals that pass, ``(s^2 + 2 a w s + w^2)/(s^2 + 2 b w s + w^2)``.
+
+    It has no gain of its own: put it in series with what has.
+
+    Parameters
+    ----------
+    low, high : float, optional
+        Ends of the range of its frequency ``w`` [rad/s]; by default a hundred times the plant's band.
+
+    Returns
+    -------
+    Structure
+        For :func:`boomctl.tune`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Ends that are not positive and ascending.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.tunable.gain() * bc.tunable.notch(5.0, 50.0)
+    Series(Gain, Notch)
+    """
+    return Notch(*_ends(low, high))
+
+
+def ppf(modes: int = 1, low: float | None = None, high: float | None = None) -> Structure:
+    """Return positive position feedback, a sum of ``G w^2/(s^2 + 2 z w s + w^2)`` (Fanson & Caughey 1990).
+
+    Gains of either sign are tried, as a plant's own sign may be either.
+
+    Parameters
+    ----------
+    modes : int
+        Number of terms.
+    low, high : float, optional
+        Ends of the range of their frequencies ``w`` [rad/s]; by default a hundred times the plant's band.
+
+    Returns
+    -------
+    Structure
+        For :func:`boomctl.tune`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        No term; ends that are not positive and ascending.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.tunable.ppf(2, high=100.0)
+    Ppf(modes=2, high=100)
+    """
+    return Ppf(whole("modes", modes, 1, _MOST_MODES), *_ends(low, high))
+
+
+def state_space(order: int, strictly_proper: bool = False) -> Structure:
+    """Return a controller of some order, all its matrices free.
+
+    Parameters
+    ----------
+    order : int
+        Number of states; with 0 it is a matrix of gains.
+    strictly_proper : bool
+        Whether nothing passes at once, ``D = 0``.
+
+    Returns
+    -------
+    Structure
+        For :func:`boomctl.tune`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Orders out of range; order 0 and strictly proper, which would be nothing.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.tunable.state_space(3, strictly_proper=True)
+    StateSpace(order=3, strictly_proper=True)
+    """
+    found = StateSpace(whole("order", order, 0, _LARGEST_ORDER), truth("strictly_proper", strictly_proper))
+    if found.order == 0 and found.strictly_proper:
+        raise ValueError("order = 0: a strictly proper controller without states does nothing; expected 1 or more")
+    return found if found.order else Gain()
+
+
+def decentralised(
+    *loops: "Structure | tuple[str | Sequence[str], str | Sequence[str], Structure]", shared: bool = False
+) -> Structure:
+    """Return loops side by side, each between signals of its own.
+
+    Parameters
+    ----------
+    *loops : Structure, or tuples of measurements, controls and a structure
+        One structure alone stands between the first measurement and the first control, between the second ones, and so on.
+    shared : bool
+        Whether all loops have the same numbers; for one structure alone.
+
+    Returns
+    -------
+    Structure
+        For :func:`boomctl.tune`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        No loops; other kinds; a physical parameter within; numbers to share among different structures.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.tunable.decentralised(("stroke_left", "suspension_left", bc.tunable.gain()))
+    Decentralised(stroke_left -> suspension_left: Gain)
+    >>> bc.tunable.decentralised(bc.tunable.ppf(), shared=True)
+    Decentralised(each: Ppf, shared)
+    """
+    same = truth("shared", shared)
+    if not loops:
+        raise ValueError("loops: expected at least one")
+    if len(loops) == 1 and isinstance(loops[0], Structure):
+        return Decentralised((), _inner(loops[0]), same)
+    if same:
+        raise ValueError("shared = True: expected one structure alone")
+    found = []
+    for loop in loops:
+        if isinstance(loop, Structure):
+            raise ValueError(
+                "loops: expected one structure alone, or measurements, controls and structure of each loop"
+            )
+        parts = sequence("loop", loop, "measurements, controls and a structure")
+        if len(parts) != 3:
+            raise ValueError(f"loop: expected measurements, controls and a structure, got {len(parts)} things")
+        found.append((_listed("measurement", parts[0]), _listed("control", parts[1]), _inner(parts[2])))
+    return Decentralised(tuple(found))
+
+
+def physical(name: str, low: float, high: float) -> Structure:
+    """Return a parameter of the plant that is tuned with the controller, or without one.
+
+    Parameters
+    ----------
+    name : str
+        The parameter's name, as the function that makes the plant, or the family, knows it.
+    low, high : float
+        Ends of its range, in its own unit.
+
+    Returns
+    -------
+    Structure
+        For :func:`boomctl.tune`, to be added to others.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Not a name; ends that do not ascend.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> bc.tunable.gain() + bc.tunable.physical("hinge_damping", 1.0, 3000.0)
+    Sum(Gain, Physical hinge_damping 1 to 3000)
+    """
+    given, start, end = signal_name("parameter", name), real("low", low), real("high", high)
+    if start >= end:
+        raise ValueError(f"low, high = {start:g}, {end:g}: expected ascending ends of {given}")
+    return Physical(given, start, end)
+
+
+def _ends(low: object, high: object) -> tuple[float | None, float | None]:
+    found = None if low is None else positive("low", low), None if high is None else positive("high", high)
+    if found[0] is not None and found[1] is not None and found[0] >= found[1]:
+        raise ValueError(f"low, high = {found[0]:g}, {found[1]:g}: expected ascending ends")
+    return found
+
+
+def _listed(what: str, given: object) -> tuple[str, ...]:
+    listed = (given,) if isinstance(given, str) else sequence(f"{what}s", given, "names")
+    if not listed:
+        raise ValueError(f"{what}s: expected at least one name, got none")
+    return tuple(instance(what, name, str) for name in listed)
+
+
+def _inner(given: object) -> Structure:
+    structure = instance("structure", given, Structure, "a structure of boomctl.tunable")
+    if structure.physicals():
+        raise ValueError("decentralised: a physical parameter cannot stand within; add it")
+    return structure

@@ -1,0 +1,531 @@
+"""What the search sees of the loops: values and gradients of peaks, H2 norms and bounds on poles and gains.
+
+Norms count as logarithms, over their budget where they have one, so that units do not matter.  A piece lies nowhere above
+what it stands for and touches it here: one singular value at one frequency, one pole.  What controls change is carried by
+the chain rule; what physical parameters change, which may come about in any way, by differences of fourth order of the
+response at that frequency.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf, isfinite, log
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.synthesis.tuning.problem import Closed, Problem, ScaledPlant, close
+from boomctl.synthesis.tuning.responses import BELOW, Response, coarse, grid, peaks
+from boomctl.synthesis.tuning.solver.highest import STATES, highest_peak
+
+_STEP = 1e-3  # of differences, in halves of a parameter's range: rounding and what is left out are 1e-12 then (derived)
+_BEND = 1e-5  # of differences of a controller's derivatives: they need to be right to some digits alone
+_STENCIL = np.arange(5) - 2  # places of a difference of fourth order
+_TINY = 1e-100  # norm that stands for zero, whose logarithm is a number
+_MIXED = (1.0, -1.0, 1j, -1j)  # phases in which two singular vectors of like values are mixed (a choice)
+_ALIKE_POLES = 0.05  # how near to the highest a pole's bound must come to be a piece (a choice)
+GAIN_LIMIT, FASTEST_POLE, DAMPING, DECAY = -1, -2, -3, -4  # what stands in place of a channel
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One function that is to be small.
+
+    Attributes
+    ----------
+    model, channel : int
+        Which plant, and which channel; a negative channel is a bound, -1 as model the controller itself.
+    omega : float
+        Frequency [rad/s], infinity included; nan of an H2 norm.
+    value : float
+        A logarithm of a norm, over its budget if it has one; of a bound, below zero where it is kept.
+    gradient : ndarray
+        By the free numbers.
+    limit : bool
+        Whether it is only to stay below zero.
+    top : bool
+        Whether it is the largest singular value itself.
+    """
+
+    model: int
+    channel: int
+    omega: float
+    value: float
+    gradient: Array
+    limit: bool
+    top: bool = True
+
+
+class Point:
+    """The loops at one choice of the free numbers."""
+
+    def __init__(
+        self, problem: Problem, x: Array, known: "dict[tuple[int, int], Array] | None" = None, quick: bool = False
+    ) -> None:
+        self.quick = quick  # the highest peak alone, to a millionth where another is as high: enough for a descent
+        self.problem, self.x = problem, x
+        self._known = {} if known is None else known
+        self._responses: dict[tuple[int, int], Response] = {}
+        self._peaks: dict[tuple[int, int, float], tuple[Array, Array]] = {}
+        self._grids: dict[tuple[int, int], tuple[Array, Array, float]] = {}
+        self._moved: dict[tuple[int, int, int], Closed | None] = {}
+        self._squares: dict[tuple[int, int], tuple[float, Array]] = {}
+
+    @cached_property
+    def controller(self) -> tuple[Array, Array]:
+        """The controller's matrices, and their derivatives as rows."""
+        jet = self.problem.controller(self.x)
+        return jet.value, jet.slopes.reshape(len(self.x), -1)
+
+    @cached_property
+    def bends(self) -> Array | None:
+        """Second derivatives of the controller's matrices; None where there are none."""
+        problem, k = self.problem, len(self.x)
+        if problem.linear:
+            return None
+        found = np.zeros((k, k, *self.controller[0].shape))
+        for i, step in enumerate(_BEND * np.eye(k)):
+            up, down = problem.controller(self.x + step), problem.controller(self.x - step)
+            found[i] = (up.slopes - down.slopes) / (2.0 * _BEND)
+        return 0.5 * (found + found.swapaxes(0, 1))
+
+    @cached_property
+    def loops(self) -> tuple[Closed | None, ...]:
+        """The closed loops; None where one is not well-posed."""
+        plants = self.problem.plants(self.x[self.problem.physical])
+        return tuple(close(plant, self.controller[0], self.problem.order) for plant in plants)
+
+    @cached_property
+    def well_posed(self) -> bool:
+        """Whether all loops are."""
+        finite = bool(np.isfinite(self.controller[0]).all())
+        return finite and all(loop is not None and np.isfinite(loop.A).all() for loop in self.loops)
+
+    @cached_property
+    def stable(self) -> bool:
+        """Whether all loops are."""
+        return self.well_posed and all(loop is not None and loop.abscissa < -loop.margin for loop in self.loops)
+
+    # -- poles -----------------------------------------------------------------------------------------------------
+    def abscissa(self) -> tuple[float, Array]:
+        """Return the largest real part of all loops' poles and its gradient, over the plant's rate.
+
+        A pole of the controller that is faster than allowed counts too.
+        """
+        if not self.well_posed:
+            return inf, np.zeros_like(self.x)
+        rate, values = self.problem.ports.rate, [loop.abscissa if loop else inf for loop in self.loops]
+        worst = int(np.argmax(values))
+        value, loop = values[worst] / rate, self.loops[worst]
+        assert loop is not None
+        K, _ = self.controller
+        n, limit = self.problem.order, self.problem.fastest_pole
+        if limit is not None and n:
+            fastest = float(np.abs(np.linalg.eigvals(K[:n, :n])).max())
+            if fastest / limit - 1.0 > value:
+                found = self._controller_poles()[0]
+                return found.value, found.gradient
+        poles, left, right = _eigen(loop.A)
+        k = int(np.argmax(poles.real))
+        gradient = self._of_pole(worst, poles[k], left[:, k], right[:, k], lambda change: np.real(change))
+        return value, gradient / rate
+
+    def _of_pole(
+        self, model: int, pole: complex, left: Array, right: Array, of: Callable[[Array], Array], own: bool = False
+    ) -> Array:
+        """Return the gradient of a function of a pole, which is a real part of a multiple of its change."""
+        scale = left.conj() @ right
+        l, r = left.conj() / scale, right
+        if own:
+            n = self.problem.order
+            change = np.zeros(self.controller[0].shape, complex)
+            change[:n, :n] = np.outer(l, r)
+            return of(self.controller[1] @ change.ravel())
+        loop = self.loops[model]
+        assert loop is not None
+        n = len(loop.A)
+        outer = np.outer(l @ loop.before[:n], loop.after[:, :n] @ r)
+        found = self.controller[1] @ outer.ravel()
+        for axis, place in enumerate(self.problem.physical):
+            found = found.astype(complex)
+            offsets, weights = self._stencil(axis)
+            changes = []
+            for offset in offsets:
+                moved = self._loop_at(model, axis, offset)
+                poles = np.linalg.eigvals(moved.A) if moved is not None else np.array([np.nan + 0j])
+                changes.append(poles[np.argmin(np.abs(poles - pole))])
+            found[place] = weights @ np.array(changes)
+        return of(found)
+
+    def _controller_poles(self) -> list[Piece]:
+        """Return how much faster than allowed the controller's fastest poles are."""
+        n, limit = self.problem.order, self.problem.fastest_pole
+        if limit is None or not n:
+            return []
+        poles, left, right = _eigen(self.controller[0][:n, :n])
+        found = []
+        for k in np.flatnonzero((np.abs(poles) >= (1.0 - _ALIKE_POLES) * np.abs(poles).max()) & (poles.imag >= 0.0)):
+            pole = poles[k]
+            if abs(pole) == 0.0:
+                continue
+
+            def of(change: Array, pole: complex = pole) -> Array:
+                return (pole.conjugate() * change).real / abs(pole) / limit
+
+            gradient = self._of_pole(-1, pole, left[:, k], right[:, k], of, own=True)
+            found.append(Piece(-1, FASTEST_POLE, float(abs(pole)), abs(pole) / limit - 1.0, gradient, True))
+        return found
+
+    @cached_property
+    def bounds(self) -> list[Piece]:
+        """Bounds on poles."""
+        return self._controller_poles() + self._loop_poles()
+
+    def _loop_poles(self) -> list[Piece]:
+        """Return how far poles of the loops are from the damping and decay asked for."""
+        damping, decay = self.problem.damping, self.problem.decay
+        found: list[Piece] = []
+        rate = self.problem.ports.rate
+        if damping is None and decay is None:
+            return found
+        for i, loop in enumerate(self.loops):
+            assert loop is not None
+            poles, left, right = _eigen(loop.A)
+            size = np.maximum(np.abs(poles), _TINY)
+            if damping is not None:
+                values = poles.real / size + damping
+
+                def of_damping(change: Array, pole: complex) -> Array:
+                    s = abs(pole)
+                    return np.real(change) / s - pole.real * (pole.conjugate() * change).real / s**3
+
+                found += self._poles_near_top(i, DAMPING, values, (poles, left, right), of_damping)
+            if decay is not None:
+                values = (poles.real + decay) / rate
+                found += self._poles_near_top(
+                    i, DECAY, values, (poles, left, right), lambda change, pole: np.real(change) / rate
+                )
+        return found
+
+    def _poles_near_top(
+        self,
+        model: int,
+        kind: int,
+        values: Array,
+        eigen: tuple[Array, Array, Array],
+        of: Callable[[Array, complex], Array],
+    ) -> list[Piece]:
+        poles, left, right = eigen
+        chosen = np.flatnonzero((values >= values.max() - _ALIKE_POLES) & (poles.imag >= 0.0))
+        return [
+            Piece(
+                model,
+                kind,
+                float(abs(poles[k])),
+                float(values[k]),
+                self._of_pole(model, poles[k], left[:, k], right[:, k], lambda change, k=k: of(change, poles[k])),
+                True,
+            )
+            for k in chosen
+        ]
+
+    def part(self, model: int, channel: int) -> tuple[Closed, Array, Array]:
+        """Return the loop of a model, or the controller by itself, and rows and columns of a channel."""
+        if model < 0:
+            n, K = self.problem.order, self.controller[0]
+            around = np.zeros(K.T.shape)
+            alone = Closed(K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:], np.eye(len(K)), np.eye(K.shape[1]), around)
+            return alone, np.arange(len(K) - n), np.arange(K.shape[1] - n)
+        loop = self.loops[model]
+        assert loop is not None
+        return loop, self.problem.rows[channel], self.problem.columns[channel]
+
+    # -- norms -----------------------------------------------------------------------------------------------------
+    def response(self, model: int, channel: int) -> Response:
+        """Return a channel of a loop; model -1 is the controller itself."""
+        key = (model, channel)
+        if key not in self._responses:
+            whole, rows, columns = self.part(model, channel)
+            self._responses[key] = Response.of(whole, columns, rows)
+        return self._responses[key]
+
+    def norm_peaks(self, model: int, channel: int, window: float) -> tuple[Array, Array]:
+        """Return frequencies and values of the peaks of a channel within a share of the highest."""
+        key = (model, channel, window)
+        if key not in self._peaks:
+            at_once = self._at_once(model, channel) if self.quick and window == 0.0 else None
+            if at_once is None:
+                at_once = peaks(self.response(model, channel), *self._coarse(model, channel)[:2], window)
+            self._peaks[key] = at_once
+        return self._peaks[key]
+
+    def _at_once(self, model: int, channel: int) -> tuple[Array, Array] | None:
+        """Return the highest peak of a small loop without a grid; None where there is none or the loop is large."""
+        loop = self.loops[model] if model >= 0 else None
+        if loop is None or not 0 < len(loop.A) <= STATES:
+            return None
+        parts = loop.part(self.problem.columns[channel], self.problem.rows[channel])
+        found = highest_peak(loop.A, *parts, self._known.get((model, channel), np.zeros(0)))
+        return None if found is None else (np.array([found[0]]), np.array([found[1]]))
+
+    def _coarse(self, model: int, channel: int) -> tuple[Array, Array, float]:
+        """Return a grid, the largest singular values there, and the largest of all."""
+        if (model, channel) not in self._grids:
+            response = self.response(model, channel)
+            omega = grid(response.poles, self._known.get((model, channel), np.zeros(0)))
+            self._grids[model, channel] = (omega, *coarse(response, omega))
+        return self._grids[model, channel]
+
+    def _offset(self, channel: int) -> float:
+        """Return the logarithm of what a norm counts in."""
+        limit = self.problem.gain_limit if channel == GAIN_LIMIT else self.problem.channels[channel].budget
+        return 0.0 if limit is None else log(limit)
+
+    def _is_limit(self, channel: int) -> bool:
+        if channel == GAIN_LIMIT:
+            return True
+        only = all(each.budget is not None for each in self.problem.channels)
+        return self.problem.channels[channel].budget is not None and not only
+
+    @cached_property
+    def _sums(self) -> list[tuple[int, int]]:
+        """Models and channels whose H-infinity norm counts; the controller's own last."""
+        pairs = [
+            (i, c)
+            for i in range(self.problem.count)
+            for c, channel in enumerate(self.problem.channels)
+            if channel.norm == "hinf"
+        ]
+        return pairs + ([(-1, GAIN_LIMIT)] if self.problem.gain_limit is not None else [])
+
+    @cached_property
+    def norms(self) -> list[tuple[int, int, float, float]]:
+        """Return model, channel, frequency and value, as a logarithm over its budget, of every norm."""
+        found = []
+        for model, channel in self._sums:
+            at, value = self.norm_peaks(model, channel, 0.0)
+            found.append((model, channel, float(at[0]), log(max(float(value[0]), _TINY)) - self._offset(channel)))
+        found += self._squares_of(False) + self._squares_of(True)
+        return found
+
+    def _highest(self, limits: bool) -> tuple[int, int, float, float] | None:
+        """Return model, channel, frequency and value of the highest objective, or of the highest budget."""
+        pairs = [pair for pair in self._sums if self._is_limit(pair[1]) == limits]
+        alone = len(pairs) == 1
+        rough = [0.0 if alone else log(max(self._coarse(*p)[2], _TINY)) - self._offset(p[1]) for p in pairs]
+        best: tuple[int, int, float, float] | None = None
+        for i in np.argsort(rough)[::-1]:
+            if best is not None and rough[i] < best[3] + log(BELOW):
+                break  # the grid shows so much of a peak that none of these is higher
+            model, channel = pairs[i]
+            at, value = self.norm_peaks(model, channel, 0.0)
+            height = log(max(float(value[0]), _TINY)) - self._offset(channel)
+            if best is None or height > best[3]:
+                best = model, channel, float(at[0]), height
+        for each in self._squares_of(limits):
+            best = each if best is None or each[3] > best[3] else best
+        return best
+
+    @property
+    def highest(self) -> list[tuple[int, int, float]]:
+        """Models, channels and frequencies of the peaks that make the merit what it is."""
+        found = [each for each in (self._top, self._over) if each is not None]
+        return [each[:3] for each in found if not np.isnan(each[2])]
+
+    def _squares_of(self, limits: bool) -> list[tuple[int, int, float, float]]:
+        found = []
+        for c, channel in enumerate(self.problem.channels):
+            if channel.norm == "h2" and self._is_limit(c) == limits:
+                for i in range(self.problem.count):
+                    value = log(max(self._h2(i, c)[0], _TINY)) - self._offset(c)
+                    found.append((i, c, np.nan, value))
+        return found
+
+    @cached_property
+    def _top(self) -> tuple[int, int, float, float]:
+        found = self._highest(limits=False)
+        assert found is not None
+        return found
+
+    @cached_property
+    def _over(self) -> tuple[int, int, float, float] | None:
+        return self._highest(limits=True)
+
+    def merit(self, weight: float) -> "tuple[float, Callable[[], Array]]":
+        """Return the largest objective plus ``weight`` times what the worst bound is exceeded by, and its gradient."""
+        if not self.stable or not isfinite(self.aim) or not self.excess < inf:
+            return inf, lambda: np.zeros_like(self.x)
+        if self.excess <= 0.0:
+            return self.aim, lambda: self._gradient(*self._top[:3])
+
+        def gradient() -> Array:
+            most = max(self.bounds, key=lambda piece: piece.value, default=None)
+            if self._over is not None and (most is None or self._over[3] >= most.value):
+                return self._gradient(*self._top[:3]) + weight * self._gradient(*self._over[:3])
+            assert most is not None
+            return self._gradient(*self._top[:3]) + weight * most.gradient
+
+        return self.aim + weight * self.excess, gradient
+
+    @cached_property
+    def excess(self) -> float:
+        """By how much the worst bound is exceeded; zero or less where all are kept."""
+        found = [piece.value for piece in self.bounds]
+        return max(found if self._over is None else [*found, self._over[3]], default=-inf)
+
+    @cached_property
+    def aim(self) -> float:
+        """The largest objective, as a logarithm."""
+        return self._top[3]
+
+    def _gradient(self, model: int, channel: int, omega: float) -> Array:
+        if np.isnan(omega):
+            return self._h2(model, channel)[1]
+        return self._singular(model, channel, omega)[0].gradient
+
+    def pieces(self, window: float, asked: "set[tuple[int, int, float]] | None" = None) -> list[Piece]:
+        """Return the pieces within a share of what counts: of the highest objective, and of budgets nearly used up."""
+        found: list[Piece] = []
+        top = self.aim
+        for model, channel in self._sums:
+            limit = self._is_limit(channel)
+            offset, floor = self._offset(channel), (0.0 if limit else top) + log(1.0 - window)
+            if log(max(self._coarse(model, channel)[2], _TINY)) - offset < floor + log(BELOW):
+                continue
+            places, values = self.norm_peaks(model, channel, window)
+            for omega, value in zip(places.tolist(), values.tolist(), strict=True):
+                if log(max(value, _TINY)) - offset >= floor:
+                    found += self._singular(model, channel, omega, window)
+        for model, channel, omega in asked or ():
+            known = any(
+                p.model == model and p.channel == channel and abs(p.omega - omega) <= 1e-6 * abs(omega) for p in found
+            )
+            if not known:
+                found += self._singular(model, channel, omega, 0.0)
+        for model, channel, omega, value in self._squares_of(False) + self._squares_of(True):
+            gradient = self._h2(model, channel)[1]
+            found.append(Piece(model, channel, omega, value, gradient, self._is_limit(channel)))
+        return found + self.bounds
+
+    def _singular(self, model: int, channel: int, omega: float, window: float | None = None) -> list[Piece]:
+        """Return the largest singular value at a frequency, and with a window those near it and mixtures of the two."""
+        response = self.response(model, channel)
+        G = response.D.astype(complex) if omega == inf else response.response(np.array([omega]))[:, :, 0]
+        U, values, Vh = np.linalg.svd(G, full_matrices=False)
+        left, right = self._sides(model, channel, omega)
+        vectors = [(U[:, 0], Vh[0].conj(), float(values[0]), True)]
+        for k in range(1, len(values) if window else 1):
+            if values[k] < (1.0 - (window or 0.0)) * values[0]:
+                break
+            vectors.append((U[:, k], Vh[k].conj(), float(values[k]), False))
+            for phase in _MIXED if omega > 0.0 and omega < inf else _MIXED[:2]:
+                u, v = (U[:, 0] + phase * U[:, k]) / 2**0.5, (Vh[0].conj() + phase * Vh[k].conj()) / 2**0.5
+                vectors.append((u, v, 0.5 * float(values[0] + values[k]), False))
+        offset, limit = self._offset(channel), self._is_limit(channel)
+        found = []
+        for u, v, value, top in vectors:
+            outer = np.outer(left.T @ u.conj(), right @ v)
+            gradient = np.real(self.controller[1] @ outer.ravel())
+            for axis, place in enumerate(self.problem.physical if model >= 0 else ()):
+                offsets, weights = self._stencil(axis)
+                moved = [self._response_at(model, channel, axis, each, omega) for each in offsets]
+                gradient[place] = float(sum(w * (u.conj() @ M @ v).real for w, M in zip(weights, moved, strict=True)))
+            size = max(value, _TINY)
+            found.append(Piece(model, channel, omega, log(size) - offset, gradient / size, limit, top))
+        return found
+
+    def _sides(self, model: int, channel: int, omega: float) -> tuple[Array, Array]:
+        """Return what carries a change of the controller's matrices to the response: ``left @ change @ right``."""
+        whole, rows, columns = self.part(model, channel)
+        n = len(whole.A)
+        left, right = whole.before[n + rows].astype(complex), whole.after[:, n + columns].astype(complex)
+        if omega < inf and n:
+            pencil = 1j * omega * np.eye(n) - whole.A
+            left = left + whole.C[rows] @ np.linalg.solve(pencil, whole.before[:n])
+            right = right + whole.after[:, :n] @ np.linalg.solve(pencil, whole.B[:, columns])
+        return left, right
+
+    def _h2(self, model: int, channel: int) -> tuple[float, Array]:
+        """Return an H2 norm and the gradient of its logarithm."""
+        if (model, channel) not in self._squares:
+            self._squares[model, channel] = self._h2_and_gradient(model, channel)
+        return self._squares[model, channel]
+
+    def h2_gradient(self, model: int, channel: int) -> Array:
+        """Return the gradient of the logarithm of an H2 norm."""
+        return self._h2(model, channel)[1]
+
+    def beside(self, x: Array) -> "Point":
+        """Return the loops at other free numbers."""
+        return Point(self.problem, x, self._known)
+
+    def _h2_and_gradient(self, model: int, channel: int) -> tuple[float, Array]:
+        loop = self.loops[model]
+        assert loop is not None
+        rows, columns = self.problem.rows[channel], self.problem.columns[channel]
+        B, C, _ = loop.part(columns, rows)
+        P, Q = _gramian(loop.A, B), _gramian(loop.A.T, C.T)
+        square = max(float(np.sum((C @ P) * C)), _TINY**2)
+        n = len(loop.A)
+        full = np.zeros((n + len(loop.C), n + loop.B.shape[1]))
+        full[:n, :n] = Q @ P
+        full[np.ix_(np.arange(n), n + columns)] = Q @ B
+        full[np.ix_(n + rows, np.arange(n))] = C @ P
+        gradient = self.controller[1] @ (loop.before.T @ full @ loop.after.T).ravel() / square
+        for axis, place in enumerate(self.problem.physical):
+            offsets, weights = self._stencil(axis)
+            values = []
+            for offset in offsets:
+                moved = self._loop_at(model, axis, offset)
+                assert moved is not None
+                b, c, _ = moved.part(columns, rows)
+                values.append(0.5 * log(max(float(np.sum((c @ _gramian(moved.A, b)) * c)), _TINY**2)))
+            gradient[place] = float(weights @ np.array(values))
+        return float(np.sqrt(square)), gradient
+
+    # -- physical parameters ---------------------------------------------------------------------------------------
+    def _stencil(self, axis: int) -> tuple[tuple[int, ...], Array]:
+        """Return steps of a difference that stays within the parameter's range, and weights."""
+        place = self.x[self.problem.physical[axis]]
+        shift = 0
+        while shift < 2 and place + (_STENCIL[0] + shift) * _STEP < -1.0:
+            shift += 1
+        while shift > -2 and place + (_STENCIL[-1] + shift) * _STEP > 1.0:
+            shift -= 1
+        offsets = _STENCIL + shift
+        powers = np.vander(offsets.astype(float), 5, increasing=True).T
+        weights = np.linalg.solve(powers, np.eye(5)[1]) / _STEP
+        used = np.abs(weights) > 0.0
+        return tuple(offsets[used].tolist()), weights[used]
+
+    def _loop_at(self, model: int, axis: int, offset: int) -> Closed | None:
+        key = (model, axis, offset)
+        if key not in self._moved:
+            values = self.x[self.problem.physical].copy()
+            values[axis] += offset * _STEP
+            plants: tuple[ScaledPlant, ...] = self.problem.plants(values)
+            for i, plant in enumerate(plants):
+                self._moved[i, axis, offset] = close(plant, self.controller[0], self.problem.order)
+        return self._moved[key]
+
+    def _response_at(self, model: int, channel: int, axis: int, offset: int, omega: float) -> Array:
+        loop = self._loop_at(model, axis, offset)
+        if loop is None:
+            return np.full((len(self.problem.rows[channel]), len(self.problem.columns[channel])), np.nan)
+        B, C, D = loop.part(self.problem.columns[channel], self.problem.rows[channel])
+        if omega == inf or not len(loop.A):
+            return D.astype(complex)
+        return D + C @ np.linalg.solve(1j * omega * np.eye(len(loop.A)) - loop.A, B.astype(complex))
+
+
+def _eigen(A: Array) -> tuple[Array, Array, Array]:
+    """Return eigenvalues, left and right eigenvectors."""
+    return linalg.eig(A, left=True, right=True, check_finite=False)  # type: ignore[return-value]
+
+
+def _gramian(A: Array, B: Array) -> Array:
+    """Return ``P`` with ``A P + P A^T + B B^T = 0``."""
+    if not len(A):
+        return np.zeros((0, 0))
+    return np.asarray(linalg.solve_continuous_lyapunov(A, -B @ B.T))

@@ -1,0 +1,317 @@
+"""The loops that are tuned: plants in well-chosen units, a structure between them, and what its free numbers are."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.lti.block_diagonal import block_diagonal
+from boomctl.lti.system import Lti
+from boomctl.synthesis.plants.partition import GeneralizedPlant
+from boomctl.synthesis.tuning.channels import Channel
+from boomctl.synthesis.tuning.parts.jets import Jet
+from boomctl.synthesis.tuning.parts.structures import PHYSICAL, Free, Ports, Structure
+
+_POINTS = 24  # frequencies at which sizes of signals are looked at (a choice)
+_ROUNDS = 30  # of scaling rows and columns in turn: each takes the square of what is left (a choice)
+_SLOWEST = 1e-6  # share of the fastest pole below which a slow one says nothing about the band (a choice)
+_MARGIN = 1e-9  # share of a loop's own band by which its poles stay left of the axis: above rounding (a choice)
+_INDEPENDENT = 1e7  # size of the inverse of eigenvectors up to which responses keep eight digits (a choice)
+_HAIR = 1e-7  # share of itself by which such an eigenvalue is moved: far less than norms are tuned to
+_LOW = 1e-3  # share of its peak down to which a response says how large it is: tails of rods fall for ever (a choice)
+_NOTHING = (
+    1e-10  # share of what its entry and exit alone would let through below which a response is rounding (a choice)
+)
+_ILL_POSED = 1e-10  # least singular value of I - K D22 up to which a loop is not well-posed (a choice)
+
+
+@dataclass(frozen=True)
+class ScaledPlant:
+    """A generalised plant in units in which its gains are near one, and with balanced states.
+
+    Attributes
+    ----------
+    A, B1, B2, C1, C2, D11, D12, D21, D22 : ndarray
+    """
+
+    A: Array
+    B1: Array
+    B2: Array
+    C1: Array
+    C2: Array
+    D11: Array
+    D12: Array
+    D21: Array
+    D22: Array
+
+    @classmethod
+    def of(cls, plant: GeneralizedPlant, states: Array | None = None) -> "ScaledPlant":
+        """Return a plant with its states divided by ``states``, by default by what balances it."""
+        s = plant.system
+        if states is None:
+            states = balancing(s.A)
+        B, C = s.B / states[:, None], s.C * states
+        nw, nz = plant.nw, plant.nz
+        return cls(
+            _told_apart(s.A * states / states[:, None]),
+            B[:, :nw],
+            B[:, nw:],
+            C[:nz],
+            C[nz:],
+            plant.D11,
+            plant.D12,
+            plant.D21,
+            plant.D22,
+        )
+
+    @property
+    def matrix(self) -> Array:
+        """All of it in one matrix."""
+        return np.block([[self.A, self.B1, self.B2], [self.C1, self.D11, self.D12], [self.C2, self.D21, self.D22]])
+
+
+def _told_apart(A: Array) -> Array:
+    """Return a matrix whose equal eigenvalues without eigenvectors of their own, as of weights, are a hair apart.
+
+    The search alone uses it: responses are then fast, and off by no more than that hair.
+    """
+    if not len(A) or independent(A) is not None:
+        return A
+    blocks, columns, widths = block_diagonal(A, _INDEPENDENT**0.5)
+    start, apart = 0, np.zeros_like(A)
+    for width in widths:
+        part = slice(start, start + width)
+        block = blocks[part, part]
+        if width > 1 and independent(block) is None:  # the transpose of what is nilpotent tells them apart the most
+            nilpotent = block - np.eye(width) * np.trace(block) / width
+            size = float(np.linalg.norm(nilpotent))
+            apart[part, part] = _HAIR * float(np.linalg.norm(block)) * nilpotent.T / max(size, np.finfo(float).tiny)
+        start += width
+    found = A + columns @ apart @ np.linalg.inv(columns)
+    return found if independent(found) is not None else A
+
+
+def independent(A: Array) -> tuple[Array, Array, Array] | None:
+    """Return eigenvalues, the inverse of the eigenvectors and the eigenvectors, if these are independent."""
+    try:
+        values, vectors = np.linalg.eig(A)
+        inverse = np.linalg.inv(vectors)
+    except np.linalg.LinAlgError:
+        return None
+    if not np.abs(inverse).sum(axis=1).max() <= _INDEPENDENT:  # of vectors of length one
+        return None
+    return values.astype(complex), inverse.astype(complex), vectors.astype(complex)
+
+
+def balancing(A: Array) -> Array:
+    """Return powers of two that balance a matrix."""
+    if not len(A):
+        return np.ones(0)
+    return np.asarray(linalg.matrix_balance(A, permute=False, separate=True)[1][0])
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A closed loop, and what carries changes of the controller's matrices ``[[A, B], [C, D]]`` into it.
+
+    A change ``d`` of the controller changes ``[[A, B], [C, D]]`` of the loop by ``before @ d @ after``, to first order, and
+    reads itself through ``around``.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    before: Array
+    after: Array
+    around: Array
+
+    @cached_property
+    def coordinates(self) -> tuple[Array, Array, Array]:
+        """``A`` in coordinates in which solving is fast, and the ways into them and out of them.
+
+        Those of the eigenvectors, where these are independent, ``A`` being the vector of the eigenvalues; else those of
+        the Schur form.
+        """
+        if not len(self.A):
+            return np.zeros(0, complex), self.A.astype(complex), self.A.astype(complex)
+        found = independent(self.A)
+        if found is not None:
+            return found
+        T, Z = linalg.schur(self.A, output="complex", check_finite=False)
+        return T, Z.conj().T, Z
+
+    @cached_property
+    def poles(self) -> Array:
+        """Eigenvalues [rad/s]."""
+        if "coordinates" not in self.__dict__:  # whoever asks for the poles alone does not wait for the coordinates
+            return np.linalg.eigvals(self.A).astype(complex) if len(self.A) else np.zeros(0, complex)
+        A = self.coordinates[0]
+        return A if A.ndim == 1 else np.diagonal(A)
+
+    @property
+    def abscissa(self) -> float:
+        """Largest real part of the poles."""
+        return float(self.poles.real.max(initial=-np.inf))
+
+    @property
+    def margin(self) -> float:
+        """By how much the poles are to stay left of the axis, so that rounding cannot take them over it."""
+        return _MARGIN * float(np.abs(self.poles).max(initial=0.0))
+
+    def part(self, columns: Array, rows: Array) -> tuple[Array, Array, Array]:
+        """Return ``B``, ``C`` and ``D`` of a channel."""
+        return self.B[:, columns], self.C[rows], self.D[np.ix_(rows, columns)]
+
+
+def close(plant: ScaledPlant, K: Array, order: int) -> Closed | None:
+    """Return a plant closed by a controller ``[[A, B], [C, D]]`` of some order; None where the loop is not well-posed."""
+    n, nu, ny = len(plant.A), plant.B2.shape[1], len(plant.C2)
+    nw, nz = plant.B1.shape[1], len(plant.C1)
+    M12 = np.zeros((n + order + nz, order + nu))
+    M12[:n, order:], M12[n + order :, order:] = plant.B2, plant.D12
+    M12[n : n + order, :order] = np.eye(order)
+    M21 = np.zeros((order + ny, n + order + nw))
+    M21[order:, :n], M21[order:, n + order :] = plant.C2, plant.D21
+    M21[:order, n : n + order] = np.eye(order)
+    M = np.zeros((n + order + nz, n + order + nw))
+    M[:n, :n], M[:n, n + order :] = plant.A, plant.B1
+    M[n + order :, :n], M[n + order :, n + order :] = plant.C1, plant.D11
+    gain, before, after, around = K, M12, M21, np.zeros((order + ny, order + nu))
+    if plant.D22.any():
+        through = np.zeros((order + ny, order + nu))
+        through[order:, order:] = plant.D22
+        left = np.eye(len(K)) - K @ through
+        if linalg.svdvals(left)[-1] <= _ILL_POSED:
+            return None
+        inverse = np.linalg.inv(left)
+        gain = inverse @ K
+        before, after, around = M12 @ inverse, (np.eye(len(M21)) + through @ gain) @ M21, through @ inverse
+    M += M12 @ gain @ M21
+    end = n + order
+    return Closed(M[:end, :end], M[:end, end:], M[end:, :end], M[end:, end:], before, after, around)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything that the search needs.
+
+    Attributes
+    ----------
+    structure : Structure
+    ports : Ports
+    free : tuple of Free
+    low, high : ndarray
+        Ends of the search's numbers, infinite where there are none.
+    plants : function
+        Returns the scaled plants at values of the physical parameters.
+    count : int
+        Number of plants.
+    channels : tuple of Channel
+    columns, rows : tuple of ndarray
+        Of each channel in the plant's signals.
+    order : int
+        Of the controller.
+    fastest_pole, gain_limit, damping, decay : float or None
+        Bounds.
+    """
+
+    structure: Structure
+    ports: Ports
+    free: tuple[Free, ...]
+    low: Array
+    high: Array
+    plants: Callable[[Array], tuple[ScaledPlant, ...]]
+    count: int
+    channels: tuple[Channel, ...]
+    columns: tuple[Array, ...]
+    rows: tuple[Array, ...]
+    order: int
+    fastest_pole: float | None
+    gain_limit: float | None
+    damping: float | None
+    decay: float | None
+
+    @cached_property
+    def physical(self) -> Array:
+        """Places of the physical parameters among the free numbers."""
+        return np.array([i for i, each in enumerate(self.free) if each.kind == PHYSICAL], dtype=int)
+
+    @cached_property
+    def linear(self) -> bool:
+        """Whether the controller's matrices depend on the free numbers in straight lines."""
+        middle = np.where(np.isfinite(self.high), 0.5 * (np.maximum(self.low, -1e300) + self.high), 0.0)
+        drawn = np.random.default_rng(0).normal(size=(2, len(middle)))
+        one, other = (self.structure.system(middle + 0.1 * each, self.ports).matrix().slopes for each in drawn)
+        return bool((one == other).all())
+
+    def controller(self, x: Array) -> Jet:
+        """Return ``[[A, B], [C, D]]`` of the controller in the users' units, with derivatives."""
+        return self.structure.system(x, self.ports).matrix()
+
+    def values(self, x: Array) -> dict[str, float]:
+        """Return what the free numbers stand for, in the users' units."""
+        return {each.name: each.value(number) for each, number in zip(self.free, x, strict=True)}
+
+    def physical_values(self, x: Array) -> dict[str, float]:
+        """Return the physical parameters alone."""
+        return {self.free[i].name: self.free[i].value(x[i]) for i in self.physical}
+
+    def clipped(self, x: Array) -> Array:
+        """Return numbers within their ends."""
+        return np.minimum(np.maximum(x, self.low), self.high)
+
+    def lti(self, x: Array, measurements: tuple[str, ...], controls: tuple[str, ...]) -> Lti:
+        """Return the controller as a system."""
+        K, n = self.controller(x).value, self.order
+        states = tuple(f"k[{i}]" for i in range(n))
+        return Lti(K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:], measurements, controls, states)
+
+
+def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
+    """Return the ports of a controller: the sizes of its signals are such that ``P22`` is near one in the plant's band."""
+    sizes = [rates[rates > _SLOWEST * rates.max(initial=0.0)] for rates in (np.abs(p.system.poles) for p in plants)]
+    rates = np.concatenate([size for size in sizes if len(size)] or [np.ones(1)])
+    slowest, fastest = float(rates.min()), float(rates.max())
+    omega = np.geomspace(slowest / 3.0, fastest * 3.0, _POINTS)
+    first = plants[0]
+    rows, columns = np.zeros(first.nmeas), np.zeros(first.ncon)
+    if first.nmeas and first.ncon:
+        size = np.zeros((first.nmeas, first.ncon))
+        for plant in plants:
+            part = replace(plant.system, B=plant.B2, C=plant.C2, D=plant.D22, inputs=(), outputs=())
+            size += _size(part, omega)
+        size /= len(plants)
+        for _ in range(_ROUNDS):
+            rows = _mean(size + columns, 1)
+            columns = -_mean(size - rows[:, None], 0)
+    return Ports(
+        first.measurements,
+        first.controls,
+        np.exp(rows),
+        np.exp(columns),
+        float(np.exp(np.mean(np.log(rates)))),
+        slowest,
+        fastest,
+    )
+
+
+def _size(part: Lti, omega: Array) -> Array:
+    """Return logarithms of the sizes of responses, by their upper three decades; nan where nothing but rounding passes."""
+    found = np.abs(part.balanced().response(omega, quiet=True))
+    top = found.max(axis=2)
+    fastest = float(np.abs(part.poles).max(initial=0.0)) or 1.0
+    least = _NOTHING * np.outer(np.linalg.norm(part.C, axis=1), np.linalg.norm(part.B, axis=0)) / fastest
+    there = (top > np.maximum(least, np.finfo(float).tiny)) & np.isfinite(top)
+    with np.errstate(divide="ignore"):
+        size = np.log(np.maximum(found, _LOW * top[:, :, None])).mean(axis=2)
+    return np.where(there, size, np.nan)
+
+
+def _mean(values: Array, axis: int) -> Array:
+    """Return means over what is there; zero where nothing is."""
+    there = np.isfinite(values)
+    return np.where(there, values, 0.0).sum(axis=axis) / np.maximum(there.sum(axis=axis), 1)

@@ -1,0 +1,135 @@
+"""What tuning returns."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from boomctl.analysis.sigma import sigma
+from boomctl.lti.system import Lti
+from boomctl.printing import count, listed, system
+from boomctl.synthesis.tuning.certificate import TuneCertificate
+from boomctl.synthesis.tuning.solver.search import TuneStart
+
+if TYPE_CHECKING:
+    import control
+
+
+@dataclass(frozen=True)
+class TuneResult:
+    """A controller of a given structure, and the closed loops it was verified in.
+
+    Attributes
+    ----------
+    controller : control.StateSpace
+        ``u = K y``, from the measurements to the controls, named as in the generalised plant.
+    closed_loop : control.StateSpace
+        The loop from the disturbances to the performance signals, of the model in which the norm is largest.
+    closed_loops : tuple of control.StateSpace
+        Those of all models.
+    gamma : float
+        The largest objective over all models, verified.
+    certificate : TuneCertificate
+        What vouches for the controller, and how far from the best of any order it is.
+    values : dict of str to float
+        The free numbers by name, in the units of the signals and rad/s.
+    physical : dict of str to float
+        The physical parameters among them.
+    starts : tuple of TuneStart
+        What each start came to.
+    models : tuple of str
+        What the models are called.
+    """
+
+    _controller: Lti = field(repr=False)
+    _loops: tuple[Lti, ...] = field(repr=False)
+    _worst: int = field(repr=False)
+    gamma: float
+    certificate: TuneCertificate
+    values: dict[str, float]
+    physical: dict[str, float]
+    starts: tuple[TuneStart, ...]
+    models: tuple[str, ...]
+
+    @cached_property
+    def controller(self) -> "control.StateSpace":
+        """As a system of python-control; it is made when it is first read."""
+        return self._controller.statespace("controller")
+
+    @cached_property
+    def closed_loop(self) -> "control.StateSpace":
+        """As a system of python-control; it is made when it is first read."""
+        return self._loops[self._worst].statespace("closed_loop")
+
+    @cached_property
+    def closed_loops(self) -> "tuple[control.StateSpace, ...]":
+        """As systems of python-control; they are made when they are first read."""
+        return tuple(loop.statespace(f"closed_loop_{i + 1}") for i, loop in enumerate(self._loops))
+
+    def plot(self, ax: Any = None, *, unit: str | None = None, **style: Any) -> Any:
+        """Draw the singular values of the loops in which peaks are active, and these peaks.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; by default a new figure of pyplot.
+        unit : {"Hz", "rad/s"}, optional
+            Of the frequency axis, by default that of the curves that are there already.
+        **style
+            Of the curves, as matplotlib's lines take it.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            Those drawn on.
+        """
+        shown = [m for m in self.models if any(peak.model == m for peak in self.certificate.peaks)]
+        chosen = {name: self._loops[self.models.index(name)] for name in shown or [self.models[self._worst]]}
+        curves = {name: sigma(loop.statespace("loop")) for name, loop in chosen.items()}
+        return import_module("boomctl.plotting").plot_tune(self, curves, ax, unit=unit, **style)
+
+    def render(self) -> str:
+        """Return the result as text.
+
+        Returns
+        -------
+        str
+            Lines: the certificate, active peaks, starts and what was done.
+        """
+        c = self.certificate
+        lines = [f"controller of {system(self._controller)}", c.statement]
+        lines += [f"  {name} = {value:.6g}" for name, value in self.physical.items()]
+        lines.append("norms:")
+        lines += [f"  {repr(each).removeprefix('ChannelNorm: ')}" for each in c.norms]
+        lines.append("active peaks:")
+        lines += [
+            f"  {p.value:.6g} at {p.omega:.5g} rad/s, {p.channel.text}" + (f", {p.model}" if p.model else "")
+            for p in c.peaks
+        ]
+        lines.append("starts:")
+        lines += [f"  {s.kind}: {s.value:.6g} after {count(s.steps, 'step')}" for s in self.starts]
+        lines += ["done: " + "; ".join(c.path)] if c.path else []
+        return "\n".join(lines)
+
+    def __figures__(self) -> dict[str, float]:
+        """Return what a comparison shows."""
+        found = {"norm, verified": self.gamma}
+        if self.certificate.lower > 0.0:
+            found["no controller goes below"] = self.certificate.lower
+        if self.certificate.worst is not None:
+            found["worst norm found over the family"] = self.certificate.worst.value
+        return found
+
+    def __repr__(self) -> str:
+        lower = self.certificate.lower
+        least = f"; no controller goes below {lower:.6g}" if lower > 0.0 else ""
+        many = f" over {len(self.models)} models" if len(self.models) > 1 else ""
+        lines = [
+            f"TuneResult: controller of {system(self._controller)}",
+            f"  largest norm{many} {self.gamma:.6g}, verified{least}",
+        ]
+        if self.physical:
+            lines.append("  " + listed([f"{name} = {value:.6g}" for name, value in self.physical.items()], 90))
+        if self.certificate.active:
+            lines.append("  used up: " + listed(list(self.certificate.active), 80))
+        return "\n".join(lines)

@@ -1,0 +1,256 @@
+"""Polishing by sequential quadratic programmes over all peaks near the highest, nearly multiple singular values too."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, isfinite
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.synthesis.tuning.hessian import peak_hessian
+from boomctl.synthesis.tuning.pieces import Piece, Point
+from boomctl.synthesis.tuning.solver.quadratic import least
+
+_WINDOW = 0.1  # share below the highest within which peaks are looked at (a choice)
+_MOST = 80  # pieces at most, the highest (a choice)
+_TRIALS = 14  # of a step: each either gains a piece or shortens the step (a choice)
+_FALL = 0.1  # share of the promised gain that makes a step worth taking (a choice)
+_GOOD = 0.6  # share of the promised gain from which on the next step may be longer (a choice)
+_ACTIVE = 1e-6  # multiplier from which on a piece is active (a choice)
+_NEAR = 0.1  # share of its frequency by which a peak may move in a step and be the same (a choice)
+_DAMPING, _LEAST, _LARGEST = (
+    1.0,
+    1e-9,
+    1e9,
+)  # weight of a step's length in natural sizes: first, least, largest (choices)
+_FAR, _HAIR = 1e4, 1e-11  # natural sizes: how far an end is no matter, and room where there is none (choices)
+_FLAT = 1e-10  # share of the largest natural size below which a number's own is taken to be that
+_LITTLE = 1e-6  # step of differences of an H2 norm's gradient
+
+
+@dataclass(frozen=True)
+class Polished:
+    """Where polishing ended.
+
+    Attributes
+    ----------
+    x : ndarray
+    value : float
+    steps : int
+    stationary : bool
+        Whether it ended because no step promises any gain.
+    """
+
+    x: Array
+    value: float
+    steps: int
+    stationary: bool
+
+
+def polish(
+    point_at: Callable[[Array], Point], x: Array, low: Array, high: Array, *, weight: float, steps: int, gain: float
+) -> Polished:
+    """Return a point from which no small step over all peaks near the highest goes lower.
+
+    Parameters
+    ----------
+    point_at : function
+        From free numbers to the loops there.
+    x, low, high : ndarray
+        Where to begin, and the ends of the numbers.
+    weight : float
+        What a unit of an exceeded bound costs.
+    steps : int
+        So many at most.
+    gain : float
+        Ends where a step promises less, or five together gain less.
+    """
+    point, n = point_at(x), len(x)
+    value = point.merit(weight)[0]
+    if not isfinite(value):
+        return Polished(x, value, 0, False)
+    exact = not len(point.problem.physical)
+    H, damping = np.zeros((n, n)), _DAMPING
+    history = [value]
+    for k in range(steps):
+        moved, asked = None, set()
+        pieces = _chosen(point, asked)
+        sizes = _sizes(pieces, H)
+        if exact:
+            H = _curvature(point, pieces, _step(pieces, H, sizes, damping, x, low, high, weight, value)[2], sizes)
+            sizes = _sizes(pieces, H)
+        for trial in range(_TRIALS):
+            d, promised, multipliers = _step(pieces, H, sizes, damping, x, low, high, weight, value)
+            if promised <= gain:
+                return Polished(x, value, k, damping < 1e3 * _DAMPING)
+            new = np.minimum(np.maximum(x + d, low), high)
+            there = point_at(new)
+            found = there.merit(weight)[0]
+            if found <= value - _FALL * promised:
+                moved = new, there, found, multipliers
+                if trial == 0:
+                    good = value - found >= _GOOD * promised
+                    damping = max((0.1 if good else 0.4) * damping, _LEAST)
+                break
+            more = _unseen(there, pieces, asked) if isfinite(found) else set()
+            if more:
+                asked |= more
+                pieces = _chosen(point, asked)
+            damping = min((2.0 if more else 6.0) * damping, _LARGEST)
+        if moved is None:
+            return Polished(x, value, k, False)
+        if not exact:
+            active = [(m, p) for m, p in zip(moved[3], pieces, strict=True) if m > _ACTIVE and p.top]
+            H = _updated(H + 1e-3 * damping * np.diag(sizes), moved[0] - x, active, moved[1].pieces(_WINDOW))
+        x, point, value = moved[0], moved[1], moved[2]
+        history.append(value)
+        if len(history) > 6 and history[-7] - value < 10.0 * gain:
+            return Polished(x, value, k + 1, False)
+    return Polished(x, value, steps, False)
+
+
+def _sizes(pieces: list[Piece], H: Array) -> Array:
+    """Return squares of the inverse natural sizes of the free numbers: slopes and curvatures."""
+    squares = np.max([p.gradient**2 for p in pieces], axis=0) + np.abs(np.diag(H))
+    return np.maximum(squares, _FLAT * max(float(squares.max(initial=0.0)), np.finfo(float).tiny))
+
+
+def _curvature(point: Point, pieces: list[Piece], multipliers: Array, sizes: Array) -> Array:
+    """Return the curvature of the Lagrangian, what is negative turned round: so that steps lead away from saddles."""
+    n = len(point.x)
+    H = np.zeros((n, n))
+    for multiplier, piece in zip(multipliers, pieces, strict=True):
+        if multiplier <= _ACTIVE or piece.channel < -1 or not piece.top:
+            continue
+        H += multiplier * (_h2_hessian(point, piece) if np.isnan(piece.omega) else peak_hessian(point, piece))
+    if not np.isfinite(H).all():
+        return np.zeros((n, n))
+    root = np.sqrt(sizes)
+    values, vectors = np.linalg.eigh(0.5 * (H + H.T) / root / root[:, None])
+    return (root[:, None] * vectors * np.maximum(values, 0.0)) @ (vectors.T * root)
+
+
+def _h2_hessian(point: Point, piece: Piece) -> Array:
+    """Return second derivatives of the logarithm of an H2 norm, by differences of its gradient."""
+    rows = []
+    for step in _LITTLE * np.eye(len(point.x)):
+        moved = point.beside(point.x + step)
+        found = moved.h2_gradient(piece.model, piece.channel) if moved.stable else piece.gradient
+        rows.append((found - piece.gradient) / _LITTLE)
+    return np.array(rows)
+
+
+def _chosen(point: Point, asked: "set[tuple[int, int, float]]") -> list[Piece]:
+    pieces = point.pieces(_WINDOW, asked)
+    order = sorted(range(len(pieces)), key=lambda i: (not pieces[i].limit, pieces[i].value), reverse=True)
+    aims = [pieces[i] for i in order if not pieces[i].limit][:_MOST]
+    return aims + [pieces[i] for i in order if pieces[i].limit][:_MOST]
+
+
+def _step(
+    pieces: list[Piece],
+    H: Array,
+    sizes: Array,
+    damping: float,
+    x: Array,
+    low: Array,
+    high: Array,
+    weight: float,
+    value: float,
+) -> tuple[Array, float, Array]:
+    """Return the step of a quadratic programme, the gain that it promises, and the multipliers of the pieces."""
+    n = len(x)
+    root = np.sqrt(sizes)  # the step counts in natural sizes
+    values, slopes = np.array([p.value for p in pieces]), np.array([p.gradient for p in pieces]) / root
+    limits = np.array([p.limit for p in pieces])
+    top = values[~limits].max()
+    any_limits = bool(limits.any())
+    m = n + (2 if any_limits else 1)
+    Q = np.zeros((m, m))
+    Q[:n, :n] = H / root / root[:, None] + damping * np.eye(n)
+    c = np.zeros(m)
+    c[n] = 1.0
+    first = np.column_stack([slopes, -(~limits).astype(float)])
+    sides = [np.where(limits, -values, top - values)]
+    if any_limits:
+        c[n + 1] = weight
+        first = np.column_stack([first, -limits.astype(float)])
+    rows = [first]
+    if any_limits:
+        slack = np.zeros((1, m))
+        slack[0, n + 1] = -1.0
+        rows.append(slack)
+        sides.append(np.zeros(1))
+    # numbers that rest at an end leave no interior: a hair of room, which is clipped away afterwards
+    unit = np.eye(m)[:n]
+    for sign, room in ((1.0, high - x), (-1.0, x - low)):
+        near = np.isfinite(room) & (room * root < _FAR)
+        rows.append(sign * unit[near])
+        sides.append(np.maximum(room[near] * root[near], 0.0) + _HAIR)
+    y, z = least(Q, c, np.vstack(rows), np.concatenate(sides))
+    scaled = y[:n]
+    model = float((np.where(limits, -inf, values - top + slopes @ scaled)).max())
+    over = max(float((np.where(limits, values + slopes @ scaled, 0.0)).max(initial=0.0)), 0.0)
+    bend = 0.5 * float(scaled @ (Q[:n, :n] - damping * np.eye(n)) @ scaled)
+    promised = value - (top + model + weight * over) - bend
+    return scaled / root, promised, z[: len(pieces)]
+
+
+def _unseen(trial: Point, pieces: list[Piece], asked: "set[tuple[int, int, float]]") -> "set[tuple[int, int, float]]":
+    """Return what stands out at a point tried and was no piece."""
+    found = set()
+    for model, channel, omega in trial.highest:
+        there = [p.omega for p in pieces if p.model == model and p.channel == channel]
+        if not any(abs(omega - each) <= 1e-3 * abs(omega) or omega == each for each in there):
+            found.add((model, channel, omega))
+    return found - asked
+
+
+def _updated(B: Array, s: Array, active: list[tuple[float, Piece]], after: list[Piece]) -> Array:
+    """Return the curvature of the Lagrangian, by Powell's damped update."""
+    y, size = np.zeros_like(s), float(s @ B @ s)
+    for multiplier, piece in active:
+        alike = [p for p in after if p.model == piece.model and p.channel == piece.channel and p.top]
+        if not alike:
+            continue
+        near = alike[0] if np.isnan(piece.omega) else min(alike, key=lambda p: _apart(p.omega, piece.omega))
+        if np.isnan(piece.omega) or _apart(near.omega, piece.omega) <= _NEAR:
+            y += multiplier * (near.gradient - piece.gradient)
+    if size <= 0.0:
+        return B
+    product = float(s @ y)
+    share = 1.0 if product >= 0.2 * size else 0.8 * size / (size - product)
+    r = share * y + (1.0 - share) * (B @ s)
+    Bs = B @ s
+    return B - np.outer(Bs, Bs) / size + np.outer(r, r) / float(s @ r)
+
+
+def _apart(a: float, b: float) -> float:
+    if a == b:
+        return 0.0
+    if np.isinf(a) or np.isinf(b):
+        return inf
+    return abs(a - b) / max(abs(a), abs(b))
+
+
+def stationarity(pieces: list[Piece], x: Array, low: Array, high: Array) -> float:
+    """Return the length of the least element of the hull of gradients over that of the longest one.
+
+    Free numbers count in natural sizes, what points out of the ends is left away: zero where no small step goes lower, one
+    where there is but one piece that falls.
+    """
+    if not pieces or not len(x):
+        return 0.0
+    slopes = np.array([p.gradient for p in pieces]) / np.sqrt(_sizes(pieces, np.zeros((len(x), len(x)))))
+    longest = float(np.linalg.norm(slopes, axis=1).max())
+    if longest == 0.0:
+        return 0.0
+    n = len(x)
+    H = np.diag([*np.ones(n), 0.0])
+    c = np.append(np.zeros(n), 1.0)
+    aims = np.array([not p.limit for p in pieces])
+    rows = np.column_stack([slopes / longest, np.where(aims, -1.0, 0.0)])
+    unit = np.eye(n + 1)[:n]
+    G = np.vstack([rows, unit[x >= high], -unit[x <= low]])
+    y, _ = least(H, c, G, np.full(len(G), _HAIR))
+    return float(np.linalg.norm(y[:n]))

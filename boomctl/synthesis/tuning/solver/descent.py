@@ -1,0 +1,137 @@
+"""Descent of functions that are not smooth everywhere, by BFGS with a weak Wolfe line search (Lewis & Overton 2013)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, isfinite
+
+import numpy as np
+
+from boomctl.arrays import Array
+
+_FALL, _TURN = 1e-4, 0.5  # of the weak Wolfe conditions (usual)
+_TRIALS = 30  # of a line search: the step is then known to 1e-9 (a choice)
+_LITTLE = 1e-3  # share of the gain worth having that a step must promise at least (a choice)
+_NARROW, _ROUNDING = 1e-9, 1e-14  # a line search ends where the interval, or what it can gain, is rounding
+_STALLED = 10  # steps whose common gain decides whether to go on (a choice)
+
+Function = Callable[[Array], tuple[float, Callable[[], Array]]]
+
+
+@dataclass(frozen=True)
+class Descended:
+    """Where a descent ended.
+
+    Attributes
+    ----------
+    x : ndarray
+    value : float
+    steps : int
+    """
+
+    x: Array
+    value: float
+    steps: int
+
+
+def descend(
+    function: Function,
+    x: Array,
+    low: Array,
+    high: Array,
+    *,
+    steps: int,
+    gain: float,
+    enough: Callable[[Array, float], bool] = lambda x, value: False,
+) -> Descended:
+    """Return a point from which BFGS goes no lower.
+
+    Parameters
+    ----------
+    function : function
+        From a point to its value and a function that returns its gradient.
+    x : ndarray
+        Where to begin; the value must be finite.
+    low, high : ndarray
+        Ends of the numbers; a number at its end that would leave it rests there.
+    steps : int
+        So many at most.
+    gain : float
+        Ends where ten steps together gain less.
+    enough : function, optional
+        Of a point and its value: whether that will do.
+    """
+    x = np.minimum(np.maximum(x, low), high)
+    value, slope = function(x)
+    if not isfinite(value):
+        return Descended(x, value, 0)
+    g, n = slope(), len(x)
+    H, fresh = np.eye(n), True
+    history = [value]
+    for k in range(steps):
+        if enough(x, value):
+            return Descended(x, value, k)
+        resting = ((x <= low) & (g > 0.0)) | ((x >= high) & (g < 0.0))
+        moving = ~resting
+        if not moving.any():
+            return Descended(x, value, k)
+        d = np.zeros(n)
+        d[moving] = -H[np.ix_(moving, moving)] @ g[moving]
+        if not np.isfinite(d).all() or g @ d >= 0.0:
+            H, fresh = np.eye(n), True
+            d = np.where(moving, -g, 0.0)
+        falling = float(g @ d)
+        if -falling <= _LITTLE * gain:
+            return Descended(x, value, k)
+        new = _weak_wolfe(function, x, d, value, falling, low, high, fresh)
+        if new is None:
+            if fresh:
+                return Descended(x, value, k)
+            H, fresh = np.eye(n), True
+            continue
+        point, found, gradient = new
+        s, y = point - x, gradient - g
+        curvature = float(s @ y)
+        if curvature > 1e-14 * float(np.linalg.norm(s) * np.linalg.norm(y)) and curvature > 0.0:
+            if fresh:
+                H = np.eye(n) * (curvature / float(y @ y))
+            rho = 1.0 / curvature
+            V = np.eye(n) - rho * np.outer(s, y)
+            H, fresh = V @ H @ V.T + rho * np.outer(s, s), False
+        x, value, g = point, found, gradient
+        history.append(value)
+        if len(history) > _STALLED and history[-1 - _STALLED] - value < gain:
+            return Descended(x, value, k + 1)
+    return Descended(x, value, steps)
+
+
+def _weak_wolfe(
+    function: Function,
+    x: Array,
+    d: Array,
+    value: float,
+    falling: float,
+    low: Array,
+    high: Array,
+    fresh: bool,
+) -> tuple[Array, float, Array] | None:
+    """Return a step that falls enough and after which it falls less steeply; or one that just falls, or none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = np.where(d > 0.0, (high - x) / d, np.where(d < 0.0, (low - x) / d, inf))
+    longest = float(np.nanmin(room)) if len(room) else inf
+    t = min(1.0 / max(1.0, float(np.linalg.norm(d))) if fresh else 1.0, longest)
+    short, far = 0.0, inf
+    best: tuple[Array, float, Array] | None = None
+    for _ in range(_TRIALS):
+        point = np.minimum(np.maximum(x + t * d, low), high)
+        found, slope = function(point)
+        if not found <= value + _FALL * t * falling:
+            far = t
+        else:
+            gradient = slope()
+            best, short = (point, found, gradient), t
+            if gradient @ d >= _TURN * falling or t >= longest:
+                return best
+        t = 0.5 * (short + far) if far < inf else min(2.0 * t, longest)
+        if far < inf and (far - short <= _NARROW * far or -t * falling <= _ROUNDING * max(1.0, abs(value))):
+            break
+    return best

@@ -1,0 +1,57 @@
+"""Small dense quadratic programmes, by a primal-dual interior-point method (Mehrotra 1992)."""
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+
+_STEPS = 60  # of Newton's method at most: a dozen are the rule
+_ENOUGH = 1e-11  # complementarity and residuals, relative, at which it ends
+_BACK = 0.995  # share of the way to the boundary that a step takes (a choice, as usual)
+
+
+def least(H: Array, c: Array, G: Array, h: Array) -> tuple[Array, Array]:
+    """Return ``y`` that makes ``1/2 y^T H y + c^T y`` least under ``G y <= h``, and the multipliers of the rows of ``G``.
+
+    ``H`` is positive semidefinite, and positive definite where ``G`` does not bound.  The problem must have a point at
+    which all rows are below.
+    """
+    n, m = len(c), len(h)
+    size = np.maximum(np.linalg.norm(G, axis=1), 1e-300)
+    G, h = G / size[:, None], h / size
+    y, s, z = np.zeros(n), np.maximum(h, 1.0), np.ones(m)
+    scale = 1.0 + max(float(np.abs(c).max(initial=0.0)), float(np.abs(h).max(initial=0.0)))
+    for _ in range(_STEPS):
+        dual, primal = H @ y + c + G.T @ z, G @ y + s - h
+        mu = float(s @ z) / m
+        if max(mu, float(np.abs(dual).max(initial=0.0)), float(np.abs(primal).max(initial=0.0))) <= _ENOUGH * scale:
+            break
+        weights = z / s
+        matrix = H + (G.T * weights) @ G
+        matrix[np.diag_indices(n)] += 1e-14 * (1.0 + np.diag(matrix))
+        try:
+            factor = linalg.cho_factor(matrix, check_finite=False)
+        except linalg.LinAlgError:
+            break
+
+        # ds = -primal - G dy;  dz = (target - z ds)/s - z
+        def direction(target: Array) -> tuple[Array, Array, Array]:
+            right = -dual - G.T @ ((target + z * primal) / s - z)  # noqa: B023
+            dy = linalg.cho_solve(factor, right, check_finite=False)  # noqa: B023
+            ds = -primal - G @ dy  # noqa: B023
+            dz = (target - z * ds) / s - z  # noqa: B023
+            return dy, ds, dz
+
+        dy, ds, dz = direction(np.zeros(m))
+        a, b = _longest(s, ds), _longest(z, dz)
+        after = float((s + a * ds) @ (z + b * dz)) / m
+        centre = (after / mu) ** 3
+        dy, ds, dz = direction(centre * mu - ds * dz)
+        a = b = min(_longest(s, ds), _longest(z, dz)) * _BACK
+        y, s, z = y + a * dy, s + a * ds, z + b * dz
+    return y, z / size
+
+
+def _longest(values: Array, change: Array) -> float:
+    falling = change < 0.0
+    return float(min(1.0, (-values[falling] / change[falling]).min())) if falling.any() else 1.0

@@ -1,0 +1,608 @@
+"""``tune``: controllers of a given structure, the largest norm over all models and channels as small as can be found."""
+
+import time
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import exp, inf, isfinite, log
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from boomctl.analysis.box.robustness import pattern_search
+from boomctl.analysis.norm import NormCertificate
+from boomctl.arrays import Array
+from boomctl.checks import function_of, instance, known, mapping, positive, real, sequence, whole, within
+from boomctl.progress import Listener, Tell, computing
+from boomctl.structure.families import Family
+from boomctl.synthesis.assumptions import SynthesisError, check_detectable, check_stabilizable
+from boomctl.synthesis.plants.partition import GeneralizedPlant
+from boomctl.synthesis.tuning.certificate import (
+    ActivePeak,
+    ChannelNorm,
+    TuneCertificate,
+    channel_norm,
+    full_order_bound,
+    loop_of,
+    places,
+)
+from boomctl.synthesis.tuning.channels import Channel, objective
+from boomctl.synthesis.tuning.parts.structures import GAIN, Decentralised, Ports, Series, Structure, Sum
+from boomctl.synthesis.tuning.pieces import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Point
+from boomctl.synthesis.tuning.plants import FamilyPlants, Plants, fixed_plants, made_plants
+from boomctl.synthesis.tuning.problem import Problem, ports_of
+from boomctl.synthesis.tuning.result import TuneResult
+from boomctl.synthesis.tuning.solver.bundle import stationarity
+from boomctl.synthesis.tuning.solver.search import Search, search
+
+if TYPE_CHECKING:
+    pass
+
+_LARGEST_GAIN = 1e6  # times its natural size, beyond which no free number goes: an infimum at infinite gain (a choice)
+_ACTIVE = 1e-3  # share of a norm or of a bound within which a peak or bound is active (a choice)
+_AT_END = 1e-6  # share of a range within which a number rests at its end (a choice)
+_WORSE = 1e-3  # how much worse than at the points tuned for the family may be, relative (a choice)
+_BEYOND = 1e-5  # share by which a verified norm may exceed its budget: what norms are certified to
+_MORE_POINTS = 8  # worst points that are added to a family's corners at most (a choice of patience)
+_AGAIN = 3  # starts with each point added, the best so far among them (a choice)
+_BOUND_TIME = 20.0  # s that the bound on any controller may take beyond the time limit (a choice)
+
+
+def tune(
+    P: Any,
+    nmeas: int,
+    ncon: int,
+    structure: Structure,
+    *,
+    channels: "Sequence[Channel] | None" = None,
+    norm: str = "hinf",
+    starts: int = 10,
+    seed: int = 0,
+    fastest_pole: float | None = None,
+    gain_limit: float | None = None,
+    damping: float | None = None,
+    decay: float | None = None,
+    family: "Family | None" = None,
+    initial: "Mapping[str, float] | None" = None,
+    time_limit: float = 60.0,
+    progress: "Listener | None" = None,
+) -> TuneResult:
+    """Return the controller of a given structure that makes a norm of the closed loop as small as can be found.
+
+    From many starts the loops are stabilised, then the norm is brought down by descent on its highest peak and by
+    quadratic programmes over all peaks near the highest, in turn (Apkarian & Noll 2006; Lewis & Overton 2013).  The
+    minimum is a local one: the best of all starts.  The controller returned is verified apart from the search.
+
+    Parameters
+    ----------
+    P : control.StateSpace, function, or sequence of them
+        Generalised plant, as for `h_infinity`; of several, with the same signals, the largest norm counts and all are to
+        be stable.  A function returns one: from a mapping of the physical parameters of the structure, or, with
+        ``family``, from a `SecondOrderModel` of the family.
+    nmeas, ncon : int
+        Numbers of measurements and controls; both 0 where only physical parameters are tuned.
+    structure : Structure
+        What the controller is made of, from `boomctl.tunable`: parts can be added, and put in series by ``*``.
+    channels : sequence of Channel, optional
+        `boomctl.tunable.objective` and `boomctl.tunable.budget`; by default one objective, the whole loop.
+    norm : {"hinf", "h2"}
+        Which norm, where no channels are given.
+    starts : int
+        Number of starts.  Lower orders of a free state-space part are tuned on the way.
+    seed : int
+        Of the starts drawn; the same seed gives the same controller, if the time limit does not interfere.
+    fastest_pole : float, optional
+        No pole of the controller has a larger magnitude [rad/s].
+    gain_limit : float, optional
+        Largest singular value of the controller's response at any frequency, in the units of the signals.  Some norms have
+        their infimum at infinite gain.
+    damping : float, optional
+        Least damping ratio of all poles of the loops.
+    decay : float, optional
+        All poles of the loops lie left of ``-decay`` [rad/s].
+    family : AffineFamily or PolynomialFamily, optional
+        Structures over a box of parameters.  The middle and the corners are tuned for at first, then the worst points that
+        a search over the box finds too, until none is worse.  Parameters that are `boomctl.tunable.physical` ones of the
+        structure are tuned, the others are uncertain.
+    initial : mapping of str to float, optional
+        A start of your own: free numbers by name, as `TuneResult.values` holds them.
+    time_limit : float
+        Seconds after which the best so far is returned; so it is when the user interrupts.
+    progress : callable, optional
+        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
+        what goes on; `listening` hears whatever runs within it.
+
+    Returns
+    -------
+    TuneResult
+        The controller, the closed loops, the largest norm ``gamma``, all starts, and a certificate.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system, not finite, discrete time; models with different signals; counts or numbers out of range;
+        unknown signals or parameters; a channel whose H2 norm is infinite for every controller of the structure.
+    SynthesisError
+        No controller can stabilise a model, none of the structure was found that does, or none that keeps the budgets.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> P = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
+    >>> design = bc.tune(P, 1, 1, bc.tunable.gain(), starts=2)
+    >>> best = bc.h_infinity(P, 1, 1)  # of any order
+    >>> bool(best.certificate.lower <= design.gamma <= 1.1 * best.gamma)
+    True
+    """
+    began = time.monotonic()
+    instance("structure", structure, Structure, "a structure of boomctl.tunable")
+    listed = _channels(channels, norm)
+    limits = {
+        "fastest_pole": None if fastest_pole is None else positive("fastest_pole", fastest_pole),
+        "gain_limit": None if gain_limit is None else positive("gain_limit", gain_limit),
+        "damping": None if damping is None else within("damping", damping, 0.0, 1.0),
+        "decay": None if decay is None else positive("decay", decay),
+    }
+    count, number = whole("starts", starts), whole("seed", seed, 0)
+    deadline = began + positive("time_limit", time_limit)
+    nmeas, ncon = _counts(structure, nmeas, ncon)
+    with computing("tuning", progress) as tell:
+        tell("plants")
+        over = _family(P, nmeas, ncon, structure, family)
+        plants = over.plants() if over is not None else _plants(P, nmeas, ncon, structure)
+        task = _Task(structure, listed, limits, plants, deadline, tell)
+        begun = task.begun(initial)
+        found = task.searched(count, np.random.default_rng(number), begun)
+        worst, path = None, list(found.path)
+        if over is not None and over.uncertain:
+            task, found, worst = _over_family(task, over, found, number, path)
+        return _result(task, found, worst, tuple(path))
+
+
+def _channels(channels: "Sequence[Channel] | None", norm: str) -> tuple[Channel, ...]:
+    if channels is None:
+        return (objective(norm=norm),)
+    if norm != "hinf":
+        raise ValueError(f"norm = {norm!r}: expected none beside channels, which say their own")
+    found = tuple(instance("channel", each, Channel) for each in sequence("channels", channels, "Channel"))
+    if not found:
+        raise ValueError("channels: expected at least one")
+    return found
+
+
+def _counts(structure: Structure, nmeas: int, ncon: int) -> tuple[int, int]:
+    """Return the numbers of measurements and controls, both zero where nothing but physical parameters is tuned."""
+    parts = structure.parts if isinstance(structure, Sum) else (structure,)
+    passive = len(structure.physicals()) == len(parts)
+    names = [each.name for each in structure.physicals()]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"structure: the physical parameter {twice!r} is there twice")
+    least = 0 if passive else 1
+    found = whole("nmeas", nmeas, least), whole("ncon", ncon, least)
+    if passive and found != (0, 0):
+        raise ValueError(
+            f"nmeas, ncon = {found[0]}, {found[1]}: expected 0, 0 for a structure of physical parameters alone"
+        )
+    return found
+
+
+def _family(P: Any, nmeas: int, ncon: int, structure: Structure, family: "Family | None") -> FamilyPlants | None:
+    if family is None:
+        return None
+    given = instance("family", family, Family, "AffineFamily or PolynomialFamily")
+    make = function_of("P", P, "a structure of the family to a generalised plant")
+    for each in structure.physicals():
+        known("parameter of the family", each.name, given.names)
+        i = given.names.index(each.name)
+        if each.low < given.low[i] or each.high > given.high[i]:
+            raise ValueError(
+                f"physical {each.name!r} from {each.low:g} to {each.high:g}: expected a range within the family's,"
+                f" {given.low[i]:g} to {given.high[i]:g}"
+            )
+    return FamilyPlants(given, make, nmeas, ncon, structure.physicals())
+
+
+def _plants(P: Any, nmeas: int, ncon: int, structure: Structure) -> Plants:
+    many = tuple(P) if isinstance(P, (list, tuple)) else (P,)
+    if not many:
+        raise ValueError("P: expected at least one generalised plant")
+    physical = structure.physicals()
+    if physical:
+        if not any(callable(each) and not hasattr(each, "ninputs") for each in many):
+            function_of("P", many[0], f"the physical parameters ({', '.join(p.name for p in physical)})")
+        return made_plants(many, nmeas, ncon, physical)
+    return fixed_plants(many, nmeas, ncon)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What is tuned, for which plants."""
+
+    structure: Structure
+    channels: tuple[Channel, ...]
+    limits: dict[str, float | None]
+    plants: Plants
+    deadline: float
+    tell: Tell
+
+    def middle(self) -> tuple[GeneralizedPlant, ...]:
+        """Return the plants in the middle of the physical parameters' ranges."""
+        return self.plants.given(np.zeros(len(self.plants.physical)))
+
+    def ports(self) -> Ports:
+        """Return the ports of the controller."""
+        found = ports_of(self.middle())
+        limit = self.limits["fastest_pole"]
+        return (
+            found if limit is None else replace(found, fastest=min(found.fastest, limit), rate=min(found.rate, limit))
+        )
+
+    def problem(self, structure: Structure, ports: Ports | None = None) -> Problem:
+        """Return the problem of a structure."""
+        ports = self.ports() if ports is None else ports
+        plant = self.middle()[0]
+        free = structure.free(ports)
+        ends = np.array([each.ends() for each in free]).reshape(-1, 2)
+        gains = np.array([each.kind == GAIN for each in free], dtype=bool)
+        low = np.where(gains, np.maximum(ends[:, 0], -_LARGEST_GAIN), ends[:, 0])
+        high = np.where(gains, np.minimum(ends[:, 1], _LARGEST_GAIN), ends[:, 1])
+        wanted = [places(plant, channel) for channel in self.channels]
+        middle = np.where(np.isfinite(low + high) & ~gains, 0.5 * (low + high), 0.0)
+        return Problem(
+            structure=structure,
+            ports=ports,
+            free=free,
+            low=low,
+            high=high,
+            plants=self.plants.scaled,
+            count=len(self.plants.labels),
+            channels=self.channels,
+            columns=tuple(np.array(columns) for columns, _ in wanted),
+            rows=tuple(np.array(rows) for _, rows in wanted),
+            order=structure.system(middle, ports).A.shape[0],
+            **self.limits,
+        )
+
+    def begun(self, initial: "Mapping[str, float] | None") -> list[Array]:
+        """Return starts that are given, after all has been checked."""
+        plants = self.middle()
+        self._check_signals(plants[0])
+        for label, plant in zip(self.plants.labels, plants, strict=True):
+            s, where = plant.system, f"{label}: " if label else ""
+            if len(self.plants.physical) == 0 and plant.ncon:
+                try:
+                    check_stabilizable(plant.A, plant.B2, plant.controls, s.states)
+                    check_detectable(plant.A, plant.C2, plant.measurements, s.states)
+                except SynthesisError as error:
+                    raise SynthesisError(f"{where}{error}") from None
+        problem = self.problem(self.structure)
+        self._check_norms(problem)
+        return [] if initial is None else [_initial(problem, initial)]
+
+    def _check_signals(self, plant: GeneralizedPlant) -> None:
+        for channel in self.channels:
+            for what, wanted, there in (
+                ("disturbance", channel.inputs, plant.disturbances),
+                ("performance signal", channel.outputs, plant.performance),
+            ):
+                for name in wanted or ():
+                    known(what, name, there)
+        _check_loops(self.structure, plant.measurements, plant.controls)
+
+    def _check_norms(self, problem: Problem) -> None:
+        """Refuse an H2 norm that a feedthrough makes infinite, and a gain limit on an integrator."""
+        x = np.random.default_rng(0).normal(size=len(problem.free))
+        x = np.where(np.isfinite(problem.low + problem.high), 0.5 * (problem.low + problem.high), 0.0) + 0.1 * x
+        K = problem.controller(problem.clipped(x)).value
+        n = problem.order
+        through = K[n:, n:]
+        for channel, columns, rows in zip(self.channels, problem.columns, problem.rows, strict=True):
+            if channel.norm != "h2":
+                continue
+            for plant in self.middle():
+                if plant.D11[np.ix_(rows, columns)].any():
+                    raise ValueError(
+                        f"{channel.text}: infinite for every controller, as a feedthrough leads around it; "
+                        "filter the disturbance or leave the signal away"
+                    )
+                if (plant.D12[rows] @ through @ plant.D21[:, columns]).any():
+                    raise ValueError(
+                        f"{channel.text}: infinite through a feedthrough of the controller; "
+                        "expected a strictly proper structure, or filters"
+                    )
+        if problem.gain_limit is not None and n and np.abs(np.linalg.eigvals(K[:n, :n])).min() == 0.0:
+            raise ValueError("gain_limit: the structure integrates, so that its gain has no limit at low frequency")
+
+    def searched(self, starts: int, rng: np.random.Generator, begun: list[Array]) -> Search:
+        """Return what a search found.
+
+        Raises
+        ------
+        SynthesisError
+            No controller that stabilises and keeps the budgets.
+        """
+        ports = self.ports()
+        problem = self.problem(self.structure, ports)
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # of what is tried and given up
+            found = search(
+                problem, starts, rng, self.deadline, begun, self.tell, lambda less: self.problem(less, ports)
+            )
+        if found.best is None:
+            ended = [each for each in ("out of time", "stopped") if each in found.path]
+            when = f" before it was {ended[0]}" if ended == ["stopped"] else " in the time allowed" if ended else ""
+            many = " all models" if len(self.plants.labels) > 1 else ""
+            near = f"; the largest real part of a pole came down to {found.abscissa:.4g} rad/s"
+            raise SynthesisError(
+                f"no controller of this structure was found that stabilises{many}{when}"
+                f"{near if found.abscissa < inf else ''}"
+            )
+        return found
+
+
+def _check_loops(structure: Structure, measurements: tuple[str, ...], controls: tuple[str, ...]) -> None:
+    """Refuse a decentralised structure whose signals are not there, or a square one between numbers that differ."""
+    if isinstance(structure, Sum):
+        for part in structure.parts:
+            _check_loops(part, measurements, controls)
+    elif isinstance(structure, Decentralised):
+        if structure.each is not None and len(measurements) != len(controls):
+            raise ValueError(
+                f"decentralised: expected as many measurements as controls, got {len(measurements)} and {len(controls)};"
+                " name the signals of each loop"
+            )
+        for ys, us, part in structure.loops:
+            for name in ys:
+                known("measurement", name, measurements)
+            for name in us:
+                known("control", name, controls)
+            _check_loops(part, ys, us)
+    elif structure.square and len(measurements) != len(controls):
+        raise ValueError(
+            f"structure: a filter without gains between {len(measurements)} measurement(s) and {len(controls)} control(s);"
+            " put it in series with a gain"
+        )
+    elif isinstance(structure, Series):
+        for part in (structure.last, structure.first):
+            if isinstance(part, Decentralised):
+                raise ValueError("structure: decentralised cannot stand in a series; put the series into it")
+
+
+def _initial(problem: Problem, given: "Mapping[str, float]") -> Array:
+    """Return a start that is given by name; what is left out is in the middle or zero."""
+    names = [each.name for each in problem.free]
+    for name in mapping("initial", given, "free numbers to values"):
+        known("free number", name, names)
+    x = []
+    for each, low, high in zip(problem.free, problem.low, problem.high, strict=True):
+        if each.name not in given:
+            x.append(0.0 if each.kind == GAIN else 0.5 * (low + high))
+            continue
+        value = real(f"initial {each.name}", given[each.name])
+        if each.kind != GAIN:
+            within(f"initial {each.name}", value, each.low, each.high)
+        x.append(each.number(value))
+    return np.array(x)
+
+
+def _over_family(
+    task: _Task, over: FamilyPlants, found: Search, seed: int, path: list[str]
+) -> "tuple[_Task, Search, ChannelNorm | None]":
+    """Return the search with the worst points of the family among the models, until none is worse."""
+    worst = None
+    for extra in range(_MORE_POINTS + 1):
+        assert found.best is not None
+        task.tell("worst point of the family")
+        excess, point, worst = _worst(task, over, found)
+        if excess <= _WORSE:
+            path.append(f"nothing worse in the family, {len(task.plants.labels)} points")
+            break
+        stopped = "stopped" in found.path or time.monotonic() > task.deadline
+        if extra == _MORE_POINTS or stopped:
+            path.append(f"worse by {100.0 * excess:.3g} % at {over.label(point)}")
+            break
+        path.append(f"added {over.label(point)}")
+        more = replace(task, plants=task.plants.with_more(over.maker(point), over.label(point)))
+        try:
+            again = more.searched(_AGAIN, np.random.default_rng(seed + extra + 1), [found.best])
+        except SynthesisError:
+            path.append("found nothing with it")
+            break
+        again.earlier = found.starts
+        path += again.path
+        task, found = more, again
+    return task, found, worst
+
+
+def _worst(task: _Task, over: FamilyPlants, found: Search) -> tuple[float, Array, ChannelNorm]:
+    """Return by how much the worst point of a family is worse than those tuned for, that point, and the norm there."""
+    assert found.best is not None
+    x, problem = found.best, found.problem
+    plants, values = task.middle(), problem.physical_values(x)
+    K = problem.lti(x, plants[0].measurements, plants[0].controls)
+    aims = [each for each in task.channels if each.budget is None] or list(task.channels)
+    top = exp(found.value)
+
+    def norms(point: Array) -> list[tuple[float, ChannelNorm]]:
+        plant = over.plant(values, point)
+        try:
+            loop = loop_of(plant, K)
+        except SynthesisError:
+            return []
+        listed = []
+        for channel in task.channels:
+            norm = ChannelNorm(over.label(point), channel, channel_norm(loop, plant, channel))
+            reference = (top if channel.budget is None else 1.0) * (channel.budget or 1.0)
+            if channel.budget is not None and channel in aims:
+                reference *= top
+            listed.append((norm.value / reference - 1.0, norm))
+        return listed
+
+    def excess(point: Array) -> float:
+        return max((each[0] for each in norms(point)), default=inf)
+
+    point, most, _ = pattern_search(excess, len(over.uncertain), 1.0)
+    there = norms(point)
+    if not there:
+        bad = ChannelNorm(over.label(point), aims[0], NormCertificate(inf, inf, float("nan"), "an unstable pole"))
+        return inf, point, bad
+    shown = [each for each in there if each[1].channel in aims]
+    return most, point, max(shown, key=lambda each: each[0])[1]
+
+
+def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple[str, ...]) -> TuneResult:
+    """Return the best controller, verified from what the user handed in.
+
+    Raises
+    ------
+    SynthesisError
+        It could not be verified, or exceeds a budget.
+    """
+    assert found.best is not None
+    problem, x = found.problem, found.best
+    task.tell("verifying")
+    plants = task.plants.given(x[problem.physical])
+    K = problem.lti(x, plants[0].measurements, plants[0].controls).balanced()
+    loops = [loop_of(plant, K) for plant in plants]
+    norms = tuple(
+        (i, ChannelNorm(label, channel, channel_norm(loop, plant, channel)))
+        for i, (label, plant, loop) in enumerate(zip(task.plants.labels, plants, loops, strict=True))
+        for channel in task.channels
+    )
+    only = all(channel.budget is not None for channel in task.channels)
+    aims = [each for each in norms if only or each[1].channel.budget is None]
+    largest, top = max(aims, key=lambda each: each[1].value / ((each[1].channel.budget or 1.0) if only else 1.0))
+    _check_kept(problem, x, norms)
+    passive = len(task.plants.physical) > 0
+    values = [(each.value, i, each.channel) for i, each in aims]
+    if passive:
+        lower, reason = 0.0, "none: the plant itself is tuned"
+    else:
+        task.tell("bound on any controller")
+        lower, reason = full_order_bound(list(plants), values, _BOUND_TIME)
+    point = Point(problem, x, found.known)
+    active = _active(problem, x, point)
+    peaks, least = _peaks(task, problem, point)
+    fastest = float(np.abs(K.poles).max(initial=0.0)) if len(K.A) else 0.0
+    slowest = max((float(loop.poles.real.max()) for loop in loops if len(loop.A)), default=-inf)
+    certificate = TuneCertificate(
+        norm=top.norm,
+        norms=tuple(each for _, each in norms),
+        slowest_pole=slowest,
+        lower=lower,
+        lower_reason=reason,
+        fastest_pole=fastest,
+        peaks=peaks,
+        stationarity=least,
+        active=active,
+        path=path,
+        statement="",
+        worst=worst,
+    )
+    certificate = replace(certificate, statement=_statement(certificate, top, len(plants), least, found))
+    named = replace(K, inputs=plants[0].measurements, outputs=plants[0].controls)
+    return TuneResult(
+        named,
+        tuple(replace(loop, states=()) for loop in loops),
+        largest,
+        top.value,
+        certificate,
+        problem.values(x),
+        problem.physical_values(x),
+        tuple(found.starts),
+        task.plants.labels,
+    )
+
+
+def _check_kept(problem: Problem, x: Array, norms: "tuple[tuple[int, ChannelNorm], ...]") -> None:
+    """Refuse a controller that exceeds a budget or a bound on poles or gains."""
+    only = all(channel.budget is not None for channel in problem.channels)
+    for _, each in norms:
+        budget = each.channel.budget
+        if budget is not None and each.value > budget * (1.0 + _BEYOND):
+            what = (
+                "the budgets cannot all be kept as far as was found" if only else "no controller found keeps its budget"
+            )
+            where = f", {each.model}" if each.model else ""
+            raise SynthesisError(f"{what}: {each.channel.text}{where} is {each.value:.6g}, allowed are {budget:.6g}")
+    point = Point(problem, x)
+    for piece in point.bounds:
+        if piece.value > _BEYOND:
+            raise SynthesisError(f"no controller found keeps its bound: {_bound_text(problem, piece.channel)}")
+    if problem.gain_limit is not None:
+        value = float(point.norm_peaks(-1, GAIN_LIMIT, 0.0)[1][0])
+        if value > problem.gain_limit * (1.0 + _BEYOND):
+            raise SynthesisError(
+                f"no controller found keeps gain_limit = {problem.gain_limit:.6g}: it reaches {value:.6g}"
+            )
+
+
+def _bound_text(problem: Problem, kind: int) -> str:
+    return {
+        FASTEST_POLE: f"fastest_pole = {problem.fastest_pole}",
+        DAMPING: f"damping = {problem.damping}",
+        DECAY: f"decay = {problem.decay}",
+        GAIN_LIMIT: f"gain_limit = {problem.gain_limit}",
+    }[kind]
+
+
+def _active(problem: Problem, x: Array, point: Point) -> tuple[str, ...]:
+    """Return the bounds that are used up."""
+    found = []
+    for each, number, low, high in zip(problem.free, x, problem.low, problem.high, strict=True):
+        width = high - low
+        for end, name in ((low, "least"), (high, "largest")):
+            if abs(number - end) <= _AT_END * width:
+                if each.kind == GAIN:
+                    found.append(f"{each.name} runs away: an infimum at infinite gain; give gain_limit")
+                else:
+                    found.append(f"{each.name} at its {name}, {each.value(number):.6g}")
+    kinds = {piece.channel for piece in point.bounds if piece.value > -_ACTIVE}
+    found += [_bound_text(problem, kind) for kind in sorted(kinds, reverse=True)]
+    if problem.gain_limit is not None:
+        value = float(point.norm_peaks(-1, GAIN_LIMIT, 0.0)[1][0])
+        if value > problem.gain_limit * (1.0 - _ACTIVE):
+            found.append(_bound_text(problem, GAIN_LIMIT))
+    for i, c, _, value in point.norms:
+        if c >= 0 and problem.channels[c].budget is not None and value > -_ACTIVE and point._is_limit(c):
+            text = f"budget of the {problem.channels[c].text}"
+            found += [] if text in found else [text]
+        del i
+    return tuple(found)
+
+
+def _peaks(task: _Task, problem: Problem, point: Point) -> tuple[tuple[ActivePeak, ...], float]:
+    """Return the active peaks, highest first, and the length of the least element of the hull of their gradients."""
+    pieces = point.pieces(_ACTIVE)
+    top = point.aim
+    near = [p for p in pieces if p.value >= (0.0 if p.limit else top) + log(1.0 - _ACTIVE)]
+    shown = sorted((p for p in near if p.channel >= 0 and p.top and not p.limit), key=lambda p: -p.value)
+    found = tuple(
+        ActivePeak(
+            task.plants.labels[p.model],
+            problem.channels[p.channel],
+            p.omega,
+            exp(p.value) * (problem.channels[p.channel].budget or 1.0),
+        )
+        for p in shown
+    )
+    return found, stationarity(near, point.x, problem.low, problem.high)
+
+
+def _statement(c: TuneCertificate, top: ChannelNorm, models: int, least: float, found: Search) -> str:
+    kind = "verified" if top.norm.certified else f"between {top.norm.lower:.6g} and {top.norm.upper:.6g}"
+    over = f", the largest of {models} models" if models > 1 else ""
+    said = f"{top.channel.text} {top.value:.6g}{over}, {kind}"
+    if c.lower > 0.0:
+        said += f"; at most {100.0 * c.distance:.2g} % above {c.lower:.6g}, which no controller of any order beats"
+    else:
+        said += f"; no bound on other controllers: {c.lower_reason.removeprefix('none: ')}"
+    same = sum(isfinite(s.value) and abs(s.value / exp(found.value) - 1.0) < _ACTIVE for s in found.starts)
+    said += f"; stationary to {least:.2g} over {len(c.peaks)} peak(s); {same} of {len(found.starts)} starts came here"
+    if c.worst is not None:
+        said += f"; over the family {c.worst.value:.6g} at most as far as was found ({c.worst.model})"
+    if c.active:
+        said += f"; used up: {', '.join(c.active)}"
+    return said
