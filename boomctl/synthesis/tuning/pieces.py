@@ -16,13 +16,14 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.synthesis.tuning.problem import Closed, Problem, ScaledPlant, close
-from boomctl.synthesis.tuning.responses import BELOW, Response, coarse, grid, peaks
+from boomctl.synthesis.tuning.responses import BELOW, Response, coarse, grid, peaks, same_place
 from boomctl.synthesis.tuning.solver.highest import STATES, highest_peak
 
 _STEP = 1e-3  # of differences, in halves of a parameter's range: rounding and what is left out are 1e-12 then (derived)
 _BEND = 1e-5  # of differences of a controller's derivatives: they need to be right to some digits alone
 _STENCIL = np.arange(5) - 2  # places of a difference of fourth order
 _TINY = 1e-100  # norm that stands for zero, whose logarithm is a number
+_SAME = 1e-6  # relative distance of frequencies that are one: far less than any resonance is wide (a choice)
 _MIXED = (1.0, -1.0, 1j, -1j)  # phases in which two singular vectors of like values are mixed (a choice)
 _ALIKE_POLES = 0.05  # how near to the highest a pole's bound must come to be a piece (a choice)
 GAIN_LIMIT, FASTEST_POLE, DAMPING, DECAY = -1, -2, -3, -4  # what stands in place of a channel
@@ -398,9 +399,7 @@ class Point:
                 if log(max(value, _TINY)) - offset >= floor:
                     found += self._singular(model, channel, omega, window)
         for model, channel, omega in asked or ():
-            known = any(
-                p.model == model and p.channel == channel and abs(p.omega - omega) <= 1e-6 * abs(omega) for p in found
-            )
+            known = any(p.model == model and p.channel == channel and same_place(p.omega, omega, _SAME) for p in found)
             if not known:
                 found += self._singular(model, channel, omega, 0.0)
         for model, channel, omega, value in self._squares_of(False) + self._squares_of(True):

@@ -1,7 +1,7 @@
 """Peaks of the largest singular value of a closed loop over frequency, found on a grid that follows the poles."""
 
 from dataclasses import dataclass
-from math import log
+from math import isfinite, log
 
 import numpy as np
 
@@ -161,12 +161,13 @@ def peaks(channel: Response, omega: Array, values: Array, window: float) -> tupl
     kept = found >= (1.0 - window) * found[0] if len(found) else np.zeros(0, bool)
     at, found = at[kept], found[kept]
     # neighbours on the grid may narrow down to the same peak
-    lone = [i for i in range(len(at)) if not any(_same(at[i], at[j]) for j in range(i))]
+    lone = [i for i in range(len(at)) if not any(same_place(at[i], at[j], 10.0 * _PLACED) for j in range(i))]
     return at[lone], found[lone]
 
 
-def _same(a: float, b: float) -> bool:
-    return a == b or abs(a - b) <= 10.0 * _PLACED * max(abs(a), abs(b))
+def same_place(a: float, b: float, share: float) -> bool:
+    """Return whether two frequencies are the same to a share of the higher one; infinity is the same as itself alone."""
+    return a == b or (isfinite(a) and isfinite(b) and abs(a - b) <= share * max(abs(a), abs(b)))
 
 
 def _narrowed(channel: Response, omega: Array, heights: Array) -> tuple[Array, Array]:

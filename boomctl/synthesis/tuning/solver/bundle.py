@@ -9,6 +9,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.synthesis.tuning.hessian import peak_hessian
 from boomctl.synthesis.tuning.pieces import Piece, Point
+from boomctl.synthesis.tuning.responses import same_place
 from boomctl.synthesis.tuning.solver.quadratic import least
 
 _WINDOW = 0.1  # share below the highest within which peaks are looked at (a choice)
@@ -17,6 +18,7 @@ _TRIALS = 14  # of a step: each either gains a piece or shortens the step (a cho
 _FALL = 0.1  # share of the promised gain that makes a step worth taking (a choice)
 _GOOD = 0.6  # share of the promised gain from which on the next step may be longer (a choice)
 _ACTIVE = 1e-6  # multiplier from which on a piece is active (a choice)
+_BESIDE = 1e-3  # share of its frequency by which a peak that stands out may lie beside a piece and be it (a choice)
 _NEAR = 0.1  # share of its frequency by which a peak may move in a step and be the same (a choice)
 _DAMPING, _LEAST, _LARGEST = (
     1.0,
@@ -201,7 +203,7 @@ def _unseen(trial: Point, pieces: list[Piece], asked: "set[tuple[int, int, float
     found = set()
     for model, channel, omega in trial.highest:
         there = [p.omega for p in pieces if p.model == model and p.channel == channel]
-        if not any(abs(omega - each) <= 1e-3 * abs(omega) or omega == each for each in there):
+        if not any(same_place(omega, each, _BESIDE) for each in there):
             found.add((model, channel, omega))
     return found - asked
 
