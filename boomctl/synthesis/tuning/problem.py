@@ -301,11 +301,14 @@ def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
 
 def _size(part: Lti, omega: Array) -> Array:
     """Return logarithms of the sizes of responses, by their upper three decades; nan where nothing but rounding passes."""
-    found = np.abs(part.balanced().response(omega, quiet=True))
+    part, n = part.balanced(), len(part.A)
+    found = np.abs(part.response(omega, quiet=True))
+    if n:
+        states = replace(part, C=np.eye(n), D=np.zeros((n, part.D.shape[1])), outputs=())
+        moved = np.abs(states.response(omega, quiet=True)).max(axis=0)
+        found = np.where(found > _NOTHING * np.linalg.norm(part.C, axis=1)[:, None, None] * moved, found, 0.0)
     top = found.max(axis=2)
-    fastest = float(np.abs(part.poles).max(initial=0.0)) or 1.0
-    least = _NOTHING * np.outer(np.linalg.norm(part.C, axis=1), np.linalg.norm(part.B, axis=0)) / fastest
-    there = (top > np.maximum(least, np.finfo(float).tiny)) & np.isfinite(top)
+    there = (top > np.finfo(float).tiny) & np.isfinite(top)
     with np.errstate(divide="ignore"):
         size = np.log(np.maximum(found, _LOW * top[:, :, None])).mean(axis=2)
     return np.where(there, size, np.nan)
