@@ -26,7 +26,7 @@ _AGREE = 1e-6  # share by which a norm computed anew may exceed what the result 
 _SECTION = f"H-infinity tuning, {_STARTS} starts; time: of one start"
 _NOTES = (
     f"Time: processor time of one thread, over the {_STARTS} starts; a start may take 1 s up to {_SMALL} states and 5 s "
-    f"up to {_LARGE}, beyond that no target. Error: norm over the one asked for, less one.",
+    f"up to {_LARGE}, beyond that no target. Error: norm over the one asked for, less one, where it is above.",
     "Norm: of the loop of plant and controller, closed and certified anew. Bound: no controller of any order goes below it "
     "(Riccati equations, the measurements' rates where they carry no noise). Goal: asked for; published: lowest known to be.",
     "Plants: COMPleib 1.1 (Leibfritz & Lipinski 2004), the collection's own numbers; * four decimals of them, as in "
@@ -95,7 +95,7 @@ class Outcome:
             f"{self.goal.name} ({p.states} states): {found}",
             ours=self.a_start,
             target=", ".join(filter(None, [norm_target, time_target])),
-            error=None if wanted is None or not isfinite(self.norm) else self.norm / wanted - 1.0,
+            error=None if wanted is None or not isfinite(self.norm) else max(self.norm / wanted - 1.0, 0.0),
             met=self.met,
         )
 
