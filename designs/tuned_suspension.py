@@ -6,6 +6,7 @@ the loop at the control keeps its distance. No pole of a controller is fast, so 
 """
 
 from itertools import product
+from typing import Any
 
 import control
 import numpy as np
@@ -35,7 +36,7 @@ def family(side: str) -> AffineFamily:
     return bc.boom_family(spring=SPRING, mass=MASS, half=half, elements=6, accelerometer_bandwidth_hz=20.0)
 
 
-def plant(model: SecondOrderModel, side: str, **signals: dict) -> control.StateSpace:
+def plant(model: SecondOrderModel, side: str, **signals: Any) -> control.StateSpace:
     """Return a generalised plant with the sensors and the control of a half."""
     measured, push = [f"{stem}_{side}" for stem in MEASURED], f"suspension_{side}"
     return bc.generalized_plant(model, measurements=measured, controls=[push], **signals)
@@ -79,10 +80,16 @@ def tuned_yaw(order: int = ORDER, decay: float | None = DECAY) -> TuneResult:
     return tuned(yaw_plant, order, "anti", channels, family=family("anti"), decay=decay)
 
 
-def tuned(P: object, order: int, side: str, channels: list, **options: object) -> TuneResult:
+def tuned(P: Any, order: int, side: str, channels: list, **options: Any) -> TuneResult:
     """Return a strictly proper controller of a half."""
     structure = bc.tunable.state_space(order, strictly_proper=True)
-    fixed = {"channels": channels, "starts": STARTS, "seed": 1, "fastest_pole": FASTEST[side], "time_limit": SECONDS}
+    fixed: dict[str, Any] = {
+        "channels": channels,
+        "starts": STARTS,
+        "seed": 1,
+        "fastest_pole": FASTEST[side],
+        "time_limit": SECONDS,
+    }
     return bc.tune(P, 2, 1, structure, **fixed, **options)
 
 
