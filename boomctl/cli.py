@@ -520,17 +520,30 @@ _BENCHMARKS = {
     "hub-beam": "boomctl.benchmark.rotating_beam.run",
     "suspension": "boomctl.benchmark.suspension.run",
     "slew": "boomctl.benchmark.slew.run",
+    "tune": "boomctl.benchmark.tune.run",
+    "precision": "boomctl.benchmark.precision.run",
 }
 
 
 def benchmark(words: Sequence[str]) -> None:
-    """Measure run time and error side by side, against other programs."""
+    """Measure run time and error side by side, against other programs.
+
+    "precision" measures run time against error over all settings, scene by scene: it is given the names of scenes, by
+    default all, and writes its report with --out.
+    """
     from boomctl.checks import known
 
     parser = _Parser(benchmark)
     text = f"{', '.join(_BENCHMARKS)} (default: %(default)s)"
     parser.add_argument("what", nargs="?", default="boom", help=text)
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="precision: what is measured (default: all)")
     parser.add_argument("--full", action="store_true", help="include what takes minutes")
+    text = "precision: fewer settings, all scenes in about a minute"
+    parser.add_argument("--quick", action="store_true", help=text)
+    text = "precision: folder for report, pictures and results"
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help=text)
+    text = "precision: page in Markdown whose tables of recommended settings, between two marks, are written anew"
+    parser.add_argument("--page", type=Path, metavar="FILE", help=text)
     text = "what --json printed in an earlier run: adds what got slower or less exact since, in one table"
     parser.add_argument("--compare", type=Path, metavar="OLD.json", help=text)
     parser.add_json()
@@ -539,20 +552,57 @@ def benchmark(words: Sequence[str]) -> None:
     known("benchmark", asked.what, tuple(_BENCHMARKS))
     from boomctl.benchmark.compare import compared, read_results
 
+    precise = asked.what == "precision"
+    for option, given in (("SCENE", asked.scenes), *((f"--{o}", getattr(asked, o)) for o in ("quick", "out", "page"))):
+        if given and not precise:
+            raise ValueError(f"{option}: of the benchmark precision; expected none for {asked.what}")
+    if precise and asked.full:
+        raise ValueError("--full: expected --quick or neither for precision, which measures everything by default")
     before = None if asked.compare is None else read_results(asked.compare)
-    with _progress(12) as progress:
-        report = import_module(_BENCHMARKS[asked.what]).run(asked.full, progress)
-    comparison = None if before is None else compared(before, report)
+    if precise:
+        report, results = _precision(asked)
+    else:
+        with _progress(12) as progress:
+            report = import_module(_BENCHMARKS[asked.what]).run(asked.full, progress)
+        results = report.as_dict()
+    comparison = None if before is None else compared(before, report.benchmark if precise else report)
     if asked.json:
-        _print_json({**report.as_dict(), **({} if comparison is None else {"comparison": comparison.as_dict()})})
+        _print_json({**results, **({} if comparison is None else {"comparison": comparison.as_dict()})})
         return
     from rich.console import Console
 
-    console = Console(width=110 if not sys.stdout.isatty() else None)
+    wide = 160 if precise else 110
+    console = Console(width=wide if not sys.stdout.isatty() else None)
     console.print(report.render())
     if comparison is not None:
         console.print()
         console.print(comparison.render())
+    if asked.out is not None:
+        print(f"Report: {asked.out / 'report.html'}")
+
+
+def _precision(asked: Namespace) -> tuple[Any, dict[str, Any]]:
+    """Measure run time against error, and write what is asked for; return the report and what JSON knows of it."""
+    from boomctl.benchmark.precision.recommended import check_page, write_page
+    from boomctl.benchmark.precision.run import run, steps
+    from boomctl.files import locked_folder
+
+    if asked.page is not None:
+        check_page(asked.page)
+    count = steps(asked.scenes, asked.quick)
+    aside = _results_alone() if asked.json else nullcontext()
+    with (
+        aside,
+        nullcontext() if asked.out is None else locked_folder(asked.out) as folder,
+        _progress(count) as progress,
+    ):
+        report = run(asked.scenes, asked.quick, progress)
+        if folder is not None:
+            progress("pictures and report", 0)
+            report.report().write_into(folder)
+    if asked.page is not None:
+        write_page(asked.page, report.page())
+    return report, report.as_dict()
 
 
 def stress(words: Sequence[str]) -> None:

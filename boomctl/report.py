@@ -30,6 +30,7 @@ class Table:
     Attributes
     ----------
     heads, lines, caption
+        A line of one cell is a heading of those below it, across all columns.
     align : str
         One letter a column, "l" for words and "r" for numbers; the last letter holds for all columns that follow.
     shades : mapping of str to str
@@ -181,7 +182,12 @@ def _table(table: Table) -> str:
             for side, cell in zip(columns, cells, strict=True)
         )
 
-    lines = "\n".join(f"<tr>{row('td', line)}</tr>" for line in table.lines)
+    def heading(line: tuple[str, ...]) -> str:
+        return f"<th class=l colspan={len(columns)}>{escape(line[0])}</th>"
+
+    lines = "\n".join(
+        f"<tr>{heading(line) if len(line) == 1 < len(columns) else row('td', line)}</tr>" for line in table.lines
+    )
     caption = f"<p class='note'>{escape(table.caption)}</p>" if table.caption else ""
     return f"<table><thead><tr>{row('th', table.heads)}</tr></thead><tbody>\n{lines}\n</tbody></table>{caption}"
 

@@ -348,7 +348,14 @@ CALLS = {
     "high_pass": lambda: {"gain": 1.0, "corner": 2.0, "order": 2, "damping": 0.7},
     "hinf_norm": lambda: {"system": plant()},
     "hold": lambda: {"angle": 0.1},
-    "hub_beam": lambda: {"parameters": None, "model": "sfoam", "modes": 1},
+    "hub_beam": lambda: {
+        "parameters": bc.HubBeamParameters(length=80.0),  # so slow that any time is short, or refused
+        "model": None,
+        "modes": None,
+        "accuracy": 0.1,
+        "manoeuvre": bc.spin_up(1e-3, 1.0),
+        "time": 2.0,
+    },
     "hub_profile": lambda: {
         "angle": np.square,
         "speed": lambda t: 2 * t,
@@ -581,6 +588,7 @@ CALLS = {
         "controller": regulator(),
         "inputs": None,
         "outputs": None,
+        "norm": "hinf",
         "tolerance": 0.1,
         "max_cells": 3,
     },

@@ -68,7 +68,9 @@ def tuned():
 
     def plant(stiffness):
         def make(values):
-            mass = SecondOrderModel([[1.0]], [[values["damping"]]], [[stiffness]], {"force": [1.0]}, {"position": [1.0]})
+            mass = SecondOrderModel(
+                [[1.0]], [[values["damping"]]], [[stiffness]], {"force": [1.0]}, {"position": [1.0]}
+            )
             return bc.generalized_plant(
                 mass,
                 disturbances={"force": 1.0},

@@ -71,14 +71,22 @@ def test_every_public_name_stands_on_one_page():
         for page in (DOCS / "api").glob("*.md")
         for name in re.findall(r"^   boomctl\.(\S+)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
     ]
-    parts = (*(f"structure.{name}" for name in boomctl.structure.__all__), *(f"tunable.{name}" for name in boomctl.tunable.__all__))
+    parts = (
+        *(f"structure.{name}" for name in boomctl.structure.__all__),
+        *(f"tunable.{name}" for name in boomctl.tunable.__all__),
+    )
     public = {*boomctl.__all__, *parts} - {"__version__"}
     assert sorted(listed) == sorted(public)
 
 
 def _public():
     """Yield what users are handed by name: the name and the function or class."""
-    for module in (boomctl, boomctl.structure, boomctl.tunable, *(importlib.import_module(f"boomctl.{name}") for name in PACKAGES)):
+    for module in (
+        boomctl,
+        boomctl.structure,
+        boomctl.tunable,
+        *(importlib.import_module(f"boomctl.{name}") for name in PACKAGES),
+    ):
         for name in module.__all__:
             if callable(value := getattr(module, name)):
                 yield f"{module.__name__}.{name}", value

@@ -126,6 +126,8 @@ FACTORIES = {
     "AssumedModesBeam, changed": lambda: bc.hub_beam(
         bc.HubBeamParameters(tip_mass=0.1, damping_ratio=0.01), "cfoam", 1
     ),
+    "AssumedModesBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-3, manoeuvre=bc.spin_up(1.0, 2.0), time=3.0),
+    "GeometricallyExactBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-5, manoeuvre=bc.spin_up(2.0, 4.0), time=5.0),
     "HubSpeedFamily": lambda: one.hub_beam().lpv(),
     "GeometricallyExactBeam": lambda: bc.hub_beam(model="geometrically-exact", modes=2),
     "SimulationResult": lambda: one.hub_beam().simulate(bc.spin_up(0.5, 5.0), np.linspace(0.0, 6.0, 50)),

@@ -116,7 +116,16 @@ reveal_type(d.gamma)
 reveal_type(d.certificate.statement)
 reveal_type(bc.h_infinity(red, 1, 1).certificate.full_plant)
 T = bc.tunable
-parts = [T.gain(), T.pid(), T.lead(), T.notch(), T.ppf(), T.state_space(2), T.decentralised(T.gain()), T.physical("c", 0.1, 1.0)]
+parts = [
+    T.gain(),
+    T.pid(),
+    T.lead(),
+    T.notch(),
+    T.ppf(),
+    T.state_space(2),
+    T.decentralised(T.gain()),
+    T.physical("c", 0.1, 1.0),
+]
 reveal_type(parts[0])
 reveal_type(T.pid(integral=False) * T.notch(5.0, 50.0) + T.gain())
 tuned = bc.tune(P, 1, 1, T.gain(), channels=[T.objective(), T.budget(None, "z_tip_anti", 2.0)], starts=2)
@@ -220,6 +229,7 @@ reveal_type(h.campbell([0.0, 1.0, 4.0]).crossings[0].hub_speed)
 reveal_type(h.mode_shapes(3).shapes)
 reveal_type(h)
 reveal_type(bc.hub_beam(q, model="geometrically-exact"))
+reveal_type(bc.hub_beam(q, accuracy=0.1, manoeuvre=bc.spin_up(1.0, 2.0), time=[1.0, 3.0]))
 reveal_type(h.frequencies_hz(hub_speed=1.0, coupled=False))
 reveal_type(h.critical_speed())
 r = h.simulate(bc.spin_up(final_speed=2.8, duration=30.0), np.linspace(0, 60, 601))

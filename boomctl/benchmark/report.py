@@ -141,21 +141,28 @@ class BenchmarkReport:
             table.add_row(*_cells(row))
         return table
 
-    def render(self) -> "Group":
-        """Return everything, ready for ``rich.print``."""
-        from rich.console import Group
+    def sheet_tables(self) -> list[Any]:
+        """Return the further tables for the terminal, an empty line before each."""
         from rich.markup import escape
         from rich.table import Table
         from rich.text import Text
 
-        parts: list[Any] = [self.table()]
+        parts: list[Any] = []
         for sheet in self.sheets:
             small = Table(title=sheet.title, title_justify="left", pad_edge=False, box=None, padding=(0, 1))
             for i, column in enumerate(sheet.columns):
                 small.add_column(escape(column), justify="right" if i else "left")
             for line in sheet.lines:
-                small.add_row(*(_text(cell) for cell in line))
+                small.add_row(*(escape(_text(cell)) for cell in line))
             parts += [Text(), small]
+        return parts
+
+    def render(self) -> "Group":
+        """Return everything, ready for ``rich.print``."""
+        from rich.console import Group
+        from rich.text import Text
+
+        parts: list[Any] = [self.table(), *self.sheet_tables()]
         parts += [Text(), *(Text(f"- {note}") for note in self.notes)]
         parts += [Text(), Text(", ".join(f"{name} {value}" for name, value in self.environment.items()), style="dim")]
         tried = [row for row in self.rows if row.met is not None]

@@ -94,6 +94,11 @@ def in_turns(runs: Mapping[str, Callable[[], object]], repeats: int) -> dict[str
 def _called_again(run: Callable[[], object]) -> float:
     """Processor time of a call after a first one, s."""
     run()
+    return process_time_of(run)
+
+
+def process_time_of(run: Callable[[], object]) -> float:
+    """Return the processor time of a call [s]."""
     start = time.process_time()
     run()
     return time.process_time() - start
@@ -143,16 +148,16 @@ def fresh_processes(codes: Sequence[str], repeats: int) -> dict[str, float]:
     return dict(zip(codes, np.median(rounds, axis=0).tolist(), strict=True))
 
 
-def environment() -> dict[str, str]:
+def environment(packages: Sequence[str] = _PACKAGES) -> dict[str, str]:
     """Return versions, cores and threads, for whoever compares runs."""
     from threadpoolctl import threadpool_info
 
     facts = {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}"}
-    for package in _PACKAGES:
+    for package in packages:
         try:
             facts[package] = version(package)
         except PackageNotFoundError:
-            facts[package] = "source tree"
+            facts[package] = "source tree" if package == "boomctl" else "not installed"
     facts["cores"] = str(os.cpu_count() or 1)
     with one_thread():
         pools = threadpool_info()

@@ -14,11 +14,11 @@ from boomctl.structure.model import SecondOrderModel
 
 def spray_boom(
     parameters: BoomParameters | None = None,
-    discretization: str = "finite",
-    elements: int | Sequence[float] | Array = 6,
+    discretization: str | None = None,
+    elements: int | Sequence[float] | Array | None = None,
     excitation: str = "displacement",
     accelerometer_bandwidth_hz: float | None = None,
-    order: int = 12,
+    order: int | None = None,
     reactions: bool = False,
     nozzles: Sequence[float] | Array | None = None,
     accuracy: float | None = None,
@@ -35,17 +35,18 @@ def spray_boom(
     discretization : "finite", "high-order", "discrete-hermite" or "discrete-geometric"
         How the beam is turned into coordinates.  "finite": equal cubic elements.  "high-order": elements of polynomial
         order ``order`` with nodes at hinge and springs.  The other two: massless elements between points at which mass
-        is put, at tips, springs and hinge, with Hermitian or with point masses.
+        is put, at tips, springs and hinge, with Hermitian or with point masses.  By default "finite".
     elements : int or sequence of float
         A number of elements, or node positions ``x`` [m] from ``-length/2`` to ``length/2``.  Discrete elements: an
-        even number, at least 4; 2 of them lie between the springs, from 20 elements on 4.  High-order: likewise.
+        even number, at least 4; 2 of them lie between the springs, from 20 elements on 4.  High-order: likewise.  By
+        default 6.
     excitation : "displacement", "velocity", "acceleration" or "force"
         What the two platform actuators impose.
     accelerometer_bandwidth_hz : float, optional
         Adds outputs ``tip_left_acceleration``, ``tip_right_acceleration`` [m/s^2] behind a second-order low pass of
         this bandwidth [Hz].
     order : int
-        Polynomial order of the elements of ``"high-order"``.
+        Polynomial order of the elements of ``"high-order"``; by default 12.
     reactions : bool
         Adds outputs ``actuator_left_force``, ``actuator_right_force`` [N]: what the actuators exert.
     nozzles : sequence of float, optional
@@ -89,12 +90,8 @@ def spray_boom(
     places = () if nozzles is None else nozzle_places(p, nozzles)
     chosen = None
     if accuracy is not None or band_hz is not None:
-        for name, given, default in (
-            ("discretization", discretization, "finite"),
-            ("elements", elements, 6),
-            ("order", order, 12),
-        ):
-            if given is not default and shown(given) != shown(default):
+        for name, given in (("discretization", discretization), ("elements", elements), ("order", order)):
+            if given is not None:
                 raise ValueError(
                     f"{name} = {shown(given)}: expected none beside accuracy and band_hz, which choose the mesh"
                 )
@@ -105,9 +102,15 @@ def spray_boom(
 
         chosen = chosen_mesh(p, positive("accuracy", accuracy), positive("band_hz", band_hz), excitation, places)
         discretization, elements, order = "high-order", chosen.elements, chosen.order
+    mesh = boom_discretization(
+        p,
+        "finite" if discretization is None else discretization,
+        6 if elements is None else elements,
+        12 if order is None else order,
+    )
     model = boom_model(
         p,
-        boom_discretization(p, discretization, elements, order),
+        mesh,
         excitation,
         accelerometer_bandwidth_hz=accelerometer_bandwidth_hz,
         reactions=reactions,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, final
 
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import finite_array
 from boomctl.rotating_beam.beam import MODELS, HubBeam, SmallMotion
+from boomctl.rotating_beam.chosen import ModelChoice
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.manoeuvres import Manoeuvre, TorqueDriven
 from boomctl.rotating_beam.modal import energy, frequencies
@@ -54,11 +55,14 @@ class AssumedModesBeam(HubBeam):
         "tlam", "sfoam", "sfoam-consistent", "foam" or "cfoam"; see `hub_beam`.
     modes : int
         Number n of transverse modes, and of axial ones where the model has them; up to 200, CFOAM up to 60.
+    chosen : record, optional
+        What was chosen for its accuracy in a manoeuvre, and what was tried: see `hub_beam`.
     """
 
     parameters: HubBeamParameters
     model: str
     modes: int
+    chosen: ModelChoice | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if self.model not in ASSUMED_MODES:

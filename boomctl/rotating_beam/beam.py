@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
+from textwrap import fill, indent
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, final
 
 import numpy as np
@@ -28,9 +29,10 @@ from boomctl.checks import (
     whole,
     within,
 )
-from boomctl.printing import count, listed
+from boomctl.printing import WIDTH, count, listed
 from boomctl.progress import computing
 from boomctl.rotating_beam.campbell import CampbellDiagram, campbell_diagram
+from boomctl.rotating_beam.chosen import ModelChoice
 from boomctl.rotating_beam.manoeuvres import HubProfile, Manoeuvre, PrescribedMotion, Torque, TorqueDriven
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Motion, SimulationResult, named_failure
@@ -52,6 +54,7 @@ _FASTEST = 1e60  # rad/s that a hub may turn at: powers of it are numbers still 
 _SMALL = 1e-6  # of the length, by which coordinates are moved either way to see a shape: its square is rounding
 _JUST_BELOW = 1.0 - 1e-6  # of the speed at which the stiffness is lost, where a diagram ends: a frequency is nearly 0
 _STEEP = 12  # speeds before it that a diagram gains there (a choice)
+_TOLERANCE = 1e-8, 1e-10  # rtol and atol [m] of a simulation where none are given (a choice)
 _START_TOLERANCE = 1e-12  # an initial hub angle or speed is the manoeuvre's but for rounding, relative or in rad, rad/s
 
 
@@ -83,6 +86,8 @@ class HubBeam(ABC):
         Name of the model, as in `hub_beam`.
     modes : int
         Number of shape functions; the model says which, and how many there may be.
+    chosen : record or None
+        Of a beam that `hub_beam` chose for its accuracy in a manoeuvre: what was chosen, and what was tried.
 
     Raises
     ------
@@ -95,6 +100,7 @@ class HubBeam(ABC):
     parameters: HubBeamParameters
     model: str
     modes: int
+    chosen: ModelChoice | None
 
     def __post_init__(self) -> None:
         if not isinstance(self.parameters, HubBeamParameters):
@@ -107,10 +113,11 @@ class HubBeam(ABC):
     def __repr__(self) -> str:
         given = ((field, getattr(self.parameters, field.name)) for field in fields(self.parameters))
         others = [f"{field.name} {value:.6g}" for field, value in given if value != field.default]
+        chosen = "" if self.chosen is None else "\n" + indent(fill(str(self.chosen), WIDTH - 2), "  ")
         return (
             f"{type(self).__name__}: {self.model}, {count(self.modes, 'mode')}, {len(self.state_names)} states\n"
             f"  torque -> hub_angle, hub_speed, tip_displacement\n"
-            f"  Table 1, {listed(others) if others else 'no tip mass'}"
+            f"  Table 1, {listed(others) if others else 'no tip mass'}{chosen}"
         )
 
     @property
@@ -272,8 +279,8 @@ class HubBeam(ABC):
         manoeuvre: Manoeuvre,
         timepts: ArrayLike,
         initial: ArrayLike | None = None,
-        rtol: float = 1e-8,
-        atol: float = 1e-10,
+        rtol: float | None = None,
+        atol: float | None = None,
     ) -> SimulationResult:
         """Simulate a manoeuvre from t = 0.
 
@@ -286,9 +293,10 @@ class HubBeam(ABC):
         initial : array_like or None
             State at t = 0 in the order of `state_names`; None is rest. With the hub's motion prescribed its hub angle
             and speed are to be those of the manoeuvre.
-        rtol, atol : float
+        rtol, atol : float, optional
             The error of the free end's displacement is kept below ``atol + rtol max |displacement|`` [m]; that of the
-            hub angle times the free end's radius likewise.
+            hub angle times the free end's radius likewise. By default 1e-8 and 1e-10 m; in the manoeuvre, from rest, for
+            which a beam was chosen by its accuracy, what that needs.
 
         Returns
         -------
@@ -306,7 +314,7 @@ class HubBeam(ABC):
             If the mass matrix ceases to be positive definite, the deflection overflows, or the tolerance is missed.
         """
         instants = _instants(timepts)
-        tolerance = positive("rtol", rtol), positive("atol", atol)
+        tolerance = self._tolerance((manoeuvre,), initial, rtol, atol)
         start = self._start(manoeuvre, initial)
         manoeuvre = _checked(manoeuvre, float(instants[-1]))
         with computing("motion"):
@@ -317,8 +325,8 @@ class HubBeam(ABC):
         manoeuvres: Sequence[Manoeuvre],
         timepts: ArrayLike,
         initial: ArrayLike | None = None,
-        rtol: float = 1e-8,
-        atol: float = 1e-10,
+        rtol: float | None = None,
+        atol: float | None = None,
     ) -> tuple[SimulationResult, ...]:
         """Simulate several manoeuvres, each from t = 0 and by itself; torque-driven ones are computed side by side.
 
@@ -332,8 +340,8 @@ class HubBeam(ABC):
             Instants at which all motions are wanted, s; as in `simulate`.
         initial : array_like or None
             States at t = 0, one a manoeuvre, or one state for all; None is rest.
-        rtol, atol : float
-            As in `simulate`, for each motion.
+        rtol, atol : float, optional
+            As in `simulate`, for each motion; by default 1e-8 and 1e-10 m if not all are that of the beam's choice.
 
         Returns
         -------
@@ -346,8 +354,8 @@ class HubBeam(ABC):
             As `simulate` does; it names the manoeuvre.
         """
         instants = _instants(timepts)
-        tolerance = positive("rtol", rtol), positive("atol", atol)
         given = sequence("manoeuvres", manoeuvres, "manoeuvres")
+        tolerance = self._tolerance(given, initial, rtol, atol)
         starting = None if initial is None else finite_array("initial", initial)
         states = [starting] * len(given) if starting is None or starting.ndim == 1 else list(np.atleast_2d(starting))
         if len(states) != len(given):
@@ -368,8 +376,8 @@ class HubBeam(ABC):
         timepts: ArrayLike,
         breakpoints: tuple[float, ...] = (),
         initial: ArrayLike | None = None,
-        rtol: float = 1e-8,
-        atol: float = 1e-10,
+        rtol: float | None = None,
+        atol: float | None = None,
     ) -> SimulationResult:
         """Simulate the motion under a torque that is a function of time.
 
@@ -573,7 +581,19 @@ class HubBeam(ABC):
 
     def _with(self, **changes: float) -> Self:
         copy: Any = self  # every model is a dataclass
-        return replace(copy, parameters=replace(self.parameters, **changes))
+        return replace(copy, parameters=replace(self.parameters, **changes), chosen=None)
+
+    def _tolerance(
+        self, manoeuvres: Sequence[Manoeuvre], initial: ArrayLike | None, rtol: float | None, atol: float | None
+    ) -> tuple[float, float]:
+        """Return what keeps the accuracy for which the beam was chosen, in its manoeuvre; else what is usual."""
+        chosen, usual = self.chosen, _TOLERANCE
+        if chosen is not None and initial is None and all(each == chosen.manoeuvre for each in manoeuvres):
+            usual = chosen.rtol, chosen.atol
+        return (
+            usual[0] if rtol is None else positive("rtol", rtol),
+            usual[1] if atol is None else positive("atol", atol),
+        )
 
     def _linear(self, speed: float) -> Lti:
         from boomctl.lti.system import Lti  # brings scipy.linalg, which a simulation may do without

@@ -1,38 +1,63 @@
 """The factory of hub-beams in all models."""
 
+from __future__ import annotations
+
 from typing import Literal, overload
 
+from numpy.typing import ArrayLike
+
+from boomctl.checks import shown
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.beam import HubBeam, in_model
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
+from boomctl.rotating_beam.manoeuvres import Manoeuvre
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
 
 @overload
 def hub_beam(
     parameters: HubBeamParameters | None = None,
-    model: Literal["tlam", "sfoam", "sfoam-consistent", "foam", "cfoam"] = "sfoam",
-    modes: int = 5,
+    model: Literal["tlam", "sfoam", "sfoam-consistent", "foam", "cfoam"] | None = None,
+    modes: int | None = None,
 ) -> AssumedModesBeam: ...
 
 
 @overload
 def hub_beam(
-    parameters: HubBeamParameters | None, model: Literal["geometrically-exact"], modes: int = 5
+    parameters: HubBeamParameters | None, model: Literal["geometrically-exact"], modes: int | None = None
 ) -> GeometricallyExactBeam: ...
 
 
 @overload
 def hub_beam(
-    parameters: HubBeamParameters | None = None, *, model: Literal["geometrically-exact"], modes: int = 5
+    parameters: HubBeamParameters | None = None, *, model: Literal["geometrically-exact"], modes: int | None = None
 ) -> GeometricallyExactBeam: ...
 
 
 @overload
-def hub_beam(parameters: HubBeamParameters | None = None, model: str = "sfoam", modes: int = 5) -> HubBeam: ...
+def hub_beam(
+    parameters: HubBeamParameters | None = None, model: str | None = None, modes: int | None = None
+) -> HubBeam: ...
 
 
-def hub_beam(parameters: HubBeamParameters | None = None, model: str = "sfoam", modes: int = 5) -> HubBeam:
+@overload
+def hub_beam(
+    parameters: HubBeamParameters | None = None,
+    *,
+    accuracy: float,
+    manoeuvre: Manoeuvre,
+    time: float | ArrayLike | None = None,
+) -> HubBeam: ...
+
+
+def hub_beam(
+    parameters: HubBeamParameters | None = None,
+    model: str | None = None,
+    modes: int | None = None,
+    accuracy: float | None = None,
+    manoeuvre: Manoeuvre | None = None,
+    time: float | ArrayLike | None = None,
+) -> HubBeam:
     """Return a flexible beam on a rotating hub, in one of several models.
 
     Parameters
@@ -44,8 +69,20 @@ def hub_beam(parameters: HubBeamParameters | None = None, model: str = "sfoam", 
         modes, as printed, Eq. (40); "sfoam-consistent": with ``Q_theta``, so that it conserves energy and angular
         momentum.  "tlam": linear, without dynamic stiffening.  "cfoam": all terms of the kinetic energy.
         "geometrically-exact": a beam of finite rotation, against which the others can be judged.
+        By default "sfoam".
     modes : int
-        Number of transverse modes and, where the model has them, of axial ones.
+        Number of transverse modes and, where the model has them, of axial ones; by default 5.
+    accuracy : float, optional
+        Instead of `model` and `modes`: the cheapest model is chosen, and its modes, whose free end moves across the
+        undeformed beam as a converged geometrically exact beam's does in `manoeuvre`, from rest. The largest error over
+        the motion is at most so large, relative to the largest displacement in it; the solver's error is part of that.
+        What is left when the manoeuvre is over may be far smaller, and its relative error larger. The beam's `chosen` says
+        what was tried; ``simulate`` keeps this accuracy in this manoeuvre by default.
+    manoeuvre : PrescribedMotion or TorqueDriven, optional
+        As for ``simulate``; goes with `accuracy`.
+    time : float or array_like, optional
+        Until when the accuracy holds [s]; of instants, the last one. By default five periods of the slowest mode after the
+        last breakpoint of the manoeuvre.
 
     Returns
     -------
@@ -55,9 +92,10 @@ def hub_beam(parameters: HubBeamParameters | None = None, model: str = "sfoam", 
     Raises
     ------
     TypeError
-        If `parameters` or `modes` is of another kind.
+        If `parameters`, `modes` or another argument is of another kind.
     ValueError
-        If the model is unknown, or `modes` less than 1 or too many.
+        If the model is unknown, or `modes` less than 1 or too many; an accuracy beside a model, without a manoeuvre, or that
+        cannot be reached or proved.
 
     Examples
     --------
@@ -67,5 +105,18 @@ def hub_beam(parameters: HubBeamParameters | None = None, model: str = "sfoam", 
     array([0.247, 2.207, 6.916])
     >>> beam.frequencies_hz(hub_speed=4.0).round(3)  # stiffer, as it turns
     array([0.385, 3.146, 8.112])
+    >>> spin = bc.spin_up(final_speed=2.8, duration=30.0)
+    >>> print(bc.hub_beam(accuracy=1e-3, manoeuvre=spin).chosen)
+    3 modes of sfoam: error 3.3e-04 up to 40.7898 s, 0.001 asked for
     """
-    return in_model(HubBeamParameters() if parameters is None else parameters, model, modes)
+    p = HubBeamParameters() if parameters is None else parameters
+    if accuracy is None and manoeuvre is None and time is None:
+        return in_model(p, "sfoam" if model is None else model, 5 if modes is None else modes)
+    for name, given in (("model", model), ("modes", modes)):
+        if given is not None:
+            raise ValueError(f"{name} = {shown(given)}: expected none beside accuracy and manoeuvre, which choose it")
+    if not isinstance(p, HubBeamParameters):
+        raise TypeError(f"parameters = {shown(p)}: expected HubBeamParameters")
+    from boomctl.rotating_beam.accuracy import chosen_beam  # and what it takes to judge
+
+    return chosen_beam(p, accuracy, manoeuvre, time)

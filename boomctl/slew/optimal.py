@@ -32,7 +32,7 @@ from boomctl.slew.nlp.programme import Programme, Solution
 from boomctl.slew.nlp.refinement import refined, solved_again
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem
-from boomctl.slew.replay import binding, free_errors, other_models, played, prescribed_error, violation
+from boomctl.slew.replay import Motion, binding, free_errors, other_models, played, prescribed_error, violation
 from boomctl.slew.result import SlewCertificate, SlewError, SlewResult
 from boomctl.slew.torque import TorqueHistory
 
@@ -67,6 +67,7 @@ class _Candidate:
     optimality: str
     programme: Programme | None = None
     solution: Solution | None = None
+    motions: tuple[Motion, ...] | None = None
     path: tuple[str, ...] = ()
 
 
@@ -105,6 +106,7 @@ def _programme(problem: SlewProblem, least: Extremal | None) -> _Outcome:
         optimality="stationary",
         programme=found.programme,
         solution=found.solution,
+        motions=found.motions,
     )
     if problem.linear and problem.objective == "effort" and not problem.limits.beside_torque:
         torque = replace(torque, gap=effort_gap(problem, history), optimality="proved")
@@ -308,7 +310,9 @@ def resolve(
     budget = _budget(time_limit, progress)
     problem = replace(changed(before.problem, angle, torque_limit), budget=budget)
     with computing("slew") as tell, _in_time(budget):
-        solution = solved_again(replace(problem, budget=_told(budget, tell)), before.programme, before.solution)
+        solution, motions = solved_again(
+            replace(problem, budget=_told(budget, tell)), before.programme, before.solution
+        )
     gap = result.certificate.optimality_gap
     path = (f"{problem.method}, solved again on its mesh",)
     found = _Candidate(
@@ -318,15 +322,16 @@ def resolve(
         optimality="stationary",
         programme=before.programme,
         solution=solution,
+        motions=motions,
         path=path,
     )
     return _certified(problem, found)
 
 
 def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
-    """Play a torque back, judge it, and put the result together."""
+    """Play a torque back, unless it was, judge it, and put the result together."""
     history, problem = found.history, replace(problem, budget=Budget())  # what is kept of it tells nobody
-    motions = played(problem, history)
+    motions = played(problem, history) if found.motions is None else found.motions
     error, free = prescribed_error(problem, motions), free_errors(problem, motions)
     excess, whole = violation(problem, history, motions), max(error, *free.values(), 0.0)
     if error > max(problem.tolerance, _ROUNDING):

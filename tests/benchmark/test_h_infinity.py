@@ -2,7 +2,7 @@
 
 import pytest
 
-from boomctl.benchmark.suspension import h_infinity
+from boomctl.benchmark.suspension import h_infinity, hinfsyn
 from boomctl.benchmark.suspension.h_infinity import cheap_control_plant, h_infinity_lines
 
 
@@ -18,7 +18,7 @@ def test_ours_is_near_the_bound_and_the_peer_is_judged_by_its_loop():
 
 
 def test_a_peer_that_hangs_is_killed(monkeypatch):
-    monkeypatch.setattr(h_infinity, "_PATIENCE", 1e-3)
+    monkeypatch.setattr(hinfsyn, "PATIENCE", 1e-3)
     row = h_infinity._row("short of patience", cheap_control_plant(), 2, 1, 1)
     assert row.peer is None
     assert "killed after 0.001 s" in row.job

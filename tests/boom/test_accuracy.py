@@ -95,6 +95,8 @@ def test_of_a_boom_driven_by_forces():
         ({"accuracy": 1e-3}, "band_hz = None: expected a number"),
         ({"band_hz": 5.0}, "accuracy = None: expected a number"),
         ({"accuracy": 1e-3, "band_hz": 5.0, "elements": 8}, "elements = 8: expected none beside accuracy"),
+        ({"accuracy": 1e-3, "band_hz": 5.0, "elements": 6}, "elements = 6: expected none beside accuracy"),
+        ({"accuracy": 1e-3, "band_hz": 5.0, "discretization": "finite"}, "discretization = 'finite': expected none"),
         ({"accuracy": 1e-12, "band_hz": 5.0}, "accuracy = 1e-12: expected 1e-07 to 1"),
         ({"accuracy": 1e-3, "band_hz": -1.0}, "band_hz"),
     ],

@@ -209,6 +209,17 @@ def test_the_gap_is_the_change_of_the_cost_when_the_mesh_is_halved(beam, ask):
     assert fine.certificate.optimality_gap == pytest.approx(change, rel=0.1)
 
 
+@pytest.mark.parametrize(("duration", "other"), [(2.93, 20), (2.92, 80)], ids=["halved", "doubled"])
+def test_the_gap_of_least_effort_is_to_the_doubled_mesh_where_the_linear_part_shows_the_halved_one_too_coarse(
+    duration, other
+):
+    h = bc.hub_beam(modes=1)  # whose least time is 2.909 s
+    slew, compared = (
+        bc.optimal_slew(h, np.pi / 2, 200.0, "effort", duration, method="shooting", intervals=n) for n in (40, other)
+    )
+    assert slew.certificate.optimality_gap == pytest.approx(abs(compared.cost / slew.cost - 1.0), rel=1e-5)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("limit", [{"moment_limit": 35.0}, {"tip_limit": 1.0}])
 def test_solving_again_keeps_the_limits_between_the_nodes(beam, limit):

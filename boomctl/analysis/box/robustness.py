@@ -253,9 +253,16 @@ def _covered(
     return True, cells, None, None
 
 
-def pattern_search(value: "Callable[[Array], float]", size: int, factor: float) -> tuple[Array, float, int]:
-    """Return where in the box ``value`` is largest among its lattice and the points a pattern search visits."""
-    lattice = [factor * np.array(point) for point in product((0.0, -1.0, 1.0), repeat=size)]
+def pattern_search(
+    value: "Callable[[Array], float]", size: int, factor: float, start: Array | None = None
+) -> tuple[Array, float, int]:
+    """Return where in the box ``value`` is largest among the points a pattern search visits.
+
+    It begins at a point, or at the worst of the box's lattice.
+    """
+    lattice = (
+        [factor * np.array(point) for point in product((0.0, -1.0, 1.0), repeat=size)] if start is None else [start]
+    )
     values = [value(point) for point in lattice]
     best, tried = int(np.argmax(values)), len(lattice)
     at, top = lattice[best], values[best]

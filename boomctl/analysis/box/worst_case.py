@@ -3,48 +3,45 @@
 from dataclasses import dataclass
 from itertools import count
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from boomctl.analysis.box.bound import LARGEST, LOST, bounded
 from boomctl.analysis.box.level import DrivenLoops
 from boomctl.analysis.box.loops import BoxLoops, controller_at
 from boomctl.analysis.box.robustness import listed_values, pattern_search
-from boomctl.analysis.box.zero_exclusion import Cell, value_at
+from boomctl.analysis.h2 import H2Certificate, h2_norm
 from boomctl.analysis.loops import joined
 from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.arrays import Array
-from boomctl.checks import from_on, positive, whole
+from boomctl.checks import from_on, known, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
-from boomctl.lti.system import of
+from boomctl.lti.system import Lti, of
 from boomctl.printing import sentence
-from boomctl.progress import Listener, Tell, computing
+from boomctl.progress import Listener, computing
 from boomctl.structure.families import Family
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     import control
 
-_CELLS = 400  # most cells that are tried at one level (a choice of patience: some ten seconds)
-_LOOSER = (1.0, 10.0, 100.0)  # times the tolerance: levels tried in turn, the next where cells run out (a choice)
-_LARGEST = 1.0  # a tolerance beyond which a bound says nothing (a choice)
-_CHECKED = 20  # points drawn in the box at which a bound is tried again (a choice)
-_COMPARED = 3  # points drawn at which the loops that are proved are compared with those closed anew (a choice)
-_SAME = 1e-6  # relative distance of norms by two routes that are the same (a choice: norms are certified to 1e-5)
+_NORMS = ("hinf", "h2")
+_CELLS = 60_000  # most cells that are tried at one level (a choice of patience: some ten seconds)
 
 
 @dataclass(frozen=True)
 class WorstCase:
-    """The largest H-infinity norm over a box of parameters: the largest found, and what none exceeds.
+    """The largest norm over a box of parameters: the largest found, and for the H-infinity norm what none exceeds.
 
     Attributes
     ----------
-    norm : NormCertificate
+    norm : NormCertificate or H2Certificate
         The norm at the worst point found; infinite where the loop is unstable.
     values : dict
         Parameter values of that point.
-    nominal : NormCertificate
+    nominal : NormCertificate or H2Certificate
         The norm in the middle of the box.
     evaluations : int
         Number of points tried.
@@ -56,9 +53,9 @@ class WorstCase:
         Why no bound was proved; empty where one was.
     """
 
-    norm: NormCertificate
+    norm: NormCertificate | H2Certificate
     values: dict[str, float]
-    nominal: NormCertificate
+    nominal: NormCertificate | H2Certificate
     evaluations: int
     upper_bound: float = inf
     cells: int = 0
@@ -80,13 +77,13 @@ class WorstCase:
         str
             A sentence.
         """
-        where = f"at {listed_values(self.values)} and {self.norm.omega:.4g} rad/s"
+        name, where = "H2", f"at {listed_values(self.values)}"
+        if isinstance(self.norm, NormCertificate):
+            name, where = "H-infinity", f"{where} and {self.norm.omega:.4g} rad/s"
         middle = f"in the middle of the box {self.nominal.lower:.5g}"
         proved = f"none above {from_on(self.upper_bound)} anywhere in the box, proved in {self.cells} cells"
         bound = proved if self.upper_bound < inf else f"no bound proved ({self.reason})"
-        return (
-            f"H-infinity norm up to {self.norm.lower:.5g} {where}; {bound}; {middle}; {self.evaluations} points tried"
-        )
+        return f"{name} norm up to {self.norm.lower:.5g} {where}; {bound}; {middle}; {self.evaluations} points tried"
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
@@ -103,15 +100,17 @@ def worst_case(
     inputs: "str | Sequence[str] | None" = None,
     outputs: "str | Sequence[str] | None" = None,
     *,
+    norm: str = "hinf",
     tolerance: float | None = 1e-3,
     max_cells: int = _CELLS,
     progress: "Listener | None" = None,
 ) -> WorstCase:
-    """Return the largest H-infinity norm of the loop ``u = K y`` over a box of parameters, from both sides.
+    """Return the largest norm of the loop ``u = K y`` over a box of parameters, the H-infinity norm from both sides.
 
     From below, points of a grid over the box are tried, then the neighbourhood of the worst of them, and the middles of
-    cells that resist a proof.  From above, the box is halved until in each cell no singular value can reach the level
-    (:mod:`boomctl.analysis.box.level`).
+    cells that resist a proof.  From above, the box is cut until in each cell no singular value can reach the level: cells of
+    parameters and frequencies (:mod:`boomctl.analysis.box.response_cells`), and cells of parameters alone where many poles
+    are lightly damped (:mod:`boomctl.analysis.box.level`).
 
     Parameters
     ----------
@@ -120,11 +119,15 @@ def worst_case(
     inputs, outputs : str or sequence of str, optional
         Signals of the closed loop (:func:`boomctl.feedback_loop`) between which the norm is taken; by default from all
         disturbances to all outputs of the family.
+    norm : {"hinf", "h2"}
+        Largest singular value over frequency, or RMS of the outputs to white noise.  Of the H2 norm only the worst point
+        is looked for; no bound is proved, and ``reason`` says so.
     tolerance : float or None
         How far the bound may lie above the worst point found, relative.  Where that would take too many cells, ten and a
         hundred times as much is tried.  None: no bound is asked for.
     max_cells : int
-        Largest number of cells tried at one level.
+        Largest number of cells of parameters and frequencies tried at one level; of parameters alone, which take longer,
+        are at most one in 150 of it.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
@@ -138,7 +141,7 @@ def worst_case(
     Raises
     ------
     TypeError, ValueError
-        As for :func:`robust_stability`; unknown signals; a tolerance or a number of cells out of range.
+        As for :func:`robust_stability`; unknown signals or norm; a tolerance or a number of cells out of range.
 
     Examples
     --------
@@ -152,13 +155,25 @@ def worst_case(
     """
     limit = whole("max_cells", max_cells)
     wanted = None if tolerance is None else positive("tolerance", tolerance)
-    if wanted is not None and wanted > _LARGEST:
-        raise ValueError(f"tolerance = {wanted:g}: expected at most {_LARGEST:g}")
+    if wanted is not None and wanted > LARGEST:
+        raise ValueError(f"tolerance = {wanted:g}: expected at most {LARGEST:g}")
+    known("norm", norm, _NORMS)
     BoxLoops.of(family, controller)
 
-    def at(delta: Array) -> NormCertificate:
+    def loop_at(delta: Array) -> Lti:
         loop = joined(family.at(delta), controller_at(family, controller, delta)).closed()
-        return matrices_norm(loop.select(inputs, family.centre.outputs if outputs is None else outputs).balanced())
+        return loop.select(inputs, family.centre.outputs if outputs is None else outputs)
+
+    seen: dict[bytes, Any] = {}
+
+    def at(delta: Array) -> Any:
+        """Return the certificate of the norm at a point."""
+        found = seen.get(delta.tobytes())
+        if found is None:
+            loop = loop_at(delta)
+            found = h2_norm(loop.statespace("loop")) if norm == "h2" else matrices_norm(loop.balanced())
+            seen[delta.tobytes()] = found
+        return found
 
     looked_at = count(1)
     with computing("worst case", progress) as tell:
@@ -170,10 +185,12 @@ def worst_case(
         delta, _, tried = pattern_search(peak, family.size, 1.0)
         nominal = at(np.zeros(family.size))
         bound, cells, reason = inf, 0, ""
-        if wanted is None:
+        if norm == "h2":
+            reason = "found, not proved: an H2 norm"
+        elif wanted is None:
             reason = "none was asked for"
         elif at(delta).lower == inf:
-            reason = "the loop is unstable there, or undamped"
+            reason = LOST
         elif isinstance(controller, ScheduledController):
             reason = "none is tried for controllers that follow a parameter"
         else:
@@ -184,73 +201,6 @@ def worst_case(
             except ValueError as error:
                 reason = str(error)
             else:
-                found = _Bound.over(loops, at, delta, wanted, limit, tell)
+                found = bounded(loops, at, delta, tolerance=wanted, limit=limit, tell=tell)
                 delta, bound, cells, reason = found.delta, found.level, found.cells, found.reason
     return WorstCase(at(delta), family.values(delta), nominal, tried, bound, cells, reason)
-
-
-@dataclass(frozen=True)
-class _Bound:
-    """A level below which the norm was proved to lie in all cells, and the worst point met."""
-
-    level: float
-    cells: int
-    delta: Array
-    reason: str = ""
-
-    @classmethod
-    def over(
-        cls,
-        loops: DrivenLoops,
-        at: "Callable[[Array], NormCertificate]",
-        delta: Array,
-        tolerance: float,
-        limit: int,
-        tell: Tell,
-    ) -> "_Bound":
-        """Prove a level over the whole box; a worse point met on the way raises it."""
-        hindered = _hindrance(loops, at, delta)
-        if hindered:
-            return cls(inf, 0, delta, hindered)
-        size = len(delta)
-        lower, waiting, cells = at(delta).lower, [Cell(np.zeros(size), np.ones(size))], 0
-        level = inf
-        for looser in _LOOSER:
-            tried, gap = 0, min(tolerance * looser, _LARGEST)
-            level = max(lower, loops.at_infinity) * (1.0 + gap)
-            even = loops.even(level)
-            while waiting and tried < limit:
-                tried += 1
-                cell = waiting.pop()
-                tell("cells of the box proved", cells)
-                found = loops.prove(even, cell)
-                if found.proved:
-                    cells += 1
-                    continue
-                here = at(cell.middle).lower
-                if here == inf:
-                    return cls(inf, cells, cell.middle, "the loop is unstable there, or undamped")
-                if here > lower:
-                    lower, delta = here, cell.middle
-                if lower * (1.0 + 0.5 * gap) > level:
-                    level = lower * (1.0 + gap)
-                    even = loops.even(level)
-                waiting += cell.halves(found.axis)
-            if not waiting:
-                drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_CHECKED, size))
-                if max(at(point).lower for point in drawn) > level:
-                    raise ArithmeticError(f"worst_case: a norm above the level proved, {level:.9g}, at a point drawn")
-                return cls(level, cells, delta)
-        return cls(inf, cells, delta, f"it would take more than max_cells = {limit} at {level:.5g}")
-
-
-def _hindrance(loops: DrivenLoops, at: "Callable[[Array], NormCertificate]", delta: Array) -> str:
-    """Return why there is no bound to be looked for; empty where there may be one."""
-    drawn = np.random.default_rng(1).uniform(-1.0, 1.0, (_COMPARED, len(delta)))
-    for point in (delta, np.zeros(len(delta)), *drawn):  # the loops that are proved are those whose norms were found
-        here, there = at(point), matrices_norm(loops.at(point))
-        if not (there.lower == here.lower or abs(there.lower - here.lower) <= _SAME * here.lower):
-            return f"two routes to the norm differ: {here.lower:.9g} and {there.lower:.9g}"
-    if not value_at(loops.pencils, delta).stable:
-        return "a pole that does not decay hides from these signals"
-    return "" if at(delta).lower > 0.0 else "nothing comes through at any point tried"

@@ -235,6 +235,18 @@ def sigma_of(response: Array) -> Array:
     return -np.sort(-values, axis=0)
 
 
+def tip_transfer(p: BoomParameters, s: _Number) -> tuple[_Number, _Number]:
+    """Return how the tips follow the actuators, moving alike and opposite, at a complex frequency; in mpmath's digits."""
+    symmetric, antisymmetric = (_exact_half(p, s, parity) for parity in (_SYMMETRIC, _ANTISYMMETRIC))
+    return _tip(*symmetric), _tip(*antisymmetric)
+
+
+def _tip(conditions: _Lines, readings: _Lines) -> _Number:
+    """Return the tip's reading for a unit of the actuator, where both conditions are met."""
+    (a, b, *f), (c, d, *g) = conditions
+    return (b * g[0] - d * f[0]) / (a * d - b * c) * readings[0][0]
+
+
 def damped_eigenvalues(p: BoomParameters, starts: Array, digits: int = 30) -> Array:
     """Return the exact damped eigenvalue next to each start."""
 

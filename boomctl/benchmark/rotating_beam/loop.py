@@ -12,6 +12,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.benchmark.report import Measured, Row, Tell, race
+from boomctl.benchmark.rotating_beam.extrapolation import extrapolated_step
 from boomctl.benchmark.timing import Job, interleaved
 from boomctl.lti.python_control import control
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
@@ -68,15 +69,16 @@ def loop_rows(full: bool, tell: Tell) -> list[Row]:
     return rows
 
 
-def ours(beam: AssumedModesBeam, time: Array) -> Array:
+def ours(beam: AssumedModesBeam, time: Array, rtol: float = 1e-8) -> Array:
     """Return the tip's displacement by ``simulate_loop``."""
     law = control.ss([], [], [], [_GAINS], _STEP, inputs=["hub_angle", "hub_speed"], outputs=["torque"])
     wanted = {"hub_angle": np.full(time.size, _ANGLE)}
-    found = simulate_loop(beam, law, None, time, sample_time=_STEP, force_limit=_LIMIT, reference=wanted)
+    options: dict[str, Any] = {"force_limit": _LIMIT, "reference": wanted, "rtol": rtol, "atol": 1e-2 * rtol}
+    found = simulate_loop(beam, law, None, time, sample_time=_STEP, **options)
     return found["tip_displacement"]
 
 
-def restarted(beam: AssumedModesBeam, time: Array, tolerance: float) -> Array:
+def restarted(beam: AssumedModesBeam, time: Array, tolerance: float, method: str = "DOP853") -> Array:
     """Return the same by ``solve_ivp``, restarted at each sample."""
     from scipy.integrate import solve_ivp
 
@@ -89,13 +91,28 @@ def restarted(beam: AssumedModesBeam, time: Array, tolerance: float) -> Array:
             return beam.equations.state_derivative(x, torque)
 
         options = {"rtol": max(tolerance, 3e-14), "atol": 1e-2 * tolerance}
-        x = solve_ivp(derivative, (start, end), x, "DOP853", **options).y[:, -1]
+        x = solve_ivp(derivative, (start, end), x, method, **options).y[:, -1]
         found[k + 1] = row @ x[1:size]
     return found
 
 
-def responded(beam: AssumedModesBeam, time: Array, method: str, tolerance: float) -> Array:
-    """Return the tip's displacement in the loop whose controller is continuous, by ``input_output_response``."""
+def sampled_reference(beam: AssumedModesBeam, time: Array) -> Array:
+    """Return the tip's displacement to rounding: the equations derived from the energies, extrapolated between samples."""
+    import casadi as ca
+
+    f, size, row = beam.casadi_function(), beam.equations.size, beam.equations.tip.transverse
+    x, u = ca.SX.sym("x", 2 * size), ca.SX.sym("u")
+    step = ca.Function("step", [x, u], [extrapolated_step(lambda a, _: f(a, u)[0], x, 0.0, float(time[1] - time[0]))])
+    state, found = np.zeros(2 * size), np.zeros(time.size)
+    for k in range(1, time.size):
+        asked = _GAINS[0] * (state[0] - _ANGLE) + _GAINS[1] * state[size]
+        state = np.array(step(state, min(max(asked, -_LIMIT), _LIMIT))).ravel()
+        found[k] = row @ state[1:size]
+    return found
+
+
+def continuous_loop(beam: AssumedModesBeam) -> control.NonlinearIOSystem:
+    """Return the loop whose controller is continuous, interconnected."""
     plant = beam.to_nlsys()
     law = control.ss([], [], [], [_GAINS], inputs=["error", "hub_speed"], outputs=["asked"], name="law")
     compared = control.summing_junction(["hub_angle", "-wanted"], "error", name="compared")
@@ -106,15 +123,21 @@ def responded(beam: AssumedModesBeam, time: Array, method: str, tolerance: float
     limit = control.nlsys(None, clipped, inputs=["asked"], outputs=["torque"], name="limit")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # outputs that no one reads
-        loop = control.interconnect([plant, law, compared, limit], inputs=["wanted"], outputs=["tip_displacement"])
-        found = control.input_output_response(
-            loop,
-            time,
-            np.full(time.size, _ANGLE),
-            solve_ivp_method=method,
-            solve_ivp_kwargs={"rtol": tolerance, "atol": 1e-2 * tolerance},
-        )
+        return control.interconnect([plant, law, compared, limit], inputs=["wanted"], outputs=["tip_displacement"])
+
+
+def response(loop: control.NonlinearIOSystem, time: Array, method: str, tolerance: float) -> Array:
+    """Return the tip's displacement in that loop, by ``input_output_response``."""
+    options = {"rtol": tolerance, "atol": 1e-2 * tolerance}
+    found = control.input_output_response(
+        loop, time, np.full(time.size, _ANGLE), solve_ivp_method=method, solve_ivp_kwargs=options
+    )
     return np.asarray(found.outputs).ravel()
+
+
+def responded(beam: AssumedModesBeam, time: Array, method: str, tolerance: float) -> Array:
+    """Return the tip's displacement in the loop whose controller is continuous, building included."""
+    return response(continuous_loop(beam), time, method, tolerance)
 
 
 def _distance(found: Array, true: Array) -> float:

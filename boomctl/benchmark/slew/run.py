@@ -20,7 +20,7 @@ from boomctl.slew.optimal import optimal_slew
 from boomctl.slew.problem import Limits, SlewProblem, changed, slew_problem
 from boomctl.slew.torque import TorqueHistory, held
 
-_EFFORT = Effort(AssumedModesBeam(HubBeamParameters(), "sfoam", 3), np.pi / 2, 200.0, 3.0, 200)
+EFFORT = Effort(AssumedModesBeam(HubBeamParameters(), "sfoam", 3), np.pi / 2, 200.0, 3.0, 200)
 """A quarter turn in 3 s, a little more than the least time; intervals so short that RK4 is stable on them."""
 _ONE_MODE = 2.0  # ratio of the nonlinear slew with one mode, where building and first calls are most of the time
 _COARSE = 40  # intervals so long that RK4 is unstable in the third mode
@@ -169,7 +169,7 @@ def _history(effort: Effort, torques: Array) -> TorqueHistory:
 def effort_rows(full: bool, tell: Tell) -> list[Row]:
     """Least effort on one mesh, beside the same programme written by hand."""
     tell("minimum effort")
-    effort, section = _EFFORT, "Minimum effort, 3 modes, 200 intervals"
+    effort, section = EFFORT, "Minimum effort, 3 modes, 200 intervals"
     programme, solution = ours(effort)
     jobs = {
         "ours": Job(lambda _: ours(effort)),
@@ -203,7 +203,7 @@ def effort_rows(full: bool, tell: Tell) -> list[Row]:
 def coarse_rows(full: bool, tell: Tell) -> list[Row]:
     """A mesh on which RK4 is unstable: it takes a feasible slew for an infeasible one."""
     tell("a coarse mesh")
-    effort = replace(_EFFORT, intervals=_COARSE)
+    effort = replace(EFFORT, intervals=_COARSE)
     mine, theirs = Measured(error=_end_error(effort, ours(effort)[1].history)), Measured()
     try:
         theirs, found = Measured(error=_end_error(effort, _history(effort, opti_slew(effort)))), "solved"
@@ -216,7 +216,7 @@ def coarse_rows(full: bool, tell: Tell) -> list[Row]:
 def mesh_sheets(full: bool, tell: Tell) -> list[Sheet]:
     """Errors of our schemes over the number of intervals."""
     tell("error against mesh size")
-    study = mesh_study(_EFFORT.beam, _EFFORT.angle, _EFFORT.torque_limit, 3.2)
+    study = mesh_study(EFFORT.beam, EFFORT.angle, EFFORT.torque_limit, 3.2)
     columns = ("scheme", *(str(int(n)) for n in study.intervals), "order")
     lines = tuple((line.name, *(float(e) for e in line.errors), line.order) for line in study.lines)
     return [Sheet("Error against the number of intervals", columns, lines)]

@@ -1,7 +1,7 @@
-"""``control.hinfsyn`` at the other end of two pipes, where a hang can be killed: one plant, as many calls as lines come in.
+"""``control.hinfsyn`` at the other end of two pipes, where a hang can be killed: a call for each line that comes in.
 
-The first line is the plant as JSON; after each further one an answer goes out: the processor time of the call [s], the
-controller and the gamma that was claimed, or the error.
+A line is a plant as JSON, and so is the answer: the processor time of the call [s], the controller and the gamma that was
+claimed, or the error.
 """
 
 import json
@@ -19,10 +19,9 @@ def main() -> None:
     sink = os.fdopen(os.dup(1), "w")
     nothing = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, 1)
-    given = json.loads(sys.stdin.readline())
-    matrices = [np.array(given[name], dtype=float) for name in "ABCD"]
-    P = control.ss(*matrices)
-    for _ in sys.stdin:
+    for line in sys.stdin:
+        given = json.loads(line)
+        P = control.ss(*(np.array(given[name], dtype=float) for name in "ABCD"))
         start = time.process_time()
         try:
             K, _, gamma, _ = control.hinfsyn(P, given["nmeas"], given["ncon"])

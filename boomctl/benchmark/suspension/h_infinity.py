@@ -1,22 +1,13 @@
 """Lines of the benchmark that race H-infinity synthesis, verification included, against ``control.hinfsyn``."""
 
-import json
-import os
-import subprocess
-import sys
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.norm import hinf_norm
 from boomctl.benchmark.report import Measured, Row, Tell, race
+from boomctl.benchmark.suspension.hinfsyn import Answer, HinfsynProcess
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
@@ -31,7 +22,6 @@ from boomctl.synthesis.plants.units import in_units
 _SECTION = "H-infinity synthesis, verification included, the worker warm; the peer does not verify"
 _TARGET = 10.0  # ratio of hinfsyn's processor time over ours, which this package promised itself
 _ERROR = 0.0101  # of the norm above its bound: `h_infinity` ends within 1 %, and verifying it adds rounding
-_PATIENCE = 120.0  # given to a call of the peer before it is killed [s]; one that ends takes a few
 _SIDES, _INPUTS, _OUTPUTS = ("sym", "anti"), ("actuator", "suspension"), ("tip", "stroke")
 # what counts as one of each signal, as in the designs: m, N, m, m
 _UNITS = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05}
@@ -94,31 +84,21 @@ def h_infinity_lines(rounds: int, tell: Tell) -> list[Row]:
     return rows
 
 
-@dataclass(frozen=True)
-class _Peer:
-    """What the peer said: processor time [s], the norm it claims, its controller's matrices; None where it said none."""
-
-    seconds: float | None
-    gamma: float | None
-    K: list[Any] | None
-    error: str = ""
-
-
 def _row(name: str, P: control.StateSpace, nmeas: int, ncon: int, rounds: int) -> Row:
     design = h_infinity(P, nmeas, ncon)
     lower = design.certificate.lower
     ours: list[float] = []
-    peers: list[_Peer] = []
-    with _peer(P, nmeas, ncon) as ask:
-        ask()
+    peers: list[Answer] = []
+    with HinfsynProcess() as peer:
+        peer.ask(P, nmeas, ncon)
         for _ in range(rounds):
             start = time.process_time() + shared_worker().processor_time
             design = h_infinity(P, nmeas, ncon)
             ours.append(time.process_time() + shared_worker().processor_time - start)
-            peers.append(ask())
+            peers.append(peer.ask(P, nmeas, ncon))
     last = peers[-1]
     true = _true_norm(P, last)
-    spent = [peer.seconds for peer in peers if peer.seconds is not None]
+    spent = [answer.seconds for answer in peers if answer.seconds is not None]
     error, peer_error = hinf_norm(close_loop(P, design.controller)).upper / lower - 1.0, true / lower - 1.0
     faster = float(np.median(spent)) / float(np.median(ours)) if spent else np.inf
     told = f"{name} (ours {design.gamma:.4g}, at least {lower:.4g}; {_told(last, true)})"
@@ -127,56 +107,11 @@ def _row(name: str, P: control.StateSpace, nmeas: int, ncon: int, rounds: int) -
     return race(_SECTION, told, Measured(float(np.median(ours)), error), theirs, target, met)
 
 
-def _told(peer: _Peer, true: float) -> str:
+def _told(peer: Answer, true: float) -> str:
     if peer.gamma is None:
         return f"control.hinfsyn: {peer.error}"
     return f"control.hinfsyn says {peer.gamma:.4g}, its loop has {true:.4g}"
 
 
-def _true_norm(P: control.StateSpace, peer: _Peer) -> float:
-    if peer.K is None:
-        return np.inf
-    return hinf_norm(close_loop(P, control.ss(*(np.array(part, dtype=float) for part in peer.K)))).lower
-
-
-@contextmanager
-def _peer(P: control.StateSpace, nmeas: int, ncon: int) -> Iterator[Callable[[], _Peer]]:
-    """Give a function that runs the peer once; it is killed if it hangs, and says so from then on."""
-    home = str(Path(__file__).resolve().parents[3])
-    paths = os.pathsep.join([home, *filter(None, [os.environ.get("PYTHONPATH")])])
-    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-m", "boomctl.benchmark.suspension._hinfsyn"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        env=os.environ | threads | {"PYTHONPATH": paths},
-        text=True,
-    )
-    source, sink = process.stdout, process.stdin
-    assert source is not None
-    assert sink is not None
-    plant = {name: np.asarray(getattr(P, name)).tolist() for name in "ABCD"} | {"nmeas": nmeas, "ncon": ncon}
-    sink.write(json.dumps(plant) + "\n")
-
-    def ask() -> _Peer:
-        timer = threading.Timer(_PATIENCE, process.kill)
-        timer.start()
-        try:
-            sink.write("again\n")
-            sink.flush()
-            line = source.readline()
-        except OSError:
-            line = ""
-        finally:
-            timer.cancel()
-        if not line:
-            return _Peer(None, None, None, f"killed after {_PATIENCE:g} s")
-        answer = json.loads(line)
-        return _Peer(answer["seconds"], answer.get("gamma"), answer.get("K"), answer.get("error", ""))
-
-    try:
-        yield ask
-    finally:
-        process.kill()
-        process.communicate()
+def _true_norm(P: control.StateSpace, peer: Answer) -> float:
+    return np.inf if peer.controller is None else hinf_norm(close_loop(P, peer.controller)).lower

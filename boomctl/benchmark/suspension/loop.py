@@ -68,9 +68,9 @@ def _rough_ground(time: Array) -> Array:
     return np.array(lines) - np.array(lines)[:, :1]
 
 
-def loop_scene(duration: float = _DURATION) -> LoopScene:
+def loop_scene(duration: float = _DURATION, parameters: BoomParameters | None = None) -> LoopScene:
     """Return the loop that is raced: the boom's lowest 20 modes, springs and dampers on its strokes, 0.25 N at most."""
-    model = spray_boom(BoomParameters(), elements=20)
+    model = spray_boom(BoomParameters() if parameters is None else parameters, elements=20)
     _, shapes = undamped_modes(model.structure, _MODES)
     labels = tuple(f"mode{k}" for k in range(_MODES))
     plant = SecondOrderModel.of(
@@ -114,7 +114,7 @@ def _loop_rows(rounds: int, tell: Tell) -> list[Row]:
         return lambda _: answers.update({method: continuous_loop(short, method)})
 
     jobs = {
-        "ours": Job(lambda _: answers.update({"ours": _ours(scene)})),
+        "ours": Job(lambda _: answers.update({"ours": ours_of(scene)})),
         **{method: Job(integrated(method)) for method in ("RK45", *_OTHERS)},
         "sampled": Job(lambda _: answers.update({"sampled": sampled_loop(short)})),
     }
@@ -138,7 +138,8 @@ def _loop_rows(rounds: int, tell: Tell) -> list[Row]:
     return rows
 
 
-def _ours(scene: LoopScene) -> Array:
+def ours_of(scene: LoopScene) -> Array:
+    """Return the tips in a loop, by ``simulate_loop``."""
     disturbance = {name: scene.W[scene.plant.input_labels.index(name)] for name in ACTUATORS}
     found = simulate_loop(
         scene.plant,
@@ -250,9 +251,40 @@ def continuous_reference(scene: LoopScene, tolerance: float = 1e-11) -> Array:
     return y
 
 
-def continuous_loop(scene: LoopScene, method: str) -> Array:
-    """Return the tips of the loop whose controller is continuous, integrated by ``input_output_response``."""
-    return _responded(scene, scene.plant, scene.controller, {"solve_ivp_method": method})
+def restarted_loop(scene: LoopScene, method: str, tolerance: float) -> Array:
+    """Return the outputs of the loop whose controller samples at each time, by ``solve_ivp``, restarted at each sample."""
+    P = scene.plant
+    h = float(scene.time[1] - scene.time[0])
+    K = scene.controller.sample(h, method="bilinear")
+    x, state = np.zeros(P.nstates), np.zeros(K.nstates)
+    y = np.empty((len(scene.read), len(scene.time)))
+    for k in range(len(scene.time)):
+        start = scene.W[:, k]
+        everything = P.C @ x + P.D @ start
+        y[:, k] = everything[scene.read]
+        heard = everything[scene.measured]
+        u = np.clip(K.C @ state + K.D @ heard, -scene.limit, scene.limit)
+        state = K.A @ state + K.B @ heard
+        if k == len(scene.time) - 1:
+            break
+        slope, pushed = (scene.W[:, k + 1] - start) / h, P.B[:, scene.driven] @ u
+
+        def rate(t: float, x: Array, start: Array = start, slope: Array = slope, pushed: Array = pushed) -> Array:
+            return P.A @ x + P.B @ (start + slope * t) + pushed
+
+        x = integrate.solve_ivp(rate, (0.0, h), x, method, rtol=tolerance, atol=1e-3 * tolerance).y[:, -1]
+    return y
+
+
+def continuous_loop(scene: LoopScene, method: str, tolerance: float | None = None) -> Array:
+    """Return the tips of the loop whose controller is continuous, integrated by ``input_output_response``.
+
+    Without a tolerance it has its own, 1e-3.
+    """
+    options: dict[str, Any] = {"solve_ivp_method": method}
+    if tolerance is not None:
+        options["solve_ivp_kwargs"] = {"rtol": tolerance, "atol": 1e-3 * tolerance}
+    return _responded(scene, scene.plant, scene.controller, options)
 
 
 def sampled_loop(scene: LoopScene) -> Array:

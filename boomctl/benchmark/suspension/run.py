@@ -2,12 +2,10 @@
 
 from collections.abc import Callable
 from functools import partial
-from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
-import numpy as np
-
+from boomctl.benchmark.precision.scenes.boom_reduction import balanced_by_pymor, referee
 from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Tell, measured, race
 from boomctl.benchmark.suspension.h_infinity import h_infinity_lines
 from boomctl.benchmark.suspension.loop import loop_lines
@@ -16,10 +14,7 @@ from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
-from boomctl.lti.system import Lti, of
-from boomctl.reduction.core import structure_core
 from boomctl.reduction.reduce import reduce
-from boomctl.reduction.verify import verified_norm
 from boomctl.structure.model import SecondOrderModel
 
 _REDUCTION = "Reduction of the boom, actuators -> tips, verification included; peers do not verify"
@@ -74,10 +69,13 @@ def reduction_lines(rounds: int, tell: Tell, elements: int = 200, order: int = 1
 
     jobs = {"ours": Job(ours, fresh), "control.balred": Job(balred)}
     if find_spec("pymor") is not None:
-        jobs["pyMOR"] = Job(lambda given: answers.update({"pyMOR": _pymor(given, order)}), fresh)
+        jobs["pyMOR"] = Job(
+            lambda given: answers.update({"pyMOR": balanced_by_pymor(given.to_statespace(), order)}), fresh
+        )
     tell(f"reduction of {elements} elements to order {order}")
     times = interleaved(jobs, rounds)
-    errors = {name: _error(model, answer) for name, answer in answers.items()}
+    error = referee(model, _REFEREE_MODES)
+    errors = {name: error(answer) for name, answer in answers.items()}
     best = min(error for name, error in errors.items() if name != "ours")
     rows = []
     for name in (name for name in jobs if name != "ours"):
@@ -88,26 +86,6 @@ def reduction_lines(rounds: int, tell: Tell, elements: int = 200, order: int = 1
         mine, theirs = Measured(times["ours"], errors["ours"]), Measured(times[name], errors[name])
         rows.append(race(_REDUCTION, job, mine, theirs, target, met))
     return rows
-
-
-def _error(model: SecondOrderModel, reduced: control.StateSpace) -> float:
-    """Return the verified error of a reduced system, relative to the norm of the full one."""
-    core = structure_core(model, _REFEREE_MODES)
-    if core is None:
-        raise ValueError("the referee's core of the boom has no bound")
-    nothing = Lti(core.kept.A[:0, :0], core.stable.B[:0], core.stable.C[:, :0], 0.0 * core.stable.D)
-    size = verified_norm(core.stable, core.modal, nothing).lower
-    return (verified_norm(core.stable, core.modal, of(reduced).balanced()).upper + core.tail) / size
-
-
-def _pymor(model: SecondOrderModel, order: int) -> control.StateSpace:
-    """Return pyMOR's balanced truncation of the first-order form."""
-    full = model.to_statespace()
-    import_module("pymor.core.logger").set_log_levels({"pymor": "ERROR"})
-    form = import_module("pymor.models.iosys").LTIModel.from_matrices(full.A, full.B, full.C, full.D)
-    A, B, C, D, E = import_module("pymor.reductors.bt").BTReductor(form).reduce(order).to_matrices(format="dense")
-    small = (A, B) if E is None else (np.linalg.solve(E, A), np.linalg.solve(E, B))
-    return control.ss(*small, C, 0.0 * full.D if D is None else D)
 
 
 _SUBJECTS: tuple[Callable[[int, Tell], list[Row]], ...] = (reduction_lines, h_infinity_lines, loop_lines)

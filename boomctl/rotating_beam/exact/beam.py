@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.rotating_beam.beam import HubBeam, SmallMotion
+from boomctl.rotating_beam.chosen import ModelChoice
 from boomctl.rotating_beam.exact.basis import StrainBasis, strain_basis
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.run import run_to_tolerance
@@ -52,6 +53,8 @@ class GeometricallyExactBeam(HubBeam):
         the rates of strain.
     modes : int
         Number of polynomials of curvature, and of stretch, on each span; 1 to 60.
+    chosen : record, optional
+        What was chosen for its accuracy in a manoeuvre, and what was tried: see `hub_beam`.
 
     Attributes
     ----------
@@ -67,6 +70,7 @@ class GeometricallyExactBeam(HubBeam):
     parameters: HubBeamParameters
     modes: int = 8
     model: str = field(default="geometrically-exact", init=False)
+    chosen: ModelChoice | None = None
 
     @property
     def most_modes(self) -> int:

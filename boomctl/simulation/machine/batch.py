@@ -8,6 +8,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.progress import tell
+from boomctl.simulation.machine.buffered import Buffered
 from boomctl.simulation.machine.run import MachineLoop, StepSignals, loop_step, steps_for
 
 _TOLD = 100  # samples after which it is told how far the runs are (a choice)
@@ -110,18 +111,16 @@ def _run(batch: Batch, counts: tuple[int, ...]) -> tuple[Array, Array, Array] | 
         u[int(place)] += acting[k]
     outputs, margin = p.machine.read(s[:nz], u)
     kept = ca.vertcat(outputs[wanted], p.machine.judged(s[:nz]), acting, margin)
-    every = ca.Function("every", [s, w, d, n], [after, kept]).map(runs)
+    every = Buffered(ca.Function("every", [s, w, d, n], [after, kept]).map(runs))
     signals = np.hstack([beside.signals(), beside.signals(at_end=True)[:, None]])
     samples = p.grid.steps + 1
-    state = ca.DM(np.repeat(np.concatenate([p.start, np.zeros(p.size - nz)])[:, None], runs, axis=1))
-    own_values, found = ca.DM(batch.values.T), np.empty((samples, kept.numel(), runs))
-    none = ca.DM.zeros(0, runs)
+    state = np.repeat(np.concatenate([p.start, np.zeros(p.size - nz)])[:, None], runs, axis=1)
+    own_values, found, none = batch.values.T, np.empty((samples, kept.numel(), runs)), np.zeros((0, runs))
     for k in range(samples):
         if k % _TOLD == 0:
             tell(f"{runs} runs in steps of {sum(counts)} a sample", k, samples)
         noise = none if batch.noise is None else batch.noise[:, k].T
-        state, here = every(state, signals[:, k], own_values, noise)
-        found[k] = here
+        state, found[k] = every(state, np.broadcast_to(signals[:, k, None], (beside.rows, runs)), own_values, noise)
     found = np.ascontiguousarray(found.transpose(1, 2, 0))
     if not np.isfinite(found).all():  # which steps too long may cause as well as the loop
         return None

@@ -19,6 +19,7 @@ from boomctl.arrays import Array
 from boomctl.checks import exactly
 from boomctl.progress import tell
 from boomctl.simulation.controller import SampledController
+from boomctl.simulation.machine.buffered import Buffered, at_columns
 from boomctl.simulation.machine.exponential_step import exponential_step
 from boomctl.simulation.machine.machine import MachineModes
 from boomctl.simulation.signals import TimeGrid
@@ -125,7 +126,6 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
         The loop diverges, the machine is deformed beyond its model, or the tolerance is not reached.
     """
     counts = tuple(steps_for(p.machine, length) for length in p.segments)
-    judged = p.machine.judged.map(len(p.grid.time))
     coarse, best, failures = None, np.inf, 0
     while True:
         finer = tuple(2 * count for count in counts)
@@ -140,7 +140,7 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
                     "the loop diverges: its states grow beyond all numbers before the last of timepts"
                 ) from None
             continue
-        there, here = (np.array(judged(found[0][:, :: p.grid.per_point])) for found in (first, second))
+        there, here = (at_columns(p.machine.judged, found[0][:, :: p.grid.per_point])[0] for found in (first, second))
         apart = np.abs(here - there).max(axis=1)
         wanted = atol + rtol * np.abs(here).max(axis=1)
         if (apart <= wanted).all():
@@ -208,7 +208,7 @@ def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]
     (unit, sample), beside, size = loop_step(p, counts), StepSignals(p), p.size
     steps = p.grid.steps
     block = min(_BLOCK, steps, late * ps + offset if queue == 1 and late else steps)
-    run, signals = unit.mapaccum("run", block), beside.signals()
+    run, signals = Buffered(unit.mapaccum("run", block)), beside.signals()
     state, states = np.concatenate([p.start, np.zeros(size - nz)]), np.empty((nz, steps + 1))
     log = ControlLog(*(np.zeros((p.samples, nu), dtype=kind) for kind in (float, float, bool, bool)))
     states[:, 0] = p.start
@@ -220,7 +220,7 @@ def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]
         if queue == 1 and late:
             come = (np.arange(k, end) - p.lag) // ps
             here[beside.arriving, : end - k] = np.where(come >= 0, log.given[np.maximum(come, 0)].T, 0.0)
-        moved, *taken = (np.array(each) for each in run(state, here))
+        moved, *taken = run(state, here)
         state = moved[:, end - k - 1]
         if not np.isfinite(state).all():
             raise _Overflow
@@ -407,7 +407,7 @@ def measured(p: MachineLoop, states: Array, controls: Array) -> Array:
     z, u, d = (ca.SX.sym(name, n) for name, n in (("z", nz), ("u", nu), ("d", nd)))
     read = ca.Function("read", [z, u, d], list(p.machine.read.call([z, _inputs(p, u, d)])))
     rows = p.W[p.disturbed][:, :: p.grid.per_point]
-    outputs, margin = (np.array(each) for each in read.map(len(p.grid.time))(states, controls, rows))
+    outputs, margin = at_columns(read, states, controls, rows)
     beyond = np.flatnonzero(margin[0] <= 0.0)
     if beyond.size:
         raise ValueError(

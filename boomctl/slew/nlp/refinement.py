@@ -10,7 +10,7 @@ from boomctl.slew.nlp.programme import Programme, Solution, prepare
 from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import Limits, SlewProblem
-from boomctl.slew.replay import played, prescribed_error, violation
+from boomctl.slew.replay import Motion, played, prescribed_error, violation
 from boomctl.slew.result import LimitsTooTight, SlewError
 from boomctl.slew.torque import TorqueHistory
 
@@ -22,6 +22,7 @@ _ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limi
 _EXCESS = 1e-9  # relative, over a limit, in a replay: rounding of the integrator
 _TIGHTER, _AT_LEAST = 1.1, 1e-6  # by how many times an excess, and how much more, a limit is tightened
 _HIGHEST = 9  # collocation points, order 17 and more: beyond, a step is not what the replay finds in error; a choice
+_ARRIVES = 1e-6  # of the largest of each state on the way, that a first guess may miss at the end: rounding is far less
 _LONGER = 1.5  # times the linear part's least time: what a first guess takes within more limits than the torque's
 
 
@@ -37,12 +38,15 @@ class Refined:
         Change of the cost when the mesh is halved, relative; infinite if there was no time for another mesh.
     path : tuple of str
         The meshes that were tried, in words.
+    motions : tuple of Motion or None
+        The replay of the solution; None where it was not replayed.
     """
 
     programme: Programme
     solution: Solution
     gap: float
     path: tuple[str, ...]
+    motions: tuple[Motion, ...] | None = None
 
 
 def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
@@ -64,12 +68,13 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
     """
     if problem.intervals is not None:
         path = (f"{problem.method} on {problem.intervals} intervals",)
-        programme, solution = _solved(problem, _guess(problem, least, None, problem.intervals), problem.intervals)
+        guess = _guess(problem, least, None, problem.intervals)
+        programme, solution, motions = _solved(problem, guess, problem.intervals)
         try:
-            gap = _gap(solution.cost, _companion(problem, problem.intervals, solution).cost)
+            gap = _gap(solution.cost, _companion(problem, programme, solution).cost)
         except OutOfTime as over:
-            return Refined(programme, solution, np.inf, (*path, f"out of time: {over}"))
-        return Refined(programme, solution, gap, path)
+            return Refined(programme, solution, np.inf, (*path, f"out of time: {over}"), motions)
+        return Refined(programme, solution, gap, path, motions)
     best: list[Refined] = []
     budget = problem.budget
     try:
@@ -82,12 +87,12 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
         excess = violation(problem, found.solution.history, motions)
         path = (*found.path, f"out of time: {over}")
         if prescribed_error(problem, motions) <= problem.tolerance and max(excess.values()) <= _EXCESS:
-            return replace(found, path=path)
+            return replace(found, path=path, motions=motions)
         found = best[max(0, len(best) - 2)]  # a coarser mesh, on which the order can be raised in the time that is left
         intervals = found.programme.transcription.scheme.intervals
         guess = _guess(problem, least, found.solution.history, intervals)
-        programme, solution = _solved(problem, guess, intervals)
-        return Refined(programme, solution, found.gap, (*path, f"{problem.method} on {intervals} intervals"))
+        programme, solution, motions = _solved(problem, guess, intervals)
+        return Refined(programme, solution, found.gap, (*path, f"{problem.method} on {intervals} intervals"), motions)
 
 
 def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: list[Refined]) -> Refined:
@@ -97,12 +102,12 @@ def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: li
         last, path = intervals == _MESHES[-1], (*path, f"{problem.method} on {intervals} intervals")
         try:
             guess = _guess(problem, least, coarser, intervals)
-            programme, solution = _solved(problem, guess, intervals, rough=not last)
+            programme, solution, motions = _solved(problem, guess, intervals, rough=not last)
             gap = _gap(solution.cost, cost)
             best.append(Refined(programme, solution, gap, path))
             if gap < _MESH_GAP and not last:
                 guess = _guess(problem, least, solution.history, intervals)
-                programme, solution = _solved(problem, guess, intervals)
+                programme, solution, motions = _solved(problem, guess, intervals)
         except LimitsTooTight as error:
             if error.excess > min(_TOO_MUCH, 0.5 * before):
                 raise
@@ -113,7 +118,7 @@ def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: li
             continue
         cost, coarser = solution.cost, solution.history
         if gap < _MESH_GAP or last:
-            return Refined(programme, solution, gap, path)
+            return Refined(programme, solution, gap, path, motions)
     raise failure
 
 
@@ -121,14 +126,30 @@ def _gap(cost: float, other: float) -> float:
     return abs(cost - other) / max(abs(cost), 1e-300)
 
 
-def _companion(problem: SlewProblem, intervals: int, solution: Solution) -> Solution:
-    """The solution on a mesh half as fine, or twice as fine where that one allows none."""
+def _companion(problem: SlewProblem, programme: Programme, solution: Solution) -> Solution:
+    """The solution on a mesh half as fine, or twice as fine where that one is too coarse; it is about as exact as the given.
+
+    Too coarse is a mesh on which the linear part's least effort does not come to the end, or that allows no slew. The
+    solution tells the cost alone: it is not replayed.
+    """
+    scheme = programme.transcription.scheme
+    intervals, order = scheme.intervals, scheme.order
     if intervals >= 4 * problem.ends.shape[0]:  # fewer than two an end condition would leave nothing to choose
-        try:
-            return _solved(problem, _guess(problem, None, solution.history, intervals // 2), intervals // 2)[1]
-        except SlewError:
-            pass
-    return _solved(problem, _guess(problem, None, solution.history, 2 * intervals), 2 * intervals)[1]
+        guess = _guess(problem, None, solution.history, intervals // 2)
+        if guess.free is None or _arrives(problem, guess):
+            finer = 2 * order if problem.method == "shooting" else min(order + 1, _HIGHEST)
+            try:
+                return _solved(problem, guess, intervals // 2, rough=True, order=finer)[1]
+            except SlewError:
+                pass
+    guess = _guess(problem, None, solution.history, 2 * intervals)
+    return _solved(problem, guess, 2 * intervals, rough=True, order=order)[1]
+
+
+def _arrives(problem: SlewProblem, guess: Guess) -> bool:
+    """Whether the linear part's least effort comes to the end: where it does not, the mesh is most likely too coarse."""
+    way = np.abs(problem.ends) @ guess.sizes
+    return bool((np.abs(problem.ends @ (guess.states[-1] - problem.target)) <= _ARRIVES * way).all())
 
 
 def _ramps(problem: SlewProblem) -> bool:
@@ -148,12 +169,16 @@ def _guess(problem: SlewProblem, least: TorqueHistory | None, before: TorqueHist
     return guess_from(problem, before, intervals, _ramps(problem))
 
 
-def _solved(problem: SlewProblem, guess: Guess, intervals: int, rough: bool = False) -> tuple[Programme, Solution]:
-    """Solve on a mesh, with the order raised and the limits tightened until the replay keeps what was asked.
+def _solved(
+    problem: SlewProblem, guess: Guess, intervals: int, rough: bool = False, order: int | None = None
+) -> tuple[Programme, Solution, tuple[Motion, ...] | None]:
+    """Solve on a mesh, with the order raised and the limits tightened until the replay, returned too, keeps what was asked.
 
     A rough solution is not replayed: it tells the cost, and where to start on the next mesh.
     """
-    order, limits = 1 if problem.method == "shooting" else 3, problem.limits
+    if order is None:
+        order = 1 if problem.method == "shooting" else 3
+    limits = problem.limits
     programme, before, missed, worst = None, guess, np.inf, np.inf
     for _ in range(_ROUNDS):
         if programme is None:
@@ -170,7 +195,7 @@ def _solved(problem: SlewProblem, guess: Guess, intervals: int, rough: bool = Fa
             programme = prepare(problem, scheme, guess, problem.tolerance)
         solution = programme.solve(problem, before, limits)
         if rough:
-            return programme, solution
+            return programme, solution, None
         motions = played(problem, solution.history)
         excess = violation(problem, solution.history, motions)
         worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
@@ -182,7 +207,7 @@ def _solved(problem: SlewProblem, guess: Guess, intervals: int, rough: bool = Fa
         elif worst > _EXCESS:
             limits, before = _tightened(limits, excess), solution
         else:
-            return programme, solution
+            return programme, solution, motions
     raise SlewError(
         f"intervals = {intervals}: the replay misses the end by {missed:.1e} or exceeds a limit by "
         f"{worst:.1e}; expected {problem.tolerance:.1e}. More intervals may help"
@@ -198,14 +223,15 @@ def _tightened(limits: Limits, excess: dict[str, float]) -> Limits:
     return replace(limits, **smaller)
 
 
-def solved_again(problem: SlewProblem, programme: Programme, before: Solution) -> Solution:
-    """Solve a programme with other data, the limits tightened until the replay keeps them."""
+def solved_again(problem: SlewProblem, programme: Programme, before: Solution) -> tuple[Solution, tuple[Motion, ...]]:
+    """Solve a programme with other data, the limits tightened until the replay, returned too, keeps them."""
     limits, worst = problem.limits, np.inf
     for _ in range(_ROUNDS):
         before = programme.solve(problem, before, limits)
-        excess = violation(problem, before.history, played(problem, before.history))
+        motions = played(problem, before.history)
+        excess = violation(problem, before.history, motions)
         worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
         if worst <= _EXCESS:
-            return before
+            return before, motions
         limits = _tightened(limits, excess)
     raise SlewError(f"result: solved again on its mesh a limit is exceeded by {worst:.1e}; plan this one anew")

@@ -224,6 +224,7 @@ class SuspensionResult:
             "assurance": dict(self.assurance),
             "controller": None if self.design.controller is None else {"states": self.design.controller.nstates},
             "worst_case": self._worst_case(),
+            "deposit_cv_found_over_box": None if self.assured is None else self.assured.deposit.cv,
         }
 
     def _worst_case(self) -> dict[str, Any] | None:

@@ -135,15 +135,27 @@ def performance(
     )
     late = scene.delay if delay is None else nonnegative("delay", delay)
     loop = loop_between(model, controller, TIPS, delay=late)
-    motion = scene.motion()
-    run = _run(model, controller, scene, motion, friction, late)
-    points, moved = _boom_motion(run, parameters)
-    record = run.time >= run.time[0] + scene.run_in
-    nozzles = nozzle_positions(parameters.length)
-    sprays = spray_by_motion(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
+    run, sprays = field_run(scene, parameters, controller, plant=model, friction=friction, delay=late)
     return Performance(
         title, _loop_sigma(loop), _part(loop, 1.0), _part(loop, -1.0), run, *sprays, sampled=loop.isdtime(strict=True)
     )
+
+
+def field_run(
+    scene: FieldScene,
+    parameters: BoomParameters,
+    controller: control.StateSpace | None,
+    *,
+    plant: SecondOrderModel | control.StateSpace,
+    friction: CoulombFriction | None = None,
+    delay: float,
+) -> tuple[LoopResult, tuple[SprayResult, SprayResult, SprayResult]]:
+    """Return a run over the field, and the spray of the whole motion, of its symmetric and of its antisymmetric part."""
+    run = _run(plant, controller, scene, scene.motion(), friction, delay)
+    points, moved = _boom_motion(run, parameters)
+    record = run.time >= run.time[0] + scene.run_in
+    nozzles = nozzle_positions(parameters.length)
+    return run, spray_by_motion(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
 
 
 def loop_between(

@@ -21,7 +21,7 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
 from boomctl.printing import compact
 from boomctl.structure.model import split_symmetric
-from boomctl.studies.suspension.assurance import FAMILY_ELEMENTS, MASS, MIXED, SPRING, margin_text
+from boomctl.studies.suspension.assurance import FAMILY_ELEMENTS, MASS, MIXED, SPRING, WorstDeposit, margin_text
 from boomctl.studies.suspension.performance import loop_between
 from boomctl.studies.suspension.scene import FieldScene, suspension_model
 from boomctl.synthesis.plants.symmetry import split_controller
@@ -47,6 +47,8 @@ class SampledAssurance:
         Largest certified peak from platform to tips at the samples among these booms.
     worst_at : dict
         Springs and mass of that boom, relative.
+    deposit : WorstDeposit
+        The least even deposit found over that box.
     family_sigma : tuple of SigmaResult
         Singular values at corners and middles of the edges of the box.
     """
@@ -58,6 +60,7 @@ class SampledAssurance:
     finer: float
     worst: float
     worst_at: Mapping[str, float]
+    deposit: WorstDeposit
     family_sigma: tuple[SigmaResult, ...] = field(repr=False)
 
     __repr__ = compact
@@ -77,6 +80,7 @@ class SampledAssurance:
         )
         where = ", ".join(f"{name} {value:.3g}" for name, value in self.worst_at.items())
         said["worst peak found there"] = f"{self.worst:.4g} at {where}"
+        said["worst deposit found there"] = self.deposit.statement
         finer = "stable" if self.finer < 1.0 else "NOT stable"
         said[f"mesh of {_FINE} elements"] = f"{finer}: largest pole {self.finer:.5f}"
         return said
@@ -128,5 +132,6 @@ def assure_sampled(p: BoomParameters, K: control.StateSpace, scene: FieldScene, 
         finer=float(np.abs(fine.poles()).max()),
         worst=worst[0],
         worst_at=worst[1],
+        deposit=WorstDeposit.over(p, K, scene, delay),
         family_sigma=tuple(family),
     )

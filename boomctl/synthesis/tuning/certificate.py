@@ -11,14 +11,13 @@ from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.lti.modal import sides
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import compact, sentence
-from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
-from boomctl.synthesis.hinf.bounds import Deadline, lowest_level
-from boomctl.synthesis.hinf.normal_form import normalised
+from boomctl.synthesis.assumptions import SynthesisError
+from boomctl.synthesis.hinf import full_order as any_order
+from boomctl.synthesis.hinf.bounds import Deadline
 from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.synthesis.tuning.channels import Channel
 
-_BOUND_WITHIN = 1e-3  # relative distance to which the lowest level of any controller is looked for (a choice)
 _REFUTED = 1e-6  # a verified norm below a bound by more than this share refutes it: it was made by rounding
 _MOST_BOUNDS = 3  # models whose bound is looked for: those where the norm is largest (a choice of patience)
 
@@ -97,8 +96,8 @@ class TuneCertificate:
     peaks : tuple of ActivePeak
         The peaks that keep the norm from going lower.
     stationarity : float
-        Length of the least element of the hull of the gradients of these peaks' logarithms, the free numbers counting in
-        natural sizes: near zero where no small step goes lower.
+        Length of the least element of the hull of the gradients of these peaks, over that of the longest of them: near zero
+        where no small step goes lower, one where a single smooth peak still falls.
     active : tuple of str
         Bounds that are used up.
     path : tuple of str
@@ -229,8 +228,9 @@ def full_order_bound(
 def _bound(plant: GeneralizedPlant, channel: Channel, limit: float) -> float:
     if channel.norm == "h2":
         return h2(plant.system.statespace("P"), plant.nmeas, plant.ncon).optimum
-    check_ranks(plant)
-    ready = normalised(plant)
-    check_modes(plant, ready)
-    check_zeros(plant, ready)
-    return lowest_level(ready, _BOUND_WITHIN, Deadline.after(limit)).lower
+    if not (plant.nmeas and plant.ncon):
+        raise SynthesisError("there is no controller")
+    found = any_order.full_order_bound(plant, Deadline.after(limit))
+    if found.lower == 0.0 and found.told:
+        raise SynthesisError(found.told)
+    return found.lower

@@ -23,13 +23,12 @@ def peak_hessian(point: Point, piece: Piece) -> Array:
     before, after = loop.before[:n], loop.after[:, :n]
     through, into = loop.before[n + rows].astype(complex), loop.after[:, n + columns].astype(complex)
     moving = np.isfinite(piece.omega) and n > 0 and piece.omega > 0.0
+    P = np.zeros((n, n), complex)  # what it is at infinite frequency
     if np.isfinite(piece.omega) and n:
         P = np.linalg.inv(1j * piece.omega * np.eye(n) - loop.A)
-        CP, PB = C @ P, P @ B
-        left, right, around = CP @ before + through, after @ PB + into, after @ P @ before + loop.around
-        G = CP @ B + D
-    else:
-        left, right, around, G = through, into, loop.around, D.astype(complex)
+    CP, PB = C @ P, P @ B
+    left, right, around = CP @ before + through, after @ PB + into, after @ P @ before + loop.around
+    G = CP @ B + D
     U, values, Vh = np.linalg.svd(G)
     u, v, top = U[:, 0], Vh[0].conj(), float(values[0])
     l, r = u.conj() @ left, right @ v

@@ -17,6 +17,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.synthesis.tuning.problem import Closed, Problem, ScaledPlant, close
 from boomctl.synthesis.tuning.responses import BELOW, Response, coarse, grid, peaks
+from boomctl.synthesis.tuning.solver.highest import STATES, highest_peak
 
 _STEP = 1e-3  # of differences, in halves of a parameter's range: rounding and what is left out are 1e-12 then (derived)
 _BEND = 1e-5  # of differences of a controller's derivatives: they need to be right to some digits alone
@@ -59,7 +60,10 @@ class Piece:
 class Point:
     """The loops at one choice of the free numbers."""
 
-    def __init__(self, problem: Problem, x: Array, known: "dict[tuple[int, int], Array] | None" = None) -> None:
+    def __init__(
+        self, problem: Problem, x: Array, known: "dict[tuple[int, int], Array] | None" = None, quick: bool = False
+    ) -> None:
+        self.quick = quick  # the highest peak alone, to a millionth where another is as high: enough for a descent
         self.problem, self.x = problem, x
         self._known = {} if known is None else known
         self._responses: dict[tuple[int, int], Response] = {}
@@ -250,8 +254,20 @@ class Point:
         """Return frequencies and values of the peaks of a channel within a share of the highest."""
         key = (model, channel, window)
         if key not in self._peaks:
-            self._peaks[key] = peaks(self.response(model, channel), *self._coarse(model, channel)[:2], window)
+            at_once = self._at_once(model, channel) if self.quick and window == 0.0 else None
+            if at_once is None:
+                at_once = peaks(self.response(model, channel), *self._coarse(model, channel)[:2], window)
+            self._peaks[key] = at_once
         return self._peaks[key]
+
+    def _at_once(self, model: int, channel: int) -> tuple[Array, Array] | None:
+        """Return the highest peak of a small loop without a grid; None where there is none or the loop is large."""
+        loop = self.loops[model] if model >= 0 else None
+        if loop is None or not 0 < len(loop.A) <= STATES:
+            return None
+        parts = loop.part(self.problem.columns[channel], self.problem.rows[channel])
+        found = highest_peak(loop.A, *parts, self._known.get((model, channel), np.zeros(0)))
+        return None if found is None else (np.array([found[0]]), np.array([found[1]]))
 
     def _coarse(self, model: int, channel: int) -> tuple[Array, Array, float]:
         """Return a grid, the largest singular values there, and the largest of all."""
@@ -296,7 +312,8 @@ class Point:
     def _highest(self, limits: bool) -> tuple[int, int, float, float] | None:
         """Return model, channel, frequency and value of the highest objective, or of the highest budget."""
         pairs = [pair for pair in self._sums if self._is_limit(pair[1]) == limits]
-        rough = [log(max(self._coarse(*pair)[2], _TINY)) - self._offset(pair[1]) for pair in pairs]
+        alone = len(pairs) == 1
+        rough = [0.0 if alone else log(max(self._coarse(*p)[2], _TINY)) - self._offset(p[1]) for p in pairs]
         best: tuple[int, int, float, float] | None = None
         for i in np.argsort(rough)[::-1]:
             if best is not None and rough[i] < best[3] + log(BELOW):

@@ -21,6 +21,10 @@ _SLOWEST = 1e-6  # share of the fastest pole below which a slow one says nothing
 _MARGIN = 1e-9  # share of a loop's own band by which its poles stay left of the axis: above rounding (a choice)
 _INDEPENDENT = 1e7  # size of the inverse of eigenvectors up to which responses keep eight digits (a choice)
 _HAIR = 1e-7  # share of itself by which such an eigenvalue is moved: far less than norms are tuned to
+_LOW = 1e-3  # share of its peak down to which a response says how large it is: tails of rods fall for ever (a choice)
+_NOTHING = (
+    1e-10  # share of what its entry and exit alone would let through below which a response is rounding (a choice)
+)
 _ILL_POSED = 1e-10  # least singular value of I - K D22 up to which a loop is not well-posed (a choice)
 
 
@@ -140,9 +144,11 @@ class Closed:
         T, Z = linalg.schur(self.A, output="complex", check_finite=False)
         return T, Z.conj().T, Z
 
-    @property
+    @cached_property
     def poles(self) -> Array:
         """Eigenvalues [rad/s]."""
+        if "coordinates" not in self.__dict__:  # whoever asks for the poles alone does not wait for the coordinates
+            return np.linalg.eigvals(self.A).astype(complex) if len(self.A) else np.zeros(0, complex)
         A = self.coordinates[0]
         return A if A.ndim == 1 else np.diagonal(A)
 
@@ -239,8 +245,8 @@ class Problem:
         """Whether the controller's matrices depend on the free numbers in straight lines."""
         middle = np.where(np.isfinite(self.high), 0.5 * (np.maximum(self.low, -1e300) + self.high), 0.0)
         drawn = np.random.default_rng(0).normal(size=(2, len(middle)))
-        slopes = [self.structure.system(middle + 0.1 * each, self.ports).matrix().slopes for each in drawn]
-        return bool(np.array_equal(*slopes))
+        one, other = (self.structure.system(middle + 0.1 * each, self.ports).matrix().slopes for each in drawn)
+        return bool((one == other).all())
 
     def controller(self, x: Array) -> Jet:
         """Return ``[[A, B], [C, D]]`` of the controller in the users' units, with derivatives."""
@@ -277,9 +283,8 @@ def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
         size = np.zeros((first.nmeas, first.ncon))
         for plant in plants:
             part = replace(plant.system, B=plant.B2, C=plant.C2, D=plant.D22, inputs=(), outputs=())
-            with np.errstate(divide="ignore"):
-                size += np.log(np.abs(part.balanced().response(omega, quiet=True))).clip(-200.0, 200.0).mean(axis=2)
-        size = np.where(size / len(plants) > -150.0, size / len(plants), np.nan)
+            size += _size(part, omega)
+        size /= len(plants)
         for _ in range(_ROUNDS):
             rows = _mean(size + columns, 1)
             columns = -_mean(size - rows[:, None], 0)
@@ -292,6 +297,18 @@ def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
         slowest,
         fastest,
     )
+
+
+def _size(part: Lti, omega: Array) -> Array:
+    """Return logarithms of the sizes of responses, by their upper three decades; nan where nothing but rounding passes."""
+    found = np.abs(part.balanced().response(omega, quiet=True))
+    top = found.max(axis=2)
+    fastest = float(np.abs(part.poles).max(initial=0.0)) or 1.0
+    least = _NOTHING * np.outer(np.linalg.norm(part.C, axis=1), np.linalg.norm(part.B, axis=0)) / fastest
+    there = (top > np.maximum(least, np.finfo(float).tiny)) & np.isfinite(top)
+    with np.errstate(divide="ignore"):
+        size = np.log(np.maximum(found, _LOW * top[:, :, None])).mean(axis=2)
+    return np.where(there, size, np.nan)
 
 
 def _mean(values: Array, axis: int) -> Array:

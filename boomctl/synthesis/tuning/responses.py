@@ -16,7 +16,7 @@ _NARROWEST = 1e-9  # share of its frequency that a resonance is taken to be wide
 _ROUNDS = 6  # of narrowing brackets, each to a tenth or less where the peak is smooth (a choice)
 _CLOSE = 0.05  # share of a bracket to either side of a parabola's top (a choice)
 _PLACED = 1e-7  # relative width of a bracket that needs no narrowing: the value is then known to its square
-_FLAT = 1e-7  # share by which a bracket's ends lie below its top where the top is known to its square (a choice)
+_FLAT = 1e-9  # share by which a bracket's ends lie below its top where the top is known to its square (a choice)
 BELOW = 0.8  # share of a peak's height that the grid shows at least (a choice: it follows the poles)
 _COLUMNS = 200_000  # entries of states at once: what stays in the cache (a choice)
 
@@ -44,7 +44,8 @@ class Response:
         """Return a channel of a loop."""
         B, C, D = loop.part(columns, rows)
         A, into, out_of = loop.coordinates
-        return cls(loop.poles, A, into @ B, C @ out_of, D)
+        poles = A if A.ndim == 1 else np.diagonal(A)  # in the order of the coordinates
+        return cls(poles, A, into @ B, C @ out_of, D)
 
     def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""

@@ -32,8 +32,7 @@ class TuneResult:
     certificate : TuneCertificate
         What vouches for the controller, and how far from the best of any order it is.
     values : dict of str to float
-        The free numbers by name, in the units of the signals; entries of free matrices in the order ``A, B, C, D``
-        in the search's own sizes.
+        The free numbers by name, in the units of the signals and rad/s.
     physical : dict of str to float
         The physical parameters among them.
     starts : tuple of TuneStart

@@ -327,7 +327,9 @@ class _Task:
         problem = self.problem(self.structure, ports)
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # of what is tried and given up
-            found = search(problem, starts, rng, self.deadline, begun, self.tell, lambda less: self.problem(less, ports))
+            found = search(
+                problem, starts, rng, self.deadline, begun, self.tell, lambda less: self.problem(less, ports)
+            )
         if found.best is None:
             ended = [each for each in ("out of time", "stopped") if each in found.path]
             when = f" before it was {ended[0]}" if ended == ["stopped"] else " in the time allowed" if ended else ""
@@ -381,7 +383,7 @@ def _initial(problem: Problem, given: "Mapping[str, float]") -> Array:
         value = real(f"initial {each.name}", given[each.name])
         if each.kind != GAIN:
             within(f"initial {each.name}", value, each.low, each.high)
-        x.append(value if each.kind == GAIN else each.number(value))
+        x.append(each.number(value))
     return np.array(x)
 
 
@@ -408,7 +410,7 @@ def _over_family(
         except SynthesisError:
             path.append("found nothing with it")
             break
-        again.starts[:0] = found.starts
+        again.earlier = found.starts
         path += again.path
         task, found = more, again
     return task, found, worst

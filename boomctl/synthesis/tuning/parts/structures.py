@@ -1,7 +1,7 @@
 """Structures of controllers: what their free numbers are, and the system that these make, with its derivatives."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import exp, inf, log
 
 import numpy as np
@@ -18,12 +18,16 @@ _DEEP, _WIDE = (1e-3, 1.0), (0.02, 3.0)  # damping ratios of a notch's zeros and
 
 @dataclass(frozen=True)
 class Free:
-    """One free number: its name, what it is, and the ends of its range; what is positive is searched for as logarithm."""
+    """One free number: its name, what it is, the ends of its range, and what a one of the search stands for.
+
+    What is positive is searched for as its logarithm.
+    """
 
     name: str
     kind: str
     low: float = -inf
     high: float = inf
+    scale: float = 1.0
 
     @property
     def logarithmic(self) -> bool:
@@ -42,7 +46,7 @@ class Free:
             return float(min(max(exp(x), self.low), self.high))
         if self.kind == PHYSICAL:
             return 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * float(x)
-        return float(x)
+        return self.scale * float(x)
 
     def number(self, value: float) -> float:
         """Return the number of the search that stands for a value."""
@@ -50,7 +54,7 @@ class Free:
             return log(value)
         if self.kind == PHYSICAL:
             return (value - 0.5 * (self.low + self.high)) / (0.5 * (self.high - self.low))
-        return value
+        return value / self.scale
 
 
 @dataclass(frozen=True)
@@ -148,9 +152,13 @@ def _parts(structure: Structure) -> tuple[Structure, ...]:
     return structure.parts if isinstance(structure, Sum) else (structure,)
 
 
-def _each(ports: Ports, name: str) -> tuple[Free, ...]:
+def _each(ports: Ports, name: str, rate: float = 1.0) -> tuple[Free, ...]:
     """Return a free gain from each measurement to each control."""
-    return tuple(Free(f"{name}[{u}, {y}]", GAIN) for u in ports.controls for y in ports.measurements)
+    return tuple(
+        Free(f"{name}[{u}, {y}]", GAIN, scale=float(act / read) * rate)
+        for u, act in zip(ports.controls, ports.acts, strict=True)
+        for y, read in zip(ports.measurements, ports.reads, strict=True)
+    )
 
 
 def _scaled(jet: Jet, ports: Ports) -> Jet:
@@ -180,9 +188,12 @@ class Pid(Structure):
     def free(self, ports: Ports) -> tuple[Free, ...]:
         found = _each(ports, "proportional")
         if self.integral:
-            found += _each(ports, "integral")
+            found += _each(ports, "integral", ports.rate)
         if self.derivative:
-            found += (*_each(ports, "derivative"), Free("filter", RATE, *ports.rates(self.low, self.high)))
+            found += (
+                *_each(ports, "derivative", 1.0 / ports.rate),
+                Free("filter", RATE, *ports.rates(self.low, self.high)),
+            )
         return found
 
     def system(self, x: Array, ports: Ports) -> SystemJet:
@@ -303,9 +314,20 @@ class StateSpace(Structure):
     strictly_proper: bool = False
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
-        rows, columns = ports.shape
-        n, last = self.order, 0 if self.strictly_proper else rows * columns
-        return tuple(Free(f"entry[{i}]", GAIN) for i in range(n * (n + rows + columns) + last))
+        states, rate, acts, reads = np.ones(self.order), ports.rate, ports.acts, ports.reads
+        parts = {
+            "A": rate * np.outer(states, states),
+            "B": rate * np.outer(states, 1.0 / reads),
+            "C": np.outer(acts, states),
+            "D": np.outer(acts, 1.0 / reads),
+        }
+        kept = [letter for letter in parts if letter != "D" or not self.strictly_proper]
+        return tuple(
+            Free(f"{letter}[{i}, {j}]", GAIN, scale=float(parts[letter][i, j]))
+            for letter in kept
+            for i in range(parts[letter].shape[0])
+            for j in range(parts[letter].shape[1])
+        )
 
     def system(self, x: Array, ports: Ports) -> SystemJet:
         (rows, columns), n, k = ports.shape, self.order, len(x)
@@ -389,14 +411,16 @@ class Series(Structure):
 
     def _ports(self, ports: Ports) -> tuple[Ports, Ports]:
         """Return the ports of either part; between them signals count in ones."""
-        inner = ports.shape[0] if self.last.square or not self.first.square else ports.shape[1]
+        if self.first.square:  # what passes unchanged keeps names and sizes
+            return ports, replace(
+                ports, controls=ports.measurements, acts=np.ones(len(ports.reads)), reads=np.ones(len(ports.reads))
+            )
+        if self.last.square:
+            ones = np.ones(len(ports.acts))
+            return replace(ports, measurements=ports.controls, reads=ones, acts=ones), ports
+        inner = ports.shape[0]
         names, ones = tuple(f"v{i + 1}" for i in range(inner)), np.ones(inner)
-        behind = Ports(names, ports.controls, ones, ports.acts, ports.rate, ports.slowest, ports.fastest)
-        before = Ports(ports.measurements, names, ports.reads, ones, ports.rate, ports.slowest, ports.fastest)
-        if self.last.square:  # what passes unchanged does not take the sizes of the controls away
-            before = Ports(ports.measurements, names, ports.reads, ports.acts, ports.rate, ports.slowest, ports.fastest)
-        elif self.first.square:
-            behind = Ports(names, ports.controls, ports.reads, ports.acts, ports.rate, ports.slowest, ports.fastest)
+        behind, before = replace(ports, measurements=names, reads=ones), replace(ports, controls=names, acts=ones)
         return behind, before
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
@@ -437,25 +461,20 @@ class Decentralised(Structure):
             for ys, us, structure in self.loops
         ]
 
+    def _own(self, ports: Ports) -> Ports:
+        """Return ports in which the same numbers mean the same gains in the users' units, where loops share them."""
+        if not self.shared:
+            return ports
+        reads, acts = (np.full(len(sizes), np.exp(np.mean(np.log(sizes)))) for sizes in (ports.reads, ports.acts))
+        return replace(ports, reads=reads, acts=acts)
+
     def free(self, ports: Ports) -> tuple[Free, ...]:
-        loops = self._loops(ports)
-        found = [part.free(ports.part(rows, columns)) for rows, columns, part in loops]
+        own = self._own(ports)
+        found = [part.free(own.part(rows, columns)) for rows, columns, part in self._loops(ports)]
         return found[0] if self.shared else _told_apart(found)
 
     def system(self, x: Array, ports: Ports) -> SystemJet:
-        found, start = static(fixed(np.zeros(ports.shape), len(x))), 0
-        own = ports
-        if self.shared:  # the same numbers mean the same gain in the users' units
-            reads, acts = np.exp(np.mean(np.log(ports.reads))), np.exp(np.mean(np.log(ports.acts)))
-            own = Ports(
-                ports.measurements,
-                ports.controls,
-                np.full(len(ports.reads), reads),
-                np.full(len(ports.acts), acts),
-                ports.rate,
-                ports.slowest,
-                ports.fastest,
-            )
+        found, start, own = static(fixed(np.zeros(ports.shape), len(x))), 0, self._own(ports)
         for rows, columns, part in self._loops(ports):
             mine = own.part(rows, columns)
             size = len(part.free(mine))
@@ -472,5 +491,5 @@ def _told_apart(groups: list[tuple[Free, ...]]) -> tuple[Free, ...]:
     for i, group in enumerate(groups):
         for free in group:
             twice = names.count(free.name) > 1
-            found.append(Free(f"{free.name}.{i + 1}" if twice else free.name, free.kind, free.low, free.high))
+            found.append(replace(free, name=f"{free.name}.{i + 1}" if twice else free.name))
     return tuple(found)

@@ -18,10 +18,15 @@ _FALL = 0.1  # share of the promised gain that makes a step worth taking (a choi
 _GOOD = 0.6  # share of the promised gain from which on the next step may be longer (a choice)
 _ACTIVE = 1e-6  # multiplier from which on a piece is active (a choice)
 _NEAR = 0.1  # share of its frequency by which a peak may move in a step and be the same (a choice)
-_DAMPING, _LEAST, _LARGEST = 1.0, 1e-9, 1e9  # weight of a step's length in natural sizes: first, least, largest (choices)
+_DAMPING, _LEAST, _LARGEST = (
+    1.0,
+    1e-9,
+    1e9,
+)  # weight of a step's length in natural sizes: first, least, largest (choices)
 _FAR, _HAIR = 1e4, 1e-11  # natural sizes: how far an end is no matter, and room where there is none (choices)
 _FLAT = 1e-10  # share of the largest natural size below which a number's own is taken to be that
 _LITTLE = 1e-6  # step of differences of an H2 norm's gradient
+
 
 @dataclass(frozen=True)
 class Polished:
@@ -229,19 +234,23 @@ def _apart(a: float, b: float) -> float:
 
 
 def stationarity(pieces: list[Piece], x: Array, low: Array, high: Array) -> float:
-    """Return the length of the least element of the hull of gradients, what points out of the ends left away."""
-    slopes = np.array([p.gradient for p in pieces])
-    n, m = len(x), len(slopes)
-    if not m or not n:
+    """Return the length of the least element of the hull of gradients over that of the longest one.
+
+    Free numbers count in natural sizes, what points out of the ends is left away: zero where no small step goes lower, one
+    where there is but one piece that falls.
+    """
+    if not pieces or not len(x):
         return 0.0
+    slopes = np.array([p.gradient for p in pieces]) / np.sqrt(_sizes(pieces, np.zeros((len(x), len(x)))))
+    longest = float(np.linalg.norm(slopes, axis=1).max())
+    if longest == 0.0:
+        return 0.0
+    n = len(x)
+    H = np.diag([*np.ones(n), 0.0])
+    c = np.append(np.zeros(n), 1.0)
     aims = np.array([not p.limit for p in pieces])
-    H = np.zeros((n + 1, n + 1))
-    H[:n, :n] = np.eye(n)
-    c = np.zeros(n + 1)
-    c[n] = 1.0
-    rows = np.column_stack([slopes, np.where(aims, -1.0, 0.0)])
-    up, down = (x >= high), (x <= low)
-    bounds = np.vstack([np.eye(n + 1)[:n][up], -np.eye(n + 1)[:n][down]])
-    G = np.vstack([rows, bounds])
-    y, _ = least(H, c, G, np.full(len(G), 1e-13))
+    rows = np.column_stack([slopes / longest, np.where(aims, -1.0, 0.0)])
+    unit = np.eye(n + 1)[:n]
+    G = np.vstack([rows, unit[x >= high], -unit[x <= low]])
+    y, _ = least(H, c, G, np.full(len(G), _HAIR))
     return float(np.linalg.norm(y[:n]))

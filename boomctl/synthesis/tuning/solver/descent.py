@@ -10,6 +10,8 @@ from boomctl.arrays import Array
 
 _FALL, _TURN = 1e-4, 0.5  # of the weak Wolfe conditions (usual)
 _TRIALS = 30  # of a line search: the step is then known to 1e-9 (a choice)
+_LITTLE = 1e-3  # share of the gain worth having that a step must promise at least (a choice)
+_NARROW, _ROUNDING = 1e-9, 1e-14  # a line search ends where the interval, or what it can gain, is rounding
 _STALLED = 10  # steps whose common gain decides whether to go on (a choice)
 
 Function = Callable[[Array], tuple[float, Callable[[], Array]]]
@@ -78,7 +80,7 @@ def descend(
             H, fresh = np.eye(n), True
             d = np.where(moving, -g, 0.0)
         falling = float(g @ d)
-        if falling == 0.0:
+        if -falling <= _LITTLE * gain:
             return Descended(x, value, k)
         new = _weak_wolfe(function, x, d, value, falling, low, high, fresh)
         if new is None:
@@ -130,6 +132,6 @@ def _weak_wolfe(
             if gradient @ d >= _TURN * falling or t >= longest:
                 return best
         t = 0.5 * (short + far) if far < inf else min(2.0 * t, longest)
-        if far < inf and far - short <= 1e-12 * far:
+        if far < inf and (far - short <= _NARROW * far or -t * falling <= _ROUNDING * max(1.0, abs(value))):
             break
     return best

@@ -17,15 +17,19 @@ from boomctl.synthesis.tuning.solver.descent import descend
 from boomctl.synthesis.tuning.solver.starts import drawn, grown, lower
 
 _STABILISING = 300  # steps of the descent of the spectral abscissa at most (a choice)
-_DESCENDING, _POLISHING = 200, 60  # steps of a descent and of a polish at most (choices)
+_DESCENDING, _POLISHING = 400, 60  # steps of a descent and of a polish at most (choices)
+_BRIEF = 20  # steps of the first polish of a start, after which the best are chosen (a choice)
+_FINISHED = 3  # starts that are taken to the end, the best after their first turn (a choice)
+_SHAKES = (0.1, 0.01)  # shares by which the numbers of the best are moved, for one more start each (a choice)
+_BEGINNING = 0.5  # share of the time in which starts are begun; then the best are finished (a choice)
+_HOPE = 4.0  # turns that each gain as much as the last which would bring an attempt down to the best (a choice)
 _ROUNDS = 8  # of both in turn at most (a choice)
 _GAIN = 1e-6  # relative gain of ten steps, or of a round, below which nothing changes (a choice)
-_PROMISE = 1e-8  # relative gain that a step must promise (a choice)
+_PROMISE = 1e-11  # relative gain that a step must promise (a choice)
 _WEIGHT = 10.0  # what a unit of an exceeded bound costs at first (a choice); grows until the bounds are kept
 _KEPT = 1e-6  # by how much a bound may be exceeded: what the certificate allows too (a choice)
 _MISSED = 1e-4  # relative height above the peaks known from which on one counts as missed (a choice)
 _ZERO = 1e-9  # share of the first norm seen below which a norm counts as zero: nothing is left to gain
-_PROMISING = 0.25  # logarithm of the norm above the best up to which a start is polished to the end (a choice)
 
 
 class OutOfTime(Exception):
@@ -55,6 +59,26 @@ class TuneStart:
 
 
 @dataclass
+class Attempt:
+    """One start on its way; merits and values are logarithms, ``gain`` is that of the last turn."""
+
+    kind: str
+    x: Array
+    open: bool = False
+    value: float = inf
+    merit: float = inf
+    gain: float = inf
+    weight: float = _WEIGHT
+    steps: int = 0
+    stationary: bool = False
+
+    @property
+    def start(self) -> TuneStart:
+        """What it came to."""
+        return TuneStart(self.kind, exp(self.value) if self.value < inf else inf, self.steps, self.stationary)
+
+
+@dataclass
 class Search:
     """A search that can be stopped at any moment.
 
@@ -72,15 +96,16 @@ class Search:
     excess: float = inf
     floor: float = -inf
     abscissa: float = inf
-    starts: list[TuneStart] = field(default_factory=list)
+    earlier: list[TuneStart] = field(default_factory=list)
+    attempts: "list[Attempt]" = field(default_factory=list)
     known: dict[tuple[int, int], Array] = field(default_factory=dict)
     path: list[str] = field(default_factory=list)
 
-    def point(self, x: Array) -> Point:
+    def point(self, x: Array, quick: bool = False) -> Point:
         """Return the loops at free numbers; out of time where it is."""
         if time.monotonic() > self.deadline:
             raise OutOfTime
-        return Point(self.problem, x, self.known)
+        return Point(self.problem, x, self.known, quick)
 
     def keep(self, x: Array, point: Point | None = None) -> None:
         """Remember a point if it is the best so far: within the bounds first, then the lowest."""
@@ -90,6 +115,11 @@ class Search:
         excess = max(point.excess, _KEPT)
         if self.floor == -inf:
             self.floor = point.aim + log(_ZERO)
+        if (excess, point.aim) >= (self.excess, self.value):
+            return
+        if not self.checked(x):  # with the peaks that were missed it counts anew
+            point = Point(self.problem, x, self.known)
+            excess = max(point.excess, _KEPT)
         if (excess, point.aim) < (self.excess, self.value):
             self.best, self.value, self.excess = x.copy(), point.aim, excess
 
@@ -111,63 +141,97 @@ class Search:
                 missed = True
         return not missed
 
-    def run(self, x: Array, kind: str) -> None:
-        """Search from one start."""
-        steps, stationary, weight = 0, False, _WEIGHT
-        mine = inf
-        try:
-            found, taken = self.stabilised(x)
-            steps += taken
-            if found is None:
-                return
-            x = found
-            self.keep(x)
-            before = inf
-            for turn in range(_ROUNDS):
-                down = descend(
-                    lambda x: self._merit(x, weight),  # noqa: B023 - used within this pass alone
-                    x,
-                    self.problem.low,
-                    self.problem.high,
-                    steps=_DESCENDING,
-                    gain=_GAIN if turn else 1e-3,
-                    enough=lambda x, value: value < self.floor,
-                )
-                x, steps = down.x, steps + down.steps
-                self.keep(x)
-                if down.value < self.floor:
-                    mine = down.value
-                    break
-                if turn == 0 and down.value > self.value + 2.0:
-                    break
-                done = polish(
-                    self.point,
-                    x,
-                    self.problem.low,
-                    self.problem.high,
-                    weight=weight,
-                    steps=_POLISHING,
-                    gain=_PROMISE,
-                )
-                x, steps, stationary = done.x, steps + done.steps, done.stationary
-                self.keep(x)
-                fine = self.checked(x)
-                point = self.point(x)
-                if point.excess > _KEPT:
-                    weight *= 10.0
-                    before = inf
-                    continue
-                mine = min(mine, point.aim)
-                if fine and before - done.value < _GAIN:
-                    break
-                if turn >= 1 and done.value > self.value + _PROMISING:
-                    break
-                before = done.value if fine else inf
-        finally:
-            self.starts.append(TuneStart(kind, exp(mine) if mine < inf else inf, steps, stationary))
+    @property
+    def starts(self) -> list[TuneStart]:
+        """What all starts came to, those of searches before this one first."""
+        return self.earlier + [each.start for each in self.attempts]
 
-    def _merit(self, x: Array, weight: float) -> tuple[float, Callable[[], Array]]:
-        return self.point(x).merit(weight)
+    def nothing_left(self) -> bool:
+        """Return whether the norm is zero as far as numbers tell."""
+        if self.value >= self.floor:
+            return False
+        self.path.append("nothing left")
+        return True
+
+    def from_starts(
+        self, begun: list[tuple[str, Array]], shaken: bool, rng: np.random.Generator, tell: Callable[..., None]
+    ) -> None:
+        """Begin from all starts, finish the best few, and then, if asked for, from beside the best of all."""
+        order, half = f"order {self.problem.order}", _share(self.deadline, _BEGINNING)
+        for k, (kind, x) in enumerate(begun):
+            tell(f"{order}, start", k + 1, len(begun))
+            self.begin(self.problem.clipped(x), kind)
+            if self.nothing_left():
+                return
+            if self.best is not None and time.monotonic() > half:
+                self.path.append(f"time for {k + 1} starts")
+                break
+        for k, attempt in enumerate(sorted(self.attempts, key=lambda each: each.value)[:_FINISHED]):
+            tell(f"{order}, finishing", k + 1, _FINISHED)
+            self.finish(attempt)
+            if self.nothing_left():
+                return
+        for share in _SHAKES if shaken and self.best is not None else ():
+            tell(f"{order}, shaking the best")
+            assert self.best is not None
+            moved = self.best * (1.0 + share * rng.normal(size=len(self.best)))
+            self.finish(self.begin(self.problem.clipped(moved), "shaken"))
+
+    def begin(self, x: Array, kind: str) -> "Attempt":
+        """Stabilise from one start, and take a first turn."""
+        attempt = Attempt(kind, x)
+        self.attempts.append(attempt)
+        found, attempt.steps = self.stabilised(x)
+        if found is not None:
+            attempt.x, attempt.open = found, True
+            self.keep(found)
+            self.turn(attempt, _BRIEF)
+        return attempt
+
+    def finish(self, attempt: "Attempt") -> None:
+        """Take turns until nothing changes, or until an attempt has no hope to come down to the best."""
+        for _ in range(_ROUNDS):
+            if not attempt.open or (attempt.value - self.value > _HOPE * attempt.gain and attempt.value > self.value):
+                return
+            self.turn(attempt, _POLISHING)
+
+    def turn(self, attempt: "Attempt", polishing: int) -> None:
+        """Descend on the highest peak, then polish over all near it."""
+        problem, before = self.problem, attempt.merit
+        down = descend(
+            lambda x: self.point(x, quick=True).merit(attempt.weight),
+            attempt.x,
+            problem.low,
+            problem.high,
+            steps=_DESCENDING,
+            gain=_GAIN,
+            enough=lambda x, value: value < self.floor,
+        )
+        attempt.x, attempt.steps, attempt.merit = down.x, attempt.steps + down.steps, down.value
+        self.keep(attempt.x)
+        if down.value < self.floor:
+            attempt.value, attempt.open = down.value, False
+            return
+        done = polish(
+            self.point,
+            attempt.x,
+            problem.low,
+            problem.high,
+            weight=attempt.weight,
+            steps=polishing,
+            gain=_PROMISE,
+        )
+        attempt.x, attempt.steps, attempt.merit = done.x, attempt.steps + done.steps, done.value
+        attempt.stationary = done.stationary
+        self.keep(attempt.x)
+        fine, point = self.checked(attempt.x), self.point(attempt.x)
+        if point.excess > _KEPT:
+            attempt.weight *= 10.0
+            attempt.gain = inf
+            return
+        attempt.value = min(attempt.value, point.aim)
+        attempt.gain = before - done.value if fine else inf
+        attempt.open = attempt.gain >= _GAIN
 
     def stabilised(self, x: Array) -> tuple[Array | None, int]:
         """Return free numbers at which all loops are stable, found by descending the spectral abscissa."""
@@ -228,15 +292,12 @@ def search(
                 for _ in range(2):
                     begun.append((f"order {small.order}", grown(problem.structure, problem.ports, inner.best, rng)))
             if "stopped" in inner.path:
-                begun = begun[:1]
+                for _, x in begun:
+                    work.keep(problem.clipped(x))
+                return work
         for k in range(max(starts - len(begun), 1)):
             begun.append(("drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)))
-        for k, (kind, x) in enumerate(begun):
-            tell(f"order {problem.order}, start", k + 1, len(begun))
-            work.run(problem.clipped(x), kind)
-            if work.value < work.floor:
-                work.path.append("nothing left")
-                break
+        work.from_starts(begun, starts > _FINISHED, rng, tell)
     except OutOfTime:
         work.path.append("out of time")
     except KeyboardInterrupt:

@@ -1,0 +1,161 @@
+"""A level that no singular value of a loop reaches anywhere in a box: raised where a worse point is met, proved in cells."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from boomctl.analysis.box.level import DrivenLoops
+from boomctl.analysis.box.response_cells import ResponseCells
+from boomctl.analysis.box.robustness import pattern_search
+from boomctl.analysis.box.zero_exclusion import Cell, value_at
+from boomctl.analysis.norm import NormCertificate, matrices_norm
+from boomctl.arrays import Array
+from boomctl.progress import Tell
+
+LARGEST = 1.0  # a tolerance beyond which a bound says nothing (a choice)
+LOST = "the loop is unstable there, or undamped"
+_LOOSER = (1.0, 10.0, 100.0)  # times the tolerance: levels tried in turn, the next where cells run out (a choice)
+_RESPONSES, _PENCIL = "cells of parameters and frequencies", "cells of parameters"
+# Ways to a proof at a level, in the order taken, and how many of the cells that are allowed: strongly coupled poles are for
+# the response, many lightly damped ones for the pencil, and which a loop is shows soon (shares: choices)
+_ROUNDS = ((_RESPONSES, 0.05), (_PENCIL, 0.2), (_RESPONSES, 0.5), (_PENCIL, 1.0), (_RESPONSES, 0.5))
+_WORTH = 150  # cells of the response that take as long as one of the pencil (measured: 100 to 300)
+_CHECKED = 8  # points drawn in the box at which a bound is tried again (a choice)
+_COMPARED = 3  # points drawn at which the loops that are proved are compared with those closed anew (a choice)
+_LOOKED_AT = 16  # cells left over, the hardest, in whose middles the poles are looked at (a choice)
+_HARDLY = 1e-3  # damping ratio below which, if little was proved at first, it is given up (a choice)
+_FUTILE = 1e-2  # share of the box that is little: it would take a hundred times as many cells (a choice)
+_SAME = 1e-6  # relative distance of norms by two routes that are the same (a choice: norms are certified to 1e-5)
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A level below which the norm was proved to lie in all cells, and the worst point met."""
+
+    level: float
+    cells: int
+    delta: Array
+    reason: str = ""
+
+
+def bounded(
+    loops: DrivenLoops,
+    at: Callable[[Array], NormCertificate],
+    delta: Array,
+    *,
+    tolerance: float,
+    limit: int,
+    tell: Tell,
+) -> Bound:
+    """Prove a level over the whole box.
+
+    Parameters
+    ----------
+    loops : DrivenLoops
+        The loops that are proved.
+    at : callable
+        The norm at a point, from the loop closed anew.
+    delta : ndarray
+        The worst point found.
+    tolerance : float
+        How far the level may lie above the worst point, relative.
+    limit : int
+        Most cells of parameters and frequencies at a level.
+    tell : callable
+        Is told how far it is.
+    """
+    hindered = _hindrance(loops, at, delta)
+    if hindered:
+        return Bound(inf, 0, delta, hindered)
+    size, lower, gap, level = len(delta), at(delta).lower, tolerance, inf
+
+    def seen(gain: float, point: Array) -> float:
+        nonlocal delta, lower, level
+        if gain > lower * (1.0 + _SAME):
+            delta, lower, _ = pattern_search(lambda d: at(d).lower, size, 1.0, point)
+            if lower * (1.0 + 0.5 * gap) > level:
+                level = lower * (1.0 + gap)
+        return level
+
+    responses = ResponseCells.of(loops.E, loops.A, loops.B, loops.C, loops.D, size)
+    frontier, waiting = responses.start(), [Cell(np.zeros(size), np.ones(size))]
+    counts: dict[str, int] = dict.fromkeys((_RESPONSES, _PENCIL), 0)
+    done = 1.0  # share of the box that the pencil has proved
+    pencils = loops.pencils
+    for looser in _LOOSER:
+        gap = min(tolerance * looser, LARGEST)
+        level = max(lower, loops.at_infinity) * (1.0 + gap)
+        for way, share in _ROUNDS:
+            most = share * limit
+            if way == _RESPONSES:
+                frontier, more = responses.prove(frontier, level, max(1, int(most)), seen, tell)
+                left, middles = len(frontier), list(frontier.middle[-_LOOKED_AT:])
+            else:
+                waiting, more = _by_pencil(loops, waiting, level, max(1, int(most / _WORTH)), at, seen, tell)
+                left, middles = len(waiting), [cell.middle for cell in waiting[-_LOOKED_AT:]]
+                done = 1.0 - sum(float(np.prod(cell.reach)) for cell in waiting)
+            counts[way] += more
+            if left == 0 and level < inf:
+                _checked(at, level, size)
+                return Bound(level, counts[way], delta)
+            found = [(point, value_at(pencils, point)) for point in (delta, *middles)]
+            unstable = [point for point, here in found if not here.stable]
+            if unstable:
+                return Bound(inf, counts[way], unstable[0], LOST)
+            poles = np.concatenate([here.poles for _, here in found])
+            pole = complex(poles[np.argmax(np.real(poles) / np.abs(poles))])
+            if done < _FUTILE and -pole.real < _HARDLY * abs(pole):
+                ratio = f"a damping ratio of {-pole.real / abs(pole):.2g} at {abs(pole):.4g} rad/s"
+                return Bound(
+                    inf, counts[way], delta, f"hardly damped, {ratio}: it would take far more than {limit} cells"
+                )
+    return Bound(inf, max(counts.values()), delta, f"it would take more than max_cells = {limit} at {level:.5g}")
+
+
+def _by_pencil(
+    loops: DrivenLoops,
+    waiting: list[Cell],
+    level: float,
+    limit: int,
+    at: Callable[[Array], NormCertificate],
+    seen: Callable[[float, Array], float],
+    tell: Tell,
+) -> tuple[list[Cell], int]:
+    """Prove a level by the even pencil; return the cells left and how many were proved."""
+    even, tried, proved = loops.even(level), 0, 0
+    while waiting and tried < limit and level < inf:
+        tried += 1
+        tell("cells of the box proved", proved)
+        cell = waiting[-1]
+        found = loops.prove(even, cell)
+        waiting = waiting[:-1]
+        if found.proved:
+            proved += 1
+            continue
+        raised = seen(at(cell.middle).lower, cell.middle)
+        if level < raised < inf:
+            even = loops.even(raised)
+        level = raised
+        waiting += cell.halves(found.axis)
+    return waiting, proved
+
+
+def _checked(at: Callable[[Array], NormCertificate], level: float, size: int) -> None:
+    """Refuse a level that a norm at a point drawn exceeds."""
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_CHECKED, size))
+    if max(at(point).lower for point in drawn) > level:
+        raise ArithmeticError(f"worst_case: a norm above the level proved, {level:.9g}, at a point drawn")
+
+
+def _hindrance(loops: DrivenLoops, at: Callable[[Array], NormCertificate], delta: Array) -> str:
+    """Return why there is no bound to be looked for; empty where there may be one."""
+    drawn = np.random.default_rng(1).uniform(-1.0, 1.0, (_COMPARED, len(delta)))
+    for point in (delta, np.zeros(len(delta)), *drawn):  # the loops that are proved are those whose norms were found
+        here, there = at(point), matrices_norm(loops.at(point))
+        if not (there.lower == here.lower or abs(there.lower - here.lower) <= _SAME * here.lower):
+            return f"two routes to the norm differ: {here.lower:.9g} and {there.lower:.9g}"
+    if not all(value_at(loops.pencils, point).stable for point in (delta, np.zeros(len(delta)))):
+        return "a pole that does not decay hides from these signals"
+    return "" if at(delta).lower > 0.0 else "nothing comes through at any point tried"

@@ -1,0 +1,469 @@
+"""Proof that a loop's largest singular value stays below a level, over cells of parameters and frequencies together.
+
+In a cell the loop's response is a Taylor series in the parameters and the frequency: ``C M^-1 B`` with ``M = s E - A``, all
+polynomials of them.  Terms of first and second order are exact; what is left is bounded by magnitudes, entry by entry.  With
+``M = M0 (1 + Z)``, a nonnegative matrix ``N`` that bounds ``Z`` throughout the cell, and a positive vector ``d`` such that
+``N d < d`` (Collatz & Wielandt), ``M`` is regular there and ``(1 + Z)^-1`` is bounded.  A convex function of the terms is
+largest at the corners of a polytope around them.  Where all cells between frequency zero and infinity are regular and the
+loop is stable at one point, no pole crosses the axis anywhere in the box.
+
+A resonance moves with the parameters, and cells whose frequencies do not would have to be as small as its width.  Cells lie
+between two frequencies that are affine in the parameters; one that is cut across the frequency is cut along that slope at
+which its response changes least with the parameters.  Whatever the slopes, every frequency of every point of the box lies
+between two such surfaces that follow each other in the chain from zero to the last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import combinations_with_replacement, product
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.progress import Tell
+
+
+def _hull(count: int) -> Array:
+    """Return the corners of a polygon around ``(v, v^2)``, ``-1 <= v <= 1``: where tangents meet that touch it at steps."""
+    ends = np.linspace(-1.0, 1.0, count)
+    meet = 0.5 * (ends[1:] + ends[:-1])
+    return np.array([(-1.0, 1.0), *zip(meet, ends[1:] * ends[:-1], strict=True), (1.0, 1.0)])
+
+
+Polynomial = Mapping[tuple[int, ...], Array]
+
+_PARALLEL = 0.9  # cosine of eigenvectors beyond which they are made orthogonal: their inverse would be large (a choice)
+_ROUNDING = 1e3 * float(
+    np.finfo(float).eps
+)  # of entries of products of three matrices, over that of magnitudes (derived: 3 n eps, for n up to 300 states)
+_LEVEL = 1.0 - 1e-9  # share of a level below which a gain has to stay: more than rounding of the gain itself
+_BELOW = 1.0 - 1e-10  # below one by more than the rounding of a matrix times a vector
+_SWEEPS = 5  # of the power iteration for the vector: it need not be exact, any positive one bounds (measured)
+_LEAST = 1e-9  # smallest entry of the vector, relative: without it, entries could vanish
+_FAR = 0.6  # bound of ``Z`` beyond which it, not the terms of second order, decides where to cut (measured: 0.5 to 0.8 alike)
+_WEDGE = (
+    1.0  # width of a cell in its middle over how much that changes across it, below which slopes are no use (a choice)
+)
+_FIRST = 0.5  # share of the slowest pole at which the chain of frequencies begins after zero (a choice)
+_TOP = 4.0  # times the fastest pole where it ends: from there on nothing resonates (a choice)
+_HULLS = (_hull(5), _hull(3), _hull(2))  # of the frequency, of few parameters, of many: corners multiply (a choice)
+_FEW = 4  # variables, the frequency among them, that are few: 6 times 4 times 4 times 4 corners (a choice)
+_BATCH = 2**18  # entries of the matrices handled at once: what stays in the cache (measured)
+
+
+@dataclass(frozen=True)
+class Frontier:
+    """Cells that wait for a proof.
+
+    Attributes
+    ----------
+    middle, reach : (N, k) ndarray
+        Their parameters.
+    ends : (N, 2, 1 + k) ndarray
+        Both frequencies, as affine functions of the parameters [rad/s]; inverse ones [s/rad] of cells that reach infinity.
+    inverse : (N,) ndarray of bool
+        Which those are.
+    """
+
+    middle: Array
+    reach: Array
+    ends: Array
+    inverse: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.middle)
+
+    def __getitem__(self, index: slice | NDArray[np.bool_]) -> Frontier:
+        return Frontier(self.middle[index], self.reach[index], self.ends[index], self.inverse[index])
+
+    def with_halves(self, parents: Frontier, axes: NDArray[np.int_], between: Array) -> Frontier:
+        """Return these and both halves of others, cut across a parameter or, ``axes = 0``, along a surface."""
+        found: list[Frontier] = [self]
+        across, along = np.flatnonzero(axes == 0), np.flatnonzero(axes)
+        for side in (-1, 1):
+            middle, reach, ends = parents.middle.copy(), parents.reach.copy(), parents.ends.copy()
+            ends[across, 1 if side < 0 else 0] = between[across]
+            reach[along, axes[along] - 1] *= 0.5
+            middle[along, axes[along] - 1] += side * reach[along, axes[along] - 1]
+            found.append(Frontier(middle, reach, ends, parents.inverse))
+        fields = (np.concatenate([getattr(x, name) for x in found]) for name in ("middle", "reach", "ends", "inverse"))
+        return Frontier(*fields)
+
+
+@dataclass(frozen=True)
+class _Looked:
+    """What is known of cells: a bound of the gain, the gain in their middles, where to cut them."""
+
+    bound: Array
+    gain: Array
+    axes: NDArray[np.int_]
+    between: Array
+
+
+@dataclass(frozen=True)
+class ResponseCells:
+    """A loop ``E x' = A x + B w``, ``z = C x + D w`` over a box, in coordinates near those in which it is diagonal.
+
+    Attributes
+    ----------
+    powers : tuple
+        Products of parameters; matrices are sums over them.
+    E, A, B : ndarray
+        Stacks of matrices, one a product.
+    C, D : ndarray
+        What is judged.
+    rounding : (2, n, n) ndarray
+        By how much entries of ``E`` and ``A`` may be off.
+    poles : ndarray
+        Of the loop in the middle of the box [rad/s].
+    size : int
+        Number of parameters.
+    """
+
+    powers: tuple[tuple[int, ...], ...]
+    E: Array
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    rounding: Array
+    poles: Array
+    size: int
+
+    @classmethod
+    def of(cls, E: Polynomial, A: Polynomial, B: Polynomial, C: Array, D: Array, size: int) -> ResponseCells:
+        """Return a loop in the eigenvectors of the middle of its box, nearly parallel ones made orthogonal."""
+        state = np.linalg.solve(E[()], A[()])
+        balanced, (scale, _) = linalg.matrix_balance(state, permute=False, separate=True)
+        poles, V = linalg.eig(balanced)  # type: ignore[misc]
+        V = V.astype(complex)
+        _orthogonalise(V)
+        V = V * np.asarray(scale)[:, None]
+        W = np.linalg.inv(E[()] @ V)
+        powers = ((), *sorted({*E, *A, *B} - {()}, key=lambda power: (len(power), power)))
+        n, m = B[()].shape
+
+        def stack(terms: Polynomial) -> Array:
+            return np.array([terms.get(power, np.zeros((n, n))) for power in powers])
+
+        sizes = [_ROUNDING * np.abs(W) @ np.abs(stack(terms)).sum(axis=0) @ np.abs(V) for terms in (E, A)]
+        inputs = np.array([W @ B.get(power, np.zeros((n, m))) for power in powers])
+        return cls(powers, W @ stack(E) @ V, W @ stack(A) @ V, inputs, C @ V, D, np.array(sizes), poles, size)
+
+    def start(self) -> Frontier:
+        """Return the whole box over all frequencies."""
+        low, high = _FIRST * float(np.abs(self.poles).min()), _TOP * float(np.abs(self.poles).max())
+        chain = np.concatenate([[0.0], np.geomspace(low, high, 2 + int(np.log2(high / low)))])
+        ends = np.zeros((len(chain), 2, 1 + self.size))
+        ends[:-1, 0, 0], ends[:-1, 1, 0], ends[-1, 1, 0] = chain[:-1], chain[1:], 1.0 / high
+        count = len(ends)
+        return Frontier(np.zeros((count, self.size)), np.ones((count, self.size)), ends, np.arange(count) == count - 1)
+
+    @property
+    def batch(self) -> int:
+        """How many cells are looked at together."""
+        return max(8, _BATCH // len(self.poles) ** 2)
+
+    def look(self, cells: Frontier) -> _Looked:
+        """Return bounds of the largest singular value over cells."""
+        series = _Series.of(self, cells)
+        bounds = series.regularity()
+        gain, bound, second, rest = series.gains(bounds)
+        axes, between = series.cuts(bounds, second, rest)
+        return _Looked(np.where(bounds.rho < _BELOW, bound, np.inf), gain, axes, between)
+
+    def prove(
+        self, cells: Frontier, level: float, limit: int, seen: Callable[[float, Array], float], tell: Tell
+    ) -> tuple[Frontier, int]:
+        """Prove that no singular value reaches a level; return what is left, and in how many cells it was proved.
+
+        Parameters
+        ----------
+        cells : Frontier
+            Where it is to be proved.
+        level : float
+            The level.
+        limit : int
+            Largest number of cells looked at.
+        seen : callable
+            Is told the largest gain met among each batch's middles and the point; returns the level from there on, infinite
+            where there is none.
+        tell : callable
+            Is told how many cells are proved.
+        """
+        tried, proved = 0, 0
+        while len(cells) and tried < limit and level < np.inf:
+            cut = max(0, len(cells) - min(self.batch, limit - tried))
+            here, cells = cells[cut:], cells[:cut]
+            tell("cells of the box proved", proved)
+            found = self.look(here)
+            tried += len(here)
+            worst = int(np.argmax(found.gain))
+            level = seen(float(found.gain[worst]), here.middle[worst])
+            open_ = ~(found.bound < level * _LEVEL)  # what is not a number is not proved
+            proved += int((~open_).sum())
+            cells = cells.with_halves(here[open_], found.axes[open_], found.between[open_])
+        return cells, proved
+
+
+@dataclass(frozen=True)
+class _Bounds:
+    """Bounds of ``Z``: its spectral radius, the vector that shows it, its terms beyond first order, shares of variables.
+
+    ``own`` and ``mixed`` are magnitudes times the vector, of all terms with a variable, and of those of second order alone.
+    """
+
+    rho: Array
+    d: Array
+    beside: Array
+    own: list[Array]
+    mixed: list[Array]
+
+
+@dataclass(frozen=True)
+class _Series:
+    """Terms of ``Z`` and of the response over cells, in ``q``, across the frequency, and ``p``, all from -1 to 1.
+
+    Attributes
+    ----------
+    loop : ResponseCells
+        The loop.
+    cells : Frontier
+        The cells.
+    inverse : ndarray
+        ``M^-1`` in their middles.
+    along : ndarray
+        ``M^-1`` times how ``M`` changes with the frequency.
+    first : list of ndarray
+        Of ``Z``, by ``q`` and each ``p``.
+    second : dict
+        Of ``Z``, by pairs of those.
+    higher : ndarray
+        Bound of what is left of ``Z``, rounding included.
+    x : tuple
+        Of ``M^-1 B``: of order zero, of one, and of two by pairs of variables.
+    driven : ndarray
+        Bound of the terms of ``M0^-1 B`` beyond second order.
+    frequency : tuple of ndarray
+        In the middles, half the width, half the sums and half the differences of the slopes.
+    """
+
+    loop: ResponseCells
+    cells: Frontier
+    inverse: Array
+    along: Array
+    first: list[Array]
+    second: dict[tuple[int, int], Array]
+    higher: Array
+    x: tuple[Array, list[Array], list[Array]]
+    driven: Array
+    frequency: tuple[Array, Array, Array, Array]
+
+    @classmethod
+    def of(cls, loop: ResponseCells, cells: Frontier) -> _Series:
+        """Return the series."""
+        k = loop.size
+        values = cells.ends[:, :, 0] + (cells.ends[:, :, 1:] * cells.middle[:, None, :]).sum(axis=2)
+        slopes = cells.ends[:, :, 1:] * cells.reach[:, None, :]
+        centre, half = 0.5 * (values[:, 1] + values[:, 0]), 0.5 * (values[:, 1] - values[:, 0])
+        tilt, spread = 0.5 * (slopes[:, 1] + slopes[:, 0]), 0.5 * (slopes[:, 1] - slopes[:, 0])
+        # the pencil is j a E - b A: (frequency, 1), or (1, inverse frequency) of cells that reach infinity
+        a, da = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((1.0, centre), (0.0, half)))
+        b, db = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((centre, 1.0), (half, 0.0)))
+        shares = _shares(loop.powers, cells)
+        E, A, B = ({p: np.tensordot(w, X, 1) for p, w in shares.items()} for X in (loop.E, loop.A, loop.B))
+        inverse = np.linalg.inv(1j * a * E[()] - b * A[()])
+        eye = np.eye(len(loop.poles))
+        P = {p: inverse @ E[p] for p in shares if E[p].any()}
+        Q = {p: inverse @ A[p] for p in shares if p and A[p].any()}
+        Q[()] = (1j * a * P[()] - eye) / b  # for j a P - b Q is one
+        none = np.zeros_like(inverse)
+
+        def changed(power: tuple[int, ...], ca: Array, cb: Array) -> Array:
+            found = none
+            if power in P:
+                found = found + 1j * ca * P[power]
+            return found - cb * Q[power] if power in Q else found
+
+        column = [(tilt[:, i, None, None], spread[:, i, None, None]) for i in range(k)]
+        straight = 1j * P[()]
+        first = [changed((), da, db)]
+        second: dict[tuple[int, int], Array] = {}
+        for i, (t, w) in enumerate(column):
+            first.append(changed((i,), a, b) + t * straight)
+            second[0, i + 1] = changed((i,), da, db) + w * straight
+        for i, j in combinations_with_replacement(range(k), 2):
+            found = changed((i, j), a, b) if (i, j) in shares else none
+            if (j,) in P:
+                found = found + 1j * column[i][0] * P[j,]
+            if i != j and (i,) in P:
+                found = found + 1j * column[j][0] * P[i,]
+            if found is not none:
+                second[i + 1, j + 1] = found
+        tilts, spreads = np.abs(tilt).sum(axis=1)[:, None, None], np.abs(spread).sum(axis=1)[:, None, None]
+        higher = np.abs(inverse) @ (np.abs(a) * loop.rounding[0] + np.abs(b) * loop.rounding[1])
+        for power in shares:
+            higher = higher + _beyond(power, P.get(power, none), Q.get(power, none), (a, da, b, db, tilts, spreads))
+        S = {p: inverse @ B[p] for p in shares if p == () or B[p].any()}
+        x = _solution(S, first, second, b, db)
+        driven = sum(
+            ((np.abs(db) + (np.abs(b) if len(p) > 2 else 0.0)) * np.abs(s) for p, s in S.items() if len(p) > 1),
+            np.zeros(x[0].shape),
+        )
+        frequency = (centre, half, tilt, spread)
+        return cls(loop, cells, inverse, straight, first, second, higher, x, driven, frequency)
+
+    def regularity(self) -> _Bounds:
+        """Return bounds of ``Z``."""
+        sizes = [np.abs(Z) for Z in self.first]
+        main = sum(sizes[1:], sizes[0])
+        beside = sum((np.abs(Z) for Z in self.second.values()), self.higher)
+        d = np.ones((*main.shape[:2], 1))
+        for _ in range(_SWEEPS):
+            d = np.sqrt(d * np.maximum(main @ d, np.finfo(float).tiny))
+            d = np.maximum(d / d.max(axis=1, keepdims=True), _LEAST)
+        own = [Z @ d for Z in sizes]
+        rho = ((sum(own[1:], own[0]) + beside @ d) / d).max(axis=(1, 2))
+        pairs = {pair: np.abs(Z) @ d for pair, Z in self.second.items()}
+        mixed = [sum((0.5 * p.count(i) * size for p, size in pairs.items()), np.zeros_like(d)) for i in range(len(own))]
+        return _Bounds(rho, d, beside, [a + b for a, b in zip(own, mixed, strict=True)], mixed)
+
+    def gains(self, bounds: _Bounds) -> tuple[Array, Array, Array, Array]:
+        """Return the gain in the middles, a bound of it, what terms of second order add to that, and what the rest adds."""
+        C, (x0, x1, x2), d, beside = self.loop.C, self.x, bounds.d, bounds.beside
+        m, count = x0.shape[2], len(x2)
+        G0, G1 = C @ x0 + self.loop.D, [C @ x for x in x1]
+        # what the series does not satisfy of (1 + Z) x = M0^-1 B: terms of third order and beyond
+        size = sum((np.abs(x) for x in (*x1, *x2)), np.zeros(x0.shape))
+        residual = beside @ size + self.higher @ np.abs(x0) + self.driven
+        judged, weight = np.abs(C) @ residual, np.abs(C) @ beside
+        late = np.concatenate(x2, axis=2)
+        for Z in self.first:
+            step = Z @ late
+            residual = residual + np.abs(step).reshape(*step.shape[:2], count, m).sum(axis=2)
+            judged = judged + np.abs(C @ step).reshape(len(step), -1, count, m).sum(axis=2)
+            weight = weight + np.abs(C @ Z)
+        spare = np.where(bounds.rho < _BELOW, 1.0 - bounds.rho, np.nan)[:, None, None]
+        rest = _size(judged + (weight @ d) * ((residual / d).max(axis=1, keepdims=True) / spare))
+        G2 = {pair: C @ x for pair, x in zip(combinations_with_replacement(range(len(x1)), 2), x2, strict=True)}
+        total, second = rest, np.zeros((len(G0), len(x1)))
+        for (i, j), G in G2.items():
+            share = _size(G)
+            if i != j:
+                total = total + share
+            second[:, i] += 0.5 * share
+            second[:, j] += 0.5 * share
+        at = G0[:, None]
+        for i, G in enumerate(G1):
+            hull = _HULLS[0 if i == 0 else 1 if len(G1) <= _FEW else 2]
+            at = (
+                at[:, :, None]
+                + hull[:, 0, None, None] * G[:, None, None]
+                + hull[:, 1, None, None] * G2[i, i][:, None, None]
+            )
+            at = at.reshape(len(G0), -1, *G.shape[1:])
+        return _largest(G0), _largest(at).max(axis=1) + total, second, rest
+
+    def cuts(self, bounds: _Bounds, second: Array, rest: Array) -> tuple[NDArray[np.int_], Array]:
+        """Return across which variable cells are to be cut, zero the frequency, and along which surface there."""
+        centre, half, tilt, spread = self.frequency
+        shares = np.stack([(own / bounds.d).max(axis=(1, 2)) for own in bounds.own], axis=1)
+        squares = (np.abs(self.along) ** 2).sum(axis=(1, 2))
+        turns = [-(self.along.conj() * Z).sum(axis=(1, 2)).real / squares for Z in self.first[1:]]
+        turned = [
+            np.abs(Z + turn[:, None, None] * self.along) @ bounds.d + mixed
+            for Z, turn, mixed in zip(self.first[1:], turns, bounds.mixed[1:], strict=True)
+        ]
+        widest = np.abs(spread).max(axis=1)
+        straight = np.abs(half) > _WEDGE * widest
+        whole = sum(bounds.own[1:], bounds.own[0])
+        tries = [0.5 * bounds.own[0] + sum(turned[1:], turned[0]), *(whole - 0.5 * own for own in bounds.own[1:])]
+        after = np.stack([(each / bounds.d).max(axis=(1, 2)) for each in tries], axis=1)
+        after[:, 0] = np.where(straight, after[:, 0], np.inf)
+        score = second + rest[:, None] * shares / shares.sum(axis=1, keepdims=True)
+        axes = np.where(np.isfinite(score).all(axis=1), score.argmax(axis=1), shares.argmax(axis=1))
+        axes = np.where(bounds.rho > _FAR, after.argmin(axis=1), axes)
+        axes = np.where((axes == 0) & ~straight, 1 + np.abs(spread).argmax(axis=1), axes)
+        slopes = np.where(self.cells.inverse[:, None], 0.0, tilt + np.stack(turns, axis=1)) / self.cells.reach
+        return axes, np.column_stack([centre - (slopes * self.cells.middle).sum(axis=1), slopes])
+
+
+def _orthogonalise(V: Array) -> None:
+    """Make groups of nearly parallel columns orthogonal, in place."""
+    near = np.abs(V.conj().T @ V) > _PARALLEL
+    left = set(range(V.shape[1]))
+    while left:
+        group = [left.pop()]
+        for each in group:
+            more = [other for other in np.flatnonzero(near[each]).tolist() if other in left]
+            left.difference_update(more)
+            group += more
+        if len(group) > 1:
+            V[:, group] = np.linalg.qr(V[:, group])[0]
+
+
+def _beyond(power: tuple[int, ...], P: Array, Q: Array, known: tuple[Array, ...]) -> Array:
+    """Return a bound of what a product of parameters brings to ``Z`` beyond the second order."""
+    a, da, b, db, tilts, spreads = known
+    if not power:
+        return np.zeros(P.shape)
+    if len(power) == 1:
+        return spreads * np.abs(P)
+    moved = (spreads + tilts + np.abs(da)) * np.abs(P) + np.abs(db) * np.abs(Q)
+    return moved + np.abs(1j * a * P - b * Q) if len(power) > 2 else moved
+
+
+def _solution(
+    S: Mapping[tuple[int, ...], Array],
+    first: list[Array],
+    second: Mapping[tuple[int, int], Array],
+    b: Array,
+    db: Array,
+) -> tuple[Array, list[Array], list[Array]]:
+    """Return the terms of ``M^-1 B`` up to the second order; ``S`` holds ``M0^-1 B``."""
+    empty = np.zeros_like(S[()])
+    x0 = b * S[()]
+    inputs = [db * S[()], *(b * S.get((i,), empty) for i in range(len(first) - 1))]
+    x1 = [s - Z @ x0 for s, Z in zip(inputs, first, strict=True)]
+    x2 = []
+    for i, j in combinations_with_replacement(range(len(first)), 2):
+        found = -first[i] @ x1[j]
+        if i != j:
+            found = found - first[j] @ x1[i]
+        if (i, j) in second:
+            found = found - second[i, j] @ x0
+        pair = (j - 1,) if i == 0 else (i - 1, j - 1)
+        if j and pair in S:
+            found = found + (db if i == 0 else b) * S[pair]
+        x2.append(found)
+    return x0, x1, x2
+
+
+def _shares(powers: tuple[tuple[int, ...], ...], cells: Frontier) -> dict[tuple[int, ...], Array]:
+    """Return, for each product of ``p``, what each product of parameters brings to it, shape (cells, products)."""
+    found: dict[tuple[int, ...], Array] = {}
+    k = cells.middle.shape[1]
+    for place, power in enumerate(powers):
+        often = [power.count(i) for i in range(k)]
+        for kept in product(*(range(count + 1) for count in often)):
+            here = tuple(i for i, count in enumerate(kept) for _ in range(count))
+            share = np.ones(len(cells))
+            for i, (n, count) in enumerate(zip(often, kept, strict=True)):
+                share = share * comb(n, count) * cells.middle[:, i] ** (n - count) * cells.reach[:, i] ** count
+            found.setdefault(here, np.zeros((len(cells), len(powers))))[:, place] += share
+    return found
+
+
+def _size(G: Array) -> Array:
+    """Return the Frobenius norm, which no singular value exceeds."""
+    return np.sqrt((np.abs(G) ** 2).sum(axis=(-2, -1)))
+
+
+def _largest(G: Array) -> Array:
+    """Return the largest singular value."""
+    return _size(G) if 1 in G.shape[-2:] else np.linalg.norm(G, 2, axis=(-2, -1))

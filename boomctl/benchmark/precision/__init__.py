@@ -1,0 +1,1 @@
+"""Run time against error of everything that a user does, ours and others' alike: measured, drawn, and read for settings."""

@@ -1,0 +1,142 @@
+"""Pictures of run time against error: all competitors drawn alike, the front of all marked."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import cycle
+from math import isfinite
+from typing import Any, Protocol
+
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
+
+from boomctl.plotting.canvas import COLOURS, common_legend, few_labels, new_figure, panels, style
+
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")  # as many as tell competitors of one colour apart
+_SIZE, _WIDTH = 4.5, 1.2  # of everyone's marks and lines, points (a choice)
+_FLOOR = 1e-17  # where an error of zero is drawn: below what doubles tell
+_USELESS = 10.0  # relative error from which on an answer is not drawn: it is none (a choice)
+_WAYS = {"cold": "cold: from new parameters", "hot": "hot: with the model ready"}
+
+
+class _Point(Protocol):
+    @property
+    def error(self) -> float: ...
+    @property
+    def ours(self) -> bool: ...
+    @property
+    def size(self) -> int | None: ...
+    def seconds(self, way: Any) -> float | None: ...
+
+
+class _Diagram(Protocol):
+    @property
+    def title(self) -> str: ...
+    @property
+    def competitors(self) -> Mapping[str, Sequence[_Point]]: ...
+    def front(self, way: Any, ours: bool | None = None) -> Sequence[_Point]: ...
+
+
+def plot_precision(diagram: _Diagram, ax: Any = None) -> Any:
+    """Draw run time over error, cold and hot, on two axes; return them.
+
+    Full lines are ours, dashed ones others'; the grey line is the front: nobody is both faster and more exact.
+    """
+    with panels(ax, list(_WAYS), (10.5, 4.6), lambda figure: figure.subplots(1, 2, sharex=True, sharey=True)) as axes:
+        looks = _looks(diagram.competitors)
+        for way, drawn_on in zip(_WAYS, axes, strict=True):
+            for name, points in diagram.competitors.items():
+                places = _places(points, way)
+                if places:
+                    drawn_on.plot(*zip(*places, strict=True), label=name, **looks[name])
+            drawn_on.set_xscale("log")
+            drawn_on.set_yscale("log")
+            _draw_front(drawn_on, _places(diagram.front(way), way))
+            drawn_on.set_title(_WAYS[way])
+            drawn_on.set_xlabel("relative error")
+        axes[0].set_ylabel("run time of a call [s]")
+        for drawn_on in axes:
+            few_labels(drawn_on)
+        if axes[0].figure.get_layout_engine() is not None:
+            handles = [Line2D([], [], label=name, **look) for name, look in looks.items()]
+            handles.append(Line2D([], [], color="#bbbbbb", linewidth=5.0, label="front of all"))
+            axes[0].figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    return axes
+
+
+def _looks(competitors: Mapping[str, Sequence[_Point]]) -> dict[str, dict[str, Any]]:
+    marks = zip(cycle(COLOURS), cycle(_MARKERS))
+    return {
+        name: {
+            "color": colour,
+            "marker": marker,
+            "linestyle": "-" if points[0].ours else "--",
+            "markersize": _SIZE,
+            "linewidth": _WIDTH,
+        }
+        for (name, points), (colour, marker) in zip(competitors.items(), marks)  # noqa: B905 -- marks never end
+    }
+
+
+def _places(points: Iterable[_Point], way: str) -> list[tuple[float, float]]:
+    """Return error and run time of the points that have both, in their order."""
+    timed = ((max(point.error, _FLOOR), point.seconds(way)) for point in points if isfinite(point.error))
+    return [(error, seconds) for error, seconds in timed if seconds is not None and error < _USELESS]
+
+
+def _draw_front(ax: Any, places: list[tuple[float, float]]) -> None:
+    """Draw the front as steps behind everything: what is to be had at each error."""
+    if not places:
+        return
+    ends = sorted(places)
+    right = ax.get_xlim()[1]
+    errors, seconds = [], []
+    for k, (error, taken) in enumerate(ends):
+        errors += [error, ends[k + 1][0] if k + 1 < len(ends) else max(right, error)]
+        seconds += [taken, taken]
+    ax.plot(errors, seconds, color="#bbbbbb", linewidth=5.0, zorder=0, solid_capstyle="butt")
+
+
+def plot_sizes(diagrams: Mapping[str, _Diagram], names: Sequence[str], ax: Any = None) -> Any:
+    """Draw error over the number of unknowns of some competitors, one axes for each diagram; return the axes."""
+    width = 2.6 * len(diagrams) + 0.8
+
+    def divide(figure: Any) -> Any:
+        return figure.subplots(1, len(diagrams), sharex=True, sharey=True, squeeze=False)[0]
+
+    with panels(ax, list(diagrams), (width, 3.4), divide) as axes:
+        for (title, diagram), drawn_on in zip(diagrams.items(), axes, strict=True):
+            for name, colour, marker in zip(names, cycle(COLOURS), _MARKERS):
+                points = [p for p in diagram.competitors.get(name, ()) if p.size is not None and isfinite(p.error)]
+                drawn_on.plot(
+                    [p.size for p in points],
+                    [max(p.error, _FLOOR) for p in points],
+                    color=colour,
+                    marker=marker,
+                    markersize=_SIZE,
+                    linewidth=_WIDTH,
+                    label=name,
+                )
+            drawn_on.set_xscale("log")
+            drawn_on.set_yscale("log")
+            drawn_on.xaxis.set_major_locator(LogLocator(4.0))
+            drawn_on.xaxis.set_major_formatter(ScalarFormatter())
+            drawn_on.xaxis.set_minor_formatter(NullFormatter())
+            drawn_on.set_title(title)
+            drawn_on.set_xlabel("unknowns with a mass")
+        axes[0].set_ylabel("relative error")
+        common_legend(ax, axes[0], ncols=3)
+    return axes
+
+
+def precision_figure(diagram: _Diagram) -> Any:
+    """Return the picture of a diagram as a figure that belongs to no window."""
+    figure = new_figure(10.5, 4.8 + 0.18 * (len(diagram.competitors) // 4))
+    plot_precision(diagram, figure)
+    return figure
+
+
+def sizes_figure(diagrams: Mapping[str, _Diagram], names: Sequence[str]) -> Any:
+    """Return the picture of error over unknowns as a figure that belongs to no window."""
+    figure = new_figure(2.6 * len(diagrams) + 0.8, 3.4)
+    with style():
+        plot_sizes(diagrams, names, figure)
+    return figure

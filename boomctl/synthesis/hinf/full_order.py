@@ -1,0 +1,129 @@
+"""A norm that no controller goes below, of any order, on plants that the Riccati equations do not take as they are.
+
+They want every measurement to carry noise of its own and every control to be weighed.  A measurement without noise may be
+replaced by ``(d/dt + a)`` times itself, which carries that of its rate: a controller that reads the one is, with
+``1/(s + a)`` in front, a controller that reads the other, and the loop is the same.  Where no rate of a measurement is
+disturbed, there being fewer disturbances than measurements, the controller is told the disturbances themselves: that is
+state feedback (Doyle, Glover, Khargonekar & Francis 1989), and no controller beats it.  Controls are measurements of the
+dual plant.  Where a zero lies on the imaginary axis, the plant and the controller are looked at a little to the right of
+it, ``s + e`` in place of ``s``: what is stable stays so, and by the maximum principle no norm grows.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.lti.system import Lti
+from boomctl.synthesis.assumptions import SynthesisError
+from boomctl.synthesis.hinf.bounds import Deadline, lowest_level
+from boomctl.synthesis.hinf.normal_form import normalised
+from boomctl.synthesis.plants.partition import GeneralizedPlant
+
+_RANK = 1e-9  # share of the largest singular value below which a row of D21 counts as none (a choice)
+_TOLERANCE = 1e-4  # to which the lowest level is found (a choice)
+_SHIFTS = (0.0, 1e-6, 1e-4)  # to the right, over the fastest pole: what is lost is of this order (a choice)
+_FAILED = (SynthesisError, np.linalg.LinAlgError, ValueError)  # how numbers that the equations cannot take end
+
+
+@dataclass(frozen=True)
+class FullOrderBound:
+    """What no controller of any order beats.
+
+    Attributes
+    ----------
+    lower : float
+        The norm; 0 where none was proved.
+    told : str
+        What stands in for measurements without noise and controls without weight, and from where the axis was seen; or why
+        there is no bound.
+    """
+
+    lower: float
+    told: str
+
+
+def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> FullOrderBound:
+    """Return a norm that no stabilising controller goes below, whatever its order.
+
+    Parameters
+    ----------
+    plant : GeneralizedPlant
+        In continuous time.
+    deadline : Deadline
+        When to give up.
+
+    Returns
+    -------
+    FullOrderBound
+        The norm, and how it was found.
+    """
+    reason = ""
+    for shift in _SHIFTS:
+        try:
+            measured, seen = _noisy(_shifted(plant, shift))
+            weighed, moved = _noisy(measured.dual)
+            bounds = lowest_level(normalised(weighed.dual), _TOLERANCE, deadline)
+        except _FAILED as error:
+            reason = reason or " ".join(str(error).split())
+            continue
+        told = {"measurements": seen, "controls": moved, "axis": "seen from its right" if shift else ""}
+        return FullOrderBound(bounds.lower, "; ".join(f"{name}: {text}" for name, text in told.items() if text))
+    return FullOrderBound(0.0, reason)
+
+
+def _shifted(plant: GeneralizedPlant, share: float) -> GeneralizedPlant:
+    """Return the plant seen from the right of the imaginary axis, and without ``D22``, for which a controller can make up."""
+    old, rate = plant.system, _fastest(plant.A)
+    through = old.D.copy()
+    through[plant.nz :, plant.nw :] = 0.0
+    system = Lti(plant.A - share * rate * np.eye(len(plant.A)), old.B, old.C, through, old.inputs, states=old.states)
+    return GeneralizedPlant(system, plant.nmeas, plant.ncon)
+
+
+def _fastest(A: Array) -> float:
+    """Return the largest magnitude of the poles [rad/s]; 1 where there is none."""
+    return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0)) or 1.0
+
+
+def _noisy(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, str]:
+    """Return a plant whose ``D21`` has full row rank, on which a controller can do no less, and how it came about."""
+    A, B1, C, D = plant.A, plant.B1, plant.C2, plant.D21
+    rate = _fastest(A)
+    floor = _RANK * max(np.linalg.norm(D), np.linalg.norm(C) * np.linalg.norm(B1) / rate)
+    for turn in range(len(A) + 1):
+        left, values, _ = np.linalg.svd(D)
+        bare = np.concatenate([values, np.zeros(len(D) - len(values))]) <= floor
+        if not bare.any():
+            return _measured(plant, C, D), "rates in place of some without noise" if turn else ""
+        C, D = left.T @ C, left.T @ D
+        C[bare], D[bare] = C[bare] @ A / rate + C[bare], C[bare] @ B1 / rate
+    gain = _disturbance_feedback(A, B1)
+    return _measured(plant, gain, np.eye(plant.nw)), "the disturbances, which are fewer"
+
+
+def _disturbance_feedback(A: Array, B1: Array) -> Array:
+    """Return ``F`` with ``A - B1 F`` stable: from ``w + F x`` a controller knows ``w`` and, in the end, ``x``.
+
+    Raises
+    ------
+    SynthesisError
+        The disturbances do not reach an unstable mode.
+    """
+    said = "the disturbances, fewer than the measurements, leave an unstable or undamped mode unmoved"
+    try:
+        gain = B1.T @ linalg.solve_continuous_are(A, B1, np.eye(len(A)), np.eye(B1.shape[1]))
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise SynthesisError(said) from error
+    if np.linalg.eigvals(A - B1 @ gain).real.max(initial=-1.0) >= 0.0:
+        raise SynthesisError(said)
+    return gain
+
+
+def _measured(plant: GeneralizedPlant, C: Array, D: Array) -> GeneralizedPlant:
+    """Return the plant with other measurements."""
+    old = plant.system
+    through = np.vstack([old.D[: plant.nz], np.hstack([D, np.zeros((len(D), plant.ncon))])])
+    system = Lti(plant.A, old.B, np.vstack([plant.C1, C]), through, old.inputs, states=old.states)
+    return GeneralizedPlant(system, nmeas=len(C), ncon=plant.ncon)

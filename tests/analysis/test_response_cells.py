@@ -1,0 +1,110 @@
+"""Cells of parameters and frequencies: their bounds exceed every gain within, and together they cover the box."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from boomctl.analysis.box.level import DrivenLoops
+from boomctl.analysis.box.response_cells import ResponseCells
+from boomctl.lti.system import of
+from tests.analysis.test_worst_case import chain
+from tests.profiles import examples
+from tests.strategies import seeds
+
+
+def loops_of(rng, parameters, outputs=("y", "z")):
+    family, K = chain(rng, parameters)
+    loops = DrivenLoops.of(family, of(K, "K"), ["push"], list(outputs))
+    return loops, ResponseCells.of(loops.E, loops.A, loops.B, loops.C, loops.D, parameters)
+
+
+def value(terms, delta):
+    return sum(float(np.prod(delta[list(power)])) * X for power, X in terms.items())
+
+
+def gain(loops, delta, omega):
+    """Return the largest singular value from the matrices themselves; ``omega`` may be infinite."""
+    if not np.isfinite(omega):
+        return np.linalg.norm(loops.D, 2)
+    x = np.linalg.solve(1j * omega * value(loops.E, delta) - value(loops.A, delta), value(loops.B, delta))
+    return np.linalg.norm(loops.C @ x + loops.D, 2)
+
+
+def cut(box, rng, times):
+    """Return cells of the box cut as a proof cuts them, and now and then anywhere."""
+    cells = box.start()
+    for _ in range(times):
+        here = rng.random(len(cells)) < 0.5
+        found = box.look(cells[here])
+        axes = np.where(rng.random(here.sum()) < 0.2, rng.integers(0, box.size + 1, here.sum()), found.axes)
+        cells = cells[~here].with_halves(cells[here], axes, found.between)
+    return cells
+
+
+def drawn(cells, rng, place):
+    """Return a point within a cell, its parameters often at a corner, and its frequency."""
+    share = rng.uniform(-1.0, 1.0, cells.middle.shape[1])
+    share = np.where(rng.random(len(share)) < 0.4, np.sign(share), share)
+    delta = cells.middle[place] + share * cells.reach[place]
+    low, high = cells.ends[place, :, 0] + cells.ends[place, :, 1:] @ delta
+    turn = rng.uniform() if rng.random() < 0.5 else rng.integers(0, 2)  # within, or an end
+    along = low + turn * (high - low)
+    if not cells.inverse[place]:
+        return delta, along
+    return delta, 1.0 / along if along > 0.0 else np.inf
+
+
+def bounds_hold(rng, parameters, count, points):
+    """Assert that of cells drawn none has a gain within above its bound; return how many had a bound."""
+    loops, box = loops_of(rng, parameters)
+    cells = cut(box, rng, 9)
+    chosen = cells[np.isin(np.arange(len(cells)), rng.permutation(len(cells))[:count])]
+    bound = box.look(chosen).bound
+    for place in np.flatnonzero(np.isfinite(bound)):
+        most = max(gain(loops, *drawn(chosen, rng, place)) for _ in range(points))
+        assert most <= bound[place] * (1.0 + 1e-9)
+    return int(np.isfinite(bound).sum())
+
+
+@examples(60)
+@given(seed=seeds, parameters=st.integers(1, 4))
+def test_no_gain_within_a_cell_is_above_its_bound(seed, parameters):
+    assert bounds_hold(np.random.default_rng(seed), parameters, 25, 12) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("parameters", [2, 3, 4])
+def test_200_cells_of_random_families_are_proved_no_lower_than_their_own_largest_gain(parameters):
+    found, seed = 0, 0
+    while found < 200:
+        found += bounds_hold(np.random.default_rng([parameters, seed]), parameters, 20, 60)
+        seed += 1
+
+
+@examples(40)
+@given(seed=seeds, parameters=st.integers(1, 3))
+def test_cells_cover_every_point_of_the_box_at_every_frequency(seed, parameters):
+    rng = np.random.default_rng(seed)
+    _, box = loops_of(rng, parameters)
+    cells = cut(box, rng, 8)
+    for _ in range(50):
+        delta = rng.uniform(-1.0, 1.0, parameters)
+        omega = np.exp(rng.uniform(np.log(1e-3), np.log(1e4)))
+        at = np.where(cells.inverse, 1.0 / omega, omega)
+        ends = cells.ends[:, :, 0] + cells.ends[:, :, 1:] @ delta
+        inside = (np.abs(delta - cells.middle) <= cells.reach).all(axis=1)
+        assert (inside & (ends.min(axis=1) <= at) & (at <= ends.max(axis=1))).any()
+
+
+def test_a_bound_of_a_small_cell_is_near_its_largest_gain():
+    rng = np.random.default_rng(4)
+    loops, box = loops_of(rng, 2)
+    cells = box.start()[:1]
+    for size, near in ((1e-2, 1e-2), (1e-3, 1e-4)):
+        ends = np.zeros((1, 2, 3))
+        ends[0, :, 0] = 1.3 * (1.0 - size), 1.3 * (1.0 + size)
+        small = type(cells)(np.array([[0.3, -0.4]]), np.full((1, 2), size), ends, np.array([False]))
+        most = max(gain(loops, *drawn(small, rng, 0)) for _ in range(300))
+        bound = box.look(small).bound[0]
+        assert most <= bound <= most * (1.0 + near)

@@ -1,0 +1,272 @@
+"""Models chosen by accuracy: as near to the geometrically exact beam as asked for, and no dearer than need be."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import boomctl as bc
+from boomctl.rotating_beam.accuracy import ACCURACIES
+from tests.profiles import is_quick
+
+TABLE = bc.HubBeamParameters()
+SPIN_UP = bc.spin_up(final_speed=2.8, duration=30.0)
+EXACT = "geometrically-exact"
+
+
+def _ramped(angle, duration):
+    """Return a turn whose speed is a cosine's wave."""
+    rate = 2.0 * np.pi / duration
+
+    def turned(t):
+        s = np.clip(t, 0.0, duration)
+        return angle * (rate * s - np.sin(rate * s)) / (2.0 * np.pi)
+
+    def speed(t):
+        return angle * rate * (1.0 - np.cos(rate * np.clip(t, 0.0, duration))) / (2.0 * np.pi)
+
+    def acceleration(t):
+        s = np.clip(t, 0.0, duration)
+        return angle * rate**2 * np.sin(rate * s) / (2.0 * np.pi)
+
+    return bc.hub_profile(turned, speed, acceleration, (duration,))
+
+
+def _pushed(amplitude, duration):
+    """Return a torque that is smooth where it begins and ends."""
+    return bc.torque(lambda t: amplitude * np.sin(2.0 * np.pi * np.clip(t / duration, 0.0, 1.0)) ** 3, (duration,))
+
+
+def _switched(amplitude, duration):
+    """Return a torque that jumps three times."""
+    half = 0.5 * duration
+    return bc.torque(lambda t: amplitude * (1.0 * (t < half) - 1.0 * ((t >= half) & (t < duration))), (half, duration))
+
+
+def _machine(rng):
+    """Return a beam of 0.5 to 20 m, slender to stocky, steel or aluminium, a manoeuvre, its end, and an accuracy.
+
+    The manoeuvre lasts from half a period of the slowest mode to six, and bends the beam by 1e-4 to about 0.3 of its
+    length; it ends at up to three times the speed at which a linear beam loses its stiffness.
+    """
+    length = rng.uniform(0.5, 20.0)
+    depth = length * 10.0 ** rng.uniform(-3.0, -1.3)
+    width = depth * 10.0 ** rng.uniform(0.0, 1.0)
+    density, modulus = (7800.0, 2.1e11) if rng.random() < 0.5 else (2700.0, 7e10)
+    mass = density * depth * width * length
+    tip_mass = 0.0 if rng.random() < 0.4 else mass * 10.0 ** rng.uniform(-2.0, 0.5)
+    p = bc.HubBeamParameters(
+        length=length,
+        density=density,
+        area=depth * width,
+        youngs_modulus=modulus,
+        second_moment=width * depth**3 / 12.0,
+        hub_inertia=mass * length**2 / 3.0 * 10.0 ** rng.uniform(-1.5, 2.0),
+        hub_radius=0.0 if rng.random() < 0.2 else length * rng.uniform(0.0, 0.5),
+        tip_mass=tip_mass,
+        tip_position=None if tip_mass == 0.0 or rng.random() < 0.6 else length * rng.uniform(0.3, 1.0),
+        damping_ratio=0.0 if rng.random() < 0.5 else 10.0 ** rng.uniform(-3.0, -1.3),
+    )
+    slowest = 2.0 * np.pi * bc.hub_beam(p, "sfoam", 3).frequencies_hz()[0]
+    period = 2.0 * np.pi / slowest
+    duration = period * 10.0 ** rng.uniform(-0.3, 0.8)
+    wanted = length * 10.0 ** rng.uniform(-4.0, -0.75)
+    turning = wanted * slowest**2 / (1.6 * (p.hub_radius + length))  # hub acceleration that bends a beam so
+    turning = min(turning, 6.0 * slowest / duration)
+    torque = turning * p.rigid_inertia
+    kind = rng.choice(["spin-up", "turn", "sine", "push", "switch"], p=[0.25, 0.25, 0.2, 0.2, 0.1])
+    manoeuvre = {
+        "spin-up": bc.spin_up(0.5 * turning * duration, duration),
+        "turn": _ramped(turning * duration**2 / (2.0 * np.pi), duration),
+        "sine": bc.sine_torque(torque, duration * rng.choice([1.0, 2.0]), duration),
+        "push": _pushed(1.5 * torque, duration),
+        "switch": _switched(0.7 * torque, duration),
+    }[kind]
+    least = (
+        -3.0 if kind == "switch" else -5.0
+    )  # a jump excites modes without end, for which the reference takes minutes
+    return p, manoeuvre, str(kind), duration + period * rng.uniform(0.0, 4.0), float(10.0 ** rng.uniform(least, -1.0))
+
+
+def _finer(p, manoeuvre, chosen, t):
+    """Return the tip of a beam with more polynomials and shorter steps than any that the choice was made with."""
+    finer = bc.hub_beam(p, EXACT, min(chosen.reference[1] + 3, 60))
+    return finer.simulate(manoeuvre, t, rtol=2e-2 * chosen.accuracy, atol=1e-15 * p.length).tip_displacement
+
+
+def _error(found, true):
+    return float(np.abs(found - true).max() / np.abs(true).max())
+
+
+def _is_right(seed):
+    """Choose, simulate as a user would, and compare with a reference of the test's own."""
+    rng = np.random.default_rng(seed)
+    p, manoeuvre, _, end, accuracy = _machine(rng)
+    t = np.linspace(0.0, end, int(rng.integers(200, 1500)))
+    beam = bc.hub_beam(p, accuracy=accuracy, manoeuvre=manoeuvre, time=t)
+    assert beam.chosen.error + beam.chosen.reference[2] <= accuracy
+    found = beam.simulate(manoeuvre, t).tip_displacement
+    assert _error(found, _finer(p, manoeuvre, beam.chosen, t)) <= accuracy, (seed, beam)
+    return beam
+
+
+@pytest.mark.parametrize("seed", [1, 7, 12, 20])
+def test_a_random_machine_is_as_exact_as_asked_for(seed):
+    assert _is_right(seed).chosen.tried
+
+
+@pytest.mark.slow
+def test_so_are_40():
+    if is_quick():
+        pytest.skip("of the full profile")
+    models = {_is_right(seed).model for seed in range(1000, 1040)}
+    assert {"sfoam", EXACT} <= models
+
+
+@pytest.fixture(scope="module")
+def spun_up():
+    return bc.hub_beam(accuracy=1e-3, manoeuvre=SPIN_UP)
+
+
+def test_what_was_chosen_is_said_and_is_what_is_built(spun_up):
+    chosen = spun_up.chosen
+    assert (spun_up.model, spun_up.modes) == (chosen.model, chosen.modes) == ("sfoam", 3)
+    assert [each[:2] for each in chosen.tried] == [("sfoam", 1), ("sfoam", 2), ("sfoam", 3)]
+    errors = [each[2] for each in chosen.tried]
+    assert errors[2] == chosen.error <= 1e-3 < errors[1] < errors[0]
+    assert "3 modes of sfoam: error 3.3e-04" in repr(spun_up)
+    assert spun_up == bc.hub_beam(model="sfoam", modes=3)
+    assert chosen.time == pytest.approx(30.0 + 5.0 / 0.46326, rel=1e-4)
+    assert chosen.largest == pytest.approx(0.2043, abs=1e-4)  # of a geometrically exact beam, in THEORY's derivation
+
+
+def test_each_error_said_is_that_of_the_model(spun_up):
+    """Found again by other instants, and another reference."""
+    t = np.linspace(0.0, spun_up.chosen.time, 2500)
+    true = _finer(TABLE, SPIN_UP, spun_up.chosen, t)
+    for model, modes, error in spun_up.chosen.tried:
+        tip = bc.hub_beam(model=model, modes=modes).simulate(SPIN_UP, t).tip_displacement
+        assert _error(tip, true) == pytest.approx(error, abs=spun_up.chosen.reference[2] + 0.03 * error + 2e-5)
+
+
+def test_an_accuracy_beyond_all_assumed_modes_takes_the_exact_beam():
+    short = bc.HubBeamParameters(length=2.0, hub_inertia=2.0, tip_mass=0.2)
+    turn = bc.spin_up(6.0, 0.6)
+    beam = bc.hub_beam(short, accuracy=1e-5, manoeuvre=turn, time=0.7)
+    assert isinstance(beam, bc.rotating_beam.GeometricallyExactBeam)
+    least = {}
+    for model, _, error in beam.chosen.tried:
+        least[model] = min(error, least.get(model, error))
+    assert all(error > 1e-5 for model, error in least.items() if model != EXACT)
+    assert {"sfoam", "foam", "tlam", "cfoam", EXACT} == set(least)
+    t = np.linspace(0.0, 0.7, 300)
+    found = beam.simulate(turn, t).tip_displacement
+    assert _error(found, _finer(short, turn, beam.chosen, t)) <= 1e-5
+
+
+def test_tolerances_are_those_of_the_choice_in_its_manoeuvre_alone(spun_up):
+    chosen, t = spun_up.chosen, np.linspace(0.0, 40.0, 50)
+    assert (chosen.rtol, chosen.atol) == pytest.approx((1e-5, 1e-5 * chosen.largest))
+    asked = []
+    beam = replace(spun_up)
+    object.__setattr__(
+        beam,
+        "_motion",
+        lambda m, t, start, tolerance: asked.append(tolerance) or spun_up._motion(m, t, start, tolerance),
+    )
+    beam.simulate(bc.spin_up(2.8, 30.0), t)  # an equal one is the same
+    beam.simulate(bc.spin_up(2.7, 30.0), t)
+    beam.simulate(SPIN_UP, t, initial=np.zeros(8))
+    beam.simulate(SPIN_UP, t, rtol=1e-6)
+    usual = (1e-8, 1e-10)
+    assert asked == [(chosen.rtol, chosen.atol), usual, usual, (1e-6, chosen.atol)]
+
+
+def test_tiny_motions_are_as_exact():
+    """Of a motion of nanometres, the usual absolute tolerance would be a hundredth."""
+    tiny = bc.spin_up(1e-8, 5.0)
+    beam = bc.hub_beam(accuracy=1e-4, manoeuvre=tiny)
+    t = np.linspace(0.0, beam.chosen.time, 400)
+    assert 1e-10 < beam.chosen.largest < 1e-7
+    assert _error(beam.simulate(tiny, t).tip_displacement, _finer(TABLE, tiny, beam.chosen, t)) <= 1e-4
+
+
+def test_it_is_chosen_once(spun_up):
+    assert bc.hub_beam(accuracy=1e-3, manoeuvre=bc.spin_up(2.8, 30.0)).chosen is spun_up.chosen
+
+
+def test_those_around_are_told():
+    heard = []
+    with bc.listening(heard.append):
+        bc.hub_beam(accuracy=0.1, manoeuvre=bc.spin_up(1.1, 2.0), time=2.5)
+    assert {told.task for told in heard} == {"choice of a model"}
+    assert {"geometrically exact beam with 5 polynomials", "sfoam with 1 mode"} <= {told.stage for told in heard}
+
+
+def test_another_machine_has_not_been_chosen(spun_up):
+    assert spun_up.with_tip_mass(0.1).chosen is None
+    assert spun_up.with_stiffness(1.1).chosen is None
+    assert spun_up.in_model("foam").chosen is None
+
+
+def test_it_is_an_ordinary_hub_beam(spun_up):
+    same = bc.hub_beam(model="sfoam", modes=3)
+    np.testing.assert_array_equal(spun_up.linearize(1.0).A, same.linearize(1.0).A)
+    other = pickle.loads(pickle.dumps(spun_up))
+    assert other.chosen == spun_up.chosen
+    assert hash(other) == hash(spun_up)
+
+
+def test_a_model_that_loses_its_stiffness_is_not_taken():
+    """TLAM's frequency is 2.91 rad/s: beyond that its deflection grows beyond all bounds."""
+    beam = bc.hub_beam(accuracy=1e-4, manoeuvre=bc.spin_up(4.0, 15.0), time=20.0)
+    tlam = [error for model, _, error in beam.chosen.tried if model == "tlam"]
+    assert beam.model != "tlam"
+    assert tlam
+    assert min(tlam) > 1.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"accuracy": 1e-3}, "manoeuvre = None: expected"),
+        ({"manoeuvre": SPIN_UP}, "accuracy = None: expected a number"),
+        ({"time": 3.0}, "accuracy = None: expected a number"),
+        ({"accuracy": 1e-3, "manoeuvre": SPIN_UP, "model": "sfoam"}, "model = 'sfoam': expected none beside accuracy"),
+        ({"accuracy": 1e-3, "manoeuvre": SPIN_UP, "modes": 5}, "modes = 5: expected none beside accuracy"),
+        ({"accuracy": 0.1 * ACCURACIES[0], "manoeuvre": SPIN_UP}, "accuracy = 1e-08: expected 1e-07 to 1"),
+        ({"accuracy": 2.0, "manoeuvre": SPIN_UP}, "accuracy = 2: expected 1e-07 to 1"),
+        ({"accuracy": 1e-3, "manoeuvre": SPIN_UP, "time": -1.0}, "time = -1.0: expected"),
+        (
+            {"accuracy": 1e-3, "manoeuvre": SPIN_UP, "time": 1e10},
+            r"time = 1e\+10: expected at most 2157\.\d+ s, 1000 periods",
+        ),
+        ({"accuracy": 1e-3, "manoeuvre": SPIN_UP, "time": []}, r"time of shape \(0,\): expected an instant"),
+        ({"accuracy": 1e-3, "manoeuvre": bc.torque(np.sin)}, "time = None: expected the last instant"),
+        (
+            {"accuracy": 1e-3, "manoeuvre": bc.hold(), "time": 1.0},
+            r"manoeuvre = Hold\(hub_angle=0.0\): .* moves the beam",
+        ),
+        ({"accuracy": 1e-3, "manoeuvre": bc.free(), "time": 1.0}, r"manoeuvre = Free\(\): .* moves the beam"),
+    ],
+)
+def test_bad_input(wrong, said):
+    with pytest.raises(ValueError, match=f"^{said}"):
+        bc.hub_beam(**wrong)
+
+
+def test_kinds():
+    with pytest.raises(TypeError, match=r"^manoeuvre = 3\.0: expected one as spin_up"):
+        bc.hub_beam(accuracy=1e-3, manoeuvre=3.0)
+    with pytest.raises(TypeError, match=r"^accuracy = 'high': expected a real number"):
+        bc.hub_beam(accuracy="high", manoeuvre=SPIN_UP)
+    with pytest.raises(TypeError, match=r"^parameters = 3\.0: expected HubBeamParameters"):
+        bc.hub_beam(3.0, accuracy=1e-3, manoeuvre=SPIN_UP)
+
+
+def test_an_accuracy_that_cannot_be_proved_is_refused_with_what_can():
+    """Displacements of 1e-13 m are rounding of a place eight metres out."""
+    with pytest.raises(ValueError, match=r"^accuracy = 1e-07: expected (at least|a larger one)") as refused:
+        bc.hub_beam(accuracy=1e-7, manoeuvre=bc.spin_up(1e-10, 5.0))
+    assert "\n" not in str(refused.value)

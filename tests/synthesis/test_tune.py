@@ -1,0 +1,435 @@
+"""Controllers of a given structure: exact optima, gradients, several models, budgets, physical parameters, families."""
+
+import signal
+import threading
+import time
+from itertools import product
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.structure import SecondOrderModel
+from boomctl.synthesis.assumptions import SynthesisError
+from tests.profiles import examples
+
+T = bc.tunable
+
+
+def lag(pole=1.0, effort=1.0, noise=0.1):
+    """Return ``x' = -pole x + w + u``, ``z = (x, effort u)``, ``y = x + noise n``."""
+    D = [[0, 0, 0], [0, 0, effort], [0, noise, 0]]
+    names = {"inputs": ["w", "n", "u"], "outputs": ["z", "zu", "y"]}
+    return control.ss(-pole, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], D, **names)
+
+
+def oscillator(values):
+    """Return a mass on a spring of 4 N/m and a damper, its place and a tenth of its speed to a force."""
+    A = [[0.0, 1.0], [-4.0, -values["c"]]]
+    return control.ss(A, [[0.0], [1.0]], [[1.0, 0.0], [0.0, 0.1]], 0.0, inputs="f", outputs=["place", "speed"])
+
+
+def swing(seed, states=4, nmeas=2, ncon=2):
+    """Return a generalised plant drawn at random: noise on what is measured, effort weighed."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(states, states))
+    A -= np.eye(states) * (np.linalg.eigvals(A).real.max() + 0.1 * rng.random())
+    B1, B2, C1, C2 = (rng.normal(size=s) for s in ((states, 1), (states, ncon), (1, states), (nmeas, states)))
+    B = np.hstack([B1, np.zeros((states, nmeas)), B2])
+    C = np.vstack([C1, np.zeros((ncon, states)), C2])
+    D = np.zeros((1 + ncon + nmeas, 1 + nmeas + ncon))
+    D[1 : 1 + ncon, 1 + nmeas :] = 0.3 * np.eye(ncon)
+    D[1 + ncon :, 1 : 1 + nmeas] = 0.2 * np.eye(nmeas)
+    return control.ss(A, B, C, D)
+
+
+# -- exact optima -----------------------------------------------------------------------------------------------------
+
+
+@examples(20)
+@given(st.floats(0.2, 5.0), st.floats(0.2, 5.0))
+def test_a_gain_around_a_lag_reaches_the_least_norm_in_closed_form(pole, effort):
+    """Without noise ``u = k x`` gives ``sqrt(1 + effort^2 k^2)/(pole - k)`` at zero: least at ``k = -1/(pole effort^2)``."""
+    found = bc.tune(lag(pole, effort, noise=0.0), 1, 1, T.gain(), channels=[T.objective("w")], starts=2)
+    k = -1.0 / (pole * effort**2)
+    assert found.gamma == pytest.approx(np.sqrt(1.0 + (effort * k) ** 2) / (pole - k), rel=1e-6)
+    assert found.values["gain[u, y]"] == pytest.approx(k, rel=1e-3)
+    assert found.certificate.norm.certified
+
+
+def test_the_least_h2_norm_of_a_gain_is_that_of_its_cubic():
+    """From ``w`` alone ``x' = -(1 - k) x + w``: the square is ``(1 + e^2 k^2)/(2 (1 - k))``."""
+    channels = [T.objective("w", norm="h2")]
+    found = bc.tune(lag(effort=0.5), 1, 1, T.gain(), channels=channels, starts=2)
+    k = np.linspace(-10.0, 0.99, 1_000_001)
+    least = np.sqrt(((1.0 + 0.25 * k**2) / (2.0 * (1.0 - k))).min())
+    assert found.gamma == pytest.approx(least, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_free_order_of_that_of_the_plant_comes_near_the_best_of_any_order(seed):
+    P = swing(seed, states=2, nmeas=1, ncon=1)
+    found = bc.tune(P, 1, 1, T.state_space(2), starts=4)
+    assert found.certificate.lower <= found.gamma * (1.0 + 1e-6)
+    assert found.gamma <= 1.01 * found.certificate.lower
+
+
+def test_the_h2_norm_of_the_plants_order_is_that_of_h2_synthesis():
+    P = swing(0, states=2, nmeas=1, ncon=1)
+    found = bc.tune(P, 1, 1, T.state_space(2, strictly_proper=True), norm="h2", starts=3)
+    assert found.gamma == pytest.approx(bc.h2(P, 1, 1).norm, rel=1e-4)
+
+
+def test_state_feedback_reaches_what_riccati_equations_reach():
+    """The best of full information with noise-free states is a gain."""
+    A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
+    C1, D12 = np.array([[1.0, 0.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+    D = np.block([[np.zeros((2, 1)), D12], [np.zeros((2, 2))]])
+    P = control.ss(A, np.hstack([B, B]), np.vstack([C1, np.eye(2)]), D)
+    found = bc.tune(P, 2, 1, T.gain(), starts=3)
+    low, high = 0.1, 100.0
+    for _ in range(60):  # the level at which the Riccati equation of state feedback loses its stabilising solution
+        level = np.sqrt(low * high)
+        H = np.block([[A, B @ B.T / level**2 - B @ B.T], [-C1.T @ C1, -A.T]])
+        values, vectors = np.linalg.eig(H)
+        stable = vectors[:, values.real < -1e-9]
+        good = stable.shape[1] == 2 and np.linalg.eigvalsh(np.real(stable[2:] @ np.linalg.inv(stable[:2])))[0] >= 0.0
+        low, high = (low, level) if good else (level, high)
+    assert found.gamma == pytest.approx(high, rel=1e-4)
+
+
+# -- what a result holds ----------------------------------------------------------------------------------------------
+
+
+def test_a_result_is_verified_from_what_was_handed_in():
+    P = swing(3)
+    found = bc.tune(P, 2, 2, T.gain(), starts=3)
+    loop = bc.close_loop(P, found.controller)
+    assert loop.poles().real.max() < 0.0
+    assert bc.hinf_norm(loop).lower == pytest.approx(found.gamma, rel=1e-6)
+    omega = np.geomspace(1e-3, 1e3, 4000)
+    seen = np.linalg.svd(np.moveaxis(np.asarray(loop(1j * omega)), 2, 0), compute_uv=False).max()
+    assert seen <= found.gamma * (1.0 + 1e-9)
+    assert found.certificate.lower <= found.gamma
+    assert found.certificate.stationarity <= 1e-3
+    assert {peak.value for peak in found.certificate.peaks}
+    for peak in found.certificate.peaks:
+        at = np.asarray(loop(1j * peak.omega)) if np.isfinite(peak.omega) else loop.D
+        assert np.linalg.norm(at, 2) == pytest.approx(peak.value, rel=1e-5)
+
+
+def test_no_small_step_goes_lower():
+    P = swing(3)
+    found = bc.tune(P, 2, 2, T.gain(), starts=3)
+    K, rng = found.controller.D, np.random.default_rng(0)
+    for _ in range(50):
+        other = control.ss([], [], [], K + 1e-4 * rng.normal(size=K.shape))
+        assert bc.hinf_norm(bc.close_loop(P, other)).lower >= found.gamma * (1.0 - 1e-7)
+
+
+def test_the_same_seed_gives_the_same_controller():
+    one, other = (bc.tune(swing(5), 2, 2, T.gain(), starts=2, seed=3) for _ in range(2))
+    assert one.values == other.values
+    assert one.gamma == other.gamma
+
+
+def test_units_of_the_signals_do_not_matter():
+    P = lag()
+    scaled = control.ss(
+        P.A, P.B * [[1.0, 1.0, 1e3]], P.C * [[1.0], [1.0], [1e-4]], P.D * [1.0, 1.0, 1e3] * [[1.0], [1.0], [1e-4]]
+    )
+    one, other = bc.tune(P, 1, 1, T.gain(), starts=2), bc.tune(scaled, 1, 1, T.gain(), starts=2)
+    assert other.gamma == pytest.approx(one.gamma, rel=1e-6)
+
+
+# -- structures -------------------------------------------------------------------------------------------------------
+
+STRUCTURES = {
+    "gain": T.gain(),
+    "pid": T.pid(),
+    "lead": T.lead(),
+    "ppf": T.ppf(2),
+    "notch": T.gain() * T.notch(),
+    "shared": T.decentralised(T.gain() + T.ppf(), shared=True),
+}
+
+
+def two_by_two():
+    P = swing(7)
+    return control.ss(P.A, P.B, P.C, P.D, inputs=["w", "n0", "n1", "u0", "u1"], outputs=["z", "e0", "e1", "y0", "y1"])
+
+
+@pytest.mark.parametrize("name", STRUCTURES)
+def test_a_structure_gives_the_controller_that_its_numbers_say(name):
+    """The response is put together anew from the values, part by part."""
+    found = bc.tune(two_by_two(), 2, 2, STRUCTURES[name], starts=1, time_limit=20.0)
+    v, K = found.values, found.controller
+
+    def matrix(word, end=""):
+        return np.array([[v[f"{word}[u{i}, y{j}]{end}"] for j in range(2)] for i in range(2)])
+
+    for s in (0.3j, 2.0j, 40.0j):
+        if name == "gain":
+            wanted = matrix("gain")
+        elif name == "pid":
+            wanted = (
+                matrix("proportional") + matrix("integral") / s + matrix("derivative") * s / (s / v["filter"] + 1.0)
+            )
+        elif name == "lead":
+            wanted = matrix("gain") * (s / v["zero"] + 1.0) / (s / v["pole"] + 1.0)
+        elif name == "ppf":
+            parts = [(v[f"frequency{k}"], v[f"damping{k}"], matrix(f"ppf{k}")) for k in (1, 2)]
+            wanted = sum(G / (s**2 / w**2 + 2.0 * z * s / w + 1.0) for w, z, G in parts)
+        elif name == "notch":
+            w, a, b = v["notch"], v["depth"], v["width"]
+            wanted = matrix("gain") * (s**2 + 2.0 * a * w * s + w**2) / (s**2 + 2.0 * b * w * s + w**2)
+        else:
+            w, z = v["frequency"], v["damping"]
+            one = v["gain[u0, y0]"] + v["ppf[u0, y0]"] / (s**2 / w**2 + 2.0 * z * s / w + 1.0)
+            wanted = one * np.eye(2)
+        assert np.asarray(K(s)) == pytest.approx(np.asarray(wanted), rel=1e-8, abs=1e-10)
+
+
+def test_loops_side_by_side_read_and_set_nothing_else():
+    parts = T.decentralised(("y0", "u1", T.gain()), (["y0", "y1"], "u0", T.pid(integral=False)))
+    K = bc.tune(two_by_two(), 2, 2, parts, starts=1).controller
+    response = np.asarray(K(2.0j))
+    assert response[1, 1] == 0.0
+    assert (response[[0, 0, 1], [0, 1, 0]] != 0.0).all()
+
+
+def test_a_strictly_proper_controller_passes_nothing_at_once():
+    found = bc.tune(swing(3), 2, 2, T.state_space(1, strictly_proper=True), starts=2)
+    assert not found.controller.D.any()
+    assert found.controller.nstates == 1
+
+
+def test_a_state_more_is_never_worse():
+    P = swing(11)
+    orders = [bc.tune(P, 2, 2, T.state_space(k), starts=3).gamma for k in (0, 1, 2)]
+    assert orders[1] <= orders[0] * (1.0 + 1e-6)
+    assert orders[2] <= orders[1] * (1.0 + 1e-6)
+
+
+# -- several models, budgets, bounds ----------------------------------------------------------------------------------
+
+
+def test_of_two_models_the_worse_one_counts_and_both_are_stable():
+    """Around lags of 1 and -0.5 the least gain for both is where neither norm can fall without the other's rising."""
+    plants = [lag(1.0), lag(-0.5)]
+    found = bc.tune(plants, 1, 1, T.gain(), starts=2)
+    norms = [bc.hinf_norm(bc.close_loop(P, found.controller)).lower for P in plants]
+    assert max(norms) == pytest.approx(found.gamma, rel=1e-6)
+    assert all(loop.poles().real.max() < 0.0 for loop in found.closed_loops)
+    gains = np.linspace(-30.0, -0.51, 20_001)
+    least = min(max(_norm_of_lag(pole, k) for pole in (1.0, -0.5)) for k in gains)
+    assert found.gamma == pytest.approx(least, rel=1e-4)
+    assert found.gamma <= least * (1.0 + 1e-6)
+
+
+def _norm_of_lag(pole, k):
+    """Return the largest singular value of the loop with a gain: at zero, or at infinity, of two by two matrices."""
+    a = pole - k
+    at_zero = np.array([[1.0, 0.1 * k], [k, k * (0.1 * k) + 0.1 * k * a]]) / a
+    return max(np.linalg.norm(at_zero, 2), abs(0.1 * k))
+
+
+def test_a_budget_is_kept_and_said_to_be_used_up():
+    """``|k|/(1 - k)`` at most 0.25 means ``k >= -1/3``, and the objective ``1/(1 - k)`` is 0.75."""
+    P = lag(noise=0.0)
+    channels = [T.objective("w", "z"), T.budget("w", "zu", 0.25)]
+    found = bc.tune(P, 1, 1, T.gain(), channels=channels, starts=2)
+    assert found.gamma == pytest.approx(0.75, rel=1e-5)
+    assert any("budget" in said for said in found.certificate.active)
+    assert found.certificate.norms[1].value <= 0.25 * (1.0 + 1e-5)
+
+
+def test_h2_budgets_go_with_h_infinity_objectives():
+    """The square of the H2 norm of the effort is ``k^2/(2 (1 - k))``: at ``k = -1`` it is 1/4."""
+    channels = [T.objective("w", "z"), T.budget("w", "zu", 0.5, norm="h2")]
+    found = bc.tune(lag(noise=0.0), 1, 1, T.gain(), channels=channels, starts=2)
+    assert found.gamma == pytest.approx(0.5, rel=1e-5)
+
+
+def test_a_gain_limit_is_kept_where_the_infimum_is_at_infinite_gain():
+    found = bc.tune(lag(), 1, 1, T.gain(), channels=[T.objective("w", "z")], gain_limit=9.0, starts=2)
+    assert found.gamma == pytest.approx(0.1, rel=1e-5)
+    assert found.certificate.active == ("gain_limit = 9.0",)
+    free = bc.tune(lag(), 1, 1, T.gain(), channels=[T.objective("w", "z")], starts=2)
+    assert "runs away" in free.certificate.active[0]
+
+
+def test_poles_keep_to_what_is_asked():
+    P = swing(3)
+    found = bc.tune(P, 2, 2, T.state_space(2), starts=3, fastest_pole=2.0, damping=0.3, decay=0.05)
+    assert np.abs(found.controller.poles()).max() <= 2.0 * (1.0 + 1e-4)
+    poles = found.closed_loop.poles()
+    assert (-poles.real / np.abs(poles)).min() >= 0.3 - 1e-4
+    assert poles.real.max() <= -0.05 + 1e-4
+
+
+# -- physical parameters and families ---------------------------------------------------------------------------------
+
+
+def test_a_damper_alone_is_tuned_to_where_two_channels_meet():
+    """``1/(c w)`` of the place against what the damper's force costs: the minimum of a function of one number."""
+
+    def plant(v):
+        A = [[0.0, 1.0], [-4.0, -v["c"]]]
+        C = [[1.0, 0.0], [0.0, 0.3 * v["c"]]]
+        return control.ss(A, [[0.0], [1.0]], C, 0.0, inputs="f", outputs=["place", "force"])
+
+    found = bc.tune(plant, 0, 0, T.physical("c", 0.05, 5.0), starts=2)
+    least = min(bc.hinf_norm(plant({"c": c})).lower for c in np.linspace(0.05, 5.0, 300))
+    assert found.gamma <= least * (1.0 + 1e-9)
+    assert found.gamma == pytest.approx(least, rel=1e-4)
+    assert found.physical.keys() == {"c"}
+    assert found.certificate.lower_reason == "none: the plant itself is tuned"
+
+
+def test_a_parameter_that_helps_without_cost_ends_at_the_end_of_its_range():
+    found = bc.tune(oscillator, 0, 0, T.physical("c", 0.05, 1.0), starts=1)
+    assert found.physical["c"] == pytest.approx(1.0)
+    assert "c at its largest, 1" in found.certificate.active
+
+
+def family():
+    """Return a mass on an uncertain spring with an uncertain damper."""
+    return bc.structure.AffineFamily.through(
+        {"k": (2.0, 6.0), "c": (0.1, 1.0)},
+        lambda v: SecondOrderModel([[1.0]], [[v["c"]]], [[v["k"]]], {"f": [1.0]}, {"x": [1.0]}),
+    )
+
+
+def weighed(model):
+    return bc.generalized_plant(
+        model,
+        disturbances={"f": 1.0},
+        performance={"x": 1.0},
+        effort={"f": 0.2},
+        noises={"x": 0.05},
+        measurements="x",
+        controls="f",
+    )
+
+
+def test_over_a_family_nothing_inside_is_worse_than_said():
+    found = bc.tune(weighed, 1, 1, T.pid(integral=False, high=50.0), family=family(), starts=2)
+    rng = np.random.default_rng(0)
+    inside = [*rng.uniform(-1.0, 1.0, (40, 2)), *(np.array(p) for p in product((-1.0, 0.0, 1.0), repeat=2))]
+    worst = max(bc.hinf_norm(bc.close_loop(weighed(family().at(d)), found.controller)).lower for d in inside)
+    assert worst <= found.gamma * 1.002
+    assert found.certificate.worst.value <= found.gamma * 1.002
+
+
+def test_a_parameter_of_the_family_may_be_tuned_and_the_others_are_uncertain():
+    parts = T.pid(integral=False, high=50.0) + T.physical("c", 0.1, 1.0)
+    found = bc.tune(weighed, 1, 1, parts, family=family(), starts=1)
+    assert found.physical["c"] == pytest.approx(1.0, rel=1e-3)  # damping costs nothing here
+    for k in (-1.0, 0.0, 1.0):
+        loop = bc.close_loop(weighed(family().at([k, 1.0])), found.controller)
+        assert bc.hinf_norm(loop).lower <= found.gamma * 1.002
+
+
+# -- what is refused, and what ends early -----------------------------------------------------------------------------
+
+REFUSED = {
+    "no structure": (lambda: bc.tune(lag(), 1, 1, 3.0), TypeError, "structure"),
+    "a name unknown": (lambda: bc.tune(lag(), 1, 1, T.gain(), channels=[T.objective("v")]), ValueError, "disturbance"),
+    "no channels": (lambda: bc.tune(lag(), 1, 1, T.gain(), channels=[]), ValueError, "channels"),
+    "two norms": (
+        lambda: bc.tune(lag(), 1, 1, T.gain(), channels=[T.objective()], norm="h2"),
+        ValueError,
+        "norm",
+    ),
+    "h2 through a gain": (lambda: bc.tune(lag(), 1, 1, T.gain(), norm="h2"), ValueError, "feedthrough"),
+    "an integrator's gain": (lambda: bc.tune(lag(), 1, 1, T.pid(), gain_limit=1.0), ValueError, "integrates"),
+    "discrete time": (lambda: bc.tune(control.ss(0.5, [[1, 1]], [[1], [1]], 0, 0.1), 1, 1, T.gain()), ValueError, "P"),
+    "models unlike": (lambda: bc.tune([lag(), swing(0, 2, 1, 1)], 1, 1, T.gain()), ValueError, "model 2"),
+    "physical twice": (
+        lambda: bc.tune(oscillator, 0, 0, T.physical("c", 0.1, 1.0) + T.physical("c", 0.1, 2.0)),
+        ValueError,
+        "twice",
+    ),
+    "physical without a function": (
+        lambda: bc.tune(lag(), 1, 1, T.gain() + T.physical("c", 0.1, 1.0)),
+        TypeError,
+        "function",
+    ),
+    "no such parameter": (
+        lambda: bc.tune(weighed, 1, 1, T.gain() + T.physical("m", 0.1, 1.0), family=family()),
+        ValueError,
+        "parameter of the family",
+    ),
+    "not stabilisable": (
+        lambda: bc.tune(control.ss(1.0, [[1.0, 0.0]], [[1.0], [1.0]], 0.0), 1, 1, T.gain()),
+        SynthesisError,
+        "not stabilisable",
+    ),
+    "not by this structure": (
+        lambda: bc.tune(
+            control.ss([[0.0, 1.0], [0.0, 0.0]], [[1.0, 0.0], [0.0, 1.0]], [[1.0, 0.0], [1.0, 0.0]], 0.0),
+            1,
+            1,
+            T.gain(),
+            starts=2,
+        ),
+        SynthesisError,
+        "no controller of this structure",
+    ),
+    "budgets that contradict": (
+        lambda: bc.tune(lag(), 1, 1, T.gain(), channels=[T.budget("w", "zu", 0.1), T.budget("w", "z", 0.2)], starts=2),
+        SynthesisError,
+        "budgets cannot all be kept",
+    ),
+    "a bound beyond reach": (
+        lambda: bc.tune(lag(-1.0), 1, 1, T.gain(), gain_limit=0.5, starts=2),
+        SynthesisError,
+        "gain_limit",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_is_refused_in_one_line(name):
+    call, kind, said = REFUSED[name]
+    with pytest.raises(kind, match=said) as caught:
+        call()
+    assert "\n" not in str(caught.value)
+
+
+def test_the_time_limit_returns_the_best_so_far_verified():
+    P = swing(13, states=12, nmeas=3, ncon=3)
+    found = bc.tune(P, 3, 3, T.state_space(3), starts=50, time_limit=1.0)
+    assert found.certificate.path[-1] == "out of time"
+    assert bc.hinf_norm(bc.close_loop(P, found.controller)).lower == pytest.approx(found.gamma, rel=1e-6)
+
+
+def test_out_of_time_before_anything_is_stable_is_said():
+    with pytest.raises(SynthesisError, match="in the time allowed"):
+        bc.tune(lag(-1.0), 1, 1, T.gain(), time_limit=1e-6)
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="signals to a thread")
+def test_an_interrupt_returns_the_best_so_far_verified():
+    P = swing(13, states=12, nmeas=3, ncon=3)
+    main = threading.main_thread().ident
+
+    def interrupt():
+        time.sleep(0.7)
+        signal.pthread_kill(main, signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    found = bc.tune(P, 3, 3, T.state_space(3), starts=500, time_limit=120.0)
+    assert "stopped" in found.certificate.path
+    assert bc.hinf_norm(bc.close_loop(P, found.controller)).lower == pytest.approx(found.gamma, rel=1e-6)
+
+
+def test_a_start_of_ones_own_is_gone_on_from():
+    first = bc.tune(swing(3), 2, 2, T.gain(), starts=3)
+    again = bc.tune(swing(3), 2, 2, T.gain(), starts=1, initial=first.values)
+    assert again.gamma == pytest.approx(first.gamma, rel=1e-6)
+    assert again.starts[0].kind == "given"
