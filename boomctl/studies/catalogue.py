@@ -1,6 +1,7 @@
 """What every kind of design offers, and where designs are found: by name beside the package, or in a user's own file."""
 
 import importlib.util
+import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator
@@ -150,9 +151,11 @@ def design_names(*kinds: str) -> tuple[str, ...]:
     for kind in kinds:
         if not (isinstance(kind, str) and kind in KINDS):
             raise ValueError(f"kind = {kind!r}: expected one of {', '.join(KINDS)}")
-    marks = [f"\ndef {KINDS[kind].function}(" for kind in kinds or KINDS]
+    wanted = [KINDS[kind] for kind in kinds or KINDS]
+    # suspensions and machines are made by functions of one name: what they return tells them apart
+    marks = [re.compile(rf"^def {kind.function}\(.*\) -> (\w+\.)?{kind.returns}:", re.MULTILINE) for kind in wanted]
     texts = {path.stem: path.read_text(encoding="utf-8") for path in shipped("designs").glob("*.py")}
-    return tuple(sorted(name for name, text in texts.items() if any(mark in text for mark in marks)))
+    return tuple(sorted(name for name, text in texts.items() if any(mark.search(text) for mark in marks)))
 
 
 def design_file(name: str, *kinds: str) -> DesignFile:

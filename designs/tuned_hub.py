@@ -1,0 +1,116 @@
+"""PD and a notch at the hub, tuned at once for 0 to 0.2 kg at the tip, beside the LQG that is made for the middle, 0.1 kg.
+
+Both read the encoder of the hub alone. What a disturbance torque does to hub and tip is to be small, and torque from the
+encoder's noise is limited. The LQG knows all modes and has a state for each; with the same limit it is better for 0.1 kg, and far worse at the ends.
+"""
+
+from itertools import product
+
+import control
+import numpy as np
+
+import boomctl as bc
+from boomctl.studies.machine import MachineResult
+from boomctl.synthesis import TuneResult
+
+MASSES = (0.0, 0.1, 0.2)  # at the tip, that are tuned for [kg]
+BETWEEN = np.linspace(0.0, 0.2, 9)  # those at which both are compared [kg]
+NOISE_GAIN = 3e4  # torque over encoder noise, at any frequency [N m/rad]: an encoder of 2e-5 rad moves 0.6 N m
+NOTCH = (2.0, 100.0)  # where the notch may be [rad/s]: from below the first bending mode to the third
+LENGTH = bc.HubBeamParameters().length  # what an angle of the hub moves the tip by [m]
+EFFORT = np.geomspace(1e-9, 1e-4, 6)  # weights of the torque tried for the LQG
+NOISE = np.geomspace(1e-11, 1e-7, 9)  # intensities of the encoder's noise tried for it, over that of the torque
+
+
+def beam(mass: float) -> control.StateSpace:
+    """Return the beam at rest with a mass at its tip, three modes."""
+    return bc.hub_beam(bc.HubBeamParameters(tip_mass=mass, damping_ratio=0.005), "sfoam", 3).linearize(0.0, sensors=())
+
+
+def plant(mass: float) -> control.StateSpace:
+    """Return the generalised plant: disturbance torque and encoder noise to what hub and tip do, and to the torque."""
+    return bc.generalized_plant(
+        beam(mass),
+        disturbances={"disturbance_torque": 1.0},
+        performance={"hub_angle": LENGTH, "tip_displacement": 1.0},
+        effort={"torque": 1.0},
+        noises={"hub_angle": 1.0},
+        measurements=["hub_angle"],
+        controls=["torque"],
+    )
+
+
+def norms(controller: control.StateSpace, mass: float) -> tuple[float, float]:
+    """Return the norm from disturbance torque to hub and tip [m/N m], and from noise to torque [N m/rad]."""
+    loop = bc.close_loop(plant(mass), controller)
+    ends = [("w_disturbance_torque", ["z_hub_angle", "z_tip_displacement"]), ("n_hub_angle", ["z_torque"])]
+    found = [bc.hinf_norm(bc.select_channels(loop, [start], end)).lower for start, end in ends]
+    return found[0], found[1]
+
+
+def tuned() -> TuneResult:
+    """Return PD and notch: the disturbance least, torque from noise within its limit."""
+    structure = bc.tunable.pid(integral=False) * bc.tunable.notch(*NOTCH)
+    channels = [
+        bc.tunable.objective("w_disturbance_torque", ["z_hub_angle", "z_tip_displacement"]),
+        bc.tunable.budget("n_hub_angle", "z_torque", NOISE_GAIN),
+    ]
+    return bc.tune([plant(mass) for mass in MASSES], 1, 1, structure, channels=channels, starts=12, time_limit=600.0)
+
+
+def regulators() -> list[control.StateSpace]:
+    """Return LQGs for the middle mass that keep the limit of noise, the one best against the disturbance there first."""
+    found = []
+    for effort, noise in product(EFFORT, NOISE):
+        K = bc.lqg(
+            beam(MASSES[1]),
+            None,
+            effort,
+            {"disturbance_torque": 1.0},
+            {"hub_angle": noise},
+            ["hub_angle"],
+            ["torque"],
+            output_weight={"hub_angle": LENGTH, "tip_displacement": 1.0},
+        ).controller
+        disturbed, noisy = norms(K, MASSES[1])
+        if noisy <= NOISE_GAIN:
+            found.append((disturbed, K))
+    return [K for _, K in sorted(found, key=lambda each: each[0])]
+
+
+def worst(controller: control.StateSpace) -> float:
+    """Return the largest norm at the masses compared; infinite where a loop is unstable."""
+    return max(norms(controller, mass)[0] for mass in BETWEEN)
+
+
+def design() -> bc.MachineDesign:
+    """Return the hub with PD and notch, and what LQG does beside it."""
+    found = tuned()
+    best, *others = regulators()
+    even = min((best, *others), key=worst)
+    said = "{:.4f} m/(N m) with 0.1 kg, at most {:.4f} with 0 to 0.2 kg"
+    facts = {"PD and notch": found.certificate.statement}
+    for name, K in (("PD and notch", found.controller), ("best LQG for 0.1 kg", best), ("most even LQG", even)):
+        facts[f"{name}, {K.nstates} states"] = said.format(norms(K, MASSES[1])[0], worst(K))
+    return bc.MachineDesign(
+        "tuned_hub",
+        "PD and notch at the hub, tuned for 0 to 0.2 kg",
+        beam(MASSES[1]),
+        found.controller,
+        inputs="disturbance_torque",
+        outputs=["hub_angle", "tip_displacement"],
+        facts=facts,
+        notes=(
+            f"Norms from disturbance torque to hub (at {LENGTH:g} m) and tip together, at {len(BETWEEN)} masses; for each "
+            f"controller torque over encoder noise is at most {NOISE_GAIN:g} N m/rad, at 0.1 kg.",
+        ),
+    )
+
+
+def main() -> MachineResult:
+    """Return what the drive is worth."""
+    return design().evaluate()
+
+
+if __name__ == "__main__":
+    print(main())
