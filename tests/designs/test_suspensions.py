@@ -96,6 +96,7 @@ def test_the_tuned_suspension_meets_what_was_asked_of_it(result):
     assert result.as_dict()["controller"] == {"states": 6}
     assert result.active.sigma.certificate.upper < 9.3
     assert max(half.worst.upper_bound for half in (result.assured.jolt, result.assured.yaw)) < 10.2
+    assert result.active.yaw.lower == pytest.approx(6.85, abs=0.01)
     assert result.assured.yaw.worst.norm.lower == pytest.approx(6.87, abs=0.01)
     whole = performance("on the field of the page", FieldScene(), result.design.parameters, result.design.controller)
     assert whole.spray.cv == pytest.approx(0.0100, abs=5e-5)
