@@ -36,6 +36,7 @@ def cut(box, rng, times):
     cells = box.start()
     for _ in range(times):
         here = rng.random(len(cells)) < 0.5
+        here[rng.integers(len(cells))] = True
         found = box.look(cells[here])
         axes = np.where(rng.random(here.sum()) < 0.2, rng.integers(0, box.size + 1, here.sum()), found.axes)
         cells = cells[~here].with_halves(cells[here], axes, found.between)

@@ -1,6 +1,6 @@
 """A level that no singular value of a loop reaches anywhere in a box: raised where a worse point is met, proved in cells."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import inf
 
@@ -21,6 +21,10 @@ _RESPONSES, _PENCIL = "cells of parameters and frequencies", "cells of parameter
 # Ways to a proof at a level, in the order taken, and how many of the cells that are allowed: strongly coupled poles are for
 # the response, many lightly damped ones for the pencil, and which a loop is shows soon (shares: choices)
 _ROUNDS = ((_RESPONSES, 0.05), (_PENCIL, 0.2), (_RESPONSES, 0.5), (_PENCIL, 1.0), (_RESPONSES, 0.5))
+_FIRST = 60_000  # cells that the rounds share at first, if more are allowed (the default of `worst_case`)
+_LATER = (
+    8  # times as many whenever they come round again (a choice: a way that needs few is not kept waiting by the other)
+)
 _WORTH = 150  # cells of the response that take as long as one of the pencil (measured: 100 to 300)
 _CHECKED = 8  # points drawn in the box at which a bound is tried again (a choice)
 _COMPARED = 3  # points drawn at which the loops that are proved are compared with those closed anew (a choice)
@@ -87,8 +91,7 @@ def bounded(
     for looser in _LOOSER:
         gap = min(tolerance * looser, LARGEST)
         level = max(lower, loops.at_infinity) * (1.0 + gap)
-        for way, share in _ROUNDS:
-            most = share * limit
+        for way, most in _rounds(limit):
             if way == _RESPONSES:
                 frontier, more = responses.prove(frontier, level, max(1, int(most)), seen, tell)
                 left, middles = len(frontier), list(frontier.middle[-_LOOKED_AT:])
@@ -112,6 +115,16 @@ def bounded(
                     inf, counts[way], delta, f"hardly damped, {ratio}: it would take far more than {limit} cells"
                 )
     return Bound(inf, max(counts.values()), delta, f"it would take more than max_cells = {limit} at {level:.5g}")
+
+
+def _rounds(limit: int) -> Iterator[tuple[str, float]]:
+    """Yield the ways in turn, each with how many cells it may take."""
+    allowed = min(limit, _FIRST)
+    while True:
+        yield from ((way, share * allowed) for way, share in _ROUNDS)
+        if allowed == limit:
+            return
+        allowed = min(_LATER * allowed, limit)
 
 
 def _by_pencil(
