@@ -370,7 +370,7 @@ def design(words: Sequence[str]) -> None:
             progress("judging")
             result = made.evaluate(scene)
             if asked.trade_off:
-                progress("trade-off")
+                progress("designs beside it")
                 result = _with_trade_off(asked.name, result, asked.workers)
             report = result.report(progress)
             report.write_into(folder)

@@ -28,7 +28,7 @@ PEAK, FORCE, LOOP = (
     2.0,
 )  # of the yaw: tip [m/m] and force [N/m] over the platform, force over force: sizes alike
 DECAY = 0.02  # slowest decay of the yaw [1/s]; an integrator would do as well, and never settle
-ORDERS, FORCES = (1, 2, 3, 4, 5, 6), (900.0, 1200.0, 1800.0, 2500.0, 3600.0)  # of the trade-off; forces [N/m]
+ORDERS, FORCES = (1, 2, 3, 4, 5, 6), (225.0, 450.0, 900.0, 1800.0, 3600.0)  # of the trade-off; forces [N/m]
 NOISE = {"stroke": 0.005, "tip_acceleration": 0.5}  # of the jolt, beside 0.03 m of platform and 7.5 N of disturbance
 
 
@@ -134,7 +134,7 @@ def trade_off() -> tuple[TradeCurve, ...]:
             lambda force: suspension(force=force),
             chosen=FORCE,
             half="yaw",
-            over="effort",
+            over="force",
             beside=yardsticks,
         ),
     )

@@ -146,7 +146,7 @@ def test_lines_survive_pickle_and_print_briefly(lines):
 
 
 def a_point(label, peak, worst=None, bound=None, effort=0.0, asked=None):
-    half = HalfNumbers(peak, worst, bound, effort)
+    half = HalfNumbers(peak, worst, bound, effort, effort / 100.0)
     return TradePoint(label, asked, 0, half, half, 0.01, effort / 100.0, 0.02)
 
 

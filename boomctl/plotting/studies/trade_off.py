@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from boomctl.studies.suspension.trade_curves import TradeLine, TradePoint
 
 _MIDDLE, _WORST, _GREY = COLOURS[0], COLOURS[1], COLOURS[5]
-_ROOM = 1.15  # of the abscissa beyond the last point, for its name (a choice)
+_ROOM = 1.15  # of an axis with the room beyond the last point, for its name (a choice)
 _OFF = 5.0  # points between a mark and its name (a choice)
 
 
@@ -32,16 +32,14 @@ def _over_asked(line: "TradeLine", ax: Any, style: dict[str, Any]) -> Any:
         if line.static:
             axes[0].axhline(line.static, color=_GREY, linewidth=0.9, dashes=(4, 2), label="static gain")
         _curve(axes[1], places, [100.0 * p.deposit_cv for p in points], asked, style, _MIDDLE, "o", None)
-        _curve(axes[2], places, [p.force for p in points], asked, style, _MIDDLE, "o", None)
+        _curve(axes[2], places, [p.of(line.half).force for p in points], asked, style, _MIDDLE, "o", None)
         for each, name in zip(axes, names, strict=True):
             each.set_ylabel(name)
+            _from_zero(each)
             if line.chosen is not None:
                 for place, point in zip(places, points, strict=True):
                     if point.asked == line.chosen:
                         each.axvline(place, color="#dddddd", linewidth=7.0, zorder=0)
-        axes[0].set_ylim(bottom=0.0)
-        axes[1].set_ylim(bottom=0.0)
-        axes[2].set_ylim(bottom=0.0)
         axes[0].legend(loc="best")
         ticks = [
             point.label if point.asked is not None else f"{point.label}\n{point.states} states" for point in points
@@ -104,7 +102,7 @@ def _over_found(line: "TradeLine", ax: Any, style: dict[str, Any]) -> Any:
             _name(drawn_on, line, point)
         if line.static:
             drawn_on.axhline(line.static, color=_GREY, linewidth=0.9, dashes=(4, 2), label="static gain")
-        drawn_on.set_ylim(bottom=0.0)
+        _from_zero(drawn_on)
         right = max((line.place(point) for point in (*points, *others)), default=0.0)
         if right > 0.0:
             drawn_on.set_xlim(-0.02 * right, _ROOM * right)
@@ -126,6 +124,12 @@ def _name(ax: Any, line: "TradeLine", point: "TradePoint") -> None:
         point.label, (x, max(heights)), (_OFF, _OFF), textcoords="offset points",
         fontsize=8, fontweight=weight,
     )  # fmt: skip
+
+
+def _from_zero(ax: Any) -> None:
+    """Let the ordinate begin at zero, with room above the highest mark."""
+    highest = max((float(y) for line in ax.lines for y in line.get_ydata() if isfinite(y)), default=0.0)
+    ax.set_ylim(0.0, _ROOM * highest or None)
 
 
 def _finite(value: float | None) -> float:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from boomctl.arrays import Array
 
-OVER = {"asked": "", "effort": "force over motion of the platform [N/m]", "force": "largest force of the run [N]"}
+OVER = {"asked": "", "effort": "force over platform [N/m]", "force": "largest force of the run [N]"}
 """What peaks may be drawn over, and what it is called; "asked" is called what the curve says."""
 HALVES = ("jolt", "yaw")
 
@@ -39,8 +39,8 @@ class TradeCurve:
     half : "jolt" or "yaw", optional
         Whose peaks are drawn; by default the larger ones.
     over : "asked", "effort" or "force"
-        What peaks are drawn over: the number asked for, the certified largest force over the motion of the platform [N/m], or
-        the largest force of the run [N].
+        What peaks are drawn over: the number asked for, the certified largest force over the motion of the platform [N/m],
+        which elastic modes may decide, or the largest force of the run [N].
     beside : sequence of str
         Designs by name, or files of your own, to be set beside.
 
@@ -105,12 +105,15 @@ class HalfNumbers:
         infinite where a loop is unstable or nothing is proved, None where it was not looked for.
     effort : float
         Certified largest force over the motion of the platform [N/m]; 0 of a passive suspension.
+    force : float
+        Largest force of an actuator in the run by this half alone [N].
     """
 
     peak: float
     worst_found: float | None
     worst_bound: float | None
     effort: float
+    force: float
 
     __repr__ = compact
 
@@ -132,6 +135,7 @@ class HalfNumbers:
             "worst_found": self.worst_found,
             "worst_upper_bound": None if self.worst_bound == inf else self.worst_bound,
             "effort": self.effort,
+            "force": self.force,
         }
 
 
@@ -188,6 +192,7 @@ class TradePoint:
             larger(self.jolt.worst_found, self.yaw.worst_found),
             larger(self.jolt.worst_bound, self.yaw.worst_bound),
             max(self.jolt.effort, self.yaw.effort),
+            self.force,
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -206,7 +211,6 @@ class TradePoint:
             "jolt": self.jolt.as_dict(),
             "yaw": self.yaw.as_dict(),
             "deposit_cv": self.deposit_cv,
-            "force": self.force,
             "stroke": self.stroke,
         }
 
@@ -249,7 +253,8 @@ class TradeLine:
     @property
     def abscissa(self) -> str:
         """What peaks are drawn over, in words."""
-        return self.asked if self.over == "asked" else OVER[self.over]
+        whose = "" if self.half is None or self.over == "asked" else f"{self.half}: "
+        return whose + (self.asked if self.over == "asked" else OVER[self.over])
 
     def place(self, point: TradePoint) -> float:
         """Return where a point lies on the abscissa of peaks over effort or force.
@@ -264,7 +269,8 @@ class TradeLine:
         float
             Force over the motion of the platform [N/m], or the largest force of the run [N].
         """
-        return point.force if self.over == "force" else point.of(self.half).effort
+        found = point.of(self.half)
+        return found.force if self.over == "force" else found.effort
 
     def as_dict(self) -> dict[str, Any]:
         """Return the numbers, for JSON.

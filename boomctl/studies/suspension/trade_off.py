@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 
+import numpy as np
+
 from boomctl.analysis.box.worst_case import WorstCase
 from boomctl.checks import instance, whole
 from boomctl.progress import Listener, computing
@@ -168,14 +170,16 @@ def judged(label: str, asked: float | None, design: SuspensionDesign, scene: Fie
         worst = {half: box_worst(half, p, part, band)[1] for half, part in zip(HALVES, parts, strict=True)}
     effort = dict.fromkeys(HALVES, 0.0)
     if K is not None:
-        forces = loop_between(model, K, CONTROLS, delay=late)
-        effort = {half: half_norm(forces, half).lower for half in HALVES}
+        asked_for = loop_between(model, K, CONTROLS, delay=late)
+        effort = {half: half_norm(asked_for, half).lower for half in HALVES}
     peaks = {"jolt": seen.jolt.lower, "yaw": seen.yaw.lower}
+    left, right = (seen.run.controls.get(name, np.zeros(1)) for name in CONTROLS)
+    forces = {"jolt": 0.5 * np.abs(right + left).max(), "yaw": 0.5 * np.abs(right - left).max()}
     halves = {}
     for half in HALVES:
         found = worst.get(half)
         bounds = (None, None) if found is None else (found.norm.lower, found.upper_bound)
-        halves[half] = HalfNumbers(peaks[half], *bounds, effort[half])
+        halves[half] = HalfNumbers(peaks[half], *bounds, effort[half], float(forces[half]))
     return TradePoint(
         label=label,
         asked=asked,
