@@ -32,8 +32,8 @@ WORST = {  # over springs and mass
     "lqg_suspension": 25.1,
     "h_infinity_full": 21.5,
     "h_infinity_split": 18.3,
-    "tuned_suspension": 9.47,
-    "passive_tuning": 18.02,
+    "tuned_suspension": 9.48,
+    "passive_tuning": 18.04,
     "tuned_passive": 16.18,
 }
 
@@ -105,7 +105,7 @@ def test_the_tuned_suspension_meets_what_was_asked_of_it(result):
     assert result.assured.yaw.worst.norm.lower == pytest.approx(6.87, abs=0.01)
     whole = performance("on the field of the page", FieldScene(), result.design.parameters, result.design.controller)
     assert whole.spray.cv == pytest.approx(0.0100, abs=5e-5)
-    assert whole.force == pytest.approx(11.35, abs=0.1)
+    assert whole.force == pytest.approx(10.97, abs=0.1)
     assert whole.stroke == pytest.approx(0.026, abs=5e-4)
     assert (whole.spray.lowest_dose, whole.spray.highest_dose) == pytest.approx((0.95, 1.05), abs=6e-3)
 
@@ -116,7 +116,7 @@ def test_springs_and_dampers_tuned_over_the_box_are_the_better_ones_there(result
         return
     other = assure_passive(load_design("passive_tuning").parameters, SCENE)
     bounds = [max(half.worst.upper_bound for half in (each.jolt, each.yaw)) for each in (result.assured, other)]
-    assert bounds == [pytest.approx(16.19, abs=0.01), pytest.approx(18.04, abs=0.01)]
+    assert bounds == [pytest.approx(16.19, abs=0.01), pytest.approx(18.06, abs=0.01)]
     assert performance("on the field of the page", FieldScene(), result.design.parameters).spray.cv == pytest.approx(
         0.0152, abs=5e-5
     )

@@ -25,7 +25,7 @@ from boomctl.studies.suspension.trade_curves import HalfNumbers, TradePoint
 from tests.command import boomctl
 
 SCENE = FieldScene(run_in=0.2, duration=1.0, elements=6)
-SOFT = bc.BoomParameters(spring_stiffness=550.0, hinge_damping=1000.0)
+SOFT = bc.BoomParameters(spring_stiffness=550.0)
 MINE = """
 import control
 import numpy as np
@@ -38,15 +38,11 @@ def damped(gain):
         raise ArithmeticError("too much of it")
     names = {"inputs": list(STROKES), "outputs": list(CONTROLS)}
     K = control.ss(-20.0 * np.eye(2), 20.0 * np.eye(2), gain * np.eye(2), -gain * np.eye(2), **names)
-    return SuspensionDesign("damped", "damped", bc.BoomParameters(spring_stiffness=550.0, hinge_damping=1000.0), K)
+    return SuspensionDesign("damped", "damped", bc.BoomParameters(spring_stiffness=550.0), K)
 
 
 def design():
     return damped(3000.0)
-
-
-def softer(share):
-    return SuspensionDesign("soft", "softer", bc.BoomParameters(spring_stiffness=1100.0 * share, hinge_damping=1000.0))
 
 
 def never(value):
@@ -254,7 +250,7 @@ from designs.tuned_suspension import tuned_yaw
 
 def with_yaw(order):
     names = {"inputs": ["stroke_sym", "tip_acceleration_sym"], "outputs": ["suspension_sym"]}
-    nothing = control.ss([], [], [], [[0.0, 0.0]], **names)
+    nothing = control.ss([], [], [], [[0.0, 0.0]], 0, **names)
     K = bc.join_symmetric(suspension_model(), nothing, tuned_yaw(int(order)).controller)
     return SuspensionDesign("yaw", "yaw alone", controller=K)
 
@@ -278,6 +274,7 @@ def test_a_second_state_for_the_yaw_is_worth_its_force(tmp_path):
     (line,) = trade_off(path, design_file(path).made(), replace(SCENE, elements=20))
     one, two = line.points
     assert (one.states, two.states) == (1, 2)
+    assert [point.yaw.worst_bound for point in line.points] == pytest.approx([25.78, 13.18], rel=5e-3)
     gamma = tuned_yaw(2).gamma
     assert two.yaw.worst_found <= gamma * 1.002
     assert two.yaw.effort <= gamma * FORCE / PEAK * 1.002

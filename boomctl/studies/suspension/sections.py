@@ -223,8 +223,9 @@ def trade_off_sections(lines: Sequence[TradeLine]) -> tuple[Section, ...]:
         lead = (text,) if not made else ()
         failed = (f"{name} failed: {error}" for name, error in line.failures.items())
         whose = "Peaks" if line.half is None else f"Peaks of the {line.half}"
+        over = line.abscissa.removeprefix(f"{line.half}: ")
         caption = (
-            f"{whose} against {line.abscissa}, in the middle of the box and the worst in it (hollow where it is not proved);"
+            f"{whose} against {over}, in the middle of the box and the worst in it (hollow where it is not proved);"
             f" dashed: the static gain from the platform to the tips, {line.static:.4g}."
         )
         if line.over != "asked":
