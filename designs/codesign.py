@@ -112,7 +112,7 @@ def design() -> SuspensionDesign:
     parameters = replace(TABLE_2, **chosen)
     return SuspensionDesign(
         "codesign",
-        "dampers and controllers, tuned at once",
+        "dampers and controllers at once",
         parameters=parameters,
         controller=bc.join_symmetric(suspension_model(parameters), *(found.controller for found in halves.values())),
         facts=facts,
