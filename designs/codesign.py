@@ -8,6 +8,7 @@ distance, as in `tuned_suspension`.
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 from itertools import product
 from typing import Any
 
@@ -15,7 +16,7 @@ import control
 
 import boomctl as bc
 from boomctl.boom.families import scaled_boom
-from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, suspension_model
+from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, TradeCurve, suspension_model
 from boomctl.synthesis import TuneResult
 
 TABLE_2 = bc.BoomParameters()
@@ -29,6 +30,7 @@ SECONDS = 600.0  # far above what is taken: the starts decide, not the clock
 LIMIT = (
     7.7  # of the jolt's peak at the points, tip over platform: above 6.74, the static gain of both halves (a choice)
 )
+LIMITS = (7.4, 7.7, 8.5, 10.0)  # of the trade-off
 CORNERS = 0.7  # what disturbances at the corners count for the H2 norm, of those in the middle
 NOISE = {"stroke": 0.005, "tip_acceleration": 0.5}  # of the jolt, beside 0.03 m of platform and 7.5 N of disturbance
 PEAK, FORCE, LOOP = 9.3, 1800.0, 2.0  # of the yaw: tip and force [N/m] over platform, force over force: sizes alike
@@ -81,13 +83,14 @@ def yaw_plant(point: tuple[float, float]) -> Callable[[Mapping[str, float]], con
     )
 
 
-def tuned_jolt() -> TuneResult:
+def tuned_jolt(limit: float = LIMIT) -> TuneResult:
     """Return the cradle's damper and the jolt's controller: the H2 norm, the largest of the points, and a limited peak."""
     weighed = ["w_actuator_sym", "w_suspension_sym", *(f"n_{stem}_sym" for stem in MEASURED)]
-    peak = bc.tunable.budget("w_platform", "z_tip_sym", 15.0 * LIMIT)
+    peak = bc.tunable.budget("w_platform", "z_tip_sym", 15.0 * limit)
     return tuned("sym", jolt_plant, [bc.tunable.objective(weighed, norm="h2"), peak], starts=1)
 
 
+@cache
 def tuned_yaw() -> TuneResult:
     """Return the hinge's damper and the yaw's controller: peaks from platform to tip and force, and round the control."""
     ends = [("platform", "tip_anti"), ("platform", "suspension_anti"), ("suspension_anti", "suspension_anti")]
@@ -102,9 +105,9 @@ def tuned(side: str, plant_at: Callable, channels: list, **options: Any) -> Tune
     return bc.tune([plant_at(point) for point in POINTS], 2, 1, structure, **fixed, **options)
 
 
-def design() -> SuspensionDesign:
+def suspension(limit: float = LIMIT) -> SuspensionDesign:
     """Return the machine with both dampers, and both halves' controllers joined into one of it."""
-    halves = {"jolt": tuned_jolt(), "yaw": tuned_yaw()}
+    halves = {"jolt": tuned_jolt(limit), "yaw": tuned_yaw()}
     facts = {f"{name}: tuned": found.certificate.statement for name, found in halves.items()}
     chosen = {name: value for found in halves.values() for name, value in found.physical.items()}
     for name, value in chosen.items():
@@ -123,6 +126,26 @@ def design() -> SuspensionDesign:
             " there with the dampers of Table 2.",
         ),
     )
+
+
+def design() -> SuspensionDesign:
+    """Return the suspension that the folder is about."""
+    return suspension()
+
+
+def trade_off() -> tuple[TradeCurve, ...]:
+    """Return what the limit on the jolt's peak costs, over the box as in its middle."""
+    curve = TradeCurve(
+        "limit",
+        "the jolt's peak, the spray and the force for each limit on that peak over the box",
+        "limit of the jolt's peak at the points tuned for, tip over platform",
+        LIMITS,
+        suspension,
+        chosen=LIMIT,
+        half="jolt",
+        beside=("tuned_suspension", "tuned_passive"),
+    )
+    return (curve,)
 
 
 def main() -> SuspensionResult:
