@@ -35,7 +35,7 @@ WORST = {  # over springs and mass
     "h_infinity_split": 18.3,
     "tuned_suspension": 9.47,
     "codesign": 7.70,
-    "passive_tuning": 18.02,
+    "passive_tuning": 18.04,
     "tuned_passive": 16.18,
 }
 
@@ -138,7 +138,7 @@ def test_springs_and_dampers_tuned_over_the_box_are_the_better_ones_there(result
         return
     other = assure_passive(load_design("passive_tuning").parameters, SCENE)
     bounds = [max(half.worst.upper_bound for half in (each.jolt, each.yaw)) for each in (result.assured, other)]
-    assert bounds == [pytest.approx(16.19, abs=0.01), pytest.approx(18.04, abs=0.01)]
+    assert bounds == [pytest.approx(16.19, abs=0.01), pytest.approx(18.06, abs=0.01)]
     assert performance("on the field of the page", FieldScene(), result.design.parameters).spray.cv == pytest.approx(
         0.0152, abs=5e-5
     )
