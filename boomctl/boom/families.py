@@ -8,6 +8,7 @@ the boom, and spray liquid in its pipes, are such a change.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters, boom_parameters
@@ -136,12 +137,26 @@ def yaw_family(
     array([0.34])
     """
     p = boom_parameters(parameters)
+    stiffest = spring_for_yaw(p, stiffest_hz, elements, discretization)
+    return spring_family(
+        p,
+        stiffest,
+        half=half,
+        elements=elements,
+        discretization=discretization,
+        excitation=excitation,
+        accelerometer_bandwidth_hz=accelerometer_bandwidth_hz,
+    )
+
+
+def spring_family(
+    p: BoomParameters, stiffest: float, *, half: str | None, elements: int, **options: Any
+) -> AffineFamily:
+    """Return the boom from its own spring stiffness to another one [N/m]; options as for :func:`boomctl.spray_boom`."""
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:
-        changed = replace(p, **values)
-        return _part(spray_boom(changed, discretization, elements, excitation, accelerometer_bandwidth_hz), half)
+        return _part(spray_boom(replace(p, **values), elements=elements, **options), half)
 
-    stiffest = spring_for_yaw(p, stiffest_hz, elements, discretization)
     return AffineFamily.through({"spring_stiffness": (p.spring_stiffness, stiffest)}, make)
 
 

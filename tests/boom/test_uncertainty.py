@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.boom import BoomParameters, boom_family, spray_boom, yaw_family
-from boomctl.boom.families import scaled_boom
+from boomctl.boom.families import scaled_boom, spring_family
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.families import AffineFamily
 from tests.profiles import examples
@@ -43,6 +43,20 @@ def test_the_yaw_frequency_runs_from_the_models_to_the_measured_one():
     stiff = spray_boom(replace(BoomParameters(), spring_stiffness=float(family.high[0])))
     assert stiff.eigenfrequencies_hz(1)[0] == pytest.approx(0.34, rel=1e-9)
     assert yaw_family(half="yaw").centre.inputs == ("actuator_anti", "suspension_anti")
+
+
+def test_springs_go_up_to_those_of_the_measured_yaw_whatever_the_dampers():
+    """A damper at the hinge that leaves the yaw no frequency changes the damping alone."""
+    damped = replace(BoomParameters(), hinge_damping=700.0)
+    with pytest.raises(ValueError, match="frequency_hz"):
+        yaw_family(damped, half="yaw")
+    stiffest = float(yaw_family().high[0])
+    one, other = (spring_family(p, stiffest, half="yaw", elements=6) for p in (BoomParameters(), damped))
+    assert one.high == other.high == stiffest
+    for delta in (-1.0, 1.0):
+        assert np.allclose(one.at([delta]).K, other.at([delta]).K)
+    assert not np.allclose(one.centre.C, other.centre.C)
+    assert np.allclose(yaw_family(half="yaw").at([1.0]).K, one.at([1.0]).K)
 
 
 def test_bad_ranges_and_curved_families_are_refused():
