@@ -18,6 +18,7 @@ _FASTEST = 1e60  # rad/s; of what is faster, the fourth power times a mass may b
 _LARGEST_WHOLE = 2**53  # whole numbers up to here are also numbers in double precision
 # sizes of numbers that a parameter may have: products and quotients of three of them are numbers still (a choice)
 _SMALLEST, _LARGEST = 1e-100, 1e100
+_FEW = 7  # digits of a limit in a message (a choice)
 _SHOWN = 60  # letters of a value in a message: enough to know it by (a choice)
 _Kind = TypeVar("_Kind")
 
@@ -39,16 +40,16 @@ def up_to(limit: float) -> str:
     return _towards(limit, ROUND_FLOOR)
 
 
-def from_on(limit: float) -> str:
+def from_on(limit: float, digits: int = _FEW) -> str:
     """Return a number of few digits that is not below a limit: what a message offers is then allowed."""
-    return _towards(limit, ROUND_CEILING)
+    return _towards(limit, ROUND_CEILING, digits)
 
 
-def _towards(limit: float, rounding: str) -> str:
-    short = f"{limit:.7g}"
+def _towards(limit: float, rounding: str, digits: int = _FEW) -> str:
+    short = f"{limit:.{digits}g}"
     if float(short) == limit or not np.isfinite(limit):
         return short
-    return f"{float(Context(prec=7, rounding=rounding).create_decimal(float(limit))):.7g}"
+    return f"{float(Context(prec=digits, rounding=rounding).create_decimal(float(limit))):.{digits}g}"
 
 
 def instance(name: str, value: object, kind: type[_Kind] | tuple[type[_Kind], ...], expected: str = "") -> _Kind:

@@ -5,6 +5,7 @@ The yaw has the high peak: it is brought down at every point of the box, as far 
 the loop at the control keeps its distance. No pole of a controller is fast, so that elastic modes are left alone.
 """
 
+from functools import cache, partial
 from itertools import product
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 
 import boomctl as bc
 from boomctl.structure import AffineFamily, SecondOrderModel
-from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, suspension_model
+from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, TradeCurve, suspension_model
 from boomctl.synthesis import TuneResult
 
 SPRING, MASS = (0.7, 1.3), (0.8, 1.2)  # of Table 2, over which is tuned
@@ -27,6 +28,7 @@ PEAK, FORCE, LOOP = (
     2.0,
 )  # of the yaw: tip [m/m] and force [N/m] over the platform, force over force: sizes alike
 DECAY = 0.02  # slowest decay of the yaw [1/s]; an integrator would do as well, and never settle
+ORDERS, FORCES = (1, 2, 3, 4, 5, 6), (900.0, 1200.0, 1800.0, 2500.0, 3600.0)  # of the trade-off; forces [N/m]
 NOISE = {"stroke": 0.005, "tip_acceleration": 0.5}  # of the jolt, beside 0.03 m of platform and 7.5 N of disturbance
 
 
@@ -54,17 +56,18 @@ def jolt_plant(model: SecondOrderModel, share: float = 1.0) -> control.StateSpac
     )
 
 
-def yaw_plant(model: SecondOrderModel) -> control.StateSpace:
+def yaw_plant(model: SecondOrderModel, force: float = FORCE) -> control.StateSpace:
     """Return the yaw in such units that its three channels come out alike."""
     return plant(
         model,
         "anti",
-        disturbances={"actuator_anti": 1.0, "suspension_anti": FORCE / LOOP},
+        disturbances={"actuator_anti": 1.0, "suspension_anti": force / LOOP},
         performance={"tip_anti": 1.0},
-        effort={"suspension_anti": PEAK / FORCE},
+        effort={"suspension_anti": PEAK / force},
     )
 
 
+@cache
 def tuned_jolt(order: int = ORDER) -> TuneResult:
     """Return the jolt's controller: the H2 norm of all signals, the largest of five points of the box."""
     half = family("sym")
@@ -73,11 +76,11 @@ def tuned_jolt(order: int = ORDER) -> TuneResult:
     return tuned(plants, order, "sym", [bc.tunable.objective(norm="h2")])
 
 
-def tuned_yaw(order: int = ORDER, decay: float | None = DECAY) -> TuneResult:
+def tuned_yaw(order: int = ORDER, decay: float | None = DECAY, force: float = FORCE) -> TuneResult:
     """Return the yaw's controller: peaks from platform to tip and force, and round the control, over the box."""
     ends = [("actuator_anti", "tip_anti"), ("actuator_anti", "suspension_anti"), ("suspension_anti", "suspension_anti")]
     channels = [bc.tunable.objective(f"w_{start}", f"z_{end}") for start, end in ends]
-    return tuned(yaw_plant, order, "anti", channels, family=family("anti"), decay=decay)
+    return tuned(partial(yaw_plant, force=force), order, "anti", channels, family=family("anti"), decay=decay)
 
 
 def tuned(P: Any, order: int, side: str, channels: list, **options: Any) -> TuneResult:
@@ -93,15 +96,47 @@ def tuned(P: Any, order: int, side: str, channels: list, **options: Any) -> Tune
     return bc.tune(P, 2, 1, structure, **fixed, **options)
 
 
-def design() -> SuspensionDesign:
-    """Return both halves' controllers joined into one of the machine."""
-    halves = {"jolt": tuned_jolt(), "yaw": tuned_yaw()}
+def suspension(order: int = ORDER, force: float = FORCE) -> SuspensionDesign:
+    """Return both halves' controllers of an order joined into one of the machine."""
+    halves = {"jolt": tuned_jolt(order), "yaw": tuned_yaw(order, force=force)}
     facts = {f"{name}: tuned": found.certificate.statement for name, found in halves.items()}
     return SuspensionDesign(
         "tuned_suspension",
-        "order three a half, tuned over the box",
+        f"order {order} a half, tuned over the box",
         controller=bc.join_symmetric(suspension_model(), *(found.controller for found in halves.values())),
         facts=facts,
+    )
+
+
+def design() -> SuspensionDesign:
+    """Return the suspension that the folder is about."""
+    return suspension()
+
+
+def trade_off() -> tuple[TradeCurve, ...]:
+    """Return what order and force are worth: both halves of each order, and the yaw for each weight of its force."""
+    yardsticks = ("tuned_passive", "h_infinity_split", "lqr_suspension")
+    return (
+        TradeCurve(
+            "order",
+            "peaks, spray and force for each order of the controller's halves",
+            "order of each half",
+            ORDERS,
+            lambda order: suspension(int(order)),
+            chosen=ORDER,
+            beside=("h_infinity_split",),
+        ),
+        TradeCurve(
+            "force",
+            f"the yaw's peak for the force that it may ask for, order {ORDER}",
+            f"force over platform that counts as much as a peak of {PEAK:g} [N/m]",
+            FORCES,
+            lambda force: suspension(force=force),
+            chosen=FORCE,
+            half="yaw",
+            over="effort",
+            beside=yardsticks,
+        ),
     )
 
 

@@ -62,6 +62,7 @@ def faithful_modes(system: Lti, doubt: float = 0.0) -> FaithfulModes | None:
     if not n:
         return FaithfulModes(ModalSystem(np.zeros(0, complex), system.B + 0j, system.C + 0j, system.D), 0.0, 0.0)
     poles, V = linalg.eig(A)
+    first = np.flatnonzero(poles.imag > 0.0)
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is no basis: the next check says so
             acts, reads = (
@@ -70,6 +71,7 @@ def faithful_modes(system: Lti, doubt: float = 0.0) -> FaithfulModes | None:
             )
             shown = (acts > 0.0) & (reads > 0.0)
             V = V * np.sqrt(np.where(shown, acts, 1.0) / np.where(shown, reads, 1.0))
+            V[:, first + 1] = V[:, first].conj()
             W = np.linalg.inv(V)
     except np.linalg.LinAlgError:
         return None
@@ -83,11 +85,14 @@ def faithful_modes(system: Lti, doubt: float = 0.0) -> FaithfulModes | None:
     V_, A_, p_ = V.astype(wide), A.astype(wide), poles.astype(wide)
     size_V, size_W = np.abs(V), np.abs(W)
 
-    residual = (A_ @ V_ - V_ * p_).astype(complex)
+    one = np.flatnonzero(poles.imag >= 0.0)  # of a pair the other column is conjugate, and so is its product
+    product = np.empty_like(V_)
+    product[:, one] = A_ @ V_[:, one]
+    product[:, first + 1] = product[:, first].conj()
+    residual = (product - V_ * p_).astype(complex)
     E = W @ residual
     lost = u * (np.abs(A) @ size_V + size_V * np.abs(poles)) + doubt * size_V.sum(axis=0)
     dE = (exact - np.eye(n)) @ np.abs(E) + exact @ (size_W @ (lost + n * _EPS * np.abs(residual)))
-    first = np.flatnonzero(poles.imag > 0.0)
     mirrored = np.arange(n)
     mirrored[first], mirrored[first + 1] = first + 1, first
     own = 0.5 * (E + E[np.ix_(mirrored, mirrored)].conj())  # couplings of a pair are conjugate but for rounding
@@ -113,9 +118,10 @@ def faithful_modes(system: Lti, doubt: float = 0.0) -> FaithfulModes | None:
         B_new = B - X @ B_new
     dB = inverse @ (dB + np.abs(B - B_new - X @ B_new).astype(float) + u * np.abs(B).astype(float))
     dC = dC + dC @ size_X + u * np.abs(C).astype(float)
-    rest = np.diag(p_ - better) + (p_[:, None] - better[None, :]) * X + E_ + E_ @ X
+    rest = np.diag(p_ - better) + (p_[:, None] - better[None, :]) * X + E_ + E @ X.astype(complex)
     size_E = np.abs(E)
-    rounding = 4.0 * u * (np.abs(poles)[:, None] * size_X + size_X * np.abs(poles) + size_E + size_E @ size_X)
+    rounding = 4.0 * u * (np.abs(poles)[:, None] * size_X + size_X * np.abs(poles) + size_E)
+    rounding = rounding + (n + 4) * _EPS * (size_E @ size_X)  # of second order: double precision will do
     F = inverse @ (np.abs(rest).astype(float) + dE + dE @ size_X + rounding)
 
     if (better.imag[first] <= 0.0).any():  # a pair that is none: two equal real poles

@@ -32,7 +32,9 @@ _REFINED = 3
 # states beyond which eigenvectors show where the peak is, as solving for each frequency takes long (a choice)
 _SCREENED = 60
 _COMPARED = 8  # frequencies of the grid at which eigenvectors must show what solving does (a choice)
-_ALIKE = 1e-6  # relative difference of the two up to which they do: that of a level of a norm
+_ALIKE = (
+    1e-5  # their difference, over the largest value, up to which they do: two peaks so near are told apart by either
+)
 _SEARCHED = 60  # frequencies between the resonances at which a largest gain is searched for (a choice)
 _LOWEST = 1e-12  # least frequency [rad/s] that is asked for beside zero
 _TOPS = 3  # rounds in which a peak is placed on a grid: each leaves the square of what was missing (a choice)
@@ -251,8 +253,9 @@ def largest_gain(system: Lti, respond: Response | None = None, refined: int = _R
     def screen(omega: Array) -> Array:
         return singular_values(quick.response(omega))[0]
 
-    few = grid[:: max(1, len(grid) // _COMPARED)]
-    if not np.allclose(screen(few), value(few), rtol=_ALIKE, atol=0.0):  # eigenvectors that are nearly dependent
+    few = np.append(grid[:: max(1, len(grid) // _COMPARED)], grid[np.argmax(screen(grid))])
+    shown, there = screen(few), value(few)
+    if not np.abs(shown - there).max() <= _ALIKE * there.max():  # eigenvectors that are nearly dependent
         return highest_peak(value, grid, refined=refined)
     return highest_peak(value, grid, screen, refined=1)
 

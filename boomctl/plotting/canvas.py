@@ -31,6 +31,7 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#444444")
 UNITS = {"Hz": 2.0 * np.pi, "rad/s": 1.0}
 """Units of a frequency axis, and what angular frequencies [rad/s] are divided by in each."""
 
+# sizes in points and shares of opacity: choices, looked at on screen and on paper
 _LOOK: dict[Any, Any] = {
     "axes.grid": True,
     "axes.spines.right": False,

@@ -59,6 +59,8 @@ class Structure:
         Where the parts are and how they move with the coordinates, where that is known.
     dense_up_to : int
         Coordinates up to which matrices that follow from rows are stored dense.
+    settled : bool
+        Whether its state space is over these very coordinates, so that structures beside it have the same states.
     """
 
     coordinates: tuple[str, ...]
@@ -68,6 +70,7 @@ class Structure:
     mirror: Mirror | None = None
     dense_up_to: int = field(default=DENSE_LIMIT, repr=False)
     outline: Outline | None = field(default=None, repr=False)
+    settled: bool = field(default=False, repr=False)
 
     __repr__ = compact
 
@@ -270,7 +273,8 @@ def _half_structure(whole: Structure, parity: int) -> HalfStructure:
         raise ValueError("the structure carries no mirror")
     P, names = whole.mirror.basis(parity), whole.mirror.half_coordinates(whole.coordinates, parity)
     M, C, K = (P.T @ (matrix @ P) for matrix in (whole.M, whole.C, whole.K))
-    return HalfStructure(P, Structure.of(M, C, K, names).drawn_as(whole.outline, P, parity))
+    moved = replace(Structure.of(M, C, K, names), settled=whole.settled)
+    return HalfStructure(P, moved.drawn_as(whole.outline, P, parity))
 
 
 @dataclass(frozen=True)

@@ -216,17 +216,18 @@ class MachineResult:
         Report
             ``.write(folder)`` writes it.
         """
-        from boomctl.plotting.canvas import new_figure, picture
+        from boomctl.plotting.canvas import new_figure, picture, style
         from boomctl.plotting.sigma import plot_sigma
 
         tell("pictures")
-        figure = new_figure()
-        ax = figure.add_subplot()
-        plot_sigma(self.before, label="without controller", ax=ax)
-        plot_sigma(self.after, label="with controller", ax=ax)
-        ax.legend()
+        with style():
+            figure = new_figure()
+            ax = figure.add_subplot()
+            plot_sigma(self.before, label="without controller", ax=ax)
+            plot_sigma(self.after, label="with controller", ax=ax)
+            ax.legend()
         caption = f"Singular values from {', '.join(self.after.inputs)} to {', '.join(self.after.outputs)}."
-        facts = Table(("synthesis", ""), tuple(self.design.facts.items()), align="l")
+        facts = Table(("synthesis", "says"), tuple(self.design.facts.items()), align="l")
         parts = [
             Section("What it is worth", (self.verdict, *self.design.notes), (facts,) if self.design.facts else ()),
             Section("Singular values", pictures=(picture("sigma", figure, caption),)),

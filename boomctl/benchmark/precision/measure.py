@@ -23,12 +23,10 @@ from boomctl.benchmark.timing import Job, one_thread, peak_memory
 
 _TURN = 0.02  # least duration of a turn [s]: twenty thousand times the resolution of the processor's clock (a choice)
 _MOST_CALLS = 1000  # in a turn (a choice): of what takes 20 us and more a whole turn's worth
-_LONG = 4.0  # s from which on one call is enough: noise of a few per cent is nothing on a log axis (a choice)
+_LONG = 2.0  # s from which on one call is enough: noise of a few per cent is nothing on a log axis (a choice)
 _MOST_TURNS = 15  # of one way (a choice): the median of so many lies within a few per cent
-_FEWEST_TURNS = (
-    3  # of what takes less than a second, also where the time is up: the fewest that have a median (a choice)
-)
-_SHORT = 1.0  # s: see above (a choice)
+_FEWEST_TURNS = 3  # of what is short, also where the time is up: the fewest that have a median (a choice)
+_SHORT = 0.3  # s up to which noise shows, so that one turn is not enough (a choice)
 _CHANGES = (
     1e-9,
     1e-6,
@@ -92,7 +90,7 @@ def measured(scene: Scene, seconds: float, tell: Tell) -> Diagram:
     A setting that raises, or whose answer is not finite, is a point with ``failed``.  Warnings are silent here: that a
     setting is inexact is what its error says.  Memory is what Python and NumPy allocate in a cold call (a hot one if there is
     no other), by :mod:`tracemalloc`: work space within compiled solvers and in other processes is not in it.  It is not
-    measured for calls longer than 4 s, or than a twentieth of ``seconds``.
+    measured for calls longer than 2 s, or than a twentieth of ``seconds``.
     """
     changes = _changes()
     with one_thread(), warnings.catch_warnings():
@@ -155,7 +153,7 @@ def _take_turns(runs: list[_Run], seconds: float) -> None:
         if run.first > _LONG:
             run.turns.append(run.first)  # the first call is the one
             continue
-        # what an import costs is nothing beside a second; above zero: a tick of the clock may be 1e-7 s
+        # what an import costs is a share of what is long; above zero: a tick of the clock may be 1e-7 s
         run.once = run.first if run.first > _SHORT else max(run.taken(1), 1e-7)
         run.calls = min(_MOST_CALLS, ceil(_TURN / run.once))
     asked = [run for run in runs if not run.turns]

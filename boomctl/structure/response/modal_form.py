@@ -68,7 +68,7 @@ def modal_form(structure: Structure, ports: Ports) -> Lti:
 
 def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
     """Return a structure in state space as its user gets it: see :meth:`SecondOrderModel.to_statespace`."""
-    if states == COORDINATES:
+    if states == COORDINATES or (states is None and structure.settled):
         return realize(structure, ports)
     if states is None and structure.elastic is None:
         own = realize(structure, ports)

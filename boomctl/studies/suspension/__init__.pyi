@@ -3,6 +3,8 @@
 from boomctl.studies.suspension.design import SuspensionDesign, SuspensionResult
 from boomctl.studies.suspension.performance import Performance, performance
 from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScene, suspension_model
+from boomctl.studies.suspension.trade_curves import TradeCurve, TradeLine, TradePoint
+from boomctl.studies.suspension.trade_off import trade_off
 
 __all__ = [
     "ACCELERATIONS",
@@ -12,6 +14,10 @@ __all__ = [
     "Performance",
     "SuspensionDesign",
     "SuspensionResult",
+    "TradeCurve",
+    "TradeLine",
+    "TradePoint",
     "performance",
     "suspension_model",
+    "trade_off",
 ]

@@ -20,7 +20,8 @@ from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import from_on
 from boomctl.lti.python_control import control
-from boomctl.printing import compact
+from boomctl.printing import compact, count
+from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.studies.suspension.performance import field_run, loop_between
 from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScene, suspension_model
@@ -41,19 +42,35 @@ class HalfAssurance:
 
     Attributes
     ----------
-    margins : Margins
-        Margins at the control and at the measurements.
+    margins : Margins or None
+        Margins at the control and at the measurements; None without a controller.
     box : RobustStability
         Stability over springs of 70 to 130 % and a beam mass of 80 to 120 %, together.
     worst : WorstCase
-        The largest peak from platform to tips found over that box.
+        The largest peak from platform to tips over that box, found and bounded.
     """
 
-    margins: Margins
+    margins: Margins | None
     box: RobustStability
     worst: WorstCase
 
     __repr__ = compact
+
+    @property
+    def statements(self) -> Mapping[str, str]:
+        """All of it in words."""
+        said = {} if self.margins is None else {"margins at the actuator": margin_text(self.margins)}
+        said["springs ±30 %, boom mass ±20 %"] = _proof_text(self.box)
+        worst, middle = self.worst, f"middle: {self.worst.nominal.lower:.4g}"
+        found = f"{worst.norm.lower:.4g} at {_values(worst.values)}"
+        if worst.upper_bound < inf:
+            said["worst peak there, proved"] = (
+                f"at most {from_on(worst.upper_bound)}, in {count(worst.cells, 'cell')}; found {found}, a gap of"
+                f" {100 * worst.gap:.2g} % ({middle})"
+            )
+        else:
+            said["worst peak there, found"] = f"{found}; no bound proved: {worst.reason} ({middle})"
+        return said
 
 
 @dataclass(frozen=True)
@@ -75,14 +92,14 @@ class WorstDeposit:
     runs: int
 
     @classmethod
-    def over(cls, p: BoomParameters, K: control.StateSpace, scene: FieldScene, delay: float) -> "WorstDeposit":
+    def over(cls, p: BoomParameters, K: control.StateSpace | None, scene: FieldScene, delay: float) -> "WorstDeposit":
         """Run the corners of the box over the field."""
         found = []
         for spring, mass in product(SPRING, MASS):
             boom = scaled_boom(p, spring, mass)
             plant = suspension_model(boom, FAMILY_ELEMENTS, scene.accelerometer_hz, nozzles=True)
             _, (spray, *_) = field_run(scene, boom, K, plant=plant, delay=delay)
-            found.append((spray.cv, {"springs": spring, "mass": mass}))
+            found.append((spray.cv, {"spring": spring, "mass": mass}))
         cv, values = max(found, key=lambda each: each[0])
         return cls(cv, values, len(found))
 
@@ -137,13 +154,7 @@ class Assurance:
         """All of it in words."""
         said: dict[str, str] = {}
         for name, half in (("jolt", self.jolt), ("yaw", self.yaw)):
-            said[f"{name}: margins at the actuator"] = margin_text(half.margins)
-            said[f"{name}: springs ±30 %, boom mass ±20 %"] = _proof_text(half.box)
-            worst = half.worst
-            where = f"at {_values(worst.values)} (middle: {worst.nominal.lower:.4g})"
-            proved = f"none above {from_on(worst.upper_bound)}, proved in {worst.cells} cells"
-            bound = proved if worst.upper_bound < np.inf else f"no bound proved: {worst.reason}"
-            said[f"{name}: worst peak there"] = f"{worst.norm.lower:.4g} {where}; {bound}"
+            said |= {f"{name}: {what}": text for what, text in half.statements.items()}
         said["yaw frequency from Table 2 to the measured 0.34 Hz"] = _proof_text(self.measured_yaw)
         said["worst deposit found there"] = self.deposit.statement
         verdict = "stable" if self.exact.stable else f"NOT stable, {self.exact.unstable_poles} unstable poles"
@@ -163,29 +174,53 @@ def assure(p: BoomParameters, K: control.StateSpace, scene: FieldScene) -> Assur
         The controller mixes the halves of the machine: it cannot be examined half by half.
     """
     model = suspension_model(p, scene.elements, scene.accelerometer_hz)
-    symmetric, antisymmetric, mixed = split_controller(model, K)
-    if mixed > MIXED:
-        raise ValueError(f"controller: {100 * mixed:.2g} % of it leads from one half to the other; symmetrise it first")
+    symmetric, antisymmetric, mixed = split_halves(model, K)
     jolt, yaw = split_symmetric(model)
     band = scene.accelerometer_hz
     stiffer = yaw_family(p, MEASURED_YAW_HZ, half="yaw", elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
     return Assurance(
-        jolt=_half("jolt", jolt, symmetric, p, band),
-        yaw=_half("yaw", yaw, antisymmetric, p, band),
+        jolt=assured_half("jolt", p, symmetric, band, margins(jolt, symmetric)),
+        yaw=assured_half("yaw", p, antisymmetric, band, margins(yaw, antisymmetric)),
         measured_yaw=robust_stability(stiffer, antisymmetric),
         exact=_exact(p, K, band),
-        exact_sigma=_exact_sigma(p, K, band, model),
-        family_sigma=_family_sigma(p, K, scene),
+        exact_sigma=exact_sigma(p, K, model, band),
+        family_sigma=corner_sigma(p, K, scene),
         mixed=mixed,
         deposit=WorstDeposit.over(p, K, scene, scene.delay),
     )
 
 
-def _half(name: str, model: object, controller: control.StateSpace, p: BoomParameters, band: float) -> HalfAssurance:
+def split_halves(
+    model: SecondOrderModel, K: control.StateSpace
+) -> tuple[control.StateSpace, control.StateSpace, float]:
+    """Return the controllers of jolt and yaw, and the share that leads from one half to the other: rounding.
+
+    Raises
+    ------
+    ValueError
+        The controller mixes the halves of the machine: it cannot be examined half by half.
+    """
+    symmetric, antisymmetric, mixed = split_controller(model, K)
+    if mixed > MIXED:
+        raise ValueError(f"controller: {100 * mixed:.2g} % of it leads from one half to the other; symmetrise it first")
+    return symmetric, antisymmetric, mixed
+
+
+def box_worst(
+    name: str, p: BoomParameters, controller: control.StateSpace, band: float | None
+) -> tuple[AffineFamily, WorstCase]:
+    """Return the jolt or the yaw over the box of springs and boom masses, and its worst peak from platform to tip."""
     family = boom_family(p, SPRING, MASS, half=name, elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
     side = {"jolt": "sym", "yaw": "anti"}[name]
-    worst = worst_case(family, controller, [f"actuator_{side}"], [f"tip_{side}"])
-    return HalfAssurance(margins(model, controller), robust_stability(family, controller), worst)  # type: ignore[arg-type]
+    return family, worst_case(family, controller, [f"actuator_{side}"], [f"tip_{side}"])
+
+
+def assured_half(
+    name: str, p: BoomParameters, controller: control.StateSpace, band: float | None, found: Margins | None = None
+) -> HalfAssurance:
+    """Examine the jolt or the yaw over the box; margins are those found of its loop."""
+    family, worst = box_worst(name, p, controller, band)
+    return HalfAssurance(found, robust_stability(family, controller), worst)
 
 
 def _exact_plant(
@@ -221,15 +256,18 @@ def _exact(p: BoomParameters, K: control.StateSpace, band: float) -> ExactLoopSt
     return exact_loop_stability(_exact_plant(p, band), K, lowest)
 
 
-def _exact_sigma(p: BoomParameters, K: control.StateSpace, band: float, model: SecondOrderModel) -> SigmaResult:
+def exact_sigma(p: BoomParameters, K: control.StateSpace | None, model: SecondOrderModel, band: float) -> SigmaResult:
     """Return singular values with the exact boom; also where the mesh peaks, which a grid misses of elastic modes."""
     peaks = sigma(loop_between(model, K, TIPS))
-    high = peaks.omega[peaks.sigma[0] > _HIGH * peaks.peak]
-    response = closed_loop_response(_exact_plant(p, band), K, np.union1d(_FREQUENCIES, high))
+    omega = np.union1d(_FREQUENCIES, peaks.omega[peaks.sigma[0] > _HIGH * peaks.peak])
+    if K is None:
+        response = exact_frequency_response(p, omega, ACTUATORS, TIPS)
+    else:
+        response = closed_loop_response(_exact_plant(p, band), K, omega)
     return sigma(response, inputs=list(ACTUATORS), outputs=list(TIPS))
 
 
-def _family_sigma(p: BoomParameters, K: control.StateSpace, scene: FieldScene) -> tuple[SigmaResult, ...]:
+def corner_sigma(p: BoomParameters, K: control.StateSpace | None, scene: FieldScene) -> tuple[SigmaResult, ...]:
     """Return singular values at corners and middles of the edges; the nominal boom itself is left out."""
     found = []
     for spring, mass in product((*SPRING, 1.0), (*MASS, 1.0)):
@@ -253,7 +291,7 @@ def margin_text(found: Margins) -> str:
 
 def _proof_text(found: RobustStability) -> str:
     if found.proved:
-        return f"stable throughout, proved in {found.cells} cells"
+        return f"stable throughout, proved in {count(found.cells, 'cell')}"
     if found.unstable_at is not None:
         return f"NOT stable at {_values(found.unstable_at)}"
     return f"no instability found, not proved within {found.cells} cells"

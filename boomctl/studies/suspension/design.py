@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from math import inf, log10
 from typing import TYPE_CHECKING, Any
 
+from boomctl.analysis.box.worst_case import WorstCase
 from boomctl.analysis.sigma import SigmaResult
 from boomctl.boom.parameters import BoomParameters
 from boomctl.exchange.controller_files import controller_contents
@@ -14,9 +15,11 @@ from boomctl.printing import compact
 from boomctl.report import Report, Section
 from boomctl.studies.suspension import sections
 from boomctl.studies.suspension.assurance import Assurance, assure
+from boomctl.studies.suspension.passive_assurance import PassiveAssurance, assure_passive
 from boomctl.studies.suspension.performance import Performance, performance
 from boomctl.studies.suspension.sampled_assurance import SampledAssurance, assure_sampled
 from boomctl.studies.suspension.scene import FieldScene
+from boomctl.studies.suspension.trade_curves import TradeLine
 
 if TYPE_CHECKING:
     import control
@@ -114,9 +117,11 @@ class SuspensionDesign:
         base = BoomParameters() if passive is None else passive
         before = performance("passive, Table 2" if passive is None else "passive", where, base)
         after = performance(self.title, where, self.parameters, self.controller, self.plant, delay=self.delay)
-        assured: Assurance | SampledAssurance | None = None
-        if self.controller is not None and self.plant is None:
-            if self.controller.isctime():
+        assured: Assurance | SampledAssurance | PassiveAssurance | None = None
+        if self.plant is None:
+            if self.controller is None:
+                assured = assure_passive(self.parameters, where)
+            elif self.controller.isctime():
                 assured = assure(self.parameters, self.controller, where)
             else:
                 late = where.delay if self.delay is None else self.delay
@@ -140,9 +145,11 @@ class SuspensionResult:
         The boom it is compared with.
     passive, active : Performance
         What that boom does, and what the design does.
-    assured : Assurance, SampledAssurance or None
-        Margins, uncertainty and the exact boom, or a finer mesh of a discrete controller's; None of a passive design or
-        one on a plant of its own.
+    assured : Assurance, SampledAssurance, PassiveAssurance or None
+        Margins, uncertainty and the exact boom, or a finer mesh of a discrete controller's; without margins of a passive
+        design, and None of one on a plant of its own.
+    trade_off : tuple of TradeLine
+        What designs beside it cost and are worth, where that was asked for.
     """
 
     design: SuspensionDesign
@@ -150,7 +157,8 @@ class SuspensionResult:
     passive_parameters: BoomParameters
     passive: Performance
     active: Performance
-    assured: Assurance | SampledAssurance | None = field(repr=False)
+    assured: Assurance | SampledAssurance | PassiveAssurance | None = field(repr=False)
+    trade_off: tuple[TradeLine, ...] = field(default=(), repr=False)
 
     __repr__ = compact
 
@@ -177,8 +185,8 @@ class SuspensionResult:
 
     @property
     def exact_sigma(self) -> SigmaResult | None:
-        """Singular values of the closed loop on the exact boom, which a controller in continuous time has."""
-        return self.assured.exact_sigma if isinstance(self.assured, Assurance) else None
+        """Singular values on the exact boom, which designs in continuous time have."""
+        return self.assured.exact_sigma if isinstance(self.assured, Assurance | PassiveAssurance) else None
 
     @property
     def family_sigma(self) -> tuple[SigmaResult, ...]:
@@ -225,15 +233,27 @@ class SuspensionResult:
             "controller": None if self.design.controller is None else {"states": self.design.controller.nstates},
             "worst_case": self._worst_case(),
             "deposit_cv_found_over_box": None if self.assured is None else self.assured.deposit.cv,
+            **({"trade_off": {line.name: line.as_dict() for line in self.trade_off}} if self.trade_off else {}),
         }
+
+    @property
+    def worst(self) -> Mapping[str, WorstCase]:
+        """The worst peaks of jolt and yaw over the box, found and bounded; none where they are not bounded."""
+        if not isinstance(self.assured, Assurance | PassiveAssurance):
+            return {}
+        return {"jolt": self.assured.jolt.worst, "yaw": self.assured.yaw.worst}
 
     def _worst_case(self) -> dict[str, Any] | None:
         """Return the worst peaks over the box, found and bounded; None where they were not looked for."""
-        if not isinstance(self.assured, Assurance):
-            return None
-        halves = {"jolt": self.assured.jolt.worst, "yaw": self.assured.yaw.worst}
-        bounds = {name: worst.upper_bound if worst.upper_bound < inf else None for name, worst in halves.items()}
-        return {name: {"found": worst.norm.lower, "upper_bound": bounds[name]} for name, worst in halves.items()}
+        found = {}
+        for name, worst in self.worst.items():
+            bounded = worst.upper_bound < inf
+            found[name] = {
+                "found": worst.norm.lower,
+                "upper_bound": worst.upper_bound if bounded else None,
+                "gap": worst.gap if bounded else None,
+            }
+        return found or None
 
     def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
         """Return the report: pictures, tables, and the numbers of ``results.json``.
@@ -251,21 +271,26 @@ class SuspensionResult:
         design, scene, before, after = self.design, self.scene, self.passive, self.active
         tell("pictures")
         summary = Section(
-            "What it is worth", (self.verdict, *design.notes), (sections.comparison_table(before, after),)
+            "What it is worth", (self.verdict, *design.notes), (sections.comparison_table(before, after, self.worst),)
         )
         tables = (
             sections.parameter_table(before.title, self.passive_parameters, after.title, design.parameters),
-            sections.fact_table(design.facts),
+            *([sections.fact_table(design.facts)] if design.facts else []),
         )
-        synthesis = Section("Plant and synthesis", (sections.plant_text(design.parameters, scene),), tables)
+        synthesis = Section(
+            "Plant and synthesis",
+            (sections.plant_text(design.parameters, scene, design.controller is not None),),
+            tables,
+        )
         parts = [
             summary,
             synthesis,
             *sections.weight_sections(design.weights),
             sections.sigma_section(before, after, self.exact_sigma, self.family_sigma),
-            *sections.assurance_sections(self.assurance),
+            *sections.assurance_sections(self.assurance, scene),
             sections.run_section(before, after, scene),
             sections.spray_section(before, after),
+            *sections.trade_off_sections(self.trade_off),
         ]
         lead = f"{design.title}: what it does to the boom's motion and to the spray, beside the boom as it is."
         files = self.controller_files()

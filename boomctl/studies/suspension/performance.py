@@ -24,6 +24,7 @@ from boomctl.studies.suspension.scene import CONTROLS, STROKES, FieldScene, susp
 from boomctl.synthesis.plants.generalized import select_channels
 
 _FREQUENCIES = np.geomspace(0.15, 130.0, 400)  # [rad/s], drawn beside those that resolve the peaks
+_PARITIES = {"jolt": 1.0, "yaw": -1.0}  # of the left side, where the right one moves by one
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,13 @@ def performance(
     loop = loop_between(model, controller, TIPS, delay=late)
     run, sprays = field_run(scene, parameters, controller, plant=model, friction=friction, delay=late)
     return Performance(
-        title, _loop_sigma(loop), _part(loop, 1.0), _part(loop, -1.0), run, *sprays, sampled=loop.isdtime(strict=True)
+        title,
+        _loop_sigma(loop),
+        half_norm(loop, "jolt"),
+        half_norm(loop, "yaw"),
+        run,
+        *sprays,
+        sampled=loop.isdtime(strict=True),
     )
 
 
@@ -186,10 +193,12 @@ def _loop_sigma(loop: control.StateSpace) -> SigmaResult:
     return replace(peaks, omega=omega[order], sigma=np.hstack([peaks.sigma, others.sigma])[:, order])
 
 
-def _part(loop: control.StateSpace, parity: float) -> NormCertificate:
-    """Return the certified peak of one half; inputs and outputs are left and right."""
-    half = np.sqrt(0.5) * np.array([parity, 1.0])
-    return hinf_norm(control.ss(loop.A, loop.B @ half[:, None], half @ loop.C, half @ loop.D @ half[:, None], loop.dt))
+def half_norm(loop: control.StateSpace, half: str) -> NormCertificate:
+    """Return the certified peak of the jolt or the yaw; inputs and outputs are left and right."""
+    parity = np.sqrt(0.5) * np.array([_PARITIES[half], 1.0])
+    return hinf_norm(
+        control.ss(loop.A, loop.B @ parity[:, None], parity @ loop.C, parity @ loop.D @ parity[:, None], loop.dt)
+    )
 
 
 def _run(

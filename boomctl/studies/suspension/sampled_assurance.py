@@ -21,10 +21,9 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.python_control import control
 from boomctl.printing import compact
 from boomctl.structure.model import split_symmetric
-from boomctl.studies.suspension.assurance import FAMILY_ELEMENTS, MASS, MIXED, SPRING, WorstDeposit, margin_text
+from boomctl.studies.suspension.assurance import FAMILY_ELEMENTS, MASS, SPRING, WorstDeposit, margin_text, split_halves
 from boomctl.studies.suspension.performance import loop_between
 from boomctl.studies.suspension.scene import FieldScene, suspension_model
-from boomctl.synthesis.plants.symmetry import split_controller
 
 _POINTS = 5  # of springs and of masses, ends included: twenty-five booms, a tenth of a second each (a choice)
 _FINE = 60  # elements of the finer mesh: frequencies below half the sampling rate as those of the exact beam to 1e-5
@@ -100,13 +99,11 @@ def assure_sampled(p: BoomParameters, K: control.StateSpace, scene: FieldScene, 
     """
     band = scene.accelerometer_hz
     model = suspension_model(p, scene.elements, band)
-    symmetric, antisymmetric, mixed = split_controller(model, K)
-    if mixed > MIXED:
-        raise ValueError(f"controller: {100 * mixed:.2g} % of it leads from one half to the other; symmetrise it first")
+    *parts, _ = split_halves(model, K)
     found = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SamplingCostsMarginWarning)  # margins are reported: what they were is not asked
-        for half, part in zip(split_symmetric(model), (symmetric, antisymmetric), strict=True):
+        for half, part in zip(split_symmetric(model), parts, strict=True):
             found.append(margins(half, part, delay=delay))
     worst, slowest, family = (0.0, {}), 0.0, []
     drawn = _FREQUENCIES[np.pi / K.dt > _FREQUENCIES]
@@ -116,7 +113,7 @@ def assure_sampled(p: BoomParameters, K: control.StateSpace, scene: FieldScene, 
         slowest = max(slowest, float(np.abs(loop.poles()).max()))
         peak = hinf_norm(loop).lower
         if peak > worst[0]:
-            worst = peak, {"springs": float(spring), "mass": float(mass)}
+            worst = peak, {"spring": float(spring), "mass": float(mass)}
         if (
             (spring, mass) != (1.0, 1.0)
             and spring in springs[[0, _POINTS // 2, -1]]

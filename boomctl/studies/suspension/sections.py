@@ -1,20 +1,26 @@
 """The report of a suspension: words, tables and pictures."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from boomctl.analysis.box.worst_case import WorstCase
 from boomctl.analysis.sigma import SigmaResult
 from boomctl.boom.parameters import BoomParameters
+from boomctl.checks import from_on
 from boomctl.report import Section, Table
+from boomctl.studies.suspension.assurance import FAMILY_ELEMENTS
 from boomctl.studies.suspension.performance import Performance
 from boomctl.studies.suspension.scene import FieldScene
+from boomctl.studies.suspension.trade_curves import TradeLine, TradePoint
 
 if TYPE_CHECKING:
     import control
 
 _SPAN = 15.0  # of the run that is drawn [s]: some periods of the slowest motion, each of them still to be seen
+_DIGITS = 4  # of peaks in tables (a choice)
 _FIELD = 60.0  # length of field that is drawn [m]: its cells of 0.1 m are still to be seen
 
 
@@ -42,7 +48,8 @@ def sigma_section(
         " no singular value exceeds them at any frequency."
     )
     if exact is not None:
-        caption += " Dots: the same controller on the exact Euler-Bernoulli boom, without discretisation."
+        same = "the same controller" if after.run.controls else "the same springs and dampers"
+        caption += f" Dots: {same} on the exact Euler-Bernoulli boom, without discretisation."
     if family:
         caption += " Faint: springs and boom mass at corners and middles of the edges of their uncertainty."
     if after.sampled:
@@ -54,9 +61,12 @@ def sigma_section(
     return Section("Singular values", pictures=(picture("sigma", drawn, caption),))
 
 
-def assurance_sections(found: Mapping[str, str]) -> tuple[Section, ...]:
+def assurance_sections(found: Mapping[str, str], scene: FieldScene) -> tuple[Section, ...]:
     """Return the section of what was checked, of a design that can be."""
-    text = "Stability and margins; each line is computed apart from the synthesis."
+    text = (
+        "Each line is computed apart from the synthesis. Springs and boom mass are relative to those of the middle; there the"
+        f" boom has {FAMILY_ELEMENTS} elements, so that peaks of the middle are not quite those of {scene.elements} elements."
+    )
     return (Section("Assurance", (text,), (fact_table(found, "check", "found"),)),) if found else ()
 
 
@@ -73,7 +83,8 @@ def run_section(before: Performance, after: Performance, scene: FieldScene) -> S
         limits=(scene.force_limit, scene.stroke_limit),
         span=(start, start + min(_SPAN, 0.75 * scene.duration)),
     )
-    caption = f"Platform, left tip, left stroke and forces, {_SPAN:g} s of {scene.duration:g} s."
+    shown = "Platform, left tip, left stroke and forces" if after.run.controls else "Platform, left tip and left stroke"
+    caption = f"{shown}, {min(_SPAN, 0.75 * scene.duration):g} s of {scene.duration:g} s."
     tables, pictures = (_limit_table(before, after, scene),), (picture("run", drawn, caption),)
     return Section("A run over the field", (_scene_text(scene, after),), tables, pictures)
 
@@ -88,17 +99,21 @@ def spray_section(before: Performance, after: Performance) -> Section:
         " along the boom, nozzles 0.5 m apart, and an even 0.1 m along the drive; both are assumptions, and so is the track."
     )
     drawn = figure_of(draw_deposit, {before.title: before.spray, after.title: after.spray}, length=_FIELD)
-    pictures = (picture("deposit", drawn, "Deposit, passive and active.", "png", "svg"),)
+    pictures = (picture("deposit", drawn, "Deposit before and after.", "png", "svg"),)
     return Section("Spray on the field", (text,), pictures=pictures)
 
 
-def comparison_table(before: Performance, after: Performance) -> Table:
-    """Return what a suspension does beside what the boom does as it is."""
+def comparison_table(before: Performance, after: Performance, worst: Mapping[str, WorstCase]) -> Table:
+    """Return what a suspension does beside what the boom does as it is, and at worst over the box where that is bounded."""
     lines = [
-        ("certified peak, platform to tips", f"{before.sigma.peak:.4g}", f"{after.sigma.peak:.4g}"),
-        ("certified peak of the yaw", f"{before.yaw.lower:.4g}", f"{after.yaw.lower:.4g}"),
-        ("certified peak of the jolt", f"{before.jolt.lower:.4g}", f"{after.jolt.lower:.4g}"),
+        ("certified peak, platform to tips", peak(before.sigma.peak), peak(after.sigma.peak)),
+        ("certified peak of the yaw", peak(before.yaw.lower), peak(after.yaw.lower)),
+        ("certified peak of the jolt", peak(before.jolt.lower), peak(after.jolt.lower)),
     ]
+    for name, found in worst.items():
+        if found.upper_bound < inf:
+            said = f"{peak(found.upper_bound, True)} at most (gap {100 * found.gap:.2g} %)"
+            lines.append((f"worst peak of the {name}, springs ±30 %, boom mass ±20 %: proved", "-", said))
     for name, pick in (
         ("deposit CV [%]", lambda s: f"{100 * s.cv:.2f}"),
         ("share outside ±10 % [%]", lambda s: f"{100 * s.share_outside_10:.2f}"),
@@ -116,14 +131,18 @@ def comparison_table(before: Performance, after: Performance) -> Table:
     return Table(("", before.title, after.title), tuple(lines))
 
 
-def plant_text(p: BoomParameters, scene: FieldScene) -> str:
+def plant_text(p: BoomParameters, scene: FieldScene, active: bool) -> str:
     """Return what the machine is, in words."""
+    sensors = (
+        f"Sensors: strokes of the suspension and tip accelerometers of {scene.accelerometer_hz:g} Hz. "
+        if active
+        else ""
+    )
     return (
         f"The boom of Anthonis & Ramon (2003), Table 2: {p.length:g} m, hinged on a cradle that slides on a platform driven"
-        f" by two actuators; {scene.elements} finite elements here. Sensors: strokes of the suspension and tip"
-        f" accelerometers of {scene.accelerometer_hz:g} Hz. Static gain from yaw of the platform to the tips:"
-        f" {p.length / p.actuator_distance:.3f}; a suspension that centres the boom behind the tractor cannot go below that"
-        " at zero frequency."
+        f" by two actuators; {scene.elements} finite elements here. {sensors}Static gain from yaw of the platform to the"
+        f" tips: {p.length / p.actuator_distance:.3f}; a suspension that centres the boom behind the tractor cannot go below"
+        " that at zero frequency."
     )
 
 
@@ -145,12 +164,17 @@ def fact_table(facts: Mapping[str, str], *heads: str) -> Table:
 
 
 def _scene_text(s: FieldScene, after: Performance) -> str:
+    sampled = (
+        f" Controller sampled every {1e3 * after.run.sample_time:g} ms, its forces {1e3 * after.run.delay:g} ms late; strokes"
+        f" resolved to {1e3 * s.stroke_step:g} mm, accelerations to {s.acceleration_step:g} m/s². Force limit"
+        f" {s.force_limit:g} N."
+    )
     return (
         f"Track of class {s.road_class} (ISO 8608), seed {s.seed}, driven at {s.speed:g} m/s for {s.duration:g} s after"
-        f" {s.run_in:g} s of run-in, through the stated tractor model to jolt and yaw of the platform. Controller sampled"
-        f" every {1e3 * after.run.sample_time:g} ms, its forces {1e3 * after.run.delay:g} ms late; strokes resolved to"
-        f" {1e3 * s.stroke_step:g} mm, accelerations to {s.acceleration_step:g} m/s². Force limit {s.force_limit:g} N, stroke"
-        f" ±{1e3 * s.stroke_limit:g} mm (a design assumption)."
+        f" {s.run_in:g} s of run-in, through the model of a tractor ({s.tractor.mass:g} kg, wheelbase"
+        f" {s.tractor.wheelbase:g} m, track {s.tractor.track_width:g} m; all of it in boomctl.TractorParameters) to jolt and"
+        " yaw of the platform."
+        f"{sampled if after.run.controls else ''} End stops at ±{1e3 * s.stroke_limit:g} mm (a design assumption)."
     )
 
 
@@ -165,7 +189,7 @@ def _limit_table(before: Performance, after: Performance, scene: FieldScene) -> 
                 f"{1e3 * each.stroke:.1f} of {1e3 * scene.stroke_limit:g} mm",
                 str(len(each.run.stops)),
                 force,
-                f"{100 * saturated:.2f} %",
+                f"{100 * saturated:.2f} %" if each.run.controls else "-",
                 f"{each.force_rate:.0f} N/s" if each.run.controls else "-",
             )
         )
@@ -183,3 +207,59 @@ def files_section(names: tuple[str, ...], scene: FieldScene, sample_time: float)
         else "There is no C code: the controller is too fast for the sampling of the field run.",
     )
     return Section("The controller in files", text)
+
+
+def trade_off_sections(lines: Sequence[TradeLine]) -> tuple[Section, ...]:
+    """Return a section for each curve of a trade-off: what failed, a table of all points, a picture."""
+    from boomctl.plotting.canvas import figure_of, picture
+
+    text = (
+        "Each point is a design of its own: its peaks certified, driven over the same field, and its worst peak over springs"
+        " of 70 to 130 % and a boom mass of 80 to 120 % found, with what none is above: proved. The force over the motion of"
+        " the platform is a certified peak, too."
+    )
+    made = []
+    for line in lines:
+        failed = (f"{name} failed: {error}" for name, error in line.failures.items())
+        whose = "Peaks" if line.half is None else f"Peaks of the {line.half}"
+        caption = (
+            f"{whose} against {line.abscissa}, in the middle of the box and the worst in it (hollow where it is not proved);"
+            f" dashed: the static gain from the platform to the tips, {line.static:.4g}."
+        )
+        if line.over != "asked":
+            caption += f" Numbers beside marks: {line.asked}."
+        if line.chosen is not None:
+            caption += f" The design of this report has {line.chosen:g}."
+        drawn = picture(f"trade_off_{line.name}", figure_of(line.plot), caption)
+        made.append(Section(f"Trade-off: {line.title}", (text, *failed), (_trade_off_table(line),), (drawn,)))
+    return tuple(made)
+
+
+def _trade_off_table(line: TradeLine) -> Table:
+    whose = "" if line.half is None else f"{line.half}: "
+    found = ("certified peak", "worst found", "worst proved: at most", "force over platform [N/m]")
+    heads = (line.asked, "states", *(whose + head for head in found))
+    rows = tuple(_trade_off_row(point, line.half) for point in (*line.points, *line.beside))
+    return Table((*heads, "deposit CV [%]", "largest force [N]", "largest stroke [mm]"), rows)
+
+
+def _trade_off_row(point: TradePoint, half: str | None) -> tuple[str, ...]:
+    found = point.of(half)
+    acts = found.effort > 0.0
+    return (
+        point.label,
+        str(point.states),
+        "unstable" if found.peak == inf else peak(found.peak),
+        "-" if found.worst_found is None else "unstable" if found.worst_found == inf else peak(found.worst_found),
+        "-" if found.worst_bound is None else "nothing" if found.worst_bound == inf else peak(found.worst_bound, True),
+        f"{found.effort:.0f}" if acts and found.effort < inf else "-",
+        f"{100 * point.deposit_cv:.2f}",
+        f"{point.force:.1f}" if acts else "-",
+        f"{1e3 * point.stroke:.1f}",
+    )
+
+
+def peak(value: float, bound: bool = False) -> str:
+    """Return a peak with four digits; a bound is not rounded downwards."""
+    rounded = float(from_on(value, _DIGITS)) if bound else value
+    return f"{rounded:#.{_DIGITS}g}".rstrip(".")

@@ -1,8 +1,8 @@
 """Second derivatives of peaks of singular values by the free numbers, the frequency following its peak.
 
-A change ``d`` of the controller's matrices changes a response by ``L d (I - S d)^-1 R``, so that all derivatives are known in
-closed form; a simple singular value is an eigenvalue of ``[[0, G], [G^H, 0]]``, whose second derivative is that of
-perturbation theory (Lancaster 1964).
+A change ``d`` of the controller's matrices, and of the plant's, changes a response by ``L d (I - S d)^-1 R``, so that all
+derivatives are known in closed form; a simple singular value is an eigenvalue of ``[[0, G], [G^H, 0]]``, whose second
+derivative is that of perturbation theory (Lancaster 1964).
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ def peak_hessian(point: Point, piece: Piece) -> Array:
     """Return the second derivatives of the logarithm of a peak."""
     loop, rows, columns = point.part(piece.model, piece.channel)
     n, k = len(loop.A), len(point.x)
-    slopes = point.controller[1].reshape(k, *point.controller[0].shape)
+    slopes = point.slopes(piece.model).reshape(k, loop.before.shape[1], -1)
     B, C, D = loop.part(columns, rows)
     before, after = loop.before[:n], loop.after[:, :n]
     through, into = loop.before[n + rows].astype(complex), loop.after[:, n + columns].astype(complex)
@@ -35,7 +35,7 @@ def peak_hessian(point: Point, piece: Piece) -> Array:
     a, b = np.tensordot(slopes, l, (1, 0)), slopes @ r  # l dK, dK r for every free number
     alpha, beta = a @ right @ Vh.conj().T, b @ (U.conj().T @ left).T  # u^H G_i V and U^H G_i v
     mixed = a @ around @ b.T
-    second = np.real(mixed + mixed.T) + np.real(_bent(point, l, r))
+    second = np.real(mixed + mixed.T) + np.real(_bent(point.bends(piece.model), l, r))
     gradient = np.real(a @ r)
     size = k
     if moving:
@@ -78,7 +78,6 @@ def _from_others(alpha: Array, beta: Array, values: Array, top: float, size: int
     return found
 
 
-def _bent(point: Point, l: Array, r: Array) -> Array:
-    """Return what the controller's own second derivatives bring."""
-    bends = point.bends
+def _bent(bends: Array | None, l: Array, r: Array) -> Array:
+    """Return what the second derivatives of the controller's and the plant's own matrices bring."""
     return np.zeros(1) if bends is None else np.tensordot(np.tensordot(bends, l, (2, 0)), r, (2, 0))

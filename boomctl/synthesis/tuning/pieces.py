@@ -2,8 +2,8 @@
 
 Norms count as logarithms, over their budget where they have one, so that units do not matter.  A piece lies nowhere above
 what it stands for and touches it here: one singular value at one frequency, one pole.  What controls change is carried by
-the chain rule; what physical parameters change, which may come about in any way, by differences of fourth order of the
-response at that frequency.
+the chain rule, and so is what physical parameters change where the plant is a polynomial of them; where it may come about in
+any way, by differences of fourth order of the response at that frequency.
 """
 
 from collections.abc import Callable
@@ -73,6 +73,7 @@ class Point:
         self._grids: dict[tuple[int, int], tuple[Array, Array, float]] = {}
         self._moved: dict[tuple[int, int, int], Closed | None] = {}
         self._squares: dict[tuple[int, int], tuple[float, Array]] = {}
+        self._slopes: dict[int, Array] = {}
 
     @cached_property
     def controller(self) -> tuple[Array, Array]:
@@ -81,8 +82,38 @@ class Point:
         return jet.value, jet.slopes.reshape(len(self.x), -1)
 
     @cached_property
-    def bends(self) -> Array | None:
-        """Second derivatives of the controller's matrices; None where there are none."""
+    def plants(self) -> tuple[ScaledPlant, ...]:
+        """The plants at these physical parameters."""
+        return self.problem.plants(self.x[self.problem.physical])
+
+    @property
+    def exact(self) -> bool:
+        """Whether all derivatives are known, those by physical parameters too."""
+        return not len(self.problem.physical) or all(plant.slopes is not None for plant in self.plants)
+
+    def slopes(self, model: int) -> Array:
+        """Return derivatives, as rows, of what moves in a loop: the controller's matrices, and the plant's beside them."""
+        if model not in self._slopes:
+            found, moving = self.controller[1], self.plants[model].slopes if model >= 0 else None
+            if moving is not None:
+                own = np.zeros((len(found), *moving.shape[1:]))
+                own[self.problem.physical] = moving
+                found = _diagonal(found.reshape(len(found), *self.controller[0].shape), own).reshape(len(found), -1)
+            self._slopes[model] = found
+        return self._slopes[model]
+
+    def bends(self, model: int) -> Array | None:
+        """Return second derivatives of the same; None where there are none."""
+        found, moving = self._controller_bends, self.plants[model].bends if model >= 0 else None
+        if moving is None:
+            return found
+        k = len(self.x)
+        own = np.zeros((k, k, *moving.shape[2:]))
+        own[np.ix_(self.problem.physical, self.problem.physical)] = moving
+        return _diagonal(np.zeros((k, k, *self.controller[0].shape)) if found is None else found, own)
+
+    @cached_property
+    def _controller_bends(self) -> Array | None:
         problem, k = self.problem, len(self.x)
         if problem.linear:
             return None
@@ -95,8 +126,7 @@ class Point:
     @cached_property
     def loops(self) -> tuple[Closed | None, ...]:
         """The closed loops; None where one is not well-posed."""
-        plants = self.problem.plants(self.x[self.problem.physical])
-        return tuple(close(plant, self.controller[0], self.problem.order) for plant in plants)
+        return tuple(close(plant, self.controller[0], self.problem.order) for plant in self.plants)
 
     @cached_property
     def well_posed(self) -> bool:
@@ -148,8 +178,8 @@ class Point:
         assert loop is not None
         n = len(loop.A)
         outer = np.outer(l @ loop.before[:n], loop.after[:, :n] @ r)
-        found = self.controller[1] @ outer.ravel()
-        for axis, place in enumerate(self.problem.physical):
+        found = self.slopes(model) @ outer.ravel()
+        for axis, place in self._by_differences(model):
             found = found.astype(complex)
             offsets, weights = self._stencil(axis)
             changes = []
@@ -459,8 +489,8 @@ class Point:
         found = []
         for u, v, value, top in vectors:
             outer = np.outer(left.T @ u.conj(), right @ v)
-            gradient = np.real(self.controller[1] @ outer.ravel())
-            for axis, place in enumerate(self.problem.physical if model >= 0 else ()):
+            gradient = np.real(self.slopes(model) @ outer.ravel())
+            for axis, place in self._by_differences(model):
                 offsets, weights = self._stencil(axis)
                 moved = [self._response_at(model, channel, axis, each, omega) for each in offsets]
                 gradient[place] = float(sum(w * (u.conj() @ M @ v).real for w, M in zip(weights, moved, strict=True)))
@@ -505,8 +535,8 @@ class Point:
         full[:n, :n] = Q @ P
         full[np.ix_(np.arange(n), n + columns)] = Q @ B
         full[np.ix_(n + rows, np.arange(n))] = C @ P
-        gradient = self.controller[1] @ (loop.before.T @ full @ loop.after.T).ravel() / square
-        for axis, place in enumerate(self.problem.physical):
+        gradient = self.slopes(model) @ (loop.before.T @ full @ loop.after.T).ravel() / square
+        for axis, place in self._by_differences(model):
             offsets, weights = self._stencil(axis)
             values = []
             for offset in offsets:
@@ -518,6 +548,11 @@ class Point:
         return float(np.sqrt(square)), gradient
 
     # -- physical parameters ---------------------------------------------------------------------------------------
+    def _by_differences(self, model: int) -> "list[tuple[int, int]]":
+        """Return which physical parameters the plant's derivatives are not known by, and their places."""
+        known = model < 0 or self.plants[model].slopes is not None
+        return [] if known else [(axis, int(place)) for axis, place in enumerate(self.problem.physical)]
+
     def _stencil(self, axis: int) -> tuple[tuple[int, ...], Array]:
         """Return steps of a difference that stays within the parameter's range, and weights."""
         place = self.x[self.problem.physical[axis]]
@@ -550,6 +585,14 @@ class Point:
         if omega == inf or not len(loop.A):
             return D.astype(complex)
         return D + C @ np.linalg.solve(1j * omega * np.eye(len(loop.A)) - loop.A, B.astype(complex))
+
+
+def _diagonal(one: Array, other: Array) -> Array:
+    """Return stacks of matrices on a diagonal."""
+    r, c = one.shape[-2:]
+    found = np.zeros((*one.shape[:-2], r + other.shape[-2], c + other.shape[-1]))
+    found[..., :r, :c], found[..., r:, c:] = one, other
+    return found
 
 
 def _eigen(A: Array) -> tuple[Array, Array, Array]:

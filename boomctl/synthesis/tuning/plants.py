@@ -1,9 +1,11 @@
 """The plants that one controller is tuned for: given ones, made from physical parameters, or points of a family."""
 
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -11,12 +13,17 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import function_of
 from boomctl.structure.families import Family
+from boomctl.structure.model import SecondOrderModel
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
+from boomctl.synthesis.tuning.parts.series import PlantSeries, plant_series
 from boomctl.synthesis.tuning.parts.structures import Physical
 from boomctl.synthesis.tuning.problem import ScaledPlant
 
 _REMEMBERED = 256  # sets of plants that are kept for when they are asked for again (a choice)
+_MOVING = 16  # of those that are polynomials, quickly evaluated: the last few points of the search (a choice)
 _MOST_PARAMETERS = 6  # of a family that may be uncertain: its corners are all tuned for (a choice)
+
+Maker = Callable[[dict[str, float]], GeneralizedPlant]
 
 
 @dataclass
@@ -29,13 +36,19 @@ class Plants:
         Each returns a generalised plant from values of the physical parameters.
     labels : tuple of str
         What the plants are called.
-    nmeas, ncon : int
     physical : tuple of Physical
+    settled : tuple of function
+        The same plants, with the same states at all values as far as that can be.
+    deadline : float
+        By `time.monotonic`, until when polynomials of the plants are looked for.
     """
 
-    makers: tuple[Callable[[dict[str, float]], GeneralizedPlant], ...]
+    makers: tuple[Maker, ...]
     labels: tuple[str, ...]
     physical: tuple[Physical, ...]
+    settled: tuple[Maker, ...]
+    deadline: float = inf
+    _series: "list[PlantSeries | None]" = field(default_factory=list, repr=False)
     _scaled: "OrderedDict[bytes, tuple[ScaledPlant, ...]]" = field(default_factory=OrderedDict, repr=False)
 
     def values(self, numbers: Array) -> dict[str, float]:
@@ -54,15 +67,46 @@ class Plants:
         """Return the plants with balanced states."""
         key = np.asarray(numbers, float).tobytes()
         if key not in self._scaled:
-            self._scaled[key] = tuple(ScaledPlant.of(plant) for plant in self.given(numbers))
-            while len(self._scaled) > _REMEMBERED:
+            self._scaled[key] = self._made(numbers)
+            while len(self._scaled) > (_MOVING if all(self.series) else _REMEMBERED):
                 self._scaled.popitem(last=False)
         self._scaled.move_to_end(key)
         return self._scaled[key]
 
-    def with_more(self, maker: Callable[[dict[str, float]], GeneralizedPlant], label: str) -> "Plants":
+    @property
+    def series(self) -> "tuple[PlantSeries | None, ...]":
+        """Polynomials of the physical parameters, None where a plant is none; found when asked for, once."""
+        for maker, settled in list(zip(self.makers, self.settled, strict=True))[len(self._series) :]:
+            given, make = (lambda x, each=each: each(self.values(x)) for each in (maker, settled))
+            size = len(self.physical)
+            self._series.append(
+                plant_series(make, given, size, lambda: time.monotonic() > self.deadline) if size else None
+            )
+        return tuple(self._series)
+
+    @property
+    def path(self) -> tuple[str, ...]:
+        """How derivatives by physical parameters are known."""
+        found = [each.degrees for each in self.series if each is not None]
+        if not self.physical:
+            return ()
+        if len(found) < len(self.labels):
+            return ("physical parameters by differences",)
+        degrees = ", ".join(
+            f"{each.name} {max(d)}" for each, d in zip(self.physical, zip(*found, strict=True), strict=True)
+        )
+        return (f"physical parameters by polynomials of degree {degrees}",)
+
+    def _made(self, numbers: Array) -> tuple[ScaledPlant, ...]:
+        values, both = self.values(numbers), zip(self.makers, self.series, strict=True)
+        return tuple(
+            ScaledPlant.of(make(values)) if series is None else series.scaled(numbers) for make, series in both
+        )
+
+    def with_more(self, maker: Maker, settled: Maker, label: str) -> "Plants":
         """Return the plants and one more."""
-        return Plants((*self.makers, maker), (*self.labels, label), self.physical)
+        makers, all_settled = (*self.makers, maker), (*self.settled, settled)
+        return Plants(makers, (*self.labels, label), self.physical, all_settled, self.deadline, list(self._series))
 
 
 def partitioned(P: Any, nmeas: int, ncon: int, what: str = "P") -> GeneralizedPlant:
@@ -85,13 +129,16 @@ def fixed_plants(P: Sequence[Any], nmeas: int, ncon: int) -> Plants:
     found = [partitioned(each, nmeas, ncon) for each in P]
     _alike(found)
     labels = ("",) if len(found) == 1 else tuple(f"model {i + 1}" for i in range(len(found)))
-    return Plants(tuple(lambda values, plant=plant: plant for plant in found), labels, ())
+    makers = tuple(lambda values, plant=plant: plant for plant in found)
+    return Plants(makers, labels, (), makers)
 
 
-def made_plants(P: Sequence[Any], nmeas: int, ncon: int, physical: tuple[Physical, ...]) -> Plants:
+def made_plants(
+    P: Sequence[Any], nmeas: int, ncon: int, physical: tuple[Physical, ...], deadline: float = inf
+) -> Plants:
     """Return plants that functions of the physical parameters make."""
 
-    def maker(each: Any) -> Callable[[dict[str, float]], GeneralizedPlant]:
+    def maker(each: Any) -> Maker:
         if not callable(each) or hasattr(each, "ninputs"):
             plant = partitioned(each, nmeas, ncon)
             return lambda values: plant
@@ -99,7 +146,8 @@ def made_plants(P: Sequence[Any], nmeas: int, ncon: int, physical: tuple[Physica
         return lambda values: partitioned(make(values), nmeas, ncon)
 
     labels = ("",) if len(P) == 1 else tuple(f"model {i + 1}" for i in range(len(P)))
-    plants = Plants(tuple(maker(each) for each in P), labels, physical)
+    makers = tuple(maker(each) for each in P)
+    plants = Plants(makers, labels, physical, makers, deadline)
     _alike(list(plants.given(np.zeros(len(physical)))))
     return plants
 
@@ -136,9 +184,12 @@ class FamilyPlants:
         found[self.uncertain] = point
         return found
 
-    def plant(self, values: dict[str, float], point: Array) -> GeneralizedPlant:
-        """Return the generalised plant at a point of the uncertain box."""
-        return partitioned(self.make(self.family.at(self.delta(values, point))), self.nmeas, self.ncon)
+    def plant(self, values: dict[str, float], point: Array, settled: bool = False) -> GeneralizedPlant:
+        """Return the generalised plant at a point of the uncertain box, if ``settled`` over the family's coordinates."""
+        model = self.family.at(self.delta(values, point))
+        if settled:
+            model = SecondOrderModel.of(replace(model.structure, settled=True), model.ports)
+        return partitioned(self.make(model), self.nmeas, self.ncon)
 
     def label(self, point: Array) -> str:
         """Return what a point is called."""
@@ -157,18 +208,19 @@ class FamilyPlants:
         corners = [np.array(point) for point in product((-1.0, 1.0), repeat=size)]
         return [np.zeros(size), *corners] if size else [np.zeros(0)]
 
-    def maker(self, point: Array) -> Callable[[dict[str, float]], GeneralizedPlant]:
+    def maker(self, point: Array, settled: bool = False) -> Maker:
         """Return the function that makes the plant at a point from the physical parameters."""
         if not self.physical:
             plant = self.plant({}, point)
             return lambda values: plant
-        return lambda values: self.plant(values, point)
+        return lambda values: self.plant(values, point, settled)
 
-    def plants(self) -> Plants:
+    def plants(self, deadline: float = inf) -> Plants:
         """Return the plants in the middle and at the corners."""
         points = self.points()
         labels = tuple(self.label(point) for point in points)
-        found = Plants(tuple(self.maker(point) for point in points), labels, self.physical)
+        makers, settled = (tuple(self.maker(point, each) for point in points) for each in (False, True))
+        found = Plants(makers, labels, self.physical, settled, deadline)
         _alike(list(found.given(np.zeros(len(self.physical)))))
         return found
 

@@ -37,6 +37,8 @@ class ScaledPlant:
     Attributes
     ----------
     A, B1, B2, C1, C2, D11, D12, D21, D22 : ndarray
+    slopes, bends : ndarray or None
+        First and second derivatives of ``matrix`` by physical parameters, (k, r, c) and (k, k, r, c), where they are known.
     """
 
     A: Array
@@ -48,6 +50,8 @@ class ScaledPlant:
     D12: Array
     D21: Array
     D22: Array
+    slopes: Array | None = None
+    bends: Array | None = None
 
     @classmethod
     def of(cls, plant: GeneralizedPlant, states: Array | None = None) -> "ScaledPlant":
@@ -68,6 +72,12 @@ class ScaledPlant:
             plant.D21,
             plant.D22,
         )
+
+    def moving(self, slopes: Array, bends: Array, states: Array) -> "ScaledPlant":
+        """Return the plant with derivatives of its matrices, its states having been divided by ``states``."""
+        rows = np.concatenate([states, np.ones(slopes.shape[1] - len(states))])[:, None]
+        columns = np.concatenate([states, np.ones(slopes.shape[2] - len(states))])
+        return replace(self, slopes=slopes / rows * columns, bends=bends / rows * columns)
 
     @property
     def matrix(self) -> Array:
@@ -120,7 +130,8 @@ class Closed:
     """A closed loop, and what carries changes of the controller's matrices ``[[A, B], [C, D]]`` into it.
 
     A change ``d`` of the controller changes ``[[A, B], [C, D]]`` of the loop by ``before @ d @ after``, to first order, and
-    reads itself through ``around``.
+    reads itself through ``around``.  Where the plant moves with physical parameters, ``d`` is that of the controller and that
+    of the plant's matrix on a diagonal.
     """
 
     A: Array
@@ -183,6 +194,7 @@ def close(plant: ScaledPlant, K: Array, order: int) -> Closed | None:
     M[:n, :n], M[:n, n + order :] = plant.A, plant.B1
     M[n + order :, :n], M[n + order :, n + order :] = plant.C1, plant.D11
     gain, before, after, around = K, M12, M21, np.zeros((order + ny, order + nu))
+    inverse = np.eye(len(K))
     if plant.D22.any():
         through = np.zeros((order + ny, order + nu))
         through[order:, order:] = plant.D22
@@ -194,6 +206,19 @@ def close(plant: ScaledPlant, K: Array, order: int) -> Closed | None:
         before, after, around = M12 @ inverse, (np.eye(len(M21)) + through @ gain) @ M21, through @ inverse
     M += M12 @ gain @ M21
     end = n + order
+    if plant.slopes is not None:  # what the plant adds to its states, outputs and measurements, and what it reads
+        adds, reads = np.zeros((end + nz, n + nz + ny)), np.zeros((n + nw + nu, end + nw))
+        adds[:n, :n], adds[end:, n : n + nz] = np.eye(n), np.eye(nz)
+        adds[:, n + nz :] = M12 @ gain[:, order:]
+        reads[:n, :n], reads[n : n + nw, end:] = np.eye(n), np.eye(nw)
+        reads[n + nw :] = gain[order:] @ M21
+        controls, measured = order + ny + n + nw, order + nu + n + nz  # where these begin among what is read and added
+        whole = np.zeros((controls + nu, measured + ny))
+        whole[: order + ny, : order + nu] = around
+        whole[order : order + ny, measured:] = np.eye(ny) + plant.D22 @ gain[order:, order:]
+        whole[controls:, : order + nu] = inverse[order:]
+        whole[controls:, measured:] = gain[order:, order:]
+        before, after, around = np.hstack([before, adds]), np.vstack([after, reads]), whole
     return Closed(M[:end, :end], M[:end, end:], M[end:, :end], M[end:, end:], before, after, around)
 
 

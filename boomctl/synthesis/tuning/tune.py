@@ -154,11 +154,11 @@ def tune(
     with computing("tuning", progress) as tell:
         tell("plants")
         over = _family(P, nmeas, ncon, structure, family)
-        plants = over.plants() if over is not None else _plants(P, nmeas, ncon, structure)
+        plants = over.plants(deadline) if over is not None else _plants(P, nmeas, ncon, structure, deadline)
         task = _Task(structure, listed, limits, plants, deadline, tell)
         begun = task.begun(initial)
         found = task.searched(count, np.random.default_rng(number), begun)
-        worst, path = None, list(found.path)
+        worst, path = None, [*plants.path, *found.path]
         if over is not None and over.uncertain:
             task, found, worst = _over_family(task, over, found, number, path)
         return _result(task, found, worst, tuple(path))
@@ -208,7 +208,7 @@ def _family(P: Any, nmeas: int, ncon: int, structure: Structure, family: "Family
     return FamilyPlants(given, make, nmeas, ncon, structure.physicals())
 
 
-def _plants(P: Any, nmeas: int, ncon: int, structure: Structure) -> Plants:
+def _plants(P: Any, nmeas: int, ncon: int, structure: Structure, deadline: float) -> Plants:
     many = tuple(P) if isinstance(P, (list, tuple)) else (P,)
     if not many:
         raise ValueError("P: expected at least one generalised plant")
@@ -216,7 +216,7 @@ def _plants(P: Any, nmeas: int, ncon: int, structure: Structure) -> Plants:
     if physical:
         if not any(callable(each) and not hasattr(each, "ninputs") for each in many):
             function_of("P", many[0], f"the physical parameters ({', '.join(p.name for p in physical)})")
-        return made_plants(many, nmeas, ncon, physical)
+        return made_plants(many, nmeas, ncon, physical, deadline)
     return fixed_plants(many, nmeas, ncon)
 
 
@@ -391,7 +391,9 @@ def _over_family(
             path.append(f"worse by {100.0 * excess:.3g} % at {over.label(point)}")
             break
         path.append(f"added {over.label(point)}")
-        more = replace(task, plants=task.plants.with_more(over.maker(point), over.label(point)))
+        more = replace(
+            task, plants=task.plants.with_more(over.maker(point), over.maker(point, True), over.label(point))
+        )
         try:
             again = more.searched(_AGAIN, np.random.default_rng(seed + extra + 1), [found.best])
         except SynthesisError:

@@ -41,6 +41,7 @@ _OURS: dict[Extent, dict[str, tuple[int, ...]]] = {
         "discrete-geometric": (4, 6, 10, 20, 50, 100, 200, 400),
     },
 }
+# accuracies asked for by `accuracy=`, and elements where a band alone is asked for (choices)
 _WANTED: dict[Extent, tuple[float, ...]] = {"quick": (1e-3,), "whole": (1e-2, 1e-3, 1e-6)}
 _BANDED: dict[Extent, tuple[int, ...]] = {"quick": (6, 20), "whole": (6, 10, 20, 50, 100, 200, 500, 1000)}
 _SISO: dict[Extent, tuple[int, ...]] = {"quick": (6,), "whole": (4, 6, 10, 20)}

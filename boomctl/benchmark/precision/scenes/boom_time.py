@@ -45,6 +45,7 @@ _OURS: dict[Extent, tuple[tuple[str, tuple[tuple[int, float], ...]], ...]] = {
         ("discrete-hermite", ((6, 1e-2), (10, 1e-3), (20, 1e-4), (50, 1e-5), (100, 1e-6))),
     ),
 }
+# elements; solvers and their relative tolerances: a decade more would take minutes (choices)
 _MESHES: dict[Extent, tuple[int, ...]] = {"quick": (6, 20), "whole": (4, 6, 10, 20, 50, 100, 200)}
 _SOLVERS: dict[Extent, tuple[tuple[str, tuple[float, ...]], ...]] = {
     "quick": (("Radau", (1e-2,)),),

@@ -118,5 +118,8 @@ def hub_beam_torque_models(extent: Extent) -> Scene:
             " seventh of the length.",
             "exudyn has another discretisation of the same beam (ANCF cables); it is judged by the same reference.",
             "CasADi solves the equations of SFOAM.",
+            "Where others are ahead: exudyn is compiled; the exact beam of ours solves each step by NumPy and repeats the"
+            " motion with half the step until two agree, so that its error is known. IDAS with one mode takes two"
+            " milliseconds, which ours takes for Python calls alone.",
         ),
     )

@@ -240,6 +240,12 @@ def decentralised(
 def physical(name: str, low: float, high: float) -> Structure:
     """Return a parameter of the plant that is tuned with the controller, or without one.
 
+    Where the plant's matrices are polynomials of the parameters, or as smooth as such, as springs, dampers, masses and
+    positions make them, their derivatives are exact, and the plants are made a few times only: so it is with parameters of a
+    family, and with a function whose plants have the same states everywhere, such as
+    ``to_statespace(states="coordinates")``.  Otherwise derivatives of responses are differences of fourth order, for which
+    plants are made at each step.  The certificate's ``path`` says which.
+
     Parameters
     ----------
     name : str

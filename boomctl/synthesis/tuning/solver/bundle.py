@@ -71,7 +71,7 @@ def polish(
     value = point.merit(weight)[0]
     if not isfinite(value):
         return Polished(x, value, 0, False)
-    exact = not len(point.problem.physical)
+    exact = point.exact
     H, damping = np.zeros((n, n)), _DAMPING
     history = [value]
     for k in range(steps):

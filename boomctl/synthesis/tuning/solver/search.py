@@ -19,7 +19,7 @@ from boomctl.synthesis.tuning.solver.starts import drawn, grown, lower
 
 _STABILISING = 300  # steps of the descent of the spectral abscissa at most (a choice)
 _DESCENDING, _POLISHING = 5, 100  # steps of a descent and of a polish at most (choices: polishing gains more a second)
-_LONG = 400  # steps of a descent where physical parameters are tuned, whose second derivatives are not known (a choice)
+_LONG = 400  # steps of a descent where second derivatives are not known (a choice)
 _BRIEF = 60  # steps of the first polish of a start, after which the best are chosen (a choice)
 _FINISHED = 3  # starts that are taken to the end, the best after their first turn (a choice)
 _SHAKES = (0.1, 0.01)  # shares by which the numbers of the best are moved, for one more start each (a choice)
@@ -208,7 +208,8 @@ class Search:
 
     def turn(self, attempt: "Attempt", polishing: int) -> None:
         """Descend on the highest peak, then polish over all near it."""
-        edge = min(attempt.edge, 0.5 * self.point(attempt.x).apart)
+        start = self.point(attempt.x)
+        edge = min(attempt.edge, 0.5 * start.apart)
         problem, before = replace(self.problem, edge=edge if edge >= _LAST_EDGE else None), attempt.merit
 
         def point_at(x: Array, quick: bool = False) -> Point:
@@ -221,7 +222,7 @@ class Search:
             attempt.x,
             problem.low,
             problem.high,
-            steps=_LONG if len(problem.physical) else _DESCENDING,
+            steps=_DESCENDING if start.exact else _LONG,
             gain=_GAIN,
             enough=lambda x, value: value < self.floor,
         )
