@@ -438,3 +438,84 @@ def test_a_start_of_ones_own_is_gone_on_from():
     again = bc.tune(swing(3), 2, 2, T.gain(), starts=1, initial=first.values)
     assert again.gamma == pytest.approx(first.gamma, rel=1e-6)
     assert again.starts[0].kind == "given"
+
+
+@pytest.mark.parametrize("states", [0, 1, 2])
+def test_a_start_may_be_a_controller_of_the_order_or_of_a_lower_one(states):
+    P, rng = swing(3), np.random.default_rng(0)
+    K = control.ss(-np.eye(states), rng.normal(size=(states, 2)), 0.01 * rng.normal(size=(2, states)), np.zeros((2, 2)))
+    K = control.ss(K, inputs=["y[3]", "y[4]"], outputs=["u[3]", "u[4]"])
+    found = bc.tune(P, 2, 2, T.state_space(2), starts=1, initial=K)
+    assert found.starts[0].kind == "given"
+    assert found.gamma <= bc.hinf_norm(bc.close_loop(P, K)).upper
+
+
+def test_a_controller_that_was_tuned_is_gone_on_from_where_it_was():
+    P = swing(3)
+    first = bc.tune(P, 2, 2, T.state_space(1), starts=2)
+    turned = first.controller[[1, 0], [1, 0]]  # signals go by their names
+    for start in (first.controller, turned):
+        again = bc.tune(P, 2, 2, T.state_space(1), starts=1, initial=start)
+        assert again.starts[0].value <= first.gamma * (1.0 + 1e-6)
+
+
+def of_order(states, signals=1, **options):
+    options = {"inputs": ["y"] if signals == 1 else signals, "outputs": ["u"] if signals == 1 else signals} | options
+    return control.ss(
+        -np.eye(states), np.ones((states, signals)), np.ones((signals, states)), np.ones((signals, signals)), **options
+    )
+
+
+@pytest.mark.parametrize(
+    ("structure", "start", "said"),
+    [
+        (T.state_space(1), of_order(2), "at most 1 states, got 2"),
+        (T.gain(), of_order(1), "expected a structure tunable.state_space, got Gain"),
+        (T.state_space(1, strictly_proper=True), of_order(1), "strictly proper"),
+        (T.state_space(1), of_order(1, inputs=["v"]), "input 'v' is none of the plant's: expected y"),
+        (T.state_space(1), of_order(1, 2, inputs=2, outputs=2), "expected 1 input"),
+        (T.state_space(1), of_order(1, dt=0.1), "expected continuous time"),
+    ],
+)
+def test_a_controller_that_cannot_be_a_start_is_refused_in_one_line(structure, start, said):
+    with pytest.raises(ValueError, match="initial") as caught:
+        bc.tune(lag(), 1, 1, structure, initial=start)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+# -- the edge of stability --------------------------------------------------------------------------------------------
+
+
+def lag_and_swing():
+    """Return a lag that gain calms, and a swing beside it, which no channel sees, that the same gain drives."""
+    A = [[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, -0.02]]
+    B = [[1.0, 1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    C = [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
+    return control.ss(A, B, C, 0.0, inputs=["w", "u1", "u2"], outputs=["z", "y1", "y2"])
+
+
+def test_a_loop_that_ends_at_the_edge_of_stability_says_so():
+    """A gain of ``-k`` in both leaves a norm of ``1/(1 + k)`` and a decay of ``(0.02 - k)/2``: least where none is left."""
+    both = T.decentralised(T.gain(), shared=True)
+    found = bc.tune(lag_and_swing(), 2, 2, both, starts=1)
+    assert found.gamma == pytest.approx(1.0 / 1.02, rel=1e-5)
+    assert found.certificate.slowest_pole < 0.0
+    told = found.certificate.statement
+    assert "ended at the edge of stability: a pole at" in told
+    assert "ask for decay=" in told
+
+
+def test_with_a_decay_asked_for_a_loop_does_not_end_at_the_edge():
+    both = T.decentralised(T.gain(), shared=True)
+    kept = bc.tune(lag_and_swing(), 2, 2, both, starts=1, decay=0.005)
+    assert kept.gamma == pytest.approx(1.0 / 1.01, rel=1e-5)
+    assert "edge of stability" not in kept.certificate.statement
+
+
+def test_a_pole_that_was_slow_before_is_not_the_controllers_doing():
+    A = [[-1.0, 0.0, 0.0], [0.0, -1e-8, 1.0], [0.0, -1.0, -1e-8]]
+    P = control.ss(A, np.eye(3)[:, [0, 0]], np.eye(3)[[0, 0]], 0.0, inputs=["w", "u"], outputs=["z", "y"])
+    found = bc.tune(P, 1, 1, T.gain(), starts=1, gain_limit=2.0)
+    assert found.gamma == pytest.approx(1.0 / 3.0, rel=1e-5)
+    assert "edge of stability" not in found.certificate.statement

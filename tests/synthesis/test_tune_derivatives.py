@@ -167,3 +167,14 @@ def test_a_quadratic_programme_meets_its_conditions(seed):
     assert (G @ y - h).max() <= 1e-8
     assert z.min() >= -1e-12
     assert np.abs(z * (G @ y - h)).max() <= 1e-8
+
+
+@pytest.mark.parametrize("name", STRUCTURES)
+def test_the_slope_towards_the_edge_of_stability_is_its_difference(name):
+    problem = problem_of(STRUCTURES[name], [T.objective()], edge=0.5)
+    x = stable_point(problem, 3)
+    point = Point(problem, x)
+    worst = max(point.bounds, key=lambda piece: piece.value)
+    assert worst.value == pytest.approx(np.log(0.5 / point.apart), rel=1e-9)
+    wanted = differences(lambda x: np.log(0.5 / Point(problem, x).apart), x)
+    assert worst.gradient == pytest.approx(wanted, abs=WITHIN * max(np.abs(wanted).max(), 1.0))

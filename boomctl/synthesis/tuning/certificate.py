@@ -19,6 +19,9 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.synthesis.tuning.channels import Channel
 
 _REFUTED = 1e-6  # a verified norm below a bound by more than this share refutes it: it was made by rounding
+_EDGE = 1e-5  # decay of a pole over its size below which a loop may have ended at the edge of stability (a choice)
+_LOST = 1e-3  # share of the decay that the same pole had without the controller, below which it has (a choice)
+_SAME_POLE = 0.3  # share of its size within which a pole of the plant is the same (a choice)
 _MOST_BOUNDS = 3  # models whose bound is looked for: those where the norm is largest (a choice of patience)
 
 
@@ -178,6 +181,28 @@ def loop_of(plant: GeneralizedPlant, K: Lti) -> Lti:
             f"the best controller found could not be verified: the loop has a pole at {worst:.6g} rad/s"
         )
     return loop
+
+
+def edge_of(plant: GeneralizedPlant, loop: Lti) -> str:
+    """Return what to say of a loop that ended at the edge of stability; nothing where none of its poles was driven there."""
+    before, after = plant.system.poles, loop.poles
+    sizes = np.abs(before[before != 0.0])
+    slowest = float(sizes.min(initial=np.inf)) if len(sizes) else 1.0
+    slowest = max(slowest, _REFUTED * float(sizes.max(initial=0.0)))
+    if not len(after):
+        return ""
+    apart = -after.real / (np.abs(after) + slowest)
+    k = int(np.argmin(apart))
+    pole = after[k]
+    near = np.abs(before - pole)
+    had = 1.0
+    if len(before) and near.min() <= _SAME_POLE * abs(pole):
+        its = before[np.argmin(near)]
+        had = -its.real / (abs(its) + slowest) if its.real < 0.0 else 1.0
+    if apart[k] > min(_EDGE, _LOST * had):
+        return ""
+    shown = f"{pole.real:.3g}" if pole.imag == 0.0 else f"{pole.real:.3g} ± {abs(pole.imag):.6g}j"
+    return f"ended at the edge of stability: a pole at {shown} rad/s decays by {-pole.real:.2g}; ask for decay="
 
 
 def channel_norm(loop: Lti, plant: GeneralizedPlant, channel: Channel) -> NormCertificate | H2Certificate:

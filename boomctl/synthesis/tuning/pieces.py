@@ -26,7 +26,8 @@ _TINY = 1e-100  # norm that stands for zero, whose logarithm is a number
 _SAME = 1e-6  # relative distance of frequencies that are one: far less than any resonance is wide (a choice)
 _MIXED = (1.0, -1.0, 1j, -1j)  # phases in which two singular vectors of like values are mixed (a choice)
 _ALIKE_POLES = 0.05  # how near to the highest a pole's bound must come to be a piece (a choice)
-GAIN_LIMIT, FASTEST_POLE, DAMPING, DECAY = -1, -2, -3, -4  # what stands in place of a channel
+_NEAR_EDGE = 4.0  # times as far from the edge of stability as asked for, up to which a pole is a piece (a choice)
+GAIN_LIMIT, FASTEST_POLE, DAMPING, DECAY, EDGE = -1, -2, -3, -4, -5  # what stands in place of a channel
 
 
 @dataclass(frozen=True)
@@ -211,7 +212,7 @@ class Point:
     @cached_property
     def bounds(self) -> list[Piece]:
         """Bounds on poles."""
-        return self._controller_poles() + self._loop_poles()
+        return self._controller_poles() + self._loop_poles() + self._edge_poles()
 
     def _loop_poles(self) -> list[Piece]:
         """Return how far poles of the loops are from the damping and decay asked for."""
@@ -237,6 +238,39 @@ class Point:
                 found += self._poles_near_top(
                     i, DECAY, values, (poles, left, right), lambda change, pole: np.real(change) / rate
                 )
+        return found
+
+    def _apart(self, loop: Closed) -> Array:
+        """Return how far each pole of a loop is from the axis, over its size and the plant's slowest rate together."""
+        poles = loop.poles
+        return -poles.real / (np.abs(poles) + self.problem.ports.slowest)
+
+    @cached_property
+    def apart(self) -> float:
+        """How far the loops are from the edge of stability."""
+        return min((float(self._apart(loop).min(initial=1.0)) for loop in self.loops if loop is not None), default=1.0)
+
+    def _edge_poles(self) -> list[Piece]:
+        """Return poles near the edge of stability: logarithms of how far they are to stay from it, over how far they are."""
+        edge, slowest = self.problem.edge, self.problem.ports.slowest
+        found: list[Piece] = []
+        if edge is None or self.apart > _NEAR_EDGE * edge:
+            return found
+        for i, loop in enumerate(self.loops):
+            assert loop is not None
+            if self._apart(loop).min(initial=1.0) > _NEAR_EDGE * edge:
+                continue
+            values, inverse, vectors = loop.coordinates
+            poles, left, right = (values, inverse.conj().T, vectors) if values.ndim == 1 else _eigen(loop.A)
+            apart = -poles.real / (np.abs(poles) + slowest)
+            for k in np.flatnonzero((apart <= _NEAR_EDGE * edge) & (poles.imag >= 0.0)):
+                pole, size = poles[k], abs(poles[k]) + slowest
+
+                def of(change: Array, pole: complex = pole, size: float = size) -> Array:
+                    return np.real(change) / pole.real - (pole.conjugate() * change).real / max(abs(pole), _TINY) / size
+
+                gradient = -self._of_pole(i, pole, left[:, k], right[:, k], of)
+                found.append(Piece(i, EDGE, float(abs(pole)), log(edge / max(float(apart[k]), _TINY)), gradient, True))
         return found
 
     def _poles_near_top(

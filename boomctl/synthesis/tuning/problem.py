@@ -14,6 +14,7 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.synthesis.tuning.channels import Channel
 from boomctl.synthesis.tuning.parts.jets import Jet
 from boomctl.synthesis.tuning.parts.structures import PHYSICAL, Free, Ports, Structure
+from boomctl.synthesis.tuning.solver.highest import STATES
 
 _POINTS = 24  # frequencies at which sizes of signals are looked at (a choice)
 _ROUNDS = 30  # of scaling rows and columns in turn: each takes the square of what is left (a choice)
@@ -25,6 +26,7 @@ _LOW = 1e-3  # share of its peak down to which a response says how large it is: 
 _NOTHING = (
     1e-10  # share of what its entry and exit alone would let through below which a response is rounding (a choice)
 )
+_BESIDE = np.log(1e3)  # below all in its row and in its column, by which a response says nothing of sizes (a choice)
 _ILL_POSED = 1e-10  # least singular value of I - K D22 up to which a loop is not well-posed (a choice)
 
 
@@ -158,7 +160,7 @@ class Closed:
     @cached_property
     def poles(self) -> Array:
         """Eigenvalues [rad/s]."""
-        if "coordinates" not in self.__dict__:  # whoever asks for the poles alone does not wait for the coordinates
+        if "coordinates" not in self.__dict__ and len(self.A) <= STATES:  # whose peaks are found without coordinates
             return np.linalg.eigvals(self.A).astype(complex) if len(self.A) else np.zeros(0, complex)
         A = self.coordinates[0]
         return A if A.ndim == 1 else np.diagonal(A)
@@ -242,6 +244,8 @@ class Problem:
         Of the controller.
     fastest_pole, gain_limit, damping, decay : float or None
         Bounds.
+    edge : float or None
+        How far from the edge of stability the search keeps for now: decay of a pole over its size.
     """
 
     structure: Structure
@@ -259,6 +263,7 @@ class Problem:
     gain_limit: float | None
     damping: float | None
     decay: float | None
+    edge: float | None = None
 
     @cached_property
     def physical(self) -> Array:
@@ -310,6 +315,8 @@ def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
             part = replace(plant.system, B=plant.B2, C=plant.C2, D=plant.D22, inputs=(), outputs=())
             size += _size(part, omega)
         size /= len(plants)
+        lines = [np.fmax.reduce(size, axis=k, initial=-np.inf, keepdims=True) for k in (0, 1)]
+        size = np.where(size < np.minimum(*lines) - _BESIDE, np.nan, size)
         for _ in range(_ROUNDS):
             rows = _mean(size + columns, 1)
             columns = -_mean(size - rows[:, None], 0)

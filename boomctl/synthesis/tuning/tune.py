@@ -12,7 +12,7 @@ import numpy as np
 from boomctl.analysis.box.robustness import pattern_search
 from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
-from boomctl.checks import function_of, instance, known, mapping, positive, real, sequence, whole, within
+from boomctl.checks import function_of, instance, known, positive, sequence, whole, within
 from boomctl.progress import Listener, Tell, computing
 from boomctl.structure.families import Family
 from boomctl.synthesis.assumptions import SynthesisError, check_detectable, check_stabilizable
@@ -22,11 +22,13 @@ from boomctl.synthesis.tuning.certificate import (
     ChannelNorm,
     TuneCertificate,
     channel_norm,
+    edge_of,
     full_order_bound,
     loop_of,
     places,
 )
 from boomctl.synthesis.tuning.channels import Channel, objective
+from boomctl.synthesis.tuning.initial import initial_numbers
 from boomctl.synthesis.tuning.parts.structures import GAIN, Decentralised, Ports, Series, Structure, Sum
 from boomctl.synthesis.tuning.pieces import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Point
 from boomctl.synthesis.tuning.plants import FamilyPlants, Plants, fixed_plants, made_plants
@@ -36,7 +38,7 @@ from boomctl.synthesis.tuning.solver.bundle import stationarity
 from boomctl.synthesis.tuning.solver.search import Search, search
 
 if TYPE_CHECKING:
-    pass
+    import control
 
 _LARGEST_GAIN = 1e6  # times its natural size, beyond which no free number goes: an infimum at infinite gain (a choice)
 _ACTIVE = 1e-3  # share of a norm or of a bound within which a peak or bound is active (a choice)
@@ -63,7 +65,7 @@ def tune(
     damping: float | None = None,
     decay: float | None = None,
     family: "Family | None" = None,
-    initial: "Mapping[str, float] | None" = None,
+    initial: "Mapping[str, float] | control.StateSpace | None" = None,
     time_limit: float = 60.0,
     progress: "Listener | None" = None,
 ) -> TuneResult:
@@ -104,8 +106,9 @@ def tune(
         Structures over a box of parameters.  The middle and the corners are tuned for at first, then the worst points that
         a search over the box finds too, until none is worse.  Parameters that are `boomctl.tunable.physical` ones of the
         structure are tuned, the others are uncertain.
-    initial : mapping of str to float, optional
-        A start of your own: free numbers by name, as `TuneResult.values` holds them.
+    initial : mapping of str to float, or control.StateSpace, optional
+        A start of your own: free numbers by name, as `TuneResult.values` holds them; where the structure is a
+        `boomctl.tunable.state_space` (physical parameters may be added to it), a controller of its order or of a lower one.
     time_limit : float
         Seconds after which the best so far is returned; so it is when the user interrupts.
     progress : callable, optional
@@ -121,7 +124,8 @@ def tune(
     ------
     TypeError, ValueError
         Another kind of system, not finite, discrete time; models with different signals; counts or numbers out of range;
-        unknown signals or parameters; a channel whose H2 norm is infinite for every controller of the structure.
+        unknown signals or parameters; a start of another structure, order or with other signals; a channel whose H2 norm is
+        infinite for every controller of the structure.
     SynthesisError
         No controller can stabilise a model, none of the structure was found that does, or none that keeps the budgets.
 
@@ -265,7 +269,7 @@ class _Task:
             **self.limits,
         )
 
-    def begun(self, initial: "Mapping[str, float] | None") -> list[Array]:
+    def begun(self, initial: "Mapping[str, float] | control.StateSpace | None") -> list[Array]:
         """Return starts that are given, after all has been checked."""
         plants = self.middle()
         self._check_signals(plants[0])
@@ -279,7 +283,7 @@ class _Task:
                     raise SynthesisError(f"{where}{error}") from None
         problem = self.problem(self.structure)
         self._check_norms(problem)
-        return [] if initial is None else [_initial(problem, initial)]
+        return [] if initial is None else [initial_numbers(problem, initial)]
 
     def _check_signals(self, plant: GeneralizedPlant) -> None:
         for channel in self.channels:
@@ -368,23 +372,6 @@ def _check_loops(structure: Structure, measurements: tuple[str, ...], controls: 
         for part in (structure.last, structure.first):
             if isinstance(part, Decentralised):
                 raise ValueError("structure: decentralised cannot stand in a series; put the series into it")
-
-
-def _initial(problem: Problem, given: "Mapping[str, float]") -> Array:
-    """Return a start that is given by name; what is left out is in the middle or zero."""
-    names = [each.name for each in problem.free]
-    for name in mapping("initial", given, "free numbers to values"):
-        known("free number", name, names)
-    x = []
-    for each, low, high in zip(problem.free, problem.low, problem.high, strict=True):
-        if each.name not in given:
-            x.append(0.0 if each.kind == GAIN else 0.5 * (low + high))
-            continue
-        value = real(f"initial {each.name}", given[each.name])
-        if each.kind != GAIN:
-            within(f"initial {each.name}", value, each.low, each.high)
-        x.append(each.number(value))
-    return np.array(x)
 
 
 def _over_family(
@@ -503,7 +490,8 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
         statement="",
         worst=worst,
     )
-    certificate = replace(certificate, statement=_statement(certificate, top, len(plants), least, found))
+    edges = [told for plant, loop in zip(plants, loops, strict=True) if (told := edge_of(plant, loop))]
+    certificate = replace(certificate, statement=_statement(certificate, top, len(plants), least, found, edges))
     named = replace(K, inputs=plants[0].measurements, outputs=plants[0].controls)
     return TuneResult(
         named,
@@ -593,7 +581,7 @@ def _peaks(task: _Task, problem: Problem, point: Point) -> tuple[tuple[ActivePea
     return found, stationarity(near, point.x, problem.low, problem.high)
 
 
-def _statement(c: TuneCertificate, top: ChannelNorm, models: int, least: float, found: Search) -> str:
+def _statement(c: TuneCertificate, top: ChannelNorm, models: int, least: float, found: Search, edges: list[str]) -> str:
     kind = "verified" if top.norm.certified else f"between {top.norm.lower:.6g} and {top.norm.upper:.6g}"
     over = f", the largest of {models} models" if models > 1 else ""
     said = f"{top.channel.text} {top.value:.6g}{over}, {kind}"
@@ -607,4 +595,6 @@ def _statement(c: TuneCertificate, top: ChannelNorm, models: int, least: float, 
         said += f"; over the family {c.worst.value:.6g} at most as far as was found ({c.worst.model})"
     if c.active:
         said += f"; used up: {', '.join(c.active)}"
+    if edges:
+        said += f"; {edges[0]}"
     return said

@@ -1,7 +1,7 @@
 """Polishing by sequential quadratic programmes over all peaks near the highest, nearly multiple singular values too."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 
 import numpy as np
@@ -75,7 +75,7 @@ def polish(
     H, damping = np.zeros((n, n)), _DAMPING
     history = [value]
     for k in range(steps):
-        moved, asked = None, set()
+        asked: set[tuple[int, int, float]] = set()
         pieces = _chosen(point, asked)
         sizes = _sizes(pieces, H)
         if exact:
@@ -85,11 +85,14 @@ def polish(
             d, promised, multipliers = _step(pieces, H, sizes, damping, x, low, high, weight, value)
             if promised <= gain:
                 return Polished(x, value, k, damping < 1e3 * _DAMPING)
-            new = np.minimum(np.maximum(x + d, low), high)
-            there = point_at(new)
-            found = there.merit(weight)[0]
+            tried = _tried(point_at, np.clip(x + d, low, high), weight, multipliers)
+            if exact and isfinite(tried[2]) and value - tried[2] < _GOOD * promised:
+                bent = _bent_pieces(pieces, tried[1], tried[0] - x)
+                second, _, again = _step(bent, H, sizes, damping, x, low, high, weight, value)
+                further = _tried(point_at, np.clip(x + second, low, high), weight, again)
+                tried = further if further[2] < tried[2] else tried
+            there, found = tried[1:3]
             if found <= value - _FALL * promised:
-                moved = new, there, found, multipliers
                 if trial == 0:
                     good = value - found >= _GOOD * promised
                     damping = max((0.1 if good else 0.4) * damping, _LEAST)
@@ -99,12 +102,12 @@ def polish(
                 asked |= more
                 pieces = _chosen(point, asked)
             damping = min((2.0 if more else 6.0) * damping, _LARGEST)
-        if moved is None:
+        else:
             return Polished(x, value, k, False)
         if not exact:
-            active = [(m, p) for m, p in zip(moved[3], pieces, strict=True) if m > _ACTIVE and p.top]
-            H = _updated(H + 1e-3 * damping * np.diag(sizes), moved[0] - x, active, moved[1].pieces(_WINDOW))
-        x, point, value = moved[0], moved[1], moved[2]
+            active = [(m, p) for m, p in zip(tried[3], pieces, strict=True) if m > _ACTIVE and p.top]
+            H = _updated(H + 1e-3 * damping * np.diag(sizes), tried[0] - x, active, there.pieces(_WINDOW))
+        x, point, value = tried[:3]
         history.append(value)
         if len(history) > 6 and history[-7] - value < 10.0 * gain:
             return Polished(x, value, k + 1, False)
@@ -198,6 +201,33 @@ def _step(
     return scaled / root, promised, z[: len(pieces)]
 
 
+def _tried(
+    point_at: Callable[[Array], Point], x: Array, weight: float, multipliers: Array
+) -> tuple[Array, Point, float, Array]:
+    """Return a point that is tried: free numbers, the loops there, the merit, and the multipliers that led there."""
+    there = point_at(x)
+    return x, there, there.merit(weight)[0], multipliers
+
+
+def _bent_pieces(pieces: list[Piece], trial: Point, d: Array) -> list[Piece]:
+    """Return pieces with the values that, with their slopes, are right at a point tried: what they bend is then seen."""
+    there = trial.pieces(_WINDOW)
+    nearest = [_nearest(piece, there) if piece.top else None for piece in pieces]
+    return [
+        piece if near is None else replace(piece, value=near.value - float(piece.gradient @ d))
+        for piece, near in zip(pieces, nearest, strict=True)
+    ]
+
+
+def _nearest(piece: Piece, others: list[Piece]) -> Piece | None:
+    """Return what a piece has become among others; None where nothing near it is the same."""
+    alike = [p for p in others if p.model == piece.model and p.channel == piece.channel and p.top]
+    if not alike or np.isnan(piece.omega):
+        return alike[0] if alike else None
+    near = min(alike, key=lambda p: _apart(p.omega, piece.omega))
+    return near if _apart(near.omega, piece.omega) <= _NEAR else None
+
+
 def _unseen(trial: Point, pieces: list[Piece], asked: "set[tuple[int, int, float]]") -> "set[tuple[int, int, float]]":
     """Return what stands out at a point tried and was no piece."""
     found = set()
@@ -212,11 +242,8 @@ def _updated(B: Array, s: Array, active: list[tuple[float, Piece]], after: list[
     """Return the curvature of the Lagrangian, by Powell's damped update."""
     y, size = np.zeros_like(s), float(s @ B @ s)
     for multiplier, piece in active:
-        alike = [p for p in after if p.model == piece.model and p.channel == piece.channel and p.top]
-        if not alike:
-            continue
-        near = alike[0] if np.isnan(piece.omega) else min(alike, key=lambda p: _apart(p.omega, piece.omega))
-        if np.isnan(piece.omega) or _apart(near.omega, piece.omega) <= _NEAR:
+        near = _nearest(piece, after)
+        if near is not None:
             y += multiplier * (near.gradient - piece.gradient)
     if size <= 0.0:
         return B

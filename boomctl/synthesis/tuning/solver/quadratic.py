@@ -8,6 +8,7 @@ from boomctl.arrays import Array
 _STEPS = 60  # of Newton's method at most: a dozen are the rule
 _ENOUGH = 1e-11  # complementarity and residuals, relative, at which it ends
 _RIDGE = 1e-14  # share of the diagonal that is added to it: less than its rounding costs (a choice)
+_NO_ROW = 1e-12  # share of the longest row below which a row bounds nothing, and is not made longer (a choice)
 _BACK = 0.995  # share of the way to the boundary that a step takes (a choice, as usual)
 
 
@@ -18,7 +19,8 @@ def least(H: Array, c: Array, G: Array, h: Array) -> tuple[Array, Array]:
     which all rows are below.
     """
     n, m = len(c), len(h)
-    size = np.maximum(np.linalg.norm(G, axis=1), 1e-300)
+    size = np.linalg.norm(G, axis=1)
+    size = np.maximum(size, max(_NO_ROW * float(size.max(initial=0.0)), np.finfo(float).tiny))
     G, h = G / size[:, None], h / size
     y, s, z = np.zeros(n), np.maximum(h, 1.0), np.ones(m)
     scale = 1.0 + max(float(np.abs(c).max(initial=0.0)), float(np.abs(h).max(initial=0.0)))

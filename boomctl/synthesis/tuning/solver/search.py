@@ -1,8 +1,9 @@
 """The search from many starts: stabilise, descend, polish, in turn until nothing changes; the best so far is kept."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from math import exp, inf, isfinite, log
 
 import numpy as np
@@ -17,8 +18,9 @@ from boomctl.synthesis.tuning.solver.descent import descend
 from boomctl.synthesis.tuning.solver.starts import drawn, grown, lower
 
 _STABILISING = 300  # steps of the descent of the spectral abscissa at most (a choice)
-_DESCENDING, _POLISHING = 400, 60  # steps of a descent and of a polish at most (choices)
-_BRIEF = 20  # steps of the first polish of a start, after which the best are chosen (a choice)
+_DESCENDING, _POLISHING = 5, 100  # steps of a descent and of a polish at most (choices: polishing gains more a second)
+_LONG = 400  # steps of a descent where second derivatives are not known (a choice)
+_BRIEF = 60  # steps of the first polish of a start, after which the best are chosen (a choice)
 _FINISHED = 3  # starts that are taken to the end, the best after their first turn (a choice)
 _SHAKES = (0.1, 0.01)  # shares by which the numbers of the best are moved, for one more start each (a choice)
 _BEGINNING = 0.5  # share of the time in which starts are begun; then the best are finished (a choice)
@@ -27,6 +29,9 @@ _ROUNDS = 8  # of both in turn at most (a choice)
 _GAIN = 1e-6  # relative gain of ten steps, or of a round, below which nothing changes (a choice)
 _PROMISE = 1e-11  # relative gain that a step must promise (a choice)
 _WEIGHT = 10.0  # what a unit of an exceeded bound costs at first (a choice); grows until the bounds are kept
+_EDGE, _LAST_EDGE = 1e-2, 1e-8  # how far from the edge of stability the first turns stay, and the last ones (choices)
+_AT_EDGE = 2.0  # times the distance kept from the edge of stability, up to which it is what held a turn up (a choice)
+_NEARER = 0.1  # share of its distance from the edge of stability that a turn may come nearer to it (a choice)
 _KEPT = 1e-6  # by how much a bound may be exceeded: what the certificate allows too (a choice)
 _MISSED = 1e-4  # relative height above the peaks known from which on one counts as missed (a choice)
 _ZERO = 1e-9  # share of the first norm seen below which a norm counts as zero: nothing is left to gain
@@ -69,6 +74,7 @@ class Attempt:
     merit: float = inf
     gain: float = inf
     weight: float = _WEIGHT
+    edge: float = _EDGE
     steps: int = 0
     stationary: bool = False
 
@@ -154,12 +160,17 @@ class Search:
         return True
 
     def from_starts(
-        self, begun: list[tuple[str, Array]], shaken: bool, rng: np.random.Generator, tell: Callable[..., None]
+        self,
+        begun: Iterable[tuple[str, Array]],
+        count: int,
+        shaken: bool,
+        rng: np.random.Generator,
+        tell: Callable[..., None],
     ) -> None:
         """Begin from all starts, finish the best few, and then, if asked for, from beside the best of all."""
         order, half = f"order {self.problem.order}", _share(self.deadline, _BEGINNING)
         for k, (kind, x) in enumerate(begun):
-            tell(f"{order}, start", k + 1, len(begun))
+            tell(f"{order}, start", k + 1, count)
             self.begin(self.problem.clipped(x), kind)
             if self.nothing_left():
                 return
@@ -197,13 +208,21 @@ class Search:
 
     def turn(self, attempt: "Attempt", polishing: int) -> None:
         """Descend on the highest peak, then polish over all near it."""
-        problem, before = self.problem, attempt.merit
+        start = self.point(attempt.x)
+        edge = min(attempt.edge, 0.5 * start.apart)
+        problem, before = replace(self.problem, edge=edge if edge >= _LAST_EDGE else None), attempt.merit
+
+        def point_at(x: Array, quick: bool = False) -> Point:
+            if time.monotonic() > self.deadline:
+                raise OutOfTime
+            return Point(problem, x, self.known, quick)
+
         down = descend(
-            lambda x: self.point(x, quick=True).merit(attempt.weight),
+            lambda x: point_at(x, quick=True).merit(attempt.weight),
             attempt.x,
             problem.low,
             problem.high,
-            steps=_DESCENDING,
+            steps=_DESCENDING if start.exact else _LONG,
             gain=_GAIN,
             enough=lambda x, value: value < self.floor,
         )
@@ -213,7 +232,7 @@ class Search:
             attempt.value, attempt.open = down.value, False
             return
         done = polish(
-            self.point,
+            point_at,
             attempt.x,
             problem.low,
             problem.high,
@@ -232,6 +251,8 @@ class Search:
         attempt.value = min(attempt.value, point.aim)
         attempt.gain = before - done.value if fine else inf
         attempt.open = attempt.gain >= _GAIN
+        if problem.edge is not None and point.apart < _AT_EDGE * problem.edge:  # on along it, and nearer
+            attempt.edge, attempt.open = _NEARER * problem.edge, True
 
     def stabilised(self, x: Array) -> tuple[Array | None, int]:
         """Return free numbers at which all loops are stable, found by descending the spectral abscissa."""
@@ -295,9 +316,11 @@ def search(
                 for _, x in begun:
                     work.keep(problem.clipped(x))
                 return work
-        for k in range(max(starts - len(begun), 1)):
-            begun.append(("drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)))
-        work.from_starts(begun, starts > _FINISHED, rng, tell)
+        more = max(starts - len(begun), 1)
+        fresh = (
+            ("drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)) for k in range(more)
+        )
+        work.from_starts(chain(begun, fresh), len(begun) + more, starts > _FINISHED, rng, tell)
     except OutOfTime:
         work.path.append("out of time")
     except KeyboardInterrupt:
