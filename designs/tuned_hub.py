@@ -1,7 +1,7 @@
 """PD and a notch at the hub, tuned at once for 0 to 0.2 kg at the tip, beside the LQG that is made for the middle, 0.1 kg.
 
 Both read the encoder of the hub alone. What a disturbance torque does to hub and tip is to be small, and torque from the
-encoder's noise is limited. The LQG knows all modes and has a state for each; with the same limit it is better for 0.1 kg,
+encoder's noise is limited. The LQG knows all modes and has a state for each; with the same limit it is no better for 0.1 kg,
 and far worse at the ends.
 """
 

@@ -13,12 +13,12 @@ def test_the_drive_is_a_design_of_a_machine():
 
 @pytest.mark.slow
 def test_it_beats_every_lqg_for_the_middle_over_the_payloads():
-    """Three states beside eight: half as much again where the LQG was made for, less than a third as much at the ends."""
+    """Three states beside eight: as good where the LQG was made for, less than a third as much at the ends."""
     made = load_design("tuned_hub")
     result = made.evaluate()
     K = made.controller
     assert (K.nstates, result.stable) == (3, True)
-    assert worst(K) == pytest.approx(0.0178, rel=5e-3)
+    assert worst(K) == pytest.approx(0.0176, rel=5e-3)
     assert max(norms(K, mass)[1] for mass in MASSES) <= NOISE_GAIN * (1.0 + 1e-5)
     found = regulators()
     assert all(other.nstates == beam(MASSES[1]).nstates for other in found)
@@ -26,5 +26,5 @@ def test_it_beats_every_lqg_for_the_middle_over_the_payloads():
     assert nominal == sorted(nominal)
     assert (nominal[0], spread[0]) == (pytest.approx(0.0117, rel=5e-3), pytest.approx(0.0626, rel=5e-3))
     assert min(spread) > 1.5 * worst(K)
-    assert norms(K, MASSES[1])[0] == pytest.approx(0.0178, rel=5e-3)
+    assert norms(K, MASSES[1])[0] == pytest.approx(0.0113, rel=1e-2)
     assert np.allclose(BETWEEN[[0, -1]], [MASSES[0], MASSES[-1]])

@@ -13,6 +13,7 @@ from boomctl.analysis.box.robustness import pattern_search
 from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
 from boomctl.checks import function_of, instance, known, positive, sequence, whole, within
+from boomctl.printing import count as counted
 from boomctl.progress import Listener, Tell, computing
 from boomctl.structure.families import Family
 from boomctl.synthesis.assumptions import SynthesisError, check_detectable, check_stabilizable
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     import control
 
 _LARGEST_GAIN = 1e6  # times its natural size, beyond which no free number goes: an infimum at infinite gain (a choice)
+_TELLING = 10.0  # times a bound up to which a norm so far above it says something of it (a choice)
 _ACTIVE = 1e-3  # share of a norm or of a bound within which a peak or bound is active (a choice)
 _AT_END = 1e-6  # share of a range within which a number rests at its end (a choice)
 _WORSE = 1e-3  # how much worse than at the points tuned for the family may be, relative (a choice)
@@ -585,12 +587,15 @@ def _statement(c: TuneCertificate, top: ChannelNorm, models: int, least: float, 
     kind = "verified" if top.norm.certified else f"between {top.norm.lower:.6g} and {top.norm.upper:.6g}"
     over = f", the largest of {models} models" if models > 1 else ""
     said = f"{top.channel.text} {top.value:.6g}{over}, {kind}"
-    if c.lower > 0.0:
+    if c.lower > 0.0 and c.distance <= _TELLING:
         said += f"; at most {100.0 * c.distance:.2g} % above {c.lower:.6g}, which no controller of any order beats"
+    elif c.lower > 0.0:
+        said += f"; controllers of any order might go far lower: not below {c.lower:.3g} is all that is known"
     else:
         said += f"; no bound on other controllers: {c.lower_reason.removeprefix('none: ')}"
     same = sum(isfinite(s.value) and abs(s.value / exp(found.value) - 1.0) < _ACTIVE for s in found.starts)
-    said += f"; stationary to {least:.2g} over {len(c.peaks)} peak(s); {same} of {len(found.starts)} starts came here"
+    said += f"; stationary to {least:.2g} over {counted(len(c.peaks), 'peak')}"
+    said += f"; {same} of {len(found.starts)} starts came here"
     if c.worst is not None:
         said += f"; over the family {c.worst.value:.6g} at most as far as was found ({c.worst.model})"
     if c.active:

@@ -18,14 +18,14 @@ from boomctl.synthesis.tuning.solver.descent import descend
 from boomctl.synthesis.tuning.solver.starts import drawn, grown, lower
 
 _STABILISING = 300  # steps of the descent of the spectral abscissa at most (a choice)
-_DESCENDING, _POLISHING = 5, 100  # steps of a descent and of a polish at most (choices: polishing gains more a second)
+_DESCENDING, _POLISHING = 5, 60  # steps of a descent and of a polish at most (choices: polishing gains more a second)
 _LONG = 400  # steps of a descent where second derivatives are not known (a choice)
-_BRIEF = 60  # steps of the first polish of a start, after which the best are chosen (a choice)
-_FINISHED = 3  # starts that are taken to the end, the best after their first turn (a choice)
-_SHAKES = (0.1, 0.01)  # shares by which the numbers of the best are moved, for one more start each (a choice)
+_FINISHED = 2  # starts that are taken to the end, the best after their first turn (a choice)
+_MANY = 3  # starts above which the best is shaken too: who asks for few knows where to begin (a choice)
+_SHAKE = 0.1  # share by which the numbers of the best are moved, for one more start (a choice)
 _BEGINNING = 0.5  # share of the time in which starts are begun; then the best are finished (a choice)
 _HOPE = 4.0  # turns that each gain as much as the last which would bring an attempt down to the best (a choice)
-_ROUNDS = 8  # of both in turn at most (a choice)
+_ROUNDS = 6  # of both in turn at most (a choice)
 _GAIN = 1e-6  # relative gain of ten steps, or of a round, below which nothing changes (a choice)
 _PROMISE = 1e-11  # relative gain that a step must promise (a choice)
 _WEIGHT = 10.0  # what a unit of an exceeded bound costs at first (a choice); grows until the bounds are kept
@@ -182,10 +182,9 @@ class Search:
             self.finish(attempt)
             if self.nothing_left():
                 return
-        for share in _SHAKES if shaken and self.best is not None else ():
+        if shaken and self.best is not None:
             tell(f"{order}, shaking the best")
-            assert self.best is not None
-            moved = self.best * (1.0 + share * rng.normal(size=len(self.best)))
+            moved = self.best * (1.0 + _SHAKE * rng.normal(size=len(self.best)))
             self.finish(self.begin(self.problem.clipped(moved), "shaken"))
 
     def begin(self, x: Array, kind: str) -> "Attempt":
@@ -196,7 +195,7 @@ class Search:
         if found is not None:
             attempt.x, attempt.open = found, True
             self.keep(found)
-            self.turn(attempt, _BRIEF)
+            self.turn(attempt)
         return attempt
 
     def finish(self, attempt: "Attempt") -> None:
@@ -204,9 +203,9 @@ class Search:
         for _ in range(_ROUNDS):
             if not attempt.open or (attempt.value - self.value > _HOPE * attempt.gain and attempt.value > self.value):
                 return
-            self.turn(attempt, _POLISHING)
+            self.turn(attempt)
 
-    def turn(self, attempt: "Attempt", polishing: int) -> None:
+    def turn(self, attempt: "Attempt") -> None:
         """Descend on the highest peak, then polish over all near it."""
         start = self.point(attempt.x)
         edge = min(attempt.edge, 0.5 * start.apart)
@@ -237,7 +236,7 @@ class Search:
             problem.low,
             problem.high,
             weight=attempt.weight,
-            steps=polishing,
+            steps=_POLISHING,
             gain=_PROMISE,
         )
         attempt.x, attempt.steps, attempt.merit = done.x, attempt.steps + done.steps, done.value
@@ -320,7 +319,7 @@ def search(
         fresh = (
             ("drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)) for k in range(more)
         )
-        work.from_starts(chain(begun, fresh), len(begun) + more, starts > _FINISHED, rng, tell)
+        work.from_starts(chain(begun, fresh), len(begun) + more, starts > _MANY, rng, tell)
     except OutOfTime:
         work.path.append("out of time")
     except KeyboardInterrupt:
