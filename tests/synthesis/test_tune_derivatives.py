@@ -9,7 +9,7 @@ import boomctl as bc
 from boomctl.synthesis.plants.partition import partition
 from boomctl.synthesis.tuning.certificate import places
 from boomctl.synthesis.tuning.hessian import peak_hessian
-from boomctl.synthesis.tuning.pieces import Point
+from boomctl.synthesis.tuning.point import Point
 from boomctl.synthesis.tuning.problem import Problem, ScaledPlant, ports_of
 from boomctl.synthesis.tuning.solver.quadratic import least
 from tests.profiles import examples

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -304,6 +305,4 @@ class TradeLine:
         Axes or (3,) ndarray of Axes
             Those drawn on, of matplotlib.
         """
-        from boomctl.plotting.studies.trade_off import plot_trade_line
-
-        return plot_trade_line(self, ax, **style)
+        return import_module("boomctl.plotting.studies.trade_off").plot_trade_line(self, ax, **style)

@@ -8,7 +8,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.synthesis.tuning.hessian import peak_hessian
-from boomctl.synthesis.tuning.pieces import Piece, Point
+from boomctl.synthesis.tuning.point import Piece, Point
 from boomctl.synthesis.tuning.responses import same_place
 from boomctl.synthesis.tuning.solver.quadratic import least
 

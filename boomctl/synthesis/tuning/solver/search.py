@@ -11,7 +11,7 @@ import numpy as np
 from boomctl.analysis.norm import level_norm
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
-from boomctl.synthesis.tuning.pieces import Point
+from boomctl.synthesis.tuning.point import Point
 from boomctl.synthesis.tuning.problem import Problem
 from boomctl.synthesis.tuning.solver.bundle import polish
 from boomctl.synthesis.tuning.solver.descent import descend
@@ -24,7 +24,7 @@ _FINISHED = 2  # starts that are taken to the end, the best after their first tu
 _MANY = 3  # starts above which the best is shaken too: who asks for few knows where to begin (a choice)
 _SHAKE = 0.1  # share by which the numbers of the best are moved, for one more start (a choice)
 _BEGINNING = 0.5  # share of the time in which starts are begun; then the best are finished (a choice)
-_HOPE = 4.0  # turns that each gain as much as the last which would bring an attempt down to the best (a choice)
+_HOPE = 4.0  # turns that each gain as much as the last which would bring a local search down to the best (a choice)
 _ROUNDS = 6  # of both in turn at most (a choice)
 _GAIN = 1e-6  # relative gain of ten steps, or of a round, below which nothing changes (a choice)
 _PROMISE = 1e-11  # relative gain that a step must promise (a choice)
@@ -64,7 +64,7 @@ class TuneStart:
 
 
 @dataclass
-class Attempt:
+class LocalSearch:
     """One start on its way; merits and values are logarithms, ``gain`` is that of the last turn."""
 
     kind: str
@@ -103,7 +103,7 @@ class Search:
     floor: float = -inf
     abscissa: float = inf
     earlier: list[TuneStart] = field(default_factory=list)
-    attempts: "list[Attempt]" = field(default_factory=list)
+    searches: "list[LocalSearch]" = field(default_factory=list)
     known: dict[tuple[int, int], Array] = field(default_factory=dict)
     path: list[str] = field(default_factory=list)
 
@@ -150,7 +150,7 @@ class Search:
     @property
     def starts(self) -> list[TuneStart]:
         """What all starts came to, those of searches before this one first."""
-        return self.earlier + [each.start for each in self.attempts]
+        return self.earlier + [each.start for each in self.searches]
 
     def nothing_left(self) -> bool:
         """Return whether the norm is zero as far as numbers tell."""
@@ -177,9 +177,9 @@ class Search:
             if self.best is not None and time.monotonic() > half:
                 self.path.append(f"time for {k + 1} starts")
                 break
-        for k, attempt in enumerate(sorted(self.attempts, key=lambda each: each.value)[:_FINISHED]):
+        for k, local in enumerate(sorted(self.searches, key=lambda each: each.value)[:_FINISHED]):
             tell(f"{order}, finishing", k + 1, _FINISHED)
-            self.finish(attempt)
+            self.finish(local)
             if self.nothing_left():
                 return
         if shaken and self.best is not None:
@@ -187,29 +187,29 @@ class Search:
             moved = self.best * (1.0 + _SHAKE * rng.normal(size=len(self.best)))
             self.finish(self.begin(self.problem.clipped(moved), "shaken"))
 
-    def begin(self, x: Array, kind: str) -> "Attempt":
+    def begin(self, x: Array, kind: str) -> "LocalSearch":
         """Stabilise from one start, and take a first turn."""
-        attempt = Attempt(kind, x)
-        self.attempts.append(attempt)
-        found, attempt.steps = self.stabilised(x)
+        local = LocalSearch(kind, x)
+        self.searches.append(local)
+        found, local.steps = self.stabilised(x)
         if found is not None:
-            attempt.x, attempt.open = found, True
+            local.x, local.open = found, True
             self.keep(found)
-            self.turn(attempt)
-        return attempt
+            self.turn(local)
+        return local
 
-    def finish(self, attempt: "Attempt") -> None:
-        """Take turns until nothing changes, or until an attempt has no hope to come down to the best."""
+    def finish(self, local: "LocalSearch") -> None:
+        """Take turns until nothing changes, or until a local search has no hope to come down to the best."""
         for _ in range(_ROUNDS):
-            if not attempt.open or (attempt.value - self.value > _HOPE * attempt.gain and attempt.value > self.value):
+            if not local.open or (local.value - self.value > _HOPE * local.gain and local.value > self.value):
                 return
-            self.turn(attempt)
+            self.turn(local)
 
-    def turn(self, attempt: "Attempt") -> None:
+    def turn(self, local: "LocalSearch") -> None:
         """Descend on the highest peak, then polish over all near it."""
-        start = self.point(attempt.x)
-        edge = min(attempt.edge, 0.5 * start.apart)
-        problem, before = replace(self.problem, edge=edge if edge >= _LAST_EDGE else None), attempt.merit
+        start = self.point(local.x)
+        edge = min(local.edge, 0.5 * start.apart)
+        problem, before = replace(self.problem, edge=edge if edge >= _LAST_EDGE else None), local.merit
 
         def point_at(x: Array, quick: bool = False) -> Point:
             if time.monotonic() > self.deadline:
@@ -217,41 +217,41 @@ class Search:
             return Point(problem, x, self.known, quick)
 
         down = descend(
-            lambda x: point_at(x, quick=True).merit(attempt.weight),
-            attempt.x,
+            lambda x: point_at(x, quick=True).merit(local.weight),
+            local.x,
             problem.low,
             problem.high,
             steps=_DESCENDING if start.exact else _LONG,
             gain=_GAIN,
             enough=lambda x, value: value < self.floor,
         )
-        attempt.x, attempt.steps, attempt.merit = down.x, attempt.steps + down.steps, down.value
-        self.keep(attempt.x)
+        local.x, local.steps, local.merit = down.x, local.steps + down.steps, down.value
+        self.keep(local.x)
         if down.value < self.floor:
-            attempt.value, attempt.open = down.value, False
+            local.value, local.open = down.value, False
             return
         done = polish(
             point_at,
-            attempt.x,
+            local.x,
             problem.low,
             problem.high,
-            weight=attempt.weight,
+            weight=local.weight,
             steps=_POLISHING,
             gain=_PROMISE,
         )
-        attempt.x, attempt.steps, attempt.merit = done.x, attempt.steps + done.steps, done.value
-        attempt.stationary = done.stationary
-        self.keep(attempt.x)
-        fine, point = self.checked(attempt.x), self.point(attempt.x)
+        local.x, local.steps, local.merit = done.x, local.steps + done.steps, done.value
+        local.stationary = done.stationary
+        self.keep(local.x)
+        fine, point = self.checked(local.x), self.point(local.x)
         if point.excess > _KEPT:
-            attempt.weight *= 10.0
-            attempt.gain = inf
+            local.weight *= 10.0
+            local.gain = inf
             return
-        attempt.value = min(attempt.value, point.aim)
-        attempt.gain = before - done.value if fine else inf
-        attempt.open = attempt.gain >= _GAIN
+        local.value = min(local.value, point.aim)
+        local.gain = before - done.value if fine else inf
+        local.open = local.gain >= _GAIN
         if problem.edge is not None and point.apart < _AT_EDGE * problem.edge:  # on along it, and nearer
-            attempt.edge, attempt.open = _NEARER * problem.edge, True
+            local.edge, local.open = _NEARER * problem.edge, True
 
     def stabilised(self, x: Array) -> tuple[Array | None, int]:
         """Return free numbers at which all loops are stable, found by descending the spectral abscissa."""
