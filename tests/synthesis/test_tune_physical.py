@@ -15,8 +15,8 @@ from boomctl.synthesis.plants.partition import partition
 from boomctl.synthesis.tuning.certificate import places
 from boomctl.synthesis.tuning.hessian import peak_hessian
 from boomctl.synthesis.tuning.parts.structures import Physical
-from boomctl.synthesis.tuning.point import Point
 from boomctl.synthesis.tuning.plants import FamilyPlants, made_plants
+from boomctl.synthesis.tuning.point import Point
 from boomctl.synthesis.tuning.problem import Problem, ports_of
 from tests.profiles import examples
 

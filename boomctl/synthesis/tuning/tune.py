@@ -31,8 +31,8 @@ from boomctl.synthesis.tuning.certificate import (
 from boomctl.synthesis.tuning.channels import Channel, objective
 from boomctl.synthesis.tuning.initial import initial_numbers
 from boomctl.synthesis.tuning.parts.structures import GAIN, Decentralised, Ports, Series, Structure, Sum
-from boomctl.synthesis.tuning.point import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Point
 from boomctl.synthesis.tuning.plants import FamilyPlants, Plants, fixed_plants, made_plants
+from boomctl.synthesis.tuning.point import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Point
 from boomctl.synthesis.tuning.problem import Problem, ports_of
 from boomctl.synthesis.tuning.result import TuneResult
 from boomctl.synthesis.tuning.solver.bundle import stationarity
