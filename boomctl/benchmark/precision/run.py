@@ -40,7 +40,7 @@ STUDIES = ("lumped-masses", "growth", "limits")
 
 _SECONDS: dict[Extent, float] = {
     "quick": 1.0,
-    "whole": 20.0,
+    "whole": 15.0,
 }  # of turns of a scene: with all that comes on top, a minute and a quarter of an hour
 _SHARE = 0.2  # of that, for each of the small diagrams of lumped masses
 
