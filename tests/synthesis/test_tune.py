@@ -523,3 +523,13 @@ def test_a_pole_that_was_slow_before_is_not_the_controllers_doing():
     found = bc.tune(P, 1, 1, T.gain(), starts=1, gain_limit=2.0)
     assert found.gamma == pytest.approx(1.0 / 3.0, rel=1e-5)
     assert "edge of stability" not in found.certificate.statement
+
+
+def test_a_smooth_minimum_is_told_from_a_slope():
+    """One piece, whose gradient alone is the hull: it counts beside what it bends."""
+    B, C = [[0.0, 0.0, 0.0], [1.0, 0.5, 1.0]], [[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]
+    D = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])  # no noise: a gain is allowed
+    P = control.ss([[0.0, 1.0], [-1.0, -0.1]], B, C, D)
+    found = bc.tune(P, 1, 1, T.gain(), norm="h2", starts=2)
+    assert len(found.certificate.peaks) == 1
+    assert found.certificate.stationarity < 1e-4

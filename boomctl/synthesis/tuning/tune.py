@@ -580,7 +580,7 @@ def _peaks(task: _Task, problem: Problem, point: Point) -> tuple[tuple[ActivePea
         )
         for p in shown
     )
-    return found, stationarity(near, point.x, problem.low, problem.high)
+    return found, stationarity(near, point, problem.low, problem.high)
 
 
 def _statement(c: TuneCertificate, top: ChannelNorm, models: int, least: float, found: Search, edges: list[str]) -> str:

@@ -262,16 +262,21 @@ def _apart(a: float, b: float) -> float:
     return abs(a - b) / max(abs(a), abs(b))
 
 
-def stationarity(pieces: list[Piece], x: Array, low: Array, high: Array) -> float:
+def stationarity(pieces: list[Piece], point: Point, low: Array, high: Array) -> float:
     """Return the length of the least element of the hull of gradients over that of the longest one.
 
     Free numbers count in natural sizes, what points out of the ends is left away: zero where no small step goes lower, one
-    where there is but one piece that falls.
+    where all pieces fall.  Of a piece alone, whose gradient is both the least and the longest, it is the length itself, and
+    what it bends counts in the natural sizes: in a smooth minimum that is zero.
     """
+    x = point.x
     if not pieces or not len(x):
         return 0.0
-    slopes = np.array([p.gradient for p in pieces]) / np.sqrt(_sizes(pieces, np.zeros((len(x), len(x)))))
-    longest = float(np.linalg.norm(slopes, axis=1).max())
+    H = np.zeros((len(x), len(x)))
+    if len(pieces) == 1 and point.exact:
+        H = _curvature(point, pieces, np.ones(1), _sizes(pieces, H))
+    slopes = np.array([p.gradient for p in pieces]) / np.sqrt(_sizes(pieces, H))
+    longest = 1.0 if H.any() else float(np.linalg.norm(slopes, axis=1).max())
     if longest == 0.0:
         return 0.0
     n = len(x)
