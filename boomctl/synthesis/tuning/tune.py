@@ -137,9 +137,9 @@ def tune(
     >>> import control
     >>> P = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
     >>> design = bc.tune(P, 1, 1, bc.tunable.gain(), starts=2)
-    >>> best = bc.h_infinity(P, 1, 1)  # of any order
-    >>> bool(best.certificate.lower <= design.gamma <= 1.1 * best.gamma)
-    True
+    >>> best = bc.h_infinity(P, 1, 1)  # of any order; here it can do no more than a gain
+    >>> round(design.gamma, 4), round(best.certificate.lower, 4)
+    (0.7071, 0.7071)
     """
     began = time.monotonic()
     instance("structure", structure, Structure, "a structure of boomctl.tunable")
