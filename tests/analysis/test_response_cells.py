@@ -23,7 +23,7 @@ def loops_of(rng, parameters, outputs=("y", "z")):
 def sampled_loops_of(rng, parameters):
     family, K = chain(rng, parameters)
     Kd, late = sampled(K, rng)
-    loops = SampledLoops.of(family, of(Kd, "K", sampled=True), ["push"], ["y", "z"], late)
+    (loops,) = SampledLoops.over(family, of(Kd, "K", sampled=True), ["push"], ["y", "z"], late)
 
     def gain_at(delta, v):
         """Return the gain of the loop closed anew, at the point of the unit circle of which ``j v`` is the image."""

@@ -1,6 +1,6 @@
 """A level that no singular value of a loop reaches anywhere in a box: raised where a worse point is met, proved in cells."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -52,6 +52,7 @@ def bounded(
     tolerance: float,
     limit: int,
     tell: Tell,
+    least: float = 0.0,
 ) -> Bound:
     """Prove a level over the whole box.
 
@@ -69,11 +70,13 @@ def bounded(
         Most cells of parameters and frequencies at a level.
     tell : callable
         Is told how far it is.
+    least : float
+        A norm that is known elsewhere: no lower level is asked for.
     """
     hindered = _hindrance(loops, at, delta)
     if hindered:
         return Bound(inf, 0, delta, hindered)
-    size, lower, gap, level = len(delta), at(delta).lower, tolerance, inf
+    size, lower, gap, level = len(delta), max(at(delta).lower, least), tolerance, inf
 
     def seen(gain: float, point: Array) -> float:
         nonlocal delta, lower, level
@@ -114,6 +117,33 @@ def bounded(
                 )
     about = f"about {needed:.0e} cells, more than" if needed > limit else "more than"
     return Bound(inf, max(counts.values()), delta, f"it would take {about} max_cells = {limit} at {level:.5g}")
+
+
+def bounded_in_parts(
+    parts: Sequence[SampledLoops],
+    at: Callable[[Array], NormCertificate],
+    delta: Array,
+    *,
+    tolerance: float,
+    limit: int,
+    tell: Tell,
+) -> Bound:
+    """Prove a level over a box of which each part has its own loops; as `bounded`."""
+    level, cells = 0.0, 0
+    for part in parts:
+
+        def here(point: Array, part: SampledLoops = part) -> NormCertificate:
+            return at(part.place(point))
+
+        known = at(delta).lower
+        start = part.nearest(delta)
+        found = bounded(part, here, start, tolerance=tolerance, limit=limit - cells, tell=tell, least=known)
+        if here(found.delta).lower > known:
+            delta = part.place(found.delta)
+        level, cells = max(level, found.level), cells + found.cells
+        if found.reason:
+            return Bound(inf, cells, delta, found.reason)
+    return Bound(level, cells, delta)
 
 
 def _poles_at(loops: DrivenLoops | SampledLoops, points: list[Array]) -> tuple[Array | None, str]:

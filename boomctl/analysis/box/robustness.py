@@ -227,15 +227,22 @@ def _sampled_stability(
             return RobustStability(False, family.values(worst), 0, slowest, family.values(worst))
         tell("sampled loop over the box")
         try:
-            cells = SampledLoops.of(family, K, (), (), delay).responses(family.size)
+            parts = SampledLoops.over(family, K, (), (), delay)
         except ValueError as error:
             return RobustStability(False, None, 0, slowest, family.values(worst), str(error))
         # nothing drives the loop: what is proved of a cell is that no pole is on the unit circle
-        left, proved, needed = cells.prove_if_near(cells.start(), 1.0, WORTH * limit, lambda gain, point: 1.0, tell)
-    for middle in left.middle[-_LOOKED_AT:]:
-        if rate(middle) >= 0.0:
-            return RobustStability(False, family.values(middle), proved, rate(middle), family.values(middle))
-    if not len(left):
+        proved, left, needed = 0, 0, 0.0
+        for part in parts:
+            cells = part.responses(family.size)
+            share = WORTH * limit - proved
+            open_, more, needed = cells.prove_if_near(cells.start(), 1.0, share, lambda gain, point: 1.0, tell)
+            proved, left = proved + more, len(open_)
+            for middle in (part.place(here) for here in open_.middle[-_LOOKED_AT:]):
+                if rate(middle) >= 0.0:
+                    return RobustStability(False, family.values(middle), proved, rate(middle), family.values(middle))
+            if left:
+                break
+    if not left:
         return RobustStability(True, None, proved, slowest, family.values(worst))
     about = f"about {needed:.0e}, more" if needed > WORTH * limit else "more"
     reason = (

@@ -13,7 +13,7 @@ sampled loop.  What the series leave out is measured at points drawn, and counte
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -22,17 +22,23 @@ from scipy import linalg
 
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.analysis.box.response_cells import Polynomial, ResponseCells
-from boomctl.analysis.box.zero_exclusion import Terms
+from boomctl.analysis.box.zero_exclusion import Cell, Terms
 from boomctl.analysis.loops import joined
 from boomctl.arrays import Array
 from boomctl.chebyshev import points, points_needed, powers, series
 from boomctl.lti.system import Lti
 from boomctl.structure.families import Family
+from boomctl.structure.matrices import Structure, dense
+from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
 
 _NOISE = 1e-13  # share of the largest entry below which a coefficient is rounding (a choice)
 _EXACT = 1e-9  # share of the largest entry that a polynomial may miss (a choice: far below what damps a loop)
-_DEGREE = 64  # of a parameter at most: an oscillation that turns by 40 radians a sample over the box (a choice)
+_DEGREE = 32  # of a parameter, which is enough to tell that it is too large (a choice)
+# points of a parameter's range at most, beyond which it is halved: coefficients of higher powers grow, and cancel (measured:
+# cells become too many where a mode turns by more than some two radians a sample over a part)
+_MOST_POINTS = 20
+_MOST_PARTS = 64  # of a box at most (a choice of patience)
 _BESIDE = 3  # points more than the last coefficient needs that is more than rounding: two to spare (a choice)
 _GRID = 40_000  # points of the grid of all parameters at most, a millisecond or so each (a choice of patience)
 _INSIDE = 24  # points drawn at which polynomials are compared, besides the corners (a choice)
@@ -40,12 +46,17 @@ _FAST = "the sampled loop changes too fast over the box"
 _SPARE = 10.0  # times what they miss there that they are taken to miss anywhere (a choice)
 
 
+Matrices = Callable[[Sequence[Array]], dict[str, Array]]
+
+
 @dataclass(frozen=True)
 class SampledLoops:
-    """A sampled loop over a box, from what disturbs it to what is judged.
+    """A sampled loop over a part of a box, from what disturbs it to what is judged.
 
     Attributes
     ----------
+    cell : Cell
+        The part: parameters of the polynomials run from -1 to 1 across it.
     A, B : mapping
         Of products of parameters to matrices.
     C, D : ndarray
@@ -56,6 +67,7 @@ class SampledLoops:
         Sampling time [s].
     """
 
+    cell: Cell
     A: Polynomial
     B: Polynomial
     C: Array
@@ -64,8 +76,12 @@ class SampledLoops:
     dt: float
 
     @classmethod
-    def of(cls, family: Family, K: Lti, inputs: Sequence[str], outputs: Sequence[str], delay: float) -> SampledLoops:
-        """Return the loops ``u = K y`` of a discrete controller; without signals, loops that nothing drives or judges.
+    def over(
+        cls, family: Family, K: Lti, inputs: Sequence[str], outputs: Sequence[str], delay: float
+    ) -> tuple[SampledLoops, ...]:
+        """Return the loops ``u = K y`` of a discrete controller, in parts that cover the box.
+
+        Without signals nothing drives or judges them.
 
         Raises
         ------
@@ -73,20 +89,29 @@ class SampledLoops:
             Loops that change too fast over the box.
         """
         raw = sampled_loops(family, K, inputs, outputs, delay)
-        centre = raw(np.zeros(family.size))
-        scale = linalg.matrix_balance(centre.A, permute=False, separate=True)[1][0]
+        waiting, found = [Cell(np.zeros(family.size), np.ones(family.size))], []
+        while waiting:
+            cell = waiting.pop()
+            at = _matrices(raw, cell)
+            counts = [_points_along(at, axis) for axis in np.eye(family.size)]
+            if max(counts) <= _MOST_POINTS:
+                found.append(cls._of(cell, at, tuple(counts), K.dt))
+            elif np.prod(cell.reach) * _MOST_PARTS > 1.0:
+                waiting += cell.halves(int(np.argmax(counts)))
+            else:
+                raise ValueError(f"{_FAST}: {_MOST_PARTS} parts of it would not be enough")
+        return tuple(found)
 
-        def at(places: Sequence[Array]) -> dict[str, Array]:
-            loops = [raw(place) for place in places]
-            A, B, C, D = (np.array([getattr(loop, letter) for loop in loops]) for letter in "ABCD")
-            return {"A": A * scale / scale[:, None], "B": B / scale[:, None], "C": C * scale, "D": D}
-
-        terms, off = _polynomials(at, family.size)
+    @classmethod
+    def _of(cls, cell: Cell, at: Matrices, counts: tuple[int, ...], dt: float) -> SampledLoops:
+        """Return the loops over a part of the box, known at so many points of each parameter's range."""
+        terms, off = _polynomials(at, counts)
         A, B, C, D = (terms[letter] for letter in "ABCD")
         if len(C) == 1 and len(D) == 1:
-            return cls(A, B, C[()], D[()], (off["A"], off["B"]), K.dt)
+            return cls(cell, A, B, C[()], D[()], (off["A"], off["B"]), dt)
         # what is judged becomes a state, a sample later: all gains stay what they are
-        n, p, empty = len(scale), len(outputs), {letter: np.zeros_like(terms[letter][()]) for letter in "ABCD"}
+        empty = {letter: np.zeros_like(terms[letter][()]) for letter in "ABCD"}
+        p, n = empty["C"].shape
         below = {
             power: np.vstack([A.get(power, empty["A"]), C.get(power, empty["C"])]) for power in dict.fromkeys((*A, *C))
         }
@@ -95,13 +120,22 @@ class SampledLoops:
         }
         wider = ((0, 0), (0, p))
         return cls(
+            cell,
             {power: np.pad(X, wider) for power, X in below.items()},
             beside,
             np.eye(p, n + p, n),
-            np.zeros((p, len(inputs))),
+            np.zeros_like(empty["D"]),
             (np.pad(np.vstack([off["A"], off["C"]]), wider), np.vstack([off["B"], off["D"]])),
-            K.dt,
+            dt,
         )
+
+    def place(self, delta: Array) -> Array:
+        """Return where in the box a point of this part is."""
+        return self.cell.middle + self.cell.reach * delta
+
+    def nearest(self, delta: Array) -> Array:
+        """Return the point of this part that is nearest to one of the box, as this part counts."""
+        return np.clip((delta - self.cell.middle) / self.cell.reach, -1.0, 1.0)
 
     @property
     def at_infinity(self) -> float:
@@ -130,15 +164,35 @@ def sampled_loops(
 ) -> Callable[[Array], Lti]:
     """Return what makes the sampled loop at a point of a box, in states that change smoothly with the parameters.
 
-    Without signals nothing drives or judges it.  Places that nothing feels, as a hub's angle, are left out of it.
+    Without signals nothing drives or judges it.  Places that nothing feels, as a hub's angle, are left out of it; a family
+    without such places is taken in the modes of its middle, which keep digits that a fine mesh would lose.
     """
-    ports = family.centre.ports
-    read = [name for name in ports.outputs if name in {*K.inputs, *outputs}]
-    driven = [name for name in ports.inputs if name in {*K.outputs, *inputs}]
+    given = family.centre
+    read = [name for name in given.outputs if name in {*K.inputs, *outputs}]
+    driven = [name for name in given.inputs if name in {*K.outputs, *inputs}]
+    structure, V = given.structure, np.eye(given.n)
+    if not family.unfelt:
+        try:
+            V = undamped_modes(given.structure)[1]
+        except ValueError:
+            pass  # no real modes: over its coordinates, then
+        else:
+            structure = given.structure.projected(V, given.coordinates)
+    ports = given.ports.congruent(V)
+    middle = (dense(structure.M), dense(structure.C), dense(structure.K), ports.B)
+    changes = [
+        (power, (*(V.T @ dense(X) @ V for X in (change.M, change.C, change.K)), V.T @ change.B))
+        for power, change in family.terms
+    ]
 
     def whole(delta: Array) -> Lti:
-        model = family.at(delta)
-        loop = joined(realize(model.structure, model.ports.select(driven, read)), K, delay).system
+        shares = [float(np.prod(delta[list(power)])) for power, _ in changes]
+        M, C, stiffness, B = (
+            X + sum((w * more[i] for w, (_, more) in zip(shares, changes, strict=True)), np.zeros_like(X))
+            for i, X in enumerate(middle)
+        )
+        here = Structure.of(M, C, stiffness, given.coordinates)
+        loop = joined(realize(here, replace(ports, B=B).select(driven, read)), K, delay).system
         if inputs and outputs:
             places = [loop.inputs.index(name) for name in inputs], [loop.outputs.index(name) for name in outputs]
             return loop.between(*places)
@@ -161,8 +215,20 @@ def _value(terms: Polynomial, delta: Array) -> Array:
     return np.asarray(sum(float(np.prod(delta[list(power)])) * X for power, X in terms.items()))
 
 
+def _matrices(raw: Callable[[Array], Lti], cell: Cell) -> Matrices:
+    """Return what gives stacked matrices, balanced in the middle of a part of a box, at points of the part."""
+    scale = linalg.matrix_balance(raw(cell.middle).A, permute=False, separate=True)[1][0]
+
+    def at(places: Sequence[Array]) -> dict[str, Array]:
+        loops = [raw(cell.middle + cell.reach * place) for place in places]
+        A, B, C, D = (np.array([getattr(loop, letter) for loop in loops]) for letter in "ABCD")
+        return {"A": A * scale / scale[:, None], "B": B / scale[:, None], "C": C * scale, "D": D}
+
+    return at
+
+
 def _polynomials(
-    at: Callable[[Sequence[Array]], dict[str, Array]], size: int
+    at: Matrices, counts: tuple[int, ...]
 ) -> tuple[dict[str, dict[tuple[int, ...], Array]], dict[str, Array]]:
     """Return matrices as polynomials of the parameters, and by how much entries may be off.
 
@@ -171,8 +237,7 @@ def _polynomials(
     ValueError
         They are none, to what counts, of a degree that could be handled.
     """
-
-    counts = tuple(_points_along(at, axis) for axis in np.eye(size))
+    size = len(counts)
     if np.prod(counts) > _GRID:
         raise ValueError(f"{_FAST}: it would take {np.prod(counts)} points to know how")
     stacks = at(points(counts))
@@ -190,12 +255,12 @@ def _polynomials(
         errors = [np.abs(_value(terms, delta) - X) for delta, X in zip(tried, wanted[letter], strict=True)]
         worst = np.max(errors, axis=0)
         if (worst > _EXACT / _NOISE * least).any():
-            raise ValueError(f"{_FAST}: polynomials of degree {_DEGREE} miss it by {worst.max():.2g}")
+            raise ValueError(f"{_FAST}: polynomials through {np.prod(counts)} points miss it by {worst.max():.2g}")
         found[letter], off[letter] = terms, _SPARE * worst
     return found, off
 
 
-def _points_along(at: Callable[[Sequence[Array]], dict[str, Array]], axis: Array) -> int:
+def _points_along(at: Matrices, axis: Array) -> int:
     """Return at how many points of a parameter's range matrices are to be known, wherever the others are."""
 
     def line(places: Array, others: float = 0.0) -> dict[str, Array]:

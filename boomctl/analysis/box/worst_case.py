@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.analysis.box.bound import LARGEST, LOST, bounded
+from boomctl.analysis.box.bound import LARGEST, LOST, bounded, bounded_in_parts
 from boomctl.analysis.box.level import DrivenLoops
 from boomctl.analysis.box.loops import BoxLoops, controller_at
 from boomctl.analysis.box.robustness import listed_values, pattern_search
@@ -205,20 +205,25 @@ def worst_case(
         elif K is None:
             reason = "none is tried for controllers that follow a parameter"
         else:
-            chosen = loop_at(np.zeros(family.size))
-            try:
-                tell("loop over the box")
-                loops: DrivenLoops | SampledLoops = (
-                    DrivenLoops.of(family, K.balanced(), chosen.inputs, chosen.outputs)
-                    if K.dt == 0.0
-                    else SampledLoops.of(family, K, chosen.inputs, chosen.outputs, late)
-                )
-            except ValueError as error:
-                reason = str(error)
-            else:
-                found = bounded(loops, at, delta, tolerance=wanted, limit=limit, tell=tell)
+            tell("loop over the box")
+            loops, reason = _loops(family, K, loop_at(np.zeros(family.size)), late)
+            if loops is not None:
+                prove = bounded_in_parts if isinstance(loops, tuple) else bounded
+                found = prove(loops, at, delta, tolerance=wanted, limit=limit, tell=tell)  # type: ignore[arg-type]
                 delta, bound, cells, reason = found.delta, found.level, found.cells, found.reason
     return WorstCase(at(delta), family.values(delta), nominal, tried, bound, cells, reason)
+
+
+def _loops(
+    family: Family, K: Lti, judged: Lti, late: float
+) -> tuple[DrivenLoops | tuple[SampledLoops, ...] | None, str]:
+    """Return the loops whose level is to be proved, between the signals judged, or why there are none."""
+    try:
+        if K.dt == 0.0:
+            return DrivenLoops.of(family, K.balanced(), judged.inputs, judged.outputs), ""
+        return SampledLoops.over(family, K, judged.inputs, judged.outputs, late), ""
+    except ValueError as error:
+        return None, str(error)
 
 
 def _checked(
