@@ -162,6 +162,7 @@ reveal_type(bc.compare({"margins": bc.margins(yaw, K), "loop": bc.feedback_loop(
 reveal_type(m.mode_shapes(3).names)
 reveal_type(bc.feedback_loop(yaw, K))
 reveal_type(bc.with_states(yaw))
+reveal_type(bc.with_states(family).names)
 reveal_type(bc.sample_plant(yaw, 0.02, delay=0.01))
 reveal_type(bc.sampled_norm(yaw, bc.discretize(K, 0.02)))
 reveal_type(bc.closed_loop_response(yaw.frequency_response(omega), K))

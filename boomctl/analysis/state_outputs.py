@@ -1,20 +1,26 @@
 """Plants whose states are outputs too, for controllers that read states."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti, of
+from boomctl.structure.families import AffineFamily, PolynomialFamily
+from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
 
-    from boomctl.structure.model import SecondOrderModel
 
-
-def with_states(plant: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> "control.StateSpace":
+@overload
+def with_states(plant: AffineFamily) -> AffineFamily: ...
+@overload
+def with_states(plant: PolynomialFamily) -> PolynomialFamily: ...
+@overload
+def with_states(plant: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> "control.StateSpace": ...
+def with_states(plant: Any) -> "control.StateSpace | AffineFamily | PolynomialFamily":
     """Return the same plant with its states as further outputs, under their names.
 
     A regulator of :func:`boomctl.lqr` reads states.  Its controller and this plant meet by name, so that
@@ -23,20 +29,22 @@ def with_states(plant: "SecondOrderModel | control.StateSpace | control.Transfer
 
     Parameters
     ----------
-    plant : SecondOrderModel, control.StateSpace or control.TransferFunction
+    plant : SecondOrderModel, AffineFamily, PolynomialFamily, control.StateSpace or control.TransferFunction
         Of p outputs and n states, in continuous or discrete time.  A structure is taken in the states of its
-        ``to_statespace()``, which are those that :func:`boomctl.lqr` sees.
+        ``to_statespace()``, which are those that :func:`boomctl.lqr` sees.  Of a family, those of its middle: the same
+        sums of places, speeds and displacements of inputs are read at every point of the box.
 
     Returns
     -------
-    control.StateSpace
-        The same inputs and states; first the p outputs, then the n states in their order, dots in their names replaced
-        by ``_``.  A state that is an output already, under its name, is not there twice.
+    control.StateSpace, AffineFamily or PolynomialFamily
+        The same inputs and states, a family of a family; first the p outputs, then the n states in their order, dots in
+        their names replaced by ``_``.  A state that is an output already, under its name, is not there twice.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, not finite; a state whose name is that of another output, or of another state.
+        Another kind of system, not finite; a state whose name is that of another output, or of another state; a family with
+        filters behind its outputs, or integrated inputs.
 
     Examples
     --------
@@ -50,7 +58,9 @@ def with_states(plant: "SecondOrderModel | control.StateSpace | control.Transfer
     >>> bool(bc.margins(bc.with_states(mass), regulator.controller)["force"].phase_deg > 60.0)  # Kalman's inequality
     True
     """
-    given = of(plant, "plant", "SecondOrderModel, StateSpace or TransferFunction", any_time=True)
+    if isinstance(plant, AffineFamily | PolynomialFamily):
+        return replace(plant, centre=_centre_with_states(plant.centre))
+    given = of(plant, "plant", "SecondOrderModel, a family, StateSpace or TransferFunction", any_time=True)
     name = getattr(plant, "name", None)
     return _with_states(given).statespace(name if isinstance(name, str) else "plant")
 
@@ -76,3 +86,41 @@ def _with_states(plant: Lti) -> Lti:
 
 def _is_state(plant: Lti, output: int, row: Array) -> bool:
     return bool((plant.C[output] == row).all() and not plant.D[output].any())
+
+
+def _centre_with_states(model: SecondOrderModel) -> SecondOrderModel:
+    """Return a structure whose states, as sums of places, speeds and displacements, are outputs too."""
+    ports, n, m = model.ports, model.n, len(model.inputs)
+    if not ports.plain:
+        filtered = [name for name, b in zip(model.outputs, ports.bandwidths, strict=True) if b is not None]
+        which = f"a filter behind {filtered[0]!r}" if filtered else "an input that is integrated"
+        raise ValueError(f"plant: expected a family without filters and integrators, got {which}")
+    places = replace(
+        ports,
+        outputs=model.coordinates,
+        L=np.stack([np.eye(n), *np.zeros((2, n, n))]),
+        E=np.zeros((3, n, m)),
+        bandwidths=(None,) * n,
+        primary=None,
+    )
+    x = of(SecondOrderModel.of(model.structure, places), "plant")
+    # q = C1 x1 + D d, and x1' = A11 x1 + A12 x2 + B1 d
+    C1, D, A11, A12, B1 = x.C[:, :n], x.D, x.A[:n, :n], x.A[:n, n:], x.B[:n]
+    if x.C[:, n:].any():
+        raise ArithmeticError("with_states: expected places that are sums of the first half of the states")
+    T, inner = np.linalg.inv(C1), np.linalg.inv(A12)
+    L, E = np.zeros((3, 2 * n, n)), np.zeros((3, 2 * n, m))
+    L[0], L[1, n:] = np.vstack([T, -inner @ A11 @ T]), inner @ T
+    E[0], E[1, n:] = np.vstack([-T @ D, inner @ (A11 @ T @ D - B1)]), -inner @ T @ D
+    labels = tuple(label.replace(".", "_") for label in x.states)
+    for label in labels:
+        if label in model.outputs:
+            raise ValueError(f"plant: expected outputs without the name of a state, got {label!r}; rename it")
+    read = replace(
+        ports,
+        outputs=(*model.outputs, *labels),
+        L=np.concatenate([ports.L, L], axis=1),
+        E=np.concatenate([ports.E, E], axis=1),
+        bandwidths=(None,) * (len(model.outputs) + 2 * n),
+    )
+    return SecondOrderModel.of(model.structure, read)

@@ -8,10 +8,10 @@ from itertools import product
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array, Matrix
+from boomctl.chebyshev import points, points_needed, powers, series
 from boomctl.checks import finite_array, instance, known, mapping, real, sequence, signal_name, whole
 from boomctl.printing import compact, listed, signals
 from boomctl.structure.matrices import Structure, dense
@@ -20,7 +20,6 @@ from boomctl.structure.ports import Ports
 
 _EXACT = 1e-9  # share of an entry; what is missed by less is rounding of the assembly (a choice)
 _NOISE = 1e-12  # share of an entry below which a coefficient of a polynomial is rounding (a choice)
-_FIRST_POINTS = 5  # at which a polynomial is tried first: enough for squares (a choice)
 _INSIDE = 24  # points inside the box at which a family is checked besides its corners (a choice)
 
 
@@ -406,21 +405,18 @@ class PolynomialFamily(Family):
         def at(delta: Array) -> SecondOrderModel:
             return make({n: float(v) for n, v in zip(names, middle + delta * width, strict=True)})
 
-        axes = np.eye(len(names))
-        counts = [_points_needed(lambda x, unit=unit: at(x * unit), whole("degree", degree)) for unit in axes]
-        made = [at(np.array(point)) for point in product(*(chebyshev.chebpts1(count) for count in counts))]
+        most, axes = whole("degree", degree), np.eye(len(names))
+
+        def line(axis: Array) -> Callable[[Array], dict[str, Array]]:
+            return lambda places: _matrices([at(float(x) * axis) for x in places])
+
+        counts = tuple(points_needed(line(axis), _negligible, most) for axis in axes)
+        made = [at(point) for point in points(counts)]
         stacks, found = _matrices(made), {}
-        for letter, size in _sizes(stacks).items():
-            grid = stacks[letter].reshape(*counts, *size.shape)
-            for axis, count in enumerate(counts):
-                grid = np.moveaxis(np.tensordot(_to_series(count), grid, (1, axis)), 0, axis)
-            grid[np.abs(grid) <= _NOISE * size] = 0.0
-            for axis, count in enumerate(counts):
-                to_powers = np.array(
-                    [np.pad(chebyshev.cheb2poly(unit), (0, count))[:count] for unit in np.eye(count)]
-                ).T
-                grid = np.moveaxis(np.tensordot(to_powers, grid, (1, axis)), 0, axis)
-            found[letter] = grid
+        for letter, least in _negligible(stacks).items():
+            grid = series(stacks[letter], counts)
+            grid[np.abs(grid) <= least] = 0.0
+            found[letter] = powers(grid, counts)
         changes: list[Any] = []
         for exponents in product(*(range(count) for count in counts)):
             parts = [found[letter][exponents] for letter in ("M", "C", "K", "B")]
@@ -436,29 +432,16 @@ class PolynomialFamily(Family):
         return family
 
 
-def _points_needed(at: Callable[[float], SecondOrderModel], degree: int) -> int:
-    """Return at how many Chebyshev points a line of structures is to be known, so that what is left is rounding."""
-    count = _FIRST_POINTS
-    while count <= degree:
-        found = _matrices([at(float(x)) for x in chebyshev.chebpts1(count)])
-        series = {letter: np.tensordot(_to_series(count), stack, 1) for letter, stack in found.items()}
-        if all((np.abs(series[x][-2:]) <= _NOISE * size).all() for x, size in _sizes(found).items()):
-            return count
-        count = 2 * count - 1
-    return degree + 1
-
-
-def _to_series(count: int) -> Array:
-    """Return the matrix from values at Chebyshev points to coefficients of Chebyshev polynomials."""
-    return np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(count), count - 1))
-
-
 def _matrices(made: Sequence[SecondOrderModel]) -> dict[str, Array]:
     """Return the matrices of structures and the columns of their inputs, stacked; refused where signals differ."""
     for each in made:
         _slope(made[0], each)
     found = {letter: np.array([dense(getattr(each, letter)) for each in made]) for letter in ("M", "C", "K")}
     return {**found, "B": np.array([each.ports.B for each in made])}
+
+
+def _negligible(stacks: Mapping[str, Array]) -> dict[str, Array]:
+    return {letter: _NOISE * size for letter, size in _sizes(stacks).items()}
 
 
 def _sizes(stacks: Mapping[str, Array]) -> dict[str, Array]:

@@ -120,6 +120,37 @@ def test_a_structure_has_the_states_that_its_regulator_reads():
         bc.simulate_loop(yaw, design.controller, None, [0.0, 0.01], sample_time=0.01)
 
 
+@pytest.mark.parametrize("excitation", ["displacement", "force"])
+def test_a_family_reads_the_states_of_its_middle_everywhere(excitation):
+    """In the middle they are the states; elsewhere the same sums, of places and speeds that other outputs show."""
+    family = bc.boom_family(half="yaw", excitation=excitation)
+    found = bc.with_states(family)
+    assert (found.names, type(found)) == (family.names, type(family))
+    plain, wide = bc.with_states(family.centre), found.centre.to_statespace()
+    assert wide.output_labels == plain.output_labels
+    for letter in "ABCD":
+        own, other = np.asarray(getattr(wide, letter)), np.asarray(getattr(plain, letter))
+        np.testing.assert_allclose(own, other, rtol=1e-9, atol=1e-9 * max(np.abs(other).max(), 1.0))
+    tip, place = ([found.centre.outputs.index(name)] for name in ("tip_anti", "mode1_x1"))
+    for delta in ([1.0, -1.0], [-0.4, 0.9]):
+        there = found.at(delta)
+        assert np.array_equal(there.ports.L, found.centre.ports.L)
+        assert np.array_equal(there.ports.E, found.centre.ports.E)
+        # the tip is the same sum of states that are places as in the middle
+        count = len(plain.state_labels) // 2
+        C = np.asarray(plain.C)[tip[0], :count]
+        response = there.frequency_response([0.7, 9.0]).frdata
+        states = response[place[0] : place[0] + count]
+        np.testing.assert_allclose(np.tensordot(C, states, 1), response[tip[0]], rtol=1e-8)
+
+
+def test_families_with_filters_have_no_states_to_show():
+    with pytest.raises(ValueError, match=r"plant: expected a family without filters .* got a filter behind 'tip_acc"):
+        bc.with_states(bc.boom_family(half="yaw", accelerometer_bandwidth_hz=20.0))
+    with pytest.raises(ValueError, match="got an input that is integrated"):
+        bc.with_states(bc.boom_family(half="yaw", excitation="velocity"))
+
+
 def test_names_that_cannot_be_are_refused():
     A, B = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]]
     other = control.ss(A, B, [[0.0, 2.0]], 0.0, outputs="v", states=["x", "v"])

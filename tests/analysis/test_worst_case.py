@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.analysis.box.level import DrivenLoops
-from boomctl.analysis.box.response_cells import ResponseCells
 from boomctl.analysis.box.zero_exclusion import Cell
 from boomctl.lti.system import of
 from boomctl.structure import AffineFamily, SecondOrderModel
@@ -59,6 +58,146 @@ def test_nothing_in_the_box_is_above_the_bound_and_the_worst_found_is_near(seed,
         assert norm_at(family, K, delta, ["push"], ["y", "z"]).lower <= found.upper_bound
 
 
+def sampled(K, rng):
+    """Return a controller as it runs in a computer, and its delay [s]."""
+    dt = rng.uniform(0.02, 0.2)
+    held = control.sample_system(K, dt, "tustin")
+    late = rng.choice([0.0, rng.uniform(0.0, 1.0), 1.0, rng.uniform(1.0, 2.0)]) * dt
+    return control.ss(held.A, held.B, held.C, held.D, dt, inputs="y", outputs="u"), float(late)
+
+
+@examples(30)
+@given(seed=seeds, parameters=st.integers(1, 3))
+def test_the_same_of_sampled_loops(seed, parameters):
+    rng = np.random.default_rng(seed)
+    family, K = chain(rng, parameters)
+    Kd, late = sampled(K, rng)
+    found = bc.worst_case(family, Kd, "push", ["y", "z"], delay=late, tolerance=1e-2)
+
+    def norm(delta):
+        loop = bc.feedback_loop(family.at(delta), Kd, delay=late)
+        return bc.hinf_norm(loop[[0, 1], [loop.input_labels.index("push")]]).lower
+
+    values = [norm(delta) for delta in rng.uniform(-1.0, 1.0, (8, parameters))]
+    if found.norm.lower == np.inf:
+        assert "unstable" in found.reason
+        return
+    assert found.upper_bound < np.inf, found.reason
+    assert found.norm.lower <= found.upper_bound <= found.norm.lower * (1.0 + 1.001e-2)
+    assert max(values) <= found.upper_bound
+    assert bc.robust_stability(family, Kd, delay=late).proved  # a bound proves that, too
+
+
+def test_a_quickly_sampled_loop_has_the_worst_case_of_the_continuous_one():
+    family, K = chain(np.random.default_rng(2), 2)
+    slow, fast = (
+        bc.worst_case(family, K if dt is None else bc.discretize(K, dt), "push", "z", tolerance=1e-3)
+        for dt in (None, 2e-3)
+    )
+    assert fast.norm.lower == pytest.approx(slow.norm.lower, rel=2e-3)
+    assert fast.values == pytest.approx(slow.values)
+    assert fast.upper_bound <= fast.norm.lower * 1.00101
+
+
+@pytest.mark.parametrize("judged", [["hub_speed", "tip_displacement"], ["torque"]])
+def test_outputs_that_parameters_change_are_bounded_too_in_sampled_loops(judged):
+    """A measured speed feels the platform by the inverse of the mass; a hub's angle is an integrator that nothing feels."""
+    beam = bc.hub_beam(bc.HubBeamParameters(damping_ratio=0.01), model="sfoam", modes=1)
+    family = beam.family(hub_speed=(0.0, 4.0), tip_mass=(0.0, 0.1))
+    drive = control.ss([], [], [], [[-100.0, -200.0]], 0.01, inputs=["hub_speed", "hub_angle"], outputs="torque")
+    found = bc.worst_case(family, drive, "tip_force", judged, delay=0.004)
+    assert found.gap <= 1.001e-3
+    for delta in ([1.0, -1.0], [0.3, 0.2]):
+        loop = bc.feedback_loop(family.at(delta), drive, delay=0.004)
+        rows = [loop.output_labels.index(name) for name in judged]
+        assert bc.hinf_norm(loop[rows, [loop.input_labels.index("tip_force")]]).lower <= found.upper_bound
+    brake = control.ss([], [], [], [[-100.0]], 0.01, inputs="hub_speed", outputs="torque")
+    assert bc.robust_stability(family, brake, delay=0.004).proved
+
+
+def test_a_sampled_loop_that_changes_too_fast_over_the_box_is_told_in_a_line():
+    def make(values):
+        return SecondOrderModel(
+            np.eye(1), [[2.0]], [[1e8 * values["stiffness"]]], {"push": [1.0], "u": [1.0]}, {"y": [1.0]}
+        )
+
+    family = AffineFamily.through({"stiffness": (0.5, 1.5)}, make)
+    still = control.ss([], [], [], [[-1.0]], 0.1, inputs="y", outputs="u")
+    found = bc.worst_case(family, still, "push", "y")
+    assert found.upper_bound == np.inf
+    assert found.reason.startswith("the sampled loop changes too fast over the box")
+    verdict = bc.robust_stability(family, still)
+    assert not verdict.proved
+    assert verdict.unstable_at is None
+    assert "too fast" in verdict.reason
+
+
+@examples(40)
+@given(seed=seeds, parameters=st.integers(1, 3))
+def test_controllers_may_read_speeds(seed, parameters):
+    """The loops that are proved are those closed by name: all states measured, controllers with states of their own."""
+    rng = np.random.default_rng(seed)
+    family = bc.with_states(chain(rng, parameters)[0])
+    read = [name for name in family.centre.outputs if name not in ("y", "z")]
+    size = int(rng.integers(0, 3))
+    K = control.ss(
+        -rng.uniform(1.0, 9.0) * np.eye(size) + 0.3 * rng.standard_normal((size, size)),
+        rng.standard_normal((size, len(read))),
+        rng.standard_normal((1, size)),
+        rng.standard_normal((1, len(read))),
+        inputs=read,
+        outputs="u",
+    )
+    loops = DrivenLoops.of(family, of(K, "K"), ["push"], ["y", "z"])
+    for delta in rng.uniform(-1.0, 1.0, (2, parameters)):
+        closed = bc.feedback_loop(family.at(delta), K)[[0, 1], [0]]
+        for omega in (0.3, 2.0, 11.0):
+            wanted = closed(1j * omega, squeeze=False)
+            here = loops.at(delta).response(np.array([omega]))[:, :, 0]
+            np.testing.assert_allclose(here, wanted, rtol=1e-7, atol=1e-9 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("half", ["jolt", "yaw"])
+def test_states_of_a_boom_that_is_moved_are_measured_over_the_box(half):
+    """Of a platform that moves, states are less than places and speeds by what its displacement brings to them."""
+    family, side = bc.with_states(bc.boom_family(half=half)), {"jolt": "sym", "yaw": "anti"}[half]
+    plant = family.centre.to_statespace()
+    design = bc.lqr(plant, None, 1e-6, output_weight={f"tip_{side}": 1.0}, controls=f"suspension_{side}")
+    K = design.controller
+    loops = DrivenLoops.of(family, of(K, "K"), [f"actuator_{side}"], [f"tip_{side}"])
+    for delta in ([0.0, 0.0], [1.0, -1.0], [-0.3, 0.8]):
+        closed = bc.feedback_loop(family.at(delta), K)
+        row, column = closed.output_labels.index(f"tip_{side}"), closed.input_labels.index(f"actuator_{side}")
+        for omega in (0.0, 0.5, 3.0, 20.0, 150.0):
+            wanted = closed(1j * omega, squeeze=False)[row, column]
+            here = loops.at(np.array(delta)).response(np.array([omega]))[0, 0, 0]
+            assert abs(here - wanted) <= 1e-7 * abs(wanted)
+    found = bc.worst_case(family, K, f"actuator_{side}", f"tip_{side}")
+    assert found.gap <= 1.001e-3
+    assert bc.robust_stability(family, K).proved
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_no_point_of_many_is_above_it_nor_any_that_a_search_finds_of_sampled_loops(seed):
+    from scipy.optimize import minimize
+
+    rng = np.random.default_rng(seed)
+    family, K = chain(rng, 2)
+    Kd, late = sampled(K, rng)
+    found = bc.worst_case(family, Kd, "push", "z", delay=late, tolerance=1e-4)
+
+    def gain(delta):
+        loop = bc.feedback_loop(family.at(np.clip(delta, -1.0, 1.0)), Kd, delay=late)
+        return bc.hinf_norm(loop[1, loop.input_labels.index("push")]).lower
+
+    drawn = rng.uniform(-1.0, 1.0, (20_000, 2))
+    values = np.array([gain(point) for point in drawn])
+    best = [-minimize(lambda d: -gain(d), drawn[k], method="Nelder-Mead").fun for k in np.argsort(-values)[:3]]
+    assert max(values.max(), *best) <= found.upper_bound * (1.0 + 1e-9)
+    assert max(values.max(), *best) >= found.norm.lower * (1.0 - 2e-4)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "parameters", "points"), [(0, 2, 20_000), (1, 3, 20_000), (2, 4, 20_000), (3, 2, 2000), (4, 3, 2000)]
@@ -94,7 +233,7 @@ def test_both_ways_to_a_bound_agree():
     family, K = chain(np.random.default_rng(8), 2)
     found = bc.worst_case(family, K, "push", "z", tolerance=1e-3)
     loops = DrivenLoops.of(family, of(K, "K"), ["push"], ["z"])
-    box = ResponseCells.of(loops.E, loops.A, loops.B, loops.C, loops.D, 2)
+    box = loops.responses(2)
     for level, provable in ((found.norm.lower * 1.001, True), (found.norm.lower * 0.999, False)):
         left, _ = box.prove(box.start(), level, 3000, lambda gain, point, at=level: at, lambda *told: None)
         assert (len(left) == 0) == provable
@@ -157,7 +296,9 @@ def test_where_there_is_no_bound_it_is_said_why():
     assert "max_cells = 1" in few.reason
     beam = bc.hub_beam(bc.HubBeamParameters(damping_ratio=0.01), model="sfoam", modes=1)
     brake = control.ss([], [], [], [[-100.0]], inputs="hub_speed", outputs="torque")
-    assert "places" in bc.worst_case(beam.family(hub_speed=(0.0, 2.0)), brake, "tip_force", "tip_displacement").reason
+    turning = beam.family(hub_speed=(0.0, 2.0))
+    assert "hides" in bc.worst_case(turning, brake, "tip_force", "tip_displacement").reason  # the hub's angle
+    assert "places" in bc.worst_case(turning, brake, "tip_force", "hub_speed").reason
 
     def beside(values):  # a mass on a spring, and one that floats by itself
         K, C = np.diag([4.0 * values["spring"], 0.0]), np.diag([0.1, 0.0])

@@ -7,8 +7,8 @@ from math import inf
 import numpy as np
 
 from boomctl.analysis.box.level import DrivenLoops
-from boomctl.analysis.box.response_cells import ResponseCells
 from boomctl.analysis.box.robustness import pattern_search
+from boomctl.analysis.box.sampled_level import SampledLoops
 from boomctl.analysis.box.zero_exclusion import Cell, value_at
 from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.arrays import Array
@@ -45,7 +45,7 @@ class Bound:
 
 
 def bounded(
-    loops: DrivenLoops,
+    loops: DrivenLoops | SampledLoops,
     at: Callable[[Array], NormCertificate],
     delta: Array,
     *,
@@ -57,7 +57,7 @@ def bounded(
 
     Parameters
     ----------
-    loops : DrivenLoops
+    loops : DrivenLoops or SampledLoops
         The loops that are proved.
     at : callable
         The norm at a point, from the loop closed anew.
@@ -83,7 +83,7 @@ def bounded(
                 level = lower * (1.0 + gap)
         return level
 
-    responses = ResponseCells.of(loops.E, loops.A, loops.B, loops.C, loops.D, size)
+    responses = loops.responses(size)
     frontier, waiting = responses.start(), [Cell(np.zeros(size), np.ones(size))]
     counts: dict[str, int] = dict.fromkeys((_RESPONSES, _PENCIL), 0)
     done = 1.0  # share of the box that the pencil has proved
@@ -92,7 +92,7 @@ def bounded(
         gap = min(tolerance * looser, LARGEST)
         level = max(lower, loops.at_infinity) * (1.0 + gap)
         for way, most in _rounds(limit):
-            if way == _RESPONSES:
+            if not isinstance(loops, DrivenLoops) or way == _RESPONSES:
                 frontier, more = responses.prove(frontier, level, max(1, int(most)), seen, tell)
                 left, middles = len(frontier), list(frontier.middle[-_LOOKED_AT:])
             else:
@@ -162,13 +162,13 @@ def _checked(at: Callable[[Array], NormCertificate], level: float, size: int) ->
         raise ArithmeticError(f"worst_case: a norm above the level proved, {level:.9g}, at a point drawn")
 
 
-def _hindrance(loops: DrivenLoops, at: Callable[[Array], NormCertificate], delta: Array) -> str:
+def _hindrance(loops: DrivenLoops | SampledLoops, at: Callable[[Array], NormCertificate], delta: Array) -> str:
     """Return why there is no bound to be looked for; empty where there may be one."""
+    if not all(value_at(loops.pencils, point).stable for point in (delta, np.zeros(len(delta)))):
+        return "a pole that does not decay hides from these signals"
     drawn = np.random.default_rng(1).uniform(-1.0, 1.0, (_COMPARED, len(delta)))
     for point in (delta, np.zeros(len(delta)), *drawn):  # the loops that are proved are those whose norms were found
         here, there = at(point), matrices_norm(loops.at(point))
         if not (there.lower == here.lower or abs(there.lower - here.lower) <= _SAME * here.lower):
             return f"two routes to the norm differ: {here.lower:.9g} and {there.lower:.9g}"
-    if not all(value_at(loops.pencils, point).stable for point in (delta, np.zeros(len(delta)))):
-        return "a pole that does not decay hides from these signals"
     return "" if at(delta).lower > 0.0 else "nothing comes through at any point tried"

@@ -21,6 +21,7 @@ from itertools import product
 import numpy as np
 
 from boomctl.analysis.box.loop_pencil import LoopPencil
+from boomctl.analysis.box.response_cells import ResponseCells
 from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_pencil, value_at
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
@@ -45,10 +46,13 @@ class DrivenLoops:
     def of(cls, family: Family, K: Lti, inputs: Sequence[str], outputs: Sequence[str]) -> DrivenLoops:
         """Return the loops ``u = K y``.
 
+        Of a measured speed, ``y = a + b'``, the integral ``b`` moves to the other side: momenta are less by what acts in
+        proportion to it, and the controller's states by what it brings to them.
+
         Raises
         ------
         ValueError
-            A signal that needs a derivative of what disturbs the loop, or of a place without a filter.
+            A signal that needs more derivatives: measured ones may be places or speeds without a filter, judged ones places.
         """
         centre = family.centre
         ports, n = centre.ports, centre.n
@@ -57,15 +61,21 @@ class DrivenLoops:
         filtered = [(o, b) for o, b in enumerate(ports.bandwidths) if b is not None]
         k, f = len(K.A), 2 * len(filtered)
         size = 2 * n + f + k
-        needed = {centre.outputs.index(name) for name in (*K.inputs, *outputs)}
-        plain = [o for o in sorted(needed) if ports.bandwidths[o] is None]
+        rows, judged = ([centre.outputs.index(name) for name in names] for names in (K.inputs, outputs))
+        plain = [[o for o in group if ports.bandwidths[o] is None] for group in (rows, judged)]
         columns = (ports.B, *(change.B for _, change in family.terms))
-        derived = (*ports.L[1:, plain], *ports.E[1:, plain][:, :, disturbed])
+        derived = [X[1 + k :, group] for k, group in ((1, plain[0]), (0, plain[1])) for X in (ports.L, ports.E)]
         late = (*(X[2][:, disturbed] for X in columns), *(X[1:, :, controls] for X in columns))
         if any(X.any() for X in (*derived, *late)):
-            raise ValueError("family: expected signals that are places, or accelerations behind a filter")
+            raise ValueError(
+                "family: expected outputs that are places, or accelerations behind a filter; measured ones may be speeds"
+            )
         read, direct = np.zeros((len(centre.outputs), size)), ports.E[0][:, disturbed].copy()
         read[:, :n] = ports.L[0]
+        unfiltered = np.array([b is None for b in ports.bandwidths])
+        sped = np.zeros((len(centre.outputs), size))  # what of the outputs is the derivative of
+        sped[:, :n] = unfiltered[:, None] * ports.L[1]
+        sped_direct = unfiltered[:, None] * ports.E[1][:, disturbed]
         A, B = np.zeros((size, size)), np.zeros((size, len(disturbed)))
         for j, (o, b) in enumerate(filtered):
             first, second = 2 * n + 2 * j, 2 * n + 2 * j + 1
@@ -76,32 +86,33 @@ class DrivenLoops:
             B[first], B[second] = b**2 * (e1 - turn * e2), b**2 * (e0 - b**2 * e2)
             read[o], direct[o] = 0.0, b**2 * e2
             read[o, :n], read[o, first] = b**2 * l2, 1.0
-        rows = [centre.outputs.index(name) for name in K.inputs]
         force, own = np.zeros((len(K.C), size)), slice(2 * n + f, size)  # what the controller sends
         force[:, own] = K.C
-        force += K.D @ read[rows]
-        at_once = K.D @ direct[rows]
+        force += K.D @ read[rows] + K.C @ K.B @ sped[rows]
+        at_once = K.D @ direct[rows] + K.C @ K.B @ sped_direct[rows]
+        impulse, impulse_direct = K.D @ sped[rows], K.D @ sped_direct[rows]  # whose derivative it sends besides
         A[own, own] = K.A
-        A[own] += K.B @ read[rows]
-        B[own] = K.B @ direct[rows]
+        A[own] += K.B @ read[rows] + K.A @ K.B @ sped[rows]
+        B[own] = K.B @ direct[rows] + K.A @ K.B @ sped_direct[rows]
         E0 = np.eye(size)
         E0[:n, :n] = dense(centre.M)
         A[:n, :n], A[:n, n : 2 * n] = -dense(centre.C), np.eye(n)
         A[n : 2 * n, :n] = -dense(centre.K)
         A[n : 2 * n] += ports.B[0][:, controls] @ force
-        B[:n] = ports.B[1][:, disturbed]
+        A[:n] += ports.B[0][:, controls] @ impulse
+        B[:n] = ports.B[1][:, disturbed] + ports.B[0][:, controls] @ impulse_direct
         B[n : 2 * n] = ports.B[0][:, disturbed] + ports.B[0][:, controls] @ at_once
         found: tuple[Polynomial, Polynomial, Polynomial] = {(): E0}, {(): A}, {(): B}
         for power, change in family.terms:
             e, a, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros_like(B)
             e[:n, :n], a[:n, :n], a[n : 2 * n, :n] = dense(change.M), -dense(change.C), -dense(change.K)
             a[n : 2 * n] += change.B[0][:, controls] @ force
-            b[:n] = change.B[1][:, disturbed]
+            a[:n] += change.B[0][:, controls] @ impulse
+            b[:n] = change.B[1][:, disturbed] + change.B[0][:, controls] @ impulse_direct
             b[n : 2 * n] = change.B[0][:, disturbed] + change.B[0][:, controls] @ at_once
             for total, each in zip(found, (e, a, b), strict=True):
                 if each.any():
                     total[power] = each
-        judged = [centre.outputs.index(name) for name in outputs]
         return cls(*found, read[judged], direct[judged])
 
     @property
@@ -115,6 +126,10 @@ class DrivenLoops:
         empty = np.zeros_like(self.E[()])
         powers = dict.fromkeys((*self.E, *self.A))
         return {power: LoopPencil(self.E.get(power, empty), self.A.get(power, empty)) for power in powers}
+
+    def responses(self, size: int) -> ResponseCells:
+        """Return what bounds the response over cells of parameters and frequencies; ``size``: number of parameters."""
+        return ResponseCells.of(self.E, self.A, self.B, self.C, self.D, size)
 
     def even(self, gamma: float) -> Terms:
         """Return the even pencil at a level."""

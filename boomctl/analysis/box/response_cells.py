@@ -17,7 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import combinations_with_replacement, product
+from functools import cached_property
+from itertools import chain, combinations_with_replacement
 from math import comb
 
 import numpy as np
@@ -49,6 +50,7 @@ _FAR = 0.6  # bound of ``Z`` beyond which it, not the terms of second order, dec
 _WEDGE = (
     1.0  # width of a cell in its middle over how much that changes across it, below which slopes are no use (a choice)
 )
+_KEPT = 2  # parameters in a product whose matrix keeps its phases; longer products count by their magnitudes
 _FIRST = 0.5  # share of the slowest pole at which the chain of frequencies begins after zero (a choice)
 _TOP = 4.0  # times the fastest pole where it ends: from there on nothing resonates (a choice)
 _HULLS = (_hull(5), _hull(3), _hull(2))  # of the frequency, of few parameters, of many: corners multiply (a choice)
@@ -107,18 +109,18 @@ class _Looked:
 
 @dataclass(frozen=True)
 class ResponseCells:
-    """A loop ``E x' = A x + B w``, ``z = C x + D w`` over a box, in coordinates near those in which it is diagonal.
+    """A loop ``E x' = A x + B w + R w'``, ``z = C x + D w`` over a box, in coordinates near those in which it is diagonal.
 
     Attributes
     ----------
     powers : tuple
         Products of parameters; matrices are sums over them.
-    E, A, B : ndarray
+    E, A, B, R : ndarray
         Stacks of matrices, one a product.
     C, D : ndarray
         What is judged.
-    rounding : (2, n, n) ndarray
-        By how much entries of ``E`` and ``A`` may be off.
+    rounding : tuple of ndarray
+        By how much entries of ``E``, of ``A``, and of ``B`` and ``R`` may be off.
     poles : ndarray
         Of the loop in the middle of the box [rad/s].
     size : int
@@ -129,15 +131,29 @@ class ResponseCells:
     E: Array
     A: Array
     B: Array
+    R: Array
     C: Array
     D: Array
-    rounding: Array
+    rounding: tuple[Array, Array, Array]
     poles: Array
     size: int
 
     @classmethod
-    def of(cls, E: Polynomial, A: Polynomial, B: Polynomial, C: Array, D: Array, size: int) -> ResponseCells:
-        """Return a loop in the eigenvectors of the middle of its box, nearly parallel ones made orthogonal."""
+    def of(
+        cls,
+        E: Polynomial,
+        A: Polynomial,
+        B: Polynomial,
+        C: Array,
+        D: Array,
+        size: int,
+        R: Polynomial | None = None,
+        missed: tuple[Array, Array] | None = None,
+    ) -> ResponseCells:
+        """Return a loop in the eigenvectors of the middle of its box, nearly parallel ones made orthogonal.
+
+        ``R`` is none by default; ``missed`` is by how much entries of ``E`` and ``A`` alike, and of ``B`` and ``R``, are off.
+        """
         state = np.linalg.solve(E[()], A[()])
         balanced, (scale, _) = linalg.matrix_balance(state, permute=False, separate=True)
         poles, V = linalg.eig(balanced)  # type: ignore[misc]
@@ -145,15 +161,20 @@ class ResponseCells:
         _orthogonalise(V)
         V = V * np.asarray(scale)[:, None]
         W = np.linalg.inv(E[()] @ V)
-        powers = ((), *sorted({*E, *A, *B} - {()}, key=lambda power: (len(power), power)))
+        rate: Polynomial = {} if R is None else R
+        powers = ((), *sorted({*E, *A, *B, *rate} - {()}, key=lambda power: (len(power), power)))
         n, m = B[()].shape
 
         def stack(terms: Polynomial) -> Array:
             return np.array([terms.get(power, np.zeros((n, n))) for power in powers])
 
         sizes = [_ROUNDING * np.abs(W) @ np.abs(stack(terms)).sum(axis=0) @ np.abs(V) for terms in (E, A)]
-        inputs = np.array([W @ B.get(power, np.zeros((n, m))) for power in powers])
-        return cls(powers, W @ stack(E) @ V, W @ stack(A) @ V, inputs, C @ V, D, np.array(sizes), poles, size)
+        pushed, rates = (np.array([W @ X.get(power, np.zeros((n, m))) for power in powers]) for X in (B, rate))
+        off = np.zeros((n, m))
+        if missed is not None:
+            sizes, off = [each + np.abs(W) @ missed[0] @ np.abs(V) for each in sizes], np.abs(W) @ missed[1]
+        rounding = sizes[0], sizes[1], off
+        return cls(powers, W @ stack(E) @ V, W @ stack(A) @ V, pushed, rates, C @ V, D, rounding, poles, size)
 
     def start(self) -> Frontier:
         """Return the whole box over all frequencies."""
@@ -163,6 +184,11 @@ class ResponseCells:
         ends[:-1, 0, 0], ends[:-1, 1, 0], ends[-1, 1, 0] = chain[:-1], chain[1:], 1.0 / high
         count = len(ends)
         return Frontier(np.zeros((count, self.size)), np.ones((count, self.size)), ends, np.arange(count) == count - 1)
+
+    @cached_property
+    def sizes(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """Magnitudes of the entries of ``E`` and ``A``, and of ``R`` and ``B``."""
+        return (np.abs(self.E), np.abs(self.A)), (np.abs(self.R), np.abs(self.B))
 
     @property
     def batch(self) -> int:
@@ -226,6 +252,67 @@ class _Bounds:
 
 
 @dataclass(frozen=True)
+class _Expansion:
+    """``j a P - b Q`` over cells: in their middles, terms of first and second order, a bound of magnitudes of the others."""
+
+    middle: Array
+    first: list[Array]
+    second: dict[tuple[int, int], Array]
+    higher: Array
+
+
+@dataclass(frozen=True)
+class _Frequency:
+    """Where on the axis cells are, as ``(j a, b)``: middles, half the widths, half the sums and differences of the slopes."""
+
+    a: Array
+    da: Array
+    b: Array
+    db: Array
+    tilt: Array
+    spread: Array
+
+    @property
+    def away(self) -> Array:
+        """How far frequencies of a cell are from that of its middle at most."""
+        return np.abs(self.da) + np.abs(self.tilt).sum(axis=1) + np.abs(self.spread).sum(axis=1)
+
+    def expanded(self, P: Mapping[tuple[int, ...], Array], Q: Mapping[tuple[int, ...], Array], size: int) -> _Expansion:
+        """Return ``j a P - b Q`` of polynomials of second order of the parameters, expanded in the frequency and these."""
+        shape = next(iter([*P.values(), *Q.values()])).shape
+        none, a, da, b, db = np.zeros(shape), self.a, self.da, self.b, self.db
+        tilt, spread = ([X[:, i] for i in range(size)] for X in (self.tilt, self.spread))
+
+        def changed(power: tuple[int, ...], ca: Array, cb: Array) -> Array:
+            found = none
+            if power in P:
+                found = found + 1j * ca * P[power]
+            return found - cb * Q[power] if power in Q else found
+
+        straight = 1j * P[()] if () in P else none
+        first = [changed((), da, db)]
+        second: dict[tuple[int, int], Array] = {}
+        for i in range(size):
+            first.append(changed((i,), a, b) + tilt[i] * straight)
+            second[0, i + 1] = changed((i,), da, db) + spread[i] * straight
+        for i, j in combinations_with_replacement(range(size), 2):
+            found = changed((i, j), a, b)
+            if (j,) in P:
+                found = found + 1j * tilt[i] * P[j,]
+            if i != j and (i,) in P:
+                found = found + 1j * tilt[j] * P[i,]
+            if found is not none:
+                second[i + 1, j + 1] = found
+        spreads, higher = np.abs(self.spread).sum(axis=1), np.zeros(shape)
+        for power in {*P, *Q} - {()}:
+            p, q = P.get(power, none), Q.get(power, none)
+            higher = higher + (spreads if len(power) == 1 else self.away) * np.abs(p)
+            if len(power) > 1:
+                higher = higher + np.abs(db) * np.abs(q)
+        return _Expansion(changed((), a, b), first, second, higher)
+
+
+@dataclass(frozen=True)
 class _Series:
     """Terms of ``Z`` and of the response over cells, in ``q``, across the frequency, and ``p``, all from -1 to 1.
 
@@ -235,8 +322,6 @@ class _Series:
         The loop.
     cells : Frontier
         The cells.
-    inverse : ndarray
-        ``M^-1`` in their middles.
     along : ndarray
         ``M^-1`` times how ``M`` changes with the frequency.
     first : list of ndarray
@@ -255,7 +340,6 @@ class _Series:
 
     loop: ResponseCells
     cells: Frontier
-    inverse: Array
     along: Array
     first: list[Array]
     second: dict[tuple[int, int], Array]
@@ -275,48 +359,29 @@ class _Series:
         # the pencil is j a E - b A: (frequency, 1), or (1, inverse frequency) of cells that reach infinity
         a, da = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((1.0, centre), (0.0, half)))
         b, db = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((centre, 1.0), (half, 0.0)))
-        shares = _shares(loop.powers, cells)
-        E, A, B = ({p: np.tensordot(w, X, 1) for p, w in shares.items()} for X in (loop.E, loop.A, loop.B))
+        shares, beyond = _shares(loop.powers, cells)
+        E, A, B, R = ({p: np.tensordot(w, X, 1) for p, w in shares.items()} for X in (loop.E, loop.A, loop.B, loop.R))
         inverse = np.linalg.inv(1j * a * E[()] - b * A[()])
-        eye = np.eye(len(loop.poles))
-        P = {p: inverse @ E[p] for p in shares if E[p].any()}
-        Q = {p: inverse @ A[p] for p in shares if p and A[p].any()}
-        Q[()] = (1j * a * P[()] - eye) / b  # for j a P - b Q is one
-        none = np.zeros_like(inverse)
-
-        def changed(power: tuple[int, ...], ca: Array, cb: Array) -> Array:
-            found = none
-            if power in P:
-                found = found + 1j * ca * P[power]
-            return found - cb * Q[power] if power in Q else found
-
-        column = [(tilt[:, i, None, None], spread[:, i, None, None]) for i in range(k)]
-        straight = 1j * P[()]
-        first = [changed((), da, db)]
-        second: dict[tuple[int, int], Array] = {}
-        for i, (t, w) in enumerate(column):
-            first.append(changed((i,), a, b) + t * straight)
-            second[0, i + 1] = changed((i,), da, db) + w * straight
-        for i, j in combinations_with_replacement(range(k), 2):
-            found = changed((i, j), a, b) if (i, j) in shares else none
-            if (j,) in P:
-                found = found + 1j * column[i][0] * P[j,]
-            if i != j and (i,) in P:
-                found = found + 1j * column[j][0] * P[i,]
-            if found is not none:
-                second[i + 1, j + 1] = found
-        tilts, spreads = np.abs(tilt).sum(axis=1)[:, None, None], np.abs(spread).sum(axis=1)[:, None, None]
-        higher = np.abs(inverse) @ (np.abs(a) * loop.rounding[0] + np.abs(b) * loop.rounding[1])
-        for power in shares:
-            higher = higher + _beyond(power, P.get(power, none), Q.get(power, none), (a, da, b, db, tilts, spreads))
-        S = {p: inverse @ B[p] for p in shares if p == () or B[p].any()}
-        x = _solution(S, first, second, b, db)
-        driven = sum(
-            ((np.abs(db) + (np.abs(b) if len(p) > 2 else 0.0)) * np.abs(s) for p, s in S.items() if len(p) > 1),
-            np.zeros(x[0].shape),
+        P = {p: inverse @ X for p, X in E.items() if X.any()}
+        Q = {p: inverse @ X for p, X in A.items() if p and X.any()}
+        Q[()] = (1j * a * P[()] - np.eye(len(loop.poles))) / b  # for j a P - b Q is one
+        moved = _Frequency(a, da, b, db, tilt[:, :, None, None], spread[:, :, None, None])
+        Z = moved.expanded(P, Q, k)
+        driving = moved.expanded(
+            {p: inverse @ X for p, X in R.items() if X.any()},
+            {p: -inverse @ X for p, X in B.items() if p == () or X.any()},
+            k,
         )
+        off_E, off_A, off_B = loop.rounding
+        side = np.abs(a) + moved.away, np.abs(b) + np.abs(db)
+        others = [side[0] * off_E + side[1] * off_A, (side[0] + side[1]) * off_B]
+        if beyond.any():
+            for place, pair in enumerate(loop.sizes):
+                others[place] += sum(w * np.tensordot(beyond, X, 1) for w, X in zip(side, pair, strict=True))
+        higher, driven = (X.higher + np.abs(inverse) @ more for X, more in zip((Z, driving), others, strict=True))
         frequency = (centre, half, tilt, spread)
-        return cls(loop, cells, inverse, straight, first, second, higher, x, driven, frequency)
+        x = _solution(driving, Z)
+        return cls(loop, cells, 1j * P[()], Z.first, Z.second, higher, x, driven, frequency)
 
     def regularity(self) -> _Bounds:
         """Return bounds of ``Z``."""
@@ -407,56 +472,45 @@ def _orthogonalise(V: Array) -> None:
             V[:, group] = np.linalg.qr(V[:, group])[0]
 
 
-def _beyond(power: tuple[int, ...], P: Array, Q: Array, known: tuple[Array, ...]) -> Array:
-    """Return a bound of what a product of parameters brings to ``Z`` beyond the second order."""
-    a, da, b, db, tilts, spreads = known
-    if not power:
-        return np.zeros(P.shape)
-    if len(power) == 1:
-        return spreads * np.abs(P)
-    moved = (spreads + tilts + np.abs(da)) * np.abs(P) + np.abs(db) * np.abs(Q)
-    return moved + np.abs(1j * a * P - b * Q) if len(power) > 2 else moved
-
-
-def _solution(
-    S: Mapping[tuple[int, ...], Array],
-    first: list[Array],
-    second: Mapping[tuple[int, int], Array],
-    b: Array,
-    db: Array,
-) -> tuple[Array, list[Array], list[Array]]:
-    """Return the terms of ``M^-1 B`` up to the second order; ``S`` holds ``M0^-1 B``."""
-    empty = np.zeros_like(S[()])
-    x0 = b * S[()]
-    inputs = [db * S[()], *(b * S.get((i,), empty) for i in range(len(first) - 1))]
-    x1 = [s - Z @ x0 for s, Z in zip(inputs, first, strict=True)]
+def _solution(driving: _Expansion, Z: _Expansion) -> tuple[Array, list[Array], list[Array]]:
+    """Return the terms of ``(1 + Z)^-1`` times what drives up to the second order."""
+    x0 = driving.middle
+    x1 = [s - z @ x0 for s, z in zip(driving.first, Z.first, strict=True)]
     x2 = []
-    for i, j in combinations_with_replacement(range(len(first)), 2):
-        found = -first[i] @ x1[j]
+    for i, j in combinations_with_replacement(range(len(x1)), 2):
+        found = -Z.first[i] @ x1[j]
         if i != j:
-            found = found - first[j] @ x1[i]
-        if (i, j) in second:
-            found = found - second[i, j] @ x0
-        pair = (j - 1,) if i == 0 else (i - 1, j - 1)
-        if j and pair in S:
-            found = found + (db if i == 0 else b) * S[pair]
+            found = found - Z.first[j] @ x1[i]
+        if (i, j) in Z.second:
+            found = found - Z.second[i, j] @ x0
+        if (i, j) in driving.second:
+            found = found + driving.second[i, j]
         x2.append(found)
     return x0, x1, x2
 
 
-def _shares(powers: tuple[tuple[int, ...], ...], cells: Frontier) -> dict[tuple[int, ...], Array]:
-    """Return, for each product of ``p``, what each product of parameters brings to it, shape (cells, products)."""
+def _shares(powers: tuple[tuple[int, ...], ...], cells: Frontier) -> tuple[dict[tuple[int, ...], Array], Array]:
+    """Return what products of parameters bring to products of ``p``, shape (cells, products).
+
+    Of none, one and two ``p`` each for itself; of more the sum of magnitudes.
+    """
     found: dict[tuple[int, ...], Array] = {}
-    k = cells.middle.shape[1]
+    k, beyond = cells.middle.shape[1], np.zeros((len(cells), len(powers)))
     for place, power in enumerate(powers):
         often = [power.count(i) for i in range(k)]
-        for kept in product(*(range(count + 1) for count in often)):
-            here = tuple(i for i, count in enumerate(kept) for _ in range(count))
+        beyond[:, place] = np.prod((np.abs(cells.middle) + cells.reach) ** np.array(often), axis=1)
+        for here in chain.from_iterable(combinations_with_replacement(range(k), count) for count in range(_KEPT + 1)):
+            kept = [here.count(i) for i in range(k)]
+            if any(count > n for n, count in zip(often, kept, strict=True)):
+                continue
             share = np.ones(len(cells))
             for i, (n, count) in enumerate(zip(often, kept, strict=True)):
                 share = share * comb(n, count) * cells.middle[:, i] ** (n - count) * cells.reach[:, i] ** count
             found.setdefault(here, np.zeros((len(cells), len(powers))))[:, place] += share
-    return found
+            beyond[:, place] -= np.abs(share)
+        if len(power) <= _KEPT:
+            beyond[:, place] = 0.0
+    return found, np.maximum(beyond, 0.0)
 
 
 def _size(G: Array) -> Array:

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.box.loops import BoxLoops
-from boomctl.analysis.box.sampled_cells import SampledBox
+from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
 from boomctl.analysis.box.zero_exclusion import Cell, CellProof
 from boomctl.analysis.loops import signals_of
 from boomctl.analysis.sampled_loops.sampled_plant import time_of_loop
 from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, nonnegative, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti, of, rates_of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, Tell, computing
-from boomctl.structure.families import AffineFamily, Family
+from boomctl.structure.families import Family
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 _CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
 _MARGIN_CELLS = 100  # most cells of each of the proofs of a margin (a choice)
+_SMALLER = 150  # cells of parameters and frequencies that take as long as one of parameters (measured: 100 to 300)
+_LOOKED_AT = 16  # cells left over, the hardest, in whose middles the poles are looked at (a choice)
 _STEPS = (0.5, 0.25, 0.125, 0.0625)  # of a pattern search, in half-widths of the box (a choice)
 _BETTER = 1e-9  # by how much a point must be worse than the worst so far, relative, to be gone to: more than rounding
 _PROOFS = 12  # at most, of a margin
@@ -144,20 +146,20 @@ def robust_stability(
     """Prove that a loop ``u = K y`` is stable over a whole box of parameters, or find where it is not.
 
     The box is halved until in each cell no pole can touch the imaginary axis (:mod:`boomctl.analysis.box.zero_exclusion`).
-    With a discrete controller, until in each cell the small gain proves it, by the norm between samples
-    (:mod:`boomctl.analysis.box.sampled_cells`): that takes about as many cells as a range is wider than damping.
+    With a discrete controller the loop is a polynomial of the parameters (:mod:`boomctl.analysis.box.sampled_level`), and
+    cells are those of parameters and frequencies (:mod:`boomctl.analysis.box.response_cells`).
 
     Parameters
     ----------
     family : AffineFamily or PolynomialFamily
         The plants, such as :func:`boomctl.boom_family` or ``.family()`` of a hub-beam returns; its controls are forces.
     controller : control.StateSpace or ScheduledController
-        ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.  A discrete one makes sampled
-        loops, of an AffineFamily.  One that follows a parameter of the
-        family (:func:`boomctl.schedule`) is proved as it is at each value while that value stays; a changing one is the
-        matter of :func:`boomctl.ramp_bound`.
+        ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.  A discrete one makes sampled loops.  One
+        that follows a parameter of the family (:func:`boomctl.schedule`) is proved as it is at each value while that value
+        stays; a changing one is the matter of :func:`boomctl.ramp_bound`.
     max_cells : int
-        Largest number of cells; after so many neither stability nor instability is claimed.
+        Largest number of cells; after so many neither stability nor instability is claimed.  Of those of parameters and
+        frequencies, which are smaller, there may be 150 times as many.
     delay : float, optional
         Time between a sample and the moment its control acts [s]; only with a discrete controller.
     progress : callable, optional
@@ -187,9 +189,7 @@ def robust_stability(
     if not isinstance(controller, ScheduledController):
         K = of(controller, "controller", "StateSpace or ScheduledController", sampled=True)
         if K.dt != 0.0:
-            return _sampled_stability(
-                instance("family", family, AffineFamily), K, limit, delay=delay, progress=progress
-            )
+            return _sampled_stability(family, K, limit, delay=delay, progress=progress)
     if nonnegative("delay", delay):
         raise ValueError(f"delay = {exactly(delay)}: expected 0 with a controller in continuous time")
     loops = BoxLoops.of(family, controller)
@@ -206,22 +206,39 @@ def robust_stability(
 
 
 def _sampled_stability(
-    family: AffineFamily, K: Lti, limit: int, *, delay: float, progress: "Listener | None"
+    family: Family, K: Lti, limit: int, *, delay: float, progress: "Listener | None"
 ) -> RobustStability:
     """Prove that a sampled loop is stable over a whole box, or find where it is not."""
+    instance("family", family, Family, "AffineFamily or PolynomialFamily")
     signals_of(K, family.centre.inputs, family.centre.outputs)
     time_of_loop(Lti(K.A, K.B, K.C, K.D), K, delay)  # what a delay may be
-    box = SampledBox.of(family, K, delay)
+
+    loop = sampled_loops(family, K, (), (), delay)
+
+    def rate(delta: Array) -> float:
+        """Return the slowest rate at a point [rad/s]; the loop is stable where it is below zero."""
+        closed = loop(delta).balanced()
+        return float(rates_of(closed.poles, closed.dt).real.max())
+
     with computing("robust stability", progress) as tell:
         tell("points of the box")
-        worst, rate = pattern_search(box.rate, family.size, 1.0)[:2]
-        if rate >= 0.0:
-            return RobustStability(False, family.values(worst), 0, rate, family.values(worst))
-        proved, cells, bad, open_cell = _covered(box.prove, box.cells(), 1.0, limit, tell)
-    if bad is not None:
-        return RobustStability(False, family.values(bad), cells, box.rate(bad), family.values(bad))
-    reason = "" if open_cell is None else _given_up(family, box.rate(open_cell.middle), open_cell, limit)
-    return RobustStability(proved, None, cells, rate, family.values(worst), reason)
+        worst, slowest = pattern_search(rate, family.size, 1.0)[:2]
+        if slowest >= 0.0:
+            return RobustStability(False, family.values(worst), 0, slowest, family.values(worst))
+        tell("sampled loop over the box")
+        try:
+            cells = SampledLoops.of(family, K, (), (), delay).responses(family.size)
+        except ValueError as error:
+            return RobustStability(False, None, 0, slowest, family.values(worst), str(error))
+        # nothing drives the loop: what is proved of a cell is that no pole is on the unit circle
+        left, proved = cells.prove(cells.start(), 1.0, _SMALLER * limit, lambda gain, point: 1.0, tell)
+    for middle in left.middle[-_LOOKED_AT:]:
+        if rate(middle) >= 0.0:
+            return RobustStability(False, family.values(middle), proved, rate(middle), family.values(middle))
+    if not len(left):
+        return RobustStability(True, None, proved, slowest, family.values(worst))
+    reason = _given_up(family, rate(left.middle[-1]), Cell(left.middle[-1], left.reach[-1]), limit)
+    return RobustStability(False, None, proved, slowest, family.values(worst), reason)
 
 
 def _given_up(family: Family, abscissa: float, cell: Cell, limit: int) -> str:

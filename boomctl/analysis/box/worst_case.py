@@ -11,11 +11,13 @@ from boomctl.analysis.box.bound import LARGEST, LOST, bounded
 from boomctl.analysis.box.level import DrivenLoops
 from boomctl.analysis.box.loops import BoxLoops, controller_at
 from boomctl.analysis.box.robustness import listed_values, pattern_search
+from boomctl.analysis.box.sampled_level import SampledLoops
 from boomctl.analysis.h2 import H2Certificate, h2_norm
-from boomctl.analysis.loops import joined
+from boomctl.analysis.loops import joined, signals_of
 from boomctl.analysis.norm import NormCertificate, matrices_norm
+from boomctl.analysis.sampled_loops.sampled_plant import time_of_loop
 from boomctl.arrays import Array
-from boomctl.checks import from_on, known, positive, whole
+from boomctl.checks import exactly, from_on, instance, known, nonnegative, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.system import Lti, of
 from boomctl.printing import sentence
@@ -103,6 +105,7 @@ def worst_case(
     norm: str = "hinf",
     tolerance: float | None = 1e-3,
     max_cells: int = _CELLS,
+    delay: float = 0.0,
     progress: "Listener | None" = None,
 ) -> WorstCase:
     """Return the largest norm of the loop ``u = K y`` over a box of parameters, the H-infinity norm from both sides.
@@ -110,12 +113,17 @@ def worst_case(
     From below, points of a grid over the box are tried, then the neighbourhood of the worst of them, and the middles of
     cells that resist a proof.  From above, the box is cut until in each cell no singular value can reach the level: cells of
     parameters and frequencies (:mod:`boomctl.analysis.box.response_cells`), and cells of parameters alone where many poles
-    are lightly damped (:mod:`boomctl.analysis.box.level`).
+    are lightly damped (:mod:`boomctl.analysis.box.level`).  A bound proves besides that the loop is stable over the box.
+
+    A discrete controller makes sampled loops, as :func:`boomctl.feedback_loop` has them: disturbances are held from sample to
+    sample, and outputs are those at the samples.
 
     Parameters
     ----------
-    family, controller
-        As for :func:`robust_stability`; in continuous time.
+    family : AffineFamily or PolynomialFamily
+        The plants, such as :func:`boomctl.boom_family` or ``.family()`` of a hub-beam returns; its controls are forces.
+    controller : control.StateSpace or ScheduledController
+        ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.
     inputs, outputs : str or sequence of str, optional
         Signals of the closed loop (:func:`boomctl.feedback_loop`) between which the norm is taken; by default from all
         disturbances to all outputs of the family.
@@ -128,6 +136,8 @@ def worst_case(
     max_cells : int
         Largest number of cells of parameters and frequencies tried at one level; of parameters alone, which take longer,
         are at most one in 150 of it.
+    delay : float, optional
+        Time between a sample and the moment its control acts [s]; only with a discrete controller.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
@@ -141,7 +151,8 @@ def worst_case(
     Raises
     ------
     TypeError, ValueError
-        As for :func:`robust_stability`; unknown signals or norm; a tolerance or a number of cells out of range.
+        Other kinds of system; names that do not meet; controls that impose motion; a delay that the loop cannot have;
+        unknown signals or norm; a tolerance or a number of cells out of range.
 
     Examples
     --------
@@ -158,10 +169,10 @@ def worst_case(
     if wanted is not None and wanted > LARGEST:
         raise ValueError(f"tolerance = {wanted:g}: expected at most {LARGEST:g}")
     known("norm", norm, _NORMS)
-    BoxLoops.of(family, controller)
+    K, late = _checked(family, controller, delay)
 
     def loop_at(delta: Array) -> Lti:
-        loop = joined(family.at(delta), controller_at(family, controller, delta)).closed()
+        loop = joined(family.at(delta), controller_at(family, controller, delta), late).closed()
         return loop.select(inputs, family.centre.outputs if outputs is None else outputs)
 
     seen: dict[bytes, Any] = {}
@@ -191,16 +202,38 @@ def worst_case(
             reason = "none was asked for"
         elif at(delta).lower == inf:
             reason = LOST
-        elif isinstance(controller, ScheduledController):
+        elif K is None:
             reason = "none is tried for controllers that follow a parameter"
         else:
-            judged = joined(family.at(np.zeros(family.size)), controller).closed()
-            chosen = judged.select(inputs, family.centre.outputs if outputs is None else outputs)
+            chosen = loop_at(np.zeros(family.size))
             try:
-                loops = DrivenLoops.of(family, of(controller, "controller").balanced(), chosen.inputs, chosen.outputs)
+                tell("loop over the box")
+                loops: DrivenLoops | SampledLoops = (
+                    DrivenLoops.of(family, K.balanced(), chosen.inputs, chosen.outputs)
+                    if K.dt == 0.0
+                    else SampledLoops.of(family, K, chosen.inputs, chosen.outputs, late)
+                )
             except ValueError as error:
                 reason = str(error)
             else:
                 found = bounded(loops, at, delta, tolerance=wanted, limit=limit, tell=tell)
                 delta, bound, cells, reason = found.delta, found.level, found.cells, found.reason
     return WorstCase(at(delta), family.values(delta), nominal, tried, bound, cells, reason)
+
+
+def _checked(
+    family: Family, controller: "control.StateSpace | ScheduledController", delay: float
+) -> tuple[Lti | None, float]:
+    """Return a controller, None if it follows a parameter, and its delay [s], refused where they make no loop."""
+    instance("family", family, Family, "AffineFamily or PolynomialFamily")
+    late = nonnegative("delay", delay)
+    scheduled = isinstance(controller, ScheduledController)
+    K = None if scheduled else of(controller, "controller", "StateSpace or ScheduledController", sampled=True)
+    if K is not None and K.dt != 0.0:
+        signals_of(K, family.centre.inputs, family.centre.outputs)
+        time_of_loop(Lti(K.A, K.B, K.C, K.D), K, late)
+        return K, late
+    if late:
+        raise ValueError(f"delay = {exactly(delay)}: expected 0 with a controller in continuous time")
+    BoxLoops.of(family, controller)
+    return K, late

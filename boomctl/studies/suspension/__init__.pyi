@@ -1,6 +1,7 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
 from boomctl.studies.suspension.design import SuspensionDesign, SuspensionResult
+from boomctl.studies.suspension.own_plant_assurance import suspension_family
 from boomctl.studies.suspension.performance import Performance, performance
 from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScene, suspension_model
 from boomctl.studies.suspension.trade_curves import TradeCurve, TradeLine, TradePoint
@@ -18,6 +19,7 @@ __all__ = [
     "TradeLine",
     "TradePoint",
     "performance",
+    "suspension_family",
     "suspension_model",
     "trade_off",
 ]

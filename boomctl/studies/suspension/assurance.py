@@ -92,13 +92,19 @@ class WorstDeposit:
     runs: int
 
     @classmethod
-    def over(cls, p: BoomParameters, K: control.StateSpace | None, scene: FieldScene, delay: float) -> "WorstDeposit":
-        """Run the corners of the box over the field."""
+    def over(
+        cls,
+        p: BoomParameters,
+        K: control.StateSpace | None,
+        scene: FieldScene,
+        delay: float,
+        family: AffineFamily | None = None,
+    ) -> "WorstDeposit":
+        """Run the corners of the box over the field; a family is the machine there where it is one of its own."""
         found = []
         for spring, mass in product(SPRING, MASS):
-            boom = scaled_boom(p, spring, mass)
-            plant = suspension_model(boom, FAMILY_ELEMENTS, scene.accelerometer_hz, nozzles=True)
-            _, (spray, *_) = field_run(scene, boom, K, plant=plant, delay=delay)
+            plant = _scaled_plant(p, scene, family, spring, mass, nozzles=True)
+            _, (spray, *_) = field_run(scene, scaled_boom(p, spring, mass), K, plant=plant, delay=delay)
             found.append((spray.cv, {"spring": spring, "mass": mass}))
         cv, values = max(found, key=lambda each: each[0])
         return cls(cv, values, len(found))
@@ -211,20 +217,28 @@ def split_halves(
 
 
 def box_worst(
-    name: str, p: BoomParameters, controller: control.StateSpace, band: float | None
+    name: str, p: BoomParameters, controller: control.StateSpace, band: float | None, delay: float = 0.0
 ) -> tuple[AffineFamily, WorstCase]:
-    """Return the jolt or the yaw over the box of springs and boom masses, and its worst peak from platform to tip."""
+    """Return the jolt or the yaw over the box of springs and boom masses, and its worst peak from platform to tip.
+
+    Forces of a discrete controller act so much later [s].
+    """
     family = boom_family(p, SPRING, MASS, half=name, elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
     side = {"jolt": "sym", "yaw": "anti"}[name]
-    return family, worst_case(family, controller, [f"actuator_{side}"], [f"tip_{side}"])
+    return family, worst_case(family, controller, [f"actuator_{side}"], [f"tip_{side}"], delay=delay)
 
 
 def assured_half(
-    name: str, p: BoomParameters, controller: control.StateSpace, band: float | None, found: Margins | None = None
+    name: str,
+    p: BoomParameters,
+    controller: control.StateSpace,
+    band: float | None,
+    found: Margins | None = None,
+    delay: float = 0.0,
 ) -> HalfAssurance:
-    """Examine the jolt or the yaw over the box; margins are those found of its loop."""
-    family, worst = box_worst(name, p, controller, band)
-    return HalfAssurance(found, robust_stability(family, controller), worst)
+    """Examine the jolt or the yaw over the box; margins are those found of its loop, the delay a discrete controller's."""
+    family, worst = box_worst(name, p, controller, band, delay)
+    return HalfAssurance(found, robust_stability(family, controller, delay=delay), worst)
 
 
 def _exact_plant(
@@ -271,14 +285,37 @@ def exact_sigma(p: BoomParameters, K: control.StateSpace | None, model: SecondOr
     return sigma(response, inputs=list(ACTUATORS), outputs=list(TIPS))
 
 
-def corner_sigma(p: BoomParameters, K: control.StateSpace | None, scene: FieldScene) -> tuple[SigmaResult, ...]:
+def corner_sigma(
+    p: BoomParameters,
+    K: control.StateSpace | None,
+    scene: FieldScene,
+    delay: float = 0.0,
+    family: AffineFamily | None = None,
+) -> tuple[SigmaResult, ...]:
     """Return singular values at corners and middles of the edges; the nominal boom itself is left out."""
     found = []
+    below = np.inf if K is None or K.isctime() else np.pi / K.dt
+    omega = _FREQUENCIES[below > _FREQUENCIES]
     for spring, mass in product((*SPRING, 1.0), (*MASS, 1.0)):
         if (spring, mass) != (1.0, 1.0):
-            changed = suspension_model(scaled_boom(p, spring, mass), FAMILY_ELEMENTS, scene.accelerometer_hz)
-            found.append(sigma(loop_between(changed, K, TIPS), _FREQUENCIES))
+            changed = _scaled_plant(p, scene, family, spring, mass)
+            found.append(sigma(loop_between(changed, K, TIPS, delay=delay), omega))
     return tuple(found)
+
+
+def _scaled_plant(
+    p: BoomParameters,
+    scene: FieldScene,
+    family: AffineFamily | None,
+    spring: float,
+    mass: float,
+    *,
+    nozzles: bool = False,
+) -> SecondOrderModel:
+    """Return the boom with other springs and another mass, or the machine of a family there."""
+    if family is not None:
+        return family.at(family.deltas({"spring": spring, "mass": mass}))
+    return suspension_model(scaled_boom(p, spring, mass), FAMILY_ELEMENTS, scene.accelerometer_hz, nozzles)
 
 
 def margin_text(found: Margins) -> str:

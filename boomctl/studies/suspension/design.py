@@ -13,8 +13,10 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.exchange.controller_files import controller_contents
 from boomctl.printing import compact
 from boomctl.report import Report, Section
+from boomctl.structure.families import AffineFamily
 from boomctl.studies.suspension import sections
 from boomctl.studies.suspension.assurance import Assurance, assure
+from boomctl.studies.suspension.own_plant_assurance import OwnPlantAssurance, assure_own_plant
 from boomctl.studies.suspension.passive_assurance import PassiveAssurance, assure_passive
 from boomctl.studies.suspension.performance import Performance, performance
 from boomctl.studies.suspension.sampled_assurance import SampledAssurance, assure_sampled
@@ -41,8 +43,10 @@ class SuspensionDesign:
     controller : control.StateSpace or None
         ``u = K y`` in SI units; inputs named as outputs of the machine (``stroke_left``, ``tip_left_acceleration``,
         ...), outputs ``suspension_left``, ``suspension_right``.  A discrete one runs at its own sampling time.
-    plant : control.StateSpace or None
-        A machine of its own where the controller reads what the boom with its sensors does not offer, such as states.
+    plant : AffineFamily, control.StateSpace or None
+        A machine of its own where the controller reads what the boom with its sensors does not offer, such as states.  A
+        family is that machine over springs and masses, ``"spring"`` and ``"mass"``, the design's own in its middle:
+        stability and the worst peak are then proved over it.
     facts : mapping from str to str
         What synthesis and reduction say of themselves: gamma and bounds, errors, orders.
     weights : mapping from str to control.StateSpace
@@ -64,13 +68,18 @@ class SuspensionDesign:
     title: str
     parameters: BoomParameters = field(default_factory=BoomParameters)
     controller: control.StateSpace | None = None
-    plant: control.StateSpace | None = None
+    plant: AffineFamily | control.StateSpace | None = None
     facts: Mapping[str, str] = field(default_factory=dict)
     weights: Mapping[str, control.StateSpace] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     delay: float | None = None
 
     __repr__ = compact
+
+    @property
+    def own_plant(self) -> control.StateSpace | None:
+        """The machine of its own as it is, that in the middle of a family; None where it is the boom with its sensors."""
+        return self.plant.centre.to_statespace() if isinstance(self.plant, AffineFamily) else self.plant
 
     @staticmethod
     def scene(**options: Any) -> FieldScene:
@@ -116,9 +125,12 @@ class SuspensionDesign:
         where = FieldScene() if scene is None else scene
         base = BoomParameters() if passive is None else passive
         before = performance("passive, Table 2" if passive is None else "passive", where, base)
-        after = performance(self.title, where, self.parameters, self.controller, self.plant, delay=self.delay)
-        assured: Assurance | SampledAssurance | PassiveAssurance | None = None
-        if self.plant is None:
+        family = self.plant if isinstance(self.plant, AffineFamily) else None
+        after = performance(self.title, where, self.parameters, self.controller, self.own_plant, delay=self.delay)
+        assured: Assurance | OwnPlantAssurance | SampledAssurance | PassiveAssurance | None = None
+        if family is not None and self.controller is not None and self.controller.isctime():
+            assured = assure_own_plant(self.parameters, family, self.controller, where)
+        elif self.plant is None:
             if self.controller is None:
                 assured = assure_passive(self.parameters, where)
             elif self.controller.isctime():
@@ -145,9 +157,9 @@ class SuspensionResult:
         The boom it is compared with.
     passive, active : Performance
         What that boom does, and what the design does.
-    assured : Assurance, SampledAssurance, PassiveAssurance or None
+    assured : Assurance, SampledAssurance, PassiveAssurance, OwnPlantAssurance or None
         Margins, uncertainty and the exact boom, or a finer mesh of a discrete controller's; without margins of a passive
-        design, and None of one on a plant of its own.
+        design; of one on a plant of its own the uncertainty alone, and None where that is no family.
     trade_off : tuple of TradeLine
         What designs beside it cost and are worth, where that was asked for.
     """
@@ -157,7 +169,7 @@ class SuspensionResult:
     passive_parameters: BoomParameters
     passive: Performance
     active: Performance
-    assured: Assurance | SampledAssurance | PassiveAssurance | None = field(repr=False)
+    assured: Assurance | OwnPlantAssurance | SampledAssurance | PassiveAssurance | None = field(repr=False)
     trade_off: tuple[TradeLine, ...] = field(default=(), repr=False)
 
     __repr__ = compact
@@ -238,8 +250,10 @@ class SuspensionResult:
 
     @property
     def worst(self) -> Mapping[str, WorstCase]:
-        """The worst peaks of jolt and yaw over the box, found and bounded; none where they are not bounded."""
-        if not isinstance(self.assured, Assurance | PassiveAssurance):
+        """The worst peaks of jolt and yaw, or of both together, over the box, found and bounded; none where they are not."""
+        if isinstance(self.assured, OwnPlantAssurance):
+            return {"boom": self.assured.boom.worst}
+        if self.assured is None:
             return {}
         return {"jolt": self.assured.jolt.worst, "yaw": self.assured.yaw.worst}
 
@@ -279,7 +293,14 @@ class SuspensionResult:
         )
         synthesis = Section(
             "Plant and synthesis",
-            (sections.plant_text(design.parameters, scene, design.controller is not None),),
+            (
+                sections.plant_text(
+                    design.parameters,
+                    scene,
+                    design.controller is not None,
+                    None if design.own_plant is None else design.own_plant.nstates,
+                ),
+            ),
             tables,
         )
         parts = [
@@ -287,7 +308,7 @@ class SuspensionResult:
             synthesis,
             *sections.weight_sections(design.weights),
             sections.sigma_section(before, after, self.exact_sigma, self.family_sigma),
-            *sections.assurance_sections(self.assurance, scene),
+            *sections.assurance_sections(self.assurance, scene, design.plant is not None),
             sections.run_section(before, after, scene),
             sections.spray_section(before, after),
             *sections.trade_off_sections(self.trade_off),

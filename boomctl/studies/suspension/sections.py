@@ -61,11 +61,17 @@ def sigma_section(
     return Section("Singular values", pictures=(picture("sigma", drawn, caption),))
 
 
-def assurance_sections(found: Mapping[str, str], scene: FieldScene) -> tuple[Section, ...]:
-    """Return the section of what was checked, of a design that can be."""
+def assurance_sections(found: Mapping[str, str], scene: FieldScene, own: bool) -> tuple[Section, ...]:
+    """Return the section of what was checked, of a design that can be; ``own``: whether on a plant of its own."""
+    mesh = (
+        "the boom is the design's own plant"
+        if own
+        else f"the boom has {FAMILY_ELEMENTS} elements, so that peaks of the middle are not quite those of"
+        f" {scene.elements} elements"
+    )
     text = (
-        "Each line is computed apart from the synthesis. Springs and boom mass are relative to those of the middle; there the"
-        f" boom has {FAMILY_ELEMENTS} elements, so that peaks of the middle are not quite those of {scene.elements} elements."
+        "Each line is computed apart from the synthesis. Springs and boom mass are relative to those of the middle; there"
+        f" {mesh}."
     )
     return (Section("Assurance", (text,), (fact_table(found, "check", "found"),)),) if found else ()
 
@@ -131,16 +137,19 @@ def comparison_table(before: Performance, after: Performance, worst: Mapping[str
     return Table(("", before.title, after.title), tuple(lines))
 
 
-def plant_text(p: BoomParameters, scene: FieldScene, active: bool) -> str:
-    """Return what the machine is, in words."""
+def plant_text(p: BoomParameters, scene: FieldScene, active: bool, own: int | None) -> str:
+    """Return what the machine is, in words; ``own``: states of one of its own."""
     sensors = (
         f"Sensors: strokes of the suspension and tip accelerometers of {scene.accelerometer_hz:g} Hz. "
         if active
         else ""
     )
+    mesh = f"{scene.elements} finite elements here. {sensors}"
+    if own is not None:
+        mesh = f"{scene.elements} finite elements here as it is. The design has a plant of its own, of {own} states. "
     return (
         f"The boom of Anthonis & Ramon (2003), Table 2: {p.length:g} m, hinged on a cradle that slides on a platform driven"
-        f" by two actuators; {scene.elements} finite elements here. {sensors}Static gain from yaw of the platform to the"
+        f" by two actuators; {mesh}Static gain from yaw of the platform to the"
         f" tips: {p.length / p.actuator_distance:.3f}; a suspension that centres the boom behind the tractor cannot go below"
         " that at zero frequency."
     )

@@ -160,14 +160,17 @@ def _line(
 def judged(label: str, asked: float | None, design: SuspensionDesign, scene: FieldScene) -> TradePoint:
     """Return what a suspension is worth: driven over the field, and over the box where it can be bounded there."""
     p, K = design.parameters, design.controller
-    seen = performance(design.title, scene, p, K, design.plant, delay=design.delay)
-    model = suspension_model(p, scene.elements, scene.accelerometer_hz) if design.plant is None else design.plant
+    own = design.own_plant
+    seen = performance(design.title, scene, p, K, own, delay=design.delay)
+    usual = suspension_model(p, scene.elements, scene.accelerometer_hz)
+    model = usual if own is None else own
     late = scene.delay if design.delay is None else design.delay
     worst: Mapping[str, WorstCase] = {}
-    if design.plant is None and (K is None or K.isctime()):
-        parts = [no_controller(half) for half in HALVES] if K is None else split_halves(model, K)[:2]
+    if own is None:
+        parts = [no_controller(half) for half in HALVES] if K is None else split_halves(usual, K)[:2]
         band = None if K is None else scene.accelerometer_hz
-        worst = {half: box_worst(half, p, part, band)[1] for half, part in zip(HALVES, parts, strict=True)}
+        held = 0.0 if K is None or K.isctime() else late
+        worst = {half: box_worst(half, p, part, band, held)[1] for half, part in zip(HALVES, parts, strict=True)}
     effort = dict.fromkeys(HALVES, 0.0)
     if K is not None:
         asked_for = loop_between(model, K, CONTROLS, delay=late)

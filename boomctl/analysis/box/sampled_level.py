@@ -1,0 +1,201 @@
+"""Sampled loops over a box of parameters as polynomials of these, for proofs that their gain stays below a level.
+
+From sample to sample the loop is ``x+ = A x + B w``, ``z = C x + D w``: exponentials of the parameters, whose Chebyshev
+series end soon, for over the box the phase of a mode turns by a few radians a sample at most.  With ``z = (1 + s)/(1 - s)``
+the unit circle becomes the imaginary axis, and the loop
+
+    s (1 + A) x = (A - 1) x + (1 - s) B w,
+
+again a polynomial of the parameters, with the derivative of what disturbs it.  Its largest singular value is that of the
+sampled loop.  What the series leave out is measured at points drawn, and counted ten times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.analysis.box.loop_pencil import LoopPencil
+from boomctl.analysis.box.response_cells import Polynomial, ResponseCells
+from boomctl.analysis.box.zero_exclusion import Terms
+from boomctl.analysis.loops import joined
+from boomctl.arrays import Array
+from boomctl.chebyshev import points, points_needed, powers, series
+from boomctl.lti.system import Lti
+from boomctl.structure.families import Family
+from boomctl.structure.response.realisation import realize
+
+_NOISE = 1e-13  # share of the largest entry below which a coefficient is rounding (a choice)
+_EXACT = 1e-9  # share of the largest entry that a polynomial may miss (a choice: far below what damps a loop)
+_DEGREE = 64  # of a parameter at most: an oscillation that turns by 40 radians a sample over the box (a choice)
+_GRID = 40_000  # points of the grid of all parameters at most, a millisecond or so each (a choice of patience)
+_INSIDE = 24  # points drawn at which polynomials are compared, besides the corners (a choice)
+_FAST = "the sampled loop changes too fast over the box"
+_SPARE = 10.0  # times what they miss there that they are taken to miss anywhere (a choice)
+
+
+@dataclass(frozen=True)
+class SampledLoops:
+    """A sampled loop over a box, from what disturbs it to what is judged.
+
+    Attributes
+    ----------
+    A, B : mapping
+        Of products of parameters to matrices.
+    C, D : ndarray
+        What is judged; the same over the whole box.
+    missed : pair of ndarray
+        By how much entries of ``A`` and ``B`` may be off.
+    dt : float
+        Sampling time [s].
+    """
+
+    A: Polynomial
+    B: Polynomial
+    C: Array
+    D: Array
+    missed: tuple[Array, Array]
+    dt: float
+
+    @classmethod
+    def of(cls, family: Family, K: Lti, inputs: Sequence[str], outputs: Sequence[str], delay: float) -> SampledLoops:
+        """Return the loops ``u = K y`` of a discrete controller; without signals, loops that nothing drives or judges.
+
+        Raises
+        ------
+        ValueError
+            Loops that change too fast over the box.
+        """
+        raw = sampled_loops(family, K, inputs, outputs, delay)
+        centre = raw(np.zeros(family.size))
+        scale = linalg.matrix_balance(centre.A, permute=False, separate=True)[1][0]
+
+        def at(places: Sequence[Array]) -> dict[str, Array]:
+            loops = [raw(place) for place in places]
+            A, B, C, D = (np.array([getattr(loop, letter) for loop in loops]) for letter in "ABCD")
+            return {"A": A * scale / scale[:, None], "B": B / scale[:, None], "C": C * scale, "D": D}
+
+        terms, off = _polynomials(at, family.size)
+        A, B, C, D = (terms[letter] for letter in "ABCD")
+        if len(C) == 1 and len(D) == 1:
+            return cls(A, B, C[()], D[()], (off["A"], off["B"]), K.dt)
+        # what is judged becomes a state, a sample later: all gains stay what they are
+        n, p, empty = len(scale), len(outputs), {letter: np.zeros_like(terms[letter][()]) for letter in "ABCD"}
+        below = {
+            power: np.vstack([A.get(power, empty["A"]), C.get(power, empty["C"])]) for power in dict.fromkeys((*A, *C))
+        }
+        beside = {
+            power: np.vstack([B.get(power, empty["B"]), D.get(power, empty["D"])]) for power in dict.fromkeys((*B, *D))
+        }
+        wider = ((0, 0), (0, p))
+        return cls(
+            {power: np.pad(X, wider) for power, X in below.items()},
+            beside,
+            np.eye(p, n + p, n),
+            np.zeros((p, len(inputs))),
+            (np.pad(np.vstack([off["A"], off["C"]]), wider), np.vstack([off["B"], off["D"]])),
+            K.dt,
+        )
+
+    @property
+    def at_infinity(self) -> float:
+        """A gain that is known beforehand: none, for all frequencies of a sampled loop are looked at."""
+        return 0.0
+
+    @cached_property
+    def pencils(self) -> Terms:
+        """The loop without what disturbs it, stable where the sampled one is."""
+        eye = np.eye(len(self.A[()]))
+        changes = {power: LoopPencil(A, A) for power, A in self.A.items() if power}
+        return {(): LoopPencil(self.A[()] + eye, self.A[()] - eye), **changes}
+
+    def responses(self, size: int) -> ResponseCells:
+        """Return what bounds the response over cells; ``size``: number of parameters."""
+        E, A = ({power: getattr(x, letter) for power, x in self.pencils.items()} for letter in "EA")
+        return ResponseCells.of(E, A, self.B, self.C, self.D, size, {q: -X for q, X in self.B.items()}, self.missed)
+
+    def at(self, delta: Array) -> Lti:
+        """Return the sampled loop at a point, as a state-space system."""
+        return Lti(_value(self.A, delta), _value(self.B, delta), self.C, self.D, dt=self.dt).balanced()
+
+
+def sampled_loops(
+    family: Family, K: Lti, inputs: Sequence[str], outputs: Sequence[str], delay: float
+) -> Callable[[Array], Lti]:
+    """Return what makes the sampled loop at a point of a box, in states that change smoothly with the parameters.
+
+    Without signals nothing drives or judges it.  Places that nothing feels, as a hub's angle, are left out of it.
+    """
+    ports = family.centre.ports
+    read = [name for name in ports.outputs if name in {*K.inputs, *outputs}]
+    driven = [name for name in ports.inputs if name in {*K.outputs, *inputs}]
+
+    def whole(delta: Array) -> Lti:
+        model = family.at(delta)
+        loop = joined(realize(model.structure, model.ports.select(driven, read)), K, delay).system
+        if inputs and outputs:
+            places = [loop.inputs.index(name) for name in inputs], [loop.outputs.index(name) for name in outputs]
+            return loop.between(*places)
+        n = len(loop.A)
+        return Lti(loop.A, np.zeros((n, 1)), np.zeros((1, n)), np.zeros((1, 1)), dt=loop.dt)
+
+    centre = whole(np.zeros(family.size))
+    eye = np.eye(len(centre.A))
+    unfelt = [i for i in family.unfelt if (centre.A[:, i] == eye[i]).all() and not centre.C[:, i].any()]
+    kept = np.setdiff1d(np.arange(len(eye)), unfelt)
+
+    def felt(delta: Array) -> Lti:
+        loop = whole(delta)
+        return Lti(loop.A[np.ix_(kept, kept)], loop.B[kept], loop.C[:, kept], loop.D, dt=loop.dt)
+
+    return felt if unfelt else whole
+
+
+def _value(terms: Polynomial, delta: Array) -> Array:
+    return np.asarray(sum(float(np.prod(delta[list(power)])) * X for power, X in terms.items()))
+
+
+def _polynomials(
+    at: Callable[[Sequence[Array]], dict[str, Array]], size: int
+) -> tuple[dict[str, dict[tuple[int, ...], Array]], dict[str, Array]]:
+    """Return matrices as polynomials of the parameters, and by how much entries may be off.
+
+    Raises
+    ------
+    ValueError
+        They are none, to what counts, of a degree that could be handled.
+    """
+
+    def line(axis: Array) -> Callable[[Array], dict[str, Array]]:
+        return lambda places: at([float(x) * axis for x in places])
+
+    counts = tuple(points_needed(line(axis), _negligible, _DEGREE) for axis in np.eye(size))
+    if np.prod(counts) > _GRID:
+        raise ValueError(f"{_FAST}: it would take {np.prod(counts)} points to know how")
+    stacks = at(points(counts))
+    drawn = np.random.default_rng(2).uniform(-1.0, 1.0, (_INSIDE, size))
+    tried = [*drawn, *(np.array(corner) for corner in product((-1.0, 1.0), repeat=size))]
+    wanted, found, off = at(tried), {}, {}
+    for letter, least in _negligible(stacks).items():
+        grid = series(stacks[letter], counts)
+        grid[np.abs(grid) <= least] = 0.0
+        grid = powers(grid, counts)
+        terms = {}
+        for exponents in product(*(range(count) for count in counts)):
+            if grid[exponents].any() or not any(exponents):
+                terms[tuple(i for i, exponent in enumerate(exponents) for _ in range(exponent))] = grid[exponents]
+        errors = [np.abs(_value(terms, delta) - X) for delta, X in zip(tried, wanted[letter], strict=True)]
+        worst = np.max(errors, axis=0)
+        if (worst > _EXACT / _NOISE * least).any():
+            raise ValueError(f"{_FAST}: polynomials of degree {_DEGREE} miss it by {worst.max():.2g}")
+        found[letter], off[letter] = terms, _SPARE * worst
+    return found, off
+
+
+def _negligible(stacks: Mapping[str, Array]) -> dict[str, float]:
+    return {letter: _NOISE * float(np.abs(stack).max(initial=0.0)) for letter, stack in stacks.items()}
