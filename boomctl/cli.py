@@ -609,12 +609,12 @@ def benchmark(words: Sequence[str]) -> None:
 
 def _precision(asked: Namespace) -> tuple[Any, dict[str, Any]]:
     """Measure run time against error, and write what is asked for; return the report and what JSON knows of it."""
-    from boomctl.benchmark.precision.recommended import check_page, write_page
+    from boomctl.benchmark.precision.recommended import PAGE
     from boomctl.benchmark.precision.run import run, steps
     from boomctl.files import locked_folder
 
     if asked.page is not None:
-        check_page(asked.page)
+        PAGE.text(asked.page)
     count = steps(asked.scenes, asked.quick)
     aside = _results_alone() if asked.json else nullcontext()
     with (
@@ -627,7 +627,7 @@ def _precision(asked: Namespace) -> tuple[Any, dict[str, Any]]:
             progress("pictures and report", 0)
             report.report().write_into(folder)
     if asked.page is not None:
-        write_page(asked.page, report.page())
+        PAGE.write(asked.page, report.page())
     return report, report.as_dict()
 
 
@@ -652,20 +652,20 @@ def stress(words: Sequence[str]) -> None:
     from boomctl.checks import whole
     from boomctl.files import locked_folder
     from boomctl.stress.pool import cores
-    from boomctl.stress.report import check_page, write_page
+    from boomctl.stress.report import PAGE
     from boomctl.stress.run import all_cases, stressed
 
     workers = cores() if asked.workers is None else whole("--workers", asked.workers)
     cases = all_cases(asked.full, asked.rows)
     if asked.page is not None:
-        check_page(asked.page)
+        PAGE.text(asked.page)
     with nullcontext() if asked.out is None else locked_folder(asked.out) as folder:
         with _progress(len(cases)) as progress:
             found = stressed(cases, workers, progress)
         if folder is not None:
             found.report().write_into(folder)
     if asked.page is not None:
-        write_page(asked.page, found)
+        PAGE.write(asked.page, found.page())
     if asked.json:
         _print_json(found.as_dict())
     else:

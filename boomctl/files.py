@@ -263,3 +263,42 @@ def _numbers(path: str | Path, line: int, row: list[str], header: tuple[str, ...
             raise ValueError(f"{path}, line {line}: expected a finite number in {name!r}, got {text!r}")
         numbers.append(value)
     return numbers
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page of text with a part between two marks that a program writes anew.
+
+    Attributes
+    ----------
+    begin, end : str
+        The marks, each a line of its own.
+    """
+
+    begin: str
+    end: str
+
+    def text(self, path: Path) -> str:
+        """Return what a page holds, with one pair of marks in it.
+
+        Raises
+        ------
+        ValueError
+            There is no such file, it has no such marks, or it is a folder.
+        OSError
+            It cannot be read.
+        """
+        if path.is_dir():
+            raise ValueError(f"{path}: expected a file, got a folder")
+        lines = f"one line {self.begin!r}, and below it one line {self.end!r}, for the tables"
+        if not path.exists():
+            raise ValueError(f"{path}: expected a page with {lines}; there is no such file")
+        text = path.read_text(encoding="utf-8")
+        if text.count(self.begin) != 1 or text.count(self.end) != 1 or text.index(self.begin) > text.index(self.end):
+            raise ValueError(f"{path}: expected {lines}")
+        return text
+
+    def write(self, path: Path, text: str) -> None:
+        """Write the part between the marks; what stands around them stays.  Errors: those of ``text``."""
+        before, rest = self.text(path).split(self.begin)
+        write_whole(path, f"{before}{self.begin}\n\n{text}\n{self.end}{rest.split(self.end)[1]}")

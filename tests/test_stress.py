@@ -14,7 +14,7 @@ import pytest
 from boomctl.checks import positive
 from boomctl.stress.case import Case, Outcome, Seen, said_by_us, tried
 from boomctl.stress.pool import all_tried
-from boomctl.stress.report import StressReport, write_page
+from boomctl.stress.report import PAGE, StressReport
 from boomctl.stress.run import all_cases
 from boomctl.structure.response.rounding import AccuracyWarning
 from tests.command import boomctl
@@ -118,7 +118,7 @@ def test_the_page_keeps_what_is_written_by_hand(tmp_path):
     marks = [f"<!-- what {word} is written by `boomctl stress --page` -->" for word in ("follows", "precedes")]
     page.write_text(f"# Limits\n\nby hand\n\n{marks[0]}\nold\n{marks[1]}\n\nmore by hand\n")
     lines = tuple(tried(c) for c in all_cases(rows="two hinges"))
-    write_page(page, StressReport(lines, 1.0))
+    PAGE.write(page, StressReport(lines, 1.0).page())
     text = page.read_text()
     assert text.startswith("# Limits\n\nby hand\n")
     assert text.endswith("\nmore by hand\n")

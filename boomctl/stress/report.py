@@ -5,18 +5,19 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from boomctl.files import write_whole
+from boomctl.files import Page
 from boomctl.report import Report, Section, Table
 from boomctl.stress.case import Line, Outcome
 
 if TYPE_CHECKING:
     from rich.console import Group
 
-_BEGIN = "<!-- what follows is written by `boomctl stress --page` -->"
-_END = "<!-- what precedes is written by `boomctl stress --page` -->"
+PAGE = Page(
+    "<!-- what follows is written by `boomctl stress --page` -->",
+    "<!-- what precedes is written by `boomctl stress --page` -->",
+)
 _REASON = 90  # letters of a reason in a table; the report has all of it
 _SHADES = {"held": "#e3f4e3", "refused": "#eef1f5", "uncertified": "#fff4d6", "BROKEN": "#f9d6d5"}
 
@@ -116,31 +117,6 @@ class StressReport:
                 parts.append(f"| {_plain(what)} | {_plain(rows[0].case.measure)} | {ended} |")
             parts.append("")
         return "\n".join(parts)
-
-
-def check_page(path: Path) -> str:
-    """Return what a page holds, with one pair of marks in it.
-
-    Raises
-    ------
-    ValueError
-        The page has no such marks, or is a folder.
-    OSError
-        It cannot be read.
-    """
-    if path.is_dir():
-        raise ValueError(f"{path}: expected a file, got a folder")
-    text = path.read_text(encoding="utf-8")
-    if text.count(_BEGIN) != 1 or text.count(_END) != 1 or text.index(_BEGIN) > text.index(_END):
-        raise ValueError(f"{path}: expected one line {_BEGIN!r}, and below it one line {_END!r}, for the tables")
-    return text
-
-
-def write_page(path: Path, report: StressReport) -> None:
-    """Write the tables into a page, between its two marks; what stands around them stays.  Errors: `check_page`."""
-    before, rest = check_page(path).split(_BEGIN)
-    after = rest.split(_END)[1]
-    write_whole(path, f"{before}{_BEGIN}\n\n{report.page()}\n{_END}{after}")
 
 
 def _gathered(lines: Iterable[Line], key: Callable[[Line], str]) -> Iterator[tuple[str, list[Line]]]:

@@ -19,7 +19,7 @@ from boomctl.benchmark.precision.diagram import Diagram, Point
 from boomctl.benchmark.precision.growth import Growth
 from boomctl.benchmark.precision.limits import Limit, Rates, Work
 from boomctl.benchmark.precision.measure import measured
-from boomctl.benchmark.precision.recommended import check_page, recommendations, write_page
+from boomctl.benchmark.precision.recommended import PAGE, recommendations
 from boomctl.benchmark.precision.report import PrecisionReport, lead_words, read_diagrams
 from boomctl.benchmark.precision.run import names, run, steps
 from boomctl.benchmark.precision.scene import Scene, Setting
@@ -300,18 +300,20 @@ def test_the_page_is_written_between_its_marks(tmp_path):
     page = tmp_path / "page.md"
     mark = "<!-- what {} is written by `boomctl benchmark precision --page` -->"
     page.write_text(f"# Head\n{mark.format('follows')}\nold\n{mark.format('precedes')}\nfoot\n", encoding="utf-8")
-    write_page(page, REPORT.page())
+    PAGE.write(page, REPORT.page())
     text = page.read_text(encoding="utf-8")
     assert "old" not in text
     assert text.startswith("# Head\n")
     assert text.endswith("foot\n")
     assert "| 0.1 % | `bc.mine()` | 1.0·10⁻⁴ | 1\u00a0ms | 500\u00a0µs | 0.001\u00a0MB | other, b: 4.0 times |" in text
     assert "Lumped" not in text  # a study, which recommends nothing
+    with pytest.raises(ValueError, match="there is no such file"):
+        PAGE.text(tmp_path / "none.md")
     page.write_text("no marks", encoding="utf-8")
     with pytest.raises(ValueError, match="expected one line"):
-        check_page(page)
+        PAGE.text(page)
     with pytest.raises(ValueError, match="got a folder"):
-        check_page(tmp_path)
+        PAGE.text(tmp_path)
 
 
 def test_unknown_scenes_and_options_out_of_place_are_refused(tmp_path):

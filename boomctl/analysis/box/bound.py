@@ -7,6 +7,7 @@ from math import inf
 import numpy as np
 
 from boomctl.analysis.box.level import DrivenLoops
+from boomctl.analysis.box.response_cells import WORTH
 from boomctl.analysis.box.robustness import pattern_search
 from boomctl.analysis.box.sampled_level import SampledLoops
 from boomctl.analysis.box.zero_exclusion import Cell, value_at
@@ -25,7 +26,6 @@ _FIRST = 60_000  # cells that the rounds share at first, if more are allowed (th
 _LATER = (
     8  # times as many whenever they come round again (a choice: a way that needs few is not kept waiting by the other)
 )
-_WORTH = 150  # cells of the response that take as long as one of the pencil (measured: 100 to 300)
 _CHECKED = 8  # points drawn in the box at which a bound is tried again (a choice)
 _COMPARED = 3  # points drawn at which the loops that are proved are compared with those closed anew (a choice)
 _LOOKED_AT = 16  # cells left over, the hardest, in whose middles the poles are looked at (a choice)
@@ -83,38 +83,50 @@ def bounded(
                 level = lower * (1.0 + gap)
         return level
 
-    responses = loops.responses(size)
+    responses, needed = loops.responses(size), 0.0
     frontier, waiting = responses.start(), [Cell(np.zeros(size), np.ones(size))]
     counts: dict[str, int] = dict.fromkeys((_RESPONSES, _PENCIL), 0)
     done = 1.0  # share of the box that the pencil has proved
-    pencils = loops.pencils
     for looser in _LOOSER:
         gap = min(tolerance * looser, LARGEST)
         level = max(lower, loops.at_infinity) * (1.0 + gap)
-        for way, most in _rounds(limit):
-            if not isinstance(loops, DrivenLoops) or way == _RESPONSES:
+        for way, most in _rounds(limit) if isinstance(loops, DrivenLoops) else ((_RESPONSES, limit),):
+            if isinstance(loops, SampledLoops):
+                frontier, more, needed = responses.prove_if_near(frontier, level, limit, seen, tell)
+                left, middles = len(frontier), list(frontier.middle[-_LOOKED_AT:])
+            elif way == _RESPONSES:
                 frontier, more = responses.prove(frontier, level, max(1, int(most)), seen, tell)
                 left, middles = len(frontier), list(frontier.middle[-_LOOKED_AT:])
             else:
-                waiting, more = _by_pencil(loops, waiting, level, max(1, int(most / _WORTH)), at, seen, tell)
+                waiting, more = _by_pencil(loops, waiting, level, max(1, int(most / WORTH)), at, seen, tell)
                 left, middles = len(waiting), [cell.middle for cell in waiting[-_LOOKED_AT:]]
                 done = 1.0 - sum(float(np.prod(cell.reach)) for cell in waiting)
             counts[way] += more
             if left == 0 and level < inf:
                 _checked(at, level, size)
                 return Bound(level, counts[way], delta)
-            found = [(point, value_at(pencils, point)) for point in (delta, *middles)]
-            unstable = [point for point, here in found if not here.stable]
-            if unstable:
-                return Bound(inf, counts[way], unstable[0], LOST)
-            poles = np.concatenate([here.poles for _, here in found])
-            pole = complex(poles[np.argmax(np.real(poles) / np.abs(poles))])
-            if done < _FUTILE and -pole.real < _HARDLY * abs(pole):
-                ratio = f"a damping ratio of {-pole.real / abs(pole):.2g} at {abs(pole):.4g} rad/s"
+            lost, hardly = _poles_at(loops, [delta, *middles])
+            if lost is not None:
+                return Bound(inf, counts[way], lost, LOST)
+            if done < _FUTILE and hardly:
                 return Bound(
-                    inf, counts[way], delta, f"hardly damped, {ratio}: it would take far more than {limit} cells"
+                    inf, counts[way], delta, f"hardly damped, {hardly}: it would take far more than {limit} cells"
                 )
-    return Bound(inf, max(counts.values()), delta, f"it would take more than max_cells = {limit} at {level:.5g}")
+    about = f"about {needed:.0e} cells, more than" if needed > limit else "more than"
+    return Bound(inf, max(counts.values()), delta, f"it would take {about} max_cells = {limit} at {level:.5g}")
+
+
+def _poles_at(loops: DrivenLoops | SampledLoops, points: list[Array]) -> tuple[Array | None, str]:
+    """Return a point at which the loop is not stable, if there is one, and, if it is hardly damped, its least damping."""
+    found = [(point, value_at(loops.pencils, point)) for point in points]
+    unstable = [point for point, here in found if not here.stable]
+    if unstable:
+        return unstable[0], ""
+    poles = np.concatenate([here.poles for _, here in found])
+    pole = complex(poles[np.argmax(np.real(poles) / np.abs(poles))])
+    if -pole.real >= _HARDLY * abs(pole):
+        return None, ""
+    return None, f"a damping ratio of {-pole.real / abs(pole):.2g} at {abs(pole):.4g} rad/s"
 
 
 def _rounds(limit: int) -> Iterator[tuple[str, float]]:

@@ -73,7 +73,7 @@ class BoxLoops:
             if K.dt != 0.0:
                 raise ValueError(
                     f"controller: expected continuous time, got a sampling time of {exactly(K.dt)} s; of sampled loops "
-                    "boomctl.robust_stability proves stability"
+                    "boomctl.robust_stability and boomctl.worst_case have proofs"
                 )
             signals_of(K, family.centre.inputs, family.centre.outputs)
             return cls(family, 0, (Stretch(-np.inf, np.inf, _terms(family, K, None, 0)),))

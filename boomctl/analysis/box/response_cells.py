@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain, combinations_with_replacement
+from itertools import combinations_with_replacement
 from math import comb
 
 import numpy as np
@@ -55,6 +55,11 @@ _FIRST = 0.5  # share of the slowest pole at which the chain of frequencies begi
 _TOP = 4.0  # times the fastest pole where it ends: from there on nothing resonates (a choice)
 _HULLS = (_hull(5), _hull(3), _hull(2))  # of the frequency, of few parameters, of many: corners multiply (a choice)
 _FEW = 4  # variables, the frequency among them, that are few: 6 times 4 times 4 times 4 corners (a choice)
+WORTH = 150  # cells of parameters and frequencies that take as long as one of parameters alone (measured: 100 to 300)
+_TASTE = 0.1  # share of the cells allowed after which it is estimated how many it takes (a choice)
+_HOPELESS = 2.0  # times as many cells as allowed: it is given up, for an estimate may be off by some (a choice)
+_DESCENTS = 200  # by which it is estimated how many cells a proof takes: an order of magnitude (a choice)
+_DEEPEST = 60  # cuts of a descent at most: a millionth of a box in three parameters
 _BATCH = 2**18  # entries of the matrices handled at once: what stays in the cache (measured)
 
 
@@ -80,7 +85,7 @@ class Frontier:
     def __len__(self) -> int:
         return len(self.middle)
 
-    def __getitem__(self, index: slice | NDArray[np.bool_]) -> Frontier:
+    def __getitem__(self, index: slice | NDArray[np.bool_ | np.integer]) -> Frontier:
         return Frontier(self.middle[index], self.reach[index], self.ends[index], self.inverse[index])
 
     def with_halves(self, parents: Frontier, axes: NDArray[np.int_], between: Array) -> Frontier:
@@ -235,6 +240,42 @@ class ResponseCells:
             proved += int((~open_).sum())
             cells = cells.with_halves(here[open_], found.axes[open_], found.between[open_])
         return cells, proved
+
+    def prove_if_near(
+        self, cells: Frontier, level: float, limit: int, seen: Callable[[float, Array], float], tell: Tell
+    ) -> tuple[Frontier, int, float]:
+        """Prove it with a share of the cells allowed, with the rest if that may do; return about how many it takes, too."""
+        taste = max(1, int(_TASTE * limit))
+        cells, proved = self.prove(cells, level, taste, seen, tell)
+        level = seen(0.0, np.zeros(self.size))
+        if not len(cells) or level == np.inf:
+            return cells, proved, 0.0
+        needed = self.still_needed(cells, level)
+        if needed > _HOPELESS * limit:
+            return cells, proved, needed
+        cells, more = self.prove(cells, level, max(1, limit - taste), seen, tell)
+        return cells, proved + more, needed
+
+    def still_needed(self, cells: Frontier, level: float) -> float:
+        """Return about how many cells a proof of what waits would take: by descents in which one of two halves is gone into.
+
+        A cell at which a descent ends after so many cuts stands for two to the power of these (Knuth 1975, Mathematics of
+        Computation 29).  The number is right on average; where few descents are long, it is too small.
+        """
+        rng = np.random.default_rng(3)
+        total, share, here = 0.0, len(cells) / _DESCENTS, cells[rng.integers(0, len(cells), _DESCENTS)]
+        for _ in range(_DEEPEST):
+            found = self.look(here)
+            open_ = ~(found.bound < level * _LEVEL)
+            total += share * float((~open_).sum())
+            here = here[open_]
+            if not len(here):
+                return total
+            share *= 2.0
+            both = here[:0].with_halves(here, found.axes[open_], found.between[open_])
+            count = len(here)
+            here = both[np.arange(count) + count * rng.integers(0, 2, count)]
+        return total + share * len(here)
 
 
 @dataclass(frozen=True)
@@ -494,23 +535,29 @@ def _shares(powers: tuple[tuple[int, ...], ...], cells: Frontier) -> tuple[dict[
 
     Of none, one and two ``p`` each for itself; of more the sum of magnitudes.
     """
+    k = cells.middle.shape[1]
+    often = np.array([[power.count(i) for i in range(k)] for power in powers])
+    total = np.ones((len(cells), len(powers)))
+    # powers of each parameter's middle, and what of them goes with none, one and two of its p
+    parts: list[list[Array]] = []
+    for i, (n, middle, reach) in enumerate(zip(often.T, cells.middle.T, cells.reach.T, strict=True)):
+        total *= (np.abs(middle) + reach)[:, None] ** n
+        known = middle[:, None] ** np.arange(n.max(initial=0) + 1)
+        parts.append([])
+        for count in range(_KEPT + 1):
+            left = np.maximum(n - count, 0)
+            ways = np.where(n >= count, [comb(each, count) for each in n.tolist()], 0.0)
+            parts[i].append(ways * known[:, left] * (reach**count)[:, None])
     found: dict[tuple[int, ...], Array] = {}
-    k, beyond = cells.middle.shape[1], np.zeros((len(cells), len(powers)))
-    for place, power in enumerate(powers):
-        often = [power.count(i) for i in range(k)]
-        beyond[:, place] = np.prod((np.abs(cells.middle) + cells.reach) ** np.array(often), axis=1)
-        for here in chain.from_iterable(combinations_with_replacement(range(k), count) for count in range(_KEPT + 1)):
-            kept = [here.count(i) for i in range(k)]
-            if any(count > n for n, count in zip(often, kept, strict=True)):
-                continue
-            share = np.ones(len(cells))
-            for i, (n, count) in enumerate(zip(often, kept, strict=True)):
-                share = share * comb(n, count) * cells.middle[:, i] ** (n - count) * cells.reach[:, i] ** count
-            found.setdefault(here, np.zeros((len(cells), len(powers))))[:, place] += share
-            beyond[:, place] -= np.abs(share)
-        if len(power) <= _KEPT:
-            beyond[:, place] = 0.0
-    return found, np.maximum(beyond, 0.0)
+    for count in range(_KEPT + 1):
+        for here in combinations_with_replacement(range(k), count):
+            share = np.ones((len(cells), len(powers)))
+            for i in range(k):
+                share = share * parts[i][here.count(i)]
+            if share.any():
+                found[here] = share
+            total -= np.abs(share)
+    return found, np.maximum(np.where(often.sum(axis=1) > _KEPT, total, 0.0), 0.0)
 
 
 def _size(G: Array) -> Array:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.box.loops import BoxLoops
+from boomctl.analysis.box.response_cells import WORTH
 from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
 from boomctl.analysis.box.zero_exclusion import Cell, CellProof
 from boomctl.analysis.loops import signals_of
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 _CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
 _MARGIN_CELLS = 100  # most cells of each of the proofs of a margin (a choice)
-_SMALLER = 150  # cells of parameters and frequencies that take as long as one of parameters (measured: 100 to 300)
 _LOOKED_AT = 16  # cells left over, the hardest, in whose middles the poles are looked at (a choice)
 _STEPS = (0.5, 0.25, 0.125, 0.0625)  # of a pattern search, in half-widths of the box (a choice)
 _BETTER = 1e-9  # by how much a point must be worse than the worst so far, relative, to be gone to: more than rounding
@@ -231,13 +231,16 @@ def _sampled_stability(
         except ValueError as error:
             return RobustStability(False, None, 0, slowest, family.values(worst), str(error))
         # nothing drives the loop: what is proved of a cell is that no pole is on the unit circle
-        left, proved = cells.prove(cells.start(), 1.0, _SMALLER * limit, lambda gain, point: 1.0, tell)
+        left, proved, needed = cells.prove_if_near(cells.start(), 1.0, WORTH * limit, lambda gain, point: 1.0, tell)
     for middle in left.middle[-_LOOKED_AT:]:
         if rate(middle) >= 0.0:
             return RobustStability(False, family.values(middle), proved, rate(middle), family.values(middle))
     if not len(left):
         return RobustStability(True, None, proved, slowest, family.values(worst))
-    reason = _given_up(family, rate(left.middle[-1]), Cell(left.middle[-1], left.reach[-1]), limit)
+    about = f"about {needed:.0e}, more" if needed > WORTH * limit else "more"
+    reason = (
+        f"given up: it would take {about} than {WORTH * limit} cells of parameters and frequencies, {WORTH} max_cells"
+    )
     return RobustStability(False, None, proved, slowest, family.values(worst), reason)
 
 

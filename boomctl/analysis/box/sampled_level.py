@@ -33,6 +33,7 @@ from boomctl.structure.response.realisation import realize
 _NOISE = 1e-13  # share of the largest entry below which a coefficient is rounding (a choice)
 _EXACT = 1e-9  # share of the largest entry that a polynomial may miss (a choice: far below what damps a loop)
 _DEGREE = 64  # of a parameter at most: an oscillation that turns by 40 radians a sample over the box (a choice)
+_BESIDE = 3  # points more than the last coefficient needs that is more than rounding: two to spare (a choice)
 _GRID = 40_000  # points of the grid of all parameters at most, a millisecond or so each (a choice of patience)
 _INSIDE = 24  # points drawn at which polynomials are compared, besides the corners (a choice)
 _FAST = "the sampled loop changes too fast over the box"
@@ -171,10 +172,7 @@ def _polynomials(
         They are none, to what counts, of a degree that could be handled.
     """
 
-    def line(axis: Array) -> Callable[[Array], dict[str, Array]]:
-        return lambda places: at([float(x) * axis for x in places])
-
-    counts = tuple(points_needed(line(axis), _negligible, _DEGREE) for axis in np.eye(size))
+    counts = tuple(_points_along(at, axis) for axis in np.eye(size))
     if np.prod(counts) > _GRID:
         raise ValueError(f"{_FAST}: it would take {np.prod(counts)} points to know how")
     stacks = at(points(counts))
@@ -195,6 +193,23 @@ def _polynomials(
             raise ValueError(f"{_FAST}: polynomials of degree {_DEGREE} miss it by {worst.max():.2g}")
         found[letter], off[letter] = terms, _SPARE * worst
     return found, off
+
+
+def _points_along(at: Callable[[Sequence[Array]], dict[str, Array]], axis: Array) -> int:
+    """Return at how many points of a parameter's range matrices are to be known, wherever the others are."""
+
+    def line(places: Array, others: float = 0.0) -> dict[str, Array]:
+        return at([float(x) * axis + others * (1.0 - axis) for x in places])
+
+    most = points_needed(line, _negligible, _DEGREE)
+    last = 0
+    for others in (-1.0, 0.0, 1.0):
+        stacks = line(np.concatenate(points((most,))), others)
+        least = _negligible(stacks)
+        for letter, stack in stacks.items():
+            there = np.abs(series(stack, (most,))).reshape(most, -1).max(axis=1, initial=0.0) > least[letter]
+            last = max(last, *np.flatnonzero(there).tolist(), 0)
+    return min(most, last + _BESIDE)
 
 
 def _negligible(stacks: Mapping[str, Array]) -> dict[str, float]:

@@ -2,10 +2,9 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from boomctl.benchmark.precision.diagram import Diagram, Point, Way
-from boomctl.files import write_whole
+from boomctl.files import Page
 from boomctl.report import Table, number, power
 
 NAMES = (
@@ -32,8 +31,10 @@ _ALIKE = 1.15  # times the shortest run time up to which the most exact is taken
 _SPACE = "\u00a0"  # between a number and its unit, where no line breaks
 _BREAK = "\u200b"  # of no width, where a line may break
 _PAGE_HEAD = "| wanted | write | error | new parameters | model ready | memory | best other |"
-_BEGIN = "<!-- what follows is written by `boomctl benchmark precision --page` -->"
-_END = "<!-- what precedes is written by `boomctl benchmark precision --page` -->"
+PAGE = Page(
+    "<!-- what follows is written by `boomctl benchmark precision --page` -->",
+    "<!-- what precedes is written by `boomctl benchmark precision --page` -->",
+)
 
 
 @dataclass(frozen=True)
@@ -166,27 +167,3 @@ def page_text(found: Sequence[Recommendation], machine: str) -> str:
                 parts.append(f"| {wanted} | {call if each.point is None else f'`{call}`'} | {' | '.join(others)} |")
         parts.append("")
     return "\n".join(parts)
-
-
-def check_page(path: Path) -> str:
-    """Return what a page holds, with one pair of marks in it.
-
-    Raises
-    ------
-    ValueError
-        The page has no such marks, or is a folder.
-    OSError
-        It cannot be read.
-    """
-    if path.is_dir():
-        raise ValueError(f"{path}: expected a file, got a folder")
-    text = path.read_text(encoding="utf-8")
-    if text.count(_BEGIN) != 1 or text.count(_END) != 1 or text.index(_BEGIN) > text.index(_END):
-        raise ValueError(f"{path}: expected one line {_BEGIN!r}, and below it one line {_END!r}, for the tables")
-    return text
-
-
-def write_page(path: Path, text: str) -> None:
-    """Write the tables into a page, between its two marks; what stands around them stays.  Errors: `check_page`."""
-    before, rest = check_page(path).split(_BEGIN)
-    write_whole(path, f"{before}{_BEGIN}\n\n{text}\n{_END}{rest.split(_END)[1]}")
