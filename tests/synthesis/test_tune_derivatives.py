@@ -9,8 +9,10 @@ import boomctl as bc
 from boomctl.synthesis.plants.partition import partition
 from boomctl.synthesis.tuning.certificate import places
 from boomctl.synthesis.tuning.hessian import peak_hessian
+from boomctl.synthesis.tuning.paths import Paths
 from boomctl.synthesis.tuning.point import Point
-from boomctl.synthesis.tuning.problem import Problem, ScaledPlant, ports_of
+from boomctl.synthesis.tuning.problem import Closed, Problem, ScaledPlant, ports_of
+from boomctl.synthesis.tuning.responses import Response, grid, peaks
 from boomctl.synthesis.tuning.solver.quadratic import least
 from tests.profiles import examples
 from tests.synthesis.test_tune import swing
@@ -118,9 +120,12 @@ def test_the_gradient_of_the_largest_norm_is_its_difference(name, norm):
     )
 
 
-@pytest.mark.parametrize("name", STRUCTURES)
-def test_the_second_derivatives_of_a_peak_are_differences_of_its_gradient(name):
-    problem = problem_of(STRUCTURES[name], [T.objective()])
+ENDS = {"all": (), "a column": ("u[0]",), "a row": (None, "y[0]"), "a wide one": (None, ["y[0]", "y[1]"])}
+
+
+@pytest.mark.parametrize(("name", "ends"), [*((name, "all") for name in STRUCTURES), *(("free", e) for e in ENDS)])
+def test_the_second_derivatives_of_a_peak_are_differences_of_its_gradient(name, ends):
+    problem = problem_of(STRUCTURES[name], [T.objective(*ENDS[ends])])
     x = stable_point(problem, 2)
     point = Point(problem, x)
     piece = max(point.pieces(1e-6), key=lambda piece: piece.value)
@@ -143,7 +148,7 @@ def test_gradients_of_bounds_are_their_differences(bounds):
 def test_the_gradient_of_the_largest_real_part_is_its_difference():
     problem = problem_of(T.state_space(2), [T.objective()])
     x = stable_point(problem, 4)
-    gradient = Point(problem, x).abscissa()[1]
+    gradient = Point(problem, x).abscissa()[1]()
     assert gradient == pytest.approx(
         differences(lambda x: Point(problem, x).abscissa()[0], x), abs=WITHIN * np.abs(gradient).max()
     )
@@ -167,6 +172,85 @@ def test_a_quadratic_programme_meets_its_conditions(seed):
     assert (G @ y - h).max() <= 1e-8
     assert z.min() >= -1e-12
     assert np.abs(z * (G @ y - h)).max() <= 1e-8
+
+
+@pytest.mark.parametrize("seed", [365, 518, 653, 1247, *range(20)])
+def test_the_programme_of_a_step_meets_its_conditions_where_rounding_holds_residuals_up(seed):
+    """Pieces nearly as high as the highest, little curvature, ends near and far: going on past rounding would spoil it."""
+    rng = np.random.default_rng(seed)
+    n, k = int(rng.integers(2, 14)), int(rng.integers(2, 9))
+    damping, slopes = 10.0 ** rng.uniform(-9, 2), rng.normal(size=(k, n))
+    slopes /= np.sqrt((slopes**2).max(axis=0))
+    below, root = np.append(0.0, 10.0 ** rng.uniform(-8, -1, k - 1)), rng.normal(size=(n, int(rng.integers(0, n + 1))))
+    H, unit = np.zeros((n + 1, n + 1)), np.eye(n + 1)
+    H[:n, :n] = 0.1 * root @ root.T + damping * np.eye(n)
+    G = np.vstack([np.column_stack([slopes, -np.ones(k)]), unit[:n], -unit[:n]])
+    h = np.concatenate([below, 10.0 ** rng.uniform(-11, 3, 2 * n)])
+    y, z = least(H, unit[n], G, h)
+    assert np.abs(H @ y + unit[n] + G.T @ z).max() <= 1e-8
+    assert (G @ y - h).max() <= 1e-8
+    assert z.min() >= -1e-12
+    assert np.abs(z * (G @ y - h)).max() <= 1e-9 * h.max()
+
+
+def loop_of(A, seed):
+    """Return a loop with given states and random ends, its rows and columns."""
+    rng, n = np.random.default_rng(seed), len(A)
+    B, C, D = rng.normal(size=(n, 3)), rng.normal(size=(2, n)), rng.normal(size=(2, 3))
+    before, after, around = rng.normal(size=(n + 2, 4)), rng.normal(size=(5, n + 3)), rng.normal(size=(5, 4))
+    return Closed(A, B, C, D, before, after, around), np.array([1, 0]), np.array([2, 0])
+
+
+def states(kind):
+    """Return states whose eigenvectors are independent, or not."""
+    A = np.random.default_rng(1).normal(size=(5, 5)) - 4.0 * np.eye(5)
+    return A if kind == "independent" else np.diag([-2.0] * 5) + np.diag([1.0] * 4, 1)
+
+
+@pytest.mark.parametrize("kind", ["independent", "defective"])
+def test_what_leads_through_a_loop_is_made_of_its_resolvent(kind):
+    loop, rows, columns = loop_of(states(kind), 3)
+    n, response = len(loop.A), Response.of(loop, columns, rows)
+    assert response.A.ndim == (1 if kind == "independent" else 2)
+    paths = Paths.of(response, loop, columns, rows)
+    B, C, D = loop.part(columns, rows)
+    enters, leaves = np.hstack([B, loop.before[:n]]), np.vstack([C, loop.after[:, :n]])
+    beside = np.block([[D, loop.before[n + rows]], [loop.after[:, n + columns], loop.around]])
+    omega = np.array([0.0, 0.7, np.inf, 13.0])
+    for w, found in zip(omega, paths.passages(omega), strict=True):
+        P = np.linalg.inv(1j * w * np.eye(n) - loop.A) if np.isfinite(w) else np.zeros((n, n))
+        wanted = leaves @ P @ enters + beside
+        assert found.U * found.values @ found.Vh == pytest.approx(wanted[:2, :2], abs=1e-12)
+        assert found.left == pytest.approx(wanted[:2, 2:], abs=1e-12)
+        assert found.right == pytest.approx(wanted[2:, :2], abs=1e-12)
+        assert found.around == pytest.approx(wanted[2:, 2:], abs=1e-12)
+        for power in (2, 3) if np.isfinite(w) else ():
+            several = leaves @ np.linalg.matrix_power(P, power) @ enters
+            assert paths.through_states(np.array([w]), power)[0] == pytest.approx(several, abs=1e-12)
+
+
+@examples(40)
+@given(st.integers(0, 10_000))
+def test_peaks_are_no_lower_than_on_a_fine_grid_and_the_highest_is_so_in_any_window(seed):
+    rng = np.random.default_rng(seed)
+    rates, ratios = np.exp(rng.uniform(-1.0, 2.0, 3)), np.exp(rng.uniform(-5.0, -1.0, 3))
+    A = np.zeros((6, 6))
+    for k, (w, z) in enumerate(zip(rates, ratios, strict=True)):
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[-z * w, w], [-w, -z * w]]
+    loop, rows, columns = loop_of(A, seed)
+    response = Response.of(loop, columns, rows)
+    omega = grid(response.poles, np.zeros(0))
+    values = response.largest(omega)
+    (at, found), (there, highest) = (peaks(response, omega, values, window) for window in (0.1, 0.0))
+    assert found[0] == pytest.approx(highest[0], rel=1e-12)
+    assert (len(there), at[0]) == (1, pytest.approx(there[0], rel=1e-6))
+    fine = [np.linalg.inv(1j * w * np.eye(6) - A) for w in np.geomspace(0.01, 100.0, 3000)]
+    B, C, D = loop.part(columns, rows)
+    assert found[0] >= max(np.linalg.norm(C @ P @ B + D, 2) for P in fine) * (1.0 - 1e-9)
+    for w, value in zip(at, found, strict=True):
+        P = np.linalg.inv(1j * w * np.eye(6) - A) if np.isfinite(w) else np.zeros((6, 6))
+        assert value == pytest.approx(np.linalg.norm(C @ P @ B + D, 2), rel=1e-9)
+        assert value >= 0.9 * found[0]
 
 
 @pytest.mark.parametrize("name", STRUCTURES)

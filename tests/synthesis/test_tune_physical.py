@@ -165,7 +165,7 @@ def test_the_slowest_pole_moves_as_differences_say():
     plants, make = made("hinge_damping")
     problem = problem_of(plants, T.state_space(2) + plants.physical[0], [T.objective()])
     x = begun(problem, 2)
-    gradient = Point(problem, x).abscissa()[1] * problem.ports.rate
+    gradient = Point(problem, x).abscissa()[1]() * problem.ports.rate
     wanted = richardson(lambda number: float(loop_at(problem, x, make, number).poles().real.max()), x[-1])
     assert gradient[-1] == pytest.approx(wanted, rel=WITHIN)
 

@@ -16,66 +16,56 @@ _SHARP = 1e-12  # curvature over frequency, relative, from which on a peak follo
 
 def peak_hessian(point: Point, piece: Piece) -> Array:
     """Return the second derivatives of the logarithm of a peak."""
-    loop, rows, columns = point.part(piece.model, piece.channel)
-    n, k = len(loop.A), len(point.x)
-    slopes = point.slopes(piece.model).reshape(k, loop.before.shape[1], -1)
-    B, C, D = loop.part(columns, rows)
-    before, after = loop.before[:n], loop.after[:, :n]
-    through, into = loop.before[n + rows].astype(complex), loop.after[:, n + columns].astype(complex)
-    moving = np.isfinite(piece.omega) and n > 0 and piece.omega > 0.0
-    P = np.zeros((n, n), complex)  # what it is at infinite frequency
-    if np.isfinite(piece.omega) and n:
-        P = np.linalg.inv(1j * piece.omega * np.eye(n) - loop.A)
-    CP, PB = C @ P, P @ B
-    left, right, around = CP @ before + through, after @ PB + into, after @ P @ before + loop.around
-    G = CP @ B + D
-    U, values, Vh = np.linalg.svd(G)
+    model, channel, omega = piece.model, piece.channel, piece.omega
+    k, (U, values, Vh, left, right, around) = len(point.x), point.passage(model, channel, omega)
+    (p, r), (c, m) = left.shape, right.shape
+    slopes = point.slopes(model).reshape(k, r, c)
     u, v, top = U[:, 0], Vh[0].conj(), float(values[0])
-    l, r = u.conj() @ left, right @ v
-    a, b = np.tensordot(slopes, l, (1, 0)), slopes @ r  # l dK, dK r for every free number
-    alpha, beta = a @ right @ Vh.conj().T, b @ (U.conj().T @ left).T  # u^H G_i V and U^H G_i v
+    before, after = u.conj() @ left, right @ v
+    a, b = before @ slopes, slopes @ after  # of the change by every free number, from the left and from the right
+    alpha, beta = a @ right, b @ left.T  # u^H G_i and G_i v
     mixed = a @ around @ b.T
-    second = np.real(mixed + mixed.T) + np.real(_bent(point.bends(piece.model), l, r))
-    gradient = np.real(a @ r)
-    size = k
+    second = np.real(mixed + mixed.T) + np.real(_bent(point.bends(model), before, after))
+    gradient = np.real(a @ after)
+    paths = point.paths(model, channel)
+    moving = np.isfinite(omega) and omega > 0.0 and len(paths.into) > 0
     if moving:
-        CPP, PPB = CP @ P, P @ PB
-        by_omega = -1j * (CP @ PB)
-        alpha = np.vstack([alpha, u.conj() @ by_omega @ Vh.conj().T])
-        beta = np.vstack([beta, U.conj().T @ by_omega @ v])
-        turned = np.tensordot(slopes, -1j * (u.conj() @ CPP @ before), (1, 0)) @ r + a @ (-1j * (after @ PPB @ v))
-        twice = -2.0 * (u.conj() @ CPP @ PB @ v)
-        second = np.block([[second, np.real(turned)[:, None]], [np.real(turned)[None, :], np.real(twice)]])
-        gradient = np.append(gradient, np.real(u.conj() @ by_omega @ v))
-        size = k + 1
-    second = second + _from_others(alpha, beta, values, top, size)
+        twofold = -1j * paths.through_states(np.array([omega]), 2)[0]
+        threefold = -2.0 * paths.through_states(np.array([omega]), 3)[0, :p, :m]
+        by_omega = twofold[:p, :m]
+        alpha, beta = np.vstack([alpha, u.conj() @ by_omega]), np.vstack([beta, by_omega @ v])
+        turned = np.real((u.conj() @ twofold[:p, m:]) @ slopes @ after + a @ (twofold[p:, :m] @ v))
+        whole = np.empty((k + 1, k + 1))
+        whole[:k, :k], whole[:k, k], whole[k, :k] = second, turned, turned
+        whole[k, k] = np.real(u.conj() @ threefold @ v)
+        second, gradient = whole, np.append(gradient, np.real(u.conj() @ by_omega @ v))
+    second = second + _from_others(alpha, beta, U, values, Vh)
     whole = second / top - np.outer(gradient, gradient) / top**2
     if not moving:
         return whole
     bend = whole[k, k]
-    if bend >= -_SHARP / max(piece.omega, 1.0) ** 2:
+    if bend >= -_SHARP / max(omega, 1.0) ** 2:
         return whole[:k, :k]
     return whole[:k, :k] - np.outer(whole[:k, k], whole[k, :k]) / bend
 
 
-def _from_others(alpha: Array, beta: Array, values: Array, top: float, size: int) -> Array:
-    """Return what the other singular vectors bring to the second derivatives."""
-    found = np.zeros((size, size))
-    count, widest = len(values), max(alpha.shape[1], beta.shape[1])
-    for j in range(widest):
-        if j < count:
-            for sign in (1.0, -1.0):
-                gap = top - sign * values[j]
-                if gap <= _APART * top:
-                    continue
-                c = 0.5 * (sign * alpha[:, j] + beta[:, j].conj())
-                found += 2.0 * np.real(np.outer(c, c.conj())) / gap
-        else:
-            for vectors in (alpha, beta):
-                if j < vectors.shape[1]:
-                    c = vectors[:, j]
-                    found += 2.0 * 0.5 * np.real(np.outer(c, c.conj())) / top
+def _from_others(alpha: Array, beta: Array, U: Array, values: Array, Vh: Array) -> Array:
+    """Return what the other singular vectors bring to the second derivatives; ``alpha`` is u^H G_i, ``beta`` G_i v."""
+    top = float(values[0])
+    along, beside = alpha @ Vh.conj().T, (beta @ U.conj()).conj()
+    both = 0.5 * np.concatenate([beside + along, beside - along], axis=1)
+    gaps = np.concatenate([top - values, top + values])
+    apart = gaps > _APART * top
+    found = 2.0 * _squared(both[:, apart], 1.0 / gaps[apart])
+    for vectors, inside in ((alpha, along), (beta, beside)):
+        if vectors.shape[1] > len(values):  # vectors that the response, whose singular values are fewer, has none for
+            found += (_squared(vectors) - _squared(inside)) / top
     return found
+
+
+def _squared(c: Array, weights: Array | float = 1.0) -> Array:
+    """Return the real part of ``c diag(weights) c^H``."""
+    return (c.real * weights) @ c.real.T + (c.imag * weights) @ c.imag.T
 
 
 def _bent(bends: Array | None, l: Array, r: Array) -> Array:

@@ -15,10 +15,12 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.synthesis.tuning.paths import Passage, Paths
 from boomctl.synthesis.tuning.problem import Closed, Problem, ScaledPlant, close
 from boomctl.synthesis.tuning.responses import BELOW, Response, coarse, grid, peaks, same_place
 from boomctl.synthesis.tuning.solver.highest import STATES, highest_peak
 
+WINDOW = 0.1  # share below the highest within which peaks are looked at (a choice)
 _STEP = 1e-3  # of differences, in halves of a parameter's range: rounding and what is left out are 1e-12 then (derived)
 _BEND = 1e-5  # of differences of a controller's derivatives: they need to be right to some digits alone
 _STENCIL = np.arange(5) - 2  # places of a difference of fourth order
@@ -69,7 +71,10 @@ class Point:
         self.problem, self.x = problem, x
         self._known = {} if known is None else known
         self._responses: dict[tuple[int, int], Response] = {}
-        self._peaks: dict[tuple[int, int, float], tuple[Array, Array]] = {}
+        self._paths: dict[tuple[int, int], Paths] = {}
+        self._passages: dict[tuple[int, int, float], Passage] = {}
+        self._pieces: dict[tuple[int, int, float, float], list[Piece]] = {}
+        self._peaks: dict[tuple[int, int], tuple[float, Array, Array]] = {}
         self._grids: dict[tuple[int, int], tuple[Array, Array, float]] = {}
         self._moved: dict[tuple[int, int, int], Closed | None] = {}
         self._squares: dict[tuple[int, int], tuple[float, Array]] = {}
@@ -137,31 +142,47 @@ class Point:
     @cached_property
     def stable(self) -> bool:
         """Whether all loops are."""
-        return self.well_posed and all(loop is not None and loop.abscissa < -loop.margin for loop in self.loops)
+        if not self.well_posed:
+            return False
+        for loop in self.loops:
+            assert loop is not None
+            if self._sums and (not self.quick or len(loop.A) > STATES):
+                _ = loop.coordinates  # which peaks ask for next, and hold the poles
+            if not loop.abscissa < -loop.margin:
+                return False
+        return True
 
     # -- poles -----------------------------------------------------------------------------------------------------
-    def abscissa(self) -> tuple[float, Array]:
-        """Return the largest real part of all loops' poles and its gradient, over the plant's rate.
+    def abscissa(self) -> "tuple[float, Callable[[], Array]]":
+        """Return the largest real part of all loops' poles, over the plant's rate, and its gradient.
 
         A pole of the controller that is faster than allowed counts too.
         """
         if not self.well_posed:
-            return inf, np.zeros_like(self.x)
+            return inf, lambda: np.zeros_like(self.x)
         rate, values = self.problem.ports.rate, [loop.abscissa if loop else inf for loop in self.loops]
         worst = int(np.argmax(values))
-        value, loop = values[worst] / rate, self.loops[worst]
-        assert loop is not None
+        value = values[worst] / rate
         K, _ = self.controller
         n, limit = self.problem.order, self.problem.fastest_pole
         if limit is not None and n:
-            fastest = float(np.abs(np.linalg.eigvals(K[:n, :n])).max())
-            if fastest / limit - 1.0 > value:
-                found = self._controller_poles()[0]
-                return found.value, found.gradient
-        poles, left, right = _eigen(loop.A)
-        k = int(np.argmax(poles.real))
-        gradient = self._of_pole(worst, poles[k], left[:, k], right[:, k], lambda change: np.real(change))
-        return value, gradient / rate
+            beyond = float(np.abs(np.linalg.eigvals(K[:n, :n])).max()) / limit - 1.0
+            if beyond > value:
+                return beyond, lambda: self._controller_poles()[0].gradient
+
+        def gradient() -> Array:
+            poles, left, right = self._eigen(worst)
+            k = int(np.argmax(poles.real))
+            return self._of_pole(worst, poles[k], left[:, k], right[:, k], lambda change: np.real(change)) / rate
+
+        return value, gradient
+
+    def _eigen(self, model: int) -> tuple[Array, Array, Array]:
+        """Return poles of a loop, left and right eigenvectors."""
+        loop = self.loops[model]
+        assert loop is not None
+        values, inverse, vectors = loop.coordinates
+        return (values, inverse.conj().T, vectors) if values.ndim == 1 else _eigen(loop.A)
 
     def _of_pole(
         self, model: int, pole: complex, left: Array, right: Array, of: Callable[[Array], Array], own: bool = False
@@ -223,7 +244,7 @@ class Point:
             return found
         for i, loop in enumerate(self.loops):
             assert loop is not None
-            poles, left, right = _eigen(loop.A)
+            poles, left, right = self._eigen(i)
             size = np.maximum(np.abs(poles), _TINY)
             if damping is not None:
                 values = poles.real / size + damping
@@ -260,8 +281,7 @@ class Point:
             assert loop is not None
             if self._apart(loop).min(initial=1.0) > _NEAR_EDGE * edge:
                 continue
-            values, inverse, vectors = loop.coordinates
-            poles, left, right = (values, inverse.conj().T, vectors) if values.ndim == 1 else _eigen(loop.A)
+            poles, left, right = self._eigen(i)
             apart = -poles.real / (np.abs(poles) + slowest)
             for k in np.flatnonzero((apart <= _NEAR_EDGE * edge) & (poles.imag >= 0.0)):
                 pole, size = poles[k], abs(poles[k]) + slowest
@@ -298,13 +318,18 @@ class Point:
     def part(self, model: int, channel: int) -> tuple[Closed, Array, Array]:
         """Return the loop of a model, or the controller by itself, and rows and columns of a channel."""
         if model < 0:
-            n, K = self.problem.order, self.controller[0]
-            around = np.zeros(K.T.shape)
-            alone = Closed(K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:], np.eye(len(K)), np.eye(K.shape[1]), around)
-            return alone, np.arange(len(K) - n), np.arange(K.shape[1] - n)
+            alone = self._alone
+            return alone, np.arange(len(alone.C)), np.arange(alone.B.shape[1])
         loop = self.loops[model]
         assert loop is not None
         return loop, self.problem.rows[channel], self.problem.columns[channel]
+
+    @cached_property
+    def _alone(self) -> Closed:
+        """The controller by itself."""
+        n, K = self.problem.order, self.controller[0]
+        around = np.zeros(K.T.shape)
+        return Closed(K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:], np.eye(len(K)), np.eye(K.shape[1]), around)
 
     # -- norms -----------------------------------------------------------------------------------------------------
     def response(self, model: int, channel: int) -> Response:
@@ -315,15 +340,42 @@ class Point:
             self._responses[key] = Response.of(whole, columns, rows)
         return self._responses[key]
 
+    def paths(self, model: int, channel: int) -> Paths:
+        """Return what leads through a channel of a loop."""
+        key = (model, channel)
+        if key not in self._paths:
+            whole, rows, columns = self.part(model, channel)
+            self._paths[key] = Paths.of(self.response(model, channel), whole, columns, rows)
+        return self._paths[key]
+
+    def passage(self, model: int, channel: int, omega: float) -> Passage:
+        """Return a channel of a loop at a frequency."""
+        return self._passages_at(model, channel, [omega])[0]
+
+    def _passages_at(self, model: int, channel: int, omega: list[float]) -> list[Passage]:
+        known = self._passages
+        new = [each for each in omega if (model, channel, each) not in known]
+        if new:
+            found = self.paths(model, channel).passages(np.array(new))
+            known.update(((model, channel, each), one) for each, one in zip(new, found, strict=True))
+        return [known[model, channel, each] for each in omega]
+
     def norm_peaks(self, model: int, channel: int, window: float) -> tuple[Array, Array]:
         """Return frequencies and values of the peaks of a channel within a share of the highest."""
-        key = (model, channel, window)
-        if key not in self._peaks:
-            at_once = self._at_once(model, channel) if self.quick and window == 0.0 else None
-            if at_once is None:
-                at_once = peaks(self.response(model, channel), *self._coarse(model, channel)[:2], window)
-            self._peaks[key] = at_once
-        return self._peaks[key]
+        seen, at, values = self._peaks.get((model, channel), (-1.0, np.zeros(0), np.zeros(0)))
+        if seen < window:
+            found = self._at_once(model, channel) if self.quick and window == 0.0 else None
+            if found is None:
+                seen = window if self.quick else max(window, WINDOW)  # whose pieces will be asked for, as a rule
+                found = peaks(self.response(model, channel), *self._coarse(model, channel)[:2], seen)
+            else:
+                seen = 0.0
+            at, values = found
+            self._peaks[model, channel] = seen, at, values
+        if seen == window:
+            return at, values
+        kept = values >= (1.0 - window) * values[0]
+        return at[kept], values[kept]
 
     def _at_once(self, model: int, channel: int) -> tuple[Array, Array] | None:
         """Return the highest peak of a small loop without a grid; None where there is none or the loop is large."""
@@ -447,7 +499,7 @@ class Point:
     def _gradient(self, model: int, channel: int, omega: float) -> Array:
         if np.isnan(omega):
             return self._h2(model, channel)[1]
-        return self._singular(model, channel, omega)[0].gradient
+        return self._singular(model, channel, [omega], 0.0)[0].gradient
 
     def pieces(self, window: float, asked: "set[tuple[int, int, float]] | None" = None) -> list[Piece]:
         """Return the pieces within a share of what counts: of the highest objective, and of budgets nearly used up."""
@@ -459,55 +511,60 @@ class Point:
             if log(max(self._coarse(model, channel)[2], _TINY)) - offset < floor + log(BELOW):
                 continue
             places, values = self.norm_peaks(model, channel, window)
-            for omega, value in zip(places.tolist(), values.tolist(), strict=True):
-                if log(max(value, _TINY)) - offset >= floor:
-                    found += self._singular(model, channel, omega, window)
+            both = zip(places.tolist(), values.tolist(), strict=True)
+            high = [omega for omega, value in both if log(max(value, _TINY)) - offset >= floor]
+            found += self._singular(model, channel, high, window)
         for model, channel, omega in asked or ():
             known = any(p.model == model and p.channel == channel and same_place(p.omega, omega, _SAME) for p in found)
             if not known:
-                found += self._singular(model, channel, omega, 0.0)
+                found += self._singular(model, channel, [omega], 0.0)
         for model, channel, omega, value in self._squares_of(False) + self._squares_of(True):
             gradient = self._h2(model, channel)[1]
             found.append(Piece(model, channel, omega, value, gradient, self._is_limit(channel)))
         return found + self.bounds
 
-    def _singular(self, model: int, channel: int, omega: float, window: float | None = None) -> list[Piece]:
-        """Return the largest singular value at a frequency, and with a window those near it and mixtures of the two."""
-        response = self.response(model, channel)
-        G = response.D.astype(complex) if omega == inf else response.response(np.array([omega]))[:, :, 0]
-        U, values, Vh = np.linalg.svd(G, full_matrices=False)
-        left, right = self._sides(model, channel, omega)
-        vectors = [(U[:, 0], Vh[0].conj(), float(values[0]), True)]
-        for k in range(1, len(values) if window else 1):
-            if values[k] < (1.0 - (window or 0.0)) * values[0]:
-                break
-            vectors.append((U[:, k], Vh[k].conj(), float(values[k]), False))
-            for phase in _MIXED if omega > 0.0 and omega < inf else _MIXED[:2]:
-                u, v = (U[:, 0] + phase * U[:, k]) / 2**0.5, (Vh[0].conj() + phase * Vh[k].conj()) / 2**0.5
-                vectors.append((u, v, 0.5 * float(values[0] + values[k]), False))
-        offset, limit = self._offset(channel), self._is_limit(channel)
-        found = []
-        for u, v, value, top in vectors:
-            outer = np.outer(left.T @ u.conj(), right @ v)
-            gradient = np.real(self.slopes(model) @ outer.ravel())
-            for axis, place in self._by_differences(model):
-                offsets, weights = self._stencil(axis)
-                moved = [self._response_at(model, channel, axis, each, omega) for each in offsets]
-                gradient[place] = float(sum(w * (u.conj() @ M @ v).real for w, M in zip(weights, moved, strict=True)))
-            size = max(value, _TINY)
-            found.append(Piece(model, channel, omega, log(size) - offset, gradient / size, limit, top))
-        return found
+    def _singular(self, model: int, channel: int, omega: list[float], window: float) -> list[Piece]:
+        """Return the largest singular values at frequencies, and with a window those near them and mixtures of the two."""
+        known = self._pieces
+        new = [each for each in omega if (model, channel, each, window) not in known]
+        if new:
+            found = self._pieces_at(model, channel, new, window)
+            known.update(((model, channel, each, window), pieces) for each, pieces in zip(new, found, strict=True))
+        return [piece for each in omega for piece in known[model, channel, each, window]]
 
-    def _sides(self, model: int, channel: int, omega: float) -> tuple[Array, Array]:
-        """Return what carries a change of the controller's matrices to the response: ``left @ change @ right``."""
-        whole, rows, columns = self.part(model, channel)
-        n = len(whole.A)
-        left, right = whole.before[n + rows].astype(complex), whole.after[:, n + columns].astype(complex)
-        if omega < inf and n:
-            pencil = 1j * omega * np.eye(n) - whole.A
-            left = left + whole.C[rows] @ np.linalg.solve(pencil, whole.before[:n])
-            right = right + whole.after[:, :n] @ np.linalg.solve(pencil, whole.B[:, columns])
-        return left, right
+    def _pieces_at(self, model: int, channel: int, omega: list[float], window: float) -> list[list[Piece]]:
+        """Return the pieces at frequencies, for each of these."""
+        owner: list[int] = []
+        seen: list[tuple[Array, Array, float, bool]] = []
+        passages = self._passages_at(model, channel, omega)
+        for i, (at, passage) in enumerate(zip(omega, passages, strict=True)):
+            U, V, values = passage.U.T, passage.Vh.conj(), passage.values.tolist()
+            seen.append((U[0], V[0], values[0], True))
+            for k in range(1, len(values) if window else 1):
+                if values[k] < (1.0 - window) * values[0]:
+                    break
+                seen.append((U[k], V[k], values[k], False))
+                for phase in _MIXED if 0.0 < at < inf else _MIXED[:2]:
+                    u, v = (U[0] + phase * U[k]) / 2**0.5, (V[0] + phase * V[k]) / 2**0.5
+                    seen.append((u, v, 0.5 * (values[0] + values[k]), False))
+            owner += [i] * (len(seen) - len(owner))
+        lefts, rights = np.array([passages[i].left for i in owner]), np.array([passages[i].right for i in owner])
+        us, vs = np.array([each[0] for each in seen]).conj(), np.array([each[1] for each in seen])
+        outer = (us[:, None, :] @ lefts).swapaxes(1, 2) * (rights @ vs[:, :, None]).swapaxes(1, 2)
+        gradients = np.real(outer).reshape(len(seen), -1) @ self.slopes(model).T
+        for axis, place in self._by_differences(model):
+            offsets, weights = self._stencil(axis)
+            moved = [[self._response_at(model, channel, axis, each, at) for each in offsets] for at in omega]
+            for k, i in enumerate(owner):
+                changes = [w * (us[k] @ M @ vs[k]).real for w, M in zip(weights, moved[i], strict=True)]
+                gradients[k, place] = float(sum(changes))
+        offset, limit = self._offset(channel), self._is_limit(channel)
+        found: list[list[Piece]] = [[] for _ in omega]
+        for i, (_, _, value, top), gradient in zip(owner, seen, gradients, strict=True):
+            size = max(value, _TINY)
+            piece = Piece(model, channel, omega[i], log(size) - offset, gradient / size, limit, top)
+            found[i].append(piece)
+        return found
 
     def _h2(self, model: int, channel: int) -> tuple[float, Array]:
         """Return an H2 norm and the gradient of its logarithm."""

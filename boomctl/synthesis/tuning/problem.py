@@ -1,7 +1,7 @@
 """The loops that are tuned: plants in well-chosen units, a structure between them, and what its free numbers are."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,6 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.synthesis.tuning.channels import Channel
 from boomctl.synthesis.tuning.parts.jets import Jet
 from boomctl.synthesis.tuning.parts.structures import PHYSICAL, Free, Ports, Structure
-from boomctl.synthesis.tuning.solver.highest import STATES
 
 _POINTS = 24  # frequencies at which sizes of signals are looked at (a choice)
 _ROUNDS = 30  # of scaling rows and columns in turn: each takes the square of what is left (a choice)
@@ -52,6 +51,9 @@ class ScaledPlant:
     D22: Array
     slopes: Array | None = None
     bends: Array | None = None
+    _frames: dict[int, tuple[Array, Array, Array, Array]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     @classmethod
     def of(cls, plant: GeneralizedPlant, states: Array | None = None) -> "ScaledPlant":
@@ -78,6 +80,29 @@ class ScaledPlant:
         rows = np.concatenate([states, np.ones(slopes.shape[1] - len(states))])[:, None]
         columns = np.concatenate([states, np.ones(slopes.shape[2] - len(states))])
         return replace(self, slopes=slopes / rows * columns, bends=bends / rows * columns)
+
+    def frame(self, order: int) -> tuple[Array, Array, Array, Array]:
+        """Return the plant with the states of a controller of some order beside its own, that read and do nothing yet.
+
+        These are ``[[A, B], [C, D]]`` from disturbances to performance, what the rates of the controller's states and its
+        controls add to that, and what the states and the measurements read of it; last what these read of the controls.
+        """
+        if order not in self._frames:
+            n, nu, ny = len(self.A), self.B2.shape[1], len(self.C2)
+            nw, nz = self.B1.shape[1], len(self.C1)
+            M12 = np.zeros((n + order + nz, order + nu))
+            M12[:n, order:], M12[n + order :, order:] = self.B2, self.D12
+            M12[n : n + order, :order] = np.eye(order)
+            M21 = np.zeros((order + ny, n + order + nw))
+            M21[order:, :n], M21[order:, n + order :] = self.C2, self.D21
+            M21[:order, n : n + order] = np.eye(order)
+            M = np.zeros((n + order + nz, n + order + nw))
+            M[:n, :n], M[:n, n + order :] = self.A, self.B1
+            M[n + order :, :n], M[n + order :, n + order :] = self.C1, self.D11
+            through = np.zeros((order + ny, order + nu))
+            through[order:, order:] = self.D22
+            self._frames[order] = M, M12, M21, through
+        return self._frames[order]
 
     @property
     def matrix(self) -> Array:
@@ -160,7 +185,7 @@ class Closed:
     @cached_property
     def poles(self) -> Array:
         """Eigenvalues [rad/s]."""
-        if "coordinates" not in self.__dict__ and len(self.A) <= STATES:  # whose peaks are found without coordinates
+        if "coordinates" not in self.__dict__:  # which take longer, and are not always asked for
             return np.linalg.eigvals(self.A).astype(complex) if len(self.A) else np.zeros(0, complex)
         A = self.coordinates[0]
         return A if A.ndim == 1 else np.diagonal(A)
@@ -184,27 +209,16 @@ def close(plant: ScaledPlant, K: Array, order: int) -> Closed | None:
     """Return a plant closed by a controller ``[[A, B], [C, D]]`` of some order; None where the loop is not well-posed."""
     n, nu, ny = len(plant.A), plant.B2.shape[1], len(plant.C2)
     nw, nz = plant.B1.shape[1], len(plant.C1)
-    M12 = np.zeros((n + order + nz, order + nu))
-    M12[:n, order:], M12[n + order :, order:] = plant.B2, plant.D12
-    M12[n : n + order, :order] = np.eye(order)
-    M21 = np.zeros((order + ny, n + order + nw))
-    M21[order:, :n], M21[order:, n + order :] = plant.C2, plant.D21
-    M21[:order, n : n + order] = np.eye(order)
-    M = np.zeros((n + order + nz, n + order + nw))
-    M[:n, :n], M[:n, n + order :] = plant.A, plant.B1
-    M[n + order :, :n], M[n + order :, n + order :] = plant.C1, plant.D11
-    gain, before, after, around = K, M12, M21, np.zeros((order + ny, order + nu))
-    inverse = np.eye(len(K))
-    if plant.D22.any():
-        through = np.zeros((order + ny, order + nu))
-        through[order:, order:] = plant.D22
+    M, M12, M21, through = plant.frame(order)
+    gain, before, after, around, inverse = K, M12, M21, through, np.eye(len(K))
+    if through.any():
         left = np.eye(len(K)) - K @ through
         if linalg.svdvals(left)[-1] <= _ILL_POSED:
             return None
         inverse = np.linalg.inv(left)
         gain = inverse @ K
         before, after, around = M12 @ inverse, (np.eye(len(M21)) + through @ gain) @ M21, through @ inverse
-    M += M12 @ gain @ M21
+    M = M + M12 @ gain @ M21
     end = n + order
     if plant.slopes is not None:  # what the plant adds to its states, outputs and measurements, and what it reads
         adds, reads = np.zeros((end + nz, n + nz + ny)), np.zeros((n + nw + nu, end + nw))
@@ -278,9 +292,19 @@ class Problem:
         one, other = (self.structure.system(middle + 0.1 * each, self.ports).matrix().slopes for each in drawn)
         return bool((one == other).all())
 
+    @cached_property
+    def _line(self) -> tuple[Array, Jet]:
+        """Free numbers, zeros where these may be, and the controller there."""
+        x = self.clipped(np.zeros(len(self.free)))
+        return x, self.structure.system(x, self.ports).matrix()
+
     def controller(self, x: Array) -> Jet:
         """Return ``[[A, B], [C, D]]`` of the controller in the users' units, with derivatives."""
-        return self.structure.system(x, self.ports).matrix()
+        if not self.linear:
+            return self.structure.system(x, self.ports).matrix()
+        start, there = self._line
+        moved = (x - start) @ there.slopes.reshape(len(x), there.value.size)
+        return Jet(there.value + moved.reshape(there.value.shape), there.slopes)
 
     def values(self, x: Array) -> dict[str, float]:
         """Return what the free numbers stand for, in the users' units."""

@@ -1,7 +1,9 @@
 """Peaks of the largest singular value of a closed loop over frequency, found on a grid that follows the poles."""
 
 from dataclasses import dataclass
-from math import isfinite, log
+from functools import cached_property
+from math import inf, isfinite, log
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,6 +49,16 @@ class Response:
         poles = A if A.ndim == 1 else np.diagonal(A)  # in the order of the coordinates
         return cls(poles, A, into @ B, C @ out_of, D)
 
+    @cached_property
+    def through(self) -> float:
+        """Largest singular value at infinite frequency."""
+        return float(np.linalg.norm(self.D, 2)) if self.D.any() else 0.0
+
+    @cached_property
+    def _terms(self) -> Array:
+        """What each pole has in each entry of the response, where the coordinates are those of the eigenvectors."""
+        return (self.C[:, None, :] * self.B.T).reshape(-1, len(self.poles))
+
     def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
         (n, m), p, count = self.B.shape, len(self.C), len(omega)
@@ -54,8 +66,7 @@ class Response:
             return np.repeat(self.D[:, :, None].astype(complex), count, axis=2)
         shares = 1.0 / (1j * omega - self.poles[:, None])
         if self.A.ndim == 1:
-            terms = self.C[:, None, :] * self.B.T
-            return (terms.reshape(-1, n) @ shares).reshape(p, m, count) + self.D[:, :, None]
+            return (self._terms @ shares).reshape(p, m, count) + self.D[:, :, None]
         step = max(1, _COLUMNS // (n * min(m, p)))
         if count > step:
             parts = [self.response(omega[i : i + step]) for i in range(0, count, step)]
@@ -78,28 +89,65 @@ class Response:
         """Return the largest singular values."""
         with np.errstate(all="ignore"):
             G = self.response(omega)
-            p, m, _ = G.shape
-            if min(p, m) == 0:
+            fewer = min(G.shape[:2])
+            if fewer == 0:
                 return np.zeros(len(omega))
-            if min(p, m) == 1:
-                found = np.sqrt((G.real**2 + G.imag**2).sum(axis=(0, 1)))
-            else:
-                found = np.sqrt(_largest_eigenvalues(np.moveaxis(G, 2, 0)))
+            found = np.sqrt((G.real**2 + G.imag**2).sum(axis=(0, 1)) if fewer == 1 else _largest_eigenvalues(G))
         return np.where(np.isfinite(found), found, np.inf)
 
 
 def _largest_eigenvalues(G: Array) -> Array:
-    """Return the squares of the largest singular values of a stack of matrices."""
-    adjoint = G.conj().swapaxes(1, 2)
-    gram = G @ adjoint if G.shape[1] <= G.shape[2] else adjoint @ G
+    """Return the squares of the largest singular values of matrices that lie along the last axis."""
+    G = G if len(G) <= G.shape[1] else G.swapaxes(0, 1)
+    if len(G) == 2:
+        (a, d), product = (G.real**2 + G.imag**2).sum(axis=1), (G[0] * G[1].conj()).sum(axis=0)
+        return 0.5 * (a + d) + np.hypot(0.5 * (a - d), np.abs(product))
+    G = np.moveaxis(G, 2, 0)
+    gram = G @ G.conj().swapaxes(1, 2)
     there = np.isfinite(gram).all(axis=(1, 2))
     found = np.full(len(G), np.inf)
-    if gram.shape[1] == 2:
-        a, d, b = np.real(gram[there, 0, 0]), np.real(gram[there, 1, 1]), gram[there, 0, 1]
-        found[there] = 0.5 * (a + d) + np.hypot(0.5 * (a - d), np.abs(b))
-    elif there.any():
+    if there.any():
         found[there] = np.linalg.eigvalsh(gram[there])[:, -1]
     return np.maximum(found, 0.0)
+
+
+class Bracket(NamedTuple):
+    """Three frequencies around a peak, and the values there; the one in the middle is the highest known."""
+
+    low: float
+    middle: float
+    high: float
+    left: float
+    top: float
+    right: float
+
+    @property
+    def narrow(self) -> bool:
+        """Whether the peak is known: its place, or its value because the bracket is flat."""
+        flat = min(self.left, self.top, self.right) >= self.top * (1.0 - _FLAT)
+        return flat or not self.high - self.low > _PLACED * self.high
+
+    def asked(self) -> list[float]:
+        """Return where to look next: around the top of the parabola that the inverse square of a resonance is."""
+        low, middle, high, left, top, right = self
+        vertex = middle
+        if left > 0.0 and right > 0.0:
+            p = (middle - low) * ((top / right) * (top / right) - 1.0)
+            q = (middle - high) * ((top / left) * (top / left) - 1.0)
+            if p != q:
+                vertex = middle - 0.5 * ((middle - low) * p - (middle - high) * q) / (p - q)
+            if not low < vertex < high:
+                vertex = middle
+        beside = _CLOSE * (high - low)
+        ends = max(vertex - beside, low), min(vertex + beside, high)
+        return [ends[0], vertex, ends[1], 0.5 * (low + middle), 0.5 * (middle + high)]
+
+    def narrowed(self, omega: list[float], values: list[float]) -> "Bracket":
+        """Return the bracket around the highest of all that is known."""
+        known = sorted([*zip(self[:3], self[3:], strict=True), *zip(omega, values, strict=True)])
+        best = max(range(len(known)), key=lambda k: known[k][1])
+        around = [known[k] for k in (max(best - 1, 0), best, min(best + 1, len(known) - 1))]
+        return Bracket(*(place for place, _ in around), *(value for _, value in around))
 
 
 def grid(poles: Array, also: Array) -> Array:
@@ -116,14 +164,14 @@ def grid(poles: Array, also: Array) -> Array:
     spread = np.exp(low + (high - low) * _SPREAD)
     real = -poles.real[(poles.imag == 0.0) & (size > _SLOWEST * top)]
     found = np.concatenate([[0.0], spread, near[near > 0.0], np.abs(real), also])
-    return np.unique(found)
+    found.sort()
+    return found[np.append(True, found[1:] > found[:-1])]
 
 
 def coarse(channel: Response, omega: Array) -> tuple[Array, float]:
     """Return the largest singular values on a grid, and the largest of all, that at infinite frequency included."""
     values = channel.largest(omega)
-    last = float(np.linalg.norm(channel.D, 2)) if channel.D.any() else 0.0
-    return values, float(values.max(initial=last))
+    return values, float(values.max(initial=channel.through))
 
 
 def peaks(channel: Response, omega: Array, values: Array, window: float) -> tuple[Array, Array]:
@@ -137,54 +185,35 @@ def peaks(channel: Response, omega: Array, values: Array, window: float) -> tupl
     window : float
         Maxima above ``1 - window`` times the highest are returned, refined.
     """
-    last = float(np.linalg.norm(channel.D, 2)) if channel.D.any() else 0.0
-    k = np.arange(len(omega))
-    left, right = values[np.maximum(k - 1, 0)], values[np.minimum(k + 1, len(omega) - 1)]
+    left, right = np.append(values[:1], values[:-1]), np.append(values[1:], values[-1:])
     tops = np.flatnonzero((values >= left) & (values >= right))
-    best = float(values.max(initial=last))
     # a top on the grid may stand beside one that is higher: what is a little lower is looked at too
-    tops = tops[values[tops] >= (1.0 - window) * best * BELOW]
-    tops = tops[np.argsort(values[tops])[::-1]]
-    ends = np.clip(tops[:, None] + np.array([-1, 0, 1]), 0, len(omega) - 1)
-    places, heights = omega[ends], values[ends]
+    tops = tops[values[tops] >= (1.0 - window) * float(values.max(initial=channel.through)) * BELOW]
+    places, heights = omega.tolist(), values.tolist()
+    brackets = [
+        Bracket(*(each[i] for each in (places, heights) for i in (max(k - 1, 0), k, min(k + 1, len(omega) - 1))))
+        for k in tops.tolist()
+    ]
     for _ in range(_ROUNDS):
-        flat = heights.min(axis=1) >= heights[:, 1] * (1.0 - _FLAT)
-        going = (places[:, 2] - places[:, 0] > _PLACED * places[:, 2]) & ~flat
-        if not going.any():
+        going = [k for k, bracket in enumerate(brackets) if not bracket.narrow]
+        if not going:
             break
-        places[going], heights[going] = _narrowed(channel, places[going], heights[going])
-    at, found = places[:, 1], heights[:, 1]
-    if last > 0.0:
-        at, found = np.append(at, np.inf), np.append(found, last)
-    order = np.argsort(found)[::-1]
-    at, found = at[order], found[order]
-    kept = found >= (1.0 - window) * found[0] if len(found) else np.zeros(0, bool)
-    at, found = at[kept], found[kept]
-    # neighbours on the grid may narrow down to the same peak
-    lone = [i for i in range(len(at)) if not any(same_place(at[i], at[j], 10.0 * _PLACED) for j in range(i))]
-    return at[lone], found[lone]
+        asked = [brackets[k].asked() for k in going]
+        found = channel.largest(np.array(asked).ravel()).reshape(-1, len(asked[0])).tolist()
+        for k, more, there in zip(going, asked, found, strict=True):
+            brackets[k] = brackets[k].narrowed(more, there)
+    both = [(bracket.top, bracket.middle) for bracket in brackets]
+    if channel.through > 0.0:
+        both.append((channel.through, inf))
+    both.sort(key=lambda each: -each[0])
+    kept: list[tuple[float, float]] = []
+    for value, at in both:
+        # neighbours on the grid may narrow down to the same peak
+        if value >= (1.0 - window) * both[0][0] and not any(same_place(at, k[1], 10.0 * _PLACED) for k in kept):
+            kept.append((value, at))
+    return np.array([at for _, at in kept]), np.array([value for value, _ in kept])
 
 
 def same_place(a: float, b: float, share: float) -> bool:
     """Return whether two frequencies are the same to a share of the higher one; infinity is the same as itself alone."""
     return a == b or (isfinite(a) and isfinite(b) and abs(a - b) <= share * max(abs(a), abs(b)))
-
-
-def _narrowed(channel: Response, omega: Array, heights: Array) -> tuple[Array, Array]:
-    """Return narrower brackets ``(low, top, high)``; the inverse square of a resonance is a parabola."""
-    (low, middle, high), (left, top, right) = omega.T, heights.T
-    with np.errstate(all="ignore"):
-        p, q = (middle - low) * ((top / right) ** 2 - 1.0), (middle - high) * ((top / left) ** 2 - 1.0)
-        vertex = middle - 0.5 * ((middle - low) * p - (middle - high) * q) / (p - q)
-    inside = (vertex > low) & (vertex < high)
-    vertex = np.where(inside, vertex, middle)
-    beside = _CLOSE * (high - low)
-    asked = np.array([vertex - beside, vertex, vertex + beside, 0.5 * (low + middle), 0.5 * (middle + high)])
-    asked = np.minimum(np.maximum(asked, low), high).T
-    places = np.concatenate([omega, asked], axis=1)
-    values = np.concatenate([heights, channel.largest(asked.ravel()).reshape(asked.shape)], axis=1)
-    row, order = np.arange(len(places))[:, None], np.argsort(places, axis=1)
-    places, values = places[row, order], values[row, order]
-    around = np.argmax(values, axis=1)[:, None] + np.array([-1, 0, 1])
-    around = np.clip(around, 0, places.shape[1] - 1)
-    return places[row, around], values[row, around]

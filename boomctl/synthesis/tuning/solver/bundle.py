@@ -8,11 +8,10 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.synthesis.tuning.hessian import peak_hessian
-from boomctl.synthesis.tuning.point import Piece, Point
+from boomctl.synthesis.tuning.point import WINDOW, Piece, Point
 from boomctl.synthesis.tuning.responses import same_place
 from boomctl.synthesis.tuning.solver.quadratic import least
 
-_WINDOW = 0.1  # share below the highest within which peaks are looked at (a choice)
 _MOST = 80  # pieces at most, the highest (a choice)
 _TRIALS = 14  # of a step: each either gains a piece or shortens the step (a choice)
 _FALL = 0.1  # share of the promised gain that makes a step worth taking (a choice)
@@ -27,6 +26,7 @@ _DAMPING, _LEAST, _LARGEST = (
 )  # weight of a step's length in natural sizes: first, least, largest (choices)
 _FAR, _HAIR = 1e4, 1e-11  # natural sizes: how far an end is no matter, and room where there is none (choices)
 _FLAT = 1e-10  # share of the largest natural size below which a number's own is taken to be that
+_TINIEST = float(np.finfo(float).tiny)  # of all numbers
 _LITTLE = 1e-6  # step of differences of an H2 norm's gradient
 
 
@@ -106,7 +106,7 @@ def polish(
             return Polished(x, value, k, False)
         if not exact:
             active = [(m, p) for m, p in zip(tried[3], pieces, strict=True) if m > _ACTIVE and p.top]
-            H = _updated(H + 1e-3 * damping * np.diag(sizes), tried[0] - x, active, there.pieces(_WINDOW))
+            H = _updated(H + 1e-3 * damping * np.diag(sizes), tried[0] - x, active, there.pieces(WINDOW))
         x, point, value = tried[:3]
         history.append(value)
         if len(history) > 6 and history[-7] - value < 10.0 * gain:
@@ -117,7 +117,7 @@ def polish(
 def _sizes(pieces: list[Piece], H: Array) -> Array:
     """Return squares of the inverse natural sizes of the free numbers: slopes and curvatures."""
     squares = np.max([p.gradient**2 for p in pieces], axis=0) + np.abs(np.diag(H))
-    return np.maximum(squares, _FLAT * max(float(squares.max(initial=0.0)), np.finfo(float).tiny))
+    return np.maximum(squares, _FLAT * max(float(squares.max(initial=0.0)), _TINIEST))
 
 
 def _curvature(point: Point, pieces: list[Piece], multipliers: Array, sizes: Array) -> Array:
@@ -146,7 +146,7 @@ def _h2_hessian(point: Point, piece: Piece) -> Array:
 
 
 def _chosen(point: Point, asked: "set[tuple[int, int, float]]") -> list[Piece]:
-    pieces = point.pieces(_WINDOW, asked)
+    pieces = point.pieces(WINDOW, asked)
     order = sorted(range(len(pieces)), key=lambda i: (not pieces[i].limit, pieces[i].value), reverse=True)
     aims = [pieces[i] for i in order if not pieces[i].limit][:_MOST]
     return aims + [pieces[i] for i in order if pieces[i].limit][:_MOST]
@@ -164,40 +164,38 @@ def _step(
     value: float,
 ) -> tuple[Array, float, Array]:
     """Return the step of a quadratic programme, the gain that it promises, and the multipliers of the pieces."""
-    n = len(x)
-    root = np.sqrt(sizes)  # the step counts in natural sizes
+    n, root = len(x), np.sqrt(sizes)  # the step counts in natural sizes
     values, slopes = np.array([p.value for p in pieces]), np.array([p.gradient for p in pieces]) / root
     limits = np.array([p.limit for p in pieces])
     top = values[~limits].max()
     any_limits = bool(limits.any())
     m = n + (2 if any_limits else 1)
     Q = np.zeros((m, m))
-    Q[:n, :n] = H / root / root[:, None] + damping * np.eye(n)
+    curved = H / root / root[:, None]
+    Q[:n, :n] = curved
+    Q.reshape(-1)[: n * m : m + 1] += damping
     c = np.zeros(m)
     c[n] = 1.0
-    first = np.column_stack([slopes, -(~limits).astype(float)])
-    sides = [np.where(limits, -values, top - values)]
+    # numbers that rest at an end leave no interior: a hair of room, which is clipped away afterwards
+    up, down = (high - x) * root, (x - low) * root
+    above, below = np.flatnonzero(up < _FAR), np.flatnonzero(down < _FAR)
+    count = len(pieces)
+    middle = count + any_limits
+    rows, sides = np.zeros((middle + len(above) + len(below), m)), np.zeros(middle + len(above) + len(below))
+    rows[:count, :n], rows[:count, n], sides[:count] = slopes, limits - 1.0, np.where(limits, 0.0, top) - values
     if any_limits:
         c[n + 1] = weight
-        first = np.column_stack([first, -limits.astype(float)])
-    rows = [first]
-    if any_limits:
-        slack = np.zeros((1, m))
-        slack[0, n + 1] = -1.0
-        rows.append(slack)
-        sides.append(np.zeros(1))
-    # numbers that rest at an end leave no interior: a hair of room, which is clipped away afterwards
-    unit = np.eye(m)[:n]
-    for sign, room in ((1.0, high - x), (-1.0, x - low)):
-        near = np.isfinite(room) & (room * root < _FAR)
-        rows.append(sign * unit[near])
-        sides.append(np.maximum(room[near] * root[near], 0.0) + _HAIR)
-    y, z = least(Q, c, np.vstack(rows), np.concatenate(sides))
+        rows[:count, n + 1] = -1.0 * limits
+        rows[count, n + 1] = -1.0
+    end = middle + len(above)
+    rows[np.arange(middle, end), above], sides[middle:end] = 1.0, np.maximum(up[above], 0.0) + _HAIR
+    rows[np.arange(end, len(rows)), below], sides[end:] = -1.0, np.maximum(down[below], 0.0) + _HAIR
+    y, z = least(Q, c, rows, sides)
     scaled = y[:n]
-    model = float((np.where(limits, -inf, values - top + slopes @ scaled)).max())
-    over = max(float((np.where(limits, values + slopes @ scaled, 0.0)).max(initial=0.0)), 0.0)
-    bend = 0.5 * float(scaled @ (Q[:n, :n] - damping * np.eye(n)) @ scaled)
-    promised = value - (top + model + weight * over) - bend
+    there = values + slopes @ scaled
+    over = max(float(there[limits].max(initial=0.0)), 0.0)
+    bend = 0.5 * float(scaled @ curved @ scaled)
+    promised = value - (float(there[~limits].max()) + weight * over) - bend
     return scaled / root, promised, z[: len(pieces)]
 
 
@@ -211,7 +209,7 @@ def _tried(
 
 def _bent_pieces(pieces: list[Piece], trial: Point, d: Array) -> list[Piece]:
     """Return pieces with the values that, with their slopes, are right at a point tried: what they bend is then seen."""
-    there = trial.pieces(_WINDOW)
+    there = trial.pieces(WINDOW)
     nearest = [_nearest(piece, there) if piece.top else None for piece in pieces]
     return [
         piece if near is None else replace(piece, value=near.value - float(piece.gradient @ d))

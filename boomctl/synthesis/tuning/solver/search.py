@@ -258,14 +258,18 @@ class Search:
         if self.point(x).stable:
             return x, 0
 
-        def function(x: Array) -> tuple[float, Callable[[], Array]]:
-            value, gradient = self.point(x).abscissa()
-            return value, lambda: gradient
-
         def enough(x: Array, value: float) -> bool:
             return value < 0.0 and self.point(x).stable
 
-        found = descend(function, x, self.problem.low, self.problem.high, steps=_STABILISING, gain=1e-9, enough=enough)
+        found = descend(
+            lambda x: self.point(x).abscissa(),
+            x,
+            self.problem.low,
+            self.problem.high,
+            steps=_STABILISING,
+            gain=1e-9,
+            enough=enough,
+        )
         end = self.point(found.x)
         if end.well_posed:
             self.abscissa = min(self.abscissa, max(loop.abscissa for loop in end.loops if loop is not None))
