@@ -53,6 +53,7 @@ def bounded(
     limit: int,
     tell: Tell,
     least: float = 0.0,
+    spent: int = 0,
 ) -> Bound:
     """Prove a level over the whole box.
 
@@ -72,6 +73,8 @@ def bounded(
         Is told how far it is.
     least : float
         A norm that is known elsewhere: no lower level is asked for.
+    spent : int
+        How many of the cells allowed were needed elsewhere.
     """
     hindered = _hindrance(loops, at, delta)
     if hindered:
@@ -95,7 +98,7 @@ def bounded(
         level = max(lower, loops.at_infinity) * (1.0 + gap)
         for way, most in _rounds(limit) if isinstance(loops, DrivenLoops) else ((_RESPONSES, limit),):
             if isinstance(loops, SampledLoops):
-                frontier, more, needed = responses.prove_if_near(frontier, level, limit, seen, tell)
+                frontier, more, needed = responses.prove_if_near(frontier, level, max(1, limit - spent), seen, tell)
                 left, middles = len(frontier), list(frontier.middle[-_LOOKED_AT:])
             elif way == _RESPONSES:
                 frontier, more = responses.prove(frontier, level, max(1, int(most)), seen, tell)
@@ -137,7 +140,7 @@ def bounded_in_parts(
 
         known = at(delta).lower
         start = part.nearest(delta)
-        found = bounded(part, here, start, tolerance=tolerance, limit=limit - cells, tell=tell, least=known)
+        found = bounded(part, here, start, tolerance=tolerance, limit=limit, tell=tell, least=known, spent=cells)
         if here(found.delta).lower > known:
             delta = part.place(found.delta)
         level, cells = max(level, found.level), cells + found.cells

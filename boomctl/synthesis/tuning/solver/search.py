@@ -245,7 +245,7 @@ class Search:
         fine, point = self.checked(local.x), self.point(local.x)
         if point.excess > _KEPT:
             local.weight *= 10.0
-            local.gain = inf
+            local.gain = local.merit = inf  # merits of two weights tell nothing of each other
             return
         local.value = min(local.value, point.aim)
         local.gain = before - done.value if fine else inf
