@@ -113,14 +113,19 @@ def _centre_with_states(model: SecondOrderModel) -> SecondOrderModel:
     L[0], L[1, n:] = np.vstack([T, -inner @ A11 @ T]), inner @ T
     E[0], E[1, n:] = np.vstack([-T @ D, inner @ (A11 @ T @ D - B1)]), -inner @ T @ D
     labels = tuple(label.replace(".", "_") for label in x.states)
-    for label in labels:
-        if label in model.outputs:
-            raise ValueError(f"plant: expected outputs without the name of a state, got {label!r}; rename it")
+    new: list[int] = []
+    for i, label in enumerate(labels):
+        if label not in model.outputs:
+            new.append(i)
+            continue
+        there = model.outputs.index(label)
+        if not ((ports.L[:, there] == L[:, i]).all() and (ports.E[:, there] == E[:, i]).all()):
+            raise ValueError(f"plant: expected output {label!r} to be the state of this name; rename one of them")
     read = replace(
         ports,
-        outputs=(*model.outputs, *labels),
-        L=np.concatenate([ports.L, L], axis=1),
-        E=np.concatenate([ports.E, E], axis=1),
-        bandwidths=(None,) * (len(model.outputs) + 2 * n),
+        outputs=(*model.outputs, *(labels[i] for i in new)),
+        L=np.concatenate([ports.L, L[:, new]], axis=1),
+        E=np.concatenate([ports.E, E[:, new]], axis=1),
+        bandwidths=(None,) * (len(model.outputs) + len(new)),
     )
     return SecondOrderModel.of(model.structure, read)

@@ -1,5 +1,7 @@
 """Plants with their states as outputs: regulators in loops that meet by name, and the laws of these loops."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.structure import SecondOrderModel
 from tests.profiles import examples
 
 
@@ -142,6 +145,21 @@ def test_a_family_reads_the_states_of_its_middle_everywhere(excitation):
         response = there.frequency_response([0.7, 9.0]).frdata
         states = response[place[0] : place[0] + count]
         np.testing.assert_allclose(np.tensordot(C, states, 1), response[tip[0]], rtol=1e-8)
+
+
+@pytest.mark.parametrize("half", ["jolt", "yaw"])
+def test_states_of_a_family_that_are_there_are_not_there_twice(half):
+    family = bc.boom_family(half=half)
+    once = bc.with_states(family)
+    assert bc.with_states(once).centre.outputs == once.centre.outputs
+    few = (*family.centre.outputs, "mode2_x1")
+    again = bc.with_states(replace(once, centre=once.centre.select(None, few)))
+    assert again.centre.outputs[: len(few)] == few
+    assert set(again.centre.outputs) == set(once.centre.outputs)
+    ports = once.centre.ports
+    wrong = SecondOrderModel.of(once.centre.structure, replace(ports, L=2.0 * ports.L))
+    with pytest.raises(ValueError, match="expected output 'mode1_x1' to be the state of this name"):
+        bc.with_states(replace(once, centre=wrong))
 
 
 def test_families_with_filters_have_no_states_to_show():
