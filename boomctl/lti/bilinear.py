@@ -11,7 +11,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, balance
 
 # share of the largest singular value of A + 1 (of 1 - A/g) below which a pole lies at z = -1 (at w = g) but for rounding
 _SINGULAR = 1e-15
@@ -91,7 +91,7 @@ def modal_image(modal: ModalSystem, dt: float) -> tuple[ModalSystem, Array]:
 
 
 def _inverse(matrix: Array, refusal: str) -> Array:
-    balanced, (scale, _) = linalg.matrix_balance(matrix, permute=False, separate=True)
+    balanced, scale = balance(matrix)
     values = linalg.svdvals(balanced)
     if values[-1] <= _SINGULAR * values[0]:
         raise ValueError(refusal)

@@ -12,7 +12,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import side_of_axis, sides
-from boomctl.lti.system import rates_of
+from boomctl.lti.system import balance, rates_of
 
 _WEAK = 1e-9  # cosine between a mode and the columns of B up to which they do not reach it (a choice above rounding)
 # share of the norm of the matrix by which rounding moves eigenvalues, if the eigenvectors are orthogonal
@@ -73,7 +73,7 @@ def unmoved(
     dt : float
         Sampling time [s]; 0 in continuous time.
     """
-    balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
+    balanced, scale = balance(A)
     acting = B / np.asarray(scale)[:, None]
     acting = acting if acting.shape[1] else np.zeros((len(A), 1))
     lengths = np.linalg.norm(acting, axis=0)

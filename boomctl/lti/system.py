@@ -89,8 +89,19 @@ class Lti:
         """Return the system with states scaled by powers of two, so that rows and columns of ``A`` have like sizes."""
         if not len(self.A):
             return self
-        A, (scale, _) = linalg.matrix_balance(self.A, permute=False, separate=True)
+        A, scale = balance(self.A)
         return replace(self, A=A, B=self.B / scale[:, None], C=self.C * scale[None, :])
+
+    def balanced_with_signals(self) -> "Lti":
+        """Return the system with states scaled by powers of two: rows and columns of ``[A, B; C, 0]`` have like sizes.
+
+        ``A`` alone does not bound the scales of states that hardly act on others, as those of a filter that decays within a
+        sample.
+        """
+        if not len(self.A):
+            return self
+        scale = signal_scales(self.A, self.B, self.C)
+        return replace(self, A=self.A * scale / scale[:, None], B=self.B / scale[:, None], C=self.C * scale)
 
     @cached_property
     def poles(self) -> Array:
@@ -250,6 +261,22 @@ def lower_lft(plant: Lti, controller: Lti) -> Lti:
     return Lti(A, B, C, D11 + D12 @ direct @ D21, plant.inputs[:m], plant.outputs[:p], states, plant.dt)
 
 
+def balance(matrix: Array) -> tuple[Array, Array]:
+    """Return a matrix whose rows and columns have like sizes, and the scales of its coordinates, powers of two."""
+    with np.errstate(invalid="ignore"):  # scipy casts what may be large scales to permutations, which are not used
+        balanced, (scale, _) = linalg.matrix_balance(matrix, permute=False, separate=True)
+    return balanced, np.asarray(scale)
+
+
+def signal_scales(A: Array, B: Array, C: Array) -> Array:
+    """Return scales of states, powers of two, with which rows and columns of ``[A, B; C, 0]`` have like sizes."""
+    n = len(A)
+    bordered = np.zeros((n + 1, n + 1))
+    bordered[:n, :n], bordered[:n, n], bordered[n, :n] = A, np.abs(B).sum(axis=1), np.abs(C).sum(axis=0)
+    scale = balance(bordered)[1]
+    return scale[:n] / scale[n]
+
+
 def well_posed_inverse(matrix: Array) -> Array:
     """Return the inverse of ``I - D_K D22``, judged and computed after balancing, so that units do not matter.
 
@@ -260,7 +287,7 @@ def well_posed_inverse(matrix: Array) -> Array:
     """
     if not len(matrix):
         return matrix
-    balanced, (scale, _) = linalg.matrix_balance(matrix, permute=False, separate=True)
+    balanced, scale = balance(matrix)
     values = linalg.svdvals(balanced)
     if values[-1] <= _WELL_POSED * max(1.0, values[0]):
         raise ValueError("the loop is not well-posed: the feedthroughs of plant and controller cancel one another")

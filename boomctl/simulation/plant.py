@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import sparse
 
 from boomctl.arrays import Array
 from boomctl.checks import known
 from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.hold import linear_hold
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti, balance, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.pencil import factorized
 from boomctl.structure.response.poles import undamped_modes
@@ -141,7 +141,7 @@ def in_modal_coordinates(system: Lti) -> ModalPlant:
             outputs=system.outputs,
             states=system.states,
         )
-    balanced, (scale, _) = linalg.matrix_balance(system.A, permute=False, separate=True)
+    balanced, scale = balance(system.A)
     blocks, T, sizes = block_diagonal(balanced, _CONDITION)
     parts = tuple(slice(int(end - size), int(end)) for end, size in zip(np.cumsum(sizes), sizes, strict=True))
     modal = np.zeros_like(balanced)

@@ -1,5 +1,7 @@
 """Worst cases from both sides: bounds that nothing exceeds, near the worst that is found, and said where there are none."""
 
+import warnings
+
 import control
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ from boomctl.analysis.box.level import DrivenLoops
 from boomctl.analysis.box.zero_exclusion import Cell
 from boomctl.lti.system import of
 from boomctl.structure import AffineFamily, SecondOrderModel
+from boomctl.structure.matrices import Structure
+from boomctl.structure.ports import Ports
 from tests.profiles import examples
 from tests.strategies import seeds
 
@@ -37,8 +41,8 @@ def chain(rng, parameters):
     return family, K
 
 
-def norm_at(family, K, delta, inputs, outputs):
-    closed = bc.feedback_loop(family.at(delta), K)
+def norm_at(family, K, delta, inputs, outputs, delay=0.0):
+    closed = bc.feedback_loop(family.at(delta), K, delay=delay)
     rows, columns = (
         [names.index(name) for name in wanted]
         for names, wanted in ((closed.output_labels, outputs), (closed.input_labels, inputs))
@@ -286,6 +290,56 @@ def test_a_damped_boom_is_bounded_to_a_hundred_thousandth():
     assert found.gap <= 1.001e-5
     assert found.cells > 0
     assert "none above" in found.render()
+
+
+@pytest.mark.parametrize("dt", [0.5, 2.0])
+def test_a_filter_that_decays_within_a_sample_hides_no_norm(dt):
+    """Its states hardly act on the others: scales by the state matrix alone grow without bound, and digits are lost."""
+
+    def make(values):
+        k = values["stiffness"]
+        structure = Structure.of(np.eye(2), 0.3 * np.eye(2), np.array([[1.0 + k, -k], [-k, k]]), ("p", "q"))
+        lines = np.zeros((3, 2, 2))
+        lines[0, 0], lines[2, 1] = [1.0, 0.0], [0.0, 1.0]
+        return SecondOrderModel.of(structure, Ports.of_forces(("u", "w"), np.eye(2), ("y", "a"), lines, (None, 20.0)))
+
+    family = AffineFamily.through({"stiffness": (0.9, 1.1)}, make)
+    K = control.ss([[0.3]], [[1.0]], [[-0.05]], [[-0.05]], dt, inputs="y", outputs="u")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = bc.worst_case(family, K, "w", "a", delay=0.3 * dt)
+        norm = norm_at(family, K, [0.0], ["w"], ["a"], 0.3 * dt)
+    assert found.upper_bound < np.inf, found.reason
+    assert norm.certified
+    loop = bc.feedback_loop(family.at([0.0]), K, delay=0.3 * dt)["a", "w"]
+    largest = max(abs(complex(loop(np.exp(1j * angle)))) for angle in np.linspace(0.0, np.pi, 4001))
+    assert largest <= found.nominal.upper * (1.0 + 1e-9)
+    assert found.nominal.lower <= largest * (1.0 + 1e-5)
+
+
+@examples(20)
+@given(seed=seeds)
+def test_what_a_continuous_controller_sends_is_bounded(seed):
+    rng = np.random.default_rng(seed)
+    family, K = chain(rng, 2)
+    outputs = [str(name) for name in rng.permutation(["y", "u", "z"])]
+    found = bc.worst_case(family, K, "push", outputs, tolerance=1e-2)
+    assert found.upper_bound < np.inf, found.reason
+    assert found.norm.lower <= found.upper_bound <= found.norm.lower * (1.0 + 1.001e-2)
+    for delta in rng.uniform(-1.0, 1.0, (10, 2)):
+        assert norm_at(family, K, delta, ["push"], outputs).lower <= found.upper_bound
+
+
+def test_speeds_sent_on_at_once_are_not_judged():
+    speed = np.array([[[0.0]], [[1.0]], [[0.0]]])
+    ports = Ports.of_forces(("u", "w"), np.ones((1, 2)), ("v",), speed)
+
+    def make(values):
+        return SecondOrderModel.of(Structure.of(np.eye(1), 0.1 * np.eye(1), values["k"] * np.eye(1), ("q",)), ports)
+
+    family = AffineFamily.through({"k": (0.9, 1.1)}, make)
+    K = control.ss([], [], [], [[-0.2]], inputs="v", outputs="u")
+    assert "no speed on at once" in bc.worst_case(family, K, "w", "u").reason
 
 
 def test_where_there_is_no_bound_it_is_said_why():

@@ -52,7 +52,8 @@ class DrivenLoops:
         Raises
         ------
         ValueError
-            A signal that needs more derivatives: measured ones may be places or speeds without a filter, judged ones places.
+            A signal that needs more derivatives: measured ones may be places or speeds without a filter, judged ones places,
+            or controls to which no speed is sent on at once.
         """
         centre = family.centre
         ports, n = centre.ports, centre.n
@@ -61,7 +62,8 @@ class DrivenLoops:
         filtered = [(o, b) for o, b in enumerate(ports.bandwidths) if b is not None]
         k, f = len(K.A), 2 * len(filtered)
         size = 2 * n + f + k
-        rows, judged = ([centre.outputs.index(name) for name in names] for names in (K.inputs, outputs))
+        rows = [centre.outputs.index(name) for name in K.inputs]
+        judged = [centre.outputs.index(name) for name in outputs if name in centre.outputs]
         plain = [[o for o in group if ports.bandwidths[o] is None] for group in (rows, judged)]
         columns = (ports.B, *(change.B for _, change in family.terms))
         derived = [X[1 + k :, group] for k, group in ((1, plain[0]), (0, plain[1])) for X in (ports.L, ports.E)]
@@ -91,6 +93,9 @@ class DrivenLoops:
         force += K.D @ read[rows] + K.C @ K.B @ sped[rows]
         at_once = K.D @ direct[rows] + K.C @ K.B @ sped_direct[rows]
         impulse, impulse_direct = K.D @ sped[rows], K.D @ sped_direct[rows]  # whose derivative it sends besides
+        sent = [K.outputs.index(name) for name in outputs if name not in centre.outputs]
+        if impulse[sent].any() or impulse_direct[sent].any():
+            raise ValueError("controller: expected one that sends no speed on at once, where what it sends is judged")
         A[own, own] = K.A
         A[own] += K.B @ read[rows] + K.A @ K.B @ sped[rows]
         B[own] = K.B @ direct[rows] + K.A @ K.B @ sped_direct[rows]
@@ -113,7 +118,10 @@ class DrivenLoops:
             for total, each in zip(found, (e, a, b), strict=True):
                 if each.any():
                     total[power] = each
-        return cls(*found, read[judged], direct[judged])
+        order = np.argsort([name not in centre.outputs for name in outputs], kind="stable").argsort()
+        return cls(
+            *found, np.vstack([read[judged], force[sent]])[order], np.vstack([direct[judged], at_once[sent]])[order]
+        )
 
     @property
     def at_infinity(self) -> float:

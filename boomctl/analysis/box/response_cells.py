@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.system import balance
 from boomctl.progress import Tell
 
 
@@ -160,11 +161,11 @@ class ResponseCells:
         ``R`` is none by default; ``missed`` is by how much entries of ``E`` and ``A`` alike, and of ``B`` and ``R``, are off.
         """
         state = np.linalg.solve(E[()], A[()])
-        balanced, (scale, _) = linalg.matrix_balance(state, permute=False, separate=True)
+        balanced, scale = balance(state)
         poles, V = linalg.eig(balanced)  # type: ignore[misc]
         V = V.astype(complex)
         _orthogonalise(V)
-        V = V * np.asarray(scale)[:, None]
+        V = V * scale[:, None]
         W = np.linalg.inv(E[()] @ V)
         rate: Polynomial = {} if R is None else R
         powers = ((), *sorted({*E, *A, *B, *rate} - {()}, key=lambda power: (len(power), power)))

@@ -18,7 +18,6 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.analysis.box.response_cells import Polynomial, ResponseCells
@@ -26,7 +25,7 @@ from boomctl.analysis.box.zero_exclusion import Cell, Terms
 from boomctl.analysis.loops import joined
 from boomctl.arrays import Array
 from boomctl.chebyshev import points, points_needed, powers, series
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, signal_scales
 from boomctl.structure.families import Family
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.response.poles import undamped_modes
@@ -217,7 +216,8 @@ def _value(terms: Polynomial, delta: Array) -> Array:
 
 def _matrices(raw: Callable[[Array], Lti], cell: Cell) -> Matrices:
     """Return what gives stacked matrices, balanced in the middle of a part of a box, at points of the part."""
-    scale = linalg.matrix_balance(raw(cell.middle).A, permute=False, separate=True)[1][0]
+    middle = raw(cell.middle)
+    scale = signal_scales(middle.A, middle.B, middle.C)
 
     def at(places: Sequence[Array]) -> dict[str, Array]:
         loops = [raw(cell.middle + cell.reach * place) for place in places]

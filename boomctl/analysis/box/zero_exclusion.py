@@ -25,6 +25,7 @@ from scipy import linalg
 
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.arrays import Array
+from boomctl.lti.system import balance
 
 # directions in which a diagonal may stay from zero: within 8 % of the best (cos 22.5)
 _DIRECTIONS = np.exp(-0.25j * np.pi * np.arange(8))
@@ -171,7 +172,7 @@ def _parameter_to_halve(modes: _Modes, point: Array) -> int:
 def _modes(local: Terms, reach: Array) -> _Modes | None:
     here = local[()]
     state = np.linalg.solve(here.E, here.A)
-    balanced, (scale, _) = linalg.matrix_balance(state, permute=False, separate=True)
+    balanced, scale = balance(state)
     poles, V = linalg.eig(balanced)  # type: ignore[misc]
     V = V.astype(complex) * np.asarray(scale)[:, None]  # of real poles alone they come as real numbers
     try:

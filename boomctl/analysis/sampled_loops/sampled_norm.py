@@ -24,7 +24,7 @@ from boomctl.analysis.sampled_loops.sampled_plant import Held, sampled_plant, ti
 from boomctl.arrays import Array
 from boomctl.checks import names
 from boomctl.lti.modal import sides
-from boomctl.lti.system import Lti, lower_lft, of
+from boomctl.lti.system import Lti, balance, lower_lft, of
 
 if TYPE_CHECKING:
     import control
@@ -230,7 +230,7 @@ class SampledLoop:
                 f"disturbance {P.inputs[signals.driven[i]]!r} acts on measurement {P.outputs[signals.measured[o]]!r} "
                 "directly: expected a filter between the two (a low-pass weight), without which samples of it have no bound"
             )
-        scale = linalg.matrix_balance(P.A, permute=False, separate=True)[1][0] if len(P.A) else np.ones(0)
+        scale = balance(P.A)[1] if len(P.A) else np.ones(0)
         P = replace(P, A=P.A * scale / scale[:, None], B=P.B / scale[:, None], C=P.C * scale)
         delays = [delay] * len(signals.acting)
         queue = sampled_plant(P, signals.acting, dt, delays)

@@ -11,12 +11,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, names, nonnegative, positive
 from boomctl.lti.hold import zero_order_hold
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti, balance, of
 
 if TYPE_CHECKING:
     import control
@@ -227,7 +226,7 @@ def sampled_plant(
     if plant.dt != 0.0:
         return _late(plant, acting, [whole_samples(delay, dt)[0] for delay in delays])
     n, m = plant.B.shape
-    scale = linalg.matrix_balance(plant.A, permute=False, separate=True)[1][0] if n else np.ones(0)
+    scale = balance(plant.A)[1] if n else np.ones(0)
     scaled = replace(plant, A=plant.A * scale / scale[:, None], B=plant.B / scale[:, None], C=plant.C * scale)
     held = Held.of(scaled, acting, dt, delays)
     size = int(held.starts[-1])
