@@ -342,6 +342,25 @@ def test_speeds_sent_on_at_once_are_not_judged():
     assert "no speed on at once" in bc.worst_case(family, K, "w", "u").reason
 
 
+def test_routes_to_a_norm_agree_as_far_as_both_are_certified():
+    """Each lower bound is less by its own rounding, which differs: of a hub-beam by two parts in a million."""
+    family = bc.hub_beam(model="sfoam", modes=2).family(hub_speed=(0.0, 6.0))
+    damper = control.ss([], [], [], [[-20.0]], 0.005, inputs="hub_speed", outputs="torque")
+    found = bc.worst_case(family, damper, "disturbance_torque", "tip_displacement", max_cells=10)
+    assert "more than max_cells = 10" in found.reason
+
+
+@pytest.mark.slow
+def test_a_sampled_hub_beam_is_bounded_at_all_its_speeds():
+    family = bc.hub_beam(model="sfoam", modes=2).family(hub_speed=(0.0, 6.0))
+    damper = control.ss([], [], [], [[-20.0]], 0.005, inputs="hub_speed", outputs="torque")
+    found = bc.worst_case(family, damper, "disturbance_torque", "tip_displacement")
+    assert found.upper_bound < np.inf, found.reason
+    for delta in np.linspace(-1.0, 1.0, 41):
+        norm = norm_at(family, damper, [delta], ["disturbance_torque"], ["tip_displacement"])
+        assert norm.lower <= found.upper_bound
+
+
 def test_where_there_is_no_bound_it_is_said_why():
     family, K = chain(np.random.default_rng(1), 2)
     assert bc.worst_case(family, K, "push", "z", tolerance=None).reason == "none was asked for"

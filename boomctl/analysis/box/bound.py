@@ -31,7 +31,7 @@ _COMPARED = 3  # points drawn at which the loops that are proved are compared wi
 _LOOKED_AT = 16  # cells left over, the hardest, in whose middles the poles are looked at (a choice)
 _HARDLY = 1e-3  # damping ratio below which, if little was proved at first, it is given up (a choice)
 _FUTILE = 1e-2  # share of the box that is little: it would take a hundred times as many cells (a choice)
-_SAME = 1e-6  # relative distance of norms by two routes that are the same (a choice: norms are certified to 1e-5)
+_SAME = 1e-6  # relative distance of norms, as far as certified, by two routes that are the same (a choice)
 
 
 @dataclass(frozen=True)
@@ -214,6 +214,7 @@ def _hindrance(loops: DrivenLoops | SampledLoops, at: Callable[[Array], NormCert
     drawn = np.random.default_rng(1).uniform(-1.0, 1.0, (_COMPARED, len(delta)))
     for point in (delta, np.zeros(len(delta)), *drawn):  # the loops that are proved are those whose norms were found
         here, there = at(point), matrices_norm(loops.at(point))
-        if not (there.lower == here.lower or abs(there.lower - here.lower) <= _SAME * here.lower):
+        known = [(x.lower, x.upper if x.certified else x.lower) for x in (here, there)]
+        if max(low for low, _ in known) > min(high for _, high in known) * (1.0 + _SAME):
             return f"two routes to the norm differ: {here.lower:.9g} and {there.lower:.9g}"
     return "" if at(delta).lower > 0.0 else "nothing comes through at any point tried"
