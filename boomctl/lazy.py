@@ -24,6 +24,8 @@ class _Package(ModuleType):
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in self.__all__ and isinstance(value, ModuleType):
+            if not hasattr(value, name):
+                return  # the public name is defined elsewhere, and is loaded from there when asked for
             value = getattr(value, name)
         super().__setattr__(name, value)
 

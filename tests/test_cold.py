@@ -134,6 +134,13 @@ def test_the_slew_command_works_in_a_process_of_its_own(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_module_named_as_a_public_name_from_elsewhere_is_imported_without_a_warning():
+    imported(
+        "import warnings, boomctl.analysis; warnings.simplefilter('error', ImportWarning); import boomctl.analysis.nyquist; "
+        "assert not isinstance(boomctl.analysis.nyquist, type(sys))"
+    )
+
+
 def test_systems_of_python_control_pickle_though_it_is_imported_late():
     """The package learns of python-control where a system of it is made or met, and so does pickle."""
     scene = (
