@@ -46,7 +46,7 @@ class SuspensionDesign:
     plant : AffineFamily, control.StateSpace or None
         A machine of its own where the controller reads what the boom with its sensors does not offer, such as states.  A
         family is that machine over springs and masses, ``"spring"`` and ``"mass"``, the design's own in its middle:
-        stability and the worst peak are then proved over it.
+        stability and the worst peak are then proved over it, of a controller in continuous time.
     facts : mapping from str to str
         What synthesis and reduction say of themselves: gamma and bounds, errors, orders.
     weights : mapping from str to control.StateSpace
@@ -159,7 +159,7 @@ class SuspensionResult:
         What that boom does, and what the design does.
     assured : Assurance, SampledAssurance, PassiveAssurance, OwnPlantAssurance or None
         Margins, uncertainty and the exact boom, or a finer mesh of a discrete controller's; without margins of a passive
-        design; of one on a plant of its own the uncertainty alone, and None where that is no family.
+        design; of one on a plant of its own the uncertainty alone, and None where that is no family or time is discrete.
     trade_off : tuple of TradeLine
         What designs beside it cost and are worth, where that was asked for.
     """
