@@ -25,7 +25,7 @@ from boomctl.analysis.box.zero_exclusion import Cell, Terms
 from boomctl.analysis.loops import joined
 from boomctl.arrays import Array
 from boomctl.chebyshev import points, points_needed, powers, series
-from boomctl.lti.system import Lti, signal_scales
+from boomctl.lti.system import Lti, balance, signal_scales
 from boomctl.structure.families import Family
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.response.poles import undamped_modes
@@ -38,6 +38,8 @@ _DEGREE = 32  # of a parameter, which is enough to tell that it is too large (a 
 # cells become too many where a mode turns by more than some two radians a sample over a part)
 _MOST_POINTS = 20
 _MOST_PARTS = 64  # of a box at most (a choice of patience)
+# ratio of the scales that balance a state matrix beyond which signals count, too (a choice: a boom's are 1e7 apart)
+_UNEVEN = 1e10
 _BESIDE = 3  # points more than the last coefficient needs that is more than rounding: two to spare (a choice)
 _GRID = 40_000  # points of the grid of all parameters at most, a millisecond or so each (a choice of patience)
 _INSIDE = 24  # points drawn at which polynomials are compared, besides the corners (a choice)
@@ -217,7 +219,9 @@ def _value(terms: Polynomial, delta: Array) -> Array:
 def _matrices(raw: Callable[[Array], Lti], cell: Cell) -> Matrices:
     """Return what gives stacked matrices, balanced in the middle of a part of a box, at points of the part."""
     middle = raw(cell.middle)
-    scale = signal_scales(middle.A, middle.B, middle.C)
+    scale = balance(middle.A)[1]
+    if scale.max() > _UNEVEN * scale.min():  # of states that hardly act on others nothing else holds the scales
+        scale = signal_scales(middle.A, middle.B, middle.C)
 
     def at(places: Sequence[Array]) -> dict[str, Array]:
         loops = [raw(cell.middle + cell.reach * place) for place in places]
