@@ -8,7 +8,7 @@ import numpy as np
 
 from boomctl.analysis.box.level import DrivenLoops
 from boomctl.analysis.box.response_cells import WORTH
-from boomctl.analysis.box.robustness import pattern_search
+from boomctl.analysis.box.robustness import LOOKED_AT, pattern_search
 from boomctl.analysis.box.sampled_level import SampledLoops
 from boomctl.analysis.box.zero_exclusion import Cell, value_at
 from boomctl.analysis.norm import NormCertificate, matrices_norm
@@ -28,7 +28,6 @@ _LATER = (
 )
 _CHECKED = 8  # points drawn in the box at which a bound is tried again (a choice)
 _COMPARED = 3  # points drawn at which the loops that are proved are compared with those closed anew (a choice)
-_LOOKED_AT = 16  # cells left over, the hardest, in whose middles the poles are looked at (a choice)
 _HARDLY = 1e-3  # damping ratio below which, if little was proved at first, it is given up (a choice)
 _FUTILE = 1e-2  # share of the box that is little: it would take a hundred times as many cells (a choice)
 _SAME = 1e-6  # relative distance of norms, as far as certified, by two routes that are the same (a choice)
@@ -99,13 +98,13 @@ def bounded(
         for way, most in _rounds(limit) if isinstance(loops, DrivenLoops) else ((_RESPONSES, limit),):
             if isinstance(loops, SampledLoops):
                 frontier, more, needed = responses.prove_if_near(frontier, level, max(1, limit - spent), seen, tell)
-                left, middles = len(frontier), list(frontier.middle[-_LOOKED_AT:])
+                left, middles = len(frontier), list(frontier.middle[-LOOKED_AT:])
             elif way == _RESPONSES:
                 frontier, more = responses.prove(frontier, level, max(1, int(most)), seen, tell)
-                left, middles = len(frontier), list(frontier.middle[-_LOOKED_AT:])
+                left, middles = len(frontier), list(frontier.middle[-LOOKED_AT:])
             else:
                 waiting, more = _by_pencil(loops, waiting, level, max(1, int(most / WORTH)), at, seen, tell)
-                left, middles = len(waiting), [cell.middle for cell in waiting[-_LOOKED_AT:]]
+                left, middles = len(waiting), [cell.middle for cell in waiting[-LOOKED_AT:]]
                 done = 1.0 - sum(float(np.prod(cell.reach)) for cell in waiting)
             counts[way] += more
             if left == 0 and level < inf:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
 _MARGIN_CELLS = 100  # most cells of each of the proofs of a margin (a choice)
-_LOOKED_AT = 16  # cells left over, the hardest, in whose middles the poles are looked at (a choice)
+LOOKED_AT = 16  # cells left over, the hardest, in whose middles the poles are looked at (a choice)
 _STEPS = (0.5, 0.25, 0.125, 0.0625)  # of a pattern search, in half-widths of the box (a choice)
 _BETTER = 1e-9  # by how much a point must be worse than the worst so far, relative, to be gone to: more than rounding
 _PROOFS = 12  # at most, of a margin
@@ -237,7 +237,7 @@ def _sampled_stability(
             share = WORTH * limit - proved
             open_, more, needed = cells.prove_if_near(cells.start(), 1.0, share, lambda gain, point: 1.0, tell)
             proved, left = proved + more, len(open_)
-            for middle in (part.place(here) for here in open_.middle[-_LOOKED_AT:]):
+            for middle in (part.place(here) for here in open_.middle[-LOOKED_AT:]):
                 if rate(middle) >= 0.0:
                     return RobustStability(False, family.values(middle), proved, rate(middle), family.values(middle))
             if left:

@@ -116,7 +116,8 @@ def worst_case(
     are lightly damped (:mod:`boomctl.analysis.box.level`).  A bound proves besides that the loop is stable over the box.
 
     A discrete controller makes sampled loops, as :func:`boomctl.feedback_loop` has them: disturbances are held from sample to
-    sample, and outputs are those at the samples.
+    sample, and outputs are those at the samples.  The loop is then a polynomial of the parameters
+    (:mod:`boomctl.analysis.box.sampled_level`): what it misses is measured at points drawn, and counted ten times.
 
     Parameters
     ----------
@@ -151,8 +152,8 @@ def worst_case(
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; names that do not meet; controls that impose motion; a delay that the loop cannot have;
-        unknown signals or norm; a tolerance or a number of cells out of range.
+        Other kinds of system; names that do not meet; controls that impose motion, of a controller in continuous time; a
+        delay that the loop cannot have; unknown signals or norm; a tolerance or a number of cells out of range.
 
     Examples
     --------
