@@ -107,6 +107,7 @@ def suspension(limit: float = LIMIT) -> SuspensionDesign:
     """Return the machine with both dampers, and both halves' controllers joined into one of it."""
     halves = {"jolt": tuned_jolt(limit), "yaw": tuned_yaw()}
     facts = {f"{name}: tuned": found.certificate.statement for name, found in halves.items()}
+    facts |= {f"{name}: proved in ball arithmetic": bc.prove(found).statement for name, found in halves.items()}
     chosen = {name: value for found in halves.values() for name, value in found.physical.items()}
     for name, value in chosen.items():
         facts[name] = f"{value:.4g} (Table 2: {getattr(TABLE_2, name):.4g})"

@@ -54,6 +54,7 @@ def design() -> SuspensionDesign:
         controller=bc.from_units(controller, UNITS),
         facts={
             "verified gamma": synthesis.certificate.statement,
+            "proved in ball arithmetic": bc.prove(synthesis).statement,
             "made symmetric": f"{100 * mixed:.2g} % led from half to half; verified norm without it {norm.upper:.6g}",
             "reduction": f"to order {reduced.order}, error up to {BAND[1]:g} rad/s at most {100 * share:.2g} % of the peak",
         },

@@ -30,6 +30,7 @@ def design() -> SuspensionDesign:
         facts={
             "Riccati residual": f"{certificate.riccati.residual:.2g} relative",
             "return difference": f"{certificate.return_difference:.6f} at least (1 by Kalman's inequality)",
+            "proved in ball arithmetic": bc.prove(regulator).statement,
             "slowest pole": f"{regulator.poles.real.max():.3g} rad/s",
         },
         notes=("All states are taken to be measured, without error: a yardstick, not a suspension to be built.",),

@@ -58,6 +58,7 @@ def half_design(model, side):
     )
     facts = {
         f"{name}: verified gamma": synthesis.certificate.statement,
+        f"{name}: proved in ball arithmetic": bc.prove(synthesis).statement,
         f"{name}: smaller controller": f"{smaller.order} of {synthesis.controller.nstates} states, gamma {smaller.gamma:.4g}",
         f"{name}: whole mesh": f"stable at the samples, certified norm {mesh.lower:.4g} with {sampled.nstates} states",
         f"{name}: between samples": f"from the track behind its filter to weighted tip and stroke a gain of "

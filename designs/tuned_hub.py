@@ -99,7 +99,7 @@ def design() -> bc.MachineDesign:
     best, *others = regulators()
     even = min((best, *others), key=worst)
     said = "{:.4f} m/(N m) with 0.1 kg, at most {:.4f} with 0 to 0.2 kg"
-    facts = {"PD and notch": found.certificate.statement}
+    facts = {"PD and notch": found.certificate.statement, "proved in ball arithmetic": bc.prove(found).statement}
     for name, K in (("PD and notch", found.controller), ("best LQG for 0.1 kg", best), ("most even LQG", even)):
         facts[f"{name}, {K.nstates} states"] = said.format(norms(K, MASSES[1])[0], worst(K))
     return bc.MachineDesign(

@@ -60,6 +60,7 @@ def design() -> SuspensionDesign:
     yaw = tuned("yaw", ("hinge_damping",), jolt.physical)
     chosen = {**jolt.physical, **yaw.physical}
     facts = {"jolt: tuned": jolt.certificate.statement, "yaw: tuned": yaw.certificate.statement}
+    facts |= {f"{n}: proved in ball arithmetic": bc.prove(x).statement for n, x in (("jolt", jolt), ("yaw", yaw))}
     for name, value in chosen.items():
         facts[name.replace("_", " ")] = f"{value:.4g} {UNITS[name]} (Table 2: {getattr(TABLE_2, name):.4g})"
     parameters = replace(TABLE_2, **chosen)

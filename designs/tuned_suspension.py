@@ -100,6 +100,7 @@ def suspension(order: int = ORDER, force: float = FORCE) -> SuspensionDesign:
     """Return both halves' controllers of an order joined into one of the machine."""
     halves = {"jolt": tuned_jolt(order), "yaw": tuned_yaw(order, force=force)}
     facts = {f"{name}: tuned": found.certificate.statement for name, found in halves.items()}
+    facts |= {f"{name}: proved in ball arithmetic": bc.prove(found).statement for name, found in halves.items()}
     return SuspensionDesign(
         "tuned_suspension",
         f"order {order} a half, tuned over the box",

@@ -18,7 +18,7 @@ question.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import inf
 from time import perf_counter
 
@@ -117,10 +117,9 @@ class Exact:
         return self._image(self.A.charpoly())
 
     @cached_property
-    def response(self) -> tuple[fmpq_poly, list[list[fmpq_poly]]]:
-        """``a`` and ``N``, without the factors common to all: hidden modes."""
+    def whole(self) -> tuple[fmpq_poly, list[list[fmpq_poly]]]:
+        """``a``, all poles, and ``N``."""
         p, m, n = self.D.nrows(), self.D.ncols(), self.A.nrows()
-        common = self.characteristic
         self._in_time(p * m)
         a, moments, X = self.A.charpoly(), [], self.B
         for _ in range(n):
@@ -132,8 +131,16 @@ class Exact:
             for j in range(m):
                 product = a * fmpq_poly([moment[i][j] for moment in reversed(moments)])
                 N[i].append(self._image(fmpq_poly(product.coeffs()[n:]) + self.D[i, j] * a))
-                common = common.gcd(N[i][j])
-        return self.characteristic // common, [[entry // common for entry in row] for row in N]
+        return self.characteristic, N
+
+    @cached_property
+    def response(self) -> tuple[fmpq_poly, list[list[fmpq_poly]]]:
+        """``a`` and ``N`` without the factors common to all entries: poles that show in none are none."""
+        a, N = self.whole
+        common = a
+        for entry in chain(*N):
+            common = common.gcd(entry)
+        return a / common, [[entry / common for entry in row] for row in N]
 
     def _image(self, p: fmpq_poly) -> fmpq_poly:
         """Return a polynomial in ``z``, of degree n at most, in ``s``: times ``(1 - s)^n`` at ``z = (1 + s)/(1 - s)``."""
@@ -147,7 +154,7 @@ class Exact:
         """How many poles lie to the right of the axis (outside the circle); if none, those on it, and those that show."""
         p = self.characteristic
         both = _symmetric(p)
-        decided = [root for root, count in self._roots(p // both) for _ in range(count)]
+        decided = [root for root, count in self._roots(p / both) for _ in range(count)]
         # of a root with its mirror image, both lie on the axis or one to the right of it
         squares = _squares(both)
         right = sum(1 for root in decided if root.real > 0) + squares.degree() - len(self._positive(squares))
@@ -195,7 +202,11 @@ class Exact:
         they stay if there are none, and they do so at one frequency, ``omega^2 = inside``, where all leading minors are then
         positive.
         """
-        a, N = self.response
+        a, N = self.whole  # each minor of G has the denominator a, so that divisions come out even
+        hidden = _symmetric(a)
+        growing, _, shown = self.sides
+        if shown or (growing and hidden.degree()):
+            raise Undecided
         rows = N if len(N) < len(N[0]) else [list(column) for column in zip(*N, strict=True)]  # the smaller product
         self._in_time(len(rows) ** 2)
         zero, aa, square = fmpq_poly([0]), a * _flipped(a), fmpq(*level.as_integer_ratio()) ** 2
@@ -209,9 +220,11 @@ class Exact:
                 raise Undecided
             for i in range(k + 1, len(rows)):
                 for j in range(k + 1, len(rows)):
-                    left[i][j] = (pivot * left[i][j] - left[i][k] * left[k][j]) // minors[-1]
+                    left[i][j] = (pivot * left[i][j] - left[i][k] * left[k][j]) / minors[-1]
             minors.append(pivot)
             self._in_time()
+        # poles on the axis do not show: minors are zero there, as often as aa is
+        minors = [minor / (hidden * _flipped(hidden)) for minor in minors[1:]]
         places, at = self._positive(_squares(minors[-1])), fmpq(*inside.as_integer_ratio())
         return places, all(
             fmpq_poly([-x if k % 2 else x for k, x in enumerate(p.coeffs()[::2])])(at) > 0 for p in minors
