@@ -112,10 +112,9 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
 
 
 def _norm(given: Lti) -> H2Certificate:
-    if given.D.any() and given.dt == 0.0:
-        o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
-        return _infinite(f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")
     if not len(given.A) or min(given.D.shape) == 0:
+        if given.D.any() and given.dt == 0.0:
+            return _fed_through(given)
         if given.D.any():
             through = float(np.linalg.norm(given.D))
             return H2Certificate(through, through, through, 0.0, "a feedthrough, and no states")
@@ -128,6 +127,8 @@ def _norm(given: Lti) -> H2Certificate:
             return _infinite(f"an unstable pole at {pole.real:.4g}{pole.imag:+.4g}j rad/s")
         where = "imaginary axis" if given.dt == 0.0 else "unit circle"
         return _infinite(f"a pole on the {where}, at {pole.imag:.6g} rad/s")
+    if given.D.any() and given.dt == 0.0:
+        return _fed_through(given)
     if axis.doubtful is not None:
         if given.dt == 0.0:
             near = np.abs(axis.poles.real) <= UNDAMPED * np.abs(axis.poles)
@@ -137,6 +138,11 @@ def _norm(given: Lti) -> H2Certificate:
             near |= np.abs(axis.poles - np.exp(axis.doubtful * given.dt)) <= UNDAMPED
         return _doubtful(balanced, near, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(given)}")
     return _proved(balanced) if axis.silent.any() else _finite(balanced)
+
+
+def _fed_through(given: Lti) -> H2Certificate:
+    o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
+    return _infinite(f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")
 
 
 def _infinite(why: str) -> H2Certificate:

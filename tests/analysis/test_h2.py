@@ -57,3 +57,8 @@ def test_refuses_what_is_no_system():
         h2_norm([1.0])  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="continuous time"):
         h2_norm(control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, True))
+
+
+def test_instability_is_named_before_a_feedthrough():
+    assert "unstable pole at 2" in h2_norm(control.ss(2.0, 1.0, 1.0, 1.0)).method
+    assert "imaginary axis" in h2_norm(control.ss(0.0, 1.0, 1.0, 1.0)).method
