@@ -87,7 +87,8 @@ def band_pass(rng):
 KINDS = {
     kind.__name__: (kind, dt)
     for kind, dt in [
-        (random, 0), (light, 0), (repeated, 0), (alike, 0), (companion, 0), (non_normal, 0), (in_steps, 0.01), (light_steps, 0.5),
+        (random, 0), (light, 0), (repeated, 0), (alike, 0), (companion, 0), (non_normal, 0), (in_steps, 0.01),
+        (light_steps, 0.5),
     ]
 }  # fmt: skip
 
