@@ -15,7 +15,7 @@ from boomctl.exchange.matlab import matlab_files, read_matlab
 from boomctl.files import json_text, write_all
 from boomctl.lti.system import Lti, of
 from boomctl.printing import listed
-from boomctl.simulation.controller import conditioning_gain
+from boomctl.simulation.conditioning import correction
 from boomctl.simulation.signals import per_signal
 
 if TYPE_CHECKING:
@@ -153,9 +153,9 @@ def controller_contents(
     if suffix == ".c":
         if K.dt == 0.0 or np.isnan(K.dt):
             raise ValueError(f"{name}.c: C code runs once a sample: expected sample_time in seconds")
-        L = conditioning_gain(K.A, K.B, K.C, K.D) if anti_windup and len(K.A) else np.zeros((len(K.A), len(K.C)))
         force = per_signal("force_limit", force_limit, K.outputs)
         rate = per_signal("rate_limit", rate_limit, K.outputs) * K.dt
+        L = correction((K,), force, rate)[0] if anti_windup else np.zeros((len(K.A), len(K.C)))
         return {**c_files(name, RunningController(K, L, force, rate), notes.units)}
     if force_limit is not None or rate_limit is not None:
         raise ValueError(
