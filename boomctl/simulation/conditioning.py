@@ -30,6 +30,7 @@ _HARDLY = 1e8  # softening of controls that are not corrected by: they are looke
 _OWN = 1e-6  # share by which a controller that is not stable may grow faster than by its own poles, a sample (a choice)
 _MOST = 8  # controls with limits of which all 255 subsets are looked at; with more the gain is zero (a choice)
 _FOLLOWED = 2  # controls whose rate alone is limited, which are proved: see above
+_DOUBLINGS = 40  # of the steps that a sum of powers has: a pole at 1 - 1e-10 has faded by then (a choice)
 _UNIT = 2.0**-53  # of rounding
 
 
@@ -156,19 +157,27 @@ def _candidates(laws: Sequence[Lti], limited: Array, softening: float) -> Iterat
 
 def _kalman_gain(K: Lti, limited: Array, softening: float) -> Array:
     """Return the gain of a controller as an observer of itself; not finite where there is none."""
-    A, B, C, D = K.A, K.B, K.C, K.D
-    through = D @ D.T
-    size = np.diag(through + C @ B @ B.T @ C.T)
+    A, n, u = K.A, len(K.A), len(K.C)
+    with np.errstate(all="ignore"):  # of numbers whose products are beyond all numbers there is no gain
+        moved = float(np.abs(K.B).max())
+        B, shown = K.B / moved, np.hstack([K.D, K.C @ K.B])
+        size = np.abs(shown).max(axis=1)
+        size = size * np.linalg.norm(
+            shown / np.where(size > 0.0, size, 1.0)[:, None], axis=1
+        )  # no square of large numbers
+        size = np.where(size > 0.0, size, size.max() or 1.0)
+        C, D = K.C * moved / size[:, None], K.D / size[:, None]
+    if not all(np.isfinite(each).all() for each in (A, B, C, D)):
+        return np.full((n, u), np.nan)
     soft = np.where(limited, softening + _REGULAR, _HARDLY * (softening + 1.0))
-    R = through + np.diag(soft * np.where(size > 0.0, size, size.max() or 1.0))
-    Q = B @ B.T
-    Q = Q + _REGULAR * np.linalg.norm(Q) * np.eye(len(A))
-    S = B @ D.T
+    R, Q, S = D @ D.T + np.diag(soft), B @ B.T, B @ D.T
+    Q = Q + _REGULAR * np.linalg.norm(Q) * np.eye(n)
     try:
-        P = linalg.solve_discrete_are(A.T, C.T, Q, R, s=S)
-        gain = np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T + S.T).T
+        with np.errstate(all="ignore"):  # states of very different size
+            P = linalg.solve_discrete_are(A.T, C.T, Q, R, s=S)
+        gain = np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T + S.T).T * moved / size
     except (linalg.LinAlgError, ValueError):
-        return np.full((len(A), len(C)), np.nan)
+        return np.full((n, u), np.nan)
     return np.where(limited, gain, 0.0)
 
 
@@ -221,16 +230,18 @@ def _contracting(V: Array, doubt: Array, rate: float) -> bool:
 
 
 def _lyapunov_matrix(V: Array) -> Array | None:
-    """Return what is nearly ``P = V' P V + I``, in units of the states in which the matrix is balanced."""
+    """Return what is nearly ``P = V' P V + I``, in units of the states in which the matrix is balanced; None if it grows."""
     if not np.isfinite(V).all():
         return None
-    balanced, (scale, _) = linalg.matrix_balance(V, permute=False, separate=True)
-    if np.abs(np.linalg.eigvals(balanced)).max() >= 1.0:
-        return None
-    try:
-        P = linalg.solve_discrete_lyapunov(balanced.T, np.eye(len(V)))
-    except (linalg.LinAlgError, ValueError):
-        return None
+    power, (scale, _) = linalg.matrix_balance(V, permute=False, separate=True)
+    P = np.eye(len(V))
+    with np.errstate(all="ignore"):
+        for _ in range(_DOUBLINGS):
+            P, power = P + power.T @ P @ power, power @ power
+            if not np.isfinite(P).all():
+                return None
+            if np.abs(power).max() < _UNIT:
+                break
     return 0.5 * (P + P.T) / np.outer(scale, scale)
 
 
