@@ -12,7 +12,7 @@ principal minors, and of order two that is a diagonal Lyapunov matrix.
 """
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations
 from math import frexp
 
@@ -59,7 +59,9 @@ def bounded_correction(law: Lti, gains: Array, force: Array, rate: Array) -> Arr
     limited = np.isfinite(force) | _followed(force, rate, 1)
     own = float(np.abs(np.linalg.eigvals(law.A)).max())
     left = np.isfinite(rate) & ~limited
-    if not left.any() and bounded((law,), gains[-1:], np.flatnonzero(limited), max(1.0, own * (1.0 + _OWN))):
+    F = np.flatnonzero(limited).tolist()
+    subsets = (S for count in range(1, len(F) + 1) for S in combinations(F, count))
+    if not left.any() and len(F) <= _MOST and bounded((law,), gains[-1:], subsets, max(1.0, own * (1.0 + _OWN))):
         return gains
     _warn(law.outputs, limited | left)
     return np.zeros_like(gains)
@@ -107,9 +109,10 @@ def conditioning_gains(laws: Sequence[Lti], limited: Array, softening: float = 0
     -------
     gains : (k, n, controls) ndarray
     proved : bool
-        Whether the corrected controller is bounded whichever of the limited controls meet their limits.  Where its own poles
-        are not stable: when all of them do; or, where these do not show such a pole, no worse than by itself.  False with
-        gains of zero: of a stable controller, which fades by itself, or of several.
+        Whether the corrected controller is bounded whichever of the limited controls meet their limits: however that which
+        its matrices follow may change, if this is proved of the controller by itself; else where it stands at one of its
+        values.  Where its own poles are not stable: when all of them do; or, where these do not show such a pole, no worse
+        than by itself.  False with gains of zero: of a stable controller, which fades by itself, or of several.
 
     Raises
     ------
@@ -122,10 +125,12 @@ def conditioning_gains(laws: Sequence[Lti], limited: Array, softening: float = 0
         return none, True
     own = max(float(np.abs(np.linalg.eigvals(K.A)).max()) for K in laws)
     rate = max(1.0, own * (1.0 + _OWN))
+    standing = not bounded(laws, none, [()], rate)
+    subsets = [S for count in range(1, len(F) + 1) for S in combinations(F.tolist(), count)] if len(F) <= _MOST else []
     whole, part = None, None
-    for gains in _candidates(laws, limited, softening) if len(F) <= _MOST else ():
-        each = bounded(laws, gains, F, rate)
-        together = each if rate == 1.0 else bounded(laws, gains, F, 1.0, least=len(F))
+    for gains in _candidates(laws, limited, softening) if subsets else ():
+        each = bounded(laws, gains, subsets, rate, standing)
+        together = each if rate == 1.0 else bounded(laws, gains, subsets[-1:], 1.0, standing)
         if each and together:
             return gains, True
         whole = gains if together and whole is None else whole
@@ -181,26 +186,32 @@ def _kalman_gain(K: Lti, limited: Array, softening: float) -> Array:
     return np.where(limited, gain, 0.0)
 
 
-def bounded(laws: Sequence[Lti], gains: Array, F: Array, rate: float = 1.0, least: int = 1) -> bool:
+def bounded(
+    laws: Sequence[Lti], gains: Array, subsets: Iterable[Sequence[int]], rate: float = 1.0, standing: bool = False
+) -> bool:
     """Return whether corrected controllers are proved to grow by less than a factor a sample.
 
     Parameters
     ----------
     laws, gains
         Of :func:`conditioning_gains`.
-    F : ndarray of int
-        The controls with limits.
+    subsets : iterable of sequence of int
+        Of controls at their limits.
     rate : float
         The factor.  With 1 they are bounded.
-    least : int
-        How many of them meet their limits, at least.
+    standing : bool
+        Whether each is by itself; otherwise they may change into each other in any way, as one matrix proves.
     """
-    chosen = (S for count in range(least, len(F) + 1) for S in combinations(F.tolist(), count))
-    return all(_contracting(*_corrected(laws, gains, list(S)), rate) for S in chosen)
+    for S in subsets:
+        V, doubt = _corrected(laws, gains, list(S))
+        parts = [slice(k, k + 1) for k in range(len(laws))] if standing else [slice(None)]
+        if not all(_contracting(V[part], doubt[part], rate) for part in parts):
+            return False
+    return True
 
 
 def _corrected(laws: Sequence[Lti], gains: Array, S: list[int]) -> tuple[Array, Array]:
-    """Return matrices between which all of ``A - L C`` lie, and what rounding leaves in doubt of them.
+    """Return ``A - L C`` of each controller, then what all between them lie between, and what rounding leaves in doubt.
 
     Along a straight line ``A - L C`` is a parabola: it lies between both ends and the point where its tangents meet.
     """
