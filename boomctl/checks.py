@@ -94,6 +94,12 @@ def path(name: str, value: object) -> Path:
     """Return ``value`` as the path of a file or folder."""
     if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
         raise TypeError(f"{name} = {shown(value)}: expected a path, got {type(value).__name__}")
+    try:
+        whole = b"\0" not in os.fsencode(value)
+    except UnicodeEncodeError:
+        whole = False
+    if not whole:
+        raise ValueError(f"{name} = {shown(value)}: expected a path without null characters and lone surrogates")
     return Path(value)
 
 

@@ -8,21 +8,36 @@ precision its distance is bounded: each sample adds at most what rounding change
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite, log
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
 
-_SAMPLES = 240  # of the comparison: half of them within the limits, half beyond
+_SAMPLES = 240  # of the comparison, at most: half of them within the limits, half beyond
+_GROWN = 1e3  # times by which an unstable controller may grow in each half (a choice: its digits are still compared)
 _BEYOND = 20.0  # times the limits, which the second half asks for
+_HUGE = 1e200  # largest measurement of the comparison (a choice: gains below 1e100 ask for numbers still)
 _SINGLE = 2.0**-24  # unit of rounding in single precision
+_TINY = 2.0**-149  # smallest number in single precision
+_LARGEST = float(np.finfo(np.float32).max)  # in single precision
 _ROOM = 2.0  # times the bound of first order, for what is of second
+# what a header beside the code would hide from programs that look for headers there: those of C, and POSIX's common ones
+_HEADERS = (
+    "assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdalign stdarg stdatomic "
+    "stdbit stdbool stdckdint stddef stdint stdio stdlib stdnoreturn string tgmath threads time uchar wchar wctype "
+    "alloca cpio dirent dlfcn endian fcntl features fnmatch ftw getopt glob grp iconv langinfo libgen malloc memory "
+    "monetary mqueue ndbm netdb nl_types poll pthread pwd regex sched search semaphore spawn strings stropts syslog "
+    "tar termios trace ulimit unistd utime utmpx wordexp"
+)
 
 
 @dataclass(frozen=True)
 class RunningController:
     """``asked = C x + D y``; ``given``: force limited, then rate; ``x+ = A x + B y + L (given - asked)``.
+
+    At a sample of which one of these numbers is beyond all numbers, the last controls are given again and nothing changes.
 
     Attributes
     ----------
@@ -48,11 +63,14 @@ class RunningController:
         x, last, found = [0.0] * n, [0.0] * u, []
         for y in measured.tolist():
             asked = [_sum(D[i], y, _sum(C[i], x, 0.0)) for i in range(u)]
-            for i, value in enumerate(asked):
-                last[i] = self._limited(value, last[i], i)
-            kept = [last[i] - asked[i] for i in range(u)]
-            x = [_sum(L[i], kept, _sum(B[i], y, _sum(A[i], x, 0.0))) for i in range(n)]
-            found.append(list(last))
+            given = [self._limited(value, last[i], i) for i, value in enumerate(asked)]
+            following = [_sum(B[i], y, _sum(A[i], x, 0.0)) for i in range(n)]
+            if self.L.any():
+                kept = [given[i] - asked[i] for i in range(u)]
+                following = [_sum(L[i], kept, following[i]) for i in range(n)]
+            if all(map(isfinite, [*y, *asked, *following])):
+                x, last = following, given
+            found.append(last)
         return np.array(found).reshape(len(measured), u)
 
     def _limited(self, value: float, last: float, i: int) -> float:
@@ -74,27 +92,25 @@ def c_files(name: str, running: RunningController, units: Mapping[str, str]) -> 
     Raises
     ------
     ValueError
-        ``name`` is no name in C; a controller without inputs or outputs.
+        ``name`` is no name in C, or that of a system's header; a controller without inputs or outputs.
     """
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise ValueError(f"path: {name!r} is no name in C: expected letters, digits and _, a letter first")
+    if name.lower() in _HEADERS.split():
+        raise ValueError(f"path: {name}.h would hide the system's header of this name; expected another name")
     K = running.K
     if not (K.inputs and K.outputs):
         raise ValueError("controller: expected at least one input and one output")
     measured = _measurements(running)
     controls, half = running.run(measured), len(measured) // 2
-    bound = _single_bound(running, measured[:half])
-    words = {
+    bound = _single_bound(running, measured, half)
+    plain = {
         "NAME": name,
         "GUARD": f"{name.upper()}_H",
         "SINGLE": f"{name.upper()}_SINGLE",
         "UPPER": name.upper(),
-        "INPUT_COUNT": str(len(K.inputs)),
-        "OUTPUT_COUNT": str(len(K.outputs)),
-        "STATE_COUNT": str(len(K.A)),
-        "TIME": f"{K.dt!r}",
-        "INPUT_LIST": _listed(K.inputs, units),
-        "OUTPUT_LIST": _listed(K.outputs, units),
+    }
+    parts = {
         "MATRICES": "".join(
             _matrix(name, letter, matrix)
             for letter, matrix in (("A", K.A), ("B", K.B), ("C", K.C), ("D", K.D), ("L", running.L))
@@ -105,12 +121,24 @@ def c_files(name: str, running: RunningController, units: Mapping[str, str]) -> 
         + _LIMIT_RATE * bool(np.isfinite(running.step).any()),
         "OWN_STATES": _OWN_STATES if len(K.A) else "",
         "NEXT": (_NEXT + (_CORRECTED if running.L.any() else "") + _KEPT) if len(K.A) else "",
+        "NEXT_STATES": _NEXT_STATES if len(K.A) else "",
+        "TAKEN": _TAKEN if len(K.A) else "",
         "RESET": _RESET if len(K.A) else "",
+        "ONLY_DOUBLE": "" if isfinite(bound) else _ONLY_DOUBLE,
+    }
+    words = plain | {key: _filled(text, plain) for key, text in parts.items()}
+    words |= {
+        "INPUT_COUNT": str(len(K.inputs)),
+        "OUTPUT_COUNT": str(len(K.outputs)),
+        "STATE_COUNT": str(len(K.A)),
+        "TIME": f"{K.dt!r}",
+        "INPUT_LIST": _listed(K.inputs, units),
+        "OUTPUT_LIST": _listed(K.outputs, units),
         "SAMPLE_COUNT": str(len(measured)),
         "WITHIN": str(half),
         "MEASURED": _table(measured),
         "CONTROLS": _table(controls),
-        "BOUND": _hex(bound),
+        "BOUND": _hex(bound if isfinite(bound) else 0.0),
         "BOUND_TEXT": f"{bound:.3g}",
     }
     files = {f"{name}.c": _SOURCE, f"{name}.h": _HEADER, f"{name}_test.c": _TEST}
@@ -118,47 +146,73 @@ def c_files(name: str, running: RunningController, units: Mapping[str, str]) -> 
 
 
 def _filled(text: str, words: Mapping[str, str]) -> str:
-    # twice, as what is filled in holds words of its own
-    for _ in range(2):
-        text = re.sub(r"@([A-Z_]+)@", lambda found: words[found[1]], text)
-    return text
+    """Return a text with its words filled in; what is filled in is not looked at."""
+    return re.sub(r"@([A-Z_]+)@", lambda found: words[found[1]], text)
 
 
 def _measurements(running: RunningController) -> Array:
     """Return measurements that ask for what the limits allow, then for more."""
     K, rng = running.K, np.random.default_rng(0)
-    noise = rng.standard_normal((_SAMPLES, len(K.inputs)))
-    scale = np.linalg.norm(np.vstack([K.D, K.C @ K.B if len(K.A) else K.D]), axis=0)
-    noise = noise / np.where(scale > 0.0, scale, 1.0)
-    free = RunningController(K, np.zeros_like(running.L), np.full(len(K.C), np.inf), np.full(len(K.C), np.inf))
-    asked = free.run(noise)[: _SAMPLES // 2]
-    changes = np.abs(np.diff(asked, axis=0, prepend=0.0)).max(axis=0, initial=0.0)
-    room = np.minimum(
-        running.force / np.maximum(np.abs(asked).max(axis=0, initial=0.0), np.finfo(float).tiny),
-        running.step / np.maximum(changes, np.finfo(float).tiny),
-    ).min(initial=np.inf)
-    if not np.isfinite(room):
-        return noise
-    noise = noise * (0.5 * room)
-    noise[_SAMPLES // 2 :] *= 2.0 * _BEYOND
-    return noise
+    own = float(np.abs(np.linalg.eigvals(K.A)).max()) if len(K.A) else 0.0
+    half = _SAMPLES // 2 if own <= 1.0 else max(2, min(_SAMPLES // 2, int(log(_GROWN) / log(own))))
+    noise = rng.standard_normal((2 * half, len(K.inputs)))
+    with np.errstate(all="ignore"):  # of gains beyond all numbers the measurements are zero
+        scale = np.abs(np.vstack([K.D, K.C @ K.B if len(K.A) else K.D])).max(axis=0)
+        noise = np.clip(noise / np.where(scale > 0.0, scale, 1.0), -_HUGE, _HUGE)
+        free = RunningController(K, np.zeros_like(running.L), np.full(len(K.C), np.inf), np.full(len(K.C), np.inf))
+        asked = free.run(noise)[:half]
+        changes = np.abs(np.diff(asked, axis=0, prepend=0.0)).max(axis=0, initial=0.0)
+        room = np.minimum(
+            running.force / np.maximum(np.abs(asked).max(axis=0, initial=0.0), np.finfo(float).tiny),
+            running.step / np.maximum(changes, np.finfo(float).tiny),
+        ).min(initial=np.inf)
+        if not np.isfinite(room):
+            return noise
+        noise = noise * (0.5 * room)
+        noise[half:] *= 2.0 * _BEYOND
+        return np.clip(noise, -_HUGE, _HUGE)
 
 
-def _single_bound(running: RunningController, measured: Array) -> float:
-    """Return how far single precision may be off at any sample of a run within the limits."""
+def _single_bound(running: RunningController, measured: Array, half: int) -> float:
+    """Return how far single precision may be off at any sample of a run within the limits, the first half.
+
+    Infinite where a number, or what it is made of, is beyond single precision.
+    """
     K = running.K
     n, m, u = len(K.A), len(K.inputs), len(K.outputs)
+    numbers = [
+        K.A,
+        K.B,
+        K.C,
+        K.D,
+        running.L,
+        *(each[np.isfinite(each)] for each in (running.force, running.step)),
+        measured,
+    ]
+    if max(float(np.abs(each).max(initial=0.0)) for each in numbers) > _LARGEST:
+        return np.inf
     x, states = np.zeros(n), []
     for y in measured:
         states.append(np.abs(x))
         x = K.A @ x + K.B @ y
     sizes, read = np.array(states).reshape(len(measured), n), np.abs(measured)
+    moved = sizes @ np.abs(K.A).T + read @ np.abs(K.B).T
+    shown = sizes @ np.abs(K.C).T + read @ np.abs(K.D).T
+    whole = shown.sum(axis=1, keepdims=True) @ np.abs(running.L).max(axis=1, initial=0.0)[None]
+    if max(float(each.max(initial=0.0)) for each in (moved, shown, moved + whole)) > _LARGEST / _ROOM:
+        return np.inf
     unit = (n + m + u + 3) * _SINGLE  # matrices and measurements stored, products, sums, what limits compare
-    added = unit * (sizes @ np.abs(K.A).T + read @ np.abs(K.B).T).max(axis=0, initial=0.0)
-    own = unit * (sizes @ np.abs(K.C).T + read @ np.abs(K.D).T).max(axis=0, initial=0.0)
+    # of numbers below the smallest: of matrices, of products, and of what these multiply
+    lost = [
+        _TINY
+        * ((sizes.sum(axis=1) + read.sum(axis=1) + n + m)[:half, None] + np.abs(X).sum(axis=1) + np.abs(Y).sum(axis=1))
+        for X, Y in ((K.A, K.B), (K.C, K.D))
+    ]
+    added = (unit * moved[:half] + lost[0]).max(axis=0, initial=0.0)
+    own = unit * shown[:half] + lost[1]
     carried, onward = np.zeros(u), K.C.copy()
     # the correction multiplies what rounding leaves between asked and given, which within the limits is nothing
-    for _ in range(len(measured)):
+    for _ in range(half):
         carried = carried + np.abs(onward) @ added
         onward = onward @ K.A
     return float(_ROOM * (carried + own).max(initial=0.0))
@@ -194,7 +248,16 @@ def _table(values: Array) -> str:
 
 def _listed(names: tuple[str, ...], units: Mapping[str, str]) -> str:
     marked = (f"{i}: {name}" + (f" [{units[name]}]" if units.get(name) else "") for i, name in enumerate(names))
-    return "".join(f" *   {line}\n" for line in marked)
+    return "".join(f" *   {_commented(line)}\n" for line in marked)
+
+
+def _commented(line: str) -> str:
+    """Return a text that is one line of a comment whatever it holds: what would end it, or is not seen, by its number."""
+    found = "".join(letter if letter.isprintable() and letter != "\\" else f"<U+{ord(letter):04X}>" for letter in line)
+    for pair in ("*/", "/*", "??"):
+        while pair in found:
+            found = found.replace(pair, " ".join(pair))
+    return found
 
 
 _HEADER = """\
@@ -208,7 +271,7 @@ _HEADER = """\
 #ifndef @GUARD@
 #define @GUARD@
 
-#ifdef @SINGLE@
+@ONLY_DOUBLE@#ifdef @SINGLE@
 typedef float @NAME@_real;
 #else
 typedef double @NAME@_real;
@@ -227,7 +290,8 @@ typedef struct {
 void @NAME@_reset(@NAME@_controller *controller);
 
 /* Take one sample: read the measurements, write the controls.
- * Returns 0; or 1 if a measurement is no finite number: then the last controls are given again and nothing changes. */
+ * Returns 0; or 1 if a measurement, or what follows of it, is no finite number: then the last controls are given again and
+ * nothing changes. */
 int @NAME@_step(@NAME@_controller *controller, const @NAME@_real measured[@UPPER@_MEASUREMENTS],
                 @NAME@_real control[@UPPER@_CONTROLS]);
 
@@ -236,18 +300,24 @@ int @NAME@_step(@NAME@_controller *controller, const @NAME@_real measured[@UPPER
 
 _OWN_STATES = "    @NAME@_real x[@UPPER@_STATES];\n"
 
+_ONLY_DOUBLE = """\
+#ifdef @SINGLE@
+#error "@NAME@: its numbers are beyond single precision"
+#endif
+
+"""
+
 _SOURCE = """\
 /* @NAME@: see @NAME@.h. */
 #include "@NAME@.h"
 
-#include <float.h>
-
 #define R(number) ((@NAME@_real)(number))
 #ifdef @SINGLE@
-#define @NAME@_NONE FLT_MAX
+#define @NAME@_NONE R(0x1.fffffep+127) /* the largest number */
 #else
-#define @NAME@_NONE DBL_MAX
+#define @NAME@_NONE R(0x1.fffffffffffffp+1023)
 #endif
+#define FINITE(number) ((number) >= -@NAME@_NONE && (number) <= @NAME@_NONE)
 
 @MATRICES@@LIMITS@
 void @NAME@_reset(@NAME@_controller *controller)
@@ -261,18 +331,13 @@ void @NAME@_reset(@NAME@_controller *controller)
 int @NAME@_step(@NAME@_controller *controller, const @NAME@_real measured[@UPPER@_MEASUREMENTS],
                 @NAME@_real control[@UPPER@_CONTROLS])
 {
-    @NAME@_real asked[@UPPER@_CONTROLS];
-    int i, j;
+    @NAME@_real asked[@UPPER@_CONTROLS], allowed[@UPPER@_CONTROLS];
+@NEXT_STATES@    int i, j, fine = 1;
 
     for (j = 0; j < @UPPER@_MEASUREMENTS; j++) {
-        if (!(measured[j] >= -@NAME@_NONE && measured[j] <= @NAME@_NONE)) {
-            for (i = 0; i < @UPPER@_CONTROLS; i++) {
-                control[i] = controller->last[i];
-            }
-            return 1;
-        }
+        fine = fine && FINITE(measured[j]);
     }
-    for (i = 0; i < @UPPER@_CONTROLS; i++) {
+    for (i = 0; i < @UPPER@_CONTROLS && fine; i++) {
         @NAME@_real sum = R(0.0);
         @NAME@_real given;
 #if @UPPER@_STATES > 0
@@ -283,13 +348,19 @@ int @NAME@_step(@NAME@_controller *controller, const @NAME@_real measured[@UPPER
         for (j = 0; j < @UPPER@_MEASUREMENTS; j++) {
             sum = sum + D[i][j] * measured[j];
         }
+        fine = fine && FINITE(sum);
         asked[i] = sum;
         given = sum;
-@LIMITING@        control[i] = given;
-        controller->last[i] = given;
+@LIMITING@        allowed[i] = given;
     }
-@NEXT@    (void)asked;
-    return 0;
+@NEXT@    for (i = 0; i < @UPPER@_CONTROLS; i++) {
+        if (fine) {
+            controller->last[i] = allowed[i];
+        }
+        control[i] = controller->last[i];
+    }
+@TAKEN@    (void)asked;
+    return !fine;
 }
 """
 
@@ -315,31 +386,34 @@ _LIMIT_RATE = """\
         }
 """
 
+_NEXT_STATES = "    @NAME@_real next[@UPPER@_STATES];\n"
+
 _NEXT = """\
-    {
-        @NAME@_real next[@UPPER@_STATES];
-        for (i = 0; i < @UPPER@_STATES; i++) {
-            @NAME@_real sum = R(0.0);
-            for (j = 0; j < @UPPER@_STATES; j++) {
-                sum = sum + A[i][j] * controller->x[j];
-            }
-            for (j = 0; j < @UPPER@_MEASUREMENTS; j++) {
-                sum = sum + B[i][j] * measured[j];
-            }
+    for (i = 0; i < @UPPER@_STATES && fine; i++) {
+        @NAME@_real sum = R(0.0);
+        for (j = 0; j < @UPPER@_STATES; j++) {
+            sum = sum + A[i][j] * controller->x[j];
+        }
+        for (j = 0; j < @UPPER@_MEASUREMENTS; j++) {
+            sum = sum + B[i][j] * measured[j];
+        }
 """
 
 _CORRECTED = """\
-            for (j = 0; j < @UPPER@_CONTROLS; j++) {
-                sum = sum + L[i][j] * (controller->last[j] - asked[j]);
-            }
+        for (j = 0; j < @UPPER@_CONTROLS; j++) {
+            sum = sum + L[i][j] * (allowed[j] - asked[j]);
+        }
 """
 
 _KEPT = """\
-            next[i] = sum;
-        }
-        for (i = 0; i < @UPPER@_STATES; i++) {
-            controller->x[i] = next[i];
-        }
+        fine = fine && FINITE(sum);
+        next[i] = sum;
+    }
+"""
+
+_TAKEN = """\
+    for (i = 0; i < @UPPER@_STATES && fine; i++) {
+        controller->x[i] = next[i];
     }
 """
 

@@ -1,21 +1,23 @@
 """Controllers written to files and read again: JSON, MATLAB, C99."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.checks import known, positive
+from boomctl.checks import known, mapping, nonnegative, positive, shown
 from boomctl.checks import path as checked_path
 from boomctl.exchange.c_code import RunningController, c_files
+from boomctl.exchange.controller_schema import checked_controller
 from boomctl.exchange.matlab import matlab_files, read_matlab
 from boomctl.files import json_text, write_all
 from boomctl.lti.system import Lti, of
 from boomctl.printing import listed
-from boomctl.simulation.controller import conditioning_gain
+from boomctl.simulation.conditioning import correction
 from boomctl.simulation.signals import per_signal
 
 if TYPE_CHECKING:
@@ -145,6 +147,12 @@ def controller_contents(
     known("suffix", suffix, SUFFIXES)
     own = getattr(controller, "certificate", None)
     K = of(getattr(controller, "controller", controller), "controller", "StateSpace", any_time=True)
+    if not np.isnan(K.dt):
+        nonnegative("controller: its sampling time", K.dt)
+    if K.states and len(K.states) != len(K.A):
+        raise ValueError(
+            f"controller: expected a name for each of {len(K.A)} states, got {len(K.states)}: some are there twice"
+        )
     if sample_time is not None:
         K = _sampled(K, positive("sample_time", sample_time))
     notes = ControllerNotes(
@@ -153,9 +161,9 @@ def controller_contents(
     if suffix == ".c":
         if K.dt == 0.0 or np.isnan(K.dt):
             raise ValueError(f"{name}.c: C code runs once a sample: expected sample_time in seconds")
-        L = conditioning_gain(K.A, K.B, K.C, K.D) if anti_windup and len(K.A) else np.zeros((len(K.A), len(K.C)))
         force = per_signal("force_limit", force_limit, K.outputs)
         rate = per_signal("rate_limit", rate_limit, K.outputs) * K.dt
+        L = correction((K,), force, rate)[0] if anti_windup else np.zeros((len(K.A), len(K.C)))
         return {**c_files(name, RunningController(K, L, force, rate), notes.units)}
     if force_limit is not None or rate_limit is not None:
         raise ValueError(
@@ -199,7 +207,8 @@ def read_controller(path: str | Path) -> "control.StateSpace":
     >>> again.input_labels, again.A
     (['stroke'], array([[-2.]]))
     """
-    return _read(checked_path("path", path))[0].statespace(checked_path("path", path).stem)
+    file = checked_path("path", path)
+    return _read(file)[0].statespace(file.stem.replace(".", "_"))  # python-control allows no dots in names
 
 
 def read_controller_notes(path: str | Path) -> ControllerNotes:
@@ -239,29 +248,35 @@ def read_controller_notes(path: str | Path) -> ControllerNotes:
 def _read(file: Path) -> tuple[Lti, ControllerNotes]:
     known("suffix", file.suffix, (".json", ".mat"))
     if file.suffix == ".mat":
-        return read_matlab(file), ControllerNotes()
+        found = read_matlab(file)
+        with _refused(file):
+            return checked_controller(found), ControllerNotes()
     try:
         held = json.loads(file.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:  # of JSON, of UTF-8, and of whole numbers too long to be read
         raise ValueError(f"{file}: not a JSON file: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{file}: lists or objects are nested too deep; expected a few levels") from None
     if not isinstance(held, dict) or held.get("format") != _FORMAT:
         raise ValueError(f"{file}: expected a file of write_controller, whose format is {_FORMAT!r}")
     if held.get("version") != _VERSION:
-        raise ValueError(f"{file}: its version is {held.get('version')!r}; expected {_VERSION}")
+        raise ValueError(f"{file}: its version is {shown(held.get('version'))}; expected {_VERSION}")
+    with _refused(file):
+        units, certificate, provenance = (
+            mapping(key, held.get(key, {}), "entries by name") for key in ("units", "certificate", "provenance")
+        )
+        if not all(isinstance(unit, str) for unit in units.values()):
+            raise TypeError(f"units = {shown(units)}: expected texts by name of signal")
+        return checked_controller(held), ControllerNotes(units, certificate, provenance)
+
+
+@contextmanager
+def _refused(file: Path) -> Iterator[None]:
+    """Name the file in which a controller is not complete."""
     try:
-        names = {key: tuple(str(name) for name in held[key]) for key in ("inputs", "outputs", "states")}
-        n, m, p = len(names["states"]), len(names["inputs"]), len(names["outputs"])
-        shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
-        matrices = {letter: np.array(held[letter], dtype=float).reshape(shape) for letter, shape in shapes.items()}
-        dt = float("nan") if held["sample_time"] is True else float(held["sample_time"])
+        yield
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{file}: a controller is not complete there: {type(error).__name__} {error}") from None
-    for letter, matrix in matrices.items():
-        if not np.isfinite(matrix).all():
-            raise ValueError(f"{file}: expected finite numbers in {letter}")
-    notes = ControllerNotes(held.get("units", {}), held.get("certificate", {}), held.get("provenance", {}))
-    A, B, C, D = (matrices[letter] for letter in "ABCD")
-    return Lti(A, B, C, D, names["inputs"], names["outputs"], names["states"], dt), notes
 
 
 def _sampled(K: Lti, sample_time: float) -> Lti:

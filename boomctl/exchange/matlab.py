@@ -4,13 +4,16 @@ import io
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.checks import shown
 from boomctl.lti.system import Lti
 
 _LARGEST = 63  # letters of a name in MATLAB
+_NOT_SAID = -1.0  # MATLAB's for a time step that is not said
 
 
 def matlab_files(name: str, K: Lti, units: Mapping[str, str]) -> dict[str, bytes | str]:
@@ -19,7 +22,7 @@ def matlab_files(name: str, K: Lti, units: Mapping[str, str]) -> dict[str, bytes
     Raises
     ------
     ValueError
-        ``name`` is none of a function.
+        ``name`` is none of a function; names or units that such a file cannot hold.
     """
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or len(name) > _LARGEST:
         raise ValueError(
@@ -33,7 +36,7 @@ def matlab_files(name: str, K: Lti, units: Mapping[str, str]) -> dict[str, bytes
         "B": K.B,
         "C": K.C,
         "D": K.D,
-        "sample_time": -1.0 if np.isnan(K.dt) else K.dt,  # -1 is MATLAB's for a time step that is not said
+        "sample_time": _NOT_SAID if np.isnan(K.dt) else K.dt,
         "inputs": _cells(K.inputs),
         "outputs": _cells(K.outputs),
         "states": _cells(states),
@@ -45,8 +48,8 @@ def matlab_files(name: str, K: Lti, units: Mapping[str, str]) -> dict[str, bytes
     return {f"{name}.mat": file.getvalue(), f"{name}.m": _FUNCTION.replace("NAME", name)}
 
 
-def read_matlab(path: Path) -> Lti:
-    """Return the system of a ``.mat`` file with the matrices A, B, C, D; names where there are any.
+def read_matlab(path: Path) -> dict[str, Any]:
+    """Return matrices A, B, C, D, names and sampling time of a ``.mat`` file as they stand there, or names made up.
 
     Raises
     ------
@@ -54,35 +57,40 @@ def read_matlab(path: Path) -> Lti:
         Another kind of file, or not these matrices.
     """
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
 
+    content = io.BytesIO(path.read_bytes())
     try:
-        held = loadmat(path)
-    except (MatReadError, ValueError, NotImplementedError, TypeError) as error:
-        raise ValueError(f"{path}: not a MATLAB file of version 5: {error}") from None
+        held = loadmat(content)
+    except Exception as error:  # on what is no such file SciPy's reader fails in any way
+        raise ValueError(f"{path}: not a MATLAB file of version 5: {' '.join(str(error).split())}") from None
     missing = [letter for letter in "ABCD" if letter not in held]
     if missing:
         raise ValueError(f"{path}: expected matrices A, B, C, D; {', '.join(missing)} not there")
-    A, D = np.asarray(held["A"], dtype=float), np.asarray(held["D"], dtype=float)
-    n, (p, m) = len(A), D.shape
-    B, C = np.asarray(held["B"], dtype=float).reshape(n, m), np.asarray(held["C"], dtype=float).reshape(p, n)
-    time = float(np.ravel(held.get("sample_time", 0.0))[0])
-    names = [_names(held.get(kind), count, kind[0]) for kind, count in (("inputs", m), ("outputs", p), ("states", n))]
-    inputs, outputs, states = names
-    return Lti(A.reshape(n, n), B, C, D, inputs, outputs, states, float("nan") if time < 0.0 else time)
+    p, m = np.shape(held["D"]) if np.ndim(held["D"]) == 2 else (0, 0)
+    found = {letter: held[letter] for letter in "ABCD"}
+    for kind, count in (("inputs", m), ("outputs", p), ("states", np.shape(held["A"])[0])):
+        found[kind] = _names(held.get(kind), count, kind[0])
+    time = np.asarray(held.get("sample_time", 0.0))
+    seconds = time.item() if time.size == 1 and time.dtype.kind in "iuf" else time
+    return found | {"sample_time": True if seconds is not time and seconds == _NOT_SAID else seconds}
 
 
 def _cells(words: "tuple[str, ...] | list[str]") -> Array:
     cells = np.empty((len(words), 1), dtype=object)
     for i, word in enumerate(words):
+        if any(letter == "\0" or "\ud800" <= letter <= "\udfff" for letter in word):
+            raise ValueError(
+                f"controller: name or unit {shown(word)}: expected one without null characters and surrogates"
+            )
         cells[i, 0] = word
     return cells
 
 
-def _names(cells: object, count: int, letter: str) -> tuple[str, ...]:
+def _names(cells: object, count: int, letter: str) -> list[object]:
     if cells is None:
-        return tuple(f"{letter}{i}" for i in range(count))
-    return tuple(str(cell[0]) if np.size(cell) else "" for cell in np.ravel(np.asarray(cells, dtype=object)))
+        return [f"{letter}{i}" for i in range(count)]
+    found = (np.ravel(cell) for cell in np.ravel(np.asarray(cells, dtype=object)))
+    return ["" if not cell.size else cell[0] if cell.dtype.kind != "U" else str(cell[0]) for cell in found]
 
 
 _FUNCTION = """\

@@ -387,10 +387,7 @@ def of(
                 f"{what}: the largest entry of {letter} is {largest:g} in size; expected from {_SIZES[0]:g} to {_SIZES[1]:g}:"
                 " choose other units"
             )
-    for kind, listed in (("input", found.inputs), ("output", found.outputs)):
-        if len(set(listed)) < len(listed):
-            twice = next(label for label in listed if listed.count(label) > 1)
-            raise ValueError(f"{what}: {kind} {twice!r} is there twice")
+    _check_names(what, found)
     return found
 
 
@@ -402,6 +399,18 @@ def _instead(system: object) -> str:
             "boomctl.closed_loop_response closes a loop around it"
         )
     return "; its .controller is one" if is_statespace(getattr(system, "controller", None)) else ""
+
+
+def _check_names(what: str, found: Lti) -> None:
+    """Raise ``ValueError`` where signals have the same name."""
+    for kind, listed, count in (("input", found.inputs, found.D.shape[1]), ("output", found.outputs, len(found.D))):
+        if len(set(listed)) < len(listed):
+            twice = next(label for label in listed if listed.count(label) > 1)
+            raise ValueError(f"{what}: {kind} {twice!r} is there twice")
+        if listed and len(listed) < count:  # python-control holds names that are there twice once
+            raise ValueError(
+                f"{what}: expected a name for each of {count} {kind}s, got {len(listed)}: some are there twice"
+            )
 
 
 def _check_time(what: str, dt: float, discrete: bool, sampled: bool) -> None:

@@ -1,10 +1,9 @@
 """A controller as it runs: discrete, its signals matched to the plant's, its state corrected where it saturates."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
@@ -12,6 +11,8 @@ from boomctl.checks import exactly, known, up_to
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.lti.system import Lti, of
+from boomctl.simulation.conditioning import bounded_correction, correction
+from boomctl.simulation.conditioning import conditioning_gain as conditioning_gain
 from boomctl.simulation.machine.machine import MachineModes
 from boomctl.simulation.plant import ModalPlant
 
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 DISCRETIZATIONS = ("tustin", "zoh")
 _SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
-# share of the noise added everywhere, so that the Riccati equation is solvable; below all that is felt
-_REGULAR = 1e-10
 
 
 @dataclass(frozen=True)
@@ -92,10 +91,11 @@ def sampled_controller(
     controller: "Controller | None",
     plant: "ModalPlant | MachineModes",
     sample_time: float,
-    anti_windup: bool = True,
     discretization: str = "tustin",
 ) -> SampledController:
     """Return a controller ready to be stepped; ``None`` drives nothing.
+
+    Where it saturates its state is not corrected yet, but that of a time-varying one, which has gains of its own.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def sampled_controller(
         )
     known("discretization", discretization, DISCRETIZATIONS)
     if isinstance(controller, TimeVaryingController):
-        return _time_varying(controller, plant, sample_time, anti_windup)
+        return _time_varying(controller, plant, sample_time)
     scheduled = controller if isinstance(controller, ScheduledController) else None
     if scheduled is None:
         given = (of(controller, "controller", expected="StateSpace, ScheduledController or None", any_time=True),)
@@ -121,22 +121,17 @@ def sampled_controller(
         given[0], plant.inputs, plant.outputs, plant.states if isinstance(plant, ModalPlant) else ()
     )
     found = [_discrete(each, sample_time, discretization) for each in given]
-    gains = [
-        conditioning_gain(each.A, each.B, each.C, each.D)
-        if anti_windup and len(each.A)
-        else np.zeros((len(each.A), len(each.C)))
-        for each in found
-    ]
+    none = np.zeros((len(found), len(found[0].A), len(found[0].C)))
     laws = None
     if scheduled is not None:
         law = np.array([np.block([[each.D, each.C], [each.B, each.A]]) for each in found])
-        laws = Laws(law, np.array(gains), scheduled.place, scheduled.values)
+        laws = Laws(law, none, scheduled.place, scheduled.values)
     return SampledController(
         A=found[0].A,
         B=found[0].B,
         C=found[0].C,
         D=found[0].D,
-        L=gains[0],
+        L=none[0],
         measured=np.array(measured, dtype=int),
         driven=np.array(driven, dtype=int),
         inputs=given[0].inputs,
@@ -145,13 +140,28 @@ def sampled_controller(
     )
 
 
+def corrected(K: SampledController, force: Array, rate: Array, anti_windup: bool) -> SampledController:
+    """Return a controller whose state is corrected where its controls meet limits of force and rate; ``inf`` for none."""
+    u, p, found = len(K.C), len(K.measured), K.laws
+    matrices = (
+        [(K.A, K.B, K.C, K.D)] if found is None else [(X[u:, p:], X[u:, :p], X[:u, p:], X[:u, :p]) for X in found.law]
+    )
+    laws = [Lti(*each, K.inputs, K.outputs) for each in matrices]
+    if not anti_windup or not len(K.A):
+        L = np.zeros((len(laws), *K.L.shape))
+    elif found is not None and found.place is None:
+        L = bounded_correction(laws[-1], found.correction, force, rate)
+    else:
+        L = correction(laws, force, rate)
+    return replace(K, L=L[0], laws=None if found is None else replace(found, correction=L))
+
+
 def _time_varying(
-    controller: TimeVaryingController, plant: "ModalPlant | MachineModes", sample_time: float, anti_windup: bool
+    controller: TimeVaryingController, plant: "ModalPlant | MachineModes", sample_time: float
 ) -> SampledController:
     """Return a controller whose matrices change from sample to sample."""
     _check_time(controller.sample_time, sample_time)
     A, B, C, D, L = (getattr(controller, letter) for letter in "ABCDL")
-    L = L if anti_windup else np.zeros_like(L)
     first = Lti(A[0], B[0], C[0], D[0], tuple(controller.inputs), tuple(controller.outputs))
     driven, measured = signals_of(first, plant.inputs, plant.outputs)
     return SampledController(
@@ -194,45 +204,3 @@ def _discrete(controller: Lti, sample_time: float, method: str) -> Lti:
 
     rule = "bilinear" if method == "tustin" else "zoh"
     return of(control.sample_system(controller.statespace("controller"), sample_time, rule), any_time=True)
-
-
-def conditioning_gain(A: Array, B: Array, C: Array, D: Array, softening: float = 0.1) -> Array:
-    """Return the gain through which the control that was applied corrects the controller's state.
-
-    The controller is run as an observer of itself: its input is taken for white noise, what was applied for a
-    measurement of what it asked for, itself noisy by ``softening`` of the variance that one sample adds.  Without
-    softening the stationary Kalman gain is Hanus' conditioning ``B D^-1`` where ``D`` is invertible and the controller
-    of minimum phase, and stabilising otherwise; but that is harsh where ``D`` is small, as it is in every controller
-    that rolls off.  A stable controller for which none is found (its poles hardly seen at the output) is left as it is:
-    its state fades by itself.
-
-    Source: Hanus, Kinnaert & Henrotte (1987); Astrom & Rundqwist (1989).
-
-    Raises
-    ------
-    ValueError
-        The controller is not stable, and no gain was found.
-    """
-    own, gain = float(np.abs(np.linalg.eigvals(A)).max()), np.zeros((len(A), len(C)))
-    if not B.any() or not C.any():
-        return gain
-    through = D @ D.T
-    size = np.diag(through + C @ B @ B.T @ C.T)
-    R = through + (softening + _REGULAR) * np.diag(np.where(size > 0.0, size, size.max() or 1.0))
-    Q = B @ B.T
-    Q = Q + _REGULAR * np.linalg.norm(Q) * np.eye(len(A))
-    S = B @ D.T
-    try:
-        P = linalg.solve_discrete_are(A.T, C.T, Q, R, s=S)
-        gain = np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T + S.T).T
-        corrected = float(np.abs(np.linalg.eigvals(A - gain @ C)).max())
-    except (linalg.LinAlgError, ValueError):
-        corrected = np.inf
-    if corrected < 1.0:
-        return gain
-    if own < 1.0:
-        return np.zeros_like(gain)
-    raise ValueError(
-        f"anti_windup = True: no gain corrects the controller's state where it saturates (its largest pole, {own:.6g}, "
-        f"lies on or outside the unit circle and is hardly seen at its output); pass anti_windup=False"
-    )

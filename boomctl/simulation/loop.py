@@ -30,7 +30,7 @@ from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, stop_p
 from boomctl.simulation.contact.friction import CoulombFriction, friction_law
 from boomctl.simulation.contact.stepping import ContactLog, run_contact
 from boomctl.simulation.contact.stops import merged_hits
-from boomctl.simulation.controller import sampled_controller
+from boomctl.simulation.controller import corrected, sampled_controller
 from boomctl.simulation.machine.machine import Machine, MachineModes, reading_states
 from boomctl.simulation.plant import ModalPlant, modal_plant
 from boomctl.simulation.result import FrictionReport, LoopResult
@@ -111,7 +111,8 @@ def simulate_loop(
     quantization : float or mapping from measurement to float, optional
         Steps of the measurements.
     anti_windup : bool
-        Correct the controller's state by what it was given less what it asked for.
+        Correct the controller's state by what it was given less what it asked for, so that it stays bounded whichever of
+        its controls meet their limits: that is proved.  Where it cannot be, a warning says that nothing is corrected.
     friction : CoulombFriction, optional
         Dry friction in the plant.
     discretization : "tustin" or "zoh"
@@ -175,13 +176,14 @@ def simulate_loop(
         modal = modal_plant(plant, _contact_inputs(plant, friction, stroke_limit))
         places = stop_places(stroke_limit, modal)
     grid = time_grid(timepts, sample_time)
-    K = sampled_controller(controller, modal, float(sample_time), truth("anti_windup", anti_windup), discretization)
+    K = sampled_controller(controller, modal, float(sample_time), discretization)
     rows = disturbance_rows(disturbance, modal.inputs, K.outputs, len(grid.time))
     limits = Limits(
         per_signal("force_limit", force_limit, K.outputs),
         per_signal("rate_limit", rate_limit, K.outputs) * float(sample_time),
         per_signal("quantization", quantization, K.inputs, zero=True),
     )
+    K = corrected(K, limits.force, limits.rate, truth("anti_windup", anti_windup))
     added = Added(
         sampled_noise(noise, seed, K.inputs, grid.steps // grid.per_sample + 1),
         sampled_signals("reference", reference, K.inputs, grid),

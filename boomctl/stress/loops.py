@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import combinations
 from math import acos, degrees, inf, pi, sqrt
 
 import numpy as np
@@ -10,13 +11,14 @@ from scipy import linalg
 from boomctl.analysis.margins import margins
 from boomctl.analysis.norm import hinf_norm
 from boomctl.lti.system import Lti
+from boomctl.simulation.conditioning import conditioning_gains
 from boomctl.stress.case import Case, Seen
 from boomctl.synthesis.hinf.h_infinity import h_infinity
 from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.lq.lqg import lqg
 from boomctl.synthesis.lq.lqr import lqr
 
-_REGULATORS, _HINF, _MARGINS = "LQR and LQG", "H-infinity and H2 designs", "Margins"
+_REGULATORS, _HINF, _MARGINS, _WINDUP = "LQR and LQG", "H-infinity and H2 designs", "Margins", "Anti-windup"
 _SCALES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)  # units of time, a unit changed by up to nine powers of ten
 
 
@@ -83,6 +85,8 @@ def cases() -> Iterator[Case]:
     for zeta in (1e-2, 1e-4, 1e-6, 1e-8):
         what = "delay of a lightly damped loop"
         yield Case(_MARGINS, what, f"damping ratio {zeta:g}", 1e-6, exact, _light, (zeta,), answered=zeta >= 1e-6)
+        what, measure = "three controls, any of them at their limits", "what is left of a state after 2^50 samples"
+        yield Case(_WINDUP, what, f"damping ratio {zeta:g}", 1e-6, measure, _windup, (zeta,), answered=True)
 
 
 def _named(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray | None = None) -> Lti:
@@ -230,3 +234,19 @@ def _light(zeta: float) -> Seen:
     w = sqrt(2.0 - 4.0 * zeta**2)
     left = np.arctan2(2.0 * zeta * w, w * w - 1.0)  # pi less the phase's lag there
     return Seen(abs(told.delay * w / left - 1.0))
+
+
+def _windup(zeta: float) -> Seen:
+    """Four modes that three controls all show, as a controller sampled ten times in a period of the fastest."""
+    rng, A = np.random.default_rng(0), np.zeros((8, 8))
+    for k, w in enumerate((0.03, 0.1, 0.3, 0.6)):
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = linalg.expm(np.array([[0.0, w], [-w, -2.0 * zeta * w]]))
+    K = _named(A, rng.standard_normal((8, 2)), rng.standard_normal((3, 8)))
+    gains, proved = conditioning_gains((K,), np.ones(3, dtype=bool))
+    left = 0.0
+    for S in (list(S) for count in (1, 2, 3) for S in combinations(range(3), count)):
+        X = A - gains[0][:, S] @ K.C[S]
+        for _ in range(50):
+            X = X @ X
+        left = max(left, float(np.abs(X).max()))
+    return Seen(left, certified=proved)

@@ -1,0 +1,177 @@
+"""C code of any names, numbers and measurements: compiled with every warning an error, and run."""
+
+import re
+import shutil
+import subprocess
+import warnings
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.exchange.c_code import RunningController, c_files
+from boomctl.lti.system import of
+from boomctl.simulation.conditioning import WindupWarning, correction
+from tests.profiles import examples
+from tests.strategies import seeds
+
+CC = shutil.which("cc")
+STRICT = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wtrigraphs", "-Werror", "-pedantic", "-I."]
+# what ends a comment or a line, names a word to be filled in, or is not seen
+MARKS = ["*/", "/*", "??/", "??=", "\\", "\\\n", "\n", "\r", "\u2028", "\x85", "\0", "\u202e", "\u2066", "\ud800", "@FOO@",
+         "@NAME@", "#error no", "//", '"', "'", "%s", "é", "µ", "\U0001d518", "int x;", "[m/s^2]"]  # fmt: skip
+pytestmark = pytest.mark.skipif(CC is None, reason="no C compiler")
+
+pieces = st.one_of(st.sampled_from(MARKS), st.characters(exclude_characters="."), st.sampled_from("abc_*/?\\@"))
+words = st.lists(pieces, min_size=1, max_size=8).map("".join)
+
+
+def compiled(folder, *flags, test="loop_test.c"):
+    command = [CC, *STRICT, *flags, "loop.c", test, "-o", "run"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
+
+
+def ran(folder):
+    return subprocess.run([folder / "run"], capture_output=True, text=True, check=False)
+
+
+@given(names=st.lists(words, min_size=12, max_size=12, unique=True), units=st.lists(words, min_size=12, max_size=12))
+@examples(60)
+def test_names_and_units_stay_within_their_comment(tmp_path_factory, names, units):
+    folder = tmp_path_factory.mktemp("c")
+    K = control.ss([[0.5]], np.ones((1, 9)), np.ones((3, 1)), 0.0, 0.01, inputs=names[:9], outputs=names[9:])
+    bc.write_controller(K, folder / "loop.c", units=dict(zip(names, units, strict=True)), force_limit=1.0)
+    header = (folder / "loop.h").read_bytes().decode()
+    listed = header.split(" * Measurements:\n")[1].split(" *\n")[0].split("\n")
+    assert [line.split(":")[0] for line in listed] == [
+        *(f" *   {i}" for i in range(9)), " * Controls", *(f" *   {i}" for i in range(3)), "",
+    ]  # fmt: skip
+    assert all(letter.isprintable() or letter == "\n" for letter in header)
+    made = compiled(folder)
+    assert not made.returncode, made.stderr
+    assert ran(folder).returncode == 0
+
+
+def _random_controller(rng):
+    n, p, m = int(rng.integers(0, 5)), int(rng.integers(1, 4)), int(rng.integers(1, 4))
+    A = rng.standard_normal((n, n))
+    if n:
+        A *= (
+            10.0 ** rng.choice([rng.uniform(-1.0, 0.0), 0.0, rng.uniform(0.0, 4.0)])
+            / np.abs(np.linalg.eigvals(A)).max()
+        )
+    others = [rng.standard_normal(shape) for shape in ((n, p), (m, n), (m, p))]
+    B, C, D = (10.0 ** (rng.choice([0.0, 0.0, rng.uniform(-99.0, 99.0)])) * each for each in others)
+    K = control.ss(A, B, C, D, 0.01, inputs=[f"y{i}" for i in range(p)], outputs=[f"u{i}" for i in range(m)])
+    limits = {
+        f"{kind}_limit": {f"u{i}": float(10.0 ** rng.uniform(-3.0, 3.0)) for i in range(m) if rng.random() < 0.5}
+        for kind in ("force", "rate")
+    }
+    return K, limits
+
+
+def _written(folder, K, limits):
+    """Write a controller; one that is not stable may be refused in one line."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", WindupWarning)
+        try:
+            bc.write_controller(K, folder / "loop.c", **limits)
+        except ValueError:
+            bc.write_controller(K, folder / "loop.c", **limits, anti_windup=False)
+
+
+@given(seed=seeds)
+@examples(60)
+def test_gains_of_any_size_and_unstable_controllers(tmp_path_factory, seed):
+    """The same bits in double precision; in single within a bound that says something, or no code and a word why."""
+    folder = tmp_path_factory.mktemp("c")
+    _written(folder, *_random_controller(np.random.default_rng(seed)))
+    made = compiled(folder)
+    assert not made.returncode, made.stderr
+    found = ran(folder)
+    assert found.returncode == 0, found.stdout
+    made = compiled(folder, "-DLOOP_SINGLE")
+    if made.returncode:
+        assert "loop: its numbers are beyond single precision" in made.stderr
+        return
+    found = ran(folder)
+    assert found.returncode == 0, found.stdout
+    largest = max(abs(float.fromhex(x)) for x in re.findall(r"-?0x[0-9a-fp.+-]+", _table(folder, "CONTROLS")))
+    assert float(found.stdout.split("bound ")[1].split(";")[0]) <= max(largest, 1e-30)
+
+
+def _table(folder, name):
+    return (folder / "loop_test.c").read_text().split(f"double {name}[")[1].split(";")[0]
+
+
+def test_an_unstable_controller_has_a_bound_that_says_something(tmp_path):
+    K = control.ss([[1.9]], [[1.0]], [[1.0]], 0.0, 0.01, inputs="y", outputs="u")
+    bc.write_controller(K, tmp_path / "loop.c")
+    bound = float.fromhex(re.search(r"SINGLE_BOUND (\S+)", (tmp_path / "loop_test.c").read_text())[1])
+    assert 0.0 < bound < 0.1
+
+
+_DRIVER = """
+#include "loop.h"
+#include <stdio.h>
+static const double MEASURED[][LOOP_MEASUREMENTS] = {%s};
+int main(void)
+{
+    loop_controller controller;
+    int k, i;
+    loop_reset(&controller);
+    for (k = 0; k < (int)(sizeof MEASURED / sizeof MEASURED[0]); k++) {
+        loop_real y[LOOP_MEASUREMENTS], u[LOOP_CONTROLS];
+        for (i = 0; i < LOOP_MEASUREMENTS; i++) y[i] = (loop_real)MEASURED[k][i];
+        printf("%%d", loop_step(&controller, y, u));
+        for (i = 0; i < LOOP_CONTROLS; i++) printf(" %%a", (double)u[i]);
+        printf("\\n");
+    }
+    return 0;
+}
+"""
+
+
+@given(seed=seeds)
+@examples(60)
+def test_finite_measurements_of_any_size_give_finite_controls(tmp_path_factory, seed):
+    """What is given is what Python's own sums give, bit by bit; where it is no number, the last is given and that is said."""
+    folder, rng = tmp_path_factory.mktemp("c"), np.random.default_rng(seed)
+    K, limits = _random_controller(rng)
+    own = of(K, any_time=True)
+    p, m = len(own.inputs), len(own.outputs)
+    force, rate = (
+        np.array([limits[f"{kind}_limit"].get(f"u{i}", np.inf) for i in range(m)]) for kind in ("force", "rate")
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", WindupWarning)
+        try:
+            L = correction((own,), force, 0.01 * rate)[0]
+        except ValueError:
+            L = np.zeros((len(own.A), m))
+    running = RunningController(own, L, force, 0.01 * rate)
+    for name, text in c_files("loop", running, {}).items():
+        (folder / name).write_text(text)
+    size = 10.0 ** np.where(rng.random((40, 1)) < 0.5, 0.0, rng.uniform(-300.0, 308.0, (40, 1)))
+    y = np.clip(rng.standard_normal((40, p)) * size, -1.7e308, 1.7e308)
+    rows = ", ".join("{" + ", ".join(float(v).hex() for v in row) + "}" for row in y)
+    (folder / "driver.c").write_text(_DRIVER % rows)
+    wanted = running.run(y)
+    assert np.isfinite(wanted).all()
+    made = compiled(folder, test="driver.c")
+    assert not made.returncode, made.stderr
+    lines = [line.split() for line in ran(folder).stdout.splitlines()]
+    np.testing.assert_array_equal([[float.fromhex(x) for x in line[1:]] for line in lines], wanted)
+    for k, (said, *_) in enumerate(lines):
+        assert said == "0" or not k or (wanted[k] == wanted[k - 1]).all()
+
+
+@pytest.mark.parametrize("stem", ["float", "stdio", "Math", "string", "TIME", "features"])
+def test_headers_of_the_system_are_not_hidden(tmp_path, stem):
+    K = control.ss([], [], [], [[1.0]], 0.01, inputs="y", outputs="u")
+    with pytest.raises(ValueError, match=rf"path: {stem}\.h would hide the system's header"):
+        bc.write_controller(K, tmp_path / f"{stem}.c")
+    assert not list(tmp_path.iterdir())

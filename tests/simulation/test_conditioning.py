@@ -1,0 +1,234 @@
+"""Anti-windup stays bounded whichever controls are limited: against exact arithmetic, and in runs."""
+
+import itertools
+import warnings
+
+import control as ct
+import numpy as np
+import pytest
+from flint import fmpq, fmpq_mat
+from hypothesis import given
+
+import boomctl as bc
+from boomctl.exchange.c_code import RunningController
+from boomctl.lti.controllers.time_varying import TimeVaryingController
+from boomctl.lti.system import Lti
+from boomctl.simulation.conditioning import WindupWarning, bounded, conditioning_gains, correction, positive_definite
+from boomctl.simulation.controller import conditioning_gain
+from tests.profiles import examples
+from tests.strategies import seeds
+
+_TS = 0.01
+
+
+def _random_controller(rng, own=None):
+    """Return A, B, C, D of a stable controller: any, lightly damped, or slow; or with a largest pole of a given size."""
+    m, p, pairs = (int(rng.integers(1, most)) for most in (5, 4, 4))
+    if rng.random() < 0.4:
+        n, A = 2 * pairs, np.zeros((2 * pairs, 2 * pairs))
+        for i in range(pairs):
+            angle, size = 10.0 ** rng.uniform(-2.0, 0.4), 1.0 - 10.0 ** rng.uniform(-4.0, -1.0)
+            turn = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+            A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = size * np.array(turn)
+        T = rng.standard_normal((n, n))
+        A = T @ A @ np.linalg.inv(T)
+    else:
+        n = int(rng.integers(1, 9))
+        A = rng.standard_normal((n, n))
+        A *= rng.uniform(0.3, 0.999) / np.abs(np.linalg.eigvals(A)).max()
+    if own is not None:
+        A *= own / np.abs(np.linalg.eigvals(A)).max()
+    D = rng.standard_normal((m, p)) * (rng.random() < 0.5)
+    return A, rng.standard_normal((n, p)), rng.standard_normal((m, n)), D
+
+
+def _exact(M):
+    return fmpq_mat(*M.shape, [fmpq(*float(x).as_integer_ratio()) for x in M.ravel()])
+
+
+def _within_unit_circle(M):
+    """Return whether all eigenvalues are, decided in rational numbers: Jury's table of the characteristic polynomial."""
+    row = M.charpoly().coeffs()
+    while len(row) > 1:
+        if abs(row[0]) >= abs(row[-1]):
+            return False
+        share = row[0] / row[-1]
+        row = [high - share * low for low, high in zip(reversed(row), row, strict=True)][1:]
+    return True
+
+
+def _subsets(m):
+    return (list(S) for count in range(1, m + 1) for S in itertools.combinations(range(m), count))
+
+
+def test_jurys_table_tells_poles_within_the_circle():
+    rng = np.random.default_rng(0)
+    for size in (0.5, 1.0 - 1e-9, 1.0, 1.0 + 1e-9, 2.0):
+        M = np.triu(rng.standard_normal((5, 5)), 1) + np.diag(rng.uniform(-0.4, 0.4, 5))
+        M[2, 2] = -size
+        assert _within_unit_circle(_exact(M)) == (size < 1.0)
+
+
+@given(seed=seeds)
+@examples(300)
+def test_the_corrected_controller_is_stable_whichever_controls_are_limited(seed):
+    A, B, C, D = _random_controller(np.random.default_rng(seed))
+    L = conditioning_gain(A, B, C, D)
+    assert L.any()
+    A, C, L = _exact(A), _exact(C), _exact(L)
+    n, m = C.ncols(), C.nrows()
+    for S in _subsets(m):
+        chosen = fmpq_mat(m, m, [int(i == j and i in S) for i in range(m) for j in range(m)])
+        assert _within_unit_circle(A - L * chosen * C), (n, S)
+
+
+@given(seed=seeds)
+@examples(100)
+def test_of_a_controller_that_is_not_stable_all_its_controls_together_are_bounded(seed):
+    rng = np.random.default_rng(seed)
+    A, B, C, D = _random_controller(rng, own=rng.choice([1.0, 1.02]))
+    L = conditioning_gain(A, B, C, D)
+    assert _within_unit_circle(_exact(A) - _exact(L) * _exact(C))
+
+
+@given(seed=seeds)
+@examples(100)
+def test_bounded_measurements_give_bounded_controls(seed):
+    """With limits of force on some controls, of rate on others: beside the same controller without limits."""
+    rng = np.random.default_rng(seed)
+    A, B, C, D = _random_controller(rng)
+    m, p = D.shape
+    K = Lti(A, B, C, D, tuple(f"y{i}" for i in range(p)), tuple(f"u{i}" for i in range(m)), (), _TS)
+    force, rate = (np.where(rng.random(m) < 0.5, 10.0 ** rng.uniform(-2.0, 1.0, m), np.inf) for _ in range(2))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", WindupWarning)
+        L = correction((K,), force, rate)[0]
+    y = np.sign(rng.standard_normal((600, p)))
+    plain = RunningController(K, np.zeros_like(L), np.full(m, np.inf), np.full(m, np.inf)).run(y)
+    found = RunningController(K, L, force, rate).run(y)
+    # ten times: measured, 3.1 at most in 1,000 controllers; those that diverge pass 1e6
+    assert np.abs(found).max() <= 10.0 * np.abs(plain).max()
+
+
+@given(seed=seeds)
+@examples(200)
+def test_what_is_called_positive_definite_is(seed):
+    """Matrices whose least eigenvalue is of the size of rounding, exactly decided; and hardly larger ones are made out."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 7))
+    Q, _ = np.linalg.qr(rng.standard_normal((n, n)))
+    least = float(rng.choice([-1.0, 1.0])) * 10.0 ** rng.uniform(-17.0, -10.0)
+    scale = 10.0 ** rng.uniform(-6.0, 6.0, n)
+    M = (Q * np.concatenate([[least], rng.uniform(0.5, 2.0, n - 1)])) @ Q.T * np.outer(scale, scale)
+    M = 0.5 * (M + M.T)
+    doubt = 10.0 ** rng.uniform(-18.0, -12.0) * np.abs(M)
+    told = positive_definite(M, doubt)
+    signs = np.ones((n, n)) if rng.random() < 0.5 else np.sign(rng.standard_normal((n, n)))
+    beside = _exact(M) + fmpq(999, 1000) * _exact(doubt * np.tril(signs)) + 0 * _exact(M)
+    true = all(_leading_minor(_symmetric(beside), k) > 0 for k in range(1, n + 1))
+    assert true or not told
+    if least > 1e-10 / n and n == 1:
+        assert told
+
+
+def _symmetric(M):
+    n = M.nrows()
+    return fmpq_mat(n, n, [M[max(i, j), min(i, j)] for i in range(n) for j in range(n)])
+
+
+def _leading_minor(M, k):
+    return fmpq_mat(k, k, [M[i, j] for i in range(k) for j in range(k)]).det()
+
+
+@given(seed=seeds)
+@examples(60)
+def test_a_scheduled_controller_is_bounded_however_fast_its_signal_changes(seed):
+    """Values of the signal and subsets of controls drawn at each sample: the state does not grow."""
+    rng = np.random.default_rng(seed)
+    first = _random_controller(rng)
+    m, p = first[3].shape
+    names = tuple(f"y{i}" for i in range(p)), tuple(f"u{i}" for i in range(m))
+    laws = []
+    for _ in range(3):
+        A, *others = (X * (1.0 + 0.1 * rng.uniform(-1.0, 1.0, X.shape)) for X in first)
+        laws.append(Lti(A * min(1.0, 0.999 / np.abs(np.linalg.eigvals(A)).max()), *others, *names))
+    gains, proved = conditioning_gains(laws, np.ones(m, dtype=bool))
+    assert proved or not gains.any()
+    for K, L in zip(laws, gains, strict=True):
+        for S in _subsets(m):
+            assert np.abs(np.linalg.eigvals(K.A - L[:, S] @ K.C[S])).max() < 1.0
+    if not bounded(laws, np.zeros_like(gains), [()]):
+        return  # by itself it is not proved to bear any change either
+    for S in _subsets(m):
+        x, length = rng.standard_normal(len(first[0])), 0.0
+        for _ in range(400):
+            k, share = int(rng.integers(2)), float(rng.random())
+            A, C, L = (
+                (1.0 - share) * a + share * b
+                for a, b in (
+                    (laws[k].A, laws[k + 1].A),
+                    (laws[k].C, laws[k + 1].C),
+                    (gains[k], gains[k + 1]),
+                )
+            )
+            x = (A - L[:, S] @ C[S]) @ x
+            length += np.log(np.linalg.norm(x) or 1e-300)
+            x /= np.linalg.norm(x) or 1.0
+        assert length < np.log(1e6)  # the condition of a Lyapunov matrix at most; growth by 4 % a sample exceeds it
+
+
+def _loop(K, **limits):
+    names = K.output_labels if hasattr(K, "output_labels") else K.outputs
+    inputs = K.input_labels if hasattr(K, "input_labels") else K.inputs
+    gains = np.zeros((len(inputs), len(names) + 1))
+    gains[:, -1] = 1.0
+    plant = ct.ss([], [], [], gains, inputs=[*names, "w"], outputs=list(inputs))
+    time = _TS * np.arange(800)
+    return bc.simulate_loop(plant, K, {"w": np.sin(3.0 * time)}, time, sample_time=_TS, **limits)
+
+
+def _diverging():
+    """Return a stable controller and gains that are stable with both controls, unstable with the first alone."""
+    A, C = np.array([[0.9, 0.5], [0.0, 0.9]]), np.eye(2)
+    L = np.array([[0.0, 0.5], [-0.4, 0.85]])
+    assert np.abs(np.linalg.eigvals(A - L @ C)).max() < 1.0 < np.abs(np.linalg.eigvals(A - L[:, :1] @ C[:1])).max()
+    return A, np.ones((2, 1)), C, np.zeros((2, 1)), L
+
+
+def test_gains_of_a_time_varying_controller_that_are_not_bounded_are_left_out_and_said_so():
+    *matrices, L = (X[None] for X in _diverging())
+    good = np.array([[[0.2, 0.0], [0.0, 0.2]]])
+    K, sound, plain = (
+        TimeVaryingController(*matrices, ["y"], ["u0", "u1"], sample_time=_TS, L=gain) for gain in (L, good, None)
+    )
+    limits = {"force_limit": {"u0": 0.5}}
+    with pytest.warns(WindupWarning, match=r"where limits are met by u0, .* is not corrected"):
+        found = _loop(K, **limits)
+    np.testing.assert_array_equal(found.asked["u0"], _loop(plain, **limits, anti_windup=False).asked["u0"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        corrected = _loop(sound, **limits)
+    assert np.abs(corrected.asked["u0"] - found.asked["u0"]).max() > 0.01
+
+
+def test_rates_of_many_controls_are_not_corrected_and_that_is_said():
+    K = ct.ss(0.9 * np.eye(3), np.ones((3, 1)), np.eye(3), 0.0, _TS, inputs=["y"], outputs=["u0", "u1", "u2"])
+    with pytest.warns(WindupWarning, match="u0, u1, u2"):
+        _loop(K, rate_limit=1.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        _loop(K, rate_limit=1.0, force_limit=5.0)
+        _loop(K, rate_limit={"u0": 1.0, "u2": 1.0})
+        _loop(K)
+
+
+def test_an_integrator_whose_control_has_no_limit_is_left_alone():
+    """Two controllers side by side, one with limits: it is corrected as if it were alone, nothing is refused."""
+    A, B, C, D = np.eye(2), np.diag([0.1, 0.2]), np.diag([1.0, -2.0]), np.diag([1.0, 0.5])
+    names = {"inputs": ["y0", "y1"], "outputs": ["u0", "u1"]}
+    one = conditioning_gain(*(X[:1, :1] for X in (A, B, C, D)))
+    laws = (Lti(A, B, C, D, tuple(names["inputs"]), tuple(names["outputs"])),)
+    gains, proved = conditioning_gains(laws, np.array([True, False]))
+    assert proved
+    np.testing.assert_allclose(gains[0], [[one[0, 0], 0.0], [0.0, 0.0]], atol=1e-6)
+    _loop(ct.ss(A, B, C, D, _TS, **names), force_limit={"u0": 0.5})
