@@ -203,7 +203,7 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
     if structure.strain_form is not None:
         if structure.noise > _UNEVEN * float(np.max(omega, initial=0.0)) ** 2:
             rounding = ports_rounding(structure.in_strains, ports, structure.strain_form.V, omega)
-        structure, ports = structure.in_strains, ports.congruent(structure.strain_form.V)
+        structure, ports = structure.in_strains, structure.strain_form.ports(ports)
     _warn(rounding)
     try:
         X = np.linalg.solve(structure.at(s), evaluate(ports.B, s))
