@@ -172,9 +172,17 @@ class _Prescribed:
         E[:, :, places] = old.L @ T_d[:, : len(places)]
         outputs, bandwidths, both = old.outputs, old.bandwidths, self.moved + self.held
         felt = old.E[0][:, [old.inputs.index(name) for name in both]]
+        tensions, strains = old.tensions, None
+        if self.imposed.layout is not None:
+            strains = np.zeros((len(self.imposed.layout.R), len(kept)))
+            strains[:, places] = self.imposed.layout.R[:, : len(places)]
         if reactions or felt.any():
             force_L, force_E = self.reactions()
             L, E = L + felt @ force_L, E + felt @ force_E
+            if self.imposed.layout is not None:
+                read = self.imposed.layout.R.T
+                tensions = felt @ read + (0.0 if tensions is None else tensions)
+                tensions = np.concatenate([tensions, read]) if reactions else tensions
             if reactions:
                 L, E = np.concatenate([L, force_L], axis=1), np.concatenate([E, force_E], axis=1)
                 outputs = outputs + tuple(f"{name}_force" for name in both)
@@ -189,6 +197,8 @@ class _Prescribed:
             moved=tuple(name in self.moved for name in kept),
             integrators=tuple(orders.get(name, 0) for name in kept),
             bandwidths=bandwidths,
+            strains=strains,
+            tensions=tensions,
         )
 
     def reactions(self) -> tuple[Array, Array]:

@@ -52,6 +52,11 @@ class Ports:
         Of an output's low-pass filter [rad/s]; None: it has none.
     primary : pair of tuples of str, or None
         The inputs and outputs that are meant where nobody names any; None: all.
+    strains : (rows, m) ndarray, or None
+        What imposed displacements strain of a structure's elastic rows, ``B[0] = -R^T diag(k) strains``: near a stiff beam
+        ``B[0]`` itself is made of forces far larger than what they push.  Zero for other inputs.
+    tensions : (p, rows) ndarray, or None
+        What outputs that are reactions read of the forces of these rows, ``L[0] = tensions diag(k) R``, likewise.
     """
 
     inputs: tuple[str, ...]
@@ -63,6 +68,8 @@ class Ports:
     integrators: tuple[int, ...]
     bandwidths: tuple[float | None, ...]
     primary: tuple[tuple[str, ...], tuple[str, ...]] | None = None
+    strains: Array | None = None
+    tensions: Array | None = None
 
     __repr__ = compact
 
@@ -116,6 +123,8 @@ class Ports:
             moved=tuple(self.moved[k] for k in i),
             integrators=tuple(self.integrators[k] for k in i),
             bandwidths=tuple(self.bandwidths[k] for k in o),
+            strains=None if self.strains is None else self.strains[:, i],
+            tensions=None if self.tensions is None else self.tensions[o],
         )
 
     def congruent(self, T: Matrix) -> "Ports":
@@ -155,6 +164,8 @@ class Ports:
             integrators=tuple(self.integrators[k] for k in first_in),
             bandwidths=tuple(self.bandwidths[k] for k in first_out),
             primary=primary,
+            strains=None if self.strains is None else self.strains @ W_in,
+            tensions=None if self.tensions is None else W_out.T @ self.tensions,
         )
 
     def force_column(self, name: str) -> Array:

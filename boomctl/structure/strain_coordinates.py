@@ -43,6 +43,8 @@ class StrainForm:
         Number of rigid motions: those that strain nothing, to rounding.
     free : int
         Number of those that dampers do not resist either: the last ones.
+    forces : (elastic rows, n) ndarray
+        Forces of the elastic rows.
     """
 
     V: Array
@@ -50,6 +52,7 @@ class StrainForm:
     C: Array
     rigid: int
     free: int
+    forces: Array
 
     @property
     def strains(self) -> int:
@@ -63,7 +66,14 @@ class StrainForm:
 
     def ports(self, ports: Ports) -> Ports:
         """Return inputs and outputs over these coordinates."""
-        return ports.felt(self.V, np.arange(self.strains, len(self.V)))
+        seen = ports.felt(self.V, np.arange(self.strains, len(self.V)))
+        if ports.strains is not None:
+            acts = ports.strains.any(axis=0)
+            seen.B[0][:, acts] = -(self.forces.T @ ports.strains[:, acts])
+        if ports.tensions is not None:
+            reads = ports.tensions.any(axis=1)
+            seen.L[0, reads] = ports.tensions[reads] @ self.forces
+        return seen
 
     def modes(self) -> tuple[Array, Array]:
         """Return undamped frequencies [rad/s], ascending, and mass-normalised shapes over the old coordinates.
@@ -196,4 +206,6 @@ def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
             V[:, :r] -= V[:, r:] @ ((inertia @ V[:, r:]).T @ (inertia @ V[:, :r]))
     loss, damped = (weights.c[elastic] / weights.k[elastic])[order], combined(dampers, V)
     damped[:, n - free :] = 0.0
-    return StrainForm(V, inertia @ V, Q.T @ (loss[:, None] * Q) + damped.T @ damped, n - r, free)
+    forces = np.zeros_like(R)
+    forces[np.flatnonzero(elastic)[order]] = np.sqrt(weights.k[elastic])[order, None] * Q
+    return StrainForm(V, inertia @ V, Q.T @ (loss[:, None] * Q) + damped.T @ damped, n - r, free, forces)
