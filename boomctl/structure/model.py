@@ -306,6 +306,12 @@ class SecondOrderModel:
             Unknown names; the mass matrix is singular; an output needs a derivative of an input that is not there; another
             word for ``states``.
 
+        Warns
+        -----
+        AccuracyWarning
+            Below the slowest frequency, rounding of the matrices is more than 1e-6 of a response: stiff elements where the
+            states are coordinates, dampers far beyond critical.  `frequency_response` needs no such matrices.
+
         Examples
         --------
         >>> import boomctl as bc

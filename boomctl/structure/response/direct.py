@@ -155,6 +155,8 @@ def _small(parts: Sequence[Part], omega: Array) -> list[Response]:
 
 def _check_static(structure: Structure) -> None:
     """Raise if the structure can move freely, so that its static response is infinite."""
+    if not structure.n:
+        return  # a chain that is locked
     if structure.strain_form is None and structure.graded and structure.mixed is not None:
         free = undamped_modes(structure, 1)[0][0] == 0.0
     elif structure.strain_form is None:

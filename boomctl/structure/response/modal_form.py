@@ -29,9 +29,7 @@ _EVEN = 2.0**10
 # largest rate of damping over the slowest frequency from which on a state space over modes is looked at (a choice)
 _OVERDAMPED = 1e3
 _ASKED = np.array([0.01, 0.7])  # times the slowest frequency: where a state space is looked at, between no resonances
-_FLOOR = (
-    1e-4  # of an output's largest response; smaller ones are compared with it, since they matter to nobody (a choice)
-)
+_FLOOR = 1e-4  # of an output's largest response; smaller ones are compared with it: they matter to nobody (a choice)
 _PROMISED = 1e-6  # of a response, rounding of a state space above which a user is warned
 
 
@@ -106,9 +104,8 @@ def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
     except ValueError:
         return realize(structure, ports).balanced()
     system, n = _scaled(in_modes(structure, ports, frequencies, V), ports, frequencies), len(frequencies)
-    overdamped = np.abs(system.A[n : 2 * n, n : 2 * n]).max() > _OVERDAMPED * frequencies[elastic(frequencies)].min(
-        initial=np.inf
-    )
+    slowest = frequencies[elastic(frequencies)].min(initial=np.inf)
+    overdamped = np.abs(system.A[n : 2 * n, n : 2 * n]).max(initial=0.0) > _OVERDAMPED * slowest
     return _warned(system, structure, ports) if overdamped else system
 
 
