@@ -153,7 +153,7 @@ class Assembly:
         massless = np.flatnonzero(squared_sums(layout.N, weights.m) == 0.0)
         if len(massless):
             T, kept = _condensation(Structure.weighed(layout, weights), ports, massless)
-            layout, ports = layout.congruent(T, tuple(layout.coordinates[i] for i in kept)), ports.congruent(T)
+            layout, ports = layout.congruent(T, tuple(layout.coordinates[i] for i in kept)), ports.restricted(T)
             outline = outline.mapped(T)
         return SecondOrderModel.of(Structure.weighed(layout, weights).drawn_as(outline), ports)
 

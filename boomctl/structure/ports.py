@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import sparse
 
 from boomctl.arrays import Array, Matrix, combined
 from boomctl.checks import known, names
@@ -129,6 +130,13 @@ class Ports:
 
     def congruent(self, T: Matrix) -> "Ports":
         """Return the ports over coordinates ``z`` with ``q = T z``."""
+        if sparse.issparse(T):
+            B = np.array([T.T @ columns for columns in self.B])
+            return replace(self, B=B, L=np.array([(T.T @ lines.T).T for lines in self.L]))
+        return replace(self, B=T.T @ self.B, L=self.L @ T)
+
+    def restricted(self, T: Matrix) -> "Ports":
+        """Return the same where ``T`` leaves out motions: what forces and outputs meet of the others by rounding is zero."""
         (_, n, m), p = self.B.shape, self.L.shape[1]
         lines = combined(np.concatenate([self.B.transpose(0, 2, 1).reshape(3 * m, n), self.L.reshape(3 * p, n)]), T)
         B, L = lines[: 3 * m].reshape(3, m, T.shape[1]), lines[3 * m :].reshape(3, p, T.shape[1])
@@ -139,7 +147,7 @@ class Ports:
 
         An imposed displacement acts through strains, and these have none.
         """
-        seen = self.congruent(V)
+        seen = self.restricted(V)
         seen.B[0, rigid[:, None], np.flatnonzero(self.moved)] = 0.0
         return seen
 

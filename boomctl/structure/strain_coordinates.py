@@ -66,10 +66,10 @@ class StrainForm:
 
     def ports(self, ports: Ports) -> Ports:
         """Return inputs and outputs over these coordinates."""
-        seen = ports.felt(self.V, np.arange(self.strains, len(self.V)))
+        rigid = np.arange(self.strains, len(self.V))
+        seen = ports.felt(self.V, rigid) if self.rigid else ports.congruent(self.V)
         if ports.strains is not None:
-            acts = ports.strains.any(axis=0)
-            seen.B[0][:, acts] = -(self.forces.T @ ports.strains[:, acts])
+            seen.B[0] = np.where(ports.moved, -(self.forces.T @ ports.strains), seen.B[0])
         if ports.tensions is not None:
             reads = ports.tensions.any(axis=1)
             seen.L[0, reads] = ports.tensions[reads] @ self.forces

@@ -79,7 +79,7 @@ def _prescribed(layout: ExactLayout, inputs: tuple[str, ...]) -> ExactLayout:
     return ExactLayout(
         layout.rigid.eliminated(choice),
         layout.S @ T_q,
-        layout.ports.congruent(T_q),
+        layout.ports.restricted(T_q),
         inputs,
         layout.rows(T_d),
         layout.ports.L[0] @ T_d,
