@@ -309,8 +309,8 @@ class SecondOrderModel:
         Warns
         -----
         AccuracyWarning
-            Below the slowest frequency, rounding of the matrices is more than 1e-6 of a response: stiff elements where the
-            states are coordinates, dampers far beyond critical.  `frequency_response` needs no such matrices.
+            Below the slowest frequency, rounding of the matrices is more of a response than 1e-6, as beside dampers far
+            beyond critical, or 1e-4 over coordinates.  `frequency_response` needs no such matrices.
 
         Examples
         --------

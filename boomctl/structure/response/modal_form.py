@@ -30,7 +30,8 @@ _EVEN = 2.0**10
 _OVERDAMPED = 1e3
 _ASKED = np.array([0.01, 0.7])  # times the slowest frequency: where a state space is looked at, between no resonances
 _FLOOR = 1e-4  # of an output's largest response; smaller ones are compared with it: they matter to nobody (a choice)
-_PROMISED = 1e-6  # of a response, rounding of a state space above which a user is warned
+_PROMISED = 1e-6  # of a response, rounding of a state space over modes above which a user is warned (a choice)
+_SEEN = 1e-4  # the same over coordinates, which lose digits to every fine mesh: what would show in a plot
 
 
 def elastic(frequencies: Array) -> Array:
@@ -91,7 +92,7 @@ def modal_form(structure: Structure, ports: Ports) -> Lti:
 def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
     """Return a structure in state space as its user gets it: see :meth:`SecondOrderModel.to_statespace`."""
     if states == COORDINATES:
-        return _warned(realize(structure, ports), structure, ports)
+        return _warned(realize(structure, ports), structure, ports, _SEEN)
     if states is None and structure.settled:
         return realize(structure, ports)
     if states is None and structure.elastic is None:
@@ -106,10 +107,10 @@ def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
     system, n = _scaled(in_modes(structure, ports, frequencies, V), ports, frequencies), len(frequencies)
     slowest = frequencies[elastic(frequencies)].min(initial=np.inf)
     overdamped = np.abs(system.A[n : 2 * n, n : 2 * n]).max(initial=0.0) > _OVERDAMPED * slowest
-    return _warned(system, structure, ports) if overdamped else system
+    return _warned(system, structure, ports, _PROMISED) if overdamped else system
 
 
-def _warned(system: Lti, structure: Structure, ports: Ports) -> Lti:
+def _warned(system: Lti, structure: Structure, ports: Ports, promised: float) -> Lti:
     """Return a system of a small structure with rows; a user is warned where its matrices do not hold the slow motions.
 
     Beside stiff elements over coordinates, or beside dampers that let a motion creep, a slow motion is a small difference.
@@ -122,7 +123,7 @@ def _warned(system: Lti, structure: Structure, ports: Ports) -> Lti:
     off, size = (np.abs(values).max(axis=2) for values in (system.response(omega, quiet=True) - true, true))
     size = np.maximum(size, _FLOOR * size.max(axis=1, keepdims=True, initial=0.0))
     share = float((off[size > 0.0] / size[size > 0.0]).max(initial=0.0))
-    warn_of_rounding("the state space", share, _PROMISED)
+    warn_of_rounding("the state space", share, promised)
     return system
 
 
