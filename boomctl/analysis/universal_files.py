@@ -1,5 +1,6 @@
 """Frequency responses from universal files (UFF), data sets 58; the package pyuff, an extra, reads them."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,12 @@ _FREQUENCY = 18  # what an abscissa of data set 58 is of, if it is frequency
 _RESPONSES = (4, 5)  # function types of data set 58: frequency response, transmissibility
 _DIRECTIONS = {0: "", 1: "+x", 2: "+y", 3: "+z", 4: "+rx", 5: "+ry", 6: "+rz"}  # codes of data set 58
 _DIRECTIONS |= {-k: word.replace("+", "-") for k, word in _DIRECTIONS.items() if k}  # codes below zero: the other way
+_MARK = b"    -1"  # the line before and after each data set
+_OTHER = frozenset(
+    {"g", "gn", "mm", "cm", "um", "in", "inch", "ft", "lb", "lbf", "kgf", "kn"}
+)  # lengths, forces: not SI
+# words that a label of a unit has where numbers are not in SI units, of each axis
+_OTHER_UNITS = {"abscissa": frozenset({"khz", "rpm", "cpm", "rad"}), "ordinate": _OTHER, "orddenom": _OTHER}
 _SAME = 1e-9  # relative difference up to which two numbers of a universal file are the same: rounding of its text
 
 
@@ -58,7 +65,11 @@ def _data_sets(path: Path) -> tuple[list[int], list[tuple[int, dict[str, Any]]]]
         ) from None
     if path.is_dir():
         raise ValueError(f"{path}: expected a file, got a folder")
-    path.open("rb").close()  # pyuff's own message for a file that is not there names no file
+    lines = path.read_bytes().splitlines()  # pyuff's own message for a file that is not there names no file
+    if sum(line.rstrip() == _MARK for line in lines) % 2:
+        raise ValueError(
+            f"{path}: expected a line '{_MARK.decode()}' before and after each data set, got an odd number"
+        )
     try:
         file = pyuff.UFF(str(path))
         kinds = [int(kind) for kind in file.get_set_types()]
@@ -66,11 +77,19 @@ def _data_sets(path: Path) -> tuple[list[int], list[tuple[int, dict[str, Any]]]]
         units = [file.read_sets(k) for k, kind in enumerate(kinds) if kind == 164]
         factors = [(name, float(each[name])) for each in units for name in ("length", "force")]
         for _, each in sets:
-            _ = int(each["func_type"]), int(each["abscissa_spec_data_type"]), each["x"], each["data"]
+            _ = (
+                int(each["func_type"]),
+                int(each["abscissa_spec_data_type"]),
+                int(each["num_pts"]),
+                each["x"],
+                each["data"],
+            )
     except Exception as error:  # of a broken file it may raise anything
         raise ValueError(f"{path}: not a universal file that pyuff can read: {error}") from None
+    if 0 in kinds:
+        raise ValueError(f"{path}, data set {kinds.index(0) + 1}: expected the number of its kind in its first line")
     for name, factor in factors:
-        if abs(factor - 1.0) > _SAME:
+        if not abs(factor - 1.0) <= _SAME:
             raise ValueError(
                 f"{path}: expected SI units, got a file whose unit of {name} is 1/{factor:g} of that (data set 164)"
             )
@@ -84,6 +103,12 @@ def _curve(place: str, each: dict[str, Any]) -> tuple[Array, Array]:
         raise ValueError(f"{place}: expected a complex frequency response, got real numbers")
     if not (np.isfinite(freq).all() and np.isfinite(values).all() and len(freq) and freq.shape == values.shape):
         raise ValueError(f"{place}: expected finite numbers, one a frequency")
+    if len(freq) != int(each["num_pts"]):
+        raise ValueError(f"{place}: expected {int(each['num_pts'])} values, as it says itself, got {len(freq)}")
+    for axis, others in _OTHER_UNITS.items():
+        unit = str(each.get(f"{axis}_axis_units_lab", ""))
+        if others.intersection(re.findall(r"[a-z]+", unit.lower())):
+            raise ValueError(f"{place}: expected SI units and frequencies in Hz, got the unit {unit!r}")
     if (freq < 0.0).any() or not (np.diff(freq) > 0.0).all():
         raise ValueError(f"{place}: expected frequencies not below zero and ascending")
     return freq, values

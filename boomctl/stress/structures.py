@@ -77,6 +77,15 @@ def _general() -> Iterator[Case]:
     for gap in (1e-3, 1e-8, 1e-12, 1e-14, 0.0):
         what, measure = "a bar on two hinges", "angle under a moment [rad]; none, or the first hinge's alone"
         yield Case(_STRUCTURES, what, f"{gap:g} of its length apart", 1e-9, measure, _two_hinges, (gap,))
+    for stiff in (1.0, 1e3, 1e6, 1e9):
+        what, measure = (
+            "state space of a floating machine, a spring beside a held actuator",
+            "relative, without the spring",
+        )
+        yield Case(_STRUCTURES, what, f"stiffness {stiff:g}", 1e-9, measure, _beside, (stiff,), answered=True)
+    for away in (0.0, 1.0, 30.0, 1e3):
+        what, measure = "a held displacement prescribed once more", "none: nothing can have it"
+        yield Case(_STRUCTURES, what, f"{away:g} m along its line", None, measure, _once_more, (away,))
     for stiff in (1.0, 1e4, 1e8, 1e12, 1e16):
         what, measure = "response of three masses, springs of unlike stiffness", "relative, sixty digits"
         # the matrix itself loses these digits of its softest spring; from 1e-4 on a warning is promised
@@ -214,6 +223,32 @@ def _two_hinges(gap: float) -> Seen:
     found = complex(np.asarray(held.frequency_response([1.0]).frdata)[0, 0, 0])
     free = 1.0 / (1.0 + 0.1j - 1.25)  # one hinge: inertia 1 about the middle, mass 1 half a length from the hinge
     return Seen(abs(found - free) if gap <= 1e-12 else abs(found))
+
+
+_SLANT = 0.7  # direction of held actuators from the x axis [rad], along which nothing cancels exactly
+
+
+def _beside(stiff: float) -> Seen:
+    """Two bodies move freely but for two held actuators; the spring that is not beside them joins them."""
+    one = RigidBody("one", GROUND.at(0.3, 0.1), free("x", "y", "theta"), 2.0, 0.7)
+    two = RigidBody("two", one.at(1.1, 0.7), free("x", "y", "theta"), 1.0, 0.2)
+    joined = SpringDamper(two.at(1.1, 0.7), one.at(1.1, 0.7), "x", 3.0, 0.1)
+    slant = (two.at(0.4 + np.cos(_SLANT), 0.9 + np.sin(_SLANT)), GROUND.at(0.4 + np.cos(_SLANT), 0.9 + np.sin(_SLANT)))
+    held = Force("hold", one.at(0.2, 0.6), 2.0 * _SLANT), Force("slant", two.at(0.4, 0.9), _SLANT)
+    found = []
+    for links in ((joined,), (joined, SpringDamper(*slant, _SLANT, stiff, 0.3))):
+        ports = (*held, Force("push", two.at(0.0, 1.0), "x")), (Output("tip", two.at(2.0, 0.0)),)
+        model = prescribe_displacement(Assembly((one, two), links, *ports).assemble(), hold=["hold", "slant"])
+        found.append(np.asarray(model.to_statespace()(1.3j)))
+    return Seen(relative(found[1], found[0]))
+
+
+def _once_more(away: float) -> Seen:
+    bar = RigidBody("bar", GROUND.at(0.0), free("x", "y", "theta"), 1.0, 1.0, (0.5, 0.0))
+    place = bar.at(0.3 + away * np.cos(_SLANT), 0.1 + away * np.sin(_SLANT))
+    forces = (Force("hold", bar.at(0.3, 0.1), _SLANT), Force("again", place, _SLANT))
+    model = prescribe_displacement(Assembly((bar,), (), forces).assemble(), hold="hold")
+    return Seen(0.0, said=f"{prescribe_displacement(model, 'again').n} coordinates left")
 
 
 def _chain(stiff: float) -> Seen:

@@ -16,7 +16,7 @@ from math import hypot
 import numpy as np
 from scipy import linalg, sparse
 
-from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+from boomctl.arrays import DENSE_LIMIT, Array, Matrix, combined
 from boomctl.checks import instance, sequence, signal_name
 from boomctl.printing import count, listed, signals
 from boomctl.structure.beams.dynamic_stiffness import Segment
@@ -33,7 +33,6 @@ from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point
 from boomctl.structure.ports import Ports
 
 _KEPT = 8  # mechanisms kept for the next machine with its parts at the same places (a choice of memory)
-_CANCELLED = 16.0 * float(np.finfo(float).eps)  # share of its terms up to which a sum is what rounding left of zero
 _DAMPED_ALIKE = 1e-9  # of the largest damping; what differs less from proportional damping is rounding (a choice)
 _STATIONS_LOSE = 8.0 * float(
     np.finfo(float).eps
@@ -154,7 +153,7 @@ class Assembly:
         massless = np.flatnonzero(squared_sums(layout.N, weights.m) == 0.0)
         if len(massless):
             T, kept = _condensation(Structure.weighed(layout, weights), ports, massless)
-            layout, ports = layout.congruent(T, tuple(layout.coordinates[i] for i in kept)), ports.congruent(T)
+            layout, ports = layout.congruent(T, tuple(layout.coordinates[i] for i in kept)), ports.restricted(T)
             outline = outline.mapped(T)
         return SecondOrderModel.of(Structure.weighed(layout, weights).drawn_as(outline), ports)
 
@@ -327,7 +326,7 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     T, names = _free_coordinates(motion, index)
 
     def rows(lines: list[Row]) -> Matrix:
-        return _over_free(row_matrix(lines, index), T)
+        return combined(row_matrix(lines, index), T)
 
     bodies: list[Row] = []
     for body in assembly.bodies:
@@ -343,21 +342,10 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
         S = np.vstack([_segment_ends(size, dense(T)[at:]) for at, size in zip(first, lengths, strict=True)])
     elif not exact:
         deflections = [mesh.inertia.matrix(at, len(index)) @ T for at, mesh in zip(first, meshes, strict=True)]
-        strains = [_over_free(mesh.strain.matrix(at, len(index)), T) for at, mesh in zip(first, meshes, strict=True)]
+        strains = [combined(mesh.strain.matrix(at, len(index)), T) for at, mesh in zip(first, meshes, strict=True)]
         N, R = _stacked([N, *deflections]), _stacked([R, *strains])
     layout, ports = Layout(names, N, R), _ports(assembly, motion, rows)
     return Mechanism(meshes, layout, ExactLayout(layout, S, ports), ports, lengths)
-
-
-def _over_free(lines: Matrix, T: Matrix) -> Matrix:
-    """Return rows over the free coordinates; an entry that is rounding of the terms it was summed from is zero.
-
-    A motion that strains nothing would otherwise strain by rounding, and could be taken for one that is held.
-    """
-    product, terms = lines @ T, abs(lines) @ abs(T)
-    if sparse.issparse(product):
-        return sparse.csr_array(product.multiply(abs(product) > _CANCELLED * terms))
-    return np.where(np.abs(product) > _CANCELLED * terms, product, 0.0)
 
 
 def _segment_ends(lengths: Array, T: Array) -> Array:

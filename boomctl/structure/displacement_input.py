@@ -165,16 +165,24 @@ class _Prescribed:
     def ports(self, orders: Mapping[str, int], reactions: bool) -> Ports:
         """Return the ports of the displacement-driven structure, inputs in their old order."""
         old, kept, T_d = self.old, self.kept, dense(self.imposed.T)
-        force = old.select(kept, None).congruent(self.moving.T)
+        force = old.select(kept, None).restricted(self.moving.T)
         B, L, E = force.B.copy(), force.L, force.E.copy()
         places = [kept.index(name) for name in self.moved]
         B[:, :, places] = -self.blocks(self.moving, self.imposed)[:, :, : len(places)]
         E[:, :, places] = old.L @ T_d[:, : len(places)]
         outputs, bandwidths, both = old.outputs, old.bandwidths, self.moved + self.held
         felt = old.E[0][:, [old.inputs.index(name) for name in both]]
+        tensions, strains = old.tensions, None
+        if self.imposed.layout is not None:
+            strains = np.zeros((len(self.imposed.layout.R), len(kept)))
+            strains[:, places] = self.imposed.layout.R[:, : len(places)]
         if reactions or felt.any():
             force_L, force_E = self.reactions()
             L, E = L + felt @ force_L, E + felt @ force_E
+            if self.imposed.layout is not None:
+                read = self.imposed.layout.R.T
+                tensions = felt @ read + (0.0 if tensions is None else tensions)
+                tensions = np.concatenate([tensions, read]) if reactions else tensions
             if reactions:
                 L, E = np.concatenate([L, force_L], axis=1), np.concatenate([E, force_E], axis=1)
                 outputs = outputs + tuple(f"{name}_force" for name in both)
@@ -189,6 +197,8 @@ class _Prescribed:
             moved=tuple(name in self.moved for name in kept),
             integrators=tuple(orders.get(name, 0) for name in kept),
             bandwidths=bandwidths,
+            strains=strains,
+            tensions=tensions,
         )
 
     def reactions(self) -> tuple[Array, Array]:

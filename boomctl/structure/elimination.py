@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, sparse
 
-from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+from boomctl.arrays import DENSE_LIMIT, ROUNDED, Array, Matrix, combined
 
-_COUPLED = 1e-15  # of the largest coupling; what is below is rounding of zero
 _RANK_TOLERANCE = 1e-10  # of the largest pivot; conditions that differ by less depend on each other (a choice)
 
 
@@ -57,9 +56,13 @@ def eliminate(J: Matrix, names: Sequence[str], weights: Array | None = None) -> 
     pivots = np.sort(linalg.qr(scaled, mode="r", pivoting=True)[1][:count])
     dependent = touched[pivots]
     rest = np.delete(np.arange(len(touched)), pivots)
-    inverse = np.linalg.inv(block[pivots].T)
-    coupling = -np.linalg.solve(block[pivots].T, block[rest].T)
-    coupling[np.abs(coupling) < _COUPLED * np.abs(coupling).max(initial=1.0)] = 0.0
+    # conditions as large as one, and coordinates by what they move of them, so that what rounding leaves is told by its size
+    unit = block / norms
+    size = np.abs(unit).max(axis=1)
+    even = unit / size[:, None]
+    inverse = _told(np.linalg.inv(even[pivots].T))
+    coupling = _told(combined(-inverse, even[rest].T)) * (size[rest] / size[pivots][:, None])
+    inverse = inverse / (size[pivots][:, None] * norms)
     independent = np.delete(np.arange(n), dependent)
     column = np.full(n, -1)
     column[independent] = np.arange(n - count)
@@ -69,6 +72,11 @@ def eliminate(J: Matrix, names: Sequence[str], weights: Array | None = None) -> 
     T_q = _matrix(rows, columns, np.concatenate([np.ones(n - count), coupling[r, s]]), (n, n - count))
     i, j = np.nonzero(inverse)
     return Elimination(dependent, independent, _matrix(dependent[i], j, inverse[i, j], (n, count)), T_q)
+
+
+def _told(matrix: Array) -> Array:
+    """Return a matrix of entries alike without those that are rounding of the largest one."""
+    return np.where(np.abs(matrix) > ROUNDED * np.abs(matrix).max(initial=0.0), matrix, 0.0)
 
 
 def _matrix(rows: Array, columns: Array, values: Array, shape: tuple[int, int]) -> Matrix:

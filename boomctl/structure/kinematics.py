@@ -1,6 +1,6 @@
 """From a description to rows: which coordinates a machine has, and how every point of it moves with them."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import cos, pi, sin
 
@@ -14,13 +14,7 @@ from boomctl.structure.parts import Beam, CutJoint, Ground, Point, RigidBody, di
 Body = RigidBody | Beam
 
 
-_CANCELLED = 8.0 * float(np.finfo(float).eps)  # share of two terms below which their sum is what rounding left of zero
-
-
-def _sum(a: float, b: float) -> float:
-    """Return a sum, zero where only rounding is left of it: places that are one may have been computed in two ways."""
-    total = a + b
-    return 0.0 if abs(total) <= _CANCELLED * max(abs(a), abs(b)) else total
+_CANCELLED = 8.0 * float(np.finfo(float).eps)  # share of its terms up to which a sum is what rounding left
 
 
 @dataclass(frozen=True)
@@ -34,7 +28,7 @@ class Row:
     ----------
     terms : mapping from coordinate to float
     sizes : mapping from coordinate to float
-        Of the terms that each was summed from, where these were larger: what is left of them may be rounding.
+        Of what each was made of, where this was larger: what is left of it may be rounding.
     """
 
     terms: Mapping[str, float] = field(default_factory=dict)
@@ -45,30 +39,29 @@ class Row:
         """Return the row that reads one coordinate."""
         return cls({coordinate: 1.0})
 
-    def __add__(self, other: "Row") -> "Row":
-        terms, sizes = dict(self.terms), dict(self.sizes)
-        for name, value in other.terms.items():
-            if name not in terms:
-                terms[name] = value
-                if name in other.sizes:
-                    sizes[name] = other.sizes[name]
-                continue
-            size = max(sizes.get(name, abs(terms[name])), other.sizes.get(name, abs(value)))
-            total = terms[name] + value
-            terms[name] = 0.0 if abs(total) <= _CANCELLED * size else total
-            sizes[name] = size
-        return Row({name: value for name, value in terms.items() if value != 0.0}, sizes)
+    def size(self, name: str) -> float:
+        """Return how large what the term of a coordinate was made of is; zero without one."""
+        return self.sizes.get(name, abs(self.terms.get(name, 0.0)))
 
-    def __mul__(self, factor: float) -> "Row":
+    def scaled(self, factor: float, size: float) -> "Row":
+        """Return the row times a factor that was made of numbers as large as ``size``; zero if it is what rounding left."""
+        if abs(factor) <= _CANCELLED * size:
+            return Row()
         return Row(
-            {name: factor * value for name, value in self.terms.items() if factor * value != 0.0},
-            {name: abs(factor) * size for name, size in self.sizes.items()},
+            {name: factor * value for name, value in self.terms.items()},
+            {name: size * self.size(name) for name in self.terms},
         )
 
-    __rmul__ = __mul__
+    def __add__(self, other: "Row") -> "Row":
+        terms, sizes = {}, {}
+        for name in {**self.terms, **other.terms}:
+            total, size = self.terms.get(name, 0.0) + other.terms.get(name, 0.0), max(self.size(name), other.size(name))
+            if abs(total) > _CANCELLED * size:
+                terms[name], sizes[name] = total, size
+        return Row(terms, sizes)
 
     def __neg__(self) -> "Row":
-        return self * -1.0
+        return Row({name: -value for name, value in self.terms.items()}, self.sizes)
 
     def __sub__(self, other: "Row") -> "Row":
         return self + (-other)
@@ -86,13 +79,13 @@ class Frame:
 
     def moved_to(self, x0: float, y0: float) -> "Frame":
         """Return the motion of the point of the same rigid body that rests at ``(x0, y0)``."""
-        dx, dy = _sum(x0, -self.x0), _sum(y0, -self.y0)
-        return Frame(x0, y0, self.x - dy * self.theta, self.y + dx * self.theta, self.theta)
+        along = self.theta.scaled(x0 - self.x0, max(abs(x0), abs(self.x0)))
+        across = self.theta.scaled(y0 - self.y0, max(abs(y0), abs(self.y0)))
+        return Frame(x0, y0, self.x - across, self.y + along, self.theta)
 
     def along(self, angle: float) -> Row:
         """Return the displacement along the direction at ``angle`` (rad, from the x axis)."""
-        c, s = _direction(angle)
-        return c * self.x + s * self.y
+        return _along(self.x, angle, cos) + _along(self.y, angle, sin)
 
 
 def row_matrix(rows: Sequence[Row], index: Mapping[str, int]) -> Matrix:
@@ -139,8 +132,9 @@ class Kinematics:
             return self.frames[body.name].moved_to(point.x, point.y)
         w, phi = beam_rows(body, self.meshes[body.name], body.station(point.x, point.y))
         axial = self.frames[body.name].along(body.angle)
-        c, s = _direction(body.angle)
-        return Frame(point.x, point.y, c * axial - s * w, s * axial + c * w, phi)
+        x = _along(axial, body.angle, cos) - _along(w, body.angle, sin)
+        y = _along(axial, body.angle, sin) + _along(w, body.angle, cos)
+        return Frame(point.x, point.y, x, y, phi)
 
     def relative(self, a: Point, b: Point | None, direction: "str | float") -> Row:
         """Return the row of the displacement (or rotation) of ``a`` less that of ``b`` along ``direction``."""
@@ -153,10 +147,9 @@ class Kinematics:
         return component(a) if b is None else component(a) - component(b)
 
 
-def _direction(angle: float) -> tuple[float, float]:
-    """Return cosine and sine, exactly zero where only rounding is left of them."""
-    c, s = cos(angle), sin(angle)
-    return (0.0 if abs(c) < 1e-15 else c), (0.0 if abs(s) < 1e-15 else s)
+def _along(row: Row, angle: float, component: Callable[[float], float]) -> Row:
+    """Return the component of a row along an angle, its cosine or sine, which is as exact as one is."""
+    return row.scaled(component(angle), 1.0)
 
 
 def beam_rows(beam: Beam, mesh: BeamMesh, station: float) -> tuple[Row, Row]:
@@ -211,9 +204,8 @@ def _joint_motion(body: Body, parent: Frame) -> tuple[list[str], Frame]:
     x, y, theta = parent.x, parent.y, parent.theta
     names = []
     for label, angle in body.joint.slides:
-        c, s = _direction(angle)
         slide = Row.of(f"{body.name}.{label}")
-        x, y = x + c * slide, y + s * slide
+        x, y = x + _along(slide, angle, cos), y + _along(slide, angle, sin)
         names.append(f"{body.name}.{label}")
     if body.joint.turns:
         theta = theta + Row.of(f"{body.name}.theta")

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+from boomctl.arrays import DENSE_LIMIT, Array, Matrix, combined
 from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination
 from boomctl.structure.symmetry import TOLERANCE, Mirror
@@ -135,7 +135,7 @@ class Layout:
 
     def congruent(self, T: Matrix, coordinates: tuple[str, ...], mirror: Mirror | None = None) -> "Layout":
         """Return the rows over coordinates ``z`` with ``q = T z``."""
-        N, R = self.N @ T, self.R @ T
+        N, R = combined(self.N, T), combined(self.R, T)
         if sparse.issparse(N) and (len(coordinates) <= DENSE_LIMIT or max(map(_filled, (N, R))) > _FULL):
             N, R = N.toarray(), R.toarray()
         return Layout(coordinates, N, R, mirror)

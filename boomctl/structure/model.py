@@ -306,6 +306,12 @@ class SecondOrderModel:
             Unknown names; the mass matrix is singular; an output needs a derivative of an input that is not there; another
             word for ``states``.
 
+        Warns
+        -----
+        AccuracyWarning
+            Below the slowest frequency, rounding of the matrices is more of a response than 1e-6, as beside dampers far
+            beyond critical, or 1e-4 over coordinates.  `frequency_response` needs no such matrices.
+
         Examples
         --------
         >>> import boomctl as bc

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from boomctl.arrays import Array, Matrix
+from boomctl.arrays import Array, Matrix, combined
 from boomctl.checks import known, names
 from boomctl.printing import compact
 
@@ -53,6 +53,11 @@ class Ports:
         Of an output's low-pass filter [rad/s]; None: it has none.
     primary : pair of tuples of str, or None
         The inputs and outputs that are meant where nobody names any; None: all.
+    strains : (rows, m) ndarray, or None
+        What imposed displacements strain of a structure's elastic rows, ``B[0] = -R^T diag(k) strains``: near a stiff beam
+        ``B[0]`` itself is made of forces far larger than what they push.  Zero for other inputs.
+    tensions : (p, rows) ndarray, or None
+        What outputs that are reactions read of the forces of these rows, ``L[0] = tensions diag(k) R``, likewise.
     """
 
     inputs: tuple[str, ...]
@@ -64,6 +69,8 @@ class Ports:
     integrators: tuple[int, ...]
     bandwidths: tuple[float | None, ...]
     primary: tuple[tuple[str, ...], tuple[str, ...]] | None = None
+    strains: Array | None = None
+    tensions: Array | None = None
 
     __repr__ = compact
 
@@ -117,6 +124,8 @@ class Ports:
             moved=tuple(self.moved[k] for k in i),
             integrators=tuple(self.integrators[k] for k in i),
             bandwidths=tuple(self.bandwidths[k] for k in o),
+            strains=None if self.strains is None else self.strains[:, i],
+            tensions=None if self.tensions is None else self.tensions[o],
         )
 
     def congruent(self, T: Matrix) -> "Ports":
@@ -125,6 +134,22 @@ class Ports:
             B = np.array([T.T @ columns for columns in self.B])
             return replace(self, B=B, L=np.array([(T.T @ lines.T).T for lines in self.L]))
         return replace(self, B=T.T @ self.B, L=self.L @ T)
+
+    def restricted(self, T: Matrix) -> "Ports":
+        """Return the same where ``T`` leaves out motions: what forces and outputs meet of the others by rounding is zero."""
+        (_, n, m), p = self.B.shape, self.L.shape[1]
+        lines = combined(np.concatenate([self.B.transpose(0, 2, 1).reshape(3 * m, n), self.L.reshape(3 * p, n)]), T)
+        B, L = lines[: 3 * m].reshape(3, m, T.shape[1]), lines[3 * m :].reshape(3, p, T.shape[1])
+        return replace(self, B=B.transpose(0, 2, 1), L=L)
+
+    def felt(self, V: Array, rigid: Array) -> "Ports":
+        """Return the ports over motions ``V``, of which some are rigid.
+
+        An imposed displacement acts through strains, and these have none.
+        """
+        seen = self.restricted(V)
+        seen.B[0, rigid[:, None], np.flatnonzero(self.moved)] = 0.0
+        return seen
 
     def mixed(
         self,
@@ -147,6 +172,8 @@ class Ports:
             integrators=tuple(self.integrators[k] for k in first_in),
             bandwidths=tuple(self.bandwidths[k] for k in first_out),
             primary=primary,
+            strains=None if self.strains is None else self.strains @ W_in,
+            tensions=None if self.tensions is None else W_out.T @ self.tensions,
         )
 
     def force_column(self, name: str) -> Array:

@@ -13,8 +13,9 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, combined
 from boomctl.structure.layout import Layout, Weights, squared_sums
+from boomctl.structure.ports import Ports
 
 LARGEST = 700  # coordinates up to which it is done: a dense decomposition of half a second (a choice)
 _RIGID = 1e-12  # smallest over largest singular value of rows of size one, below which a motion strains nothing
@@ -40,12 +41,18 @@ class StrainForm:
         Damping.
     rigid : int
         Number of rigid motions: those that strain nothing, to rounding.
+    free : int
+        Number of those that dampers do not resist either: the last ones.
+    forces : (elastic rows, n) ndarray
+        Forces of the elastic rows.
     """
 
     V: Array
     N: Array
     C: Array
     rigid: int
+    free: int
+    forces: Array
 
     @property
     def strains(self) -> int:
@@ -56,6 +63,17 @@ class StrainForm:
     def K(self) -> Array:
         """Stiffness."""
         return np.diag(np.repeat([1.0, 0.0], [self.strains, self.rigid]))
+
+    def ports(self, ports: Ports) -> Ports:
+        """Return inputs and outputs over these coordinates."""
+        rigid = np.arange(self.strains, len(self.V))
+        seen = ports.felt(self.V, rigid) if self.rigid else ports.congruent(self.V)
+        if ports.strains is not None:
+            seen.B[0] = np.where(ports.moved, -(self.forces.T @ ports.strains), seen.B[0])
+        if ports.tensions is not None:
+            reads = ports.tensions.any(axis=1)
+            seen.L[0, reads] = ports.tensions[reads] @ self.forces
+        return seen
 
     def modes(self) -> tuple[Array, Array]:
         """Return undamped frequencies [rad/s], ascending, and mass-normalised shapes over the old coordinates.
@@ -85,19 +103,15 @@ class StrainForm:
 
         They are the inverse of the eigenvalues of ``1/s``.
         """
-        r, n = self.strains, len(self.V)
-        M = self.N.T @ self.N
-        free = self.rigid and np.abs(self.C[r:]).max() <= _RIGID * np.abs(self.C).max()
-        if free:
-            M, C, n = M[:r, :r], self.C[:r, :r], r
-        else:
-            C = self.C
+        r, n = self.strains, len(self.V) - self.free
+        M, C = (self.N.T @ self.N)[:n, :n], self.C[:n, :n]
+        still = np.zeros(2 * self.free)
         companion = np.block([[np.zeros((n, n)), np.eye(n)], [-M, -C]])
-        if free or not self.rigid:
+        if n == r:
             slowness = linalg.eigvals(companion)
-            return np.concatenate([np.zeros(2 * self.rigid), 1.0 / slowness[slowness != 0.0]])
-        alpha, beta = linalg.eigvals(companion, linalg.block_diag(np.eye(n), self.K), homogeneous_eigvals=True)
-        return (beta / alpha)[alpha != 0.0]
+            return np.concatenate([still, 1.0 / slowness[slowness != 0.0]])
+        alpha, beta = linalg.eigvals(companion, linalg.block_diag(np.eye(n), self.K[:n, :n]), homogeneous_eigvals=True)
+        return np.concatenate([still, (beta / alpha)[alpha != 0.0]])
 
 
 def _spread(S: Array) -> tuple[Array, Array, Array]:
@@ -106,6 +120,14 @@ def _spread(S: Array) -> tuple[Array, Array, Array]:
     unit = S[size > 0.0] / size[size > 0.0][:, None]
     _, spread, motions = np.linalg.svd(unit, full_matrices=len(unit) < S.shape[1])
     return unit, spread, motions
+
+
+def parted(lines: Array) -> tuple[Array, int]:
+    """Return an orthogonal combination of motions that lines read, and how many, the last ones, they do not see."""
+    if not lines.any():
+        return np.eye(lines.shape[1]), lines.shape[1]
+    _, spread, motions = _spread(lines)
+    return motions.T, lines.shape[1] - int((spread > _RIGID * spread[0]).sum())
 
 
 def _even(rows: Array) -> Array:
@@ -173,10 +195,17 @@ def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
     if not (mass > 0.0).all() or not R[elastic].any():
         return None
     V, Q, order, r = unstrained(np.sqrt(weights.k[elastic])[:, None] * R[elastic], R[elastic], 1.0 / np.sqrt(mass))
+    dampers, free = np.sqrt(weights.c[~elastic])[:, None] * R[~elastic], 0
     if r < n:
         _, own, mixed = np.linalg.svd(inertia @ V[:, r:], full_matrices=False)
         V[:, r:] = V[:, r:] @ (mixed.T / own)
-        V[:, :r] -= V[:, r:] @ ((inertia @ V[:, r:]).T @ (inertia @ V[:, :r]))
-    loss = (weights.c[elastic] / weights.k[elastic])[order]
-    damped = np.sqrt(weights.c[~elastic])[:, None] * (R[~elastic] @ V)
-    return StrainForm(V, inertia @ V, Q.T @ (loss[:, None] * Q) + damped.T @ damped, n - r)
+        apart, free = parted(combined(dampers, V[:, r:]))
+        V[:, r:] = V[:, r:] @ apart
+        V[:, r:] = np.where(np.abs(V[:, r:]) * np.sqrt(mass)[:, None] > _RIGID, V[:, r:], 0.0)
+        for _ in range(2):  # what the first round leaves is rounding of strains, which may be large
+            V[:, :r] -= V[:, r:] @ ((inertia @ V[:, r:]).T @ (inertia @ V[:, :r]))
+    loss, damped = (weights.c[elastic] / weights.k[elastic])[order], combined(dampers, V)
+    damped[:, n - free :] = 0.0
+    forces = np.zeros_like(R)
+    forces[np.flatnonzero(elastic)[order]] = np.sqrt(weights.k[elastic])[order, None] * Q
+    return StrainForm(V, inertia @ V, Q.T @ (loss[:, None] * Q) + damped.T @ damped, n - r, free, forces)

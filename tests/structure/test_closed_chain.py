@@ -142,3 +142,11 @@ def test_a_short_lever_is_a_lever(gap):
     spring = SpringDamper(arm.at(0.3 + gap), GROUND.at(0.3 + gap), "y", 1.0)
     model = Assembly((arm,), (spring,), (Force("swing", arm.at(1.3), "y"),)).assemble()
     assert model.K[0, 0] == pytest.approx(gap**2, rel=1e-6)
+
+
+def test_a_locked_chain_answers_nothing_at_rest_too():
+    bar = RigidBody("bar", GROUND.at(0.0), revolute(), 1.0, 1.0)
+    ports = (Force("f", bar.at(1.0)),), (Output("y", bar.at(1.0)),)
+    model = Assembly((bar,), (), *ports, (CutJoint(bar.at(1.0), GROUND.at(1.0), ("y",)),)).assemble()
+    assert model.n == 0
+    assert (model.frequency_response([0.0, 1.0]).frdata == 0.0).all()

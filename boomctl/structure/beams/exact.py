@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, combined
 from boomctl.structure.beams.dynamic_stiffness import Segment, clamped_count, end_functions
 from boomctl.structure.beams.strains import StrainSystem, wave_numbers
 from boomctl.structure.beams.terms import Lines, Terms, kinds_of
@@ -78,8 +78,8 @@ def _prescribed(layout: ExactLayout, inputs: tuple[str, ...]) -> ExactLayout:
     T_q, T_d = dense(choice.T_q), dense(choice.T_d)
     return ExactLayout(
         layout.rigid.eliminated(choice),
-        layout.S @ T_q,
-        layout.ports.congruent(T_q),
+        combined(layout.S, T_q),
+        layout.ports.restricted(T_q),
         inputs,
         layout.rows(T_d),
         layout.ports.L[0] @ T_d,

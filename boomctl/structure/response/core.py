@@ -102,7 +102,7 @@ def modal_core(structure: Structure, ports: Ports, omega: Array) -> Core | None:
     form, fastest = structure.strain_form, _FASTEST * max(float(omega.max()), 1e-2)
     if form is None:
         return None
-    strained, seen, (frequencies, own) = structure.in_strains, ports.congruent(form.V), form.own_modes
+    strained, seen, (frequencies, own) = structure.in_strains, form.ports(ports), form.own_modes
     damping = np.einsum("ij,ij->j", own, form.C @ own)
     basis = own / np.sqrt(_masses(frequencies**2, damping, fastest))
     n = len(frequencies)

@@ -155,6 +155,8 @@ def _small(parts: Sequence[Part], omega: Array) -> list[Response]:
 
 def _check_static(structure: Structure) -> None:
     """Raise if the structure can move freely, so that its static response is infinite."""
+    if not structure.n:
+        return  # a chain that is locked
     if structure.strain_form is None and structure.graded and structure.mixed is not None:
         free = undamped_modes(structure, 1)[0][0] == 0.0
     elif structure.strain_form is None:
@@ -203,7 +205,7 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
     if structure.strain_form is not None:
         if structure.noise > _UNEVEN * float(np.max(omega, initial=0.0)) ** 2:
             rounding = ports_rounding(structure.in_strains, ports, structure.strain_form.V, omega)
-        structure, ports = structure.in_strains, ports.congruent(structure.strain_form.V)
+        structure, ports = structure.in_strains, structure.strain_form.ports(ports)
     _warn(rounding)
     try:
         X = np.linalg.solve(structure.at(s), evaluate(ports.B, s))

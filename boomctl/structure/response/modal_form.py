@@ -9,12 +9,15 @@ from dataclasses import replace
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, combined
 from boomctl.lti.system import Lti
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import Ports
-from boomctl.structure.response.poles import undamped_modes
+from boomctl.structure.response.direct import direct_response
+from boomctl.structure.response.poles import SMALL, undamped_modes
 from boomctl.structure.response.realisation import realize
+from boomctl.structure.response.rounding import warn_of_rounding
+from boomctl.structure.strain_coordinates import parted
 
 MODES, COORDINATES = "modes", "coordinates"  # over what the states of a model are
 
@@ -23,6 +26,12 @@ MODES, COORDINATES = "modes", "coordinates"  # over what the states of a model a
 _UNFELT = 1e-8
 # ratio of the scales that would balance a state matrix up to which matrices given are realised over their own coordinates
 _EVEN = 2.0**10
+# largest rate of damping over the slowest frequency from which on a state space over modes is looked at (a choice)
+_OVERDAMPED = 1e3
+_ASKED = np.array([0.01, 0.7])  # times the slowest frequency: where a state space is looked at, between no resonances
+_FLOOR = 1e-4  # of an output's largest response; smaller ones are compared with it: they matter to nobody (a choice)
+_PROMISED = 1e-6  # of a response, rounding of a state space over modes above which a user is warned (a choice)
+_SEEN = 1e-4  # the same over coordinates, which lose digits to every fine mesh: what would show in a plot
 
 
 def elastic(frequencies: Array) -> Array:
@@ -35,20 +44,34 @@ def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -
 
     What a rigid-body mode strains, and where nothing else damps it its damping, is zero and not rounding.
     """
-    names = tuple(f"mode{i + 1}" for i in range(V.shape[1]))
-    moved, rigid = structure.projected(V, names), ~elastic(frequencies)
-    if rigid.any():
-        C, K = moved.C.copy(), moved.K.copy()
-        if is_symmetric(C):  # motions that dampers resist apart from those that nothing resists
-            apart = np.eye(len(C))
-            apart[np.ix_(rigid, rigid)] = linalg.eigh(C[np.ix_(rigid, rigid)])[1]
-            V, C = V @ apart, apart.T @ C @ apart
-        K[rigid], K[:, rigid] = 0.0, 0.0
-        size = np.sqrt(np.abs(np.diag(C)))
-        undamped = rigid & (size <= _UNFELT * size.max())
-        C[undamped], C[:, undamped] = 0.0, 0.0
-        moved = Structure(names, (moved.M, C, K))
-    return realize(moved, ports.congruent(V))
+    moved = structure.projected(V, tuple(f"mode{i + 1}" for i in range(V.shape[1])))
+    rigid = np.flatnonzero(~elastic(frequencies))
+    if not len(rigid):
+        return realize(moved, ports.congruent(V))
+    V, C, K = _resisted(structure, V, moved, rigid)
+    K[rigid], K[:, rigid] = 0.0, 0.0
+    return realize(Structure(moved.coordinates, (moved.M, C, K)), ports.felt(V, rigid))
+
+
+def _resisted(structure: Structure, V: Array, moved: Structure, rigid: Array) -> tuple[Array, Array, Array]:
+    """Return modes, damping and stiffness with rigid motions that dampers resist apart from those that nothing resists."""
+    V, C, K, rows = V.copy(), moved.C.copy(), moved.K.copy(), structure.elastic
+    if rows is not None:
+        strain, still = rows.R @ V, rows.k == 0.0
+        dampers = np.sqrt(rows.c[still])[:, None] * rows.R[still]
+        apart, free = parted(combined(dampers, V[:, rigid]))
+        V[:, rigid] = V[:, rigid] @ apart
+        strain[:, rigid], strain[still] = 0.0, combined(rows.R[still], V)
+        strain[:, rigid[len(rigid) - free :]] = 0.0
+        return V, strain.T @ (rows.c[:, None] * strain), K
+    if is_symmetric(C):
+        apart = np.eye(len(C))
+        apart[np.ix_(rigid, rigid)] = linalg.eigh(C[np.ix_(rigid, rigid)])[1]
+        V, C = V @ apart, apart.T @ C @ apart
+    size = np.sqrt(np.abs(np.diag(C)))
+    undamped = rigid[size[rigid] <= _UNFELT * size.max()]
+    C[undamped], C[:, undamped] = 0.0, 0.0
+    return V, C, K
 
 
 def modal_form(structure: Structure, ports: Ports) -> Lti:
@@ -68,7 +91,9 @@ def modal_form(structure: Structure, ports: Ports) -> Lti:
 
 def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
     """Return a structure in state space as its user gets it: see :meth:`SecondOrderModel.to_statespace`."""
-    if states == COORDINATES or (states is None and structure.settled):
+    if states == COORDINATES:
+        return _warned(realize(structure, ports), structure, ports, _SEEN)
+    if states is None and structure.settled:
         return realize(structure, ports)
     if states is None and structure.elastic is None:
         own = realize(structure, ports)
@@ -79,7 +104,27 @@ def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
         frequencies, V = undamped_modes(structure)
     except ValueError:
         return realize(structure, ports).balanced()
-    return _scaled(in_modes(structure, ports, frequencies, V), ports, frequencies)
+    system, n = _scaled(in_modes(structure, ports, frequencies, V), ports, frequencies), len(frequencies)
+    slowest = frequencies[elastic(frequencies)].min(initial=np.inf)
+    overdamped = np.abs(system.A[n : 2 * n, n : 2 * n]).max(initial=0.0) > _OVERDAMPED * slowest
+    return _warned(system, structure, ports, _PROMISED) if overdamped else system
+
+
+def _warned(system: Lti, structure: Structure, ports: Ports, promised: float) -> Lti:
+    """Return a system of a small structure with rows; a user is warned where its matrices do not hold the slow motions.
+
+    Beside stiff elements over coordinates, or beside dampers that let a motion creep, a slow motion is a small difference.
+    """
+    form = structure.strain_form if structure.n <= SMALL else None
+    if form is None or not form.strains:
+        return system
+    omega = _ASKED * form.own_modes[0][form.rigid]
+    true = direct_response(structure, ports, omega)
+    off, size = (np.abs(values).max(axis=2) for values in (system.response(omega, quiet=True) - true, true))
+    size = np.maximum(size, _FLOOR * size.max(axis=1, keepdims=True, initial=0.0))
+    share = float((off[size > 0.0] / size[size > 0.0]).max(initial=0.0))
+    warn_of_rounding("the state space", share, promised)
+    return system
 
 
 def _scaled(system: Lti, ports: Ports, frequencies: Array) -> Lti:

@@ -74,7 +74,9 @@ class _Driven:
 
     @classmethod
     def of(cls, structure: Structure, ports: Ports) -> "_Driven | None":
-        """Return it; None where nothing is driven or read, or dampers are many."""
+        """Return it; None where nothing is driven or read, dampers are many, or reactions are read, which need strains."""
+        if ports.tensions is not None and ports.tensions.any():
+            return None
         acting, read = (np.flatnonzero(terms.any(axis=(1, 2))).tolist() for terms in (ports.B, ports.L))
         if not acting or not read:
             return None

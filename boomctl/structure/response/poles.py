@@ -14,7 +14,7 @@ from boomctl.structure.response.pencil import factorized
 from boomctl.structure.response.rounding import warn_of_rounding
 
 _DENSE_MODES = 250  # coordinates up to which modes are found densely; sparse is faster from 200 on (measured)
-_SMALL = 60  # coordinates up to which modes are found in strain coordinates at once: they cost little more (a choice)
+SMALL = 60  # coordinates up to which modes are found in strain coordinates at once: they cost little more (a choice)
 # beyond, they are found so where the noise of stiffness over mass is that many times its lowest value: from there on shapes
 # found otherwise are off by more than 1e-10 (measured)
 _GRADED = 30.0
@@ -66,7 +66,7 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
             raise ValueError(f"undamped modes need a symmetric {name}")
     if not (M.diagonal() > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
-    if structure.n <= _SMALL and structure.strain_form is not None:
+    if structure.n <= SMALL and structure.strain_form is not None:
         return _graded_modes(structure, wanted)
     few = wanted <= _SPARSE_SHARE * structure.n
     if structure.n > _MIXED_FROM and few and structure.mixed is not None:
