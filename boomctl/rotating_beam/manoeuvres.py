@@ -28,9 +28,8 @@ _SHORT_STEPS = 48  # steps of a motion found so, each far shorter than what move
 _STILL = 1e-13  # share of the largest step of such a motion below which it rests (a choice)
 _CHECK_POINTS = 6  # Gauss points on each: exact for polynomials of degree 11
 _UNSEEN = 1e-2  # share of the largest gain that a look at even intervals may miss: more is a short motion (a choice)
-# of how far a function goes, by which it may differ from the integral of its slope: a resonance makes a hundred times
-# as much of it, which is a motion's own tolerance
-_BELONGING = 1e-10
+# a resonance makes a thousand times as much of what functions differ by, which is a motion's own tolerance
+_BELONGING = 1e-11  # of how far a function goes, by which it may differ from the integral of its slope (measured)
 _ROUNDING = 16.0 * np.finfo(float).eps  # of the largest value: what a user's function may be off (a choice)
 _SPLIT = 16  # parts of an interval on which a slope's integral is not exact enough: a choice
 _MOST_PARTS = 2**18  # that are looked at side by side, a quarter of a second (measured)
@@ -193,7 +192,7 @@ class HubProfile(PrescribedMotion):
         Raises
         ------
         ValueError
-            If the speed is not the slope of the angle, or the acceleration that of the speed, to ten digits; if the
+            If the speed is not the slope of the angle, or the acceleration that of the speed, to eleven digits; if the
             acceleration jumps at too many instants.
         """
         if end <= 0.0:
@@ -268,8 +267,9 @@ class HubProfile(PrescribedMotion):
         worst = int(np.argmax(apart))
         if apart[worst] > allowed:
             raise ValueError(
-                f"{slope}: expected the derivative of the {name}; from {edges[0]:.6g} to {at[order][worst]:.6g} s the {name} differs by"
-                f" up to {apart[worst]:.3g} from the integral of the {slope}; of tables take one spline and its derivatives"
+                f"{slope}: expected the derivative of the {name}; from {edges[0]:.6g} to {at[order][worst]:.6g} s the {name}"
+                f" differs by up to {apart[worst]:.3g} from the integral of the {slope}; of tables take one spline and its"
+                " derivatives"
             )
 
     def angle(self, t: ArrayLike) -> Array:
@@ -444,7 +444,7 @@ def hub_profile(
     ------
     TypeError, ValueError
         Something that is not a function of time; breakpoints that are not numbers. When it is simulated: functions that
-        do not belong together to ten digits. Of tables take one spline and its derivatives.
+        do not belong together to eleven digits. Of tables take one spline and its derivatives.
 
     Examples
     --------
