@@ -244,7 +244,7 @@ class HubProfile(PrescribedMotion):
         method = gauss_method(_CHECK_POINTS)
         rows = np.vstack([method.A, method.weights])
         low, high = edges[:-1], edges[1:]
-        share, allowed, floor = 1.0, 0.0, 0.0
+        share, allowed, floor = 1.0 / len(low), 0.0, 0.0
         settled: list[tuple[Array, Array]] = []
         while len(low):
             width = (high - low)[:, None]
