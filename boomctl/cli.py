@@ -5,6 +5,7 @@ done; 2: bad use or bad input.
 """
 
 import os
+import re
 import sys
 import threading
 from argparse import ArgumentParser, BooleanOptionalAction, Namespace
@@ -25,12 +26,16 @@ if TYPE_CHECKING:
     _Paper = tuple[list[Job], Callable[[list[Any]], Report]]  # what is to be done, and the report of what it finds
 
 
+_NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$|-inf$|-nan$", re.IGNORECASE)
+
+
 class _Parser(ArgumentParser):
     """The options of one command, described by the docstring of its function; bad use is a ValueError."""
 
     def __init__(self, command: Callable[..., None]) -> None:
         name = f"boomctl {command.__name__}"
         super().__init__(name, description=command.__doc__, allow_abbrev=False)
+        self._negative_number_matcher = _NEGATIVE  # argparse's own takes -3e4 for an option
 
     def error(self, message: str) -> NoReturn:
         raise ValueError(message)
@@ -88,6 +93,13 @@ def main() -> None:
         sys.stdout.flush()
     except (ValueError, TypeError) as error:
         _fail(str(error), 2)
+    except (
+        FileNotFoundError,
+        NotADirectoryError,
+        IsADirectoryError,
+    ) as error:  # named and not there, as a design may be
+        said = "expected a file, got a folder" if isinstance(error, IsADirectoryError) else "there is no such file"
+        _fail(str(error) if error.filename is None else f"{error.filename}: {said}", 2)
     except BrokenPipeError:  # whoever read the output has seen enough (boomctl parameters | head)
         with suppress(AttributeError, OSError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -404,6 +416,8 @@ def sigma(words: Sequence[str]) -> None:
     asked = parser.parse_args(words)
     if asked.out is not None and asked.out.suffix not in (".png", ".svg"):
         raise ValueError(f"--out {asked.out}: expected a name that ends in .png or .svg")
+    if asked.out is not None and asked.out.is_dir():
+        raise ValueError(f"--out {asked.out}: expected a file, got a folder")
     exact = asked.discretization == "exact"
     if exact and asked.elements is not None:
         raise ValueError(f"--elements {asked.elements}: leave it out; expected none for --discretization exact")
@@ -423,7 +437,8 @@ def sigma(words: Sequence[str]) -> None:
         _save_sigma(result, label, curve, asked.out)
     summary = {"peak": result.peak, "peak_omega": result.peak_omega, "certified": result.certified}
     if asked.json:
-        _print_json({**summary, "upper_bound": result.certificate.upper, "omega": result.omega, "sigma": result.sigma})
+        summary |= {"upper_bound": result.certificate.upper, "inputs": result.inputs, "outputs": result.outputs}
+        _print_json({**summary, "omega": result.omega, "sigma": result.sigma})
     else:
         bounded = result.certified and isfinite(result.certificate.upper)
         proof = f"certified below {result.certificate.upper:.6g}" if bounded else result.certificate.method

@@ -48,7 +48,12 @@ def test_the_parameter_file_printed_is_read_again(tmp_path):
         (("sigma", "--discretization", "finit"), 2, "did you mean 'finite'"),
         (("sigma", "--elements", "0"), 2, "elements = 0"),
         (("sigma", "--elements", "many"), 2, "elements"),
-        (("sigma", "--parameters", "none.toml"), 1, "none.toml"),
+        (("sigma", "--parameters", "none.toml"), 2, "none.toml: there is no such file"),
+        (("sigma", "--measured", "none/curve.csv"), 2, "none/curve.csv: there is no such file"),
+        (("reproduce", "boom", "--parameters", "none.toml"), 2, "none.toml: there is no such file"),
+        (("benchmark", "boom", "--compare", "none.json"), 2, "none.json: there is no such file"),
+        (("stress", "--page", "none.md"), 2, "there is no such file"),
+        (("design", "none/mine.py"), 2, "design 'none/mine.py': there is no such file"),
         (("sigma", "--out", "sigma.doc"), 2, ".png or .svg"),
         (("nothing",), 2, "nothing"),
         (("design", "min_time_slews"), 2, "did you mean 'min_time_slew'"),
@@ -80,6 +85,9 @@ def test_a_misspelt_key_names_file_and_key(tmp_path):
         ("sigma", "--measured", "."),
         ("reproduce", "boom", "--parameters", "."),
         ("reproduce", "boom", "--measured", "."),
+        ("benchmark", "boom", "--compare", "."),
+        ("benchmark", "precision", "--page", "."),
+        ("stress", "--page", "."),
     ],
 )
 def test_a_folder_in_place_of_a_file_is_bad_use(words, tmp_path):
@@ -87,6 +95,43 @@ def test_a_folder_in_place_of_a_file_is_bad_use(words, tmp_path):
     assert (done.returncode, done.stdout) == (2, "")
     assert ".: expected a file, got a folder" in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("words", [("design", "folder.py"), ("sigma", "--out", "folder.svg")])
+def test_a_folder_of_a_files_name_is_bad_use(words, tmp_path):
+    (tmp_path / words[-1]).mkdir()
+    done = boomctl(*words, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.endswith(": expected a file, got a folder\n")
+
+
+_RAISED = {
+    "BaseException('own')": 2,
+    "type('Own', (BaseException,), {})('own')": 2,
+    "type('Mute', (BaseException,), {'__str__': lambda self: 1 / 0})()": 2,
+    "BaseExceptionGroup('own', [SystemExit(1)])": 2,
+    "GeneratorExit('own')": 2,
+    "SystemExit(3)": 2,
+    "MemoryError('own')": 2,
+    "RecursionError('own')": 2,
+    "KeyError('own')": 2,
+    "ArithmeticError('own')": 1,
+    "FileNotFoundError('own')": 1,
+    "KeyboardInterrupt": 1,
+}
+
+
+@pytest.mark.parametrize("raised", _RAISED)
+@pytest.mark.parametrize("where", ["{}\n", "def {}():\n    {}\n", "import other\n"])
+def test_whatever_a_design_file_raises_is_one_line(raised, where, tmp_path):
+    name = ("design", "slew", "drive")[len(raised) % 3]
+    (tmp_path / "mine.py").write_text(where.format(*([name] * (where.count("{}") - 1)), f"raise {raised}"))
+    (tmp_path / "other.py").write_text(f"raise {raised}\n")
+    done = boomctl("design", "mine.py", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (_RAISED[raised], "")
+    assert done.stderr.startswith("boomctl: ")
+    assert len(done.stderr.splitlines()) == 1
+    assert "line " in done.stderr or raised == "KeyboardInterrupt"
 
 
 @pytest.mark.slow
@@ -218,6 +263,9 @@ def test_degrees_are_taken_without_a_word(tmp_path):
     [
         (("--angle", "1", "--angle-deg", "90"), "--angle and --angle-deg: expected one of the two"),
         (("--time-limit", "-1"), "time_limit = -1.0: expected"),
+        (("--angle", "1e9"), "angle = 1e+09: the slew lasts about 6.947e+04 s, "),
+        (("--angle", "-3e4"), "angle = -30000: the slew lasts about 380.5 s, "),
+        (("--objective", "effort", "--duration", "1e7"), "duration = 1e+07: the slew lasts about 1e+07 s, "),
     ],
 )
 def test_bad_angles_and_time_limits_are_refused(tmp_path, words, said):

@@ -1,5 +1,6 @@
 """Measured curves from CSV files, complex frequency responses from CSV files and universal files (UFF)."""
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -21,6 +22,13 @@ if TYPE_CHECKING:
 
 _FREQUENCY = ("freq_hz", "frequency_hz")  # names of the first column
 _UNIVERSAL = (".uff", ".unv", ".uf", ".58")  # ends of the names of universal files
+_NO_MAGNITUDES = {  # what the words of a column's name say that it holds
+    "a phase": r"(.* )?(phases?|phi|deg|degrees?)( .*)?|angle|arg|argument",
+    "decibels": r"(.* )?([a-z]*db|decibels?)( .*)?",
+    "a part of complex numbers": r"(.* )?(re|im|real|imag|imaginary)( .*)?",
+    "a frequency": r"(freq|frequency|omega)( hz| rad s)?|hz",
+    "a coherence": r"(.* )?(coh|coherence)( .*)?",
+}
 
 
 @dataclass(frozen=True)
@@ -87,10 +95,10 @@ def read_measured_curve(path: str | Path) -> MeasuredCurve:
     r"""Read a measured curve or frequency response.
 
     CSV: the first line names the columns, in a comment or not.  ``freq_hz`` or ``frequency_hz`` [Hz] comes first.
-    Magnitudes: any further names, one column a curve.  Complex frequency response: pairs of columns ``re_OUT_IN,
-    im_OUT_IN`` (``OUT``, ``IN`` whole numbers from 1), of which the singular values are taken; ``response`` keeps the
-    phase.  Other lines that begin with ``#`` are comments.  Values are separated by commas; or by semicolons or tabs, and
-    then decimal commas are read as well as decimal points.
+    Magnitudes: any further names, one column a curve; those of phases, decibels or coherences are refused.  Complex
+    frequency response: pairs of columns ``re_OUT_IN, im_OUT_IN`` (``OUT``, ``IN`` whole numbers from 1), of which the
+    singular values are taken; ``response`` keeps the phase.  Other lines that begin with ``#`` are comments.  Values are
+    separated by commas; or by semicolons or tabs, and then decimal commas are read as well as decimal points.
 
     Universal files (``.uff``, ``.unv``, ``.58``): the frequency responses of all data sets 58, one for each entry, in SI
     units.  Signals are named by node and direction, such as ``3+y``.  This needs the package pyuff:
@@ -111,8 +119,9 @@ def read_measured_curve(path: str | Path) -> MeasuredCurve:
     OSError
         The file cannot be read.
     TypeError, ValueError
-        A column or value is missing, not a number, negative where it cannot be, or frequencies do not ascend; data sets do
-        not make up a whole matrix at the same frequencies; the message names file and line or data set.
+        A column or value is missing, not a number, negative where it cannot be, or frequencies do not ascend; a name is
+        there twice or is none of a magnitude; data sets do not make up a whole matrix at the same frequencies; the message
+        names file and line or data set.
     ImportError
         A universal file, and pyuff is not installed.
 
@@ -145,11 +154,22 @@ def read_measured_curve(path: str | Path) -> MeasuredCurve:
         raise ValueError(
             f"{path}, line {table.lines[bad]}: expected freq_hz not below zero and ascending, got {freq[bad]:g}"
         )
-    if header[1].startswith(("re_", "im_")):
-        response = _complex_response(path, header, values)
+    twice = next((name for i, name in enumerate(header) if name in header[:i]), None)
+    if twice is not None:
+        raise ValueError(f"{path}, line {table.header_line}: column {twice!r} is there twice")
+    if any(name.startswith(("re_", "im_")) for name in header):
+        response = _complex_response(path, table.header_line, header, values)
         p, m, _ = response.shape
         names = tuple(f"in_{i + 1}" for i in range(m)), tuple(f"out_{o + 1}" for o in range(p))
         return _of_response(freq, response, *names)
+    for name in header[1:]:
+        words = " ".join(re.findall(r"[a-z]+", name.lower()))
+        for what, said in _NO_MAGNITUDES.items():
+            if re.fullmatch(said, words):
+                raise ValueError(
+                    f"{path}, line {table.header_line}: expected columns of magnitudes, got {name!r}, the name of {what};"
+                    " leave it out, or give complex responses as re_OUT_IN, im_OUT_IN"
+                )
     if (values[:, 1:] < 0).any():
         line, column = (int(i) for i in np.argwhere(values[:, 1:] < 0)[0])
         raise ValueError(
@@ -165,14 +185,16 @@ def _of_response(freq_hz: Array, response: Array, inputs: tuple[str, ...], outpu
     return MeasuredCurve(freq_hz, curves, labels, response, inputs, outputs)
 
 
-def _complex_response(path: str | Path, header: tuple[str, ...], table: Array) -> Array:
+def _complex_response(path: str | Path, line: int, header: tuple[str, ...], table: Array) -> Array:
     entries = {}
     for column, name in enumerate(header[1:], 1):
         part, *place = name.split("_")
         if part not in ("re", "im") or len(place) != 2 or not all(text.isdigit() and int(text) > 0 for text in place):
-            raise ValueError(f"{path}: expected columns re_OUT_IN and im_OUT_IN with numbers from 1, got {name!r}")
+            raise ValueError(
+                f"{path}, line {line}: expected columns re_OUT_IN and im_OUT_IN with numbers from 1, got {name!r}"
+            )
         key = part, int(place[0]) - 1, int(place[1]) - 1
-        if key in entries:
+        if key in entries:  # re_1_1 and re_01_1
             raise ValueError(f"{path}: column {name} is there twice")
         entries[key] = table[:, column]
     p, m = 1 + max(key[1] for key in entries), 1 + max(key[2] for key in entries)

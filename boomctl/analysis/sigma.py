@@ -61,6 +61,18 @@ class GivenSystem:
         return matrices_norm(self.system)
 
 
+def has_unstable_pole(given: SplitModel | GivenSystem) -> bool | None:
+    """Return whether a system has an unstable pole; None where the model is too large to be asked while it is printed."""
+    if isinstance(given, GivenSystem):
+        return bool((sides(given.system.poles, given.system.dt) > 0).any())
+    m = given.model
+    poles = first_order_poles(dense(m.M), dense(m.C), dense(m.K)) if m.n <= _PRINTED else None
+    return None if poles is None else bool((side_of_axis(poles) > 0).any())
+
+
+NO_SINES = "unstable: these are no responses to sines, which would grow without bound"
+
+
 @dataclass(frozen=True)
 class SigmaResult:
     """Singular values over frequency and the largest of all.
@@ -104,7 +116,7 @@ class SigmaResult:
             if isinstance(self._of, SplitModel) and self._of.model.n > _PRINTED:
                 return f"SigmaResult: {between(self.inputs, self.outputs)}\n  {span}\n  {peak}"
         if self.unstable:
-            span += "\n  unstable: these are no responses to sines, which would grow without bound"
+            span += f"\n  {NO_SINES}"
         return f"SigmaResult: {between(self.inputs, self.outputs)}\n  {span}\n  {peak}"
 
     @cached_property
@@ -112,11 +124,8 @@ class SigmaResult:
         """Whether the system has an unstable pole: no response to a sine is then as large as its singular value."""
         if "certificate" in self.__dict__ or isinstance(self._of, NormCertificate):
             return self.certificate.method == UNSTABLE
-        if isinstance(self._of, GivenSystem):
-            return bool((sides(self._of.system.poles, self._of.system.dt) > 0).any())
-        m = self._of.model
-        poles = first_order_poles(dense(m.M), dense(m.C), dense(m.K)) if m.n <= _PRINTED else None
-        return self.certificate.method == UNSTABLE if poles is None else bool((side_of_axis(poles) > 0).any())
+        found = has_unstable_pole(self._of)
+        return self.certificate.method == UNSTABLE if found is None else found
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""
@@ -308,7 +317,8 @@ class SigmaComparison:
         heads = [f"SigmaComparison: {listed(list(self.curves))}"]
         for name, curve in list(self.curves.items())[:3]:
             state = ", unstable" if curve.unstable else "" if curve.certified else ", not certified"
-            heads.append(f"  {name}: peak {curve.peak:.6g} at {curve.peak_omega:.6g} rad/s{state}")
+            signals = between(curve.inputs, curve.outputs)
+            heads.append(f"  {name}: {signals}, peak {curve.peak:.6g} at {curve.peak_omega:.6g} rad/s{state}")
         more = len(self.curves) - 3
         return "\n".join([*heads, f"  ... {more} more"] if more > 0 else heads)
 

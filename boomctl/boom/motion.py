@@ -1,5 +1,6 @@
 """Motion of the platform: of a tractor on a track, sine sweeps, measured motions and their files."""
 
+import re
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -25,6 +26,7 @@ _DRIFTING = 1e-9  # decay [1/s] below which nothing holds the heading: it would 
 _SIDES = ("time_s", "left_m", "right_m")
 _MOTIONS = ("time_s", "jolt_m", "yaw_rad")
 _STATED = "actuator_distance_m"  # the comment "# actuator_distance_m = 1.78" of a file of motion
+_MEANT = re.compile(r"(?=.*actuator)(?=.*distance)(?=.*\d)", re.IGNORECASE)  # a comment that can mean nothing else
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,7 +325,7 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
 
     The first line names the columns, ``time_s, left_m, right_m`` or ``time_s, jolt_m, yaw_rad``, in any order.  Lines
     that begin with ``#`` are comments; the comment ``# actuator_distance_m = 1.78`` says how far apart the actuators
-    are.
+    are, in small letters or capitals; one that says it in another way or unit is refused.
 
     Parameters
     ----------
@@ -344,7 +346,8 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
         The file cannot be read.
     TypeError, ValueError
         A column is missing, unknown or there twice; a value missing or not finite; times that do not ascend, have a gap
-        or are not equally spaced; an `actuator_distance` other than the file's; the message names file and line.
+        or are not equally spaced; an `actuator_distance` other than the file's; a comment with a distance of the actuators
+        that is not in metres; the message names file and line.
 
     Examples
     --------
@@ -380,16 +383,20 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
 
 def _distance_of(path: str | Path, comments: tuple[tuple[int, str], ...], given: float | None) -> float:
     """Return the distance of the actuators [m] that was given, or that the comments of a file state."""
-    stated = [
-        (line, text.partition("=")[2].strip()) for line, text in comments if text.split("=")[0].strip() == _STATED
-    ]
+    stated = []
+    for line, text in comments:
+        name, _, value = (part.strip() for part in text.partition("="))
+        if name.lower() == _STATED:
+            stated.append((line, value))
+        elif _MEANT.match(text):
+            raise ValueError(f"{path}, line {line}: expected '# {_STATED} = ...', got {text[:50]!r}")
     if not stated:
         return _DISTANCE if given is None else given
     (line, text), *more = stated
     if more:
         raise ValueError(f"{path}, line {more[0][0]}: {_STATED} is there twice, the first time in line {line}")
     try:
-        distance = positive(_STATED, float(text))
+        distance = positive(_STATED, float(text.replace("_", "?")))  # digits in groups are numbers to Python alone
     except ValueError:
         raise ValueError(f"{path}, line {line}: {_STATED}: expected a number above zero, got {text[:50]!r}") from None
     if given is not None and given != distance:

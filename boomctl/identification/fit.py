@@ -35,6 +35,7 @@ _POLISHES = 4  # times that a profile may find a better fit (a choice)
 _AGREE = 0.05  # of the squared size of errors, by which sums of squares of the same fit differ (a choice)
 _EXACT = 1e-9  # relative: smaller errors than these are of the model's rounding, not of a measurement
 _ENDED = 1e-6  # relative size of the residuals with which a start that should come to none may end
+_CHANGED = 1e-5  # relative change of what was measured below which it is said that nothing changes (a choice)
 _MOST_STARTS = 1000  # (a choice)
 
 
@@ -81,11 +82,22 @@ class _Problem:
             jac = central if options is _POLISH else beside.slopes
             found = least_squares(beside.residuals, x, jac=jac, bounds=bounds, **options)
             x, cost = found.x, 2.0 * float(found.cost)
+            for at in self.ends_beside(x):
+                beside = float(np.square(f(at)).sum())
+                x, cost = (at, beside) if beside <= cost else (x, cost)
             again = self.paired(x)
             if again == modes:
                 break
             modes = again
         return _Candidate(cost, x, modes)
+
+    def ends_beside(self, x: Array) -> list[Array]:
+        """Return the coordinates with those next to an end of their range put there; the solver stays within ranges."""
+        low, high = self.free.low, self.free.high
+        ends = np.where(x - low < high - x, low, high)
+        near = np.flatnonzero(np.abs(ends - x) < _STEP)
+        moved = [near, *near[:, None]] if len(near) > 1 else [near] if len(near) else []
+        return [np.where(np.isin(np.arange(len(x)), which), ends, x) for which in moved]
 
     def at(self, modes: tuple[int, ...] | None) -> Callable[[Array], Array]:
         """Return the residuals of a pairing as a function of the coordinates."""
@@ -172,7 +184,7 @@ def fit(
     TypeError, ValueError
         An argument is not what was expected; the model refuses the start, or answers something else than was measured.
     ArithmeticError
-        The sum of squares has so many minima that none can be called the least.
+        The sum of squares has so many minima that none can be called the least; the model refuses whatever lies beside.
 
     Notes
     -----
@@ -230,6 +242,7 @@ def fit(
         excess,
     )
     fitted = data.matched(problem.builder(free_parameters.at(best.x)), best.modes)
+    changed = _CHANGED * data.scale * np.sqrt(data.size)
     values = free_parameters.values(best.x)
     covariance = _covariance(free_parameters, best.x, seen, size if limit < np.inf else np.inf)
     spread = np.sqrt(np.diag(covariance))
@@ -253,7 +266,7 @@ def fit(
         deviation=size if limit < np.inf else float("nan"),
         estimated=known_size is None,
         freedom=freedom,
-        unseen=seen.combinations(free_parameters, limit * size if limit < np.inf else 0.0),
+        unseen=seen.combinations(f, best.x, free_parameters, limit * size if limit < np.inf else 0.0, changed),
         certificate=certificate,
         path=(*path, *names),
     )
@@ -294,7 +307,7 @@ def _polished(
         best = problem.solve(best.x, slopes(problem.at(best.modes), best.x, free).steps, _POLISH)
         f = problem.at(best.modes)
         found = slopes(f, best.x, free)
-        seen = Seen.of(found)
+        seen = Seen.of(found, f, best.x, free)
         freedom = max(data.size - seen.rank, 0)
         size = known if known is not None else np.sqrt(best.cost / freedom) if freedom else 0.0
         floor = _EXACT * data.scale
@@ -310,7 +323,8 @@ def _polished(
         path.append("intervals of the linearised model" if exact else "intervals by profiles")
         return best, seen, size, freedom, ends, tuple(path)
     raise ArithmeticError(
-        "fit: profiles go on finding better fits; the sum of squares has many minima: try more starts, or narrower ranges"
+        "fit: profiles go on finding better fits; the sum of squares has many minima, or the model refuses what lies beside"
+        " the least: try more starts, narrower ranges, or ranges that end where the model does"
     )
 
 

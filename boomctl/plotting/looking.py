@@ -72,6 +72,9 @@ def plot_bode(result: "BodeResult", ax: Any = None, *, unit: str | None = None, 
             size = np.abs(result.values[o, i])[seen]
             (upper.loglog if (size > 0.0).any() else upper.semilogx)(x, size, **look)
             lower.semilogx(x, phase[o, i][seen], **look)
+        if result._unstable:
+            said = "unstable: no response to sines, which would grow"
+            upper.text(0.5, 1.02, said, transform=upper.transAxes, ha="center", va="bottom", fontweight="bold")
         upper.set_ylabel("magnitude")
         lower.set_ylabel("phase [deg]")
         lower.yaxis.set_major_locator(MaxNLocator(6, steps=_STEPS))

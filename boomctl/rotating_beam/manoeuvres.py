@@ -27,7 +27,12 @@ _CHECKED_PARTS = (1, 16, 256, 4096)
 _SHORT_STEPS = 48  # steps of a motion found so, each far shorter than what moves (a choice)
 _STILL = 1e-13  # share of the largest step of such a motion below which it rests (a choice)
 _CHECK_POINTS = 6  # Gauss points on each: exact for polynomials of degree 11
-_CHECK_TOLERANCE = 1e-2  # a wrong derivative is off by far more, a table's interpolation by less: a choice
+_UNSEEN = 1e-2  # share of the largest gain that a look at even intervals may miss: more is a short motion (a choice)
+# a resonance makes a thousand times as much of what functions differ by, which is a motion's own tolerance
+_BELONGING = 1e-11  # of how far a function goes, by which it may differ from the integral of its slope (measured)
+_ROUNDING = 16.0 * np.finfo(float).eps  # of the largest value: what a user's function may be off (a choice)
+_SPLIT = 16  # parts of an interval on which a slope's integral is not exact enough: a choice
+_MOST_PARTS = 2**18  # that are looked at side by side, a quarter of a second (measured)
 
 
 class PrescribedMotion(ABC):
@@ -187,8 +192,8 @@ class HubProfile(PrescribedMotion):
         Raises
         ------
         ValueError
-            If the speed is not the slope of the angle, or the acceleration that of the speed, to 1 %; if the acceleration
-            jumps at too many instants.
+            If the speed is not the slope of the angle, or the acceleration that of the speed, to eleven digits; if the
+            acceleration jumps at too many instants.
         """
         if end <= 0.0:
             return self
@@ -205,7 +210,7 @@ class HubProfile(PrescribedMotion):
         # where the angle tells of a motion that the speeds at both ends do not, the acceleration is looked at closely too
         gains, speeds = np.diff(self.angle(edges)), self.speed(edges)
         unseen = np.abs(gains - 0.5 * np.diff(edges) * (speeds[1:] + speeds[:-1]))
-        hidden = unseen > _CHECK_TOLERANCE * np.abs(gains).max()
+        hidden = unseen > _UNSEEN * np.abs(gains).max()
         for name, slope in (("angle", "speed"), ("speed", "acceleration")):
             missed, size, open_ = np.zeros(len(edges) - 1), np.zeros(len(edges) - 1), np.arange(len(edges) - 1)
             for parts in _CHECKED_PARTS:
@@ -217,20 +222,55 @@ class HubProfile(PrescribedMotion):
                 if parts > 1:
                     short += [_moving(times, way) for times, way in zip(ends, gained, strict=True)]
                 close = hidden if parts == 1 and name == "speed" else False
-                open_ = np.flatnonzero((missed > _CHECK_TOLERANCE * size.max()) | close)
+                open_ = np.flatnonzero((missed > _UNSEEN * size.max()) | close)
                 if not len(open_):
                     break
                 if parts == 1:  # the tails of a short motion may lie beside
                     beside = np.unique(np.concatenate([open_ - 1, open_, open_ + 1]))
                     open_ = beside[(beside >= 0) & (beside < len(missed))]
-            else:
-                worst = int(np.argmax(missed))
-                raise ValueError(
-                    f"{slope}: expected the derivative of the {name}; from {edges[worst]:.6g} to {edges[worst + 1]:.6g} s the"
-                    f" {name} differs by up to {missed[worst]:.3g} from the integral of the {slope}"
-                )
+        looked_at = np.unique(np.concatenate([edges, *short]))
+        self._agree("angle", "speed", looked_at)
+        self._agree("speed", "acceleration", looked_at)
         inside = np.concatenate([self.breakpoints, *short])
         return replace(self, breakpoints=tuple(float(t) for t in np.unique(inside))) if short else self
+
+    def _agree(self, name: str, slope: str, edges: Array) -> None:
+        """Refuse a function that is not the integral of another: between some instants and at places within.
+
+        Where the integral is not exact enough the interval is split: the parts' shares of what may be missed are as much
+        smaller, so that what differs throughout stays in sight, and what is not smooth at an instant is cut out.
+        """
+        function, rate = getattr(self, name), getattr(self, slope)
+        method = gauss_method(_CHECK_POINTS)
+        rows = np.vstack([method.A, method.weights])
+        low, high = edges[:-1], edges[1:]
+        share, allowed, floor = 1.0 / len(low), 0.0, 0.0
+        settled: list[tuple[Array, Array]] = []
+        while len(low):
+            width = (high - low)[:, None]
+            inside = low[:, None] + width * method.nodes
+            slopes, begun, values = rate(inside), function(low), function(np.column_stack([inside, high]))
+            missed = values - begun[:, None] - width * (slopes @ rows.T)
+            if not settled:
+                floor = _ROUNDING * float(np.abs(values).max() + edges[-1] * np.abs(slopes).max())
+                allowed = max(_BELONGING * float(np.abs(values - values[0, 0]).max()), floor)
+            open_ = np.abs(missed).max(axis=1) > max(share * allowed, floor)
+            open_ &= width[:, 0] > _SPLIT * np.spacing(edges[-1])
+            if np.count_nonzero(open_) * _SPLIT > _MOST_PARTS:
+                open_[:] = False
+            settled.append((high[~open_], missed[~open_, -1]))
+            ends = np.linspace(low[open_], high[open_], _SPLIT + 1, axis=1)
+            low, high, share = ends[:, :-1].ravel(), ends[:, 1:].ravel(), share / _SPLIT
+        at, missed = (np.concatenate(each) for each in zip(*settled, strict=True))
+        order = np.argsort(at)
+        apart = np.abs(np.cumsum(missed[order]))
+        worst = int(np.argmax(apart))
+        if apart[worst] > allowed:
+            raise ValueError(
+                f"{slope}: expected the derivative of the {name}; from {edges[0]:.6g} to {at[order][worst]:.6g} s the {name}"
+                f" differs by up to {apart[worst]:.3g} from the integral of the {slope}; of tables take one spline and its"
+                " derivatives"
+            )
 
     def angle(self, t: ArrayLike) -> Array:
         return _evaluate("angle", self.angle_function, t)
@@ -404,7 +444,7 @@ def hub_profile(
     ------
     TypeError, ValueError
         Something that is not a function of time; breakpoints that are not numbers. When it is simulated: functions that
-        do not belong together.
+        do not belong together to eleven digits. Of tables take one spline and its derivatives.
 
     Examples
     --------

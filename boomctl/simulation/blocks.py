@@ -15,7 +15,7 @@ from boomctl.lti.hold import Lifted, recursion_without_lead
 from boomctl.simulation.stepping import ControlLog, LoopProblem, control_log, limited, run_smooth
 
 _BLOCK = 32  # samples: measured on loops of 20 to 200 states; longer ones are broken by limits, shorter ones cost calls
-_LONGEST_QUEUE = 16  # controls on their way to the plant: each is a state of every control
+LONGEST_QUEUE = 16  # controls on their way to the plant: each is a state of every control
 _MOST_STATES = 400  # beyond, powers of the loop's matrix cost more than they save
 
 
@@ -43,12 +43,13 @@ def run_fast(p: LoopProblem, log: ControlLog) -> Array:
 def in_blocks(p: LoopProblem) -> bool:
     """Return whether a loop without contacts is linear between its limits, sampled at each step, and not too large."""
     states = len(p.plant.A) + (p.lag + 1) * len(p.controller.driven) + len(p.controller.A)
-    plain = p.grid.per_sample == 1 and not p.limits.coarse and p.lag < _LONGEST_QUEUE and not p.added.any
+    plain = p.grid.per_sample == 1 and not p.limits.coarse and p.lag < LONGEST_QUEUE and not p.added.any
     plain = plain and p.controller.laws is None
     return plain and states <= _MOST_STATES and p.grid.steps >= 2 * _BLOCK
 
 
-def _linear_loop(p: LoopProblem) -> _Linear:
+def linear_loop(p: LoopProblem) -> _Linear:
+    """Return the loop while no limit is met, in the steps of its maps."""
     plant, c, n, nu, nc = p.plant, p.controller, len(p.plant.A), len(p.controller.driven), len(p.controller.A)
     queue = (p.lag + 1) * nu
     size, m = n + queue + nc, p.W.shape[0]
@@ -84,7 +85,7 @@ def _linear_loop(p: LoopProblem) -> _Linear:
 
 def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
     """Return ``C`` times the states at each step; fill the log."""
-    loop, outputs, nu = _linear_loop(p), len(p.plant.C), len(p.controller.driven)
+    loop, outputs, nu = linear_loop(p), len(p.plant.C), len(p.controller.driven)
     used = np.flatnonzero(p.W.any(axis=1))
     first, last, W = loop.first[:, used], loop.last[:, used], _one_more(p.W[used])
     G, D = recursion_without_lead(loop.Phi, first, last, loop.C, loop.D[:, used])

@@ -17,6 +17,7 @@ There are four ways to run a loop around a linear plant, tried in this order, an
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import exactly, finite_array, nonnegative, positive, sequence, truth
 from boomctl.progress import computing
-from boomctl.simulation.blocks import in_blocks, run_fast, run_if_no_stop_is_met
+from boomctl.simulation.blocks import LONGEST_QUEUE, in_blocks, linear_loop, run_fast, run_if_no_stop_is_met
 from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, stop_places
 from boomctl.simulation.contact.friction import CoulombFriction, friction_law
 from boomctl.simulation.contact.stepping import ContactLog, run_contact
@@ -320,7 +321,17 @@ def _result(
         sample_time=grid.per_sample * grid.h,
         delay=delay,
         path=path,
+        _sampled=_from_sample_to_sample(p, delay),
     )
+
+
+def _from_sample_to_sample(p: LoopProblem, delay: float) -> Array | None:
+    """Return the loop's matrix from one sample to the next while no limit is met; None where there is no such one."""
+    dt = p.grid.per_sample * p.grid.h
+    lag, rest = whole_steps(delay, dt)
+    if p.controller.laws is not None or lag >= LONGEST_QUEUE:
+        return None
+    return linear_loop(replace(p, maps=p.plant.step(dt, rest), lag=lag)).Phi
 
 
 def _machine_result(p: MachineLoop, delay: float, rtol: float, atol: float) -> LoopResult:

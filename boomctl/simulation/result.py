@@ -9,6 +9,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known
+from boomctl.lti.modal import sides
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import count, listed
 from boomctl.simulation.contact.stops import StopHit
@@ -89,6 +90,9 @@ class LoopResult(TimeSeries):
     path: str = "steps"
     error_estimate: float = 0.0
     states: Array | None = field(default=None, repr=False)
+    _sampled: Array | None = field(
+        default=None, repr=False, compare=False
+    )  # the loop from sample to sample, no limit met
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
@@ -102,6 +106,8 @@ class LoopResult(TimeSeries):
         ]
         limited += [f"stuck {100.0 * self.friction.stuck_share:.3g} % of the time"] if self.friction is not None else []
         last = f"\n  {listed(limited)}" if limited else ""
+        if self._sampled is not None and (sides(np.linalg.eigvals(self._sampled), self.sample_time) > 0).any():
+            last += "\n  unstable: the loop grows without bound, unless limits or stops hold it"
         last += f"\n  error estimated {self.error_estimate:.1e} m" if self.states is not None else ""
         return f"LoopResult: {span}; {controls}\n  outputs: {listed(list(self.outputs))}{last}"
 

@@ -28,6 +28,7 @@ AT_LIMIT = (
 _STILL = 1e-9  # share of a state's size that counts as nothing: a choice, far above rounding and below any tolerance
 _SHARE = 0.1  # of the slowest time constant: what bringing a state to rest takes at least, as a first guess; a choice
 _LEAST = 1e-9  # [s], a first guess of a time is never shorter: it only keeps logarithms finite
+_MOST_PERIODS = 100  # of a beam's slowest vibration that a slew may last: searches would take hours beyond (a choice)
 _SLACK = 1e-9  # share of a limit by which given states may exceed it: rounding of what users print and read again
 _SHORTER = 0.9  # share of the rigid body's time that a beam is left: bent, it has a little less inertia; a choice
 
@@ -326,6 +327,13 @@ def _refuse(problem: SlewProblem) -> None:
             f"final_speed = {exactly(problem.final_speed)}: expected at most speed_limit = {exactly(most)} rad/s"
         )
     _refuse_states(problem)
+    least, what = (problem.rigid_time, "angle") if problem.duration is None else (problem.duration, "duration")
+    if plant.frequencies is not None and least > _MOST_PERIODS * plant.period:
+        value = problem.angle if what == "angle" and problem.angle is not None else least
+        raise ValueError(
+            f"{what} = {exactly(value)}: the slew lasts about {least:.4g} s, {least / plant.period:.3g} periods of the"
+            f" slowest vibration; expected at most {_MOST_PERIODS}: a nearer end, or a larger torque_limit"
+        )
     if problem.duration is None:
         return
     if problem.angle is not None and turn > most * problem.duration:

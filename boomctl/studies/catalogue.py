@@ -205,7 +205,8 @@ def design_file(name: str, *kinds: str) -> DesignFile:
     path = Path(name)
     if path.suffix == ".py":
         if not path.is_file():
-            raise ValueError(f"design {name!r}: there is no such file")
+            what = "expected a file, got a folder" if path.is_dir() else "there is no such file"
+            raise ValueError(f"design {name!r}: {what}")
     else:
         from boomctl.checks import known  # it imports numpy, which listing the names of designs does not wait for
 
@@ -287,7 +288,9 @@ def _own_code(path: Path, refusals: bool = False) -> Iterator[None]:
     sys.path.insert(0, str(folder))
     try:
         yield
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # of any kind that a file may make of its own
         frames = traceback.extract_tb(error.__traceback__)
         own = [frame for frame in frames if Path(frame.filename).resolve().parent == folder]
         kind = next((kind for kind in _TOLD if isinstance(error, kind)), None)
@@ -296,7 +299,10 @@ def _own_code(path: Path, refusals: bool = False) -> Iterator[None]:
         if refusals and kind is not None and frames[-1] not in own:
             raise
         where, line = (own[-1].filename, own[-1].lineno) if own else (path, None)
-        said = str(error)
+        try:
+            said = str(error)
+        except Exception:  # words of their own that fail
+            said = ""
         if isinstance(error, SyntaxError):
             where, line, said = error.filename or where, error.lineno, error.msg
         place = f"{where}, line {line}" if line else str(where)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -93,7 +94,7 @@ def reduce_controller(
         ``u = K y``, of the sampling time of ``P`` if it has one; it stabilises ``P``.
     order : int, optional
         Number of states wanted; fewer where the controller has states that do nothing within the loop.  By default the
-        lowest whose loop stays within ``tolerance``.
+        lowest whose loop stays within ``tolerance``, which at the latest is the controller itself.
     tolerance : float
         By how much the closed loop's norm may grow, relative to it.
     fastest_pole : float, optional
@@ -111,7 +112,7 @@ def reduce_controller(
         Other kinds of system; sampling times that differ or are not said; numbers out of range; an order above the
         controller's.
     SynthesisError
-        The controller does not stabilise ``P``; no smaller one stays within the tolerance.
+        The controller does not stabilise ``P``; no one of the order, or without faster poles, stays within the tolerance.
 
     Examples
     --------
@@ -143,8 +144,9 @@ def reduce_controller(
     balanced, values = _balanced_in_loop(plant, K)
     most = len(balanced.A)
     orders = range(most + 1) if order is None else [min(order, most)]
+    last = [("not reduced", K)] if order is None or order >= len(K.A) else []  # balancing may cost what is allowed
     allowed, rejected = full.norm.upper * (1.0 + share), ""
-    for method, smaller in (found for count in orders for found in _smaller(balanced, count)):
+    for method, smaller in chain((found for count in orders for found in _smaller(balanced, count)), last):
         if largest_pole(smaller) > limit:
             rejected = f"a pole at {largest_pole(smaller):.3g} rad/s where {limit:.3g} are allowed"
             continue

@@ -6,11 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import pyplot as plt
+from scipy import linalg
 
 import boomctl as bc
 from boomctl.analysis.looking.given import looked_at
 from tests import handed_out as one
 from tests.profiles import examples
+from tests.strategies import seeds
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -214,6 +216,53 @@ def test_nyquist_refuses_what_it_cannot_count():
         bc.nyquist(control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]]))
     with pytest.raises(ValueError, match="without a controller"):
         bc.nyquist(control.ss(-1.0, 1.0, 1.0, 0.0), delay=1.0)
+
+
+@given(seeds, st.sampled_from([0.0, 0.1]), st.booleans())
+@examples(200)
+def test_what_is_shown_of_an_unstable_system_says_so(seed, dt, unstable):
+    """In random coordinates, of poles that were chosen; whether they show in the outputs or not."""
+    rng = np.random.default_rng(seed)
+    rates = -rng.uniform(0.05, 1.0, 4)
+    rates[0] *= -1.0 if unstable else 1.0
+    blocks = np.zeros((6, 6))
+    for k, (a, w) in enumerate(zip(rates[:2], rng.uniform(0.5, 4.0, 2), strict=True)):
+        blocks[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[a, w], [-w, a]]
+    blocks[4, 4], blocks[5, 5] = rates[2:]
+    A = linalg.expm(dt * blocks) if dt else blocks
+    T = np.linalg.qr(rng.standard_normal((6, 6)))[0]
+    system = control.ss(T @ A @ T.T, T @ rng.standard_normal((6, 1)), rng.standard_normal((1, 6)) @ T.T, 0.0, dt)
+    shown = [
+        bc.sigma(system), bc.bode(system), bc.bode(system, [0.3, 1.0]), bc.step(system, 2.0), bc.impulse(system, 2.0),
+        bc.compare({"one": system}).render(),
+    ]  # fmt: skip
+    for each in shown:
+        assert ("unstable" in str(each)) == unstable
+
+
+@pytest.mark.parametrize("pole", [-0.5, 0.5])
+def test_a_picture_of_responses_says_that_a_system_is_unstable(pole):
+    upper = bc.bode(control.ss(pole, 1.0, 1.0, 0.0)).plot()[0]
+    assert ("unstable" in " ".join(text.get_text() for text in upper.texts)) == (pole > 0.0)
+    plt.close("all")
+
+
+def test_a_comparison_says_between_which_signals_its_figures_are():
+    """Of a boom model all of them are from actuators to tips, of its state space between all signals."""
+    model = bc.spray_boom()
+    both = bc.compare({"model": model, "all": model.to_statespace()})
+    lines = both.render().splitlines()
+    assert "model: actuator_left, actuator_right -> tip_left, tip_right" in lines
+    assert "all: actuator_left, ... (5) -> tip_left, tip_right, ... (5)" in lines
+    assert "<p>model: actuator_left, actuator_right -&gt; tip_left, tip_right</p>" in both._repr_html_()
+    ports = ("actuator_left", "actuator_right"), ("tip_left", "tip_right")
+    assert both["model"]["H2 norm"] == pytest.approx(bc.h2_norm(model.select(*ports)).value, rel=1e-9)
+    assert both["model"]["H-infinity norm"] == pytest.approx(
+        bc.hinf_norm(model.select(*ports).to_statespace()).lower, rel=1e-6
+    )
+    assert "model: actuator_left, actuator_right -> tip_left, tip_right, peak" in repr(
+        bc.compare_sigma({"model": model})
+    )
 
 
 def test_a_comparison_has_the_figures_that_each_result_gives():

@@ -5,8 +5,11 @@ import sys
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import boomctl as bc
+from tests.profiles import examples
 
 
 def written(tmp_path, text):
@@ -52,6 +55,41 @@ def test_a_complex_response_becomes_singular_values(tmp_path):
 def test_a_malformed_file_is_refused_with_its_place(tmp_path, text, message):
     with pytest.raises(ValueError, match=message):
         bc.read_measured_curve(written(tmp_path, text))
+
+
+_NO_MAGNITUDES = {
+    "phase": "a phase",
+    "deg": "a phase",
+    "phi": "a phase",
+    "dB": "decibels",
+    "magdb": "decibels",
+    "real": "a part of complex numbers",
+    "im": "a part of complex numbers",
+    "coherence": "a coherence",
+}
+_STEMS = st.sampled_from(["upper", "tip", "mag", "sigma1", "yaw angle", "1", "redback", "degas", "reach", "imbalance"])
+
+
+def _spelled(draw, word):
+    return draw(st.sampled_from([word, word.upper(), word.capitalize()]))
+
+
+@given(st.data(), st.sampled_from(sorted(_NO_MAGNITUDES)), _STEMS, st.sampled_from(["_", " ", "(", "[", "-", "/"]))
+@examples(300)
+def test_columns_that_are_no_magnitudes_are_refused(tmp_path_factory, data, word, stem, mark):
+    """However they are spelled and wherever the word stands; words that begin alike are names as any."""
+    named = _spelled(data.draw, word)
+    name = data.draw(st.sampled_from([f"{stem}{mark}{named}", f"{named}{mark}{stem}", named]))
+    path = tmp_path_factory.mktemp("curve") / "curve.csv"
+    columns = data.draw(st.permutations(["lower", name]))
+    path.write_text(f"freq_hz;{';'.join(columns)}\n0.1;8;1\n0.2;9;1\n")
+    with pytest.raises(ValueError, match=rf"line 1: .*(the name of {_NO_MAGNITUDES[word]};|re_OUT_IN and im_OUT_IN)"):
+        bc.read_measured_curve(path)
+    path.write_text(f"freq_hz;lower;{stem}\n0.1;8;1\n0.2;9;1\n")
+    assert bc.read_measured_curve(path).labels == ("lower", stem)
+    path.write_text(f"freq_hz;{stem};lower;{stem}\n0.1;8;1;2\n")
+    with pytest.raises(ValueError, match=r"line 1: column .* is there twice"):
+        bc.read_measured_curve(path)
 
 
 def test_a_file_that_is_not_there_is_said_so(tmp_path):
@@ -110,7 +148,7 @@ def test_magnitudes_of_a_spreadsheet_are_those_of_the_file_with_points(tmp_path)
         ("freq_hz;upper\n0,1;1.000,5\n", "decimal commas or decimal points"),
         ("freq_hz,upper\n0,1,8,5\n", "expected 2 values, got 4; decimal commas need semicolons"),
         ("freq_hz;upper\n0,1;1,2,3\n", "line 2: expected a number in 'upper', got '1.2.3'"),
-        ("freq_hz,re_1_1,im_1_1,re_1_1\n1,1,1,1\n", "re_1_1 is there twice"),
+        ("freq_hz,re_1_1,im_1_1,re_1_1\n1,1,1,1\n", "line 1: column 're_1_1' is there twice"),
         ("freq_hz,re_1_1,im_1_1,re_999999_999999\n1,1,1,1\n", "re_1_2 is missing"),
     ],
 )

@@ -60,12 +60,34 @@ def test_a_file_may_state_the_distance_of_the_actuators(tmp_path):
     silent = written(tmp_path, columns)
     assert bc.read_motion(silent).actuator_distance == bc.BoomParameters().actuator_distance
     assert bc.read_motion(silent, 2.0).actuator_distance == 2.0
-    for wrong in ("0", "-1", "nan", "wide", ""):
+    for wrong in ("0", "-1", "nan", "wide", "", "1_0", "2 m"):
         with pytest.raises(ValueError, match=r"motion\.csv, line 1: actuator_distance_m: expected a number above zero"):
             bc.read_motion(written(tmp_path, f"# actuator_distance_m = {wrong}\n{columns}"))
     twice = written(tmp_path, "# actuator_distance_m = 1\n" * 2 + columns)
     with pytest.raises(ValueError, match=r"line 2: actuator_distance_m is there twice, the first time in line 1"):
         bc.read_motion(twice)
+
+
+_COLUMNS = "time_s,jolt_m,yaw_rad\n0,0,0.1\n1,0,0.2\n"
+
+
+@given(st.data(), st.floats(0.1, 9.0))
+@examples(200)
+def test_a_distance_of_the_actuators_is_read_or_refused_and_never_passed_over(tmp_path_factory, data, distance):
+    path = tmp_path_factory.mktemp("motion") / "motion.csv"
+    letters = data.draw(st.lists(st.booleans(), min_size=19, max_size=19))
+    name = "".join(c.upper() if up else c for c, up in zip("actuator_distance_m", letters, strict=True))
+    path.write_text(f"#{' ' * data.draw(st.integers(0, 3))}{name} = {distance!r}\n{_COLUMNS}")
+    assert bc.read_motion(path).actuator_distance == distance
+    words = data.draw(st.permutations([name[:8], name[9:17]]))
+    other = data.draw(st.sampled_from(["_", " ", "-", "", " of the "])).join(words) + data.draw(
+        st.sampled_from(["_mm =", "_m:", " [m] =", ":", " = ", "_cm=", " "])
+    )
+    path.write_text(f"# shaker\n# {other} {1000.0 * distance!r}\n{_COLUMNS}")
+    with pytest.raises(ValueError, match=r"motion\.csv, line 2: expected '# actuator_distance_m = \.\.\.', got"):
+        bc.read_motion(path)
+    path.write_text(f"# distance of the actuators as in the drawing\n# distance {distance!r}\n{_COLUMNS}")
+    assert bc.read_motion(path).actuator_distance == bc.BoomParameters().actuator_distance
 
 
 def test_jolt_and_yaw_are_left_and_right(tmp_path):

@@ -1,5 +1,6 @@
 """Fits of parameters: exact data give exact parameters, units do not matter, what is not seen is said, bad input refused."""
 
+import re
 import sys
 from dataclasses import dataclass, replace
 
@@ -16,6 +17,7 @@ from boomctl.analysis import MeasuredCurve
 from boomctl.structure import GROUND, Assembly, Beam, BeamSection, FiniteElements, Output, fixed
 from tests.identification.chain import CHAIN, OMEGA, frequencies, response
 from tests.profiles import examples
+from tests.strategies import seeds
 
 mpl.use("agg")
 PORTS = {"inputs": ("actuator_left", "actuator_right"), "outputs": ("tip_left", "tip_right")}
@@ -27,6 +29,128 @@ DIGITS = 1e-6  # of a parameter: what differences leave of exact data
 def recovered(found, truth, free, digits=DIGITS):
     """Return whether every free parameter is the true one, and lies in its interval to the digits that there are."""
     return all(abs(found.values[name] / truth[name] - 1.0) < digits for name in free)
+
+
+# -- at ends of ranges and of models ------------------------------------------------------------------------------------
+
+_GROUPS = ("k1", "ka", "kb"), ("k2", "e", "i")  # springs side by side, and factors of one: one of each group is seen
+
+
+def grouped(p):
+    """Return the chain's parameters from those of the groups."""
+    return {**p, "k1": p["k1"] + p["ka"] + p["kb"], "k2": p["k2"] * p["e"] * p["i"]}
+
+
+def at_an_end(seed):
+    """Return a model that refuses, what was measured, ranges, start and deviation: the truth near an end, or beyond it.
+
+    Damping goes down to 1e-7, and frequencies may lie on the resonances: |G| then changes much within a millionth.
+    """
+    rng = np.random.default_rng(seed)
+    truth = {
+        k: v * np.exp(0.3 * rng.standard_normal()) for k, v in {**CHAIN, "ka": 300, "kb": 500, "e": 2, "i": 0.5}.items()
+    }
+    truth["c"] = 10.0 ** rng.uniform(-7.0, -1.0)
+    ranges, start, refused = {}, dict(truth), {}
+    for name in rng.choice(["m1", "m2", "m3", "k1", "k2", "k3", "ka", "kb", "e", "i", "c"], rng.integers(1, 4), False):
+        name, true = str(name), truth[name]
+        wide, near = np.exp(rng.uniform(0.1, 1.0, 2)), 1.0 + 10.0 ** rng.uniform(-16.0, -3.0)
+        ends = [
+            (true / wide[0], true * wide[1]),
+            (true, true * wide[1]),
+            (true / wide[0], true),
+            (true / near, true * wide[1]),
+            (true / wide[0], true * near),
+            (0.3 * true, 0.97 * true),
+        ][rng.integers(6)]
+        if rng.random() < 0.5:  # the model ends where the range does, and rounding may step over that
+            refused[name] = ends
+        start[name] = (
+            float(np.clip(true * np.exp(0.1 * rng.standard_normal()), *ends)) if rng.random() < 0.5 else ends[0]
+        )
+        ranges[name] = ends
+    omega = np.geomspace(3.0, 60.0, 15)
+    if rng.random() < 0.5:
+        beside = 1.0 + 10.0 ** rng.uniform(-9.0, -2.0) * rng.standard_normal(3)
+        omega = np.sort(np.append(omega, 2.0 * np.pi * frequencies(grouped(truth)) * beside))
+    kind = ["eigenfrequencies", "response", "gain"][rng.integers(3)]
+
+    def answer(p):
+        if kind == "eigenfrequencies":
+            return frequencies(grouped(p))
+        return response(grouped(p), omega) if kind == "response" else np.abs(response(grouped(p), omega)[0])
+
+    def build(p):
+        for name, (low, high) in refused.items():
+            if not low <= p[name] <= high:
+                raise ValueError(f"{name} = {p[name]}: expected {low} to {high}")
+        return answer(p)
+
+    noise = 10.0 ** rng.uniform(-6.0, -2.0) if rng.random() < 0.5 else 0.0
+    exact = answer(truth)
+    measured = exact * np.exp(noise * rng.standard_normal(exact.shape))
+    if kind == "response":
+        measured = control.frd(measured, omega)
+    elif kind == "gain":
+        measured = MeasuredCurve(omega / (2.0 * np.pi), measured, ("gain",))
+    else:
+        measured = np.sort(measured)
+    return kind, answer, build, measured, ranges, start, noise or None
+
+
+def undetermined(kind, free):
+    """Return how many combinations nothing tells of: all but one of a group, and damping of undamped frequencies."""
+    return sum(max(0, len(set(free) & set(group)) - 1) for group in _GROUPS) + (
+        kind == "eigenfrequencies" and "c" in free
+    )
+
+
+@given(seeds)
+@examples(200)
+def test_what_is_called_undetermined_is_and_nothing_else(seed):
+    kind, answer, build, measured, ranges, start, noise = at_an_end(seed)
+    try:
+        found = bc.fit(build, measured, ranges, start, deviation=noise, starts=2)
+    except ArithmeticError as refusal:  # a least that lies where the model ends
+        if "ranges that end where the model does" not in str(refusal):
+            raise
+        return
+    hidden = [each for each in found.unseen if not each.hardly]
+    if (
+        kind != "eigenfrequencies" or len(ranges) < 3
+    ):  # three of three, not met, are least where the slopes are singular
+        assert len(hidden) == undetermined(kind, ranges)
+    here = answer(found.parameters)
+    for each in hidden:
+        factor = float(re.match(r"\w+ times ([-+.e0-9]+)", each.text)[1])
+        moved = {name: factor**power * found.parameters[name] for name, power in each.direction.items()}
+        change = np.abs(np.log(answer({**found.parameters, **moved}) / here)).max()
+        assert change < 1e-3 or "its slope is zero" in each.text
+    if not hidden and np.isfinite(found.deviation):
+        assert np.isfinite(found.covariance).all()
+        assert np.isfinite(found.correlation).all()
+
+
+def test_a_parameter_of_little_effect_is_not_hidden_by_one_of_much():
+    """The damping moves the values ten thousand times less than a stiffness, and is seen all the same."""
+    truth = {**CHAIN, "c": 4e-6}
+    gain = MeasuredCurve(OMEGA / (2.0 * np.pi), np.abs(response(truth, OMEGA)[0]), ("gain",))
+    at = {"c": 4e-6, "k1": 900.0, "m3": 0.5}
+    found = bc.fit(lambda p: np.abs(response(p, OMEGA)[0]), gain, list(at), truth, starts=1, deviation=1e-7)
+    assert not [each for each in found.unseen if not each.hardly]
+    assert np.isfinite(found.covariance).all()
+
+
+def test_a_model_that_refuses_all_beside_is_said_to():
+    def narrow(p):
+        if abs(p["k"] - 4.0) > 1e-14:
+            raise ValueError("expected four")
+        return [p["k"]]
+
+    with pytest.raises(
+        ArithmeticError, match="fit: the model refuses all values of k beside 4; expected a wider range"
+    ):
+        bc.fit(narrow, [4.0], ["k"], {"k": 4.0}, starts=1)
 
 
 # -- exact data give exact parameters -----------------------------------------------------------------------------------

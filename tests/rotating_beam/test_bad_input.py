@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import special
+from scipy import interpolate, special
 
 import boomctl as bc
 from boomctl.rotating_beam import free, hold, hub_beam, hub_profile, sine_torque, spin_up, torque
@@ -156,6 +156,72 @@ def test_a_short_motion_is_told_from_a_wrong_one(start, length, size, after):
             ValueError, match=r"expected the derivative of the .*; from .* to .* s the .* differs by up to"
         ):
             hub_profile(*wrong).checked_until(10.0)
+
+
+_FEW_SINES = st.lists(
+    st.tuples(st.floats(0.3, 40.0), st.floats(0.05, 1.0), st.floats(0.0, 6.3)), min_size=1, max_size=4
+)
+
+
+def swaying(sines, end):
+    """A motion by sines (frequency [rad/s], amplitude of the speed [rad/s], phase) and a short turn within them."""
+    turn = short_move(0.4 * end, 0.07 * end, 0.02 * end)
+
+    def derivative(k):
+        def value(t):
+            t = np.asarray(t)
+            return turn[k](t) + sum(a * w ** (k - 1) * np.sin(w * t + p + 0.5 * k * np.pi) for w, a, p in sines)
+
+        return value
+
+    return tuple(derivative(k) for k in range(3))
+
+
+@given(
+    _FEW_SINES,
+    st.floats(0.7, 20.0),
+    st.sampled_from(["acceleration", "speed", "sine of the acceleration", "sine of the speed"]),
+    st.floats(-8.0, -2.0),
+    st.one_of(st.floats(1.0, 50.0), st.integers(1, 5)),
+)
+@examples(200)
+def test_functions_that_nearly_belong_together_are_refused(sines, end, what, share, swift):
+    """By down to 1e-8 of the largest speed, in all of it or in one sine, also one that even intervals do not show."""
+    angle, speed, acceleration = swaying(sines, end)
+    largest = np.abs(speed(np.linspace(0.0, end, 2001))).max()
+    off, w = 10.0**share, 128.0 * np.pi * swift / end if isinstance(swift, int) else swift
+    wrong = {
+        "acceleration": (angle, speed, lambda t: (1.0 + off) * acceleration(t)),
+        "speed": (angle, lambda t: (1.0 + off) * speed(t), lambda t: (1.0 + off) * acceleration(t)),
+        "sine of the acceleration": (angle, speed, lambda t: acceleration(t) + off * largest * w * np.sin(w * t)),
+        "sine of the speed": (angle, lambda t: speed(t) + off * largest * np.sin(w * t), acceleration),
+    }[what]
+    hub_profile(angle, speed, acceleration).checked_until(end)
+    with pytest.raises(ValueError, match=r"expected the derivative of the .*; from .* to .* s the .* differs by up to"):
+        hub_profile(*wrong).checked_until(end)
+
+
+def test_tables_of_a_motion_belong_together_as_one_spline():
+    times = np.linspace(0.0, 5.0, 101)
+    table = interpolate.CubicSpline(times, 1.0 - np.cos(times), bc_type="clamped")
+    functions = tuple(table if not k else table.derivative(k) for k in range(3))
+    hub_profile(*functions).checked_until(5.0)
+    with pytest.raises(ValueError, match=r"of tables take one spline and its derivatives$"):
+        hub_profile(*(lambda t, f=f: np.interp(t, times, f(times)) for f in functions)).checked_until(5.0)
+
+
+@pytest.mark.parametrize("power", [2.2, 2.5, 2.9])
+def test_functions_with_a_root_in_them_belong_together(power):
+    """Their slope has a root where nothing says so; it is looked at as closely as it takes."""
+
+    def since(t):
+        return np.maximum(np.asarray(t) - 1.2345, 0.0)
+
+    hub_profile(
+        lambda t: since(t) ** power,
+        lambda t: power * since(t) ** (power - 1.0),
+        lambda t: power * (power - 1.0) * since(t) ** (power - 2.0),
+    ).checked_until(5.0)
 
 
 @pytest.mark.parametrize("width", [5e-4, 0.01, 0.03])

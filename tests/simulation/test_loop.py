@@ -132,6 +132,30 @@ def test_the_linear_loop_is_that_of_the_sampled_plant():
     _close(np.array(list(found.outputs.values())), theirs[:3])
 
 
+@given(seed=seeds, power=st.floats(-1.0, 2.0), slower=st.sampled_from([1, 2, 4]), late=st.integers(0, 3))
+@examples(200)
+def test_a_loop_that_grows_says_so(seed, power, slower, late):
+    """Against the poles of a loop that python-control puts together, its delay a chain of samples."""
+    plant, weak, _, _ = _scene(seed)
+    law = 10.0**power * weak
+    law.update_names(inputs=weak.input_labels, outputs=weak.output_labels)
+    sampled = ct.sample_system(plant, _H, "zoh")
+    driven = [plant.input_labels.index(name) for name in law.output_labels]
+    read = [plant.output_labels.index(name) for name in law.input_labels]
+    G = ct.ss(sampled.A, sampled.B[:, driven], sampled.C[read], 0.0, _H)
+    wait = ct.ss([], [], [], np.eye(len(driven)), _H)
+    for _ in range(late):
+        one = np.eye(len(driven))
+        wait = ct.ss(0.0 * one, one, one, 0.0 * one, _H) * wait
+    radius = np.abs(
+        ct.feedback(G * wait * ct.ss(law.A, law.B, law.C, law.D, _H), np.eye(len(read)), sign=1).poles()
+    ).max()
+    fine = _H / slower * np.arange(slower * 20 + 1)
+    run = simulate_loop(plant, law, None, fine, sample_time=_H, delay=late * _H)
+    if abs(radius - 1.0) > 1e-6:
+        assert ("unstable" in repr(run)) == (radius > 1.0)
+
+
 @given(seed=seeds, ratios=st.tuples(*(st.floats(1e-2, 1e2) for _ in range(3))))
 @examples(20)
 def test_units_do_not_matter(seed, ratios):

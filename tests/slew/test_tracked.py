@@ -180,6 +180,11 @@ def test_what_is_drawn_is_drawn_once_for_all_controllers(known, seen):
     assert waited.vibration.max() < fewer.vibration.max()
 
 
+def test_two_numbers_of_two_runs_are_one_for_each(known):
+    assert known.monte_carlo(2, tip_mass=(0.0, 0.1)).drawn["tip_mass"].tolist() == [0.0, 0.1]
+    assert known.monte_carlo(3, tip_mass=(0.0, 0.1)).drawn["tip_mass"].max() < 0.1
+
+
 def test_another_model_follows_by_its_sensors(seen):
     other = seen.machine.in_model("sfoam-consistent", 2)
     run = seen.simulate(other, noise=0.0)

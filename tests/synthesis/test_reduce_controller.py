@@ -3,9 +3,13 @@
 import control
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import boomctl as bc
+from tests.profiles import examples
+from tests.strategies import seeds
 from tests.synthesis.plants import assert_verified, resonators, weighed, yaw_plant
 
 
@@ -34,6 +38,27 @@ def test_all_states_kept_change_nothing(design):
     same = bc.reduce_controller(P, full.controller, order=full.controller.nstates, tolerance=1e-4)
     assert_allclose(same.gamma, full.gamma, rtol=1e-4)
     assert (np.diff(same.values) <= 0.0).all()
+
+
+@examples(60)
+@given(seeds, st.sampled_from([0.0, 0.02]), st.integers(1, 5), st.sampled_from([0.0, 1e-14, 1e-9]))
+def test_the_controller_itself_always_will_do(seed, dt, n, tolerance):
+    """Whatever balancing costs: of random stable plants under small random controllers, also badly scaled ones."""
+    rng = np.random.default_rng(seed)
+    A, K = (rng.standard_normal((m, m)) for m in (3, n))
+    A, K = (M - (np.linalg.eigvals(M).real.max() + rng.uniform(0.01, 1.0)) * np.eye(len(M)) for M in (A, K))
+    if dt:
+        A, K = (M / (1.1 * np.abs(np.linalg.eigvals(M)).max()) for M in (A, K))
+    P = control.ss(A, rng.standard_normal((3, 3)), rng.standard_normal((3, 3)), np.diag([0.1, 0.2, 0.0]), dt)
+    scale = 10.0 ** rng.uniform(-4.0, 4.0, n)
+    K = K * scale[:, None] / scale
+    controller = control.ss(
+        K, 0.02 * rng.standard_normal((n, 1)) * scale[:, None], 0.02 * rng.standard_normal((1, n)) / scale, 0.0, dt
+    )
+    for order in (None, n):
+        found = bc.reduce_controller(P, controller, order=order, tolerance=tolerance)
+        assert found.order <= n
+        assert found.norm.upper <= found.full_gamma * (1.0 + 1e-5 + tolerance)
 
 
 def test_poles_too_fast_are_replaced_by_their_gain():

@@ -111,6 +111,32 @@ def test_chains_of_integrators_stay_whole_in_the_order_of_any_signals():
         assert np.isclose(anti(0.2j), chain(0.2j), rtol=1e-6)
 
 
+@examples(100)
+@given(seeds, st.sampled_from([None, 0, 0.01, 0.3]), st.booleans())
+def test_a_gain_of_one_half_goes_with_the_time_of_the_other(seed, dt, turned):
+    rng = np.random.default_rng(seed)
+    n, sides = int(rng.integers(0, 4)), ("sym", "anti")[:: -1 if turned else 1]
+    gain, timed = (
+        control.ss(
+            *(rng.standard_normal(shape) for shape in ((states, states), (states, 1), (1, states), (1, 1))), time,
+            inputs=[f"stroke_{side}"], outputs=[f"suspension_{side}"],
+        )
+        for side, states, time in zip(sides, (0, n if dt is not None else 0), (None, dt), strict=True)
+    )  # fmt: skip
+    joined = join_symmetric(MODEL, *((timed, gain) if turned else (gain, timed)))
+    assert joined.dt == dt or (not dt and not joined.nstates)  # a gain has no time
+    mode = np.array([1.0, -1.0 if turned else 1.0]) / np.sqrt(2.0)
+    forces, strokes = ["suspension_right", "suspension_left"], ["stroke_right", "stroke_left"]
+    assert np.allclose(at(joined, 0.7, strokes, forces) @ mode, gain.D[0, 0] * mode, rtol=1e-12)
+
+
+def test_halves_of_other_times_are_refused():
+    halves = [half_controller(side, 1) for side in ("sym", "anti")]
+    halves[0].dt = 0.01
+    with pytest.raises(ValueError, match=r"sampling times 0\.01 and 0 s: expected the same in both halves"):
+        join_symmetric(MODEL, *halves)
+
+
 def test_what_cannot_be_split_is_refused():
     joined = join_symmetric(MODEL, half_controller("sym", 1), half_controller("anti", 2))
     with pytest.raises(TypeError, match="model: expected SecondOrderModel, got NoneType"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.looking.given import looked_at
-from boomctl.analysis.sigma import asked_frequencies, below_nyquist, beside_undamped, between_signals, drawn_grid
+from boomctl.analysis.model_norm import SplitModel
+from boomctl.analysis.sigma import (
+    NO_SINES,
+    GivenSystem,
+    asked_frequencies,
+    below_nyquist,
+    beside_undamped,
+    between_signals,
+    drawn_grid,
+    has_unstable_pole,
+)
 from boomctl.arrays import Array
 from boomctl.checks import known, names
 from boomctl.lti.frequency import with_peaks
@@ -47,12 +58,19 @@ class BodeResult:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     unit: str = "Hz"
+    _of: SplitModel | GivenSystem | None = field(default=None, repr=False, compare=False)  # None: measured data
 
     def __repr__(self) -> str:
         span = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
         o, i, k = np.unravel_index(int(np.abs(self.values).argmax()), self.values.shape)
         peak = f"{abs(self.values[o, i, k]):.6g} at {self.omega[k]:.6g} rad/s, {self.inputs[i]} -> {self.outputs[o]}"
+        span += f"\n  {NO_SINES}" if self._unstable else ""
         return f"BodeResult: {between(self.inputs, self.outputs)}\n  {span}\n  largest {peak}"
+
+    @cached_property
+    def _unstable(self) -> bool | None:
+        """Whether the system has an unstable pole; None where that is not known."""
+        return None if self._of is None else has_unstable_pole(self._of)
 
     def __getitem__(self, pair: tuple[str, str]) -> Array:
         """Return the complex response of an output to an input: ``result["output", "input"]``."""
@@ -165,14 +183,14 @@ def bode(
             raise ValueError(f"system: expected a system with {kind}, got none")
     if asked is not None:
         grid = below_nyquist(asked, given, "omega" if frequency_hz is None else "frequency_hz")
-        return BodeResult(grid, _finite(grid, given.response(grid)), chosen.inputs, chosen.outputs, unit)
+        return BodeResult(grid, _finite(grid, given.response(grid)), chosen.inputs, chosen.outputs, unit, given)
     found, peak = given.resonances(), given.norm().omega
     if found.high < _ABOVE * peak < np.inf:
         found = given.resonances(_ABOVE * peak)
     grid, values = with_peaks(
         lambda w: given.response(w, quiet=True), drawn_grid(found, [peak]), lambda w: beside_undamped(found, w)
     )
-    return BodeResult(grid, _finite(grid, values), chosen.inputs, chosen.outputs)
+    return BodeResult(grid, _finite(grid, values), chosen.inputs, chosen.outputs, _of=given)
 
 
 def _finite(omega: Array, values: Array) -> Array:

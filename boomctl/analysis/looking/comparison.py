@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from html import escape
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +23,8 @@ from boomctl.checks import known, mapping, shown
 from boomctl.lti.modal import resolved
 from boomctl.lti.system import Lti
 from boomctl.lti.time_series import TimeSeries
-from boomctl.printing import count, listed, table_html
+from boomctl.printing import between, count, listed, table_html
+from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -62,7 +64,7 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         heads, *rows = self._table()
-        return table_html("Comparison", heads, rows)
+        return table_html("Comparison", heads, rows) + "".join(f"<p>{escape(line)}</p>" for line in self._signals())
 
     def render(self) -> str:
         """Return the figures as text.
@@ -70,15 +72,26 @@ class Comparison:
         Returns
         -------
         str
-            A table, one line a figure, one column a name.
+            A table, one line a figure, one column a name; below it, between which signals linear systems are compared, and
+            which of them are unstable.
         """
         table = self._table()
         first = max(_SHOWN, *(len(row[0]) for row in table))
         wide = [max(len(row[k]) for row in table) for k in range(1, len(self.names) + 1)]
-        return "\n".join(
+        lines = [
             "  ".join([f"{row[0]:{first}}", *(f"{cell:>{w}}" for cell, w in zip(row[1:], wide, strict=True))])
             for row in table
-        )
+        ]
+        return "\n".join([*lines, *self._signals()])
+
+    def _signals(self) -> list[str]:
+        """Return between which signals the singular values and norms of each are, and which of them are unstable."""
+        return [
+            f"{name}: {between(part.inputs, part.outputs)}{', unstable' if part.unstable else ''}"
+            for name, parts in self._parts.items()
+            for part in parts
+            if isinstance(part, SigmaResult)
+        ]
 
     def as_dict(self) -> dict[str, dict[str, float]]:
         """Return the figures as plain dictionaries: ``pandas.DataFrame(comparison.as_dict())`` is a table of them.
@@ -132,8 +145,9 @@ def compare(results: Mapping[str, Any], *, omega: ArrayLike | None = None) -> Co
     ----------
     results : mapping of str to system or result, or to a sequence of these
         By name: simulated loops (rms and peak of outputs and of controls), other runs, linear systems such as closed loops
-        (certified peak, H2 norm, slowest pole, least damping), designs (of their closed loops, and the controller's
-        states), margins, worst cases, sprays, slews, performances.  A sequence gives all figures of its members.
+        (certified peak, H2 norm, slowest pole, least damping; of a boom model from platform actuators to tips), designs (of
+        their closed loops, and the controller's states), margins, worst cases, sprays, slews, performances.  A sequence
+        gives all figures of its members.
     omega : array_like, optional
         Angular frequencies at which linear systems are drawn [rad/s]; by default those that show the peaks of all.
 
@@ -174,7 +188,7 @@ def compare(results: Mapping[str, Any], *, omega: ArrayLike | None = None) -> Co
         for k, member in enumerate(members):
             if not hasattr(type(member), "__figures__"):
                 with _naming(name):
-                    system = looked_at(member)
+                    system = _between_its_signals(looked_at(member))
                     systems[f"{name} {k}"] = system, matrices(system)
                     linear[f"{name} {k}"] = system.statespace("system") if isinstance(system, Lti) else system
     curves = compare_sigma(linear, omega) if linear else {}  # all on one grid
@@ -192,6 +206,12 @@ def compare(results: Mapping[str, Any], *, omega: ArrayLike | None = None) -> Co
     for figures in values.values():
         order |= dict.fromkeys(figures)
     return Comparison(tuple(results), tuple(order), values, parts)
+
+
+def _between_its_signals(system: Any) -> Any:
+    """Return a system between those of its signals that all figures are of: of a boom, platform actuators and tips."""
+    ports = system.ports.primary if isinstance(system, SecondOrderModel) else None
+    return system if ports is None else system.select(*ports)
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from boomctl.analysis.looking.given import matrices
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, plain_array, positive
 from boomctl.lti.hold import observability
-from boomctl.lti.modal import side_of_axis
+from boomctl.lti.modal import side_of_axis, sides
 from boomctl.lti.system import Lti
 from boomctl.printing import between
 
@@ -62,12 +62,15 @@ class TransientResult:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     dt: float = 0.0
+    _of: Lti | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         span = f"to {self.time[-1]:.6g} s, {len(self.time)} instants"
         o, i, k = np.unravel_index(int(np.abs(self.values).argmax()), self.values.shape)
         at = f"{self.values[o, i, k]:.6g} at {self.time[k]:.6g} s, {self.inputs[i]} -> {self.outputs[o]}"
-        return f"TransientResult: {self.kind}, {between(self.inputs, self.outputs)}\n  {span}; largest {at}"
+        unstable = self._of is not None and (sides(self._of.poles, self._of.dt) > 0).any()
+        grows = "\n  unstable: without an end it grows without bound" if unstable else ""
+        return f"TransientResult: {self.kind}, {between(self.inputs, self.outputs)}\n  {span}; largest {at}{grows}"
 
     def __getitem__(self, name: str | tuple[str, str]) -> Array:
         """Return an output over time by name; ``result["output", "input"]`` where there are several inputs."""
@@ -223,7 +226,7 @@ def _moved(
         values = np.moveaxis(np.concatenate(blocks)[:count], 0, 2)
     if not np.isfinite(values).all():
         raise ValueError(f"system: its outputs grow beyond all numbers within {time[-1]:g} s; it is unstable")
-    return TransientResult(kind, time, values, system.inputs, system.outputs, system.dt)
+    return TransientResult(kind, time, values, system.inputs, system.outputs, system.dt, system)
 
 
 def _instants(system: Lti, timepts: ArrayLike | float | None) -> Array:

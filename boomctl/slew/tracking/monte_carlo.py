@@ -121,7 +121,7 @@ def drawn(name: str, given: Any, runs: int, rng: np.random.Generator, centre: fl
     ----------
     given : None, float, (low, high), or (runs,) array_like
         Nominal; a number: the same in all runs, or a relative half-width where there is a centre; even between two; or as
-        listed.
+        listed, which two numbers of two runs are.
     centre : float or None
         Around which a number is a relative half-width.
 

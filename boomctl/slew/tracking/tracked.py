@@ -219,7 +219,7 @@ class TrackedSlew:
             How many, and of all that is drawn, noise included.
         tip_mass, friction, disturbance_torque : float, (low, high) or (runs,) array_like, optional
             Tip mass [kg], torque of friction on the hub and a constant torque on it [N m]: a number for all runs, the ends
-            of a range, or one for each run; by default as planned, and none.
+            of a range, or one for each run; by default as planned, and none. Of two runs, two numbers are one for each.
         stiffness : float, (low, high) or (runs,) array_like, optional
             What multiplies the bending stiffness; a number is the half-width of a range around one: 0.1 is 0.9 to 1.1.
         feedback : bool

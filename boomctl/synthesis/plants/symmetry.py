@@ -37,7 +37,8 @@ def join_symmetric(
     model : SecondOrderModel
         The whole machine, with the mirror symmetry by which :func:`boomctl.split_symmetric` splits it.
     symmetric, antisymmetric : control.StateSpace
-        Controllers of the two halves, ``u = K y``; inputs named as outputs of the half, outputs as its inputs.
+        Controllers of the two halves, ``u = K y``; inputs named as outputs of the half, outputs as its inputs. A gain
+        without a time of its own goes with continuous and with discrete ones.
 
     Returns
     -------
@@ -68,7 +69,9 @@ def join_symmetric(
         (of(symmetric, "symmetric", "StateSpace", any_time=True), 1),
         (of(antisymmetric, "antisymmetric", "StateSpace", any_time=True), -1),
     ]
-    if symmetric.dt != antisymmetric.dt:
+    given = (symmetric.dt, antisymmetric.dt)
+    times = {half.dt for (half, _), dt in zip(halves, given, strict=True) if dt is not None}
+    if len(times) > 1:
         raise ValueError(f"sampling times {symmetric.dt} and {antisymmetric.dt} s: expected the same in both halves")
     measured = _whole(mirror, [(half.inputs, parity) for half, parity in halves], model.outputs, "output")
     driven = _whole(mirror, [(half.outputs, parity) for half, parity in halves], model.inputs, "input")
@@ -76,7 +79,7 @@ def join_symmetric(
     drive = np.hstack([_matrix(mirror, driven, half.outputs, parity) for half, parity in halves])
     both = append(*(half for half, _ in halves))
     B, C, D = both.B @ read.T, drive @ both.C, drive @ both.D @ read.T
-    return Lti(both.A, B, C, D, tuple(measured), tuple(driven), dt=both.dt).statespace("controller")
+    return Lti(both.A, B, C, D, tuple(measured), tuple(driven), dt=min(times, default=0.0)).statespace("controller")
 
 
 def split_controller(
