@@ -127,7 +127,8 @@ class SplitModel:
             found = [_part_norm(part, seen) for part, seen in zip(self.parts, self.seen, strict=True)]
         largest, widest = max(found, key=lambda norm: norm.lower), max(found, key=lambda norm: norm.upper)
         path = () if self.parts == (self.model,) else ("halves",)
-        both = replace(largest, upper=widest.upper, path=sum((norm.path for norm in found), path))
+        path = sum((norm.path for norm in found), path)
+        both = replace(largest, upper=widest.upper, path=path, _given=self.model)
         return both if both.certified else replace(both, method=widest.method)  # why it is not
 
 

@@ -28,6 +28,8 @@ from boomctl.lti.system import Lti, beside, is_frequency_response, of
 if TYPE_CHECKING:
     import control
 
+    from boomctl.structure.model import SecondOrderModel
+
 _CERTIFIED = 1e-5  # relative distance of the two bounds up to which a norm is certified (a choice)
 _ROUNDS = 30  # levels tried before giving up: each rises to a higher peak, so that a few do
 _EPS = float(np.finfo(float).eps)
@@ -84,12 +86,14 @@ class NormCertificate:
     omega: float
     method: str
     path: tuple[str, ...] = ()
-    _given: Lti | None = field(default=None, repr=False, compare=False)
+    _given: "Lti | SecondOrderModel | None" = field(default=None, repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved."""
         if self._given is not None:
-            yield Claim("the system", self._given, norm=(self.lower, self.upper, self.omega))
+            stands = "" if isinstance(self._given, Lti) else "the state space that stands for the structure"
+            norm = (self.lower, self.upper, self.omega)
+            yield Claim(stands or "the system", of(self._given, sampled=True), norm=norm, rounded=stands)
 
     def __repr__(self) -> str:
         at = f" at {self.omega:.6g} rad/s" if isfinite(self.omega) else ""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
 from math import isfinite
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.norm import UNSTABLE, NormCertificate, matrices_norm, norm_of_data
+from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.checks import exactly, frequencies, known, mapping, names, up_to
 from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_values
@@ -58,7 +59,7 @@ class GivenSystem:
 
     def norm(self) -> NormCertificate:
         """Return the certified H-infinity norm."""
-        return matrices_norm(self.system)
+        return replace(matrices_norm(self.system), _given=self.system)
 
 
 def has_unstable_pole(given: SplitModel | GivenSystem) -> bool | None:
@@ -126,6 +127,10 @@ class SigmaResult:
             return self.certificate.method == UNSTABLE
         found = has_unstable_pole(self._of)
         return self.certificate.method == UNSTABLE if found is None else found
+
+    def __claims__(self) -> Iterator[Claim]:
+        """Yield what can be proved of the peak."""
+        yield from self.certificate.__claims__()
 
     def __figures__(self) -> dict[str, float]:
         """Return what a comparison shows."""

@@ -285,3 +285,12 @@ def test_a_wrong_certificate_is_refuted(seed):
             bc.prove(type(norm)(**{"omega": norm.omega, "method": "", **wrong, "_given": of(system)}))
     with pytest.raises(CertificateError):
         bc.prove(type(norm)(np.inf, np.inf, 0.0, "", _given=of(system)))
+
+
+@pytest.mark.parametrize("elements", [2, 6])
+def test_peaks_of_structures_are_proved_by_the_state_space_that_stands_for_them(elements):
+    yaw = bc.split_symmetric(bc.spray_boom(elements=elements))[1]
+    found = bc.sigma(yaw)
+    assert bc.prove(found).proved
+    assert bc.prove(bc.sigma(yaw.to_statespace("actuator_anti", "tip_anti"))).proved
+    assert bc.prove(bc.reduce(yaw.select(["actuator_anti"], ["tip_anti"]), order=6)).proved
