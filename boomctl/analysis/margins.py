@@ -137,9 +137,11 @@ class LoopMargin:
     delay, delay_omega : float
         Least delay that makes it unstable [s], and where [rad/s]; 0 and ``inf`` where the loop's gain at infinite frequency
         is not below one, so that the least delay does (or leaves no decay at high frequencies).  In a sampled loop around a
-        continuous plant it is a further delay of this control, or of this reading, by parts of a sample too: exact.  A
-        discrete plant is not known between its samples.  Around one it is the least ``tau`` with which
-        ``L exp(-j omega tau)`` is one at a crossing of gain one: exact for whole samples.
+        continuous plant it is a further delay of this control, or of this reading, by parts of a sample too, and it is
+        proved that none below ``(1 - 1e-6)`` of it makes the loop unstable.  Where that takes too long, it is the delay up
+        to which it is proved, its frequency is ``nan``, and an ``UncertainMarginsWarning`` says so.  A discrete plant is
+        not known between its samples.  Around one it is the least ``tau`` with which ``L exp(-j omega tau)`` is one at a
+        crossing of gain one: exact for whole samples.
     disk : DiskMargin
         Its disk margin.
     rounding : float
@@ -587,7 +589,11 @@ def _loop_margin(
     (low, low_omega), (high, high_omega) = _gain_limits(response, grid, values, open_loop)
     (phase, phase_omega), delays = _phase_limits(response, grid, values, open_loop, dt)
     if further is not None:
-        delays = [further.least(delays)]
+        *least, exact = further.least()
+        delays = [(least[0], least[1])]
+        if not exact:
+            said = f"delay at {signal}: the loop is proved to bear {least[0]:.4g} s more, and may bear a longer delay"
+            warnings.warn(said, UncertainMarginsWarning, stacklevel=4)
     delay, delay_omega = min(delays, default=(inf, float("nan")), key=lambda found: found[0])
     if dt != 0.0:
         low_omega, high_omega = float(omega_of_image(low_omega, dt)), float(omega_of_image(high_omega, dt))

@@ -137,6 +137,49 @@ def test_gains_and_delays_at_a_margin_are_where_the_stepped_loop_rings(seed):
             assert radius(plant, controller, delay, further=further, at=loop.signal) < 1.0
 
 
+def loop_with_a_window(seed):
+    """Return a loop of one signal that a short range of further delays makes unstable, those delays, and their radii.
+
+    Its controller rings from sample to sample; the gain is that at which the least stable of the delays is hardly unstable.
+    """
+    rng = np.random.default_rng(seed)
+    n, dt = int(rng.integers(1, 5)), 0.1
+    A = 3.0 * rng.standard_normal((n, n))
+    A -= (np.linalg.eigvals(A).real.max() + rng.uniform(0.1, 2.0)) * np.eye(n)
+    plant = control.ss(A, rng.standard_normal((n, 1)), rng.standard_normal((1, n)), 0.0, inputs="u", outputs="y")
+    T = rng.standard_normal((2, 2))
+    AK = np.linalg.solve(T, np.diag([-rng.uniform(0.8, 0.99), rng.uniform(-0.5, 0.5)]) @ T)
+    BK, CK, DK = rng.standard_normal((2, 1)), rng.standard_normal((1, 2)), 0.1 * rng.standard_normal((1, 1))
+    delays = dt * np.linspace(0.0, 2.0, 41)
+
+    def at(gain):
+        K = control.ss(AK, BK, gain * CK, gain * DK, dt, inputs="y", outputs="u")
+        return K, np.array([radius(plant, K, 0.0, further=delay, at="u") for delay in delays])
+
+    low, high = 0.0, 100.0
+    for _ in range(10):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if at(middle)[1].max() < 1.0 else (low, middle)
+    return plant, *at(high), delays
+
+
+@examples(40)
+@given(st.integers(0, 100_000))
+def test_no_window_of_instability_is_stepped_over(seed):
+    plant, controller, radii, delays = loop_with_a_window(seed)
+    assume(radii[0] < 1.0 - 1e-6 and radii.max() > 1.0 + 1e-9)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SamplingCostsMarginWarning)
+        found = bc.margins(plant, controller)
+    for loop in found.loops:
+        assert loop.delay <= delays[np.argmax(radii > 1.0 + 1e-9)]
+        assert (radii[delays < loop.delay] < 1.0 + 1e-9).all()
+        sides = [
+            radius(plant, controller, 0.0, further=loop.delay * f, at=loop.signal) for f in (1.0 - 1e-5, 1.0 + 1e-5)
+        ]
+        assert sides[0] < 1.0 < sides[1]
+
+
 @pytest.mark.slow
 @examples(100)
 @given(st.integers(0, 100_000))

@@ -1,34 +1,49 @@
 """The least further delay, of one control or one reading, that makes a sampled loop around a continuous plant unstable.
 
-A delay is whole samples and a part of one.  Whole samples turn the loop by ``exp(-j omega dt)`` each; a part of one changes
-what the controller sees of the plant, so that its gain at a frequency changes as well.  Where the two together bring the
-loop to one is found by Newton's method from where the angle alone would; that nothing is unstable before is looked at.  A
-feedthrough jumps where a control passes a sample, and a loop may become unstable there without ever being one.
+A delay is whole samples and a part of one.  The loop opened at the signal is ``z^-W h(z, t)``: ``W`` whole samples turn it,
+and the part ``t`` of one changes the gains of a few signals.  With the loop as it is closed, all poles of ``h`` and of the
+sensitivity ``N`` lie within the unit circle, and the loop with a further delay is unstable from where
+``N(z) = z^-W h(z, t)`` at some ``z`` on it.
+
+That is sought, and excluded, over cells of frequency and of ``t``.  In a cell, logarithms of ``h`` and ``N`` are linear but
+for remainders that are bounded from the distances of the poles: their real parts are equal only at places that no
+whole samples change, and their angles there name the next ``W`` that may be one.  What is linear then contracts a cell to
+where a solution may be, or to nothing.  The cells of least delay go first, so that what is found is the least.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from math import inf, nan
 
 import numpy as np
+from numpy.polynomial import chebyshev
+from scipy import linalg
 
 from boomctl.analysis.loops import signals_of
-from boomctl.analysis.sampled_loops.sampled_plant import sampled_plant, whole_samples
+from boomctl.analysis.sampled_loops.sampled_plant import Held, sampled_plant, whole_samples
 from boomctl.arrays import Array
-from boomctl.lti.modal import sides
-from boomctl.lti.system import Lti, lower_lft
+from boomctl.chebyshev import points_needed, series
+from boomctl.lti.hold import zero_order_hold
+from boomctl.lti.modal import sides, split
+from boomctl.lti.system import Lti, balance, lower_lft
 
-_TRIED = 4  # crossings followed, those of least delay; the first is it, but for aliases
-_FURTHER = 8.0  # times as far as angles say, at which no more delays are looked at (a choice)
-_STEPS = 20  # of Newton's method: five do
-_DIFFERENCE = 1e-6  # of a frequency and of a delay, for slopes: their cube root of rounding is near
-_FOUND = 1e-10  # change of frequency and delay, relative, at which the search ends
-_LOOKED_AT = (
-    8  # delays below the one found at which the loop must be stable, so many a sample, to their square (a choice)
-)
-_MANY = 60  # states of a loop with its delay, beyond which it is looked at less often (a choice)
-_STATES = 300  # up to which it is looked at: tens of milliseconds each (a choice)
+_EPS = float(np.finfo(float).eps)
+_TERMS = 16.0  # roundings of a term of a response, beside one for each that it is added to
+_NOISE = 1e-14  # share of the largest value below which a coefficient of a polynomial is rounding (a choice)
+_DEGREE = 500  # of the polynomials at most: a plant that turns by as many radians a sample
+_SMALL = 0.7  # poles below its square, and perhaps below it, are taken by their pulse response (a choice)
+_PULSES = 500  # of that response at most: it has gone after 200
+_CELLS = 32  # of frequency, at first (a choice)
+_BATCH = 256  # cells at once, those of least delay (a choice)
+_WORK = 5e6  # functions in cells that are evaluated, at most: a second or two (a choice of patience)
+_PASS = 2000.0  # of them take as long as what every pass over cells costs (measured)
+_ANGLE = 0.05  # range of angles of a cell above which it is halved where it had no solution (0.5 is slow far out)
+_FOUND = 1e-6  # half width of a cell, relative, at which a solution is found: its middle, by Newton, is far better
+_LONGEST = 1e6  # samples of delay, beyond which none is looked for (a choice)
+_JUMPS = 300.0  # samples of delay up to which jumps of a feedthrough are looked at: milliseconds each (a choice)
 _AFTER = 1e-6  # of a sample, beside a jump: far above rounding, which must not say on which side of it a delay is
-_HALVINGS = 60  # of a bracket of delays
+_TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True)
@@ -57,7 +72,7 @@ class FurtherDelay:
         acting, measured = signals_of(controller, plant.inputs, plant.outputs)
         control = controller.outputs.index(signal) if signal in controller.outputs else None
         measurement = controller.inputs.index(signal) if control is None else None
-        return cls(plant.between(acting, measured), controller, delay, control, measurement)
+        return cls(plant.between(acting, measured).balanced(), controller, delay, control, measurement)
 
     def sampled(self, further: float) -> Lti:
         """Return the plant from sample to sample with a further delay [s] at the signal."""
@@ -68,99 +83,228 @@ class FurtherDelay:
             readings[self.measurement] = further
         return sampled_plant(self.plant, range(len(delays)), self.controller.dt, delays, readings)
 
-    def stable(self, further: float) -> bool:
-        """Return whether the loop with a further delay is stable."""
-        closed = lower_lft(self.sampled(further), self.controller)
-        return bool((sides(closed.balanced().poles, closed.dt) < 0).all())
+    def least(self) -> tuple[float, float, bool]:
+        """Return the least delay [s], its frequency [rad/s], and whether that is known.
 
-    def response(self, omega: float, further: float) -> complex:
-        """Return the loop opened at the signal, all others closed, with a further delay there."""
-        dt = self.controller.dt
-        whole, rest = whole_samples(further, dt)
-        at = np.array([omega])
-        G, K = (system.response(at, quiet=True)[:, :, 0] for system in (self.sampled(rest), self.controller))
-        turned = complex(np.exp(-1j * omega * dt * whole))
+        Without one they are ``inf`` and ``nan``.  Where it takes too long to know it, the delay is the one up to which the
+        loop has been shown to be stable, the frequency ``nan``.
+        """
+        dt, found, omega = self.controller.dt, inf, nan
+        start, known = self.delay / dt if self.measurement is None else 0.0, True
+        try:
+            curves = self._curves()
+        except ValueError:  # poles that do not separate, or a plant far faster than the samples
+            return 0.0, nan, False
+        for curve in curves:
+            found, omega, known = curve.least(start, (found, omega, known))
+        if not self.plant.D.any():
+            return found * dt, omega / dt, known
+        # where an output has a feedthrough from a control, the loop jumps as that control passes the sample; a gain that is
+        # one nowhere is so whatever the whole samples, and shows at once on which side of one it is
+        last = min(found, _JUMPS) if found < inf else 2.0
+        for place in np.arange(1.0, last + 2.0) - whole_samples(self.delay, dt)[1] / dt:
+            if 0.0 < place < last:
+                poles = lower_lft(self.sampled((place + _AFTER) * dt), self.controller).balanced().poles
+                if (sides(poles, dt) >= 0).any():
+                    return float(place) * dt, float(abs(np.angle(poles[np.argmax(np.abs(poles))]))) / dt, True
+        return (last * dt, nan, False) if last < found < inf else (found * dt, omega / dt, known)
+
+    def _curves(self) -> list["_Curve"]:
+        """Return the loop over the parts of a sample between which it changes smoothly."""
+        P, K, dt, n = self.plant, self.controller, self.controller.dt, len(self.plant.A)
+        base, none = self.sampled(0.0), np.zeros(len(K.A))
+        A = np.block([[base.A + base.B @ K.D @ base.C, base.B @ K.C], [K.B @ base.C, K.A]])
+        late = whole_samples(self.delay, dt)[1] / dt
         if self.control is not None:
-            others = np.arange(len(K)) != self.control
-            y = np.linalg.solve(np.eye(len(G)) - G[:, others] @ K[others], G[:, self.control])
-            return complex(K[self.control] @ y) * turned
-        others = np.arange(len(G)) != self.measurement
-        u = np.linalg.solve(np.eye(len(K)) - K[:, others] @ G[others], K[:, self.measurement])
-        return complex(G[self.measurement] @ u) * turned
+            i, breaks = self.control, np.array([0.0, late, 1.0])
+            B, D, read = P.B[:, [i]], P.D[:, i], np.hstack([K.D[i] @ base.C, K.C[i]])
+            full = np.concatenate([base.B @ K.D @ D, K.B @ D]) + np.pad(
+                zero_order_hold(P.A, B, dt)[1][:, 0], (0, len(A) - n)
+            )
+            ends = A, read, np.append(base.B[:, i], none)
 
-    def least(self, guesses: list[tuple[float, float]]) -> tuple[float, float]:
-        """Return the least delay [s] and its frequency [rad/s], from those by the angle alone; ``inf`` and ``nan`` without.
+            def moving(part: float) -> Array:
+                new = zero_order_hold(P.A, B, (1.0 - part) * dt)[1][:, 0]
+                return np.append(A[:, :n] @ new + full - np.pad(new, (0, len(A) - n)), read[:n] @ new + K.D[i] @ D)
+        else:
+            j, breaks = self.measurement, np.array([0.0, 1.0 - late, 1.0])
+            held = Held.of(P, range(len(K.C)), dt, [self.delay] * len(K.C))
+            ends = A.T, np.concatenate([base.B @ K.D[:, j], K.B[:, j]]), np.append(base.C[j], none)
 
-        Where no delay is found by angles, two samples are looked at; where none of theirs is one, up to eight times as far.
+            def moving(part: float) -> Array:
+                rows, given = (each[j] for each in held.answers((1.0 - part) * dt))
+                return np.concatenate([rows + given @ K.D @ base.C, given @ K.C, [given @ K.D[:, j]]])
+
+        functions = _Functions.of(*ends)
+        return [_Curve.of(functions, moving, *part) for part in pairwise(np.unique(breaks))]
+
+
+@dataclass(frozen=True)
+class _Functions:
+    """Functions of ``z`` that responses are sums of: ``1/(z - p)``, ``z^-k`` for ``k = 0, 1, ..``; and their shares.
+
+    ``shares`` has a column for each state driven, the last for a direct path; ``sensitivity`` is ``N``.  ``doubt`` is how far
+    rounding may have moved the poles.
+    """
+
+    poles: Array
+    pulses: Array
+    shares: Array
+    sensitivity: Array
+    doubt: Array
+
+    @classmethod
+    def of(cls, A: Array, read: Array, added: Array) -> "_Functions":
+        """Return those of ``read (z - A)^-1``; poles near zero, which may be Jordan blocks, by their pulse response."""
+        A, scale = balance(A)
+        whole, size = Lti(A, np.diag(1.0 / scale), (read * scale)[None], np.zeros((1, len(A))), dt=1.0), len(A)
+        ends = np.sort(np.append(np.clip(np.abs(whole.poles), _SMALL**2, _SMALL), [_SMALL**2, _SMALL]))
+        gap = int(np.argmax(np.diff(ends)))
+        near, far = split(whole, np.abs(whole.poles) < ends[gap : gap + 2].mean())
+        rows = [near.C[0]]
+        while np.linalg.norm(rows[-1]) > _EPS**2 * np.linalg.norm(rows[0]) and len(rows) < _PULSES:
+            rows.append(rows[-1] @ near.A)
+        poles, V = linalg.eig(far.A) if len(far.A) else (np.zeros(0), np.zeros((0, 0)))
+        inverse = np.linalg.inv(V)
+        doubt = _EPS * np.linalg.norm(far.A) * np.linalg.norm(inverse, axis=1) * np.linalg.norm(V, axis=0)
+        shares = np.vstack([(far.C @ V).T * (inverse @ far.B), np.zeros(size), np.array(rows) @ near.B])
+        direct = np.eye(len(shares), 1, -len(poles))
+        pulses = np.arange(len(rows) + 1.0)
+        doubt = np.append(doubt, 0.0 * pulses)
+        return cls(poles, pulses, np.hstack([shares, direct]), (shares @ added)[:, None] + direct, doubt)
+
+    def at(self, omega: Array, half: Array) -> tuple[Array, Array, Array]:
+        """Return values and slopes over frequency, and bounds of values, slopes and curvatures in cells."""
+        z, k, ones = np.exp(1j * omega)[:, None], self.pulses, np.ones((len(omega), 1))
+        x, turned = z - self.poles, np.exp(-1j * omega[:, None] * k)
+        near = 1.0 / np.maximum(np.abs(x) - half[:, None], 1.0 - np.abs(self.poles))
+        bounds = [(near, k**0.0 * ones), (near**2, k * ones), (near**2 + 2.0 * near**3, k**2 * ones)]
+        return (
+            np.hstack([1.0 / x, turned]),
+            np.hstack([-1j * z / x**2, -1j * k * turned]),
+            np.array([np.hstack(b) for b in bounds]),
+        )
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """The loop over a range of parts of a sample: ``series`` holds the Chebyshev coefficients of each function's share."""
+
+    functions: _Functions
+    middle: float
+    reach: float
+    series: Array
+
+    @classmethod
+    def of(cls, functions: _Functions, moving: Callable[[float], Array], low: float, high: float) -> "_Curve":
+        """Return that between two parts; ``moving`` is what is driven, or read, at a part."""
+        middle, reach = 0.5 * (low + high), 0.5 * (high - low)
+
+        def at(places: Array) -> dict[str, Array]:
+            return {"": np.array([moving(middle + reach * place) for place in places]) @ functions.shares.T}
+
+        count = points_needed(at, lambda found: {"": _NOISE * np.abs(found[""]).max()}, _DEGREE)
+        if count > _DEGREE:
+            raise ValueError("the plant is too fast for a polynomial over a sample")
+        return cls(functions, middle, reach, series(at(chebyshev.chebpts1(count))[""], (count,)).T)
+
+    def _logarithm(self, known: tuple[Array, Array, Array], cells: Array, shares: Array) -> tuple[Array, ...]:
+        """Return a response in cells, the slopes of its logarithm, how far that is from linear, and what changes it.
+
+        The last are shares of it by which frequency alone, the part of a sample alone, and all together change it at most.
         """
-        dt = self.controller.dt
-        turns = [(delay + k * 2.0 * np.pi / omega, omega) for delay, omega in guesses for k in (0, 1)]
-        followed = [self._followed(*guess) for guess in sorted(turns)[:_TRIED]]
-        found = min((place for place in followed if place is not None), default=None)
-        end = found[0] if found else 2.0 * dt + 2.0 * min(guesses, default=(0.0, nan))[0]
-        stable_until = 0.0
-        for further in self._looked_at(0.0, end):
-            if not self.stable(further):
-                return self._first(stable_until, further)
-            stable_until = further
-        if found or not guesses:
-            return found or (inf, nan)
-        for further in self._looked_at(end, _FURTHER * end):
-            if not self.stable(further):
-                return self._first(stable_until, further)
-            stable_until = further
-        return inf, nan
+        (f, slope, bounds), (_, half, part, wide) = known, cells.T[:4]
+        degrees = np.arange(shares.shape[1])
+        T = chebyshev.chebvander((part - self.middle) / self.reach, len(degrees) - 1)
+        r, dr = T @ shares.T, T @ (chebyshev.chebder(np.eye(len(degrees) + 1)[:, :-1]) @ shares.T) / self.reach
+        growth = np.array(
+            [degrees**0.0, degrees**2 / self.reach, degrees**2 * (degrees**2 - 1.0) / 3.0 / self.reach**2]
+        )
+        R = growth @ np.abs(shares).T  # of the shares and their derivatives, at most
+        unit = _EPS * (_TERMS + len(R.T) + len(degrees))  # of rounding, and of what the series leave out
+        rounding = bounds[0] @ (unit * (R[0] + R[0].max())) + bounds[1] @ (_TERMS * self.functions.doubt * R[0])
+        value, over, along = ((a * b).sum(axis=1) for a, b in ((f, r), (slope, r), (f, dr)))
+        bent = 0.5 * half**2 * (bounds[2] @ R[0]), 0.5 * wide**2 * (bounds[0] @ R[2])
+        rest = bent[0] + bent[1] + half * wide * (bounds[1] @ R[1]) + rounding
+        size = np.abs(value)
+        alone = half * np.abs(over), wide * np.abs(along)
+        changes = np.array([alone[0] + bent[0], alone[1] + bent[1], alone[0] + alone[1] + rest])
+        share = changes[2] / size
+        far = np.where(share < 1.0, rest / size + 0.5 * share**2 / (1.0 - share), inf)
+        return value, over / value, along / value, far, changes
 
-    def _looked_at(self, start: float, end: float) -> list[float]:
-        """Return delays between two, at which the loop is looked at; none where it has too many states.
+    def _tried(self, cells: Array) -> tuple[Array, Array]:
+        """Return what is left of cells, and places to which solutions in cells are confined.
 
-        Where an output has a feedthrough from a control, it jumps as that control passes the sample: there too.
+        Rows are frequency and part of a sample, each with half a width, whole samples, and whether no others are meant.
         """
-        dt = self.controller.dt
-        states = len(self.plant.A) + len(self.controller.A) + end / dt
-        if states > _STATES:
-            return []
-        most = _LOOKED_AT**2 if states <= _MANY else _LOOKED_AT
-        count = int(min(max(_LOOKED_AT, np.ceil(_LOOKED_AT * (end - start) / dt)), most))
-        places = start + (end - start) * np.arange(1, count) / count
-        if self.plant.D.any():
-            first = int(np.floor((self.delay + start) / dt)) + 1
-            jumps = (np.arange(first, first + int((end - start) / dt) + 2) + _AFTER) * dt - self.delay
-            places = np.concatenate([places, jumps[(jumps > start) & (jumps < end)]])
-        return np.unique(places).tolist()
+        known = self.functions.at(*cells.T[:2])
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            (Q, *q, far, more), (N, *n, off, less) = (
+                self._logarithm(known, cells, shares) for shares in (self.series, self.functions.sensitivity)
+            )
+            apart = np.abs(np.abs(Q) - np.abs(N)) > more[2] + less[2]
+            G: Array = np.log(Q / N)
+            over: Array = q[0] - n[0]
+            along: Array = q[1] - n[1]
+            rem = far + off + _TERMS * _EPS * cells[:, 4]
+            omega, half, part, wide, W, only = cells.T
+            apart |= np.abs(G.real) > half * np.abs(over.real) + wide * np.abs(along.real) + rem
+            turn = over.imag - W
+            angle = np.remainder(G.imag - W * omega + np.pi, _TURN) - np.pi
+            total, spread = (half * np.abs(x) + wide * np.abs(along.imag) + rem for x in (turn, over.imag))
+            inverse = np.array([[along.imag, -along.real], [-turn, over.real]]) / (
+                over.real * along.imag - along.real * turn
+            )
+            moved, give = -(inverse * np.array([G.real, angle])).sum(axis=1), rem * np.abs(inverse).sum(axis=1)
+            reach = np.array([half, wide])
+            low, high = np.maximum(moved - give, -reach), np.minimum(moved + give, reach)
+            none = (np.abs(angle) > total) | (total + np.abs(angle) < _TURN) & (low > high).any(axis=0)
+            small = ~none & (total + np.abs(angle) < _TURN) & ((high - low).prod(axis=0) < reach.prod(axis=0))
+            # the next whole samples whose turn is among the angles of the cell
+            ahead = np.ceil((W * (omega - half) - G.imag - spread) / _TURN) * _TURN
+            later = np.maximum(W + 1.0, np.ceil((ahead + G.imag - spread) / (omega + half)))
+            sizes = more / np.abs(Q) + less / np.abs(N)
+            axis = np.where(sizes[1] > sizes[0] + half * W, 2, 0)
+        done = none | small
+        middle, width = 0.5 * (low + high), 0.5 * (high - low)
+        found = np.column_stack([omega + middle[0], width[0], part + middle[1], width[1], W, only**0.0])
+        rest = np.column_stack([cells[:, :4], np.where(done, later, W), only])
+        kept = ~apart & ~(done & (only > 0.0))
+        cut = kept & (~done | (total > np.where(np.abs(angle) > total, _ANGLE, np.minimum(omega, _ANGLE))))
+        halves = []
+        for sign in (-1.0, 1.0):
+            piece, rows = rest[cut], np.arange(cut.sum())
+            piece[rows, axis[cut] + 1] *= 0.5
+            piece[rows, axis[cut]] += sign * piece[rows, axis[cut] + 1]
+            halves.append(piece)
+        return np.concatenate([rest[kept & ~cut], *halves]), found[small & ~apart]
 
-    def _followed(self, delay: float, omega: float) -> tuple[float, float] | None:
-        """Return where the loop is one, by Newton's method on ``log L`` over the logarithm of the frequency and the delay."""
-        dt, x = self.controller.dt, np.array([np.log(omega), delay])
-        top, unit = np.log(np.pi / dt), np.array([1.0, delay + dt])
+    def least(self, start: float, best: tuple[float, float, bool]) -> tuple[float, float, bool]:
+        """Return the least delay further than a start, its angle, and whether it is known; the best known, if none is less.
 
-        def miss(x: Array) -> Array:
-            value = np.log(self.response(float(np.exp(x[0])), float(x[1])))
-            return np.array([value.real, value.imag])
-
-        for _ in range(_STEPS):
-            try:
-                here = miss(x)
-                # one-sided, towards lower frequencies and longer delays: both are there
-                steps = np.diag([-_DIFFERENCE, _DIFFERENCE]) * unit
-                slopes = np.array([(miss(x + step) - here) / step[k] for k, step in enumerate(steps)]).T
-                change = np.linalg.solve(slopes, -here)
-            except np.linalg.LinAlgError:
-                return None
-            if not np.isfinite(change).all():
-                return None
-            x = np.array([min(x[0] + np.clip(change[0], -0.5, 0.5), top), max(x[1] + change[1], 0.0)])
-            if (np.abs(change) <= _FOUND * unit).all():
-                return float(x[1]), float(np.exp(x[0]))
-        return None
-
-    def _first(self, low: float, high: float) -> tuple[float, float]:
-        """Return the delay at which the loop becomes unstable, stable at one and unstable at the other, and its frequency."""
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            if high - low <= _FOUND * high or not low < middle < high:
-                break
-            low, high = (middle, high) if self.stable(middle) else (low, middle)
-        closed = lower_lft(self.sampled(high), self.controller)
-        pole = closed.poles[np.argmax(np.abs(closed.poles))]
-        return high, float(abs(np.angle(pole))) / self.controller.dt
+        All in samples.
+        """
+        step, work = 0.5 * np.pi / _CELLS, 0.0
+        cells = np.tile([step, step, self.middle, self.reach, np.floor(start) + 1.0, 0.0], (_CELLS, 1))
+        cells[:, 0] *= 2.0 * np.arange(_CELLS) + 1.0
+        while True:
+            before = cells[:, 4] - 1.0 + cells[:, 2] + cells[:, 3] < start
+            cells[before, 4] += 1.0
+            delay = np.maximum(cells[:, 4] - 1.0 + cells[:, 2] - cells[:, 3] - start, 0.0)
+            kept = ~(before & (cells[:, 5] > 0.0)) & (delay < min(best[0], _LONGEST))
+            cells, delay = cells[kept], delay[kept]
+            if not len(cells):
+                return best
+            if work > _WORK:
+                return float(delay.min()), nan, False
+            cells = cells[np.argsort(delay, kind="stable")]
+            work += _PASS + len(cells) + len(cells[:_BATCH]) * len(self.series)
+            rest, found = self._tried(cells[:_BATCH])
+            delay = found[:, 4] - 1.0 + found[:, 2] - start
+            narrow = (found[:, 1] <= _FOUND) & (found[:, 3] <= _FOUND * np.maximum(delay, _FOUND))
+            here = [
+                (float(x), float(y), True) for x, y in zip(delay[narrow], found[narrow, 0], strict=True) if x >= 0.0
+            ]
+            best = min([best, *here])
+            cells = np.concatenate([cells[_BATCH:], rest, found[~narrow]])
