@@ -125,7 +125,7 @@ def conditioning_gains(laws: Sequence[Lti], limited: Array, softening: float = 0
         return none, True
     own = max(float(np.abs(np.linalg.eigvals(K.A)).max()) for K in laws)
     rate = max(1.0, own * (1.0 + _OWN))
-    standing = not bounded(laws, none, [()], rate)
+    standing = len(laws) > 1 and not bounded(laws, none, [()], rate)
     subsets = [S for count in range(1, len(F) + 1) for S in combinations(F.tolist(), count)] if len(F) <= _MOST else []
     whole, part = None, None
     for gains in _candidates(laws, limited, softening) if subsets else ():

@@ -49,6 +49,13 @@ def interrupted(x, folder):
     return noted(x, folder)
 
 
+def ending(x):
+    """End what runs it, as a script does, at x = 2."""
+    if x == 2:
+        raise SystemExit("no such boom")
+    return x**2
+
+
 def deadly(x, folder, always=None):
     """End the process at x = 2 when it is asked for the first time, at ``always`` each time."""
     once = Path(folder) / "died"
@@ -180,6 +187,14 @@ def test_failures_in_processes_are_told_alike():
     assert [f.text for f in here.failures] == [f.text for f in there.failures]
     with pytest.raises(RuntimeError, match="at every point"):  # what does not pickle cannot be sent
         bc.sweep(lambda x: x, {"x": [1.0]}, 1)
+
+
+@pytest.mark.parametrize("executor", [None, 1])
+def test_what_ends_a_script_ends_its_point_alone(executor):
+    with pytest.warns(SweepWarning):
+        found = bc.sweep(ending, {"x": [1, 2, 3]}, executor)
+    assert [f.error for f in found.failures] == ["SystemExit: no such boom"]
+    assert found["value"].tolist()[::2] == [1, 9]
 
 
 def test_processes_compute_with_one_thread():

@@ -75,7 +75,7 @@ def outcomes(function: Callable[..., Any], arguments: Sequence[dict[str, Any]]) 
         began = time.perf_counter()
         try:
             found = [columns(value) for value in many(list(arguments))]
-        except Exception:  # one bad point spoils the call for all: below each is tried by itself
+        except (Exception, SystemExit):  # one bad point spoils the call for all: below each is tried by itself
             found = []
         if len(found) == len(arguments):
             each = (time.perf_counter() - began) / len(found)
@@ -88,7 +88,7 @@ def outcome(function: Callable[..., Any], arguments: dict[str, Any]) -> Outcome:
     began = time.perf_counter()
     try:
         found = columns(function(**arguments))
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # what ends a script ends a point alone
         return failed(error, time.perf_counter() - began)
     return Outcome(found, time.perf_counter() - began)
 
