@@ -205,7 +205,7 @@ def _references(
         tell(f"geometrically exact beam with {modes} polynomials")
         rtol = max(rtol, _NEGLIGIBLE * _CONVERGED[level] * accuracy)
         try:
-            run = in_model(p, EXACT, modes).simulate(manoeuvre, instants, rtol=rtol, atol=rounding)
+            run = in_model(p, EXACT, modes)._solved(manoeuvre, instants, (rtol, rounding))
         except SimulationError as failure:
             if level:
                 return
@@ -213,14 +213,14 @@ def _references(
                 f"accuracy = {exactly(accuracy)}: expected a larger one, or a shorter time; the geometrically exact beam "
                 f"cannot be followed so exactly: {failure}"
             ) from None
-        tip = run.tip_displacement
+        tip = run.tip
         largest = float(np.abs(tip).max())
         if largest <= rounding:
             raise ValueError(f"manoeuvre = {shown(manoeuvre)}: expected one that moves the beam from rest")
         if fewer:
             difference = float(np.abs(tip - before).max())
             apart, rtol = (
-                (difference + unsolved + run.error_estimate + rounding) / largest,
+                (difference + unsolved + run.error + rounding) / largest,
                 _ONWARD * difference / largest,
             )
             if apart <= _CONVERGED[level] * accuracy:
@@ -228,7 +228,7 @@ def _references(
                 level += 1
                 if level == len(_CONVERGED):
                     return
-        fewer, before, unsolved = modes, tip, run.error_estimate
+        fewer, before, unsolved = modes, tip, run.error
     if not level:
         raise ValueError(
             f"accuracy = {exactly(accuracy)}: expected at least {apart / _CONVERGED[0]:.2g}; geometrically exact beams of "

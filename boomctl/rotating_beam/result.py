@@ -108,7 +108,9 @@ class SimulationResult(TimeSeries):
         Instant at which the transverse tip displacement first exceeds a tenth of the length, s; inf if it never does up
         to the last instant asked for.
     error_estimate : float
-        Estimated largest error of the tip displacement, m.
+        Estimated largest error of the tip displacement, m: of the solution of an assumed-modes model's own equations; of a
+        geometrically exact beam that of its polynomials is part of it, for which one whose number was given moves again
+        when the estimate is first asked for.
     steps : int
         Number of integration steps.
     details : callable
@@ -122,9 +124,9 @@ class SimulationResult(TimeSeries):
     time: Array
     tip_displacement: Array
     small_deformation_until: float
-    error_estimate: float
     steps: int
     details: Callable[[], Details] = field(repr=False, compare=False)
+    _error: Callable[[], float] = field(repr=False, compare=False)
     path: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -168,6 +170,11 @@ class SimulationResult(TimeSeries):
             "torque: peak [N m]": float(np.abs(self.torque).max()),
             "final hub angle [rad]": float(self.hub_angle[-1]),
         }
+
+    @cached_property
+    def error_estimate(self) -> float:
+        """Estimated largest error of the tip displacement, m."""
+        return self._error()
 
     @cached_property
     def _details(self) -> Details:

@@ -16,7 +16,7 @@ There are four ways to run a loop around a linear plant, tried in this order, an
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +48,9 @@ if TYPE_CHECKING:
 # steps from one point of the grid to the next where there are stops: strokes between points are seen
 _STOP_SUBSTEPS = 4
 _MOST_STEPS = 1e9  # of a delay: more than any run has (a choice)
+_CAUTION = (
+    3.0  # times the error that another number of substeps tells: it varies with where in a step a slip ends (measured)
+)
 _ROUNDING = 1e-9  # share of a step up to which a delay is a whole number of steps (a choice)
 
 
@@ -214,7 +217,8 @@ def simulate_loop(
         )
         return found, rest
 
-    p, _ = problem(_substeps(friction, bool(places)), touching=True)
+    substeps = _substeps(friction, bool(places))
+    p, _ = problem(substeps, touching=True)
     if places and friction is None:
         whole, switch = problem(1, touching=False)
         free = run_if_no_stop_is_met(whole, p, switch)
@@ -224,7 +228,11 @@ def simulate_loop(
     log = control_log(p)
     if p.contacts is not None:
         moving, contact_log = run_contact(p, log, p.contacts)
-        return _result(p, log, moving, contact_log, late, "contacts")
+        found = _result(p, log, moving, contact_log, late, "contacts")
+        if friction is None:
+            return found
+        error = _friction_error(lambda number: problem(number, touching=True)[0], substeps, friction.output, moving)
+        return replace(found, error_estimate=error)
     path = "blocks" if in_blocks(p) else "steps"
     return _result(p, log, run_fast(p, log)[:, :: p.grid.per_point], None, late, path)
 
@@ -242,6 +250,22 @@ def _substeps(friction: CoulombFriction | None, stops: bool) -> int:
     """Return how many steps to take from one point of the grid to the next."""
     wanted = 1 if friction is None else friction.substeps
     return max(wanted, _STOP_SUBSTEPS) if stops else wanted
+
+
+def _friction_error(problem: Callable[[int], LoopProblem], substeps: int, slip: str, moving: Array) -> float:
+    """Return the estimated error of a slip [m], from runs with fewer substeps, or with two where there is one."""
+    error = 0.0
+    for number in {substeps // 2, 1} if substeps > 1 else {2}:
+        try:
+            other = problem(number)
+        except ValueError:  # too few for what moves there
+            number = 2 * substeps
+            other = problem(number)
+        assert other.contacts is not None
+        apart = (run_contact(other, control_log(other), other.contacts)[0] - moving)[other.plant.outputs.index(slip)]
+        share = 1.0 / abs((substeps / number) ** 2 - 1.0)  # of it that is this run's, if both fall by the second order
+        error = max(error, _CAUTION * share * float(np.abs(apart).max()))
+    return error
 
 
 def whole_steps(delay: float, h: float) -> tuple[int, float]:

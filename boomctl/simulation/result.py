@@ -71,7 +71,8 @@ class LoopResult(TimeSeries):
     error_estimate : float
         Estimated largest error of a hub-beam's tip displacement, and of its hub angle times the radius of the free end,
         m: the distance to the run with steps twice as long.  With quantised measurements it is that of the
-        motion under the controls given.  0 of linear plants.
+        motion under the controls given.  With friction, of the slip [m]: from runs with fewer
+        substeps, or with two where there is one.  0 of other linear plants.
     states : (n, states) ndarray or None
         Of a hub-beam, named as in ``to_nlsys()``; None of linear plants.
     """
@@ -108,7 +109,8 @@ class LoopResult(TimeSeries):
         last = f"\n  {listed(limited)}" if limited else ""
         if self._sampled is not None and (sides(np.linalg.eigvals(self._sampled), self.sample_time) > 0).any():
             last += "\n  unstable: the loop grows without bound, unless limits or stops hold it"
-        last += f"\n  error estimated {self.error_estimate:.1e} m" if self.states is not None else ""
+        known_error = self.states is not None or self.friction is not None
+        last += f"\n  error estimated {self.error_estimate:.1e} m" if known_error else ""
         return f"LoopResult: {span}; {controls}\n  outputs: {listed(list(self.outputs))}{last}"
 
     def __getitem__(self, name: str) -> Array:

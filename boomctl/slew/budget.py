@@ -21,7 +21,8 @@ from boomctl.arrays import Array
 THREAD = "boomctl-slew"  # name of the threads in which solvers run
 _POLL = 0.05  # [s] between two looks at clock and progress: a tenth of what a user notices
 _KEPT = 1e-6  # miss of scaled conditions from which an iteration counts as a slew: what a replay is held to
-_GRACE = 1.0  # [s] that an interrupt waits for the solver's next iteration; a longer iteration ends by itself, unheard
+# [s] that an interrupt, or the end of the time, waits for the solver's next iteration; a longer one ends by itself, unheard
+_GRACE = 1.0
 
 
 @dataclass(frozen=True)
@@ -203,8 +204,10 @@ def solved(
     try:
         while not done.wait(_POLL):
             budget.obey()
-            if budget.seconds > budget.limit and not watch.stop:
+            if budget.seconds > budget.limit:
                 over = watch.stop = True
+            if budget.seconds > budget.limit + _GRACE:
+                raise OutOfTime(stage)
             seen: Any = watch.seen  # of the other thread
             if budget.tell is not None and seen is not None and watch.iterations > told:
                 told, (cost, violation) = watch.iterations, seen

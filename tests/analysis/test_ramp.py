@@ -132,6 +132,21 @@ def test_a_hub_beam_with_any_mass_at_its_tip_and_its_certificate(model, damping)
     assert beside.proved
 
 
+@examples(100)
+@given(st.integers(0, 10_000))
+def test_the_certificate_is_of_the_loop_in_whatever_states_the_controller_is(seed):
+    """With states of sizes far apart: what is proved is found again in loops closed anew."""
+    rng = np.random.default_rng(seed)
+    family, omega, _ = springs(seed, rng.uniform(0.1, 0.8), low=0.02, high=0.3)
+    omega, scales = omega * 10.0 ** rng.uniform(0.3, 1.5), 10.0 ** rng.uniform(-4.0, 4.0, 2)
+    A, B, C = np.array([[0.0, 1.0], [-(omega**2), -omega]]), np.array([[0.0], [omega**2]]), np.array([[0.03, 0.0]])
+    signals = {"inputs": "place", "outputs": "force"}
+    given = ct.ss(A * scales / scales[:, None], B / scales[:, None], C * scales, 0.0, **signals)
+    found, plain = (bc.ramp_bound(family, each, tolerance=0.5) for each in (given, ct.ss(A, B, C, 0.0, **signals)))
+    assert found.proved == plain.proved
+    assert found.slack >= 0.0
+
+
 def test_a_loop_that_is_unstable_says_where():
     family, *_ = springs(3)
     push = ct.ss([], [], [], [[100.0]], inputs="place", outputs="force")

@@ -5,9 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from boomctl.rotating_beam import HubBeamParameters, SimulationError, free, hub_beam, sine_torque, spin_up, torque
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
+from tests.profiles import examples
+from tests.rotating_beam.chain import chain_tip
 from tests.rotating_beam.exact_cases import BAI, LOADED, SIMO, bent
 
 # -- small motion -----------------------------------------------------------------------------------------------------
@@ -212,6 +216,57 @@ def test_benchmark_rows_are_ordered_by_cost_and_error():
     exact = [row.error for row in measured if row.job.startswith("exact")]
     assert exact == sorted(exact, reverse=True)
     assert exact[-1] < 1e-8 < 1e-4 < measured[0].error < 1e-3
+
+
+# -- what polynomials leave out ----------------------------------------------------------------------------------------
+
+
+@examples(60)
+@given(st.floats(3.0, 9.0), st.floats(0.4, 1.0), st.integers(3, 5), st.floats(0.0, 1.0), st.floats(0.0, 0.3))
+def test_the_error_of_a_whip_is_that_of_its_polynomials_too(speed, duration, modes, radius, tip_mass):
+    """A spin-up that leaves the tip behind: few polynomials are wrong by up to a metre, and say so."""
+    p, whip = HubBeamParameters(hub_radius=radius, tip_mass=tip_mass), spin_up(speed, duration)
+    times = np.linspace(0.0, duration + 0.2, 30)
+    few, true = (GeometricallyExactBeam(p, n).simulate(whip, times, rtol=1e-4) for n in (modes, 2 * modes + 3))
+    error = np.abs(few.tip_displacement - true.tip_displacement).max()
+    assert error <= few.error_estimate + true.error_estimate
+    assert few.error_estimate <= 50.0 * error + 1e-3 * np.abs(true.tip_displacement).max()
+
+
+@examples(30)
+@given(st.floats(3.0, 7.0), st.floats(0.5, 1.0))
+def test_polynomials_are_added_where_none_were_asked_for(speed, duration):
+    whip, times = spin_up(speed, duration), np.linspace(0.0, duration + 0.3, 30)
+    beam = hub_beam(BAI, model="geometrically-exact")
+    found, true = (
+        beam.simulate(whip, times, rtol=1e-4),
+        GeometricallyExactBeam(BAI, 18).simulate(whip, times, rtol=1e-6),
+    )
+    error = np.abs(found.tip_displacement - true.tip_displacement).max()
+    assert error <= found.error_estimate + true.error_estimate
+    assert found.error_estimate <= 1e-4 * BAI.length
+    assert found.states.shape == (30, len(beam.state_names))
+    np.testing.assert_allclose(found.states[:, 0], found.hub_angle)
+    few = beam.with_tip_mass(0.0)  # what is made of it adds them too
+    assert np.abs(few.simulate(whip, times, rtol=1e-4).tip_displacement - found.tip_displacement).max() < 1e-12
+
+
+@pytest.mark.slow
+@examples(6)
+@given(st.floats(4.0, 7.0), st.floats(0.5, 1.2))
+def test_a_whip_moves_as_a_chain_of_links(speed, duration):
+    whip, times = spin_up(speed, duration), np.linspace(0.0, duration + 0.3, 30)
+    tip = hub_beam(BAI, model="geometrically-exact").simulate(whip, times, rtol=1e-4).tip_displacement
+    coarse, fine = (chain_tip(BAI, whip, times, links) for links in (30, 60))
+    limit = fine + (fine - coarse) / 3.0
+    assert np.abs(limit - tip).max() <= max(np.abs(limit - fine).max(), 1e-3 * BAI.length)
+
+
+def test_a_motion_that_no_polynomials_follow_says_so():
+    push = torque(lambda t: np.where(np.asarray(t) < 0.2, 300.0, 0.0), (0.2,))
+    with pytest.warns(UserWarning, match="not smooth enough"):
+        found = hub_beam(BAI, model="geometrically-exact").simulate(push, np.linspace(0.0, 0.3, 4), rtol=1e-9)
+    assert found.error_estimate > 1e-9 * np.abs(found.tip_displacement).max()
 
 
 # -- bad input --------------------------------------------------------------------------------------------------------

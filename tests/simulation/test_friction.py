@@ -47,6 +47,25 @@ def test_free_motion_fades_in_straight_lines_and_stops(x0):
     assert errors[2] < errors[0] / 10.0 + 1e-12
 
 
+@examples(100)
+@given(st.floats(0.02, 0.5), st.floats(0.5, 20.0), st.integers(40, 200), st.integers(1, 8), st.floats(-0.2, 0.2))
+def test_the_error_of_coarse_steps_is_estimated(x0, omega, points, substeps, speed):
+    """A mass on a spring that fades, or slides under a sine: against a closed form, and against steps 32 times as fine."""
+    plant, time = mass_on_spring(1.0, omega**2), np.linspace(0.0, 20.0 / omega, points)
+    free = {"sample_time": time[1], "initial": [x0, 0.0]}
+    found = simulate_loop(plant, None, None, time, friction=_law(0.05 * omega**2, substeps=substeps), **free)
+    off = np.abs(found["x"] - _fading(x0, time, omega**2, 1.0, 0.05 * omega**2)).max()
+    assert off <= 1.5 * found.error_estimate + 1e-12
+    push, free = {"f": 0.2 * omega**2 * np.sin(0.7 * omega * time)}, free | {"initial": [x0, speed * omega]}
+    found, fine = (
+        simulate_loop(plant, None, push, time, friction=_law(0.05 * omega**2, substeps=n), **free)
+        for n in (substeps, 32 * substeps)
+    )
+    off = np.abs(found["x"] - fine["x"]).max()
+    assert off <= 1.5 * found.error_estimate + 1e-12
+    assert "error estimated" in repr(found)
+
+
 def test_it_stays_where_the_spring_cannot_move_it():
     time = np.linspace(0.0, 1.0, 101)
     found = simulate_loop(
@@ -104,7 +123,7 @@ def test_break_away_under_a_growing_force(static):
     extra=st.floats(0.0, 5.0),
     stuck=st.booleans(),
 )
-@examples(300)
+@examples(100)
 def test_the_law(velocity, free, gain, force, extra, stuck):
     law = CoulombFriction(force, force + extra)
     step = friction_step(Slip(0.0 if stuck else velocity, stuck, None), free, gain, law)

@@ -5,18 +5,24 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.slew import SlewProgress, TorqueHistory, resolve
+from boomctl.slew.budget import Budget, OutOfTime, Watch, solved
 from boomctl.slew.linear import effort_guess
+from boomctl.slew.nlp import refinement
 from boomctl.slew.nlp.programme import prepare
 from boomctl.slew.nlp.transcription import Scheme
 from boomctl.slew.problem import Limits, slew_problem
+from tests.profiles import examples
 
 LONG = """
 import signal, sys
@@ -79,6 +85,40 @@ def test_the_time_limit_is_of_every_way(objective):
     duration = None if objective == "time" else 4.5
     with pytest.raises(bc.SlewError, match=r"time_limit = 0\.001 s"):  # no machine is as fast as that
         bc.optimal_slew(sfoam(), np.pi / 2, 200.0, objective, duration, time_limit=1e-3)
+
+
+@examples(20)
+@given(st.floats(0.05, 0.3))
+def test_an_iteration_that_takes_long_does_not_outlast_the_time(limit):
+    """A solver hears that it is to stop at its next iteration: that may be a minute away."""
+    freed = threading.Event()
+    watch = Watch(1, 1)
+    none = np.zeros(1)
+    begun = time.monotonic()
+    try:
+        with pytest.raises(OutOfTime, match="a long one"):
+            solved(lambda **_: freed.wait(20.0), watch, {"lbg": none, "ubg": none}, Budget(limit), "a long one")
+        assert limit < time.monotonic() - begun < limit + 3.0
+        assert watch.stop
+    finally:
+        freed.set()
+
+
+def test_all_the_time_is_for_the_first_slew_and_a_share_for_finer_ones(monkeypatch):
+    problem = slew_problem(sfoam(1), 1.0, Limits(200.0), "effort", 4.0, budget=Budget(1000.0))
+    limits = []
+
+    def noted(problem, guess, intervals, rough=False, order=None):
+        limits.append(problem.budget.limit)
+        if len(limits) < 3:
+            raise bc.SlewError("no slew on so coarse a mesh")
+        return once(problem, guess, intervals, rough, order)
+
+    once = refinement._solved
+    monkeypatch.setattr(refinement, "_solved", noted)
+    refinement.refined(problem, None)
+    assert limits[:3] == [1000.0] * 3
+    assert all(limit < 1000.0 for limit in limits[4:])
 
 
 @pytest.mark.slow

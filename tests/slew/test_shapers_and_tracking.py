@@ -1,5 +1,7 @@
 """Input shapers by their defining laws; the comparison; the following of a slew."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -44,6 +46,32 @@ def test_shaped_torque_turns_a_rigid_body(shape, name, angle):
     assert speed[-1] == pytest.approx(0.0, abs=1e-9)
     assert np.sum(0.5 * h * (speed[1:] + speed[:-1])) == pytest.approx(angle, rel=1e-8)
     assert torque.peak <= limit * (1.0 + 1e-3)
+
+
+@examples(300)
+@given(
+    st.sampled_from(["bang-bang", "smoothed", "versine", "constant", "smooth"]),
+    st.sampled_from(["none", "ZV", "ZVD", "EI"]),
+    st.floats(-9.0, 7.0),
+    st.one_of(st.floats(0.01, 10.0), st.fractions(0.25, 4.0, max_denominator=8).map(float)),
+)
+def test_a_shaped_torque_of_nanoseconds_or_months_turns_as_exactly(shape, name, decades, spacing):
+    """Sums in rational numbers: each instant is as exact as a double is, beside the duration, whatever that is."""
+    T = 10.0**decades
+    train = shaper(name, np.pi / (spacing * T))  # in step with the torque's own instants, or not
+    if shape in ("constant", "smooth"):
+        speed = T if shape == "constant" else 0.5 * T
+        torque, wanted = classical_spin_up(shape, train, speed, 1.0, 1.0), (Fraction(speed), None)
+    else:
+        angle = T * T * {"bang-bang": 0.25, "versine": 0.5 / np.pi, "smoothed": 0.2}[shape]
+        torque, wanted = classical_torque(shape, train, angle, 1.0, 1.0), (Fraction(0), Fraction(angle))
+    speed, turned = Fraction(0), Fraction(0)
+    edges, values = ([Fraction(float(x)) for x in each] for each in (torque.edges, torque.left))
+    for h, value in zip(np.diff(np.array(edges, dtype=object)), values, strict=True):
+        turned, speed = turned + h * (speed + value * h / 2), speed + value * h
+    assert abs(speed - wanted[0]) <= 1e-11 * torque.duration
+    assert wanted[1] is None or abs(turned - wanted[1]) <= 1e-11 * torque.duration * T
+    assert np.diff(torque.edges).min() > 0.9e-12 * torque.duration  # what coincides but for rounding is one instant
 
 
 @pytest.mark.slow

@@ -69,7 +69,7 @@ class BoxLoops:
         """
         instance("family", family, Family, "AffineFamily or PolynomialFamily")
         if not isinstance(controller, ScheduledController):
-            K = of(controller, "controller", "StateSpace or ScheduledController", any_time=True).balanced()
+            K = of(controller_at(family, controller, np.zeros(family.size)), any_time=True)
             if K.dt != 0.0:
                 raise ValueError(
                     f"controller: expected continuous time, got a sampling time of {exactly(K.dt)} s; of sampled loops "
@@ -122,9 +122,9 @@ class BoxLoops:
 def controller_at(
     family: Family, controller: control.StateSpace | ScheduledController, delta: Array
 ) -> control.StateSpace | Lti:
-    """Return a controller as it is at a point of the box."""
+    """Return a controller as it is at a point of the box, in the states that it has in `BoxLoops`."""
     if not isinstance(controller, ScheduledController):
-        return controller
+        return of(controller, "controller", "StateSpace or ScheduledController", any_time=True).balanced()
     return frozen(controller, family.values(delta)[controller.signal])
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, final
 
@@ -11,11 +11,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.rotating_beam.beam import HubBeam, SmallMotion
+from boomctl.progress import computing
+from boomctl.rotating_beam.beam import Enough, HubBeam, SmallMotion
 from boomctl.rotating_beam.chosen import ModelChoice
 from boomctl.rotating_beam.exact.basis import StrainBasis, strain_basis
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
-from boomctl.rotating_beam.exact.run import run_to_tolerance
+from boomctl.rotating_beam.exact.polynomials import (
+    MOST_POLYNOMIALS,
+    Followed,
+    Stepped,
+    left_out,
+    resized,
+    with_enough_polynomials,
+)
+from boomctl.rotating_beam.exact.run import Course, course, run_to_tolerance
 from boomctl.rotating_beam.exact.statics import (
     coupled_frequencies,
     critical_speed,
@@ -31,7 +40,6 @@ from boomctl.rotating_beam.result import Details, Motion
 if TYPE_CHECKING:
     from boomctl.rotating_beam.modal.forced import ForcedModes
 
-_MOST_MODES = 60  # polynomials a span: the series has converged to rounding long before
 _FIRST_STEP = 0.25  # of the second bending period: the coarsest step of a run, a choice
 _FIRST_STEP_ALONE = 0.0625  # of the first bending period, where there is no second one, which is about 6 times as fast
 _CHUNK = 500  # mass matrices held at once: a choice, to bound the memory
@@ -52,7 +60,9 @@ class GeometricallyExactBeam(HubBeam):
         The machine. Its damping ratio holds for small motion of the clamped beam at rest; the force is linear in
         the rates of strain.
     modes : int
-        Number of polynomials of curvature, and of stretch, on each span; 1 to 60.
+        Number of polynomials of curvature, and of stretch, on each span; 1 to 60. A motion has as many as are given, and
+        its error says what they leave out; where none are given it takes more until its tolerance holds, of which its
+        states have the first.
     chosen : record, optional
         What was chosen for its accuracy in a manoeuvre, and what was tried: see `hub_beam`.
 
@@ -68,13 +78,13 @@ class GeometricallyExactBeam(HubBeam):
     """
 
     parameters: HubBeamParameters
-    modes: int = 8
+    modes: int = Enough(8)
     model: str = field(default="geometrically-exact", init=False)
     chosen: ModelChoice | None = None
 
     @property
     def most_modes(self) -> int:
-        return _MOST_MODES
+        return MOST_POLYNOMIALS
 
     @property
     def has_axial_modes(self) -> bool:
@@ -159,15 +169,46 @@ class GeometricallyExactBeam(HubBeam):
     def _motion(
         self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
     ) -> Motion:
+        followed, stepped = self._followed(manoeuvre, timepts, start, tolerance[1])
+        if not isinstance(self.modes, Enough):
+            return followed(self.modes, tolerance[0])[0]
+        radius = float(np.sum(self.basis.tip_row))
+        return with_enough_polynomials(followed, stepped, self.modes, tolerance, radius)
+
+    def _error(self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], motion: Motion) -> float:
+        if isinstance(self.modes, Enough) or timepts[-1] == 0.0:
+            return motion.error
+        with computing("error of a motion"):
+            return motion.error + left_out(*self._followed(manoeuvre, timepts, start, motion.error), self.modes)
+
+    def _followed(
+        self, manoeuvre: Manoeuvre, timepts: Array, start: tuple[Array, Array], atol: float
+    ) -> tuple[Followed, Stepped]:
+        """Return what follows a motion with any number of polynomials: to a tolerance, and in given steps."""
         bending = self.frequencies_hz()
-        first_step = _FIRST_STEP / bending[1] if bending.size > 1 else _FIRST_STEP_ALONE / bending[0]
-        rtol, atol = tolerance
-        return run_to_tolerance(
-            self.dynamics, manoeuvre, timepts, start, first_step=float(first_step), rtol=rtol, atol=atol
-        )
+        first_step = float(_FIRST_STEP / bending[1] if bending.size > 1 else _FIRST_STEP_ALONE / bending[0])
+
+        def state(modes: int) -> tuple[Array, Array]:
+            return resized(start[0], self.modes, modes), resized(start[1], self.modes, modes)
+
+        def followed(modes: int, rtol: float) -> tuple[Motion, Course | None]:
+            dynamics, begin = self._of(modes).dynamics, state(modes)
+            tried = {"first_step": first_step, "rtol": rtol, "atol": atol}
+            return run_to_tolerance(dynamics, manoeuvre, timepts, begin, **tried)
+
+        def stepped(modes: int, step: float) -> Course:
+            return course(self._of(modes).dynamics, manoeuvre, timepts, state(modes), step)
+
+        return followed, stepped
+
+    def _of(self, modes: int) -> GeometricallyExactBeam:
+        """Return this beam with a number of polynomials."""
+        return self if modes == self.modes else replace(self, modes=modes)
 
     def _details(self, manoeuvre: Manoeuvre, timepts: Array, motion: Motion) -> Details:
-        dynamics, (q, v) = self.dynamics, motion.states()
+        q, v = motion.states()
+        modes = self.modes * (q.shape[1] - 1) // (self._size - 1)  # a motion may have more polynomials than its states
+        dynamics = self._of(modes).dynamics
         acceleration, torque, margin = _accelerations(dynamics, manoeuvre, timepts, q, v)
         extension = dynamics.extension(q)
         return Details(
@@ -181,7 +222,7 @@ class GeometricallyExactBeam(HubBeam):
             energy=dynamics.energy(q, v),
             angular_momentum=dynamics.momentum_and_force(q, v)[0][:, 0],
             mass_matrix_margin=margin,
-            states=np.hstack([q, v]),
+            states=np.hstack([resized(y, modes, self.modes) for y in (q, v)]),
         )
 
 

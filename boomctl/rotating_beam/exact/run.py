@@ -5,8 +5,10 @@ displacement and hub angle at the instants asked for, against those of a run wit
 steps the motion is interpolated by the Hermite polynomial of degree 11 through six of them.
 """
 
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
+from typing import final
 
 import numpy as np
 from numpy.polynomial.legendre import legder, legvander
@@ -21,7 +23,6 @@ _WINDOW = 6  # ends of steps that an interpolation goes through: of degree 11, b
 _LEAST_STEPS = 2 * _WINDOW  # between two corners: a choice
 _COINCIDENT = 1e-9  # fraction of a step within which an instant is the end of a step
 _MOST_STEPS = 300_000  # where a run is given up: a choice
-_CAUTION = 3.0  # a halved step is taken to divide the error by no more than 4; the order of the rule gives 256
 _PROBES = 513  # instants, besides those asked for, at which two runs must agree
 _LONG = (
     20_000  # steps of the first run from which a five-hundredth of it is run before, to tell whether the whole can be
@@ -30,6 +31,73 @@ _PILOT = 500.0
 _HOPELESS = 2.0  # times the most steps that this has to promise for a run to be refused: it may be the hardest part
 _STUCK = 0.7  # part of the last error above which a refinement has not lowered it
 _MOST_STUCK = 3  # refinements that do not lower the error before the run is given up
+
+
+class _TooMany(SimulationError):
+    """More steps than are taken."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A motion in steps of a length, at the instants asked for and at probes between them.
+
+    Attributes
+    ----------
+    probes : ndarray, k
+        Instants, s.
+    tip : ndarray, k
+        Position of the free end in the hub's axes, complex, m.
+    arm : ndarray, k
+        Hub angle times the undeformed free end's radius, m.
+    state : pair of ndarray, k x n
+        Coordinates and velocities.
+    trajectories : list of Trajectory
+        From one corner of the drive to the next.
+    steps : int
+    step : float
+        Longest step, s.
+    """
+
+    probes: Array
+    tip: Array
+    arm: Array
+    state: tuple[Array, Array]
+    trajectories: list[Trajectory]
+    steps: int
+    step: float
+
+    def apart(self, other: "Course") -> float:
+        """Return by how much the free end or the arm is elsewhere in another course at the same instants, m."""
+        return float(max(np.max(np.abs(self.tip - other.tip)), np.max(np.abs(self.arm - other.arm))))
+
+    def largest(self, radius: float) -> float:
+        """Return the largest displacement of a free end that stands at a radius, m."""
+        return float(np.max(np.abs(self.tip - radius)))
+
+
+def course(
+    dynamics: ExactBeamDynamics, manoeuvre: Manoeuvre, timepts: Array, state: tuple[Array, Array], step: float
+) -> Course:
+    """Integrate from t = 0 in steps of about a length [s].
+
+    Raises
+    ------
+    StepFailed
+        The steps are too long.
+    SimulationError
+        They are too many.
+    """
+    end = float(timepts[-1])
+    bounds = np.array([0.0, *(c for c in sorted(manoeuvre.breakpoints) if 0.0 < c < end), end])
+    counts = [_steps(start, stop, step, timepts) for start, stop in pairwise(bounds)]
+    if sum(counts) > _MOST_STEPS:
+        raise _TooMany(f"steps of {step:.2g} s: too many")
+    trajectories = _run(dynamics, manoeuvre, bounds, counts, state)
+    probes = np.union1d(timepts, np.linspace(0.0, end, _PROBES))
+    q, v = _at(trajectories, probes)
+    arm = q[:, 0] * float(np.sum(dynamics.basis.tip_row))
+    return Course(probes, dynamics.tip(q), arm, (q, v), trajectories, sum(counts), step)
 
 
 def run_to_tolerance(
@@ -41,7 +109,7 @@ def run_to_tolerance(
     first_step: float,
     rtol: float,
     atol: float,
-) -> Motion:
+) -> tuple[Motion, Course | None]:
     """Integrate from t = 0 to the last of the instants.
 
     Parameters
@@ -59,7 +127,8 @@ def run_to_tolerance(
 
     Returns
     -------
-    Motion
+    Motion, and the course of which it is part
+        No course where the last of the instants is 0.
 
     Raises
     ------
@@ -71,45 +140,41 @@ def run_to_tolerance(
         q, v = state[0][None], state[1][None]
         tip, states = dynamics.tip(q), partial(kept_states, q, v)
         until = _small_until(dynamics, timepts, tip, (q, v))
-        return Motion(np.imag(tip), until, states, 0.0, 0, ("initial state",))
+        return Motion(np.imag(tip), until, states, 0.0, 0, ("initial state",)), None
     if end / first_step > _LONG:
         tried = {"first_step": first_step, "rtol": rtol, "atol": atol}
-        pilot = run_to_tolerance(dynamics, manoeuvre, np.array([end / _PILOT]), state, **tried)
+        pilot, _ = run_to_tolerance(dynamics, manoeuvre, np.array([end / _PILOT]), state, **tried)
         if _PILOT * pilot.steps > _HOPELESS * _MOST_STEPS:
             raise SimulationError(
                 f"the motion until t = {end:g} s would take about {_PILOT * pilot.steps:.1e} steps; expected at most about "
                 f"{end * _MOST_STEPS / (_PILOT * pilot.steps):.2g} s, a larger rtol or atol, or another model"
             )
-    bounds = np.array([0.0, *(c for c in sorted(manoeuvre.breakpoints) if 0.0 < c < end), end])
-    probes = np.union1d(timepts, np.linspace(0.0, end, _PROBES))
     radius = float(np.sum(dynamics.basis.tip_row))
     step, previous, error, stuck = first_step, None, np.inf, 0
     while stuck < _MOST_STUCK:
-        counts = [_steps(start, stop, step, timepts) for start, stop in pairwise(bounds)]
-        if sum(counts) > _MOST_STEPS:
-            break
         try:
-            trajectories = _run(dynamics, manoeuvre, bounds, counts, state)
+            here = course(dynamics, manoeuvre, timepts, state, step)
         except StepFailed:
             previous, step = None, 0.5 * step
             continue
-        q, v = _at(trajectories, probes)
-        tip, arm = dynamics.tip(q), q[:, 0] * radius
+        except _TooMany:
+            break
         if previous is not None:
-            difference = float(max(np.max(np.abs(tip - previous[0])), np.max(np.abs(arm - previous[1]))))
-            stuck = stuck + 1 if difference / _CAUTION > _STUCK * error else 0
-            error = difference / _CAUTION
-            if error <= atol + rtol * float(np.max(np.abs(tip - radius))):
-                found = _at(trajectories, timepts)
-                return Motion(
+            difference = here.apart(previous)  # the error of twice the step, which is more than that of this one
+            stuck = stuck + 1 if difference > _STUCK * error else 0
+            error = difference
+            if error <= atol + rtol * here.largest(radius):
+                found = _at(here.trajectories, timepts)
+                motion = Motion(
                     tip=np.imag(dynamics.tip(found[0])),
-                    small_deformation_until=_small_until(dynamics, probes, tip, (q, v)),
+                    small_deformation_until=_small_until(dynamics, here.probes, here.tip, here.state),
                     states=partial(kept_states, *found),
                     error=error,
-                    steps=sum(counts),
+                    steps=here.steps,
                     path=("collocation of momenta",),
                 )
-        previous, step = (tip, arm), 0.5 * step
+                return motion, here
+        previous, step = here, 0.5 * step
     raise SimulationError(
         f"rtol = {rtol:g}, atol = {atol:g}: not reached with steps of {2.0 * step:.2g} s "
         f"(error about {error:.2g} m); expected looser tolerances, or a smoother motion"

@@ -31,7 +31,8 @@ class CoulombFriction:
     output : str
         Name of the slip: the displacement on which that force does work.
     substeps : int
-        Number of steps of the computation from one instant asked for to the next.
+        Number of steps of the computation from one instant asked for to the next; the result's ``error_estimate`` tells
+        whether they are enough.
 
     Attributes
     ----------

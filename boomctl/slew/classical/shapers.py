@@ -19,6 +19,7 @@ from boomctl.printing import compact
 from boomctl.slew.torque import TorqueHistory, held
 
 _RISE = 0.1  # share of the duration in which a smoothed bang-bang rises: as Junkins, Rahman and Bang (1991)
+_APART = 1e-12  # share of the duration below which two instants are one: rounding
 _INTERVALS = 200  # on which a smooth torque is held: its steps are a hundredth of the limit
 
 
@@ -265,6 +266,7 @@ def _convolved(edges: Array, values: Array, train: Shaper) -> TorqueHistory:
     times = (edges[None, :] + train.times[:, None]).ravel()
     steps = (train.amplitudes[:, None] * jumps[None, :]).ravel()
     order = np.argsort(times, kind="stable")
-    knots, first = np.unique(np.round(times[order], 12), return_index=True)
+    ascending = times[order]
+    first = np.flatnonzero(np.diff(ascending, prepend=-ascending[-1]) > _APART * ascending[-1])
     total = np.add.reduceat(steps[order], first)
-    return held(knots, np.cumsum(total)[:-1])
+    return held(ascending[first], np.cumsum(total)[:-1])

@@ -76,9 +76,8 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
             return Refined(programme, solution, np.inf, (*path, f"out of time: {over}"), motions)
         return Refined(programme, solution, gap, path, motions)
     best: list[Refined] = []
-    budget = problem.budget
     try:
-        return _on_finer_meshes(replace(problem, budget=replace(budget, limit=_SEARCH * budget.limit)), least, best)
+        return _on_finer_meshes(problem, least, best)
     except OutOfTime as over:
         if not best:
             raise
@@ -98,7 +97,10 @@ def refined(problem: SlewProblem, least: TorqueHistory | None) -> Refined:
 def _on_finer_meshes(problem: SlewProblem, least: TorqueHistory | None, best: list[Refined]) -> Refined:
     """Solve on finer and finer meshes; all that is solved on the way is entered in `best`."""
     cost, failure, before, path, coarser = np.inf, SlewError("no mesh was tried"), np.inf, (), None
+    whole = problem.budget
     for intervals in _MESHES:
+        if best:  # there is something to fall back on
+            problem = replace(problem, budget=replace(whole, limit=_SEARCH * whole.limit))
         last, path = intervals == _MESHES[-1], (*path, f"{problem.method} on {intervals} intervals")
         try:
             guess = _guess(problem, least, coarser, intervals)
