@@ -31,6 +31,7 @@ _UNSEEN = 1e-2  # share of the largest gain that a look at even intervals may mi
 # a resonance makes a thousand times as much of what functions differ by, which is a motion's own tolerance
 _BELONGING = 1e-11  # of how far a function goes, by which it may differ from the integral of its slope (measured)
 _ROUNDING = 16.0 * np.finfo(float).eps  # of the largest value: what a user's function may be off (a choice)
+_ONE = 1e-12  # of the whole time: two instants nearer than that are one, and no step lies between them (a choice)
 _SPLIT = 16  # parts of an interval on which a slope's integral is not exact enough: a choice
 _MOST_PARTS = 2**18  # that are looked at side by side, a quarter of a second (measured)
 
@@ -231,8 +232,11 @@ class HubProfile(PrescribedMotion):
         looked_at = np.unique(np.concatenate([edges, *short]))
         self._agree("angle", "speed", looked_at)
         self._agree("speed", "acceleration", looked_at)
-        inside = np.concatenate([self.breakpoints, *short])
-        return replace(self, breakpoints=tuple(float(t) for t in np.unique(inside))) if short else self
+        if not short:
+            return self
+        inside = np.unique(np.concatenate([self.breakpoints, *short]))
+        inside = inside[np.diff(inside, prepend=-np.inf) > _ONE * end]
+        return replace(self, breakpoints=tuple(inside.tolist()))
 
     def _agree(self, name: str, slope: str, edges: Array) -> None:
         """Refuse a function that is not the integral of another: between some instants and at places within.

@@ -7,7 +7,7 @@ from math import pi, sqrt
 import numpy as np
 
 from boomctl.rotating_beam.factory import hub_beam
-from boomctl.rotating_beam.manoeuvres import hold, sine_torque, spin_up
+from boomctl.rotating_beam.manoeuvres import hold, hub_profile, sine_torque, spin_up
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.stress.case import Case, Seen, each_relative
 from boomctl.stress.references import clamped_free_frequencies, rotating_frequencies
@@ -63,6 +63,9 @@ def _units_and_motion() -> Iterator[Case]:
         # the models differ by the square of speed over first frequency, 2.9 rad/s
         promise = max(1e-6, 2.0 * (speed / 2.9) ** 2)
         yield Case(_AREA, what, f"to {speed:g} rad/s", promise, measure, _slow_spin_up, (speed,), seconds=60.0)
+    for off in (1e-2, 1e-4, 1e-6, 1e-8, 1e-12):
+        what, measure = "a profile whose acceleration is off", "of the largest deflection, the profile itself"
+        yield Case(_AREA, what, f"by {off:g} of it", 1e-8, measure, _profile_off, (off,))
     for amplitude in (1e-6, 1e-2, 1.0):
         what, measure = "SFOAM under a sine of torque", "of the largest, python-control on its linear model"
         promise = max(1e-5, 1e-4 * amplitude**2)
@@ -171,6 +174,17 @@ def _slow_spin_up(speed: float) -> Seen:
     grid = np.linspace(0.0, 40.0, 201)
     runs = [hub_beam(model=m, modes=2).simulate(spin_up(speed, 30.0), grid).tip_displacement for m in ("tlam", "foam")]
     return Seen(float(np.abs(runs[0] - runs[1]).max() / np.abs(runs[1]).max()))
+
+
+def _profile_off(off: float) -> Seen:
+    beam, grid = hub_beam(modes=2), np.linspace(0.0, 20.0, 201)
+    exact, other = (
+        beam.simulate(
+            hub_profile(lambda t: 1.0 - np.cos(t), np.sin, lambda t, z=z: z * np.cos(t)), grid
+        ).tip_displacement
+        for z in (1.0, 1.0 + off)
+    )
+    return Seen(float(np.abs(other - exact).max() / np.abs(exact).max()))
 
 
 def _small_torque(amplitude: float) -> Seen:
