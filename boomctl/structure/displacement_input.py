@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from boomctl.arrays import Array, Matrix
+from boomctl.arrays import Array, Matrix, combined
 from boomctl.checks import instance, known, mapping, names, truth
 from boomctl.structure.elimination import Elimination, eliminate
 from boomctl.structure.layout import Layout
@@ -156,9 +156,9 @@ class _Prescribed:
         R, N = left.layout.R.T, left.layout.N.T
         return np.array(
             [
-                R @ (weights.k[:, None] * right.layout.R),
-                R @ (weights.c[:, None] * right.layout.R),
-                N @ (weights.m[:, None] * right.layout.N),
+                combined(R, weights.k[:, None] * right.layout.R),
+                combined(R, weights.c[:, None] * right.layout.R),
+                combined(N, weights.m[:, None] * right.layout.N),
             ]
         )
 
@@ -169,7 +169,7 @@ class _Prescribed:
         B, L, E = force.B.copy(), force.L, force.E.copy()
         places = [kept.index(name) for name in self.moved]
         B[:, :, places] = -self.blocks(self.moving, self.imposed)[:, :, : len(places)]
-        E[:, :, places] = old.L @ T_d[:, : len(places)]
+        E[:, :, places] = [combined(lines, T_d[:, : len(places)]) for lines in old.L]
         outputs, bandwidths, both = old.outputs, old.bandwidths, self.moved + self.held
         felt = old.E[0][:, [old.inputs.index(name) for name in both]]
         tensions, strains = old.tensions, None

@@ -39,7 +39,8 @@ class _Signal:
 class _Dynamics:
     """State equation, coordinates and inputs with derivatives, and the coefficients of the derivatives not there.
 
-    ``missing`` is ``(G, H, G2)``: q' lacks ``G d'``; q'' lacks ``H d' + G2 d''``.
+    ``missing`` is ``(G, H, G2)``: q' lacks ``G d'``; q'' lacks ``H d' + G2 d''``.  ``terms`` are the sizes of what each was
+    made of.
     """
 
     A: Array
@@ -47,6 +48,7 @@ class _Dynamics:
     q: tuple[_Signal, _Signal, _Signal]
     d: tuple[_Signal, _Signal, _Signal]
     missing: tuple[Array, Array, Array]
+    terms: tuple[Array, Array, Array]
 
 
 def realize(structure: Structure, ports: Ports) -> Lti:
@@ -58,7 +60,7 @@ def realize(structure: Structure, ports: Ports) -> Lti:
         The mass matrix is singular, or an output needs a derivative of an input that is not there.
     """
     dynamics = _dynamics(structure, ports)
-    _check_proper(ports, dynamics.missing)
+    _check_proper(ports, dynamics.missing, dynamics.terms)
     A, B, y, filter_states = _filtered(ports, dynamics.A, dynamics.B, _outputs(ports, dynamics.q, dynamics.d))
     states = [f"{name}.x1" for name in structure.coordinates] + [f"{name}.x2" for name in structure.coordinates]
     for name, count in zip(ports.inputs, ports.integrators, strict=True):
@@ -104,7 +106,17 @@ def _dynamics(structure: Structure, ports: Ports) -> _Dynamics:
     A[:n], B[:n] = rate.X, rate.U
     A[n : 2 * n], B[n : 2 * n] = acceleration.X, acceleration.U
     _integrators(A, B, order, 2 * n)
-    return _Dynamics(A, B, (q, rate, acceleration), d, (G, H, G + G_velocity))
+    missing = G, H, G + G_velocity
+    return _Dynamics(A, B, (q, rate, acceleration), d, missing, _terms(missing, ports, C, solve))
+
+
+def _terms(missing: tuple[Array, Array, Array], ports: Ports, C: Array, solve: Solve) -> tuple[Array, Array, Array]:
+    """Return sizes of what the coefficients of missing derivatives were made of; zeros where no output reads any."""
+    if not (any(part.any() for part in missing) and ports.L[1:].any()):
+        return missing
+    order, reach = np.array(ports.integrators, dtype=int), np.abs(solve(np.eye(len(C))))
+    G, G2 = (reach @ np.abs(ports.B[2] * kept) for kept in (order == 0, order < 2))
+    return G, reach @ (np.abs(ports.B[1] * (order == 0)) + np.abs(C) @ G), G2
 
 
 def _input_signals(order: Array, n: int, size: int) -> tuple[_Signal, _Signal, _Signal]:
@@ -148,7 +160,7 @@ def _outputs(
     return now + later[0], later[1], later[2]
 
 
-def _check_proper(ports: Ports, missing: tuple[Array, Array, Array]) -> None:
+def _check_proper(ports: Ports, missing: tuple[Array, Array, Array], terms: tuple[Array, Array, Array]) -> None:
     """Raise where an unfiltered output needs a derivative of an input that the realisation does not have."""
     G, H, G2 = missing
     order = np.array(ports.integrators, dtype=int)
@@ -157,8 +169,9 @@ def _check_proper(ports: Ports, missing: tuple[Array, Array, Array]) -> None:
     once, twice = L1 @ G + L2 @ H + E1, L2 @ G2 + E2
     if not (once.any() or twice.any()):
         return
-    size_once = np.abs(L1) @ np.abs(G) + np.abs(L2) @ np.abs(H) + np.abs(E1)
-    size_twice = np.abs(L2) @ np.abs(G2) + np.abs(E2)
+    G, H, G2 = terms
+    size_once = np.abs(L1) @ G + np.abs(L2) @ H + np.abs(E1)
+    size_twice = np.abs(L2) @ G2 + np.abs(E2)
     for o, output in enumerate(ports.outputs):
         if ports.bandwidths[o] is not None:
             continue
