@@ -156,9 +156,9 @@ class _Prescribed:
         R, N = left.layout.R.T, left.layout.N.T
         return np.array(
             [
-                combined(R, weights.k[:, None] * right.layout.R),
-                combined(R, weights.c[:, None] * right.layout.R),
-                combined(N, weights.m[:, None] * right.layout.N),
+                R @ (weights.k[:, None] * right.layout.R),
+                R @ (weights.c[:, None] * right.layout.R),
+                N @ (weights.m[:, None] * right.layout.N),
             ]
         )
 
@@ -169,7 +169,7 @@ class _Prescribed:
         B, L, E = force.B.copy(), force.L, force.E.copy()
         places = [kept.index(name) for name in self.moved]
         B[:, :, places] = -self.blocks(self.moving, self.imposed)[:, :, : len(places)]
-        E[:, :, places] = [combined(lines, T_d[:, : len(places)]) for lines in old.L]
+        E[:, :, places] = combined(old.L.reshape(-1, len(T_d)), T_d[:, : len(places)]).reshape(*E.shape[:2], -1)
         outputs, bandwidths, both = old.outputs, old.bandwidths, self.moved + self.held
         felt = old.E[0][:, [old.inputs.index(name) for name in both]]
         tensions, strains = old.tensions, None

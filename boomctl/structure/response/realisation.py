@@ -5,6 +5,7 @@ For a displacement input (``u = d``) the states are those of Anthonis & Ramon (2
 (``u = d'``) or the acceleration (``u = d''``) is imposed, ``d`` and ``d'`` become states as well.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -40,7 +41,7 @@ class _Dynamics:
     """State equation, coordinates and inputs with derivatives, and the coefficients of the derivatives not there.
 
     ``missing`` is ``(G, H, G2)``: q' lacks ``G d'``; q'' lacks ``H d' + G2 d''``.
-    ``felt`` is how much of ``d'`` and ``d''`` each output could feel (outputs, inputs), by the size of its row and of the
+    ``felt`` tells how much of ``d'`` and ``d''`` each output could feel (outputs, inputs), by the size of its row and of the
     input's columns in terms of kinetic energy: what is far below it is rounding.
     """
 
@@ -49,7 +50,7 @@ class _Dynamics:
     q: tuple[_Signal, _Signal, _Signal]
     d: tuple[_Signal, _Signal, _Signal]
     missing: tuple[Array, Array, Array]
-    felt: tuple[Array, Array]
+    felt: Callable[[], tuple[Array, Array]]
 
 
 def realize(structure: Structure, ports: Ports) -> Lti:
@@ -96,7 +97,8 @@ def _dynamics(structure: Structure, ports: Ports) -> _Dynamics:
     B0, B1, B2 = ports.B
     K, C = dense(structure.K), dense(structure.C)
     G = solve(B2 * (order == 0))
-    H = solve((B1 - C @ G) * (order == 0))
+    resisted = C @ G
+    H = solve((B1 - resisted) * (order == 0))
     G_velocity = solve(B2 * (order == 1))
     q = _Signal(x1, np.zeros((n, m))) + d[0].through(G)
     rate = _Signal(x2, np.zeros((n, m))) + d[0].through(H) + d[1].through(G_velocity)
@@ -107,7 +109,7 @@ def _dynamics(structure: Structure, ports: Ports) -> _Dynamics:
     A[:n], B[:n] = rate.X, rate.U
     A[n : 2 * n], B[n : 2 * n] = acceleration.X, acceleration.U
     _integrators(A, B, order, 2 * n)
-    return _Dynamics(A, B, (q, rate, acceleration), d, (G, H, G + G_velocity), _felt(ports, C @ G, solve))
+    return _Dynamics(A, B, (q, rate, acceleration), d, (G, H, G + G_velocity), partial(_felt, ports, resisted, solve))
 
 
 def _felt(ports: Ports, resisted: Array, solve: Solve) -> tuple[Array, Array]:
@@ -166,7 +168,7 @@ def _outputs(
     return now + later[0], later[1], later[2]
 
 
-def _check_proper(ports: Ports, missing: tuple[Array, Array, Array], felt: tuple[Array, Array]) -> None:
+def _check_proper(ports: Ports, missing: tuple[Array, Array, Array], felt: Callable[[], tuple[Array, Array]]) -> None:
     """Raise where an unfiltered output needs a derivative of an input that the realisation does not have."""
     G, H, G2 = missing
     order = np.array(ports.integrators, dtype=int)
@@ -175,7 +177,7 @@ def _check_proper(ports: Ports, missing: tuple[Array, Array, Array], felt: tuple
     once, twice = L1 @ G + L2 @ H + E1, L2 @ G2 + E2
     if not (once.any() or twice.any()):
         return
-    size_once, size_twice = felt
+    size_once, size_twice = felt()
     for o, output in enumerate(ports.outputs):
         if ports.bandwidths[o] is not None:
             continue
