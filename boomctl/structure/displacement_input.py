@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from boomctl.arrays import Array, Matrix
+from boomctl.arrays import Array, Matrix, combined
 from boomctl.checks import instance, known, mapping, names, truth
 from boomctl.structure.elimination import Elimination, eliminate
 from boomctl.structure.layout import Layout
@@ -169,7 +169,9 @@ class _Prescribed:
         B, L, E = force.B.copy(), force.L, force.E.copy()
         places = [kept.index(name) for name in self.moved]
         B[:, :, places] = -self.blocks(self.moving, self.imposed)[:, :, : len(places)]
-        E[:, :, places] = old.L @ T_d[:, : len(places)]
+        E[:, :, places] = combined(old.L.reshape(-1, len(T_d)), T_d[:, : len(places)]).reshape(
+            *E.shape[:2], len(places)
+        )
         outputs, bandwidths, both = old.outputs, old.bandwidths, self.moved + self.held
         felt = old.E[0][:, [old.inputs.index(name) for name in both]]
         tensions, strains = old.tensions, None

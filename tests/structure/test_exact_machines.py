@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from dataclasses import replace
 from math import cos, sin
 
 import numpy as np
@@ -75,6 +76,27 @@ def test_a_machine_is_what_its_multipliers_say(seed):
                 continue
         count = len(outputs)
         assert off(state_space_response(system, OMEGA), true[:count], sizes[:count]) < 1e-6
+
+
+@given(seeds)
+@examples(200)
+def test_accelerations_that_need_no_derivative_are_realised_and_others_refused(seed):
+    """They need one where the exact response to a displacement still grows at the highest frequencies."""
+    machine, description, moved, held = drawn(seed, beams=0.0)
+    fast = np.array([2.0**130, 2.0**131])
+    expected = response(machine, moved, held, fast)
+    if expected is None or not moved:
+        return
+    size = fast**2 * np.abs(expected[1][: len(machine.outputs)])
+    grows = bool((size[:, :, 1] > 1.5 * size[:, :, 0]).any())
+    read = replace(description, outputs=tuple(replace(output, derivative=2) for output in description.outputs))
+    names = ([f"f{i}" for i in group] for group in (moved, held))
+    model = prescribe_displacement(read.assemble(), *names)
+    if not grows:
+        assert model.to_statespace().nstates == 2 * model.n
+        return
+    with pytest.raises(ValueError, match="needs a derivative of input"):
+        model.to_statespace()
 
 
 @given(seeds)

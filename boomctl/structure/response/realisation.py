@@ -5,6 +5,7 @@ For a displacement input (``u = d``) the states are those of Anthonis & Ramon (2
 (``u = d'``) or the acceleration (``u = d''``) is imposed, ``d`` and ``d'`` become states as well.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -40,6 +41,8 @@ class _Dynamics:
     """State equation, coordinates and inputs with derivatives, and the coefficients of the derivatives not there.
 
     ``missing`` is ``(G, H, G2)``: q' lacks ``G d'``; q'' lacks ``H d' + G2 d''``.
+    ``felt`` tells how much of ``d'`` and ``d''`` each output could feel (outputs, inputs), by the size of its row and of the
+    input's columns in terms of kinetic energy: what is far below it is rounding.
     """
 
     A: Array
@@ -47,6 +50,7 @@ class _Dynamics:
     q: tuple[_Signal, _Signal, _Signal]
     d: tuple[_Signal, _Signal, _Signal]
     missing: tuple[Array, Array, Array]
+    felt: Callable[[], tuple[Array, Array]]
 
 
 def realize(structure: Structure, ports: Ports) -> Lti:
@@ -58,7 +62,7 @@ def realize(structure: Structure, ports: Ports) -> Lti:
         The mass matrix is singular, or an output needs a derivative of an input that is not there.
     """
     dynamics = _dynamics(structure, ports)
-    _check_proper(ports, dynamics.missing)
+    _check_proper(ports, dynamics.missing, dynamics.felt)
     A, B, y, filter_states = _filtered(ports, dynamics.A, dynamics.B, _outputs(ports, dynamics.q, dynamics.d))
     states = [f"{name}.x1" for name in structure.coordinates] + [f"{name}.x2" for name in structure.coordinates]
     for name, count in zip(ports.inputs, ports.integrators, strict=True):
@@ -93,7 +97,8 @@ def _dynamics(structure: Structure, ports: Ports) -> _Dynamics:
     B0, B1, B2 = ports.B
     K, C = dense(structure.K), dense(structure.C)
     G = solve(B2 * (order == 0))
-    H = solve((B1 - C @ G) * (order == 0))
+    resisted = C @ G
+    H = solve((B1 - resisted) * (order == 0))
     G_velocity = solve(B2 * (order == 1))
     q = _Signal(x1, np.zeros((n, m))) + d[0].through(G)
     rate = _Signal(x2, np.zeros((n, m))) + d[0].through(H) + d[1].through(G_velocity)
@@ -104,7 +109,22 @@ def _dynamics(structure: Structure, ports: Ports) -> _Dynamics:
     A[:n], B[:n] = rate.X, rate.U
     A[n : 2 * n], B[n : 2 * n] = acceleration.X, acceleration.U
     _integrators(A, B, order, 2 * n)
-    return _Dynamics(A, B, (q, rate, acceleration), d, (G, H, G + G_velocity))
+    return _Dynamics(A, B, (q, rate, acceleration), d, (G, H, G + G_velocity), partial(_felt, ports, resisted, solve))
+
+
+def _felt(ports: Ports, resisted: Array, solve: Solve) -> tuple[Array, Array]:
+    """Return how much of ``d'`` and ``d''`` outputs could feel; ``resisted`` are the dampers' forces on ``G``."""
+    order = np.array(ports.integrators, dtype=int)
+    E1, E2 = np.abs(ports.E[1] * (order < 1)), np.abs(ports.E[2] * (order < 2))
+    if not ports.L[1:].any():
+        return E1, E2
+
+    def size(columns: Array) -> Array:
+        return np.sqrt(np.abs(np.einsum("ij,ij->j", columns, solve(columns))))
+
+    L1, L2 = (size(lines.T)[:, None] for lines in ports.L[1:])
+    driven = size(ports.B[1] * (order == 0)) + size(resisted)
+    return L1 * size(ports.B[2] * (order == 0)) + L2 * driven + E1, L2 * size(ports.B[2] * (order < 2)) + E2
 
 
 def _input_signals(order: Array, n: int, size: int) -> tuple[_Signal, _Signal, _Signal]:
@@ -148,7 +168,7 @@ def _outputs(
     return now + later[0], later[1], later[2]
 
 
-def _check_proper(ports: Ports, missing: tuple[Array, Array, Array]) -> None:
+def _check_proper(ports: Ports, missing: tuple[Array, Array, Array], felt: Callable[[], tuple[Array, Array]]) -> None:
     """Raise where an unfiltered output needs a derivative of an input that the realisation does not have."""
     G, H, G2 = missing
     order = np.array(ports.integrators, dtype=int)
@@ -157,16 +177,15 @@ def _check_proper(ports: Ports, missing: tuple[Array, Array, Array]) -> None:
     once, twice = L1 @ G + L2 @ H + E1, L2 @ G2 + E2
     if not (once.any() or twice.any()):
         return
-    size_once = np.abs(L1) @ np.abs(G) + np.abs(L2) @ np.abs(H) + np.abs(E1)
-    size_twice = np.abs(L2) @ np.abs(G2) + np.abs(E2)
+    size_once, size_twice = felt()
     for o, output in enumerate(ports.outputs):
         if ports.bandwidths[o] is not None:
             continue
         for value, size, wanted in ((twice, size_twice, "acceleration"), (once, size_once, "velocity or acceleration")):
-            felt = np.flatnonzero((np.abs(value[o]) > _FELT * size[o]) & moved)
-            if len(felt):
+            needed = np.flatnonzero((np.abs(value[o]) > _FELT * size[o]) & moved)
+            if len(needed):
                 raise ValueError(
-                    f"output {output!r} needs a derivative of input {ports.inputs[felt[0]]!r}: impose its {wanted},"
+                    f"output {output!r} needs a derivative of input {ports.inputs[needed[0]]!r}: impose its {wanted},"
                     " give the output a bandwidth, or leave one of them out"
                 )
 
