@@ -107,7 +107,8 @@ def main() -> None:
     except (OSError, ArithmeticError, ImportError, RuntimeError) as error:
         if isinstance(error, NotImplementedError | RecursionError):
             raise
-        _fail(str(error), 1)
+        absent = isinstance(error, ModuleNotFoundError) and error.name == "mpmath"  # its references are in sixty digits
+        _fail("mpmath is not installed: pip install 'boomctl[lab]'" if absent else str(error), 1)
     except KeyboardInterrupt:
         if any(thread.name == "boomctl-slew" for thread in threading.enumerate()):  # a solver's last iteration, unheard
             print("boomctl: interrupted", file=sys.stderr, flush=True)
