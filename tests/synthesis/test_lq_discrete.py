@@ -170,6 +170,14 @@ def test_a_filter_of_a_servo_is_exact_state_by_state_however_little_noise_reache
     assert np.abs(found.poles).max() < 1.0
 
 
+def test_the_certificate_says_which_solver_answered():
+    plant = control.ss(1.5, 1.0, 1.0, 0.0, 0.1)
+    assert bc.lqr(plant, 1.0, 1.0).certificate.riccati.path == ("structure-preserving doubling",)
+    mirrored = bc.lqr(plant, 0.0, 1.0)
+    assert mirrored.certificate.riccati.path == ("structure-preserving doubling", "SciPy, extended pencil")
+    assert mirrored.poles == pytest.approx(1.0 / 1.5)
+
+
 def test_fast_sampling_comes_near_the_continuous_regulator():
     mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
     exact = bc.lqr(mass, None, 1.0, output_weight={"place": 1.0}).gain
