@@ -33,12 +33,14 @@ def elastic(frequencies: Array) -> Array:
 def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -> Lti:
     """Return the state-space form of a structure over undamped modes, projected through its strain rows if it has them.
 
-    What a rigid-body mode strains, and where nothing else damps it its damping, is zero and not rounding.
+    What a rigid-body mode strains, what inertia it shares with elastic ones, and where nothing else damps it its damping,
+    is zero and not rounding.
     """
     names = tuple(f"mode{i + 1}" for i in range(V.shape[1]))
     moved, rigid = structure.projected(V, names), ~elastic(frequencies)
     if rigid.any():
-        C, K = moved.C.copy(), moved.K.copy()
+        M, C, K = moved.M.copy(), moved.C.copy(), moved.K.copy()
+        M[np.ix_(rigid, ~rigid)], M[np.ix_(~rigid, rigid)] = 0.0, 0.0
         if is_symmetric(C):  # motions that dampers resist apart from those that nothing resists
             apart = np.eye(len(C))
             apart[np.ix_(rigid, rigid)] = linalg.eigh(C[np.ix_(rigid, rigid)])[1]
@@ -47,7 +49,7 @@ def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -
         size = np.sqrt(np.abs(np.diag(C)))
         undamped = rigid & (size <= _UNFELT * size.max())
         C[undamped], C[:, undamped] = 0.0, 0.0
-        moved = Structure(names, (moved.M, C, K))
+        moved = Structure(names, (M, C, K))
     return realize(moved, ports.congruent(V))
 
 
