@@ -15,6 +15,7 @@ from boomctl.analysis.measured import read_measured_curve
 from boomctl.analysis.modes import mode_table
 from boomctl.analysis.norm import hinf_norm
 from boomctl.analysis.nyquist import exact_loop_stability
+from boomctl.analysis.prove import prove
 from boomctl.analysis.sampled_loops.sampled_norm import sampled_norm
 from boomctl.analysis.sampled_loops.sampled_plant import sample_plant
 from boomctl.analysis.sigma import compare_sigma, sigma
@@ -161,6 +162,7 @@ __all__ = [
     "performance",
     "platform_density",
     "platform_motion",
+    "prove",
     "pzmap",
     "ramp_bound",
     "read_controller",

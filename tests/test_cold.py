@@ -7,13 +7,24 @@ import sys
 import pytest
 
 COMMAND = "from boomctl.cli import main"
-HEAVY = {"numpy", "scipy", "control", "slycot", "casadi", "matplotlib", "mpmath", "rich"}
-BOOM = {"control", "slycot", "casadi", "matplotlib", "mpmath", "rich", "tomllib", "scipy.optimize", "scipy.signal"}
+HEAVY = {"numpy", "scipy", "control", "slycot", "casadi", "matplotlib", "mpmath", "flint", "rich"}
+BOOM = {
+    "control",
+    "slycot",
+    "casadi",
+    "matplotlib",
+    "mpmath",
+    "flint",
+    "rich",
+    "tomllib",
+    "scipy.optimize",
+    "scipy.signal",
+}
 BOOM |= {"scipy.integrate", "scipy.interpolate", "scipy.special", "boomctl.rotating_beam", "boomctl.synthesis"}
-LOOP = {"control", "casadi", "matplotlib", "mpmath", "rich", "scipy.signal", "scipy.integrate"}
+LOOP = {"control", "casadi", "matplotlib", "mpmath", "flint", "rich", "scipy.signal", "scipy.integrate"}
 COST = "output_weight={'tip_left': 1.0, 'tip_right': 1.0}, controls=['suspension_left']"
 NOISE = "{'actuator_left': 1.0}, 1.0, measurements=['stroke_left']"
-BEAM = {"control", "slycot", "casadi", "matplotlib", "mpmath", "rich", "scipy.signal", "scipy.sparse"}
+BEAM = {"control", "slycot", "casadi", "matplotlib", "mpmath", "flint", "rich", "scipy.signal", "scipy.sparse"}
 BEAM |= {"boomctl.boom", "boomctl.structure", "boomctl.analysis", "boomctl.synthesis", "boomctl.slew"}
 
 

@@ -82,6 +82,7 @@ reveal_type(fitted.unseen)
 reveal_type(fitted.plot())
 reveal_type(bc.hinf_norm(plant))
 reveal_type(bc.h2_norm(plant).value)
+reveal_type(bc.prove(bc.hinf_norm(plant)).proved)
 reveal_type(bc.mode_table(m).rows[0].damping)
 
 # reduction

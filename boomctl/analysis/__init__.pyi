@@ -20,6 +20,7 @@ from boomctl.analysis.measured import MeasuredCurve, read_measured_curve
 from boomctl.analysis.modes import ModeRow, ModeTable, mode_table
 from boomctl.analysis.norm import NormCertificate, hinf_norm
 from boomctl.analysis.nyquist import ExactLoopStability, exact_loop_stability
+from boomctl.analysis.prove import prove
 from boomctl.analysis.sampled_loops.sampled_norm import sampled_norm
 from boomctl.analysis.sampled_loops.sampled_plant import sample_plant
 from boomctl.analysis.sigma import SigmaComparison, SigmaResult, compare_sigma, sigma
@@ -58,6 +59,7 @@ __all__ = [
     "margins",
     "mode_table",
     "nyquist",
+    "prove",
     "pzmap",
     "ramp_bound",
     "read_measured_curve",

@@ -1,28 +1,27 @@
 """Certified H2 norms.
 
-In modal coordinates that answer for their rounding (:mod:`boomctl.lti.faithful_modes`) three ways lead to one number: the
-Gramian of controllability, that of observability, and the sum over pairs of modes
-``|G|^2 = -sum_ij (c_i^* c_j)(b_j b_i^*)/(p_j + p_i^*)``.  Without such coordinates, the two Gramians in those given: with
-``A P + P A^T + B B^T = R`` the square of the norm is ``tr(C P C^T) - tr(R Q)``, exactly, and ``R`` is summed and taken out
-in extended precision.
-
-In discrete time alike, with ``1/(1 - p_i p_j^*)`` in the sum and ``A P A^T - P + B B^T = R``.
+In modal coordinates that answer for their rounding (:mod:`boomctl.lti.verified_modal_form`) three ways lead to one number:
+the Gramian of controllability, that of observability, and the sum over pairs of modes
+``|G|^2 = -sum_ij (c_i^* c_j)(b_j b_i^*)/(p_j + p_i^*)``; in discrete time with ``1/(1 - p_i p_j^*)``.  Where they carry too
+few digits, the norm is enclosed in ball arithmetic (:mod:`boomctl.lti.proof`).
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.axis import poles_at_axis
-from boomctl.analysis.norm import doubtful
+from boomctl.analysis.marginal_poles import marginal_poles
+from boomctl.analysis.norm import NOT_PROVED, PROVED, doubtful
+from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import modal_image
-from boomctl.lti.faithful_modes import FaithfulModes, faithful_modes
-from boomctl.lti.gramians import factors, refined_gramian, refined_gramian_of_steps
-from boomctl.lti.modal import UNDAMPED, split_and_doubt
+from boomctl.lti.gramians import factors
+from boomctl.lti.modal import UNDAMPED, split
 from boomctl.lti.system import Lti, of
+from boomctl.lti.verified_modal_form import VerifiedModalForm, verified_modal_form
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modal_form import modal_form
 
@@ -57,6 +56,12 @@ class H2Certificate:
     upper: float
     gap: float
     method: str
+    _given: Lti | None = field(default=None, repr=False, compare=False)
+
+    def __claims__(self) -> Iterator[Claim]:
+        """Yield what can be proved."""
+        if self._given is not None:
+            yield Claim("the system", self._given, energy=(self.lower, self.upper))
 
     def __repr__(self) -> str:
         certified = "certified" if self.certified else f"not certified: {self.lower:.6g} to {self.upper:.6g}"
@@ -67,7 +72,7 @@ class H2Certificate:
         """Whether bounds and independent values agree to a millionth, or the norm is known to be infinite."""
         if self.value == inf:
             return True
-        return self.gap <= _AGREEMENT and self.upper - self.lower <= _AGREEMENT * self.upper
+        return self.gap <= _AGREEMENT and self.upper < inf and self.upper - self.lower <= _AGREEMENT * self.upper
 
 
 def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> H2Certificate:
@@ -100,9 +105,13 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
     >>> round(bc.h2_norm(lag).value, 6)  # sqrt(2^2/(2 2))
     1.0
     """
-    given = (
-        modal_form(system.structure, system.ports) if isinstance(system, SecondOrderModel) else of(system, sampled=True)
-    )
+    if isinstance(system, SecondOrderModel):
+        return _norm(modal_form(system.structure, system.ports))
+    given = of(system, sampled=True)
+    return replace(_norm(given), _given=given)
+
+
+def _norm(given: Lti) -> H2Certificate:
     if given.D.any() and given.dt == 0.0:
         o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
         return _infinite(f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")
@@ -111,8 +120,8 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
             through = float(np.linalg.norm(given.D))
             return H2Certificate(through, through, through, 0.0, "a feedthrough, and no states")
         return H2Certificate(0.0, 0.0, 0.0, 0.0, "no response")
-    balanced, doubt = given.balanced(), 0.0
-    axis = poles_at_axis(balanced)
+    balanced = given.balanced()
+    axis = marginal_poles(balanced)
     if axis.infinite is not None:
         pole = axis.infinite
         if pole.real > 0.0:
@@ -127,9 +136,7 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
             near = np.abs(np.abs(axis.poles) - 1.0) <= UNDAMPED
             near |= np.abs(axis.poles - np.exp(axis.doubtful * given.dt)) <= UNDAMPED
         return _doubtful(balanced, near, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(given)}")
-    if axis.silent.any():
-        _, balanced, doubt = split_and_doubt(balanced, axis.silent, "undamped modes that do not show")
-    return _finite(balanced, doubt)
+    return _proved(balanced) if axis.silent.any() else _finite(balanced)
 
 
 def _infinite(why: str) -> H2Certificate:
@@ -139,7 +146,7 @@ def _infinite(why: str) -> H2Certificate:
 def _doubtful(system: Lti, near: Array, why: str) -> H2Certificate:
     """Return the value without the modes that may be undamped, where that can be told; the norm may be infinite."""
     try:
-        rest = _finite(*split_and_doubt(system, near | near[_conjugates(system.poles)], "undamped modes")[1:])
+        rest = _finite(split(system, near | near[_conjugates(system.poles)], "undamped modes")[1])
     except ValueError:
         return H2Certificate(0.0, 0.0, inf, inf, why)
     return H2Certificate(rest.value, 0.0, inf, inf, why)
@@ -149,25 +156,26 @@ def _conjugates(poles: Array) -> Array:
     return np.abs(poles[:, None] - poles.conj()).argmin(axis=1)
 
 
-def _finite(system: Lti, doubt: float) -> H2Certificate:
-    """Return the norm of a stable system without feedthrough."""
-    if not len(system.A):
-        through = float(np.linalg.norm(system.D))
-        return H2Certificate(through, through, through, 0.0, "no mode that shows")
-    if system.dt != 0.0 and not (system.B.any() and system.C.any()):
-        through = float(np.linalg.norm(system.D))
-        return H2Certificate(through, through, through, 0.0, "no state that is both moved and seen")
-    modes = faithful_modes(system, doubt)
+def _finite(system: Lti) -> H2Certificate:
+    """Return the norm of a stable system, in continuous time without a feedthrough."""
+    modes = verified_modal_form(system)
     found = None if modes is None else _by_modes(modes) if system.dt == 0.0 else _by_discrete_modes(modes, system.dt)
-    if found is not None and (found.certified or doubt):
-        return found
-    other = _by_refined_gramians(system)
-    if doubt:
-        return replace(other, lower=0.0, upper=inf)
-    return other if found is None or other.upper - other.lower < found.upper - found.lower else found
+    return found if found is not None and found.certified else _proved(system, found)
 
 
-def _by_modes(modes: FaithfulModes) -> H2Certificate:
+def _proved(system: Lti, found: H2Certificate | None = None) -> H2Certificate:
+    """Return the norm of a system whose poles decay or do not show, as its numbers are stored; what is known already else."""
+    from boomctl.lti.proof import PATIENCE, Exact, Undecided, below
+
+    try:
+        square = Exact.of(system, PATIENCE).energy()
+    except Undecided:
+        return found or H2Certificate(0.0, 0.0, inf, inf, NOT_PROVED)
+    low, high = below(square.sqrt()), -below(-square.sqrt())
+    return H2Certificate(float(square.sqrt()), max(low, 0.0), high, 0.0, PROVED)
+
+
+def _by_modes(modes: VerifiedModalForm) -> H2Certificate:
     """Return the norm as a sum over pairs of modes, beside the two Gramians in modal coordinates."""
     modal = modes.modal
     F, H = factors(modal.blocks, modal)
@@ -186,7 +194,7 @@ def _by_modes(modes: FaithfulModes) -> H2Certificate:
     )
 
 
-def _by_discrete_modes(modes: FaithfulModes, dt: float) -> H2Certificate:
+def _by_discrete_modes(modes: VerifiedModalForm, dt: float) -> H2Certificate:
     """Return the norm of a discrete system as a sum over pairs of modes, beside the two Gramians of its continuous image."""
     modal, p = modes.modal, modes.modal.poles
     image = modal_image(modal, dt)[0]  # its Gramians are those of the discrete system
@@ -205,27 +213,6 @@ def _by_discrete_modes(modes: FaithfulModes, dt: float) -> H2Certificate:
     return H2Certificate(
         value, max(low - gap, 0.0), high + gap, _relative([value, *values]), "two Gramians and the modes"
     )
-
-
-def _by_refined_gramians(system: Lti) -> H2Certificate:
-    """Return the norm by two Gramians, refined by residuals that are summed in extended precision."""
-    A, wide = system.A, np.longdouble
-    gramian = refined_gramian if system.dt == 0.0 else refined_gramian_of_steps
-    P, left_P = gramian(A, system.B)
-    Q, _ = gramian(A.T, system.C.T)
-    C, B = system.C.astype(wide), system.B.astype(wide)
-    by_control, by_observation = float(np.sum((C @ P) * C)), float(np.sum((B.T @ Q) * B.T))
-    summed = 2.0 * len(A) * float(np.finfo(wide).eps) * float(np.sum((np.abs(C) @ np.abs(P)) * np.abs(C)))
-    if system.D.any():  # in discrete time alone
-        through = float(np.sum(system.D.astype(wide) ** 2))
-        by_control, by_observation = by_control + through, by_observation + through
-    # |tr(R Q)|, with what Q itself may be off: of second order, so that twice is enough where it is small
-    margin = 2.0 * float(np.sum(left_P * np.abs(Q.astype(float)))) + summed + _EPS * abs(by_control)
-    if not (by_control > 0.0 and np.isfinite(margin) and np.isfinite(by_observation)):
-        return H2Certificate(0.0, 0.0, inf, inf, "Gramians that cannot be computed")
-    values = [float(np.sqrt(max(square, 0.0))) for square in (by_control, by_observation)]
-    low, high = (float(np.sqrt(max(by_control + sign * margin, 0.0))) for sign in (-1.0, 1.0))
-    return H2Certificate(values[0], low, high, _relative(values), "two Gramians")
 
 
 def _relative(values: list[float]) -> float:

@@ -10,7 +10,7 @@ circle, so that gains, angles and disks are the same; frequencies are mapped bac
 """
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from importlib import import_module
@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.loops import joined, unsampled
+from boomctl.analysis.loops import joined, signals_of, unsampled
 from boomctl.analysis.norm import axis_eigenvalues, matrices_norm
+from boomctl.analysis.prove import Claim
 from boomctl.analysis.sampled_loops.further_delay import FurtherDelay
 from boomctl.arrays import Array
 from boomctl.checks import known
@@ -211,6 +212,12 @@ class Margins:
     controls: DiskMargin
     measurements: DiskMargin
     everywhere: DiskMargin
+    _loop: tuple[Lti, Lti | None] | None = field(default=None, repr=False, compare=False)
+
+    def __claims__(self) -> Iterator[Claim]:
+        """Yield what can be proved."""
+        if self._loop is not None:
+            yield Claim("the closed loop", *self._loop, stable=True)
 
     def __getitem__(self, signal: str) -> LoopMargin:
         signals = [loop.signal for loop in self.loops]
@@ -381,7 +388,11 @@ def margins(
         if costs:
             said = f"sampling every {dt:g} s with a delay of {delay:g} s takes the disk margin {', and '.join(costs)}"
             warnings.warn(said, SamplingCostsMarginWarning, stacklevel=2)
-    return Margins(loops, first, second, every)
+    if P.dt == K.dt and not delay:
+        handed = P.between(*signals_of(K, P.inputs, P.outputs, P.states)), K
+    else:
+        handed = loop.system, None
+    return Margins(loops, first, second, every, handed)
 
 
 def _of_continuous(P: Lti, K: Lti) -> list[DiskMargin]:

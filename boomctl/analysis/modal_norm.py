@@ -13,11 +13,11 @@ from math import inf
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.frequency import SOUGHT, highest_peak, resonance_grid, singular_values
+from boomctl.lti.frequency import LEVEL, SOUGHT, highest_peak, resonance_grid, singular_values
 from boomctl.lti.modal import ModalSystem
 
+BY_MODES = "cells of frequencies, each proved in modal coordinates"
 _EPS = float(np.finfo(float).eps)
-_LEVEL = 1e-6  # how far above the largest value found a level is tried, relative: as by Hamiltonian matrices
 _CELLS = 60  # spread evenly in the logarithm of the frequency, beside those around the resonances (a choice)
 _HALVINGS = 60  # of a cell, at most: 1e-18 of it
 _MOST = 4_000_000  # modes times cells, in all: about half a second (a choice of patience)
@@ -55,7 +55,7 @@ def modal_norm(modal: ModalSystem, floor: float = 0.0) -> ModalNorm:
     near = 0.5 * (grid[1:] + grid[:-1]), 0.5 * np.diff(grid)
     beyond = np.array([0.5 * far]), np.array([0.5 * far])
     for _ in range(_RAISED):
-        level = max(peak * (1.0 + _LEVEL), floor)
+        level = max(peak * (1.0 + LEVEL), floor)
         if level == 0.0:
             return ModalNorm(0.0, 0.0, 0.0)
         found = [_highest(modal, *near, level, inverse=False), _highest(modal, *beyond, level, inverse=True)]
@@ -65,7 +65,7 @@ def modal_norm(modal: ModalSystem, floor: float = 0.0) -> ModalNorm:
             return ModalNorm(peak - doubt, level, at)
         if top == inf:
             return ModalNorm(peak - _rounding(modal, at), inf, at)
-        around = where * (1.0 + np.linspace(-_LEVEL, _LEVEL, 5))
+        around = where * (1.0 + np.linspace(-LEVEL, LEVEL, 5))
         better, place = highest_peak(value, np.unique(np.concatenate([around, [where]])))
         peak, at = (better, place) if better >= top else (top, where)
     return ModalNorm(peak - _rounding(modal, at), inf, at)

@@ -9,7 +9,8 @@ is then the system's own on the unit circle, and the level is proved anew withou
 symplectic pencil on the unit circle.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf, isfinite
 from typing import TYPE_CHECKING
@@ -17,25 +18,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.axis import poles_at_axis
-from boomctl.analysis.modal_norm import modal_norm
+from boomctl.analysis.marginal_poles import marginal_poles
+from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
-from boomctl.lti.bilinear import continuous_image, modal_image, omega_of_image
-from boomctl.lti.faithful_modes import faithful_modes, rounding_doubt
-from boomctl.lti.frequency import Response, largest_gain, resonance_grid, singular_values
-from boomctl.lti.modal import split_and_doubt
+from boomctl.lti.bilinear import continuous_image, omega_of_image
+from boomctl.lti.frequency import LEVEL, Response, largest_gain, resonance_grid, singular_values
 from boomctl.lti.system import Lti, beside, is_frequency_response, of
 
 if TYPE_CHECKING:
     import control
 
-_LEVEL = 1e-6  # how far above the largest value found a level is tried, relative: a tenth of _CERTIFIED
 _CERTIFIED = 1e-5  # relative distance of the two bounds up to which a norm is certified (a choice)
 _ROUNDS = 30  # levels tried before giving up: each rises to a higher peak, so that a few do
 _EPS = float(np.finfo(float).eps)
 _ROUNDING = 1e2 * _EPS  # share of the Hamiltonian matrix's norm by which its eigenvalues may be off the axis
 _BESIDE = 1e-2  # share of its size by which an eigenvalue that is worth a look lies off the axis (a choice)
-_RELATIVE_ROUNDING = 1e-12  # and share of the eigenvalue itself (both are choices, far below _LEVEL)
+_RELATIVE_ROUNDING = 1e-12  # and share of the eigenvalue itself (both are choices, far below LEVEL)
 
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
 _UNITS = 4.0  # of rounding of each entry of A, that a response may be off by (measured: below one)
@@ -44,7 +42,6 @@ _LOOKED_AT = (
 )
 _BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
 _TINY = 1e-100  # largest entry of B or C below which squares of responses may be zero (a choice)
-_USED = 1e-3  # of the peak: modal coordinates that are off by more are of no use (a choice)
 
 # What tells a norm, in the order looked at: one of these is a certificate's ``method``.
 STATIC_GAIN = "static gain"  # no states: the norm of D
@@ -58,8 +55,9 @@ CIRCLE_NOT_TOLD = "an eigenvalue of the symplectic pencil too close to the unit 
 NOT_TOLD = "a Hamiltonian eigenvalue too close to the imaginary axis to tell"  # no upper bound
 NOT_ENDED = "the level was raised too often"  # no upper bound
 OF_DATA = "largest value on the grid of the data"  # no upper bound
-BY_MODES = "cells of frequencies, each proved in modal coordinates"
+PROVED = "proved in ball arithmetic, of the numbers as they are stored"
 LOST = "rounding of the entries changes the peak by more than can be certified"
+NOT_PROVED = "rounding may change the peak, and a proof takes too long"  # no upper bound
 DOUBTFUL = "that the digits given do not tell from one on the {boundary}, where the norm would be infinite"
 
 
@@ -86,10 +84,17 @@ class NormCertificate:
     omega: float
     method: str
     path: tuple[str, ...] = ()
+    _given: Lti | None = field(default=None, repr=False, compare=False)
+
+    def __claims__(self) -> Iterator[Claim]:
+        """Yield what can be proved."""
+        if self._given is not None:
+            yield Claim("the system", self._given, norm=(self.lower, self.upper, self.omega))
 
     def __repr__(self) -> str:
         at = f" at {self.omega:.6g} rad/s" if isfinite(self.omega) else ""
-        doubt = "certified" if self.certified else f"not certified, at most {self.upper:.6g}"
+        at_most = f"at most {self.upper:.6g}" if isfinite(self.upper) else "no upper bound"
+        doubt = "certified" if self.certified else f"not certified, {at_most}"
         return f"NormCertificate: H-infinity norm {self.lower:.6g}{at}, {doubt}\n  {self.method}"
 
     @property
@@ -133,15 +138,17 @@ def hinf_norm(
     """
     if is_frequency_response(system):
         return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
-    given = of(system, expected="a StateSpace", sampled=True).balanced()
+    handed = of(system, expected="a StateSpace", sampled=True)
+    given = handed.balanced()
     largest = [float(np.abs(matrix).max(initial=0.0)) for matrix in (given.B, given.C)]
     if min(largest) == 0.0 or min(largest) >= _TINY:
-        return matrices_norm(given)
+        return replace(matrices_norm(given), _given=handed)
     # squares of such gains would be zero: they are raised by powers of two, and the norm is lowered again
     up = [-int(np.floor(np.log2(value))) for value in largest]
     raised = replace(given, B=np.ldexp(given.B, up[0]), C=np.ldexp(given.C, up[1]), D=np.ldexp(given.D, sum(up)))
     found = matrices_norm(raised)
-    return replace(found, lower=float(np.ldexp(found.lower, -sum(up))), upper=float(np.ldexp(found.upper, -sum(up))))
+    lower, upper = (float(np.ldexp(bound, -sum(up))) for bound in (found.lower, found.upper))
+    return replace(found, lower=lower, upper=upper, _given=handed)
 
 
 def norm_of_data(omega: Array, response: Array) -> NormCertificate:
@@ -164,32 +171,35 @@ def matrices_norm(system: Lti, response: Response | None = None) -> NormCertific
     if min(system.D.shape) == 0 or not len(system.A):
         value = float(np.linalg.norm(system.D, 2)) if system.D.size else 0.0
         return NormCertificate(value, value, 0.0, STATIC_GAIN)
-    axis = poles_at_axis(system)
+    axis = marginal_poles(system)
     if axis.infinite is not None:
         grows, undamped = axis.infinite.real > 0.0, UNDAMPED if system.dt == 0.0 else ON_CIRCLE
         return NormCertificate(inf, inf, float("nan") if grows else axis.infinite.imag, UNSTABLE if grows else undamped)
-    doubt = 0.0
-    if axis.silent.any() and axis.doubtful is None:
-        _, system, doubt = split_and_doubt(system, axis.silent, "undamped modes that do not show")
-        if not len(system.A):
-            return matrices_norm(system)
     if axis.doubtful is not None:
         peak, at = _surely(system)
         return NormCertificate(peak, inf, at, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(system)}")
-    found = _of_stable(system, response, doubt)
-    if found.certified or system.dt == 0.0:
-        return found
-    other = _of_stable(system.balanced_with_signals(), response, doubt)
-    return other if other.certified else found
-
-
-def _of_stable(system: Lti, response: Response | None, doubt: float) -> NormCertificate:
-    """Return the norm of a stable system in the states that it has."""
+    if axis.silent.any():
+        return _proved(system, *_surely(system))
     found = level_norm(system, response) if system.dt == 0.0 else _by_circle(system)
     felt = _felt(system, found.omega)
-    if found.certified and not doubt and felt <= _LEVEL * found.lower:
-        return replace(found, lower=found.lower - felt, upper=found.upper + felt)
-    return _by_modes(system, found, doubt)
+    sharp = found.certified and felt <= LEVEL * found.lower
+    if not sharp:
+        found = _proved(system, max(found.lower - felt, 0.0), found.omega)
+    if sharp or response is not None:  # what is stored only stands for a structure: its last digits count
+        found = replace(found, lower=max(found.lower - felt, 0.0), upper=found.upper + felt)
+    return found if sharp or response is None or found.certified else replace(found, method=LOST)
+
+
+def _proved(system: Lti, lower: float, omega: float) -> NormCertificate:
+    """Return the norm of a system as its numbers are stored, from a guess of the peak; no upper bound if undecided."""
+    from boomctl.lti.proof import PATIENCE, Exact, Undecided
+
+    try:
+        exact = Exact.of(system, PATIENCE)
+        peak, level, square = exact.norm(exact.square(omega))
+    except Undecided:
+        return NormCertificate(lower, inf, omega, NOT_PROVED)
+    return NormCertificate(peak, level, exact.omega(square), PROVED)
 
 
 def level_norm(system: Lti, response: Response | None = None) -> NormCertificate:
@@ -296,34 +306,17 @@ def _responses(system: Lti, omega: Array) -> tuple[Array, Array]:
             reading = np.abs(np.linalg.solve(pencil.transpose(0, 2, 1), system.C.T + 0j))
         except np.linalg.LinAlgError:
             continue
-        G[:, :, few] = np.moveaxis(system.C @ acting + system.D, 0, 2)
-        felt = np.linalg.norm(reading.transpose(0, 2, 1) @ (size @ np.abs(acting)), axis=(1, 2))
+        with np.errstate(invalid="ignore", over="ignore"):  # at a pole: what is not finite is doubtful altogether
+            G[:, :, few] = np.moveaxis(system.C @ acting + system.D, 0, 2)
+            felt = np.linalg.norm(reading.transpose(0, 2, 1) @ (size @ np.abs(acting)), axis=(1, 2))
         doubts[few] = np.where(np.isfinite(felt), _UNITS * _EPS * felt, inf)
     return G, doubts
-
-
-def _by_modes(system: Lti, found: NormCertificate, doubt: float) -> NormCertificate:
-    """Return a norm proved in modal coordinates that answer for their rounding, or, without them, what is known."""
-    modes = faithful_modes(system, doubt)
-    if modes is not None and modes.gap <= _USED * found.lower:
-        modal, gap, dt = modes.modal, modes.gap, system.dt
-        if dt != 0.0:
-            sizes = np.linalg.norm(modal.C, axis=0) * np.linalg.norm(modal.B, axis=1) / (1.0 - np.abs(modal.poles))
-            modal, off = modal_image(modal, dt)
-            gap += float(np.sum(sizes * off))
-        told = modal_norm(modal)
-        at = told.omega if dt == 0.0 else float(omega_of_image(told.omega, dt))
-        return NormCertificate(max(told.lower - gap, 0.0), told.upper + gap, at, BY_MODES)
-    lost = rounding_doubt(system, doubt)
-    if found.upper + lost <= found.lower * (1.0 + _CERTIFIED):
-        return replace(found, lower=max(found.lower - lost, 0.0), upper=found.upper + lost)
-    return replace(found, lower=max(found.lower - lost, 0.0), upper=found.upper + lost, method=LOST)
 
 
 def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCertificate:
     """Raise a lower bound until no singular value reaches a level just above it."""
     for _ in range(_ROUNDS):
-        level = peak * (1.0 + _LEVEL)
+        level = peak * (1.0 + LEVEL)
         if level == 0.0:
             return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
         crossings, beside = _near_axis(system, level)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.faithful_modes import in_faithful_modes
 from boomctl.lti.modal import ModalSystem, diagonalized, told_apart
 from boomctl.lti.system import Lti, append
+from boomctl.lti.verified_modal_form import in_verified_modal_form
 from boomctl.reduction.tail_bounds import loads_of, modal_states, tail_bound
 from boomctl.structure.damping import separated_damping
 from boomctl.structure.matrices import halves
@@ -85,7 +85,7 @@ def core_of(system: Lti | SecondOrderModel, modes: int) -> SystemCore:
 def _statespace_core(system: Lti, states: int, way: str) -> SystemCore:
     """Return a core of a state-space system; modes too weak to matter are left out of a large one."""
     parts = told_apart(system.balanced())
-    modal, gap = in_faithful_modes(parts.fast, parts.doubt)
+    modal, gap = in_verified_modal_form(parts.fast, parts.doubt)
     fast, kept = parts.fast, parts.kept
     if modal is None:
         return SystemCore(stable=fast, modal=None, kept=kept, tail=gap, complete=True, way=way)
@@ -121,7 +121,7 @@ def structure_core(model: SecondOrderModel, modes: int) -> SystemCore | None:
             return None
         system, left_out = found
         told = told_apart(Lti(system.A, system.B @ W_in.T, W_out @ system.C, W_out @ system.D @ W_in.T))
-        modal, gap = in_faithful_modes(told.fast, told.doubt)
+        modal, gap = in_verified_modal_form(told.fast, told.doubt)
         fast.append(told.fast)
         modals.append(modal)
         kept.append(told.kept)

@@ -1,5 +1,6 @@
 """What a reduction returns, and what it raises when it cannot vouch for a result."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -10,10 +11,11 @@ import numpy as np
 
 from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.norm import NormCertificate
+from boomctl.analysis.prove import Claim
 from boomctl.analysis.sigma import drawn_grid
 from boomctl.arrays import Array
 from boomctl.lti.frequency import Resonances, singular_values
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, of
 from boomctl.printing import between, compact
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import respond
@@ -120,6 +122,24 @@ class ReductionResult:
     def full(self) -> "control.StateSpace | SecondOrderModel":
         """The system that was reduced, as python-control's where it is not a structure."""
         return self._full.statespace("full") if isinstance(self._full, Lti) else self._full
+
+    def __claims__(self) -> Iterator[Claim]:
+        """Yield what can be proved."""
+        full, reduced, upper = of(self._full, sampled=True), of(self._reduced, sampled=True), self.measured_error
+        structure = isinstance(self._full, SecondOrderModel)
+        stands = "the state space that stands for the structure" if structure else ""
+        if self.kept:  # the response near their poles is what it is, whatever happens to the last digits
+            stands = "states that are kept as they are, but for rounding"
+        norm = (0.0, upper, self.certificate.omega)
+        yield Claim(
+            "the error",
+            full,
+            minus=reduced,
+            stable=None if self.kept else True,
+            norm=norm,
+            band=self.band,
+            rounded=stands,
+        )
 
     def __repr__(self) -> str:
         ends = between(self._reduced.inputs, self._reduced.outputs)

@@ -6,9 +6,8 @@ from math import inf
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.modal_norm import modal_norm
+from boomctl.analysis.modal_norm import BY_MODES, modal_norm
 from boomctl.analysis.norm import (
-    BY_MODES,
     NO_CROSSING,
     NO_RESPONSE,
     NOT_TOLD,
@@ -20,10 +19,10 @@ from boomctl.analysis.norm import (
     level_norm,
 )
 from boomctl.arrays import Array
-from boomctl.lti.faithful_modes import in_faithful_modes
 from boomctl.lti.frequency import Response, highest_peak, resonance_grid, singular_values
 from boomctl.lti.modal import ModalSystem, resolved, side_of_axis
 from boomctl.lti.system import Lti
+from boomctl.lti.verified_modal_form import in_verified_modal_form
 from boomctl.reduction.core import SystemCore
 from boomctl.reduction.result import ReductionError
 
@@ -69,7 +68,7 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
         largest = float((modal.sizes * np.maximum(1.0, _SHARP / _ROUNDING * sharpness)).max(initial=0.0))
     largest = max(float(np.linalg.norm(D, 2)) if D.size else 0.0, largest)
     floor = _ROUNDING * largest
-    small, own = in_faithful_modes(reduced)
+    small, own = in_verified_modal_form(reduced)
     found = verified_norm(core.stable, modal, reduced, band, floor, small)
     bound += own
     if found.lower > max(bound * (1.0 + _SLACK) + floor, _GRAMIANS * largest):

@@ -1,5 +1,6 @@
 """``h_infinity``: controllers whose closed loop was verified, and a bound that tells how far from the best they are."""
 
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.norm import NormCertificate, matrices_norm
+from boomctl.analysis.prove import Claim
 from boomctl.analysis.sigma import sigma
 from boomctl.checks import positive, within
 from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
@@ -115,6 +117,14 @@ class HInfinityResult:
     _closed_loop: Lti = field(repr=False)
     gamma: float
     certificate: HInfinityCertificate
+    _plant: Lti | None = field(default=None, repr=False, compare=False)
+
+    def __claims__(self) -> Iterator[Claim]:
+        """Yield what can be proved: of the loop of the plant that was handed in."""
+        norm = self.certificate.norm
+        if self._plant is not None:
+            bounds = (norm.lower, norm.upper, norm.omega)
+            yield Claim("the closed loop", self._plant, self._controller, stable=True, norm=bounds)
 
     @cached_property
     def controller(self) -> "control.StateSpace":
@@ -296,7 +306,7 @@ def _on_circle(plant: GeneralizedPlant, found: HInfinityResult, origin: ReducedP
         statement=f"{c.statement}; verified anew on the unit circle",
         full_plant=None if origin is None else judged_on_full_plant(origin, plant, K, norm.upper),
     )
-    return HInfinityResult(K, loop, norm.lower, certificate)
+    return HInfinityResult(K, loop, norm.lower, certificate, plant.system)
 
 
 def _result(task: Task, found: Candidate, origin: ReducedPlant | None) -> HInfinityResult:
@@ -319,7 +329,7 @@ def _result(task: Task, found: Candidate, origin: ReducedPlant | None) -> HInfin
         full_plant=None if origin is None else judged_on_full_plant(origin, plant, found.K, found.norm.upper),
     )
     K = replace(found.K, inputs=plant.measurements, outputs=plant.controls)
-    return HInfinityResult(K, found.loop, found.norm.lower, certificate)
+    return HInfinityResult(K, found.loop, found.norm.lower, certificate, plant.system)
 
 
 def _statement(task: Task, found: Candidate) -> str:

@@ -4,6 +4,7 @@ Doyle, Glover, Khargonekar & Francis (1989), IEEE Transactions on Automatic Cont
 (1995), Optimal Sampled-Data Control Systems, chapter 6: the control at a sample may use the measurement at that sample.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
+from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
@@ -53,6 +55,12 @@ class H2Result:
     optimum: float
     poles: Array = field(repr=False)
     certificate: FeedbackCertificate
+    _plant: Lti | None = field(default=None, repr=False, compare=False)
+
+    def __claims__(self) -> Iterator[Claim]:
+        """Yield what can be proved: of the loop of the plant that was handed in."""
+        if self._plant is not None:
+            yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     @cached_property
     def controller(self) -> "control.StateSpace":
@@ -137,6 +145,7 @@ def h2(P: "control.StateSpace", nmeas: int, ncon: int) -> H2Result:
         optimum=certificate.least_norm,
         poles=np.concatenate([regulator.poles, estimator.poles]),
         certificate=certificate,
+        _plant=plant.system,
     )
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.checks import exactly, nonnegative
 from boomctl.lti.system import Lti, lower_lft
@@ -53,6 +54,12 @@ class LqgResult:
     poles: Array = field(repr=False)
     cost: float
     certificate: FeedbackCertificate
+    _plant: Lti | None = field(default=None, repr=False, compare=False)
+
+    def __claims__(self) -> Iterator[Claim]:
+        """Yield what can be proved: of the loop of the plant that was handed in."""
+        if self._plant is not None:
+            yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     @cached_property
     def controller(self) -> control.StateSpace:
@@ -147,6 +154,7 @@ def lqg(
         poles=np.concatenate([regulator.poles, estimator.poles]),
         cost=certificate.norm.value**2,
         certificate=certificate,
+        _plant=way,
     )
 
 

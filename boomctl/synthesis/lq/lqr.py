@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
+from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, sequence
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.frequency import largest_gain
 from boomctl.lti.hidden_modes import HiddenMode, unmoved
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, static
 from boomctl.printing import between, compact, count
 from boomctl.synthesis.assumptions import SynthesisError, check_stabilizable, check_weighted
 from boomctl.synthesis.lq.problem import Weight, chosen, definite, plant_of, semidefinite, square_root
@@ -88,6 +89,12 @@ class LqrResult:
     poles: Array = field(repr=False)
     unmoved: tuple[HiddenMode, ...]
     certificate: LqrCertificate
+    _plant: Lti | None = field(default=None, repr=False, compare=False)
+
+    def __claims__(self) -> Iterator[Claim]:
+        """Yield what can be proved: of the loop of the plant that was handed in."""
+        if self._plant is not None:
+            yield Claim("the closed loop", self._plant, static(-self.gain), stable=True)
 
     @cached_property
     def controller(self) -> control.StateSpace:
@@ -196,6 +203,7 @@ def lqr(
         poles=solution.poles,
         unmoved=unmoved(plant.A, problem.B, plant.states, stable=True, dt=plant.dt),
         certificate=certificate,
+        _plant=Lti(plant.A, problem.B, np.eye(len(plant.A)), np.zeros(problem.B.shape), dt=plant.dt),
     )
 
 

@@ -1,14 +1,18 @@
 """What tuning returns."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from boomctl.analysis.norm import NormCertificate
+from boomctl.analysis.prove import Claim
 from boomctl.analysis.sigma import sigma
 from boomctl.lti.system import Lti
 from boomctl.printing import count, listed, system
-from boomctl.synthesis.tuning.certificate import TuneCertificate
+from boomctl.synthesis.plants.partition import GeneralizedPlant
+from boomctl.synthesis.tuning.certificate import TuneCertificate, channel_of
 from boomctl.synthesis.tuning.solver.search import TuneStart
 
 if TYPE_CHECKING:
@@ -50,6 +54,24 @@ class TuneResult:
     physical: dict[str, float]
     starts: tuple[TuneStart, ...]
     models: tuple[str, ...]
+    _plants: tuple[GeneralizedPlant, ...] = field(default=(), repr=False, compare=False)
+
+    def __claims__(self) -> Iterator[Claim]:
+        """Yield what can be proved: of the loops of the plants that were handed in, and of each channel's norm."""
+        for name, plant in zip(self.models, self._plants, strict=False):
+            what = f"the closed loop of {name}" if name else "the closed loop"
+            controller = self._controller if plant.ncon else None
+            yield Claim(what, plant.system, controller, stable=True)
+            for each in self.certificate.norms:
+                if each.model != name:
+                    continue
+                told, norm, energy = each.norm, None, None
+                if isinstance(told, NormCertificate):
+                    norm = (told.lower, told.upper, told.omega)
+                else:
+                    energy = (told.lower, told.upper)
+                part = channel_of(plant, each.channel).system
+                yield Claim(f"{what}, {each.channel.text}", part, controller, norm=norm, energy=energy)
 
     @cached_property
     def controller(self) -> "control.StateSpace":

@@ -505,6 +505,7 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
         problem.physical_values(x),
         tuple(found.starts),
         task.plants.labels,
+        tuple(plants),
     )
 
 

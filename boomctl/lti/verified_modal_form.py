@@ -31,7 +31,7 @@ _BETWEEN = 2.0  # a resonance is this much higher than at the frequencies looked
 
 
 @dataclass(frozen=True)
-class FaithfulModes:
+class VerifiedModalForm:
     """A stable system in modal coordinates, and bounds of its distance from the given one.
 
     Attributes
@@ -48,7 +48,7 @@ class FaithfulModes:
     energy_gap: float
 
 
-def faithful_modes(system: Lti, doubt: float = 0.0) -> FaithfulModes | None:
+def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | None:
     """Return a stable system in modal coordinates with the bound of their error; None where they carry too few digits.
 
     Parameters
@@ -60,7 +60,7 @@ def faithful_modes(system: Lti, doubt: float = 0.0) -> FaithfulModes | None:
     """
     A, n = system.A, len(system.A)
     if not n:
-        return FaithfulModes(ModalSystem(np.zeros(0, complex), system.B + 0j, system.C + 0j, system.D), 0.0, 0.0)
+        return VerifiedModalForm(ModalSystem(np.zeros(0, complex), system.B + 0j, system.C + 0j, system.D), 0.0, 0.0)
     poles, V = linalg.eig(A)
     first = np.flatnonzero(poles.imag > 0.0)
     try:
@@ -129,7 +129,7 @@ def faithful_modes(system: Lti, doubt: float = 0.0) -> FaithfulModes | None:
     chosen = _paired(first, better.astype(complex), B_new.astype(complex), C_new.astype(complex), system.D)
     F[np.diag_indices(n)] += np.abs(better - chosen.poles).astype(float)
     dB, dC = dB + np.abs(B_new - chosen.B).astype(float), dC + np.abs(C_new - chosen.C).astype(float)
-    return FaithfulModes(chosen, *_distances(chosen, F, dB, dC, system.dt != 0.0))
+    return VerifiedModalForm(chosen, *_distances(chosen, F, dB, dC, system.dt != 0.0))
 
 
 def rounding_doubt(system: Lti, doubt: float = 0.0) -> float:
@@ -156,9 +156,9 @@ def rounding_doubt(system: Lti, doubt: float = 0.0) -> float:
     return _BETWEEN * worst
 
 
-def in_faithful_modes(system: Lti, doubt: float = 0.0) -> tuple[ModalSystem | None, float]:
+def in_verified_modal_form(system: Lti, doubt: float = 0.0) -> tuple[ModalSystem | None, float]:
     """Return a stable system in modal coordinates, None where its own keep more digits, and a bound of what is lost."""
-    found = faithful_modes(system, doubt)
+    found = verified_modal_form(system, doubt)
     if found is None:
         return None, rounding_doubt(system, doubt)
     modal = found.modal

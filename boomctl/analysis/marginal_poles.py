@@ -1,0 +1,115 @@
+"""Poles at the imaginary axis, in discrete time at the unit circle: do they decay, and do they show in the response?
+
+An eigenvalue solver cannot tell: it moves poles by rounding.  Where its eigenvectors bound that, and all poles still decay,
+they do.  Elsewhere it is decided for the numbers as they are stored, exactly (:mod:`boomctl.lti.proof`).  A verdict that one
+unit in the last place of an entry would change is none, even if it is true of the stored numbers: a free body whose matrix
+holds 1e-20 of noise is a free body.  Poles that lie on the axis exactly are there by structure.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.lti.system import Lti, rates_of
+
+_EPS = float(np.finfo(float).eps)
+_ENTRIES = 8.0  # units of rounding of each entry given, up to which a verdict is one of its last digits
+_SQUARED = 5  # times a matrix is squared: the norm of its power 32 tells its largest eigenvalue to a tenth
+_INVERSE = 0.1  # distance from one of an inverse times its matrix up to which it is one to build on (a choice)
+_TWICE = 2.0  # of a bound that is itself computed in floats, from an inverse that is off by _INVERSE at most
+
+
+@dataclass(frozen=True)
+class MarginalPoles:
+    """What is known of the poles at the imaginary axis.
+
+    Attributes
+    ----------
+    infinite : complex or None
+        A pole that makes the response infinite: one that grows, or one on the axis that shows.  In discrete time its
+        rate ``log(z)/dt``.
+    doubtful : complex or None
+        One of which the digits given do not tell; None if there is an infinite one.  A rate in discrete time.
+    silent : (n,) ndarray of bool
+        Which of ``poles`` lie on the axis and do not show.
+    poles : (n,) complex ndarray
+        All poles, as the eigenvalue solver gives them.
+    """
+
+    infinite: complex | None
+    doubtful: complex | None
+    silent: Array
+    poles: Array
+
+
+def marginal_poles(system: Lti) -> MarginalPoles:
+    """Return what is known of the poles of a (balanced) system at the imaginary axis."""
+    poles, left, right = system.eigensystem
+    decay = -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles)
+    found = MarginalPoles(None, None, np.zeros(len(poles), dtype=bool), poles)
+    cosine = np.maximum(np.abs(np.einsum("ij,ij->j", left.conj(), right)), np.finfo(float).tiny)
+    reads = np.abs(left.T) / cosine[:, None]
+    if (decay > 0.0).all() and _decay(system.A, poles, left, right, reads, decay):
+        return found
+    from boomctl.lti.proof import PATIENCE, Exact, Undecided
+
+    size, on_axis, shown = np.abs(system.A), [], []
+    try:
+        growing, on_axis, shown = Exact.of(system, PATIENCE).sides
+    except Undecided:  # what is known is what an eigenvalue solver says, whose errors are those of the matrix's norm
+        growing, size = int((decay < 0.0).sum()), np.full_like(size, np.abs(system.A).max())
+    moved = _ENTRIES * _EPS * np.einsum("ji,ij->j", reads, size @ np.abs(right)) + np.finfo(float).tiny
+    least = int(np.argmin(decay / moved))
+    fastest = complex(system.rates[np.argmin(decay)])
+    slowest = float(decay.min())
+    if growing and (decay[least] < -moved[least] or (slowest < 0.0 and _stays(system, size, poles, 0.5 * slowest))):
+        return replace(found, infinite=fastest)
+    if shown:
+        return replace(found, infinite=complex(0.0, abs(rates_of(np.array(shown), system.dt).imag).min()))
+    for pole in on_axis:
+        found.silent[np.argmin(np.where(found.silent, np.inf, np.abs(poles - pole)))] = True
+    open_ = ~found.silent & (decay <= moved)
+    if not growing and (not open_.any() or _stays(system, size, poles[open_], 0.0)):
+        return found
+    doubtful = complex(system.rates[np.argmin(np.where(found.silent, np.inf, decay / moved))])
+    return replace(found, doubtful=doubtful, silent=np.zeros_like(found.silent))
+
+
+def _stays(system: Lti, size: Array, poles: Array, inside: float) -> bool:
+    """Return whether no change of entries in their last places moves a pole across a line beside the boundary, at the poles.
+
+    A change ``E`` of ``|E| <= e size`` does not where ``e |s - A|^-1 size`` has no eigenvalue of one.  The line lies so far
+    ``inside``, where poles decay.
+    """
+    beyond = 1j * poles.imag - inside if system.dt == 0.0 else (1.0 - inside) * np.exp(1j * np.angle(poles))
+    try:
+        resolvents = np.abs(np.linalg.inv(beyond[:, None, None] * np.eye(len(size)) - system.A))
+    except np.linalg.LinAlgError:
+        return False
+    powers, radius = _ENTRIES * _EPS * resolvents @ size, np.ones(len(poles))
+    for k in range(_SQUARED):  # the norm of a power tells the largest eigenvalue from above
+        norm = np.maximum(np.linalg.norm(powers, np.inf, axis=(1, 2)), np.finfo(float).tiny)
+        radius *= norm ** (0.5**k)
+        powers = np.linalg.matrix_power(powers / norm[:, None, None], 2)
+    return bool((radius < 1.0).all())
+
+
+def _decay(A: Array, poles: Array, left: Array, right: Array, reads: Array, decay: Array) -> bool:
+    """Return whether eigenvectors show that all poles decay, with entries that are off in their last place too.
+
+    In their coordinates the matrix is diagonal but for an error, ``|E| <= F``; it is stable where ``diag(decay) - F`` is an
+    M-matrix.
+    """
+    size, product, angles = np.abs(right), A @ right, np.einsum("ij,ij->j", left.conj(), right)
+    if not angles.all():
+        return False
+    inverse = left.conj().T / angles[:, None]
+    if np.abs(inverse @ right - np.eye(len(A))).sum(axis=1).max() > _INVERSE:
+        return False
+    rounding = (len(A) + _ENTRIES) * _EPS * (np.abs(A) @ size + size * np.abs(poles))
+    F = _TWICE * reads @ (np.abs(product - right * poles) + rounding)
+    try:
+        return bool((np.linalg.solve(np.diag(decay) - F, np.ones(len(A))) > 0.0).all())
+    except np.linalg.LinAlgError:
+        return False

@@ -1,0 +1,351 @@
+"""Proofs about linear systems whose entries, the doubles given, are taken as exact.
+
+The response is a quotient of polynomials with rational coefficients, ``G = N/a``; of a discrete system that of its continuous
+image ``z = (1 + s)/(1 - s)``.  What is asked is then a question about roots, which ball arithmetic isolates (python-flint),
+or about a linear equation, whose solution it encloses:
+
+- stability: no root of ``a`` lies to the right of the axis; those on it are common to ``a(s)`` and ``a(-s)``;
+- a norm below a level: no ``s = j omega`` is a root of ``det(level^2 - G(-s)^T G(s))``, whose fractions are cleared by
+  Bareiss's elimination, begun with ``a(s) a(-s)`` in place of one;
+- an H2 norm: ``a(s) x(-s) + a(-s) x(s) = sum N_ij(s) N_ij(-s)``; its square is the quotient of the first coefficients of
+  ``x`` and ``a`` (Astrom, Jury & Agniel 1970).
+
+Nothing is rounded before the roots are isolated, so that repeated, hidden and nearly undamped poles are no special cases.
+What is proved is true of the numbers as they are stored; whether the last digit of an entry would change it is another
+question.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from math import inf
+from time import perf_counter
+
+import flint
+import numpy as np
+from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
+
+from boomctl.lti.bilinear import image_of_omega, omega_of_image
+from boomctl.lti.frequency import LEVEL
+from boomctl.lti.system import Lti
+
+PATIENCE = 1.0  # s for a proof that nobody asked for (a choice)
+_BITS = 64  # that roots and solutions are first enclosed with; doubled until they decide
+_MOST_BITS = 2**15  # beyond which no enclosure is tried: far above what stored doubles need (measured: 1,500)
+_DIGITS = 2.0**-44  # relative width of an enclosure that is worth no more bits: below what any certificate states
+_RAISED = 30  # levels tried: each rises to a higher peak, so that a few do
+_WORK = 5e-9  # s a state^4 and entry of the response: exact arithmetic on a slow machine (measured, 8 to 100 states)
+
+
+class Undecided(Exception):
+    """A proof would take, or has taken, longer than it may."""
+
+
+@dataclass(frozen=True, eq=False)
+class Exact:
+    """``x' = A x + B u``, ``y = C x + D u`` (in discrete time ``x+``) of rational numbers, and when a proof must have ended.
+
+    Attributes
+    ----------
+    A, B, C, D : fmpq_mat
+    dt : float
+        Sampling time [s]; 0 in continuous time.
+    until : float
+        The time at which it is given up, by the clock ``perf_counter`` [s].
+    """
+
+    A: fmpq_mat
+    B: fmpq_mat
+    C: fmpq_mat
+    D: fmpq_mat
+    dt: float
+    until: float = inf
+
+    @classmethod
+    def of(cls, system: Lti, seconds: float = inf) -> "Exact":
+        """Return the system as it is stored; what is asked of it takes so many seconds, or is left undecided."""
+        A, B, C, D = (
+            fmpq_mat(M.shape[0], M.shape[1], [fmpq(*x.as_integer_ratio()) for x in M.ravel().tolist()])
+            for M in (system.A, system.B, system.C, system.D)
+        )
+        return cls(A, B, C, D, system.dt, perf_counter() + seconds)
+
+    @property
+    def fed_through(self) -> bool:
+        """Whether the H2 norm is infinite by a feedthrough."""
+        return self.dt == 0.0 and any(x != 0 for row in self.D.tolist() for x in row)
+
+    def square(self, omega: float) -> float:
+        """Return ``omega^2`` of the image at a frequency [rad/s]: it is ``tan(omega dt/2)`` in discrete time."""
+        return (omega if self.dt == 0.0 else float(image_of_omega(omega * 0.5 * self.dt, 2.0))) ** 2
+
+    def omega(self, square: float) -> float:
+        """Return the frequency [rad/s] of ``omega^2`` of the image."""
+        return square**0.5 if self.dt == 0.0 else float(omega_of_image(square**0.5, 2.0)) / (0.5 * self.dt)
+
+    def closed_by(self, K: "Exact") -> "Exact":
+        """Return the loop of the last signals of a plant and a controller, as :func:`boomctl.lti.system.lower_lft` does."""
+        m, p = self.B.ncols() - K.C.nrows(), self.C.nrows() - K.B.ncols()
+        (B1, B2), (C1, C2) = _columns(self.B, m), _rows(self.C, p)
+        (D11, D12), (D21, D22) = (_columns(rows, m) for rows in _rows(self.D, p))
+        k = K.D.nrows()
+        eye = fmpq_mat(k, k, [int(i == j) for i in range(k) for j in range(k)])
+        solved = (eye - K.D * D22).inv()
+        direct, state = solved * K.D, solved * K.C
+        read = K.B + K.B * D22 * direct
+        A = _blocks([[self.A + B2 * direct * C2, B2 * state], [read * C2, K.A + K.B * D22 * state]])
+        B, C = _blocks([[B1 + B2 * direct * D21], [read * D21]]), _blocks([[C1 + D12 * direct * C2, D12 * state]])
+        return replace(self, A=A, B=B, C=C, D=D11 + D12 * direct * D21)
+
+    def minus(self, other: "Exact") -> "Exact":
+        """Return the difference of two systems of like signals."""
+        n, k = self.A.nrows(), other.A.nrows()
+        A = _blocks([[self.A, fmpq_mat(n, k)], [fmpq_mat(k, n), other.A]])
+        C = _blocks([[self.C, -1 * other.C]])
+        return replace(self, A=A, B=_blocks([[self.B], [other.B]]), C=C, D=self.D - other.D)
+
+    @cached_property
+    def bits(self) -> int:
+        """The size of the largest number that a proof rests on, in binary digits."""
+        return int(self.characteristic.numer().height_bits())
+
+    @cached_property
+    def characteristic(self) -> fmpq_poly:
+        """``det(s - A)``, in discrete time of the continuous image: it has lower degree with a pole at ``z = -1``."""
+        self._in_time(1)
+        return self._image(self.A.charpoly())
+
+    @cached_property
+    def response(self) -> tuple[fmpq_poly, list[list[fmpq_poly]]]:
+        """``a`` and ``N``, without the factors common to all: hidden modes."""
+        p, m, n = self.D.nrows(), self.D.ncols(), self.A.nrows()
+        common = self.characteristic
+        self._in_time(p * m)
+        a, moments, X = self.A.charpoly(), [], self.B
+        for _ in range(n):
+            moments.append((self.C * X).tolist())
+            X = self.A * X
+        N = []
+        for i in range(p):
+            N.append([])
+            for j in range(m):
+                product = a * fmpq_poly([moment[i][j] for moment in reversed(moments)])
+                N[i].append(self._image(fmpq_poly(product.coeffs()[n:]) + self.D[i, j] * a))
+                common = common.gcd(N[i][j])
+        return self.characteristic // common, [[entry // common for entry in row] for row in N]
+
+    def _image(self, p: fmpq_poly) -> fmpq_poly:
+        """Return a polynomial in ``z``, of degree n at most, in ``s``: times ``(1 - s)^n`` at ``z = (1 + s)/(1 - s)``."""
+        if self.dt == 0.0:
+            return p
+        c = p(fmpq_poly([-1, 2])).coeffs()  # in 1/u, u = 1 - s
+        return fmpq_poly([fmpq(0)] * (self.A.nrows() + 1 - len(c)) + c[::-1])(fmpq_poly([1, -1]))
+
+    @cached_property
+    def sides(self) -> tuple[int, list[complex], list[complex]]:
+        """How many poles lie to the right of the axis (outside the circle); if none, those on it, and those that show."""
+        p = self.characteristic
+        both = _symmetric(p)
+        decided = [root for root, count in self._roots(p // both) for _ in range(count)]
+        # of a root with its mirror image, both lie on the axis or one to the right of it
+        squares = _squares(both)
+        right = sum(1 for root in decided if root.real > 0) + squares.degree() - len(self._positive(squares))
+        lost = self.A.nrows() - p.degree() if self.dt else 0
+        if right or not both.degree() + lost:
+            return right, [], []
+        a, N = self.response
+        infinite = any(entry.degree() > a.degree() for row in N for entry in row)
+        return right, self._on_axis(both) + [-1.0 + 0j] * lost, self._on_axis(_symmetric(a)) + [-1.0 + 0j] * infinite
+
+    @property
+    def slowest(self) -> complex:
+        """The pole that grows most, in discrete time the largest, for messages."""
+        poles = [complex(root) for root, _ in _isolated(self.A.charpoly())]
+        return max(poles, key=abs if self.dt else lambda pole: pole.real)
+
+    def _on_axis(self, p: fmpq_poly) -> list[complex]:
+        """Return the roots of a polynomial that lie all on the axis; of a discrete system those on the circle."""
+        omega = [float(x) ** 0.5 for x in self._positive(_squares(p))]
+        s = [0j] * (p.degree() - 2 * len(omega)) + [side * 1j * w for w in omega for side in (1, -1)]
+        return [(1.0 + x) / (1.0 - x) for x in s] if self.dt else s
+
+    def _roots(self, p: fmpq_poly) -> list[tuple[acb, int]]:
+        """Return the roots of a polynomial without any on the axis, to as many digits as tell on which side each lies."""
+        for _ in self._digits():
+            roots = _isolated(p)
+            if all(root.real > 0 or root.real < 0 for root, _ in roots):
+                return roots
+        raise Undecided
+
+    def _positive(self, p: fmpq_poly) -> list[arb]:
+        """Return the positive roots of a polynomial that has none at zero, in ascending order, as often as they occur."""
+        for _ in self._digits():
+            roots = _isolated(p)
+            real = [(root.real, count) for root, count in roots if root.imag == 0]
+            told = all(x > 0 or x < 0 for x, _ in real)
+            if told and all(root.imag == 0 or root.imag > 0 or root.imag < 0 for root, _ in roots):
+                return sorted((x for x, count in real if x > 0 for _ in range(count)), key=float)
+        raise Undecided
+
+    def crossings(self, level: float, inside: float = 1.0) -> tuple[list[arb], bool]:
+        """Return where a singular value equals the level, and whether all are below it at one frequency.
+
+        The places are ``omega^2`` in ascending order, of the image in discrete time, zero and infinity left out.  Below it
+        they stay if there are none, and they do so at one frequency, ``omega^2 = inside``, where all leading minors are then
+        positive.
+        """
+        a, N = self.response
+        rows = N if len(N) < len(N[0]) else [list(column) for column in zip(*N, strict=True)]  # the smaller product
+        self._in_time(len(rows) ** 2)
+        zero, aa, square = fmpq_poly([0]), a * _flipped(a), fmpq(*level.as_integer_ratio()) ** 2
+        left = [[-sum((x * _flipped(y) for x, y in zip(r, q, strict=True)), zero) for q in rows] for r in rows]
+        for k in range(len(rows)):
+            left[k][k] += square * aa
+        minors = [aa]
+        for k in range(len(rows)):
+            pivot = left[k][k]
+            if not pivot:  # a singular value that is the level at all frequencies
+                raise Undecided
+            for i in range(k + 1, len(rows)):
+                for j in range(k + 1, len(rows)):
+                    left[i][j] = (pivot * left[i][j] - left[i][k] * left[k][j]) // minors[-1]
+            minors.append(pivot)
+            self._in_time()
+        places, at = self._positive(_squares(minors[-1])), fmpq(*inside.as_integer_ratio())
+        return places, all(
+            fmpq_poly([-x if k % 2 else x for k, x in enumerate(p.coeffs()[::2])])(at) > 0 for p in minors
+        )
+
+    def gain(self, square: float) -> arb:
+        """Return a gain in one direction at ``omega^2``, enclosed: the largest but for rounding, never above it."""
+        a, N = self.response
+        for _ in self._digits():
+            s = acb(0, 1) * arb(square).sqrt()
+            over = _value(a, s)
+            if over.contains(0):
+                continue
+            G = [[_value(entry, s) / over for entry in row] for row in N]
+            middle = np.array([[complex(entry) for entry in row] for row in G])
+            v = [acb(x.real, x.imag) for x in np.linalg.svd(middle)[2][0].conj().tolist()]
+            moved = [sum((g * x for g, x in zip(row, v, strict=True)), acb(0)) for row in G]
+            squares = [sum((abs(x) ** 2 for x in each), arb(0)) for each in (moved, v)]
+            found = (squares[0] / squares[1]).sqrt()
+            if found.rad() <= _DIGITS * found.mid():
+                return found
+        raise Undecided
+
+    def norm(self, square: float) -> tuple[float, float, float]:
+        """Return two bounds of the H-infinity norm of a stable system and ``omega^2`` of the peak, from a guess of it."""
+        a, N = self.response
+        n = a.degree()
+        through = np.array([[float(entry[n] / a[n]) for entry in row] for row in N])
+        asked = [0.0, *([square] if square < inf else [])]
+        peak, at = max(
+            (float(np.linalg.norm(through, 2)) * (1.0 - LEVEL), inf), *((below(self.gain(x)), x) for x in asked)
+        )
+        for _ in range(_RAISED):
+            level = max(peak * (1.0 + LEVEL), float(np.finfo(float).tiny))
+            places, stays = self.crossings(level)
+            if stays and not places:
+                return peak, level, at
+            # the level is reached: at these places, or everywhere
+            seen = [float(x) for x in places] or [1.0]
+            between = [(x * y) ** 0.5 for x, y in pairwise(seen)]
+            best = max((below(self.gain(x)), x) for x in (seen[0] / 2.0, *between, seen[-1] * 2.0))
+            peak, at = max(best, (level, seen[0]))
+        raise Undecided
+
+    def energy(self) -> arb:
+        """Return the square of the H2 norm of a stable system, enclosed; in continuous time without a feedthrough."""
+        a, N = self.response
+        total = sum((entry * _flipped(entry) for row in N for entry in row), fmpq_poly([0]))
+        if not total:
+            return arb(0)
+        if self.dt:  # dz/z on the circle is 2 ds/(1 - s^2) on the axis
+            a, total = a * fmpq_poly([1, 1]), 2 * total
+        n = a.degree()
+        rows = [[(-1) ** i * 2 * a[2 * k - i] if 0 <= 2 * k - i <= n else 0 for i in range(n)] for k in range(n)]
+        for _ in self._digits():
+            try:
+                x = arb_mat(fmpq_mat(rows)).solve(arb_mat(fmpq_mat([[total[2 * k]] for k in range(n)])))
+            except ZeroDivisionError:
+                continue
+            found = x[n - 1, 0] / arb(a[n])
+            if found.rad() <= _DIGITS * found.mid():
+                return found
+        raise Undecided
+
+    def _digits(self) -> Iterator[int]:
+        """Work with more and more bits, until time is up."""
+        before, bits = flint.ctx.prec, _BITS
+        try:
+            while bits <= _MOST_BITS:
+                self._in_time()
+                flint.ctx.prec = bits
+                yield bits
+                bits *= 2
+        finally:
+            flint.ctx.prec = before
+
+    def _in_time(self, entries: int = 0) -> None:
+        """Go on only if there is time for arithmetic on so many entries of a response."""
+        if perf_counter() + _WORK * self.A.nrows() ** 4 * entries > self.until:
+            raise Undecided
+
+
+def _isolated(p: fmpq_poly) -> list[tuple[acb, int]]:
+    """Return the roots of a polynomial, each with how often it occurs; real ones have the imaginary part zero."""
+    return p.numer().complex_roots()  # type: ignore[return-value]
+
+
+def below(x: arb) -> float:
+    """Return a double that is not above a number enclosed."""
+    return float(np.nextafter(float(x.lower()), -inf))
+
+
+def _flipped(p: fmpq_poly) -> fmpq_poly:
+    """Return ``p(-s)``."""
+    return fmpq_poly([-c if k % 2 else c for k, c in enumerate(p.coeffs())])
+
+
+def _symmetric(p: fmpq_poly) -> fmpq_poly:
+    """Return the factor of a polynomial whose roots have mirror images at the imaginary axis, or lie on it."""
+    return p.gcd(_flipped(p))
+
+
+def _squares(p: fmpq_poly) -> fmpq_poly:
+    """Return an even or odd polynomial in ``omega^2 = -s^2``, without its roots at zero."""
+    c = p.coeffs()
+    first = next((k for k, x in enumerate(c) if x), 0)
+    return fmpq_poly([-x if k % 2 else x for k, x in enumerate(c[first::2])])
+
+
+def _value(p: fmpq_poly, s: acb) -> acb:
+    found = acb(0)
+    for c in reversed(p.coeffs()):
+        found = found * s + arb(c)
+    return found
+
+
+def _blocks(rows: list[list[fmpq_mat]]) -> fmpq_mat:
+    """Return a matrix of blocks."""
+    listed = [[M.tolist() for M in row] for row in rows]
+    whole = [
+        [x for M in row for x in M[i]] for row, given in zip(listed, rows, strict=True) for i in range(given[0].nrows())
+    ]
+    return fmpq_mat(len(whole), sum(M.ncols() for M in rows[0]), [x for row in whole for x in row])
+
+
+def _rows(M: fmpq_mat, count: int) -> tuple[fmpq_mat, fmpq_mat]:
+    """Return the first so many rows of a matrix, and the others."""
+    listed, wide = M.tolist(), M.ncols()
+    return tuple(
+        fmpq_mat(len(rows), wide, [x for row in rows for x in row]) for rows in (listed[:count], listed[count:])
+    )  # type: ignore[return-value]
+
+
+def _columns(M: fmpq_mat, count: int) -> tuple[fmpq_mat, fmpq_mat]:
+    """Return the first so many columns of a matrix, and the others."""
+    first, others = _rows(M.transpose(), count)
+    return first.transpose(), others.transpose()

@@ -1,0 +1,279 @@
+"""Stability and norms of systems as stored, against balls: responses by linear solves, poles by eigenvalues, energy exactly.
+
+What a norm's certificate says is held against the same.
+"""
+
+import control
+import numpy as np
+import pytest
+from flint import acb, acb_mat, arb, ctx, fmpq, fmpq_mat
+from scipy import linalg, signal
+
+import boomctl as bc
+from boomctl.analysis.prove import CertificateError
+from boomctl.lti.proof import Exact
+from boomctl.lti.system import of
+from tests.profiles import is_quick
+
+SLACK = 1e-12  # relative: what the last digits of a bound may do
+ALL, FEW = 240, 32  # systems, in the full and in the quick profile
+RESPONSE_BITS, POLE_BITS = 600, 1500  # of the oracles: far above what the entries of these systems need
+SMALL = 8  # states up to which an H2 norm is computed exactly, by a linear equation of that number squared
+
+
+def random(rng, n):
+    A = rng.standard_normal((n, n))
+    return A - (np.linalg.eigvals(A).real.max() + rng.choice([1, 1, 1, -1]) * 10.0 ** rng.uniform(-8, 0)) * np.eye(n)
+
+
+def light(rng, n):
+    k = max(1, n // 2)
+    omega, zeta = 10.0 ** rng.uniform(-1, 3, k), 10.0 ** rng.uniform(-5, -1, k)
+    if rng.random() < 0.3:  # modes that nearly coincide
+        omega = omega[0] * (1.0 + 10.0 ** rng.uniform(-12, -1, k))
+    A = linalg.block_diag(*([[0.0, 1.0], [-(w**2), -2.0 * z * w]] for w, z in zip(omega, zeta, strict=True)))
+    T = rng.standard_normal(A.shape)
+    return T @ A @ np.linalg.inv(T)
+
+
+def repeated(rng, n):
+    n = min(n, 12)
+    A = -(10.0 ** rng.uniform(-2, 2)) * np.eye(n) + np.diag(np.full(n - 1, 10.0 ** rng.uniform(-1, 1)), 1)
+    T = np.round(4.0 * rng.standard_normal((n, n)))
+    return A if rng.random() < 0.5 or abs(np.linalg.det(T)) < 0.5 else T @ A @ np.linalg.inv(T)
+
+
+def companion(rng, n):
+    k = min(n, 15) // 2
+    pair = 10.0 ** rng.uniform(-1, 1, k) * np.exp(1j * (0.5 * np.pi + 10.0 ** rng.uniform(-5, -0.1, k)))
+    return linalg.companion(np.poly([*pair, *pair.conj(), -1.0]).real)
+
+
+def non_normal(rng, n):
+    n = min(n, 15)
+    couplings = rng.standard_normal((n, n)) * 10.0 ** rng.uniform(0, 3)
+    return np.triu(couplings, 1) - np.diag(10.0 ** rng.uniform(-2, 2, n))
+
+
+def in_steps(rng, n):
+    A = rng.standard_normal((n, n))
+    edge = 1.0 - rng.choice([1, 1, 1, -1]) * 10.0 ** rng.uniform(-8, -0.3)
+    return A * edge / np.abs(np.linalg.eigvals(A)).max()
+
+
+def light_steps(rng, n):
+    A = light(rng, n)
+    return linalg.expm(0.3 * A / np.abs(np.linalg.eigvals(A)).max())
+
+
+def band_pass(rng):
+    """Return a filter in companion form, often a narrow one."""
+    analog, low, width = bool(rng.random() < 0.5), 10.0 ** rng.uniform(-3, -0.5), 10.0 ** rng.uniform(-3, -1)
+    edges, kind = ([low, low * (1.0 + width)], "band") if rng.random() < 0.6 else (low, "low")
+    order = int(rng.integers(2, 9 if kind == "band" else 17))
+    name, given = [("butter", ()), ("ellip", (0.7, 55.0)), ("cheby1", (1.3,))][rng.integers(3)]
+    return control.ss(
+        *signal.tf2ss(*getattr(signal, name)(order, *given, edges, btype=kind, analog=analog)), 0 if analog else 1.0
+    )
+
+
+KINDS = {
+    kind.__name__: (kind, dt)
+    for kind, dt in [
+        (random, 0), (light, 0), (repeated, 0), (companion, 0), (non_normal, 0), (in_steps, 0.01), (light_steps, 0.5),
+    ]
+}  # fmt: skip
+
+
+def drawn(seed):
+    """Return a system that is hard: nearly undamped, repeated, non-normal, in companion form, or not stable."""
+    rng = np.random.default_rng([seed, 8])
+    kind = [*KINDS, "filter"][seed % (len(KINDS) + 1)]
+    if kind == "filter":
+        return band_pass(rng)
+    make, dt = KINDS[kind]
+    A = make(rng, int(rng.integers(2, 13)))
+    m, p = rng.integers(1, 4, 2)
+    D = rng.standard_normal((p, m)) * (rng.random() < 0.4)
+    return control.ss(A, rng.standard_normal((len(A), m)), rng.standard_normal((p, len(A))), D, dt)
+
+
+def balls(matrix):
+    return acb_mat([[acb(float(x)) for x in row] for row in np.asarray(matrix)])
+
+
+def largest_gain(system, omega):
+    """Return the largest singular value at a frequency, its response from a linear solve in balls; None at a pole."""
+    before, ctx.prec = ctx.prec, RESPONSE_BITS
+    try:
+        turn = acb(0, 1) * arb(float(omega))
+        s = turn if system.isctime() else (turn * arb(float(system.dt))).exp()
+        A, B, C, D = (balls(getattr(system, letter)) for letter in "ABCD")
+        pencil = s * acb_mat([[acb(int(i == j)) for j in range(A.ncols())] for i in range(A.nrows())]) - A
+        try:
+            G = C * pencil.solve(B) + D
+        except ZeroDivisionError:
+            return None
+        return float(np.linalg.norm([[complex(x) for x in row] for row in G.tolist()], 2))
+    finally:
+        ctx.prec = before
+
+
+def decays(system):
+    """Return whether all poles decay, by enclosed eigenvalues; None where these do not tell."""
+    before, ctx.prec = ctx.prec, POLE_BITS
+    try:
+        poles = balls(system.A).eig(multiple=True, nonstop=True)
+        beyond = [p.real if system.isctime() else abs(p) - 1 for p in poles]
+        if any(x > 0 for x in beyond):
+            return False
+        return True if all(x < 0 for x in beyond) else None
+    finally:
+        ctx.prec = before
+
+
+def energy(system):
+    """Return the H2 norm by the Gramian's linear equation in fractions."""
+
+    def exact(M):
+        return fmpq_mat([[fmpq(*float(x).as_integer_ratio()) for x in row] for row in np.asarray(M)])
+
+    A, B, C, D = (exact(getattr(system, letter)) for letter in "ABCD")
+    n, BB = A.nrows(), B * B.transpose()
+    rows, right = [], []
+    for i in range(n):
+        for j in range(n):
+            row = [fmpq(0)] * n**2
+            if system.isctime():  # A P + P A^T = -B B^T
+                for k in range(n):
+                    row[k * n + j] += A[i, k]
+                    row[i * n + k] += A[j, k]
+            else:  # A P A^T - P = -B B^T
+                for k in range(n):
+                    for m in range(n):
+                        row[k * n + m] += A[i, k] * A[j, m]
+                row[i * n + j] -= 1
+            rows.append(row)
+            right.append([-BB[i, j]])
+    P = fmpq_mat(rows).solve(fmpq_mat(right)).tolist()
+    P = fmpq_mat([[P[i * n + j][0] for j in range(n)] for i in range(n)])
+    whole = C * P * C.transpose() + (D * D.transpose() if not system.isctime() else 0 * C * P * C.transpose())
+    square = sum((whole[i, i] for i in range(whole.nrows())), fmpq(0))
+    return float(arb(square.p) / arb(square.q)) ** 0.5
+
+
+def places(system, peak):
+    """Return frequencies at which a response is large."""
+    poles = np.linalg.eigvals(system.A)
+    rates = poles if system.isctime() else np.log(poles[poles != 0.0]) / system.dt
+    return [*np.abs(rates.imag)[:5], *([peak] if np.isfinite(peak) else [])]
+
+
+@pytest.mark.parametrize("seed", range(ALL))
+def test_certificates_and_proofs_hold_for_the_numbers_that_are_stored(seed):
+    if is_quick() and seed >= FEW:
+        pytest.skip("one of the full profile")
+    system = drawn(seed)
+    norm, truth = bc.hinf_norm(system), decays(system)
+    growing, on_axis, _ = Exact.of(of(system, sampled=True)).sides
+    if truth is not None:
+        assert truth == (not growing and not on_axis)
+    assert bc.prove(norm).proved
+    if norm.lower == np.inf:
+        assert truth is not True
+        return
+    if norm.certified:
+        assert truth is not False
+        gains = [gain for omega in places(system, norm.omega) if (gain := largest_gain(system, omega)) is not None]
+        assert max(gains, default=0.0) <= norm.upper * (1.0 + SLACK)
+        if np.isfinite(norm.omega) and len(gains):
+            assert gains[-1] >= norm.lower * (1.0 - SLACK)
+
+
+@pytest.mark.parametrize("seed", range(ALL))
+def test_h2_norms_hold_for_the_numbers_that_are_stored(seed):
+    system = drawn(seed)
+    if system.isctime():
+        system = control.ss(system.A, system.B, system.C, 0.0 * system.D)
+    if (is_quick() and seed >= FEW) or system.nstates > SMALL or decays(system) is not True:
+        pytest.skip("of the full profile, or not stable, or too large for the oracle")
+    found, truth = bc.h2_norm(system), energy(system)
+    assert float(Exact.of(of(system, sampled=True)).energy().sqrt()) == pytest.approx(truth, rel=1e-12)
+    assert found.lower <= truth * (1.0 + SLACK)
+    assert found.upper >= truth * (1.0 - SLACK)
+    if found.certified:
+        assert found.value == pytest.approx(truth, rel=1e-6)
+
+
+def turned(A, B, C, seed):
+    """Return a system in other coordinates, by integers, so that nothing is rounded."""
+    n, rng = len(A), np.random.default_rng(seed)
+    L = np.tril(rng.integers(-3, 4, (n, n)), -1) + np.eye(n)
+    U = np.triu(rng.integers(-3, 4, (n, n)), 1) + np.eye(n)
+    inverse = np.round(np.linalg.inv(U)) @ np.round(np.linalg.inv(L))
+    return control.ss(L @ U @ A @ inverse, L @ U @ B, C @ inverse, 0.0)
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("shown", [True, False])
+def test_poles_exactly_on_the_axis_are_told_exactly(seed, shown):
+    rng = np.random.default_rng(seed)
+    w, many = int(rng.integers(0, 4)), int(rng.integers(1, 3))
+    block = np.array([[0.0, w], [-w, 0.0]]) if w else np.zeros((1, 1))
+    A = linalg.block_diag(*[block] * many, -np.eye(2))
+    n, k = len(A), len(block) * many
+    B, C = rng.integers(1, 4, (n, 1)).astype(float), rng.integers(1, 4, (1, n)).astype(float)
+    if not shown:
+        C[:, :k] = 0.0
+    system = turned(A, B, C, seed)
+    growing, on_axis, seen = Exact.of(of(system)).sides
+    assert growing == 0
+    assert len(on_axis) == k
+    assert bool(seen) == shown
+    assert (bc.hinf_norm(system).lower == np.inf) == (bc.h2_norm(system).value == np.inf) == shown
+    assert bc.prove(bc.hinf_norm(system)).proved
+
+
+@pytest.mark.parametrize("zeta", [1e-1, 1e-5, 1e-9, 1e-13])
+def test_the_peak_of_a_mode_is_that_in_closed_form(zeta):
+    system = control.ss([[0.0, 1.0], [-1.0, -2.0 * zeta]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
+    low, high, square = Exact.of(of(system)).norm(1.0)
+    peak = 0.5 / (zeta * np.sqrt(1.0 - zeta**2))
+    assert low <= peak * (1.0 + SLACK) <= high * (1.0 + 2.0 * SLACK)
+    assert square == pytest.approx(1.0 - 2.0 * zeta**2, rel=1e-3)
+
+
+@pytest.mark.filterwarnings("ignore::scipy.signal.BadCoefficients")
+@pytest.mark.parametrize(
+    ("name", "given", "analog", "norm"),
+    [
+        ("ellip", (16, 0.5, 60, 1.0), True, 1.0697),
+        ("ellip", (16, 0.5, 60, 0.01), True, 1.0199),
+        ("butter", (8, [1.0, 1.02], "band"), True, 2.0498),
+        ("cheby1", (16, 0.5, [0.1, 0.11], "band"), False, np.inf),
+        ("ellip", (16, 0.5, 60, [0.1, 0.11], "band"), False, np.inf),
+    ],
+)
+def test_filters_have_the_norms_that_the_page_on_verification_says(name, given, analog, norm):
+    system = control.ss(*signal.tf2ss(*getattr(signal, name)(*given, analog=analog)), 0 if analog else 1.0)
+    exact = Exact.of(of(system, sampled=True))
+    assert (exact.sides[0] > 0) == (norm == np.inf)
+    found = bc.hinf_norm(system)
+    if norm < np.inf:
+        assert exact.norm(1.0)[0] == pytest.approx(norm, abs=5e-5)
+        assert found.lower <= norm + 5e-5
+        assert found.upper >= norm - 5e-5
+    else:
+        assert found.upper == np.inf
+    assert bc.prove(found).proved
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_wrong_certificate_is_refuted(seed):
+    system = drawn(8 * seed + 2)  # repeated poles: stable, whatever happens
+    norm = bc.hinf_norm(system)
+    for wrong in ({"upper": norm.lower * 0.99, "lower": 0.0}, {"lower": norm.upper * 1.01, "upper": norm.upper * 1.02}):
+        with pytest.raises(CertificateError):
+            bc.prove(type(norm)(**{"omega": norm.omega, "method": "", **wrong, "_given": of(system)}))
+    with pytest.raises(CertificateError):
+        bc.prove(type(norm)(np.inf, np.inf, 0.0, "", _given=of(system)))
