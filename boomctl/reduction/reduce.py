@@ -222,7 +222,8 @@ def _by_image(
 def _band_of_image(full: Lti, band: Band) -> Band:
     if band[1] > full.nyquist:
         raise ValueError(f"band: expected at most half the sampling rate, {up_to(full.nyquist)} rad/s, got {band[1]:g}")
-    return float(image_of_omega(band[0], full.dt)), float(image_of_omega(band[1], full.dt))
+    end = min(band[1], full.nyquist * (1.0 - _START))  # the image of half the sampling rate is at infinity
+    return float(image_of_omega(min(band[0], end), full.dt)), float(image_of_omega(end, full.dt))
 
 
 def _as_given(given: Lti | SecondOrderModel, method: str) -> Lti | SecondOrderModel:
@@ -314,7 +315,10 @@ def _within(reducer: Reducer, error: float, tell: Tell) -> tuple[Lti | SecondOrd
         tell(f"{order} states")
         try:
             smaller, found = reducer.reduced(order)
-        except ValueError:  # a repeated Hankel singular value across the cut: the next order
+        except (
+            ValueError,
+            ReductionError,
+        ):  # a Hankel singular value repeated across the cut, or not verified: the next
             continue
         best = min(best, found.measured)
         if found.measured <= error:

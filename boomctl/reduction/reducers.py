@@ -117,7 +117,12 @@ class StateReducer(ABC):
             raise ValueError(
                 f"order = {order}: {len(kept.A)} unstable, undamped or rigid-body states are kept, so at least that"
             )
-        stable, bound = self.shortened(min(order - len(kept.A), len(self.core.stable.A)))
+        try:
+            stable, bound = self.shortened(min(order - len(kept.A), len(self.core.stable.A)))
+        except np.linalg.LinAlgError:
+            raise ReductionError(
+                f"order {order}: the states that go cannot rest, for they have no static answer; use 'balanced'"
+            ) from None
         try:
             found = verified(self.core, stable, bound, self.band)
         except ReductionError as reason:
