@@ -330,7 +330,7 @@ def test_over_a_family_nothing_inside_is_worse_than_said():
     assert found.certificate.worst.value <= found.gamma * 1.002
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 8))])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 9))])
 def test_the_worst_of_the_objective_over_a_family_is_not_where_a_budget_is_worst(seed):
     rng = np.random.default_rng(seed)
     stiffness, damping = np.sort(rng.uniform(1.0, 6.0, 2)), np.sort(rng.uniform(0.1, 1.0, 2))
@@ -368,9 +368,14 @@ def test_the_optimum_of_a_lower_order_is_a_start(seed, starts):
     for order in (0, 1, 2):
         structure = T.state_space(order) if order else T.gain()
         try:
-            reached.append(bc.tune(P, 1, 1, structure, starts=starts).gamma)
+            found = bc.tune(P, 1, 1, structure, starts=starts)
         except SynthesisError:
             assert not reached  # what a lower order reaches, a higher one does
+            continue
+        if reached:
+            begun = [said for said in found.certificate.path if said.startswith(f"from order {order - 1}")]
+            assert float(begun[-1].split()[-1]) <= reached[-1] * (1.0 + 1e-5)
+        reached.append(found.gamma)
     for less, more in pairwise(reached):
         assert more <= less * (1.0 + 1e-6)
 
