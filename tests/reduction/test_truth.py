@@ -98,19 +98,20 @@ def test_a_wanted_error_is_kept_for_the_system_itself_always_does(seed):
 
 
 @given(seeds)
-@examples(40)
+@examples(200)
 def test_modes_are_chosen_beside_an_unstable_pole_in_any_coordinates(seed):
     rng = np.random.default_rng(seed)
-    A, B, C = stable(rng, "plain")
-    n = len(A) + 1
-    T = np.linalg.qr(rng.standard_normal((n, n)))[0] * 10.0 ** rng.uniform(-1, 1, n)
-    T = np.linalg.qr(rng.standard_normal((n, n)))[0] @ T
-    A, B, C = (linalg.block_diag(A, 10.0 ** rng.uniform(-1, 1)), np.vstack([B, rng.standard_normal((1, 2))]),
-               np.hstack([C, rng.standard_normal((1, 1))]))  # fmt: skip
-    full = control.ss(T @ A @ np.linalg.inv(T), T @ B, C @ np.linalg.inv(T), 0.0)
-    found = bc.reduce(full, n - 2, "modal") if n > 4 else bc.reduce(full, n, "modal")
-    assert found.kept == 1
-    assert found.order <= n
+    count = int(rng.integers(2, 7))
+    w, z = 10.0 ** rng.uniform(-1, 2, count), 10.0 ** rng.uniform(-5, -2, count)
+    blocks = [a * np.array([[-b, 1.0], [-1.0, -b]]) for a, b in zip(w, z, strict=True)]
+    A = linalg.block_diag(*blocks, 10.0 ** rng.uniform(-2, 1))
+    n = len(A)
+    U, _, V = np.linalg.svd(rng.standard_normal((n, n)))
+    T, inverse = (M @ V for M in (U * np.geomspace(1.0, 30.0, n), U / np.geomspace(1.0, 30.0, n)))
+    B, C = rng.standard_normal((n, 2)), rng.standard_normal((1, n))
+    found = bc.reduce(control.ss(T @ A @ inverse.T, T @ B, C @ inverse.T, 0.0), n - 2, "modal")
+    assert (found.kept, found.order) == (1, n - 2)
+    assert found.measured_error <= found.error_bound < np.inf
 
 
 @pytest.mark.parametrize("method", METHODS)
