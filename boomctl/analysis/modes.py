@@ -4,7 +4,8 @@ What a mode contributes to the response from input ``i`` to output ``o`` peaks, 
 A signal's share in a mode is that contribution against the largest of all modes between the same two signals: it depends
 neither on units, nor on the coordinates, nor on how signals are ordered.  An undamped mode has
 share 1 where it shows at all.  In discrete time a mode ``z`` peaks at ``|c_o| |b_i|/(1 - |z|)``; its frequency and damping
-are those of the rate ``log(z)/dt``, which in continuous time decays and turns alike from sample to sample.
+are those of the rate ``log(z)/dt``, which in continuous time decays and turns alike from sample to sample.  Rigid bodies
+and integrators are undamped modes at zero; several of them show together, for nothing tells equal poles apart.
 """
 
 from dataclasses import dataclass
@@ -14,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.integrators import without_integrators
 from boomctl.lti.modal import diagonalized, sides
-from boomctl.lti.system import of, rates_of
+from boomctl.lti.system import Lti, of, rates_of
 from boomctl.printing import between, table_html
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modal_form import modal_form
@@ -180,7 +182,7 @@ def mode_table(system: "SecondOrderModel | control.StateSpace | control.Transfer
     ------
     TypeError, ValueError
         Another kind of system, discrete time that does not say its sampling time, not finite; poles without
-        eigenvectors of their own (a rigid body that no support holds, equal poles in a chain).
+        eigenvectors of their own that are not at rest (equal poles in a chain, critical damping).
 
     Examples
     --------
@@ -192,11 +194,10 @@ def mode_table(system: "SecondOrderModel | control.StateSpace | control.Transfer
     given = (
         modal_form(system.structure, system.ports) if isinstance(system, SecondOrderModel) else of(system, sampled=True)
     )
-    modal = diagonalized(given.balanced())
+    chain, rest = _rigid(given.balanced())
+    modal = diagonalized(rest)
     if modal is None:
-        raise ValueError(
-            "system: it has poles without eigenvectors of their own (a free rigid body, a chain of equals)"
-        )
+        raise ValueError("system: it has poles without eigenvectors of their own (a chain of equals, critical damping)")
     chosen = np.flatnonzero(modal.poles.imag >= 0.0)
     dt, rates = given.dt, rates_of(modal.poles, given.dt)
     chosen = chosen[np.argsort(np.abs(rates[chosen]), kind="stable")]
@@ -206,7 +207,26 @@ def mode_table(system: "SecondOrderModel | control.StateSpace | control.Transfer
     peaks = residues / np.where(undamped, 1.0, decay[:, None, None])
     shown = residues > _HIDDEN * residues.max(axis=0, initial=np.finfo(float).tiny)
     peaks = np.where(undamped, np.where(shown, np.inf, 0.0), peaks)
-    return ModeTable(given.inputs, given.outputs, _rows(rates[chosen], peaks, None if dt == 0.0 else poles))
+    count = len(chain)
+    peaks = np.concatenate([np.repeat(np.where(chain.any(axis=0), np.inf, 0.0)[None], count, axis=0), peaks])
+    rates, poles = np.concatenate([np.zeros(count), rates[chosen]]), np.concatenate([np.ones(count), poles])
+    return ModeTable(given.inputs, given.outputs, _rows(rates, peaks, None if dt == 0.0 else poles))
+
+
+def _rigid(system: Lti) -> tuple[Array, Lti]:
+    """Return rigid bodies and integrators, where there are several poles at rest, and the rest of a balanced system.
+
+    Their poles are equal, so that a chain of them shows as one.  The first value says, for each power of time, where it does.
+    """
+    parts = without_integrators(system)
+    B, C = parts.chain.B, parts.chain.C
+    if len(B) < 2:
+        return np.zeros((0, len(C), B.shape[1]), dtype=bool), system
+    N = np.triu(parts.chain.A, 1)
+    lengths = np.linalg.norm(system.C, axis=1)[:, None] * np.linalg.norm(system.B, axis=0)
+    powers = [np.linalg.matrix_power(N, k) for k in range(len(N))]
+    shown = [np.abs(C @ power @ B) > _HIDDEN * np.linalg.norm(N) ** k * lengths for k, power in enumerate(powers)]
+    return np.array(shown), parts.rest
 
 
 def _rows(poles: Array, peaks: Array, z: Array | None) -> tuple[ModeRow, ...]:

@@ -183,18 +183,18 @@ def matrices_norm(system: Lti, response: Response | None = None) -> NormCertific
         peak, at = _surely(system)
         return NormCertificate(peak, inf, at, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(system)}")
     if axis.silent.any():
-        return _proved(system, *_surely(system))
+        return proved_norm(system, *_surely(system))
     found = level_norm(system, response) if system.dt == 0.0 else _by_circle(system)
     felt = _felt(system, found.omega)
     sharp = found.certified and felt <= LEVEL * found.lower
     if not sharp:
-        found = _proved(system, max(found.lower - felt, 0.0), found.omega)
+        found = proved_norm(system, max(found.lower - felt, 0.0), found.omega)
     if sharp or response is not None:  # what is stored only stands for a structure: its last digits count
         found = replace(found, lower=max(found.lower - felt, 0.0), upper=found.upper + felt)
     return found if sharp or response is None or found.certified else replace(found, method=LOST)
 
 
-def _proved(system: Lti, lower: float, omega: float) -> NormCertificate:
+def proved_norm(system: Lti, lower: float, omega: float) -> NormCertificate:
     """Return the norm of a system as its numbers are stored, from a guess of the peak; no upper bound if undecided."""
     from boomctl.lti.proof import PATIENCE, Exact, Undecided
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.analysis.norm import NO_CIRCLE_CROSSING, NormCertificate, matrices_norm, stays_below_on_circle
+from boomctl.analysis.norm import NO_CIRCLE_CROSSING, NO_RESPONSE, NormCertificate, matrices_norm, stays_below_on_circle
 from boomctl.checks import finite_array, known, positive, up_to, whole
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega
 from boomctl.lti.frequency import resonance_grid, singular_values
@@ -27,6 +27,7 @@ from boomctl.reduction.reducers import (
 from boomctl.reduction.result import LowerOrderWarning, ReductionError, ReductionResult
 from boomctl.reduction.verify import Band, Verified, difference
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.modal_form import modal_form
 
 if TYPE_CHECKING:
     import control
@@ -38,6 +39,8 @@ METHODS = {
     "modal": ModalTruncation,
     "second-order": StrongestModes,
 }
+AS_GIVEN = "the system itself"  # of all its states: no system differs less
+NO_ERROR = NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
 _MODES = 14  # of a structure, beyond the order, that the first core has: enough for most booms (a choice)
 _TAIL_SHARE = 0.02  # share of the error that a core may leave out; if it is more, the core grows (a choice)
 _ROUNDING = 1e-8  # of the largest Hankel singular value: what a core leaves out below that is rounding (a choice)
@@ -78,7 +81,8 @@ def reduce(
         with undamped modes, which gives a smaller structure (an even order, two states a coordinate; the bound is
         ``inf`` for more than 700 coordinates, undamped modes, or other outputs than displacements).
     error : float, optional
-        Instead of ``order``: the lowest order whose verified error is not above this (absolute).
+        Instead of ``order``: the lowest order whose verified error is not above this (absolute).  Where none is, the system
+        itself comes back, with an error of zero.
     band : (float, float), optional
         Frequencies that matter [rad/s], ascending.  The measured error is then that within the band; the bound still
         holds at all frequencies.
@@ -98,7 +102,7 @@ def reduce(
         unknown method; both or none of ``order`` and ``error``; an
         order above the system's or below its kept part; a band that does not ascend.
     ReductionError
-        The error exceeds its bound or could not be verified; no order has so small an error.
+        The error exceeds its bound or could not be verified.
 
     Warns
     -----
@@ -124,70 +128,112 @@ def reduce(
     if method == "second-order" and isinstance(given, Lti):
         raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
     if isinstance(given, Lti) and given.dt != 0.0:
-        inside = None if limits is None else _band_of_image(given, limits)
-        # what the discrete error is proved to stay below is a little more than that of the image
-        within = None if wanted is None else wanted * (1.0 - _MORE)
-        image: Any = continuous_image(given)
         with warnings.catch_warnings(record=True) as told:  # said anew, of the call that was made
             warnings.simplefilter("always")
-            found = reduce(image, order, method, error=within, band=inside, progress=progress)
-        return _on_circle(given, found, limits, told)
-    modes, path = _MODES + (order or 0), []
+            result = _by_image(given, (order, wanted), method, limits, progress)
+        for said in told:
+            warnings.warn(said.message, stacklevel=2)
+        return result
     with computing("reduction", progress) as tell:
-        while True:
-            tell(f"core of up to {modes} modes")
-            core = core_of(given, modes)
-            path.append(core.way)
-            reducer: Reducer = METHODS[method](given, core, limits, modes)
-            last, floor = modes >= _LARGEST_CORE, _ROUNDING * float(reducer.values.max(initial=0.0))
-            modes *= 2  # of the next core, where this one does not do
-            if not (core.complete or last) and wanted is not None and core.tail > max(_TAIL_SHARE * wanted, floor):
-                continue  # what this core leaves out alone is more than may be
-            try:
-                smaller, found = reducer.reduced(order) if wanted is None else _within(reducer, wanted, tell)  # type: ignore[arg-type]
-            except ReductionError:
-                if reducer.complete or last:
-                    raise
-                continue
-            if core.complete or last or core.tail <= max(_TAIL_SHARE * found.measured, floor):
-                break
-    if order is not None and _states(smaller) < order:
+        result = _by_cores(given, (order, wanted), method, limits, tell)
+    if order is not None and result.order < order:
         reason = (
             "a pair of poles stays whole"
             if method == "modal"
             else f"all others have Hankel singular values below {MINIMAL:g} of the largest, which is rounding"
         )
-        said = f"order = {order}: {_states(smaller)} states come back; {reason}"
-        warnings.warn(said, LowerOrderWarning, stacklevel=2)
+        warnings.warn(f"order = {order}: {result.order} states come back; {reason}", LowerOrderWarning, stacklevel=2)
+    return result
+
+
+def _by_cores(
+    given: Lti | SecondOrderModel, aim: tuple[int | None, float | None], method: str, band: Band | None, tell: Tell
+) -> ReductionResult:
+    """Return the reduction to an order or within an error, of the first core large enough."""
+    (order, wanted), path = aim, []
+    modes, size, truncated = _MODES + (order or 0), _states(given), 0.0
+    while True:
+        tell(f"core of up to {modes} modes")
+        core = core_of(given, modes)
+        path.append(core.way)
+        reducer: Reducer = METHODS[method](given, core, band, modes)
+        last, floor = modes >= _LARGEST_CORE, _ROUNDING * float(reducer.values.max(initial=0.0))
+        modes *= 2  # of the next core, where this one does not do
+        if not (core.complete or last) and wanted is not None and core.tail > max(_TAIL_SHARE * wanted, floor):
+            continue  # what this core leaves out alone is more than may be
+        try:
+            smaller, found = reducer.reduced(order) if wanted is None else _within(reducer, wanted, tell)  # type: ignore[arg-type]
+        except ReductionError:
+            if not (reducer.complete or last):
+                continue
+            if wanted is None and (order != size or not isinstance(given, Lti)):
+                raise
+            smaller, found = None, None
+        if found is None or (isinstance(given, Lti) and _states(smaller) >= size):  # type: ignore[arg-type]
+            # no system differs less from one than itself
+            smaller, found = _as_given(given, method), Verified(core.stable, 0.0, 0.0, NO_ERROR)
+            path.append(AS_GIVEN)
+            break
+        if core.complete or last or core.tail <= max(_TAIL_SHARE * found.measured, floor):
+            truncated = core.tail
+            break
     if isinstance(smaller, Lti):
-        smaller = replace(smaller, inputs=given.inputs, outputs=given.outputs).without_dots()
+        smaller = replace(smaller, inputs=given.inputs, outputs=given.outputs, states=()).without_dots()
     return ReductionResult(
         _full=given,
-        _reduced=smaller,
-        order=_states(smaller),
+        _reduced=smaller,  # type: ignore[arg-type]
+        order=_states(smaller),  # type: ignore[arg-type]
         asked=order,
         error_bound=found.bound,
         measured_error=found.measured,
         method=method,
         certificate=found.certificate,
-        truncation_bound=core.tail,
+        truncation_bound=truncated,
         hankel_values=reducer.values,
         kept=len(core.kept.A),
         path=tuple(path),
-        band=limits,
-        full_order=_states(given),
+        band=band,
+        full_order=size,
     )
+
+
+def _by_image(
+    given: Lti, aim: tuple[int | None, float | None], method: str, band: Band | None, progress: "Listener | None"
+) -> ReductionResult:
+    """Return the reduction of a discrete system, by orders of its image until the error on the circle is small enough."""
+    order, wanted = aim
+    inside = None if band is None else _band_of_image(given, band)
+    # what the discrete error is proved to stay below is a little more than that of the image
+    within = None if wanted is None else wanted * (1.0 - _MORE)
+    image: Any = continuous_image(given)
+    while True:
+        found = reduce(image, order, method, error=within, band=inside, progress=progress)
+        try:
+            result = _on_circle(given, found, band)
+        except ReductionError:
+            if wanted is None:
+                raise
+        else:
+            if wanted is None or result.measured_error <= wanted:
+                return result
+        within = found.measured_error * (1.0 - _MORE)  # the next order
 
 
 def _band_of_image(full: Lti, band: Band) -> Band:
     if band[1] > full.nyquist:
         raise ValueError(f"band: expected at most half the sampling rate, {up_to(full.nyquist)} rad/s, got {band[1]:g}")
-    return float(image_of_omega(band[0], full.dt)), float(image_of_omega(band[1], full.dt))
+    end = min(band[1], full.nyquist * (1.0 - _START))  # the image of half the sampling rate is at infinity
+    return float(image_of_omega(min(band[0], end), full.dt)), float(image_of_omega(end, full.dt))
 
 
-def _on_circle(
-    full: Lti, found: ReductionResult, band: Band | None, told: list[warnings.WarningMessage]
-) -> ReductionResult:
+def _as_given(given: Lti | SecondOrderModel, method: str) -> Lti | SecondOrderModel:
+    """Return the given system as what a method returns."""
+    if isinstance(given, Lti) or method == "second-order":
+        return given
+    return modal_form(given.structure, given.ports)
+
+
+def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> ReductionResult:
     """Return the reduction of the image of a discrete system as that of the system itself, its error verified anew.
 
     Raises
@@ -195,8 +241,9 @@ def _on_circle(
     ReductionError
         The error on the unit circle is another, or could not be verified.
     """
-    for said in told:
-        warnings.warn(said.message, stacklevel=3)
+    if found.order >= len(full.A):
+        small = replace(full, states=()).without_dots()
+        return replace(found, _full=full, _reduced=small, certificate=NO_ERROR, band=band)
     image = found._reduced
     assert isinstance(image, Lti)
     small, dt, kept = discrete_image(image, full.dt), full.dt, "unstable, undamped or rigid-body poles"
@@ -220,7 +267,7 @@ def _on_circle(
         found,
         _full=full,
         _reduced=small,
-        error_bound=max(found.error_bound, norm.upper) if norm.upper <= level else found.error_bound,
+        error_bound=max(found.error_bound, norm.upper),  # which knows of rounding, and of that of the map
         measured_error=max(found.measured_error, norm.upper),
         certificate=norm,
         band=band,
@@ -268,7 +315,10 @@ def _within(reducer: Reducer, error: float, tell: Tell) -> tuple[Lti | SecondOrd
         tell(f"{order} states")
         try:
             smaller, found = reducer.reduced(order)
-        except ValueError:  # a repeated Hankel singular value across the cut: the next order
+        except (
+            ValueError,
+            ReductionError,
+        ):  # a Hankel singular value repeated across the cut, or not verified: the next
             continue
         best = min(best, found.measured)
         if found.measured <= error:

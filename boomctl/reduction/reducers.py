@@ -18,6 +18,7 @@ from boomctl.arrays import Array
 from boomctl.lti.gramians import band_integral, factors
 from boomctl.lti.modal import ModalSystem, residualised, spectral_parts
 from boomctl.lti.system import Lti, append
+from boomctl.lti.verified_modal_form import verified_modal_form
 from boomctl.reduction.core import LARGEST_DENSE, SystemCore
 from boomctl.reduction.result import ReductionError
 from boomctl.reduction.tail_bounds import Loads, loads_of, truncation_bound
@@ -116,7 +117,12 @@ class StateReducer(ABC):
             raise ValueError(
                 f"order = {order}: {len(kept.A)} unstable, undamped or rigid-body states are kept, so at least that"
             )
-        stable, bound = self.shortened(min(order - len(kept.A), len(self.core.stable.A)))
+        try:
+            stable, bound = self.shortened(min(order - len(kept.A), len(self.core.stable.A)))
+        except np.linalg.LinAlgError:
+            raise ReductionError(
+                f"order {order}: the states that go cannot rest, for they have no static answer; use 'balanced'"
+            ) from None
         try:
             found = verified(self.core, stable, bound, self.band)
         except ReductionError as reason:
@@ -257,9 +263,15 @@ class ModalTruncation(StateReducer):
 
     def __init__(self, system: Lti | SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
         super().__init__(system, core, band, modes)
-        if core.modal is None:
-            raise ValueError("method 'modal': the stable poles are defective (Jordan blocks), use 'balanced'")
-        self.modal = core.modal
+        # modes that keep fewer digits than the states given will do here: what they are off is added to the bound
+        found = verified_modal_form(core.stable) if core.modal is None else None
+        modal = core.modal if found is None else found.modal
+        self.lost = 0.0 if found is None else found.gap
+        if modal is None or self.lost == inf:
+            raise ValueError(
+                "method 'modal': the stable poles are defective (Jordan blocks) or nearly so, use 'balanced'"
+            )
+        self.modal = modal
         self.values = balance(core.stable, core.modal).values
 
     def orders(self, error: float) -> Iterator[int]:
@@ -288,7 +300,8 @@ class ModalTruncation(StateReducer):
                 kept[i : i + pair] = True
         gone, chosen = modal.only(~kept), modal.only(kept).blocks
         share = np.real((gone.C / (1j * centre - gone.poles)) @ gone.B)
-        return replace(chosen, D=modal.D + share), float(gone.sizes.sum()) * (1.0 if band is None else 2.0)
+        bound = float(gone.sizes.sum()) * (1.0 if band is None else 2.0)
+        return replace(chosen, D=modal.D + share), bound + self.lost
 
 
 def _middle(band: Band) -> float:

@@ -70,6 +70,7 @@ class ReductionResult:
         Number of states of the reduced system, kept unstable and rigid-body states included.
     error_bound : float
         A priori bound of the largest singular value of the difference at any frequency; ``inf`` where none is known.
+        Never below the verified error, in which rounding counts.
     measured_error : float
         H-infinity norm of the difference, within the band where one was asked for: a level proven not to be reached,
         the bound of the modes left out of the core included.  Kept states are the system's own but for rounding, which

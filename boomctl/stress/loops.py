@@ -15,6 +15,7 @@ from boomctl.simulation.conditioning import conditioning_gains
 from boomctl.stress.case import Case, Seen
 from boomctl.synthesis.hinf.h_infinity import h_infinity
 from boomctl.synthesis.lq.h2 import h2
+from boomctl.synthesis.lq.kalman import kalman
 from boomctl.synthesis.lq.lqg import lqg
 from boomctl.synthesis.lq.lqr import lqr
 
@@ -24,32 +25,8 @@ _SCALES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)  # units of time, a unit changed by 
 
 def cases() -> Iterator[Case]:
     """Return the cases of control."""
+    yield from _regulators()
     exact = "relative, closed form"
-    for weight in (1e-12, 1e-6, 1.0, 1e6, 1e12):
-        yield Case(
-            _REGULATORS,
-            "gain of a double integrator",
-            f"R = {weight:g}",
-            1e-8,
-            exact,
-            _double,
-            (weight,),
-            answered=True,
-        )
-    for zeta in (0.0, 1e-12, 1e-8, 1e-4, 1.0, 1e4):
-        amount = f"damping ratio {zeta:g}"
-        yield Case(
-            _REGULATORS, "cost of an oscillator", amount, 1e-8, exact, _oscillator, (zeta,), answered=zeta <= 1.0
-        )
-    for gap in (1e-1, 1e-4, 1e-8, 1e-12, 0.0):
-        what = "an unstable mode that the control hardly moves"
-        yield Case(_REGULATORS, what, f"by {gap:g}", 1e-6, exact, _hardly_moved, (gap,), answered=gap >= 1e-4)
-    for scale in _SCALES:
-        what, measure = "cost in other units of time", "relative, the law of scaling"
-        yield Case(_REGULATORS, f"LQG: {what}", f"{scale:g}", 1e-6, measure, _lqg_units, (scale,), answered=True)
-    for spread in (1e2, 1e6, 1e10, 1e14):
-        what = "cost with poles far apart"
-        yield Case(_REGULATORS, what, f"-1 and -{spread:g}", 1e-8, exact, _lqr_spread, (spread,))
     for scale in (1e-6, 1e-3, 1.0, 1e3, 1e6):
         measure = "share by which the verified norm misses the loop's own, or lies below the bound or the known optimum"
         yield Case(
@@ -87,6 +64,40 @@ def cases() -> Iterator[Case]:
         yield Case(_MARGINS, what, f"damping ratio {zeta:g}", 1e-6, exact, _light, (zeta,), answered=zeta >= 1e-6)
         what, measure = "three controls, any of them at their limits", "what is left of a state after 2^50 samples"
         yield Case(_WINDUP, what, f"damping ratio {zeta:g}", 1e-6, measure, _windup, (zeta,), answered=True)
+
+
+def _regulators() -> Iterator[Case]:
+    """Return the cases of regulators and filters."""
+    exact = "relative, closed form"
+    for weight in (1e-12, 1e-6, 1.0, 1e6, 1e12):
+        yield Case(
+            _REGULATORS,
+            "gain of a double integrator",
+            f"R = {weight:g}",
+            1e-8,
+            exact,
+            _double,
+            (weight,),
+            answered=True,
+        )
+    for zeta in (0.0, 1e-12, 1e-8, 1e-4, 1.0, 1e4):
+        amount = f"damping ratio {zeta:g}"
+        yield Case(
+            _REGULATORS, "cost of an oscillator", amount, 1e-8, exact, _oscillator, (zeta,), answered=zeta <= 1.0
+        )
+    for gap in (1e-1, 1e-4, 1e-8, 1e-12, 0.0):
+        what = "an unstable mode that the control hardly moves"
+        yield Case(_REGULATORS, what, f"by {gap:g}", 1e-6, exact, _hardly_moved, (gap,), answered=gap >= 1e-4)
+    for scale in _SCALES:
+        what, measure = "cost in other units of time", "relative, the law of scaling"
+        yield Case(_REGULATORS, f"LQG: {what}", f"{scale:g}", 1e-6, measure, _lqg_units, (scale,), answered=True)
+    for spread in (1e2, 1e6, 1e10, 1e14):
+        what = "cost with poles far apart"
+        yield Case(_REGULATORS, what, f"-1 and -{spread:g}", 1e-8, exact, _lqr_spread, (spread,))
+    for variance in (1.0, 1e-8, 1e-16):
+        what = "a sampled filter beside modes that no noise reaches"
+        amount = f"variance {variance:g}"
+        yield Case(_REGULATORS, what, amount, 1e-8, exact, _unreached, (variance,), answered=True)
 
 
 def _named(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray | None = None) -> Lti:
@@ -144,6 +155,16 @@ def _lqg_units(scale: float) -> Seen:
         for s, rate in ((one, 1.0), (other, scale))
     ]
     return Seen(abs(costs[1] / costs[0] - 1.0))
+
+
+def _unreached(variance: float) -> Seen:
+    """Return the covariance of a random walk, measured together with lightly damped modes that rest."""
+    modes = [0.999 * np.array([[np.cos(w), np.sin(w)], [-np.sin(w), np.cos(w)]]) for w in (0.3, 0.7, 1.1)]
+    A, B = linalg.block_diag(1.0, *modes), np.eye(7)[:, :1]
+    plant = replace(_named(A, B, np.array([[1.0, 1e6, 0.0, 1.0, 0.0, 1e-6, 0.0]])), dt=1e-5)
+    found = kalman(plant.statespace("plant"), {plant.inputs[0]: variance}, 1.0, disturbances=plant.inputs)
+    true = 0.5 * (variance + sqrt(variance**2 + 4.0 * variance))
+    return Seen(max(float(found.covariance[1:].any()), abs(found.covariance[0, 0] / true - 1.0)))
 
 
 def _generalized(plant: Lti) -> Lti:

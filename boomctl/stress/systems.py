@@ -159,6 +159,22 @@ def _reductions() -> Iterator[Case]:
             _REDUCTION, "verified error in other units of time", f"{scale:g}", 1e-4, measure, _reduced_units, (scale,)
         )
 
+    for omega in (1e-6, 1e-3, 1.0, 1e3, 1e6):
+        what = "two carts on free wheels, a spring between them"
+        yield Case(_MODES, what, f"{omega:g} rad/s", 1e-9, "relative, exact solution", _free, (omega,), answered=True)
+
+
+def _free(omega: float) -> Seen:
+    """Two poles at zero that the one force moves and the other does not, and the elastic pair at ``sqrt 2 omega``."""
+    pull = np.array([1.0, -1.0])
+    stiffness = omega**2 * np.outer(pull, pull)
+    model = SecondOrderModel(
+        np.eye(2), 0.0 * stiffness, stiffness, {"push": [1.0, 0.0], "squeeze": pull}, {"place": [1.0, 0.0]}
+    )
+    first, second, elastic = mode_table(model).rows
+    rigid = all(row.pole == 0.0 and row.peaks.tolist() == [[inf, 0.0]] for row in (first, second))
+    return Seen(abs(elastic.pole - 1j * sqrt(2.0) * omega) / omega if rigid else inf)
+
 
 def _oscillator(zeta: float, omega: float = 1.0) -> Lti:
     A = np.array([[0.0, omega], [-omega, -2.0 * zeta * omega]])

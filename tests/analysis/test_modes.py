@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import linalg
 
 from boomctl.analysis import hinf_norm, mode_table
 from boomctl.boom import spray_boom
@@ -53,8 +54,49 @@ def test_the_cradle_does_not_move_yaw_modes_nor_does_its_slip_show_them():
     assert len(table.render(2).splitlines()) == 3
 
 
-def test_undamped_modes_that_show_have_no_bound_and_free_bodies_are_refused():
+def test_undamped_modes_that_show_have_no_bound():
     undamped = SecondOrderModel([[1.0]], [[0.0]], [[4.0]], {"f": [1.0]}, {"y": [1.0]})
     assert mode_table(undamped).rows[0].peaks[0, 0] == np.inf
-    with pytest.raises(ValueError, match="free rigid body"):
-        mode_table(SecondOrderModel([[1.0]], [[0.0]], [[0.0]], {"f": [1.0]}, {"y": [1.0]}))
+
+
+def test_critical_damping_is_refused():
+    with pytest.raises(ValueError, match="chain of equals"):
+        mode_table(SecondOrderModel([[1.0]], [[2.0]], [[1.0]], {"f": [1.0]}, {"y": [1.0]}))
+
+
+def free_train(seed):
+    """Return a train of carts on free wheels: one force moves it, one within it does not; two outputs alike."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 5))
+    unit = 10.0 ** rng.uniform(-1, 3)
+    joints = np.diff(np.eye(n), axis=0)
+    K = unit**2 * joints.T @ np.diag(rng.uniform(1.0, 9.0, n - 1)) @ joints
+    M = np.diag(rng.uniform(1.0, 3.0, n))
+    within, between = rng.standard_normal(n - 1) @ joints, rng.standard_normal(n - 1) @ joints
+    inputs = {"push": np.eye(n)[0], "within": within}
+    return SecondOrderModel(M, 0.02 / unit * K, K, inputs, {"place": np.eye(n)[-1], "strain": between}), M, K, unit
+
+
+@given(st.integers(0, 100_000))
+@examples(200)
+def test_a_free_train_has_a_rigid_body_and_elastic_modes_in_any_coordinates_and_any_time(seed):
+    model, M, K, unit = free_train(seed)
+    w = np.sqrt(linalg.eigh(K, M, eigvals_only=True)[1:])
+    expected = -0.01 * w**2 / unit + 1j * w * np.sqrt(1.0 - (0.01 * w / unit) ** 2)
+    system = model.to_statespace()
+    n = system.nstates
+    rng = np.random.default_rng(seed)
+    T = np.linalg.qr(rng.standard_normal((n, n)))[0] * rng.uniform(1.0, 3.0, n)
+    mixed = control.ss(T @ system.A @ np.linalg.inv(T), T @ system.B, system.C @ np.linalg.inv(T), 0.0)
+    for given_system in (model, mixed, control.c2d(system, 0.1 / unit)):
+        rows = mode_table(given_system).rows
+        assert len(rows) == 2 + len(w)
+        for row in rows[:2]:
+            assert row.pole == 0.0
+            assert row.damping == 0.0
+            assert row.z in (None, 1.0)
+            assert row.input_shares.tolist() == row.output_shares.tolist() == [1.0, 0.0]
+            assert row.peaks.tolist() == [[np.inf, 0.0], [0.0, 0.0]]
+        for row, pole in zip(rows[2:], expected, strict=True):
+            assert row.pole == pytest.approx(pole, rel=1e-6)
+            assert row.peaks[0, 0] < np.inf

@@ -1,5 +1,7 @@
 """Reductions where others lose digits: hardly any damping, repeated modes, a thousand states, other coordinates."""
 
+import warnings
+
 import control
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import Lti, of
 from boomctl.reduction import reduce
 from boomctl.reduction.core import core_of
-from boomctl.reduction.result import ReductionError
+from boomctl.reduction.result import LowerOrderWarning, ReductionError
 from boomctl.structure import SecondOrderModel
 from tests.profiles import examples
 from tests.strategies import seeds
@@ -180,14 +182,16 @@ def test_chains_with_more_signals_than_states(shape):
 @pytest.mark.parametrize("method", METHODS[:4])
 @pytest.mark.parametrize("step", [9, pytest.param(1, marks=pytest.mark.slow)])
 def test_orders_of_a_boom_pushed_by_forces_work_or_are_refused_in_plain_words(step, method):
-    """Its two rigid motions come out of a solver of eigenvalues at some 1e-10 rad/s, and are kept all the same."""
+    """Its two rigid motions, which no solver of eigenvalues leaves at zero, are kept as they are."""
     boom = spray_boom(elements=4, excitation="force", accelerometer_bandwidth_hz=20)
     for order in range(0, len(boom.to_statespace().A) + 1, step):
-        if method == "modal" or order < 4:
-            with pytest.raises(ValueError, match=r"defective|states are kept, so at least that"):
+        if order < 4:
+            with pytest.raises(ValueError, match="states are kept, so at least that"):
                 reduce(boom, order, method)
             continue
-        red = reduce(boom, order, method)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LowerOrderWarning)  # a pair stays whole
+            red = reduce(boom, order, method)
         assert red.kept == 4
         assert (np.abs(red.system.poles()) < 1e-6).sum() == 4
         assert red.measured_error <= red.error_bound * (1.0 + 1e-5) < np.inf  # the level proved lies that little above

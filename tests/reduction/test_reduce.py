@@ -10,7 +10,6 @@ import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import of
-from boomctl.reduction import ReductionError
 from tests.strategies import seeds
 
 METHODS = ("balanced", "singular-perturbation", "hankel", "modal")
@@ -179,6 +178,11 @@ def test_bad_systems_are_refused():
         bc.reduce(np.eye(3), order=1)
 
 
-def test_an_error_below_rounding_is_refused():
-    with pytest.raises(ReductionError, match="smallest verified error"):
-        bc.reduce(stable_system(2), error=1e-16)
+@pytest.mark.parametrize("method", ["balanced", "singular-perturbation", "hankel", "modal"])
+def test_of_an_error_below_rounding_the_system_itself_comes_back(method):
+    full = stable_system(2)
+    found = bc.reduce(full, error=1e-16, method=method)
+    assert found.order == full.nstates
+    assert found.measured_error == found.error_bound == found.truncation_bound == 0.0
+    assert found.path[-1] == "the system itself"
+    assert np.array_equal(found.system.A, full.A)

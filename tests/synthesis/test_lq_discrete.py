@@ -1,6 +1,7 @@
 """Discrete regulators, filters and LQG: against the sum they minimise, python-control, duality and simulation."""
 
 import control
+import flint
 import numpy as np
 import pytest
 from hypothesis import given
@@ -95,6 +96,86 @@ def test_the_cost_of_a_controller_is_the_variance_of_its_loop(seed):
             P = linalg.solve_discrete_lyapunov(A, noise)
             assert np.trace(P[:n, :n]) + np.trace(other @ P[n:, n:] @ other.T) >= design.cost * (1.0 - 1e-9)
     assert m == K.noutputs
+
+
+def servo(seed):
+    """Return a servo of two stages, sampled: a rigid body with modes, a second stage that no noise moves, coloured noises.
+
+    Its numbers are those of the trade: forces of 1e-11 beside gains of 1e9.
+    """
+    rng = np.random.default_rng(seed)
+    gain, dt, noise = 10.0 ** rng.uniform(5, 9), 10.0 ** rng.uniform(-5, -4.2), 10.0 ** rng.uniform(-4, 1)
+
+    def modes(count, slowest, fastest, damping):
+        w, z = 2.0 * np.pi * 10.0 ** rng.uniform(slowest, fastest, count), 10.0 ** rng.uniform(*damping, count)
+        return [np.array([[0.0, 1.0], [-(a**2), -2.0 * b * a]]) for a, b in zip(w, z, strict=True)]
+
+    body = [np.array([[0.0, 1.0], [0.0, 0.0]]), *modes(rng.integers(1, 4), 2.5, 4.3, (-3, -1.3))]
+    second, colours = modes(rng.integers(1, 3), 3.5, 4.5, (-3, -1.3)), modes(rng.integers(1, 3), 1.5, 3.7, (-3, -0.5))
+    blocks = [*body, *second, *colours]
+    n, m, ends = 2 * len(blocks), 2 + len(colours) + 1, (2 * len(body), 2 * len(body) + 2 * len(second))
+    A, B, C = np.zeros((n + 2, n + 2)), np.zeros((n + 2, m)), np.zeros((1, n + 2))
+    A[:n, :n], C[0, :n:2] = linalg.block_diag(*blocks), 1.0
+    force = gain * np.concatenate([[1.0], rng.standard_normal(len(body) - 1)])
+    A[1 : ends[0] : 2, n] = B[1 : ends[0] : 2, 0] = force
+    B[ends[0] + 1 : ends[1] : 2, 1] = 10.0 ** rng.uniform(4, 10)
+    for k, block in enumerate(colours):
+        B[ends[1] + 2 * k + 1, 2 + k] = 10.0 ** rng.uniform(-2, 1) * -block[1, 0]
+    a, b = 10.0 ** rng.uniform(1, 4, 2)
+    A[n, n], A[n, n + 1], A[n + 1, n + 1] = -a, 1.0, -b
+    B[n + 1, -1] = (2.0 * np.pi * 10.0 ** rng.uniform(0.5, 3)) ** 2 * np.sqrt(noise) * a * b / gain
+    sampled = linalg.expm(dt * np.block([[A, B], [np.zeros((m, n + 2 + m))]]))
+    names = ["coil", "piezo", *(f"d{k}" for k in range(m - 2))]
+    plant = control.ss(
+        sampled[: n + 2, : n + 2], sampled[: n + 2, n + 2 :], C, np.zeros((1, m)), dt, inputs=names, outputs="y"
+    )
+    return plant, names[2:], noise
+
+
+def doubled(A, C, W, V):
+    """Return the covariance by structure-preserving doubling in 600 binary digits: it shares no step with the solver."""
+    before, flint.ctx.prec = flint.ctx.prec, 600
+    try:
+        A, C, H, V = (flint.arb_mat(matrix.tolist()) for matrix in (A.T, C.T, W, V))
+        middle = lambda M: flint.arb_mat([[entry.mid() for entry in row] for row in M.table()])  # noqa: E731
+        one = flint.arb_mat(np.eye(A.nrows()).tolist())
+        G = C * V.inv() * C.transpose()
+        for _ in range(60):
+            inverse = middle((one + G * H).inv())
+            G, H, A = (
+                middle(G + A * inverse * G * A.transpose()),
+                middle(H + A.transpose() * H * inverse * A),
+                middle(A * inverse * A),
+            )
+            if max(abs(float(entry)) for entry in A.entries()) < 1e-100:
+                break
+        return np.array([[float(entry) for entry in row] for row in H.table()])
+    finally:
+        flint.ctx.prec = before
+
+
+@examples(200)
+@given(st.integers(0, 100_000))
+def test_a_filter_of_a_servo_is_exact_state_by_state_however_little_noise_reaches_it(seed):
+    plant, disturbances, noise = servo(seed)
+    found = bc.kalman(plant, dict.fromkeys(disturbances, 1.0), {"y": noise}, disturbances=disturbances)
+    B = plant.B[:, 2:]
+    exact = doubled(plant.A, plant.C, B @ B.T, np.array([[noise]]))
+    size = np.sqrt(np.diag(exact))
+    reached = size > 0.0
+    assert not found.covariance[~reached].any()
+    error = (found.covariance - exact)[np.ix_(reached, reached)] / np.outer(size[reached], size[reached])
+    assert np.abs(error).max() < 1e-7
+    assert found.certificate.cost_error < 1e-7
+    assert np.abs(found.poles).max() < 1.0
+
+
+def test_the_certificate_says_which_solver_answered():
+    plant = control.ss(1.5, 1.0, 1.0, 0.0, 0.1)
+    assert bc.lqr(plant, 1.0, 1.0).certificate.riccati.path == ("structure-preserving doubling",)
+    mirrored = bc.lqr(plant, 0.0, 1.0)
+    assert mirrored.certificate.riccati.path == ("structure-preserving doubling", "SciPy, extended pencil")
+    assert mirrored.poles == pytest.approx(1.0 / 1.5)
 
 
 def test_fast_sampling_comes_near_the_continuous_regulator():

@@ -3,7 +3,7 @@
 import signal
 import threading
 import time
-from itertools import product
+from itertools import pairwise, product
 
 import control
 import numpy as np
@@ -330,6 +330,21 @@ def test_over_a_family_nothing_inside_is_worse_than_said():
     assert found.certificate.worst.value <= found.gamma * 1.002
 
 
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 9))])
+def test_the_worst_of_the_objective_over_a_family_is_not_where_a_budget_is_worst(seed):
+    rng = np.random.default_rng(seed)
+    stiffness, damping = np.sort(rng.uniform(1.0, 6.0, 2)), np.sort(rng.uniform(0.1, 1.0, 2))
+    box = bc.structure.AffineFamily.through(
+        {"k": tuple(stiffness), "c": tuple(damping)},
+        lambda v: SecondOrderModel([[1.0]], [[v["c"]]], [[v["k"]]], {"f": [1.0]}, {"x": [1.0]}),
+    )
+    channels = [T.objective("w_f", "z_x"), T.budget("w_f", "z_f", float(rng.uniform(0.3, 1.0)))]
+    found = bc.tune(weighed, 1, 1, T.pid(integral=False, high=50.0), channels=channels, family=box, starts=2)
+    for d in product((-1.0, 0.0, 1.0), repeat=2):
+        loop = bc.close_loop(weighed(box.at(np.array(d))), found.controller)
+        assert bc.hinf_norm(loop["z_x", "w_f"]).lower <= found.certificate.worst.value * (1.0 + 1e-6)
+
+
 def test_a_parameter_of_the_family_may_be_tuned_and_the_others_are_uncertain():
     parts = T.pid(integral=False, high=50.0) + T.physical("c", 0.1, 1.0)
     found = bc.tune(weighed, 1, 1, parts, family=family(), starts=1)
@@ -337,6 +352,32 @@ def test_a_parameter_of_the_family_may_be_tuned_and_the_others_are_uncertain():
     for k in (-1.0, 0.0, 1.0):
         loop = bc.close_loop(weighed(family().at([k, 1.0])), found.controller)
         assert bc.hinf_norm(loop).lower <= found.gamma * 1.002
+
+
+@pytest.mark.parametrize("starts", [1, 3])
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 12))])
+def test_the_optimum_of_a_lower_order_is_a_start(seed, starts):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    A, B = rng.standard_normal((n, n)), rng.standard_normal((n, 4))
+    C = rng.standard_normal((4, n))
+    D = np.zeros((4, 4))
+    D[2, 3], D[3, 2] = 1.0, 1.0  # effort and noise
+    P = control.ss(A, B, C, D)
+    reached = []
+    for order in (0, 1, 2):
+        structure = T.state_space(order) if order else T.gain()
+        try:
+            found = bc.tune(P, 1, 1, structure, starts=starts)
+        except SynthesisError:
+            assert not reached  # what a lower order reaches, a higher one does
+            continue
+        if reached:
+            begun = [said for said in found.certificate.path if said.startswith(f"from order {order - 1}")]
+            assert float(begun[-1].split()[-1]) <= reached[-1] * (1.0 + 1e-5)
+        reached.append(found.gamma)
+    for less, more in pairwise(reached):
+        assert more <= less * (1.0 + 1e-6)
 
 
 # -- what is refused, and what ends early -----------------------------------------------------------------------------

@@ -169,45 +169,13 @@ _COORDINATES: dict[str, Callable[[Array, Array, Array], Change | None]] = {
 
 
 def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> RiccatiSolution:
-    """Return the stabilising solution.
-
-    Stable states from which no path leads to the weight cost nothing: they are left out, and ``X`` is zero there.
+    """Return the most exact stabilising solution of those found in one set of coordinates after the other.
 
     Raises
     ------
     SynthesisError
         None was found, or the best one found fails its certificate.
     """
-    kept = _weighted_states(problem)
-    inside, others = np.ix_(kept, kept), np.ix_(~kept, ~kept)
-    if kept.all() or _abscissa(linalg.eigvals(problem.A[others])) >= 0.0:
-        return _solution(problem, what)
-    n, m = problem.B.shape
-    X, F = np.zeros((n, n)), np.zeros((m, n))
-    poles = np.asarray(linalg.eigvals(problem.A[others]))
-    if not kept.any():
-        path = ("zero: nothing is weighed",)
-        return RiccatiSolution(X, F, poles, RiccatiCertificate(0.0, 0.0, 0.0, _abscissa(poles), path))
-    part = RiccatiProblem(problem.A[inside], problem.B[kept], problem.Q[inside], problem.R, problem.N[kept])
-    found = _solution(part, what)
-    X[inside], F[:, kept] = found.X, found.gain
-    poles = np.concatenate([found.poles, poles])
-    return RiccatiSolution(X, F, poles, replace(found.certificate, abscissa=_abscissa(poles)))
-
-
-def _weighted_states(problem: RiccatiProblem) -> Array:
-    """Return which states have a path to the weight, judged by the zeros of the matrices."""
-    seen = (problem.Q != 0.0).any(axis=1) | (problem.N != 0.0).any(axis=1)
-    links = problem.A != 0.0
-    while True:
-        more = seen | links[seen].any(axis=0)
-        if (more == seen).all():
-            return seen
-        seen = more
-
-
-def _solution(problem: RiccatiProblem, what: str) -> RiccatiSolution:
-    """Return the most exact solution of those found in one set of coordinates after the other."""
     best: RiccatiSolution | None = None
     path: list[str] = []
     A, acting, Q = problem.shifted

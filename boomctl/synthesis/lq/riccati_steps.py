@@ -1,9 +1,11 @@
 """The Riccati equation of discrete time, ``X = A^T X A + Q - (A^T X B + N)(R + B^T X B)^-1 (A^T X B + N)^T``.
 
-Solved by the generalised Schur vectors of the extended pencil (Van Dooren 1981, SciPy), which inverts neither ``A`` nor
-``R``, then by Newton's method (Hewer 1971); certified apart from both, by the residual in extended precision, by one more
-Newton step and by the poles of the closed loop.
+Solved by structure-preserving doubling (Chu, Fan, Lin & Wang 2004) or, where that does not stabilise, by the generalised
+Schur vectors of the extended pencil (Van Dooren 1981, SciPy), then by Newton's method (Hewer 1971); certified apart from
+these, by the residual in extended precision, by one more Newton step and by the poles of the closed loop.
 """
+
+from dataclasses import replace
 
 import numpy as np
 from scipy import linalg
@@ -22,15 +24,55 @@ from boomctl.synthesis.lq.riccati import (
     solve_riccati,
 )
 
-_STEPS = 12  # Newton steps at most: the digits double, four make all of them from one
+# Newton steps at most: four make all digits from one; before, each takes three quarters of what the cost is too high
+_STEPS = 40
+_NEAR = 0.5  # change of the solution, each state scaled by its own cost, below which these are right but for a factor
 _GOAL = 1e-13  # change of the solution, each state scaled by its own cost, at which these stop
 _EXTENDED = 300  # states up to which residuals are computed in long numbers, which take seconds beyond
+_DOUBLINGS = (
+    64  # of the number of steps: a pole that lies one unit of rounding within the unit circle has decayed after 57
+)
+_EPS = float(np.finfo(float).eps)
 _TINY = float(np.finfo(float).tiny)
 
 
 def solution_of(problem: RiccatiProblem, what: str) -> RiccatiSolution:
-    """Return the stabilising solution of a problem in either time; see :func:`solve_riccati` and :func:`solve_steps`."""
-    return solve_riccati(problem, what) if problem.dt == 0.0 else solve_steps(problem, what)
+    """Return the stabilising solution of a problem in either time.
+
+    States that decay and from which no path leads to the weight cost nothing: they are left out, and ``X`` is zero there.
+    A solver would leave rounding, which beside a cost of zero is any doubt.
+
+    Raises
+    ------
+    SynthesisError
+        None was found, or the best one found fails its certificate.
+    """
+    solve = solve_riccati if problem.dt == 0.0 else solve_steps
+    kept = _weighted_states(problem)
+    others = np.asarray(linalg.eigvals(problem.A[np.ix_(~kept, ~kept)]), dtype=complex)
+    if kept.all() or (sides(others, problem.dt) >= 0).any():
+        return solve(problem, what)
+    n, m = problem.B.shape
+    X, F, poles, inside = np.zeros((n, n)), np.zeros((m, n)), others, np.ix_(kept, kept)
+    certificate = RiccatiCertificate(0.0, 0.0, 0.0, -np.inf, ("zero: nothing is weighed",))
+    if kept.any():
+        part = replace(problem, A=problem.A[inside], B=problem.B[kept], Q=problem.Q[inside], N=problem.N[kept])
+        found = solve(part, what)
+        X[inside], F[:, kept] = found.X, found.gain
+        poles, certificate = np.concatenate([found.poles, others]), found.certificate
+    abscissa = float(rates_of(poles, problem.dt).real.max())
+    return RiccatiSolution(X, F, poles, replace(certificate, abscissa=abscissa))
+
+
+def _weighted_states(problem: RiccatiProblem) -> Array:
+    """Return which states have a path to the weight, judged by the zeros of the matrices."""
+    weighed = (problem.Q != 0.0).any(axis=1) | (problem.N != 0.0).any(axis=1)
+    links = problem.A != 0.0
+    while True:
+        more = weighed | links[weighed].any(axis=0)
+        if (more == weighed).all():
+            return weighed
+        weighed = more
 
 
 def solve_steps(problem: RiccatiProblem, what: str) -> RiccatiSolution:
@@ -42,65 +84,127 @@ def solve_steps(problem: RiccatiProblem, what: str) -> RiccatiSolution:
         None was found, or the one found fails its certificate.
     """
     p = problem
-    if not (p.Q.any() or p.N.any()) and (sides(linalg.eigvals(p.A), p.dt) < 0).all():
-        X = np.zeros_like(p.Q)  # nothing is weighed, and everything decays
-    else:
+    best: RiccatiSolution | None = None
+    path: list[str] = []
+    for name, start in _STARTS.items():
+        path.append(name)
         try:
-            X = linalg.solve_discrete_are(p.A, p.B, p.Q, p.R, s=p.N)
+            with np.errstate(over="ignore", invalid="ignore"):  # of what it does not stabilise
+                X = start(p)
         except (linalg.LinAlgError, ValueError):
-            raise SynthesisError(
-                f"{what}: no stabilising solution was found; eigenvalues lie too close to the unit circle"
-            ) from None
-    best, step = _certified(p, _even(X))
-    for _ in range(_STEPS):
-        if step is None or best.certificate.cost_error <= _GOAL:
-            break
-        found, following = _certified(p, _even(best.X + step))
-        if not found.certificate.cost_error < best.certificate.cost_error:
-            break
-        best, step = found, following
+            continue
+        if np.isfinite(X).all():
+            found = _refined(p, X)
+            if best is None or _rank(found, p.dt) < _rank(best, p.dt):
+                best = found
+            if _rank(best, p.dt) <= 1.0:
+                break
+    if best is None or _rank(best, p.dt) == np.inf:
+        raise SynthesisError(f"{what}: no stabilising solution was found; eigenvalues lie too close to the unit circle")
     c = best.certificate
-    if not (
-        c.cost_error <= LARGEST_COST_ERROR and c.residual <= LARGEST_RESIDUAL and (sides(best.poles, p.dt) < 0).all()
-    ):
+    if _rank(best, p.dt) > 1.0:
         raise SynthesisError(
             f"{what}: the solution found is not exact enough to vouch for (relative residual {c.residual:.1e}, cost in "
             f"doubt by {c.cost_error:.1e}, largest pole {np.abs(best.poles).max():.9g})"
         )
-    return best
+    return replace(best, certificate=replace(c, path=tuple(path)))
 
 
-def _certified(p: RiccatiProblem, X: Array) -> tuple[RiccatiSolution, Array | None]:
-    """Return a solution with its certificate, and the Newton step from there; None where it does not stabilise."""
-    gain = linalg.solve(p.R + p.B.T @ X @ p.B, p.B.T @ X @ p.A + p.N.T, assume_a="sym")
+def _rank(found: RiccatiSolution, dt: float) -> float:
+    """Return what a certificate says as a share of what it may say; ``inf`` of a loop that does not decay."""
+    c = found.certificate
+    sound = bool((sides(found.poles, dt) < 0).all())
+    return max(c.cost_error / LARGEST_COST_ERROR, c.residual / LARGEST_RESIDUAL) if sound else np.inf
+
+
+def _doubled(p: RiccatiProblem) -> Array:
+    """Return the cost of two, four, eight and more steps; what is not weighed is not stabilised."""
+    A, acting, H = p.shifted
+    G, one = acting @ acting.T, np.eye(len(A))
+    for _ in range(_DOUBLINGS):
+        solved = np.linalg.solve(one + G @ H, np.hstack([A, G]))
+        onward, spread = solved[:, : len(A)], solved[:, len(A) :]
+        more = A.T @ H @ onward
+        G, H, A = _even(G + A @ spread @ A.T), _even(H + more), A @ onward
+        if not np.abs(more).max() > _EPS * np.abs(H).max():
+            break
+    return H
+
+
+def _by_schur_vectors(p: RiccatiProblem) -> Array:
+    return np.asarray(linalg.solve_discrete_are(p.A, p.B, p.Q, p.R, s=p.N))
+
+
+# Solvers in the order tried.
+_STARTS = {"structure-preserving doubling": _doubled, "SciPy, extended pencil": _by_schur_vectors}
+
+
+def _refined(p: RiccatiProblem, X: Array) -> RiccatiSolution:
+    """Return a solution after Newton steps, as many as make it better."""
+    # summed in long numbers: what rounding a solution to double precision leaves of a residual is no doubt of it
+    best, step = _certified(p, _even(X).astype(np.longdouble if len(X) <= _EXTENDED else float), near=False)
+    X = best.X
+    for _ in range(_STEPS):
+        if step is None or best.certificate.cost_error <= _GOAL:
+            break
+        X = _even(X + step)
+        near = best.certificate.cost_error < _NEAR
+        found, step = _certified(p, X, near)
+        if found.certificate.cost_error < best.certificate.cost_error or not near:
+            best = found
+        else:
+            break
+    return replace(best, X=np.asarray(best.X, dtype=float))
+
+
+def _certified(p: RiccatiProblem, X: Array, near: bool) -> tuple[RiccatiSolution, Array | None]:
+    """Return a solution with its certificate, and the Newton step from there; None where it does not stabilise.
+
+    Where ``X`` is ``near``, the step is solved for with each state scaled by its own cost, the scale in which it is judged:
+    in any other the rounding of the states that cost most hides those that cost least.
+    """
+    own = np.asarray(X, dtype=float)
+    gain = linalg.solve(p.R + p.B.T @ own @ p.B, p.B.T @ own @ p.A + p.N.T, assume_a="sym")
     closed = p.A - p.B @ gain
     poles = np.asarray(linalg.eigvals(closed), dtype=complex)
-    kind = np.longdouble if len(X) <= _EXTENDED else float
-    A, B, Q, R, N, x, F = (np.asarray(part, dtype=kind) for part in (p.A, p.B, p.Q, p.R, p.N, X, gain))
+    A, B, Q, R, N, F = (np.asarray(part, dtype=X.dtype) for part in (p.A, p.B, p.Q, p.R, p.N, gain))
     moved = A - B @ F  # the form in which what the gain is off counts in second order alone (Joseph's)
-    kept, spent, crossed = moved.T @ x @ moved, F.T @ R @ F, N @ F
-    residual = np.asarray(kept - x + Q + spent - crossed - crossed.T, dtype=float)
-    terms = max(float(np.linalg.norm(np.asarray(term, dtype=float))) for term in (kept, x, Q, spent, crossed))
+    kept, spent, crossed = moved.T @ X @ moved, F.T @ R @ F, N @ F
+    residual = np.asarray(kept - X + Q + spent - crossed - crossed.T, dtype=float)
+    terms = max(float(np.linalg.norm(np.asarray(term, dtype=float))) for term in (kept, X, Q, spent, crossed))
     sums = [
-        np.einsum("ji,jk,ki->i", np.abs(moved), np.abs(x), np.abs(moved)),
-        np.abs(np.diag(x)),
+        np.einsum("ji,jk,ki->i", np.abs(moved), np.abs(X), np.abs(moved)),
+        np.abs(np.diag(X)),
         np.diag(Q),
         np.diag(spent),
     ]
     entry = np.asarray(np.sum(sums, axis=0), dtype=float)
     step = None
     if (sides(poles, p.dt) < 0).all():
-        d = np.asarray(linalg.matrix_balance(closed, permute=False, separate=True)[1][0])
+        if near:
+            d = 1.0 / np.sqrt(np.where(np.diag(own) > 0.0, np.diag(own), 1.0))
+        else:
+            d = np.asarray(linalg.matrix_balance(closed, permute=False, separate=True)[1][0])
         scaled = closed * d / d[:, None]
-        step = _even(linalg.solve_discrete_lyapunov(scaled.T, _even(residual) * np.outer(d, d))) / np.outer(d, d)
+        step = _even(_summed(scaled, _even(residual) * np.outer(d, d))) / np.outer(d, d)
     certificate = RiccatiCertificate(
         residual=float(np.linalg.norm(residual)) / max(terms, _TINY),
         backward_error=float((np.abs(residual) / np.maximum(np.sqrt(np.outer(entry, entry)), _TINY)).max(initial=0.0)),
-        cost_error=float("inf") if step is None else scaled_size(step, X),
+        cost_error=float("inf") if step is None else scaled_size(step, own),
         abscissa=float(rates_of(poles, p.dt).real.max()),
-        path=("as given: SciPy, extended pencil",),
     )
     return RiccatiSolution(X, gain, poles, certificate), step
+
+
+def _summed(A: Array, R: Array) -> Array:
+    """Return ``R + A^T R A + A^T^2 R A^2 + ...``, twice as many terms at a time (Smith 1968); ``A`` decays."""
+    total, power = R, A
+    for _ in range(_DOUBLINGS):
+        more = power.T @ total @ power
+        total, power = total + more, power @ power
+        if np.abs(more).max() <= _EPS * np.abs(total).max():
+            break
+    return total
 
 
 def _even(matrix: Array) -> Array:

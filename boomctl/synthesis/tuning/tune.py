@@ -434,13 +434,20 @@ def _worst(task: _Task, over: FamilyPlants, found: Search) -> tuple[float, Array
     def excess(point: Array) -> float:
         return max((each[0] for each in norms(point)), default=inf)
 
-    point, most, _ = pattern_search(excess, len(over.uncertain), 1.0)
-    there = norms(point)
-    if not there:
-        bad = ChannelNorm(over.label(point), aims[0], NormCertificate(inf, inf, float("nan"), "an unstable pole"))
-        return inf, point, bad
-    shown = [each for each in there if each[1].channel in aims]
-    return most, point, max(shown, key=lambda each: each[0])[1]
+    def aimed(point: Array) -> tuple[float, ChannelNorm]:
+        """Return the worst of what is to be small, which a budget that is worst elsewhere does not show."""
+        bad = NormCertificate(inf, inf, float("nan"), "an unstable pole")
+        shown = [each for each in norms(point) if each[1].channel in aims]
+        return max(shown, key=lambda each: each[0], default=(inf, ChannelNorm(over.label(point), aims[0], bad)))
+
+    size = len(over.uncertain)
+    point, most, _ = pattern_search(excess, size, 1.0)
+    at = point if len(aims) == len(task.channels) else pattern_search(lambda d: aimed(d)[0], size, 1.0)[0]
+    return most, point, max((aimed(d) for d in (point, at)), key=lambda each: each[0])[1]
+
+
+def _share_used(found: ChannelNorm) -> float:
+    return found.value / (found.channel.budget or 1.0)
 
 
 def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple[str, ...]) -> TuneResult:
@@ -464,7 +471,7 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
     )
     only = all(channel.budget is not None for channel in task.channels)
     aims = [each for each in norms if only or each[1].channel.budget is None]
-    largest, top = max(aims, key=lambda each: each[1].value / ((each[1].channel.budget or 1.0) if only else 1.0))
+    largest, top = max(aims, key=lambda each: _share_used(each[1]))
     _check_kept(problem, x, norms)
     passive = len(task.plants.physical) > 0
     values = [(each.value, i, each.channel) for i, each in aims]
@@ -490,7 +497,7 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
         active=active,
         path=path,
         statement="",
-        worst=worst,
+        worst=None if worst is None else max((worst, top), key=_share_used),
     )
     edges = [told for plant, loop in zip(plants, loops, strict=True) if (told := edge_of(plant, loop))]
     certificate = replace(certificate, statement=_statement(certificate, top, len(plants), least, found, edges))

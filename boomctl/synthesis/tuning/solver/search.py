@@ -24,6 +24,7 @@ _FINISHED = 2  # starts that are taken to the end, the best after their first tu
 _MANY = 3  # starts above which the best is shaken too: who asks for few knows where to begin (a choice)
 _SHAKE = 0.1  # share by which the numbers of the best are moved, for one more start (a choice)
 _BEGINNING = 0.5  # share of the time in which starts are begun; then the best are finished (a choice)
+_LOWER = 0.5  # share of the time for the order below, whose optimum is a start (a choice)
 _HOPE = 4.0  # turns that each gain as much as the last which would bring a local search down to the best (a choice)
 _ROUNDS = 6  # of both in turn at most (a choice)
 _GAIN = 1e-6  # relative gain of ten steps, or of a round, below which nothing changes (a choice)
@@ -305,16 +306,17 @@ def search(
     try:
         begun: list[tuple[str, Array]] = [("given", x) for x in first]
         less = lower(problem.structure)
-        if less is not None and starts > 1:
+        if less is not None and (starts > 1 or not first):
             small = problem_of(less)
-            few = max(2, starts // 3)
-            inner = search(small, few, rng, _share(deadline, 0.3), [], tell, problem_of)
+            # what a call for that order comes to: the same starts and the same numbers drawn
+            inner = search(small, starts, rng, _share(deadline, _LOWER), [], tell, problem_of)
             work.path += inner.path
             if inner.best is not None:
                 name = f"from order {small.order}: {exp(inner.value):.6g}"
                 work.path.append(name)
-                for _ in range(2):
-                    begun.append((f"order {small.order}", grown(problem.structure, problem.ports, inner.best, rng)))
+                same = grown(problem.structure, problem.ports, inner.best, rng, 0.0)
+                near = grown(problem.structure, problem.ports, inner.best, rng)
+                begun += [(f"order {small.order}", same), (f"order {small.order}", near)]
             if "stopped" in inner.path:
                 for _, x in begun:
                     work.keep(problem.clipped(x))

@@ -91,17 +91,20 @@ def lower(structure: Structure) -> Structure | None:
     return None
 
 
-def grown(structure: Structure, ports: Ports, x: Array, rng: np.random.Generator) -> Array:
-    """Return what `lower` reached as numbers of the structure itself: a state more, which does next to nothing yet."""
+def grown(structure: Structure, ports: Ports, x: Array, rng: np.random.Generator, size: float = _QUIET) -> Array:
+    """Return what `lower` reached as numbers of the structure itself: a state more, which does next to nothing yet.
+
+    Of ``size`` zero it is driven, but does not act: the controller is the same one.
+    """
     if isinstance(structure, Sum):
         found, start = [], 0
         done = False
         for part in structure.parts:
             less = None if done else lower(part)
-            size = len((part if less is None else less).free(ports))
-            mine = x[start : start + size]
-            found.append(mine if less is None else grown(part, ports, mine, rng))
-            start, done = start + size, done or less is not None
+            count = len((part if less is None else less).free(ports))
+            mine = x[start : start + count]
+            found.append(mine if less is None else grown(part, ports, mine, rng, size))
+            start, done = start + count, done or less is not None
         return np.concatenate(found)
     assert isinstance(structure, StateSpace)
     (rows, columns), n = ports.shape, structure.order
@@ -113,7 +116,7 @@ def grown(structure: Structure, ports: Ports, x: Array, rng: np.random.Generator
     rate = np.exp(rng.uniform(np.log(ports.slowest), np.log(ports.fastest))) / ports.rate
     A[-1, -1] = -rate
     B[-1] = rng.normal(size=columns) * np.sqrt(rate)
-    C[:, -1] = _QUIET * rng.normal(size=rows) * np.sqrt(rate)
+    C[:, -1] = size * rng.normal(size=rows) * np.sqrt(rate)
     parts = [A.ravel(), B.ravel(), C.ravel()]
     if not structure.strictly_proper:
         parts.append(x[old * (old + columns + rows) :])

@@ -1,0 +1,131 @@
+"""Reductions are what they say: errors and bounds against responses in 300 binary digits, at and beside all poles."""
+
+import warnings
+
+import control
+import flint
+import numpy as np
+import pytest
+from hypothesis import given
+from scipy import linalg
+
+import boomctl as bc
+from boomctl.reduction.result import LowerOrderWarning, ReductionError
+from tests.profiles import examples
+from tests.strategies import seeds
+
+METHODS = ("balanced", "singular-perturbation", "hankel", "modal")
+
+
+def stable(rng, kind):
+    """Return oscillators and lags in orthogonal or badly scaled coordinates, or a triangular matrix far from normal."""
+    n = int(rng.integers(3, 8))
+    if kind == "triangular":
+        A = np.triu(30.0 * rng.standard_normal((n, n)), 1) - np.diag(10.0 ** rng.uniform(-1, 1, n))
+    else:
+        w, z = 10.0 ** rng.uniform(-1, 2, n // 2), 10.0 ** rng.uniform(-3, -0.3, n // 2)
+        blocks = [a * np.array([[-b, 1.0], [-1.0, -b]]) for a, b in zip(w, z, strict=True)]
+        A = linalg.block_diag(*blocks, *([-(10.0 ** rng.uniform(-1, 2))] * (n % 2)))
+        Q = np.linalg.qr(rng.standard_normal((n, n)))[0]
+        A = Q @ A @ Q.T
+    B, C = rng.standard_normal((n, 2)), rng.standard_normal((1, n))
+    d = 10.0 ** rng.uniform(-3, 3, n) if kind == "scaled" else np.ones(n)
+    return A * d / d[:, None], B / d[:, None], C * d
+
+
+def sampled(rng, A, B, C):
+    dt = 10.0 ** rng.uniform(-2, 0) / np.abs(np.linalg.eigvals(A)).max()
+    held = linalg.expm(dt * np.block([[A, B], [np.zeros((2, len(A) + 2))]]))
+    return control.ss(held[: len(A), : len(A)], held[: len(A), len(A) :], C, 0.0, dt)
+
+
+def exact_error(full, reduced):
+    """Return the largest difference found: a bound of the norm of the error from below."""
+    dt = full.dt or 0.0
+    poles = np.concatenate([system.poles() for system in (full, reduced) if system.nstates])
+    width = np.maximum(np.abs(1.0 - np.abs(poles)), 1e-9) if dt else np.abs(poles.real)
+    middle = np.abs(np.angle(poles)) if dt else np.abs(poles.imag)
+    asked = np.concatenate([[0.0], np.abs(poles), *(middle + k * width for k in (-1, -0.3, 0, 0.3, 1))])
+    asked = np.unique(np.clip(asked, 0.0, np.pi if dt else np.inf))
+    before, flint.ctx.prec = flint.ctx.prec, 300
+    try:
+        return max(_at(full, reduced, flint.acb(0, w).exp() if dt else flint.acb(0, w)) for w in map(float, asked))
+    finally:
+        flint.ctx.prec = before
+
+
+def _at(full, reduced, z):
+    values = []
+    for system in (full, reduced):
+        n = system.nstates
+        A, B, C, D = (flint.acb_mat(np.asarray(m, complex).tolist()) for m in (system.A, system.B, system.C, system.D))
+        one = flint.acb_mat([[z if i == j else 0 for j in range(n)] for i in range(n)])
+        values.append(C * (one - A).solve(B) + D if n else D)
+    gap = (values[0] - values[1]).table()
+    return np.linalg.norm(np.array([[complex(entry) for entry in row] for row in gap]), 2)
+
+
+@given(seeds)
+@examples(40)
+def test_no_error_exceeds_what_was_verified_or_bounded(seed):
+    rng = np.random.default_rng(seed)
+    A, B, C = stable(rng, ("plain", "scaled", "triangular")[seed % 3])
+    full = control.ss(A, B, C, 0.0) if rng.random() < 0.4 else sampled(rng, A, B, C)
+    for method in METHODS:
+        order = int(rng.integers(1, len(A) + 1))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LowerOrderWarning)
+            try:
+                found = bc.reduce(full, order, method)
+            except ReductionError:
+                continue
+        error = exact_error(full, found.system)
+        assert error <= found.measured_error * (1.0 + 1e-12)
+        assert error <= found.error_bound * (1.0 + 1e-12)
+        assert found.order < len(A) or found.measured_error == 0.0
+
+
+@given(seeds)
+@examples(40)
+def test_a_wanted_error_is_kept_for_the_system_itself_always_does(seed):
+    rng = np.random.default_rng(seed)
+    A, B, C = stable(rng, ("plain", "scaled", "triangular")[seed % 3])
+    full = control.ss(A, B, C, 0.0) if rng.random() < 0.4 else sampled(rng, A, B, C)
+    wanted = 10.0 ** rng.uniform(-14, 0) * np.linalg.norm(B) * np.linalg.norm(C)
+    found = bc.reduce(full, error=wanted, method=METHODS[seed % 4])
+    assert found.measured_error <= wanted
+    assert exact_error(full, found.system) <= wanted
+
+
+@given(seeds)
+@examples(200)
+def test_modes_are_chosen_beside_an_unstable_pole_in_any_coordinates(seed):
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(2, 7))
+    w, z = 10.0 ** rng.uniform(-1, 2, count), 10.0 ** rng.uniform(-5, -2, count)
+    blocks = [a * np.array([[-b, 1.0], [-1.0, -b]]) for a, b in zip(w, z, strict=True)]
+    A = linalg.block_diag(*blocks, 10.0 ** rng.uniform(-2, 1))
+    n = len(A)
+    U, _, V = np.linalg.svd(rng.standard_normal((n, n)))
+    T, inverse = (M @ V for M in (U * np.geomspace(1.0, 30.0, n), U / np.geomspace(1.0, 30.0, n)))
+    B, C = rng.standard_normal((n, 2)), rng.standard_normal((1, n))
+    found = bc.reduce(control.ss(T @ A @ inverse.T, T @ B, C @ inverse.T, 0.0), n - 2, "modal")
+    assert (found.kept, found.order) == (1, n - 2)
+    assert found.measured_error <= found.error_bound < np.inf
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_band_may_reach_half_the_sampling_rate(method):
+    full = control.ss(np.diag([0.1, 0.2, 0.3]), np.ones((3, 1)), np.ones((1, 3)), 0.0, 0.1)
+    found = bc.reduce(full, 2, method, band=(1.0, np.pi / 0.1))
+    assert exact_error(full, found.system) <= found.error_bound
+
+
+def test_states_without_a_static_answer_are_named(monkeypatch):
+    def singular(system, count):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr("boomctl.reduction.reducers.residualised", singular)
+    full = control.ss(np.diag([-1.0, -2.0]), np.ones((2, 1)), np.ones((1, 2)), 0.0)
+    with pytest.raises(ReductionError, match="order 1: the states that go cannot rest"):
+        bc.reduce(full, 1, "singular-perturbation", band=(1.0, 2.0))
