@@ -329,10 +329,42 @@ def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCerti
         values = singular_values(respond(middles))[0] if len(middles) else np.zeros(1)
         best = int(np.argmax(values))
         if values[best] <= level:
-            told = not len(crossings)
+            told = not len(crossings) and _seen(system, level, at)
             return NormCertificate(peak, level if told else inf, at, NO_CROSSING if told else NOT_TOLD)
         peak, at = float(values[best]), float(middles[best])
     return NormCertificate(peak, inf, at, NOT_ENDED)
+
+
+def _hamiltonian(system: Lti, level: float) -> tuple[Array, Array]:
+    """Return the balanced Hamiltonian matrix of a level, and the scales of its coordinates."""
+    A, B, C, D = system.A, system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
+    shifted, acting, reading = A, B.T, C
+    if D.any():
+        R, S = np.eye(D.shape[1]) - D.T @ D, np.eye(D.shape[0]) - D @ D.T
+        shifted, acting, reading = A + B @ np.linalg.solve(R, D.T @ C), np.linalg.solve(R, B.T), np.linalg.solve(S, C)
+    H = np.block([[shifted, B @ acting], [-C.T @ reading, -shifted.T]])
+    with np.errstate(invalid="ignore"):  # scipy casts what may be large scales to permutations, which are not used
+        H, (scale, _) = linalg.matrix_balance(H, permute=False, separate=True)
+    return H, np.asarray(scale)
+
+
+def _seen(system: Lti, level: float, omega: float) -> bool:
+    """Return whether the eigenvalues of the Hamiltonian matrix would show that a level just below this one is reached.
+
+    With ``v`` the input of the largest gain ``g`` at the peak, ``x = (j w - A)^-1 B v``, ``p = -(j w + A^T)^-1 C^T y`` make
+    ``(j w - H)[x; p]`` zero but for ``(1 - g^2/level^2) B v``.  Where that is less than rounding of the matrix times its
+    size, as where modes cancel, eigenvalues say nothing.
+    """
+    if not isfinite(omega):
+        return True
+    n, pencil = len(system.A), 1j * omega * np.eye(len(system.A)) - system.A
+    states = np.linalg.solve(pencil, system.B + 0j)
+    v = np.linalg.svd(system.C @ states + system.D)[2][0].conj()
+    y = system.C @ (states @ v) + system.D @ v
+    H, scale = _hamiltonian(system, level)
+    x, p = states @ v, np.linalg.solve(pencil.conj().T, system.C.T @ y) / level
+    gap = (1.0 - (np.linalg.norm(y) / level) ** 2) * np.linalg.norm((system.B @ v) / scale[:n])
+    return bool(gap > _ROUNDING * np.linalg.norm(H) * np.linalg.norm(np.concatenate([x, p]) / scale))
 
 
 def level_crossings(system: Lti, level: float) -> Array:
@@ -363,14 +395,7 @@ def _near_axis(system: Lti, level: float) -> tuple[Array, Array]:
     Where two crossings have nearly met, rounding moves their eigenvalues off the axis by its root and more: what lies near
     is worth a look.
     """
-    A, B, C, D = system.A, system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
-    shifted, acting, reading = A, B.T, C
-    if D.any():
-        R, S = np.eye(D.shape[1]) - D.T @ D, np.eye(D.shape[0]) - D @ D.T
-        shifted, acting, reading = A + B @ np.linalg.solve(R, D.T @ C), np.linalg.solve(R, B.T), np.linalg.solve(S, C)
-    H = np.block([[shifted, B @ acting], [-C.T @ reading, -shifted.T]])
-    with np.errstate(invalid="ignore"):  # scipy casts what may be large scales to permutations, which are not used
-        H = linalg.matrix_balance(H, permute=False)[0]
+    H = _hamiltonian(system, level)[0]
     values = linalg.eigvals(H)
     noise = _ROUNDING * np.linalg.norm(H) + _RELATIVE_ROUNDING * np.abs(values)
     upper = values.imag >= 0.0

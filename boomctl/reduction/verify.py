@@ -20,10 +20,10 @@ from boomctl.analysis.norm import (
     proved_norm,
 )
 from boomctl.arrays import Array
-from boomctl.lti.frequency import LEVEL, Response, highest_peak, resonance_grid, singular_values
+from boomctl.lti.frequency import Response, highest_peak, resonance_grid, singular_values
 from boomctl.lti.modal import ModalSystem, resolved, side_of_axis
 from boomctl.lti.system import Lti
-from boomctl.lti.verified_modal_form import in_verified_modal_form, rounding_doubt
+from boomctl.lti.verified_modal_form import in_verified_modal_form
 from boomctl.reduction.core import SystemCore
 from boomctl.reduction.result import ReductionError
 
@@ -117,8 +117,9 @@ def verified_norm(
     ``modal`` and ``small`` are the two in modal coordinates, where these keep their digits.
 
     A level barely above the largest value found is tried first; where rounding hides it, or poles lie too far apart, cells
-    of frequencies in modal coordinates; then higher levels, up to twice that value, or up to multiples of ``floor``, below
-    which errors are rounding.  The upper bound is a level proven not to be reached; ``inf`` where none could be proven.
+    of frequencies in modal coordinates; then a proof of the numbers as they are; then higher levels, up to twice that value,
+    or up to multiples of ``floor``, below which errors are rounding.  The upper bound is a level proven not to be reached;
+    ``inf`` where none could be proven.
     """
     gap = difference(full, reduced if small is None else small.blocks)
 
@@ -134,8 +135,6 @@ def verified_norm(
         value = float(np.linalg.norm(gap.D, 2)) if gap.D.size else 0.0
         return NormCertificate(value, value, 0.0, STATIC_GAIN)
     found = level_norm(gap, respond)
-    if 0.0 < found.lower < found.upper < inf and rounding_doubt(gap) > LEVEL * found.lower:
-        found = proved_norm(gap, found.lower, found.omega)  # modes cancel: rounding hides the levels that are reached
     seen = bool(resolved(gap.poles).all())  # matrices do not show what is slower than rounding of the fastest pole
     if found.lower == inf or (seen and found.upper < inf):
         return found
@@ -144,6 +143,8 @@ def verified_norm(
         proved = modal_norm(ModalSystem(poles, B, np.hstack([modal.C, -small.C]), gap.D), floor)
         if proved.upper < inf or not seen:
             return NormCertificate(max(proved.lower, 0.0), proved.upper, proved.omega, BY_MODES)
+    if found.upper == inf and found.lower > floor:  # modes cancel: rounding hides the levels that are reached
+        found = proved_norm(gap, found.lower, found.omega)
     if found.upper < inf:
         return found
     for level in sorted([*(found.lower * factor for factor in _LEVELS[1:]), *(floor * factor for factor in _FLOORS)]):
