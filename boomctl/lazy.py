@@ -17,6 +17,8 @@ from types import ModuleType
 from typing import Any
 
 _GONE = {
+    "boomctl.to_scipy": "scipy.signal.StateSpace(s.A, s.B, s.C, s.D) of s = model.to_statespace() does it",
+    "boomctl.to_pymor": "pymor.models.iosys.LTIModel.from_matrices(s.A, s.B, s.C, s.D) of s = model.to_statespace() does it",
     "boomctl.studies.suspension.trade_off": "give boomctl.sweep a function that makes and judges a design",
     "boomctl.studies.suspension.TradeCurve": "give boomctl.sweep a function that makes and judges a design",
 }
