@@ -23,7 +23,6 @@ LONG = ("optimal_slew", "worst_case", "executor=2")  # what takes seconds
 
 HANDED_OUT = (  # classes of what functions and results hold, which are exported nowhere
     ("report", "Report"),
-    ("rotating_beam.beam", "HubSpeedFamily"),
     ("rotating_beam.exact.beam", "GeometricallyExactBeam"),
     ("structure.families", "Slope"),
     ("structure.parts", "Ground"),
