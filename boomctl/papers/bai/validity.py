@@ -47,19 +47,6 @@ class Validity:
     residual: dict[str, Array]
 
 
-def validity(torques: tuple[float, ...] = TORQUES, modes: int = MODES) -> Validity:
-    """Simulate all models over the torques.
-
-    Parameters
-    ----------
-    torques : tuple of float
-        Amplitudes, ascending, N m.
-    modes : int
-        Number of modes, and of polynomials of the exact beam.
-    """
-    return judged(torques, {model: tips(model, torques, modes) for model in (EXACT, *MODELS.values())})
-
-
 def tips(model: str, torques: tuple[float, ...], modes: int = MODES) -> list[Array]:
     """Return the tip displacement of a model over :data:`TIME` for each torque [m]; inf where it cannot be followed."""
     return [_tip(model, modes, torque) for torque in torques]
