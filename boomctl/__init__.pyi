@@ -30,7 +30,6 @@ from boomctl.boom.track_filter import platform_density, track_filter
 from boomctl.boom.tracks import Track, bump_track, iso_track
 from boomctl.boom.tractor import TractorParameters, tractor_system
 from boomctl.exchange.controller_files import read_controller, read_controller_notes, write_controller
-from boomctl.exchange.other_libraries import to_pymor, to_scipy
 from boomctl.identification.fit import fit
 from boomctl.lti.controllers.scheduled import schedule
 from boomctl.lti.controllers.time_varying import TimeVaryingController
@@ -193,8 +192,6 @@ __all__ = [
     "structured_margin",
     "sweep",
     "swept_sine",
-    "to_pymor",
-    "to_scipy",
     "torque",
     "track_filter",
     "tractor_system",

@@ -346,18 +346,10 @@ def design(words: Sequence[str]) -> None:
     )
     parser.add_argument("--speed", type=float, help="suspensions: driving speed, m/s (default: 3.0)")
     parser.add_argument("--seed", type=int, help="suspensions: of the random track (default: 1)")
-    text = (
-        "suspensions whose file has a function trade_off(), such as tuned_suspension: designs beside it too, along its"
-        " curves, such as order against peak; it takes ten minutes and more"
-    )
-    parser.add_argument("--trade-off", action="store_true", help=text)
-    text = "processes side by side for --trade-off, one thread each (default: as many as there are cores)"
-    parser.add_argument("--workers", type=int, metavar="COUNT", help=text)
     parser.add_json()
     parser.add_quiet()
     asked = parser.parse_args(words)
 
-    from boomctl.checks import whole
     from boomctl.files import locked_folder  # after the options, so that help and bad use wait for no numpy
 
     with _results_alone() if asked.json else nullcontext():
@@ -365,26 +357,18 @@ def design(words: Sequence[str]) -> None:
         given = {option: getattr(asked, option) for option in ("road_class", "speed", "seed")}
         chosen = {option: value for option, value in given.items() if value is not None}
         wrong = [f"--{option.removesuffix('_class')}" for option in chosen if option not in found.kind.options]
-        wrong += ["--trade-off"] * (asked.trade_off and found.kind.name != "suspension")
         if wrong:
             raise ValueError(
                 f"{', '.join(wrong)}: of suspensions only; expected none for the {found.kind.name} {asked.name!r}"
             )
         scene = found.kind.design_class.scene(**chosen)
-        if asked.workers is not None and whole("--workers", asked.workers) and not asked.trade_off:
-            raise ValueError(f"--workers {asked.workers}: of --trade-off only; leave it out")
-        if asked.trade_off:
-            found.trade_off()  # one that has none, or a wrong one, is refused before any work
-        with locked_folder(asked.out) as folder, _progress(found.kind.steps + asked.trade_off) as progress:
+        with locked_folder(asked.out) as folder, _progress(found.kind.steps) as progress:
             progress("design")
             made = found.made()
             if not isinstance(made, found.kind.design_class):  # a machine of the user's own, which has another scene
                 scene = type(made).scene(**chosen)
             progress("judging")
             result = made.evaluate(scene)
-            if asked.trade_off:
-                progress("designs beside it")
-                result = _with_trade_off(asked.name, result, asked.workers)
             report = result.report(progress)
             report.write_into(folder)
     if asked.json:
@@ -392,16 +376,6 @@ def design(words: Sequence[str]) -> None:
         return
     print(result)
     print(f"Report: {asked.out / 'report.html'}")
-
-
-def _with_trade_off(name: str, result: Any, workers: int | None) -> Any:
-    """Return a suspension's result with its trade-off."""
-    from dataclasses import replace
-
-    from boomctl.studies.suspension.trade_off import trade_off
-    from boomctl.studies.sweeps.workers import cores
-
-    return replace(result, trade_off=trade_off(name, result.design, result.scene, workers or cores()))
 
 
 def sigma(words: Sequence[str]) -> None:

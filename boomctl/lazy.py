@@ -16,6 +16,14 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+_GONE = {
+    "boomctl.to_scipy": "scipy.signal.StateSpace(s.A, s.B, s.C, s.D) of s = model.to_statespace() does it",
+    "boomctl.to_pymor": "pymor.models.iosys.LTIModel.from_matrices(s.A, s.B, s.C, s.D) of s = model.to_statespace() does it",
+    "boomctl.studies.suspension.trade_off": "give boomctl.sweep a function that makes and judges a design",
+    "boomctl.studies.suspension.TradeCurve": "give boomctl.sweep a function that makes and judges a design",
+}
+"""Names that left, for one version: what to use instead."""
+
 
 class _Package(ModuleType):
     """A package in which a public name stays what it is, though a submodule of the same name is imported."""
@@ -39,6 +47,8 @@ def loader(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], 
     module.__class__ = _Package
 
     def load(name: str) -> Any:
+        if f"{package}.{name}" in _GONE:
+            raise AttributeError(f"{package}.{name} is gone: {_GONE[f'{package}.{name}']}", name=name, obj=module)
         if name not in home:
             said = f"module {package!r} has no attribute {name!r}; it offers {', '.join(sorted(home))}"
             raise AttributeError(said, name=name, obj=module)

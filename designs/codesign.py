@@ -16,7 +16,7 @@ import control
 
 import boomctl as bc
 from boomctl.boom.families import scaled_boom
-from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, TradeCurve, suspension_model
+from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, suspension_model
 from boomctl.synthesis import TuneResult
 
 TABLE_2 = bc.BoomParameters()
@@ -28,7 +28,6 @@ ORDER = {"sym": 3, "anti": 2}
 FASTEST = {"sym": 50.0, "anti": 30.0}  # largest magnitude of a controller's poles [rad/s]
 SECONDS = 600.0  # far above what is taken: the starts decide, not the clock
 LIMIT = 7.7  # of the jolt's peak at the points, tip over platform; the yaw's static gain is 6.74 already (a choice)
-LIMITS = (7.4, 7.7, 8.5, 10.0)  # of the trade-off
 CORNERS = 0.7  # what disturbances at the corners count for the H2 norm, of those in the middle
 NOISE = {"stroke": 0.005, "tip_acceleration": 0.5}  # of the jolt, beside 0.03 m of platform and 7.5 N of disturbance
 PEAK, FORCE, LOOP = 9.3, 1800.0, 2.0  # of the yaw: tip and force [N/m] over platform, force over force: sizes alike
@@ -130,21 +129,6 @@ def suspension(limit: float = LIMIT) -> SuspensionDesign:
 def design() -> SuspensionDesign:
     """Return the suspension that the folder is about."""
     return suspension()
-
-
-def trade_off() -> tuple[TradeCurve, ...]:
-    """Return what the limit on the jolt's peak costs, over the box as in its middle."""
-    curve = TradeCurve(
-        "limit",
-        "the jolt's peak, the spray and the force for each limit on that peak over the box",
-        "limit of the jolt's peak at the points tuned for, tip over platform",
-        LIMITS,
-        suspension,
-        chosen=LIMIT,
-        half="jolt",
-        beside=("tuned_suspension", "tuned_passive"),
-    )
-    return (curve,)
 
 
 def main() -> SuspensionResult:

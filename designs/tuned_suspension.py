@@ -14,7 +14,7 @@ import numpy as np
 
 import boomctl as bc
 from boomctl.structure import AffineFamily, SecondOrderModel
-from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, TradeCurve, suspension_model
+from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, suspension_model
 from boomctl.synthesis import TuneResult
 
 SPRING, MASS = (0.7, 1.3), (0.8, 1.2)  # of Table 2, over which is tuned
@@ -28,7 +28,6 @@ PEAK, FORCE, LOOP = (
     2.0,
 )  # of the yaw: tip [m/m] and force [N/m] over the platform, force over force: sizes alike
 DECAY = 0.02  # slowest decay of the yaw [1/s]; an integrator would do as well, and never settle
-ORDERS, FORCES = (1, 2, 3, 4, 5, 6), (225.0, 450.0, 900.0, 1800.0, 3600.0)  # of the trade-off; forces [N/m]
 NOISE = {"stroke": 0.005, "tip_acceleration": 0.5}  # of the jolt, beside 0.03 m of platform and 7.5 N of disturbance
 
 
@@ -112,33 +111,6 @@ def suspension(order: int = ORDER, force: float = FORCE) -> SuspensionDesign:
 def design() -> SuspensionDesign:
     """Return the suspension that the folder is about."""
     return suspension()
-
-
-def trade_off() -> tuple[TradeCurve, ...]:
-    """Return what order and force are worth: both halves of each order, and the yaw for each weight of its force."""
-    yardsticks = ("tuned_passive", "h_infinity_split", "lqr_suspension")
-    return (
-        TradeCurve(
-            "order",
-            "peaks, spray and force for each order of the controller's halves",
-            "order of each half",
-            ORDERS,
-            lambda order: suspension(int(order)),
-            chosen=ORDER,
-            beside=("h_infinity_split",),
-        ),
-        TradeCurve(
-            "force",
-            f"the yaw's peak for the force that it may ask for, order {ORDER}",
-            f"force over platform that counts as much as a peak of {PEAK:g} [N/m]",
-            FORCES,
-            lambda force: suspension(force=force),
-            chosen=FORCE,
-            half="yaw",
-            over="force",
-            beside=yardsticks,
-        ),
-    )
 
 
 def main() -> SuspensionResult:

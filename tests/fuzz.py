@@ -461,8 +461,6 @@ CALLS = {
     "prove": lambda: {"result": bc.hinf_norm(plant()), "time_limit": 5.0},
     "read_controller": lambda: {"path": "nowhere.json"},
     "read_controller_notes": lambda: {"path": "nowhere.json"},
-    "to_pymor": lambda: {"system": plant()},
-    "to_scipy": lambda: {"system": plant()},
     "write_controller": lambda: {"controller": controller(0.01), "path": "/nowhere/k.json"},
     "reduce": lambda: {"system": plant(), "order": 2, "method": "balanced", "error": None, "band": None},
     "reduce_controller": lambda: {

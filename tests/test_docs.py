@@ -23,7 +23,6 @@ LONG = ("optimal_slew", "worst_case", "executor=2")  # what takes seconds
 
 HANDED_OUT = (  # classes of what functions and results hold, which are exported nowhere
     ("report", "Report"),
-    ("rotating_beam.beam", "HubSpeedFamily"),
     ("rotating_beam.exact.beam", "GeometricallyExactBeam"),
     ("structure.families", "Slope"),
     ("structure.parts", "Ground"),
@@ -35,10 +34,6 @@ HANDED_OUT = (  # classes of what functions and results hold, which are exported
     ("studies.suspension.design", "SuspensionResult"),
     ("studies.suspension.passive_assurance", "PassiveAssurance"),
     ("studies.suspension.performance", "Performance"),
-    ("studies.suspension.trade_curves", "HalfNumbers"),
-    ("studies.suspension.trade_curves", "TradeCurve"),
-    ("studies.suspension.trade_curves", "TradeLine"),
-    ("studies.suspension.trade_curves", "TradePoint"),
     ("studies.sweeps.result", "FailedPoint"),
     ("studies.sweeps.result", "SweepResult"),
     ("synthesis.lq.lqr", "LqrCertificate"),

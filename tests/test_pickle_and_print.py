@@ -128,7 +128,6 @@ FACTORIES = {
     ),
     "AssumedModesBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-3, manoeuvre=bc.spin_up(1.0, 2.0), time=3.0),
     "GeometricallyExactBeam, by accuracy": lambda: bc.hub_beam(accuracy=1e-5, manoeuvre=bc.spin_up(2.0, 4.0), time=5.0),
-    "HubSpeedFamily": lambda: one.hub_beam().lpv(),
     "GeometricallyExactBeam": lambda: bc.hub_beam(model="geometrically-exact", modes=2),
     "SimulationResult": lambda: one.hub_beam().simulate(bc.spin_up(0.5, 5.0), np.linspace(0.0, 6.0, 50)),
     "SpinUp": lambda: bc.spin_up(2.8, 30.0),

@@ -49,6 +49,16 @@ def test_an_unknown_name_is_refused_with_those_that_exist(package):
         _ = import_module(package).Boom
 
 
+def test_names_that_left_say_what_to_use_instead():
+    for name, instead in (
+        ("boomctl.to_scipy", r"signal\.StateSpace"),
+        ("boomctl.studies.suspension.trade_off", "sweep"),
+    ):
+        package, _, name = name.rpartition(".")
+        with pytest.raises(AttributeError, match=f"is gone: .*{instead}"):
+            getattr(import_module(package), name)
+
+
 def test_sub_packages_are_there_without_an_import_of_their_own():
     code = "import sys; import boomctl as bc; bc.structure.Beam; bc.studies.suspension.FieldScene; bc.slew.track;" + (
         "assert 'structure' in dir(bc) and 'structure' not in bc.__all__; import boomctl.slew as s; assert s is bc.slew"

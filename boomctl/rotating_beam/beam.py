@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import cached_property, partial
 from textwrap import fill, indent
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, final
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +21,6 @@ from boomctl.checks import (
     finite_array,
     plain_array,
     positive,
-    real,
     sequence,
     shown,
     truth,
@@ -570,16 +569,6 @@ class HubBeam(ABC):
         found = linearised(self._forced_modes(sequence("sensors", sensors, "BeamSensor")), state)
         return found.statespace(self._system_name)
 
-    def lpv(self) -> HubSpeedFamily:
-        """Return the linear models as a family over the hub speed.
-
-        Returns
-        -------
-        HubSpeedFamily
-            ``.at(hub_speed)`` is the linear model at a hub speed [rad/s].
-        """
-        return HubSpeedFamily(self)
-
     @property
     def _system_name(self) -> str:
         return f"hub_beam_{self.model.replace('-', '_')}"
@@ -736,82 +725,6 @@ def in_model(parameters: HubBeamParameters, model: str, modes: int) -> HubBeam:
     if not isinstance(model, str) or model not in MODELS:
         raise ValueError(f"model = {shown(model)}: expected one of {', '.join(MODELS)}")
     return MODELS[model](parameters=parameters, modes=modes)
-
-
-@final
-@dataclass(frozen=True)
-class HubSpeedFamily:
-    """Linear models of a hub-beam over the hub speed.
-
-    Attributes
-    ----------
-    beam : HubBeam
-        The nonlinear model that is linearised.
-    """
-
-    beam: HubBeam
-
-    def __repr__(self) -> str:
-        return f"HubSpeedFamily: linear models over the hub speed\n  {self.beam!r}"
-
-    def at(self, hub_speed: float) -> control.StateSpace:
-        """Return the linear model at a hub speed, as `HubBeam.linearize` does.
-
-        Parameters
-        ----------
-        hub_speed : float
-            Hub speed [rad/s].
-
-        Returns
-        -------
-        control.StateSpace
-            Deviations from the steady rotation.
-
-        Raises
-        ------
-        TypeError, ValueError
-            As for `HubBeam.linearize`.
-        """
-        return self.beam.linearize(hub_speed)
-
-    def affine(self) -> tuple[control.StateSpace, Array]:
-        """Return the family as one model and one matrix: ``A(w) = A(0) + w^2 slope``, all else independent of w.
-
-        This holds for the two variants of SFOAM without approximation, for ``D - M2`` enters with the speed squared.
-
-        Returns
-        -------
-        system : control.StateSpace
-            At rest.
-        slope : ndarray
-            Derivative of A with respect to the speed squared, s^2.
-
-        Raises
-        ------
-        ValueError
-            For models with axial modes: their stretch and gyroscopic terms are not affine in the speed squared.
-        """
-        if self.beam.has_axial_modes:
-            raise ValueError(
-                f"model = {self.beam.model!r}: expected 'sfoam' or 'sfoam-consistent' for an affine family"
-            )
-        rest = self.beam.linearize(0.0)
-        return rest, np.asarray(self.beam.linearize(1.0).A) - np.asarray(rest.A)
-
-    def grid(self, hub_speeds: Array) -> tuple[control.StateSpace, ...]:
-        """Return the linear models at several hub speeds.
-
-        Parameters
-        ----------
-        hub_speeds : array_like
-            Hub speeds [rad/s].
-
-        Returns
-        -------
-        tuple of control.StateSpace
-            One for each speed.
-        """
-        return tuple(self.at(real("hub_speeds", float(each))) for each in np.ravel(hub_speeds))
 
 
 def _instants(value: ArrayLike) -> Array:

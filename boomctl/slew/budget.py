@@ -78,11 +78,11 @@ class Budget:
         """Since the search began."""
         return time.monotonic() - self.begun
 
-    def spend(self, stage: str, objective: float | None = None, violation: float | None = None) -> None:
+    def spend(self, stage: str, objective: float | None = None) -> None:
         """Tell what is done; or raise `OutOfTime`, or `KeyboardInterrupt` if one was heard."""
         self.obey()
         if self.tell is not None:
-            self.tell(SlewProgress(stage, self.seconds, objective, violation))
+            self.tell(SlewProgress(stage, self.seconds, objective, None))
         if self.seconds > self.limit:
             raise OutOfTime(stage)
 

@@ -2,7 +2,7 @@
 
 import linecache
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from math import isfinite
@@ -181,8 +181,3 @@ def each_relative(found: Any, true: Any) -> float:
         return float("inf")
     size = np.abs(b)
     return float((np.abs(a - b) / np.where(size > 0.0, size, 1.0)).max(initial=0.0))
-
-
-def power_words(values: Sequence[float]) -> tuple[str, ...]:
-    """Return numbers as few letters as tell them apart, "1e-12"."""
-    return tuple(f"{value:g}" for value in values)

@@ -155,8 +155,9 @@ def _ramp_answer(omega: float, zeta: float, times: Array) -> Array:
         return np.array(values)
 
 
-def _times(omega: float, periods: float = 100.0, count: int = 501) -> Array:
-    return np.linspace(0.0, 2.0 * pi * periods / omega, count)
+def _times(omega: float) -> Array:
+    """Return instants of a hundred periods."""
+    return np.linspace(0.0, 200.0 * pi / omega, 501)
 
 
 def _ramp(omega: float, zeta: float) -> Seen:

@@ -291,10 +291,10 @@ def _unstable(spread: float) -> Seen:
     return _peak_of(system, inf)
 
 
-def _some(seed: int = 3, pairs: int = 5) -> Lti:
+def _some() -> Lti:
     """Return damped oscillators over two decades, coordinates mixed by an orthogonal matrix, two inputs and outputs."""
-    rng = np.random.default_rng(seed)
-    omega, zeta = np.geomspace(0.1, 10.0, pairs), 10.0 ** rng.uniform(-3.0, -1.0, pairs)
+    rng = np.random.default_rng(3)
+    omega, zeta = np.geomspace(0.1, 10.0, 5), 10.0 ** rng.uniform(-3.0, -1.0, 5)
     blocks = [w * np.array([[-z, 1.0], [-1.0, -z]]) for w, z in zip(omega, zeta, strict=True)]
     A = linalg.block_diag(*blocks)
     Q = np.linalg.qr(rng.standard_normal(A.shape))[0]
@@ -364,8 +364,9 @@ def _weak(gain: float, what: str) -> Seen:
     return _h2_of(Lti(np.diag([0.0, -1.0]), np.ones((2, 1)), np.array([[gain, 1.0]]), np.zeros((1, 1))), inf)
 
 
-def _chain(count: int = 6) -> Lti:
+def _chain() -> Lti:
     """Return a chain of masses and springs, damped a little, from a force at one end to the motion of the other."""
+    count = 6
     K = 2.0 * np.eye(count) - np.diag(np.ones(count - 1), 1) - np.diag(np.ones(count - 1), -1)
     A = np.block([[np.zeros((count, count)), np.eye(count)], [-K, -0.02 * K - 0.01 * np.eye(count)]])
     B, C = np.zeros((2 * count, 1)), np.zeros((1, 2 * count))

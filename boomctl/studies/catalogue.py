@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from boomctl.studies.slew.design import SlewDesign
     from boomctl.studies.spin_up import SpinUpDesign
     from boomctl.studies.suspension.design import SuspensionDesign
-    from boomctl.studies.suspension.trade_curves import TradeCurve
 
 
 class Evaluation(Protocol):
@@ -96,15 +95,12 @@ class DesignFile:
     kind : Kind
     function : callable
         Returns the design; this is where the work is done.
-    curves : callable or None
-        The function ``trade_off()`` of the file, if it has one.
     """
 
     name: str
     path: Path
     kind: Kind
     function: Callable[[], object]
-    curves: Callable[[], object] | None = None
 
     def made(self) -> Design:
         """Make the design.
@@ -126,31 +122,6 @@ class DesignFile:
                 f"design {self.name!r}: {kind.function}() returned {type(found).__name__}, expected {expected}"
             )
         return found  # type: ignore[return-value]
-
-    def trade_off(self) -> "tuple[TradeCurve, ...]":
-        """Return the curves of the trade-off that the file offers; their points are not yet made.
-
-        Raises
-        ------
-        TypeError
-            The function returns something else.
-        ValueError
-            The file has none, or it fails by an error of Python; curves of one name.
-        """
-        if self.curves is None:
-            raise ValueError(f"design {self.name!r}: expected a file with a function trade_off() too; it has none")
-        from boomctl.studies.suspension.trade_curves import TradeCurve  # numpy, which listing designs does not wait for
-
-        with _own_code(self.path, refusals=True):
-            found = self.curves()
-        if not isinstance(found, tuple) or not all(isinstance(each, TradeCurve) for each in found) or not found:
-            raise TypeError(f"design {self.name!r}: trade_off() returned {found!r:.80}, expected a tuple of TradeCurve")
-        names = [curve.name for curve in found]
-        if len(set(names)) < len(names):
-            raise ValueError(
-                f"design {self.name!r}: trade_off() returned curves called {', '.join(names)}; expected one each"
-            )
-        return found
 
 
 def design_names(*kinds: str) -> tuple[str, ...]:
@@ -215,8 +186,7 @@ def design_file(name: str, *kinds: str) -> DesignFile:
     for kind in kinds or KINDS:
         function = getattr(module, KINDS[kind].function, None)
         if callable(function):
-            curves = getattr(module, "trade_off", None)
-            return DesignFile(name, path, KINDS[kind], function, curves if callable(curves) else None)
+            return DesignFile(name, path, KINDS[kind], function)
     wanted = " or ".join(dict.fromkeys(f"{KINDS[kind].function}()" for kind in kinds or KINDS))
     raise ValueError(f"design {name!r}: expected a file with a function {wanted}")
 

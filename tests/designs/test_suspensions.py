@@ -307,3 +307,18 @@ def test_the_sensors_follow_from_the_boom():
     omega = np.array([0.5, 2.0])
     found = model.frequency_response(omega, ["actuator_left"], ["tip_left", "tip_left_acceleration"]).frdata[:, 0]
     assert np.allclose(found[1], -(omega**2) * found[0], rtol=3e-2)
+
+
+@pytest.mark.slow
+def test_a_second_state_for_the_yaw_is_worth_its_force():
+    """Tuned for orders one and two: the goal holds platform to tip over the box, and the force by its weight."""
+    from designs.tuned_suspension import FORCE, PEAK, tuned_yaw
+
+    half = bc.boom_family(half="yaw", accelerometer_bandwidth_hz=20.0)
+    one, two = (tuned_yaw(order) for order in (1, 2))
+    worst = [bc.worst_case(half, found.controller, ["actuator_anti"], ["tip_anti"]) for found in (one, two)]
+    assert [each.upper_bound for each in worst] == pytest.approx([25.78, 13.18], rel=5e-3)
+    assert all(each.norm.lower <= each.upper_bound <= each.norm.lower * 1.001001 for each in worst)
+    assert worst[1].norm.lower <= two.gamma * 1.002
+    force = bc.select_channels(bc.feedback_loop(half.centre, two.controller), ["actuator_anti"], ["suspension_anti"])
+    assert bc.hinf_norm(force).lower <= two.gamma * FORCE / PEAK * 1.002

@@ -172,27 +172,6 @@ def test_octave_rebuilds_the_controller_with_its_names(tmp_path, dt):
     assert float(lines[15]) == dt
 
 
-def test_scipy_and_pymor_answer_alike():
-    from scipy import signal
-
-    model = bc.spray_boom(elements=4)
-    omega = np.array([1.0, 7.0])
-    true = model.frequency_response(omega).frdata
-    plain = bc.to_scipy(model)
-    for k, w in enumerate(omega):
-        found = plain.C @ np.linalg.solve(1j * w * np.eye(len(plain.A)) - plain.A, plain.B) + plain.D
-        assert np.abs(found - true[:, :, k]).max() < 1e-9 * np.abs(true).max()
-    assert isinstance(bc.to_scipy(controller(dt=0.1)), signal.StateSpace)
-    assert bc.to_scipy(controller(dt=0.1)).dt == 0.1
-    pytest.importorskip("pymor")
-    for scene, kind in (({}, "LTIModel"), ({"excitation": "force"}, "SecondOrderModel")):
-        model = bc.spray_boom(elements=4, **scene)
-        found = bc.to_pymor(model)
-        assert type(found).__name__ == kind
-        true = model.frequency_response([3.0]).frdata[:, :, 0]
-        assert np.abs(found.transfer_function.eval_tf(3.0j) - true).max() < 1e-8 * np.abs(true).max()
-
-
 def test_what_cannot_be_written_is_refused_and_nothing_is_left(tmp_path):
     K = controller()
     refused = [

@@ -22,8 +22,9 @@ from boomctl.papers.bai.comparison import (
     compare,
     judge,
 )
-from boomctl.papers.bai.report import jobs, reproduction, results
-from boomctl.papers.bai.validity import leaves, validity
+from boomctl.papers.bai.report import jobs, report, results
+from boomctl.papers.bai.validity import EXACT, MODELS, judged, leaves, tips
+from boomctl.papers.side_by_side import side_by_side
 from boomctl.plotting.rotating_beam import Chart, Line, Panel, chart_files
 from boomctl.rotating_beam import HubBeamParameters, hub_beam, sine_torque
 from tests.profiles import examples
@@ -153,7 +154,8 @@ def test_leaves_interpolates_in_logarithms():
 
 @pytest.mark.slow
 def test_models_agree_with_the_exact_beam_for_small_torque_and_in_order():
-    data = validity((5.0, 50.0))
+    torques = (5.0, 50.0)
+    data = judged(torques, {model: tips(model, torques) for model in (EXACT, *MODELS.values())})
     for errors in data.whole.values():
         assert errors[0] < 2e-3
         assert errors[1] / errors[0] == pytest.approx(100.0, rel=0.2)  # neglected terms are quadratic in the motion
@@ -200,21 +202,21 @@ def test_pictures_are_drawn_the_same_each_time():
 @pytest.mark.parametrize("torques", [(5.0,), (5.0, 5.0), (0.0, 5.0)])
 def test_bad_torques(torques):
     with pytest.raises(ValueError, match="torques"):
-        reproduction(torques)
+        jobs(torques)
 
 
 @pytest.mark.slow
 def test_the_whole_reproduction(tmp_path):
     told = []
-    result = reproduction(torques=(5.0, 50.0), progress=told.append)
+    result = report((5.0, 50.0), side_by_side(jobs((5.0, 50.0)), 1, told.append))
     names = {path.name for path in result.write(tmp_path / "out")}
     figures = {f"fig-{n:02d}.{ending}" for n in range(3, 11) for ending in ("png", "svg")}
     assert names == figures | {"validity.png", "validity.svg", "slew.gif", "results.json", "report.html"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
-    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert report.count("data:image/png;base64,") == 9
-    assert report.count("data:image/gif;base64,") == 1
-    assert not re.findall(r'(?:src|href)="(?!data:)', report)
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") == 9
+    assert page.count("data:image/gif;base64,") == 1
+    assert not re.findall(r'(?:src|href)="(?!data:)', page)
     assert (
         json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["summary"]
         == result.results["summary"]

@@ -10,12 +10,11 @@ import numpy as np
 from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
-from boomctl.benchmark.boom.cold import cold_lines
 from boomctl.benchmark.boom.high_precision import mesh_response, sigma_of
 from boomctl.benchmark.boom.new_parameters import new_parameters_lines
 from boomctl.benchmark.boom.scene import Scene, Settings, scene
 from boomctl.benchmark.report import BenchmarkReport, Measured, Row, Sheet, Tell, measured, race
-from boomctl.benchmark.timing import Job, interleaved, peak_memory
+from boomctl.benchmark.timing import Job, fresh_processes, interleaved, peak_memory
 from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
@@ -36,6 +35,25 @@ _LINEAR = 1.15  # largest exponent of growth that counts as linear
 _HIGH_ORDER_ERROR, _HIGH_ORDER_UNKNOWNS = 1e-9, 60  # error to be reached with fewer unknowns than this
 _SPANS = 4  # high-order elements: one between each two of tip, spring, hinge, spring, tip
 _FINITE = "Finite element sigma; peer: control.frequency_response"
+_LINALG = "import numpy, scipy.linalg"
+_COMMAND = """import sys
+sys.argv[1:] = {!r}.split()
+from boomctl.cli import main
+try:
+    main()
+except SystemExit:
+    pass"""
+
+# job, its lines of Python, those it stands beside, and how many times as long it may take: what this package promised itself
+_COLD = (
+    ("import boomctl", "import boomctl", "import numpy", 1.5),
+    ("first BoomParameters()", "import boomctl as bc; bc.BoomParameters()", _LINALG, 1.0),
+    ("first spray_boom()", "import boomctl as bc; bc.spray_boom()", _LINALG, 2.0),
+    ("first sigma(boom), peak", "import boomctl as bc; bc.sigma(bc.spray_boom()).peak", _LINALG, 2.5),
+    ("boomctl sigma --json", _COMMAND.format("sigma --json"), _LINALG, 2.5),
+    ("boomctl parameters", _COMMAND.format("parameters"), _COMMAND.format("--version"), 1.3),
+)
+_PEERS = {_LINALG: _LINALG, "import numpy": "import numpy", _COMMAND.format("--version"): "boomctl --version"}
 
 
 def run(full: bool = False, progress: Tell | None = None) -> BenchmarkReport:
@@ -295,6 +313,26 @@ def accuracy_lines(ground: Scene, settings: Settings, tell: Tell) -> list[Row | 
     sizes = sorted(set(settings.finite) | set(settings.discrete))
     lines = tuple((n, *(found[name].get(n) for name in meshes)) for n in sizes)
     return [*rows, Sheet("Error over the number of elements", ("elements", *meshes), lines)] if lines else []
+
+
+def cold_lines(ground: Scene, settings: Settings, tell: Tell) -> list[Row | Sheet]:
+    """Compare first calls and commands, each in a new process, with the import or command that each stands on."""
+    del ground  # each process makes its own
+    if not settings.processes:
+        return []
+    tell("first calls and commands in new processes")
+    times = fresh_processes([*dict.fromkeys(code for line in _COLD for code in line[1:3])], settings.processes)
+    return [
+        race(
+            f"Cold, new process; peer: {_PEERS[peer]}",
+            f"cold: {job}",
+            Measured(times[code]),
+            Measured(times[peer]),
+            f"<= {limit:g} x peer",
+            times[code] <= limit * times[peer],
+        )
+        for job, code, peer, limit in _COLD
+    ]
 
 
 _SUBJECTS = (

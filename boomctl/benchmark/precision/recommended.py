@@ -30,7 +30,6 @@ HEADS = (
 _ALIKE = 1.15  # times the shortest run time up to which the most exact is taken: medians differ by as much (a choice)
 _SPACE = "\u00a0"  # between a number and its unit, where no line breaks
 _BREAK = "\u200b"  # of no width, where a line may break
-_PAGE_HEAD = "| wanted | write | error | new parameters | model ready | memory | best other |"
 PAGE = Page(
     "<!-- what follows is written by `boomctl benchmark precision --page` -->",
     "<!-- what precedes is written by `boomctl benchmark precision --page` -->",

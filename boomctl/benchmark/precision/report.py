@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from math import inf, isfinite
 from typing import TYPE_CHECKING, Any, get_args
 
 from boomctl.benchmark.precision.claim import conclusion, verdict_table, verdicts
@@ -364,24 +363,3 @@ def _missing(diagrams: tuple[Diagram, ...]) -> tuple[str, ...]:
 def _machine_words(environment: Mapping[str, str]) -> str:
     names = ("processor", "system", "python", "numpy", "scipy")
     return ", ".join(f"{name} {environment[name]}" for name in names if name in environment)
-
-
-def read_diagrams(found: Mapping[str, Any]) -> tuple[Diagram, ...]:
-    """Return the diagrams of what JSON holds.
-
-    Raises
-    ------
-    ValueError
-        It holds none.
-    """
-    if not isinstance(found.get("diagrams"), list):
-        raise ValueError("expected what 'boomctl benchmark precision --json' printed, which has diagrams")
-    return tuple(_diagram_of(item) for item in found["diagrams"])
-
-
-def _diagram_of(item: Mapping[str, Any]) -> Diagram:
-    fields = {name: item[name] for name in ("key", "title", "question", "measure")}
-    points = tuple(
-        Point(**{**p, "error": inf if not isfinite(float(p["error"])) else float(p["error"])}) for p in item["points"]
-    )
-    return Diagram(**fields, points=points, missing=tuple(item["missing"]), remarks=tuple(item["remarks"]))

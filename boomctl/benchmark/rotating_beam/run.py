@@ -1,7 +1,7 @@
 """Run time and error of the hub-beam's simulations, beside general-purpose integrators on the same equations."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -280,10 +280,10 @@ def _judge(exact: Array, which: Array) -> Judge:
     return lambda tip: float(np.abs(tip - exact)[which].max() / scale)
 
 
-def _loosest(build: Callable[[float], Motion], judge: Judge, wanted: float, ladder: Sequence[float] = LADDER) -> _Entry:
+def _loosest(build: Callable[[float], Motion], judge: Judge, wanted: float) -> _Entry:
     """The run with the loosest tolerance at which the error is below `wanted`; the tightest if none is."""
-    motion = build(ladder[-1])
-    for tolerance in ladder:
+    motion = build(LADDER[-1])
+    for tolerance in LADDER:
         motion = build(tolerance)
         if judge(motion()) <= wanted:
             break

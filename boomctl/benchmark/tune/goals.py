@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 WITHIN = 1e-3  # share above a norm that passes for it: published values have three to five digits
-FULL_ORDER = "the full-order optimum"
 
 
 @dataclass(frozen=True)

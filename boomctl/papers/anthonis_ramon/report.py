@@ -1,6 +1,5 @@
 """Anthonis & Ramon (2003), reproduced: tables and pictures beside what was published."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,7 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.papers.anthonis_ramon.figures import BoomReproduction, compute
 from boomctl.papers.anthonis_ramon.friction import FULL_POINTS, POINTS, friction_section, friction_study
 from boomctl.papers.anthonis_ramon.updating import updating_results, updating_section, updating_study
-from boomctl.papers.side_by_side import Job, side_by_side
+from boomctl.papers.side_by_side import Job
 from boomctl.report import Picture, Report, Section, Table
 
 _LEAD = (
@@ -45,25 +44,6 @@ _CONVERGENCE = (
 )
 
 
-def reproduction(
-    parameters: BoomParameters | None = None,
-    measured: MeasuredCurve | None = None,
-    progress: Callable[[str], None] = lambda text: None,
-) -> Report:
-    """Compute the paper's results, one after the other, and return their report.
-
-    Parameters
-    ----------
-    parameters : BoomParameters, optional
-        By default Table 2.
-    measured : MeasuredCurve, optional
-        A measured sigma curve, laid over Fig. 3.
-    progress : callable, optional
-        Told in a few words what is being done.
-    """
-    return report(side_by_side(jobs(parameters, measured), 1, progress))
-
-
 @dataclass(frozen=True)
 class Chapter:
     """Sections of the report, and what they put into ``results.json``."""
@@ -77,7 +57,8 @@ def jobs(
 ) -> list[Job]:
     """Return the pieces of work of the reproduction, the longest first; :func:`report` makes a report of what they find.
 
-    ``full`` takes more frequencies for the simulated sines; the other arguments are those of :func:`reproduction`.
+    Parameters are by default those of Table 2; a measured sigma curve is laid over Fig. 3; ``full`` takes more frequencies
+    for the simulated sines.
     """
     p = BoomParameters() if parameters is None else parameters
     return [

@@ -11,7 +11,7 @@ from boomctl.arrays import Array
 from boomctl.papers.bai import frequencies, spin_up, torque
 from boomctl.papers.bai.comparison import CORRECTED, MET, NOT_REPRODUCIBLE, Part
 from boomctl.papers.bai.validity import EXACT, TORQUES, judged, section, tips
-from boomctl.papers.side_by_side import Job, side_by_side
+from boomctl.papers.side_by_side import Job
 from boomctl.plotting.rotating_beam import Chart, Film, chart_files, film_bytes
 from boomctl.report import Picture, Report, Section, Table
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
@@ -50,27 +50,12 @@ _RULE = (
 )
 
 
-def reproduction(torques: tuple[float, ...] = TORQUES, progress: Callable[[str], None] = lambda part: None) -> Report:
-    """Reproduce the paper's tables and figures, one after the other, and return their report.
-
-    Parameters
-    ----------
-    torques : tuple of float
-        Amplitudes over which the models are held against the geometrically exact beam, N m; at least two, ascending,
-        > 0.
-    progress : callable
-        Called with the name of each piece of work before it is done.
-
-    Raises
-    ------
-    ValueError
-        If `torques` are not as said.
-    """
-    return report(torques, side_by_side(jobs(torques), 1, progress))
-
-
 def jobs(torques: tuple[float, ...] = TORQUES) -> list[Job]:
-    """Return the pieces of work of the reproduction, the longest first; :func:`report` makes a report of what they find."""
+    """Return the pieces of work of the reproduction, the longest first; :func:`report` makes a report of what they find.
+
+    Torques are amplitudes over which the models are held against the geometrically exact beam, N m: at least two, ascending,
+    > 0; otherwise `ValueError`.
+    """
     if len(torques) < 2 or torques[0] <= 0.0 or any(b <= a for a, b in pairwise(torques)):
         raise ValueError(f"torques = {torques!r}: expected at least two, ascending and > 0")
     valid = [Job(f"validity of {model}", tips, (model, torques)) for model in _MODELS]

@@ -40,27 +40,11 @@ class Validity:
     whole, residual : dict of str to ndarray, k
         By model: largest error over the largest displacement, until 30 s, and after the torque has ended (10 s); inf
         where the model could not be followed.
-    residual_amplitude : dict of str to ndarray, k
-        By model, "exact" included: largest displacement after the torque has ended, m.
     """
 
     torques: Array
     whole: dict[str, Array]
     residual: dict[str, Array]
-    residual_amplitude: dict[str, Array]
-
-
-def validity(torques: tuple[float, ...] = TORQUES, modes: int = MODES) -> Validity:
-    """Simulate all models over the torques.
-
-    Parameters
-    ----------
-    torques : tuple of float
-        Amplitudes, ascending, N m.
-    modes : int
-        Number of modes, and of polynomials of the exact beam.
-    """
-    return judged(torques, {model: tips(model, torques, modes) for model in (EXACT, *MODELS.values())})
 
 
 def tips(model: str, torques: tuple[float, ...], modes: int = MODES) -> list[Array]:
@@ -71,13 +55,12 @@ def tips(model: str, torques: tuple[float, ...], modes: int = MODES) -> list[Arr
 def judged(torques: tuple[float, ...], found: dict[str, list[Array]]) -> Validity:
     """Judge the tips of all models by those of the geometrically exact beam."""
     late, exact = TIME > 10.0, found[EXACT]
-    whole, residual, amplitude = {}, {}, {"exact": np.array([np.max(np.abs(tip[late])) for tip in exact])}
+    whole, residual = {}, {}
     for label, model in MODELS.items():
         pairs = list(zip(found[model], exact, strict=True))
         whole[label] = np.array([_error(tip, true) for tip, true in pairs])
         residual[label] = np.array([_error(tip[late], true[late]) for tip, true in pairs])
-        amplitude[label] = np.array([np.max(np.abs(tip[late])) for tip in found[model]])
-    return Validity(np.array(torques), whole, residual, amplitude)
+    return Validity(np.array(torques), whole, residual)
 
 
 def _tip(model: str, modes: int, torque: float) -> Array:

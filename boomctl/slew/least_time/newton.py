@@ -47,15 +47,12 @@ class ArcSlew:
     gain : float
         Time that the switching function says could be gained where its sign is not the torque's, that the end's defect
         is worth, and that other durations promise, over the duration.
-    step_error : float
-        Defect of the end when the steps are halved, relative.
     path : tuple of str
         What was done, in words.
     """
 
     history: TorqueHistory
     gain: float
-    step_error: float
     path: tuple[str, ...]
 
 
@@ -159,7 +156,7 @@ def _refined(ends: EndMap, found: _Arcs, finer: int = 1, exact: bool = True) -> 
         return None
     history = settled.history(ends.problem.limits.torque)
     worth = float(np.abs(settled.weights).sum()) * error / _FOURTH_ORDER
-    return ArcSlew(history, (settled.wrong_sign + settled.promised + worth) / history.duration, error, ())
+    return ArcSlew(history, (settled.wrong_sign + settled.promised + worth) / history.duration, ())
 
 
 def _weighed(ends: EndMap, found: _Arcs, finer: int) -> _Arcs:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -12,8 +11,6 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import exactly, known, plain_array, real
 from boomctl.printing import count
-
-QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)  # that pictures and words show: the middle half, and nine of ten (a choice)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -77,23 +74,6 @@ class TrackingStudy:
     def __getitem__(self, name: str) -> Array:
         """Return an output of all runs by name."""
         return self.outputs[known("output", name, tuple(self.outputs))]
-
-    def quantiles(self, name: str, levels: Sequence[float] = QUANTILES) -> Array:
-        """Return quantiles of an output over the runs.
-
-        Parameters
-        ----------
-        name : str
-            Of the output.
-        levels : sequence of float
-            Between 0 and 1.
-
-        Returns
-        -------
-        (levels, N) ndarray
-            At each instant.
-        """
-        return np.quantile(self[name], [real("levels", level) for level in levels], axis=0)
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
         """Draw hub angle, tip displacement and torque of all runs: the middle one, the middle half, and nine of ten.

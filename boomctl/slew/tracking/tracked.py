@@ -232,7 +232,7 @@ class TrackedSlew:
         Returns
         -------
         TrackingStudy
-            All runs, with quantiles; ``.plot()`` draws them.
+            All runs; ``.plot()`` draws their quantiles.
 
         Raises
         ------

@@ -152,12 +152,6 @@ class ExactModel:
         """Return the frequency response, shape (outputs, inputs, frequencies), of displacement outputs."""
         return self.prepared(inputs, outputs).at(omega)
 
-    def dynamic_stiffness(self, s: Array) -> Array:
-        """Return ``D(s)`` of the free coordinates, shape (n, n, len(s))."""
-        n, terms = self.layout.n, self._dynamic_terms()
-        values = _functions(kinds_of(self.segments)[0], np.asarray(s, dtype=complex))
-        return (terms.reshape(len(terms), -1).T @ values).reshape(n, n, -1)
-
     def undamped(self) -> "ExactModel":
         """Return the structure without any damping."""
         weights = replace(self.weights, c=np.zeros_like(self.weights.c))

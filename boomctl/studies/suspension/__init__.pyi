@@ -4,8 +4,6 @@ from boomctl.studies.suspension.design import SuspensionDesign, SuspensionResult
 from boomctl.studies.suspension.own_plant_assurance import suspension_family
 from boomctl.studies.suspension.performance import Performance, performance
 from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScene, suspension_model
-from boomctl.studies.suspension.trade_curves import TradeCurve, TradeLine, TradePoint
-from boomctl.studies.suspension.trade_off import trade_off
 
 __all__ = [
     "ACCELERATIONS",
@@ -15,11 +13,7 @@ __all__ = [
     "Performance",
     "SuspensionDesign",
     "SuspensionResult",
-    "TradeCurve",
-    "TradeLine",
-    "TradePoint",
     "performance",
     "suspension_family",
     "suspension_model",
-    "trade_off",
 ]

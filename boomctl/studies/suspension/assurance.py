@@ -216,18 +216,6 @@ def split_halves(
     return symmetric, antisymmetric, mixed
 
 
-def box_worst(
-    name: str, p: BoomParameters, controller: control.StateSpace, band: float | None, delay: float = 0.0
-) -> tuple[AffineFamily, WorstCase]:
-    """Return the jolt or the yaw over the box of springs and boom masses, and its worst peak from platform to tip.
-
-    Forces of a discrete controller act so much later [s].
-    """
-    family = boom_family(p, SPRING, MASS, half=name, elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
-    side = {"jolt": "sym", "yaw": "anti"}[name]
-    return family, worst_case(family, controller, [f"actuator_{side}"], [f"tip_{side}"], delay=delay)
-
-
 def assured_half(
     name: str,
     p: BoomParameters,
@@ -236,8 +224,13 @@ def assured_half(
     found: Margins | None = None,
     delay: float = 0.0,
 ) -> HalfAssurance:
-    """Examine the jolt or the yaw over the box; margins are those found of its loop, the delay a discrete controller's."""
-    family, worst = box_worst(name, p, controller, band, delay)
+    """Examine the jolt or the yaw over the box of springs and boom masses; margins are those found of its loop.
+
+    Forces of a discrete controller act ``delay`` later [s].
+    """
+    family = boom_family(p, SPRING, MASS, half=name, elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
+    side = {"jolt": "sym", "yaw": "anti"}[name]
+    worst = worst_case(family, controller, [f"actuator_{side}"], [f"tip_{side}"], delay=delay)
     return HalfAssurance(found, robust_stability(family, controller, delay=delay), worst)
 
 

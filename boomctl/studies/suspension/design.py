@@ -21,7 +21,6 @@ from boomctl.studies.suspension.passive_assurance import PassiveAssurance, assur
 from boomctl.studies.suspension.performance import Performance, performance
 from boomctl.studies.suspension.sampled_assurance import SampledAssurance, assure_sampled
 from boomctl.studies.suspension.scene import FieldScene
-from boomctl.studies.suspension.trade_curves import TradeLine
 
 if TYPE_CHECKING:
     import control
@@ -160,8 +159,6 @@ class SuspensionResult:
     assured : Assurance, SampledAssurance, PassiveAssurance, OwnPlantAssurance or None
         Margins, uncertainty and the exact boom, or a finer mesh of a discrete controller's; without margins of a passive
         design; of one on a plant of its own the uncertainty alone, and None where that is no family or time is discrete.
-    trade_off : tuple of TradeLine
-        What designs beside it cost and are worth, where that was asked for.
     """
 
     design: SuspensionDesign
@@ -170,7 +167,6 @@ class SuspensionResult:
     passive: Performance
     active: Performance
     assured: Assurance | OwnPlantAssurance | SampledAssurance | PassiveAssurance | None = field(repr=False)
-    trade_off: tuple[TradeLine, ...] = field(default=(), repr=False)
 
     __repr__ = compact
 
@@ -245,7 +241,6 @@ class SuspensionResult:
             "controller": None if self.design.controller is None else {"states": self.design.controller.nstates},
             "worst_case": self._worst_case(),
             "deposit_cv_found_over_box": None if self.assured is None else self.assured.deposit.cv,
-            **({"trade_off": {line.name: line.as_dict() for line in self.trade_off}} if self.trade_off else {}),
         }
 
     @property
@@ -311,7 +306,6 @@ class SuspensionResult:
             *sections.assurance_sections(self.assurance, scene, design.plant is not None),
             sections.run_section(before, after, scene),
             sections.spray_section(before, after),
-            *sections.trade_off_sections(self.trade_off),
         ]
         lead = f"{design.title}: what it does to the boom's motion and to the spray, beside the boom as it is."
         files = self.controller_files()

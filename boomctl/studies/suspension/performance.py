@@ -169,10 +169,9 @@ def loop_between(
     model: SecondOrderModel | control.StateSpace,
     controller: control.StateSpace | None,
     outputs: Sequence[str],
-    inputs: Sequence[str] = ACTUATORS,
     delay: float = 0.0,
 ) -> control.StateSpace:
-    """Return the closed loop from inputs to outputs, or the plant alone without a controller; forces count as outputs.
+    """Return the closed loop from the platform to outputs, or the plant alone without a controller; forces count as outputs.
 
     A delay [s] is that of a discrete controller; a continuous one has none.
     """
@@ -180,7 +179,7 @@ def loop_between(
         whole = feedback_loop(model, controller, delay=0.0 if controller.isctime() else delay)
     else:
         whole = model.to_statespace() if isinstance(model, SecondOrderModel) else model
-    return select_channels(whole, list(inputs), list(outputs))
+    return select_channels(whole, list(ACTUATORS), list(outputs))
 
 
 def _loop_sigma(loop: control.StateSpace) -> SigmaResult:

@@ -1,6 +1,6 @@
 """The report of a suspension: words, tables and pictures."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,6 @@ from boomctl.report import Section, Table
 from boomctl.studies.suspension.assurance import FAMILY_ELEMENTS
 from boomctl.studies.suspension.performance import Performance
 from boomctl.studies.suspension.scene import FieldScene
-from boomctl.studies.suspension.trade_curves import TradeLine, TradePoint
 
 if TYPE_CHECKING:
     import control
@@ -216,58 +215,6 @@ def files_section(names: tuple[str, ...], scene: FieldScene, sample_time: float)
         else "There is no C code: the controller is too fast for the sampling of the field run.",
     )
     return Section("The controller in files", text)
-
-
-def trade_off_sections(lines: Sequence[TradeLine]) -> tuple[Section, ...]:
-    """Return a section for each curve of a trade-off: what failed, a table of all points, a picture."""
-    from boomctl.plotting.canvas import figure_of, picture
-
-    text = (
-        "Each point is a design of its own: its peaks certified, driven over the same field, and its worst peak over springs"
-        " of 70 to 130 % and a boom mass of 80 to 120 % found, with what none is above: proved. The force over the motion of"
-        " the platform is a certified peak, too, which an elastic mode may decide that the track hardly drives."
-    )
-    made = []
-    for line in lines:
-        lead = (text,) if not made else ()
-        failed = (f"{name} failed: {error}" for name, error in line.failures.items())
-        whose = "Peaks" if line.half is None else f"Peaks of the {line.half}"
-        over = line.abscissa.removeprefix(f"{line.half}: ")
-        caption = (
-            f"{whose} against {over}, in the middle of the box and the worst in it (hollow where it is not proved);"
-            f" dashed: the static gain from the platform to the tips, {line.static:.4g}."
-        )
-        if line.over != "asked":
-            caption += f" Numbers beside marks: {line.asked}."
-        if line.chosen is not None:
-            caption += f" The design of this report has {line.chosen:g}."
-        drawn = picture(f"trade_off_{line.name}", figure_of(line.plot), caption)
-        made.append(Section(f"Trade-off: {line.title}", (*lead, *failed), (_trade_off_table(line),), (drawn,)))
-    return tuple(made)
-
-
-def _trade_off_table(line: TradeLine) -> Table:
-    whose = "" if line.half is None else f"{line.half}: "
-    found = ("certified peak", "worst found", "worst proved: at most", "force over platform [N/m]")
-    heads = (line.asked, "states", *(whose + head for head in found))
-    rows = tuple(_trade_off_row(point, line.half) for point in (*line.points, *line.beside))
-    return Table((*heads, f"{whose}largest force [N]", "deposit CV [%]", "largest stroke [mm]"), rows)
-
-
-def _trade_off_row(point: TradePoint, half: str | None) -> tuple[str, ...]:
-    found = point.of(half)
-    acts = found.effort > 0.0
-    return (
-        point.label,
-        str(point.states),
-        "unstable" if found.peak == inf else peak(found.peak),
-        "-" if found.worst_found is None else "unstable" if found.worst_found == inf else peak(found.worst_found),
-        "-" if found.worst_bound is None else "nothing" if found.worst_bound == inf else peak(found.worst_bound, True),
-        f"{found.effort:.0f}" if acts and found.effort < inf else "-",
-        f"{found.force:.1f}" if acts else "-",
-        f"{100 * point.deposit_cv:.2f}",
-        f"{1e3 * point.stroke:.1f}",
-    )
 
 
 def peak(value: float, bound: bool = False) -> str:

@@ -28,8 +28,6 @@ from boomctl.studies.sweeps.plan import Label
 _FORMAT = "boomctl sweep 1"
 _ARRAY, _PICKLE, _FLOAT, _MAPPING = "array", "pickle", "float", "mapping"
 
-Keep = Callable[[Mapping[str, Label], Outcome], None]
-
 
 class KeptSweep:
     """The points that a file holds, and the file, open for more.

@@ -65,13 +65,13 @@ def _masses(ratio: float) -> tuple[float, float]:
     return _MOTOR * ratio * _BEAM_MASS, (1.0 - _MOTOR) * ratio * _BEAM_MASS
 
 
-def exact_frequencies(ratio: float, count: int = _MODES) -> Array:
+def exact_frequencies(ratio: float) -> Array:
     """Return the natural frequencies of the exact arm [rad/s]: roots of its determinant, started at ours.
 
     From the clamp, moment and force are carried over both links by the functions of ``w'''' = beta^4 w``; at the tip the
     moment is to vanish, and the force to be that of the payload.
     """
-    starts = undamped_frequencies(_arm(ratio, 0.0, FiniteElements(1)).exact(), count)
+    starts = undamped_frequencies(_arm(ratio, 0.0, FiniteElements(1)).exact(), _MODES)
     motor, payload = _masses(ratio)
     with mp.workdps(_DIGITS):
         mass, stiffness = mp.mpf(_BEAM_MASS) / (2 * _LINK), mp.mpf(_STIFFNESS)
