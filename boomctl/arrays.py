@@ -3,7 +3,6 @@
 from typing import Any, TypeAlias
 
 import numpy as np
-from scipy import sparse
 
 Array: TypeAlias = np.ndarray[Any, Any]
 """An array of numbers; the docstring says whether real or complex, and of which shape."""
@@ -25,6 +24,6 @@ def combined(lines: Matrix, T: Matrix) -> Matrix:
     does not push it would push it by rounding, and a motion that nothing else holds goes far.
     """
     product, terms = lines @ T, abs(lines) @ abs(T)
-    if sparse.issparse(product):
-        return sparse.csr_array(product.multiply(abs(product) > ROUNDED * terms))
-    return np.where(np.abs(product) > ROUNDED * terms, product, 0.0)
+    if isinstance(product, np.ndarray):
+        return np.where(np.abs(product) > ROUNDED * terms, product, 0.0)
+    return product.multiply(abs(product) > ROUNDED * terms).tocsr()

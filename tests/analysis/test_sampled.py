@@ -180,6 +180,30 @@ def test_no_window_of_instability_is_stepped_over(seed):
         assert sides[0] < 1.0 < sides[1]
 
 
+@examples(60)
+@given(st.integers(0, 100_000))
+def test_delays_of_loops_with_repeated_poles_are_those_at_which_they_become_unstable(seed):
+    """A regulator and a filter of like weights: poles of the loop come twice, or nearly, in Jordan blocks."""
+    rng = np.random.default_rng(seed)
+    omega, zeta, dt = rng.uniform(0.5, 5.0), rng.uniform(0.001, 0.2), rng.uniform(0.05, 0.2)
+    A, b = np.array([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]]), np.array([[0.0], [1.0]])
+    plant = control.ss(A, b, b.T if rng.random() < 0.5 else b[::-1].T, 0.0, inputs="u", outputs="y")
+    like = 10.0 ** rng.uniform(-2, 1)
+    other = like * (1.0 + 10.0 ** rng.uniform(-14, -2) * (rng.random() < 0.5))
+    sampled = control.sample_system(plant, dt, name="plant")
+    controller = bc.lqg(sampled, None, 1.0, {"u": other}, 1.0, output_weight={"y": like}).controller
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SamplingCostsMarginWarning)
+        found = bc.margins(plant, controller)
+    for loop in found.loops:
+        known = loop.delay < 50.0 * dt and np.isfinite(loop.delay_omega)  # else said to be proved so far
+        ends = (1.0 - 1e-5, 1.0 + 1e-5) if known else ()
+        sides = [radius(plant, controller, 0.0, further=loop.delay * f, at=loop.signal) for f in ends]
+        assert not sides or sides[0] < 1.0 < sides[1]
+        tried = np.linspace(0.0, min(loop.delay, 20.0 * dt), 41)[:-1]
+        assert max(radius(plant, controller, 0.0, further=delay, at=loop.signal) for delay in tried) < 1.0
+
+
 @pytest.mark.slow
 @examples(100)
 @given(st.integers(0, 100_000))

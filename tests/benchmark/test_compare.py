@@ -130,7 +130,7 @@ def test_the_command_compares(tmp_path):
         assert len(data["rows"]) == 6
         run.reset_mock()
         missing = boomctl("benchmark", "boom", "--compare", str(tmp_path / "none.json"))
-        assert missing.returncode == 1
+        assert missing.returncode == 2
         path.write_text("{}")
         assert boomctl("benchmark", "boom", "--compare", str(path)).returncode == 2
         run.assert_not_called()  # before minutes are spent

@@ -13,6 +13,7 @@ where a solution may be, or to nothing.  The cells of least delay go first, so t
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from math import inf, nan
 
@@ -34,6 +35,9 @@ _NOISE = 1e-14  # share of the largest value below which a coefficient of a poly
 _DEGREE = 500  # of the polynomials at most: a plant that turns by as many radians a sample
 _SMALL = 0.7  # poles below its square, and perhaps below it, are taken by their pulse response (a choice)
 _PULSES = 500  # of that response at most: it has gone after 200
+_PARALLEL = 1e4  # one over the cosine of a pole and its mirror: beyond, it may be one of several (a choice)
+_TOGETHER = 0.1  # share of its decay a sample within which others are taken together with a pole (a choice)
+_ORDERS = 40.0  # of a place of several poles at most: powers of their distances have gone after a few
 _CELLS = 32  # of frequency, at first (a choice)
 _BATCH = 256  # cells at once, those of least delay (a choice)
 _WORK = 5e6  # functions in cells that are evaluated, at most: a second or two (a choice of patience)
@@ -141,13 +145,14 @@ class FurtherDelay:
 
 @dataclass(frozen=True)
 class _Functions:
-    """Functions of ``z`` that responses are sums of: ``1/(z - p)``, ``z^-k`` for ``k = 0, 1, ..``; and their shares.
+    """Functions of ``z`` that responses are sums of: ``1/(z - p)^m``, ``z^-k`` for ``k = 0, 1, ..``; and their shares.
 
     ``shares`` has a column for each state driven, the last for a direct path; ``sensitivity`` is ``N``.  ``doubt`` is how far
     rounding may have moved the poles.
     """
 
     poles: Array
+    orders: Array
     pulses: Array
     shares: Array
     sensitivity: Array
@@ -164,26 +169,72 @@ class _Functions:
         rows = [near.C[0]]
         while np.linalg.norm(rows[-1]) > _EPS**2 * np.linalg.norm(rows[0]) and len(rows) < _PULSES:
             rows.append(rows[-1] @ near.A)
-        poles, V = linalg.eig(far.A) if len(far.A) else (np.zeros(0), np.zeros((0, 0)))
-        inverse = np.linalg.inv(V)
-        doubt = _EPS * np.linalg.norm(far.A) * np.linalg.norm(inverse, axis=1) * np.linalg.norm(V, axis=0)
-        shares = np.vstack([(far.C @ V).T * (inverse @ far.B), np.zeros(size), np.array(rows) @ near.B])
+        poles, orders, doubt, parts = _fractions(far)
+        shares = np.vstack([parts, np.zeros(size), np.array(rows) @ near.B])
         direct = np.eye(len(shares), 1, -len(poles))
         pulses = np.arange(len(rows) + 1.0)
         doubt = np.append(doubt, 0.0 * pulses)
-        return cls(poles, pulses, np.hstack([shares, direct]), (shares @ added)[:, None] + direct, doubt)
+        return cls(poles, orders, pulses, np.hstack([shares, direct]), (shares @ added)[:, None] + direct, doubt)
 
     def at(self, omega: Array, half: Array) -> tuple[Array, Array, Array]:
         """Return values and slopes over frequency, and bounds of values, slopes and curvatures in cells."""
         z, k, ones = np.exp(1j * omega)[:, None], self.pulses, np.ones((len(omega), 1))
         x, turned = z - self.poles, np.exp(-1j * omega[:, None] * k)
-        near = 1.0 / np.maximum(np.abs(x) - half[:, None], 1.0 - np.abs(self.poles))
-        bounds = [(near, k**0.0 * ones), (near**2, k * ones), (near**2 + 2.0 * near**3, k**2 * ones)]
+        near, m = 1.0 / np.maximum(np.abs(x) - half[:, None], 1.0 - np.abs(self.poles)), self.orders
+        slope = m * near ** (m + 1.0)
+        bounds = [(near**m, k**0.0 * ones), (slope, k * ones), (slope * (1.0 + (m + 1.0) * near), k**2 * ones)]
         return (
-            np.hstack([1.0 / x, turned]),
-            np.hstack([-1j * z / x**2, -1j * k * turned]),
+            np.hstack([x**-m, turned]),
+            np.hstack([-1j * m * z * x ** (-m - 1.0), -1j * k * turned]),
             np.array([np.hstack(b) for b in bounds]),
         )
+
+
+def _fractions(system: Lti) -> tuple[Array, Array, Array, Array]:
+    """Return poles and orders of ``1/(z - p)^m``, how far rounding may have moved the poles, and their shares.
+
+    Poles that lie so near to each other that their eigenvectors are nearly parallel share one place ``p``: with ``T`` their
+    part of a Schur form, ``(z - T)^-1`` is the sum of ``(T - p)^(m-1)/(z - p)^m``.
+
+    Raises
+    ------
+    ValueError
+        Such poles lie too far apart for that.
+    """
+    A = system.A
+    if not len(A):
+        return np.zeros(0, complex), np.zeros(0), np.zeros(0), np.zeros((0, system.B.shape[1]))
+    poles, V = linalg.eig(A)
+    W = np.linalg.inv(V)
+    angle = np.linalg.norm(W, axis=1) * np.linalg.norm(V, axis=0)
+    waiting, found = angle > _PARALLEL, []
+    for i in np.flatnonzero(~waiting):
+        found.append((poles[i], 1.0, angle[i], (system.C @ V[:, i]) * (W[i] @ system.B)))
+    while waiting.any():
+        first = poles[np.flatnonzero(waiting)[0]]
+        reach = _TOGETHER * max(1.0 - abs(first), _EPS)
+        these = waiting & (np.abs(poles - first) <= reach)
+        near = partial(_within, first, reach)
+        T, Z, count = linalg.schur(A, output="complex", sort=near)  # type: ignore[misc]
+        if count != these.sum():
+            raise ValueError("poles that are nearly parallel do not separate from others")
+        waiting &= ~these
+        X = linalg.solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:])
+        left, right = Z.conj().T[:count] - X @ Z.conj().T[count:], Z[:, :count]
+        place = np.trace(T[:count, :count]) / count
+        N, row, acts = T[:count, :count] - place * np.eye(count), system.C @ right, left @ system.B
+        size, order = float(np.linalg.norm(row)), 1.0
+        while np.linalg.norm(row) > _EPS * size * (1.0 - abs(place)) ** (order - 1.0):
+            found.append((place, order, np.linalg.norm(left) * np.linalg.norm(right), (row @ acts)[0]))
+            row, order = row @ N, order + 1.0
+            if order > _ORDERS:
+                raise ValueError("poles that are nearly parallel lie too far apart")
+    places, orders, angles, shares = zip(*found, strict=True)
+    return np.array(places), np.array(orders), _EPS * np.linalg.norm(A) * np.array(angles), np.array(shares)
+
+
+def _within(place: complex, reach: float, pole: complex) -> bool:
+    return abs(pole - place) <= reach
 
 
 @dataclass(frozen=True)
