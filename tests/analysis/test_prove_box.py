@@ -58,8 +58,8 @@ def test_of_one_state_what_is_missed_counts_as_much_as_the_parameter(middle, sha
     terms = image({(): np.array([[middle]]), (0,): np.array([[share * room]])})
     whole, rest = Cell(np.zeros(1), np.ones(1)), (1.0 - share) * room
     assert not prove_cell(terms, whole, np.array([[1.001 * rest]])).proved
-    assert prove_cell(terms, whole, np.array([[0.6 * rest]])).proved
-    assert prove_cell(terms, whole).proved
+    part = prove.Part(whole, terms, np.array([[0.6 * rest]]))
+    assert prove.prove_by_pencil([part], lambda delta: True, 500, lambda *told: None).proved
 
 
 def test_a_singular_matrix_before_the_derivative_is_not_proved():

@@ -79,8 +79,6 @@ class BoxProof:
         The middle of a cell of parameters that resisted.
     small : bool
         Whether that is as small as cells get.
-    needed : float
-        About how many cells of parameters and frequencies it would take.
     """
 
     proved: bool
@@ -89,7 +87,6 @@ class BoxProof:
     unstable: Array | None = None
     left: Array | None = None
     small: bool = False
-    needed: float = 0.0
 
     @property
     def path(self) -> str:
@@ -202,9 +199,7 @@ def _proved(part: Part, stable: Callable[[Array], bool], limit: int, tell: Tell)
     middles = (part.place(middle) for middle in frontier.middle[-LOOKED_AT:])
     unstable = next((middle for middle in middles if not stable(middle)), None)
     last = cover.waiting[-1]
-    return BoxProof(
-        False, cover.proved, proved, unstable, part.place(last.middle), last.reach.max() < 1.0 / limit, needed
-    )
+    return BoxProof(False, cover.proved, proved, unstable, part.place(last.middle), last.reach.max() < 1.0 / limit)
 
 
 def _responded(cells: ResponseCells, frontier: Frontier, limit: int, tell: Tell) -> tuple[Frontier, int]:
