@@ -7,8 +7,9 @@ from math import inf
 import numpy as np
 
 from boomctl.analysis.box.level import DrivenLoops
+from boomctl.analysis.box.prove import LOOKED_AT
 from boomctl.analysis.box.response_cells import WORTH
-from boomctl.analysis.box.robustness import LOOKED_AT, pattern_search
+from boomctl.analysis.box.robustness import pattern_search
 from boomctl.analysis.box.sampled_level import SampledLoops
 from boomctl.analysis.box.zero_exclusion import Cell, value_at
 from boomctl.analysis.norm import NormCertificate, matrices_norm

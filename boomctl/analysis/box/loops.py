@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.box.loop_pencil import LoopPencil, closed_pencil
-from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_cell, value_at
+from boomctl.analysis.box.prove import Part
+from boomctl.analysis.box.zero_exclusion import Cell, Terms, value_at
 from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, known
@@ -99,23 +100,27 @@ class BoxLoops:
         here = next(each for each in self.stretches if delta[self.axis] <= each.high)
         return value_at(here.terms, delta)
 
+    def abscissa(self, delta: Array) -> float:
+        """Return the largest real part of the poles at a point [rad/s]."""
+        return self.at(delta).abscissa
+
+    def stable(self, delta: Array) -> bool:
+        """Return whether the loop is stable at a point."""
+        return self.at(delta).stable
+
     def terms(self, cell: Cell) -> Terms:
         """Return the loop over a cell that lies in one stretch."""
         return next(each for each in self.stretches if cell.middle[self.axis] <= each.high).terms
 
-    def prove(self, cell: Cell) -> CellProof:
-        """Return what is known of a cell that lies in one stretch."""
-        return prove_cell(self.terms(cell), cell)
-
-    def cells(self, factor: float) -> list[Cell]:
-        """Return the box, enlarged by a factor, as one cell a stretch."""
+    def parts(self, factor: float) -> list[Part]:
+        """Return the box, enlarged by a factor, as one part a stretch."""
         found = []
         for each in self.stretches:
             low, high = max(each.low, -factor), min(each.high, factor)
             if low < high:
                 middle, reach = np.zeros(self.family.size), np.full(self.family.size, factor)
                 middle[self.axis], reach[self.axis] = 0.5 * (low + high), 0.5 * (high - low)
-                found.append(Cell(middle, reach))
+                found.append(Part.of(each.terms, Cell(middle, reach)))
         return found
 
 

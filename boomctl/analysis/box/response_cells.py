@@ -15,7 +15,7 @@ between two such surfaces that follow each other in the chain from zero to the l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement
@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from boomctl.analysis.box.zero_exclusion import Cell
 from boomctl.arrays import Array
 from boomctl.lti.system import balance
 from boomctl.progress import Tell
@@ -40,7 +41,7 @@ def _hull(count: int) -> Array:
 Polynomial = Mapping[tuple[int, ...], Array]
 
 _PARALLEL = 0.9  # cosine of eigenvectors beyond which they are made orthogonal: their inverse would be large (a choice)
-_ROUNDING = 1e3 * float(
+ROUNDING = 1e3 * float(
     np.finfo(float).eps
 )  # of entries of products of three matrices, over that of magnitudes (derived: 3 n eps, for n up to 300 states)
 _LEVEL = 1.0 - 1e-9  # share of a level below which a gain has to stay: more than rounding of the gain itself
@@ -58,7 +59,7 @@ _HULLS = (_hull(5), _hull(3), _hull(2))  # of the frequency, of few parameters, 
 _FEW = 4  # variables, the frequency among them, that are few: 6 times 4 times 4 times 4 corners (a choice)
 WORTH = 150  # cells of parameters and frequencies that take as long as one of parameters alone (measured: 100 to 300)
 _TASTE = 0.1  # share of the cells allowed after which it is estimated how many it takes (a choice)
-_HOPELESS = 2.0  # times as many cells as allowed: it is given up, for an estimate may be off by some (a choice)
+HOPELESS = 2.0  # times as many cells as allowed: it is given up, for an estimate may be off by some (a choice)
 _DESCENTS = 200  # by which it is estimated how many cells a proof takes: an order of magnitude (a choice)
 _DEEPEST = 60  # cuts of a descent at most: a millionth of a box in three parameters
 _BATCH = 2**18  # entries of the matrices handled at once: what stays in the cache (measured)
@@ -174,7 +175,7 @@ class ResponseCells:
         def stack(terms: Polynomial) -> Array:
             return np.array([terms.get(power, np.zeros((n, n))) for power in powers])
 
-        sizes = [_ROUNDING * np.abs(W) @ np.abs(stack(terms)).sum(axis=0) @ np.abs(V) for terms in (E, A)]
+        sizes = [ROUNDING * np.abs(W) @ np.abs(stack(terms)).sum(axis=0) @ np.abs(V) for terms in (E, A)]
         pushed, rates = (np.array([W @ X.get(power, np.zeros((n, m))) for power in powers]) for X in (B, rate))
         off = np.zeros((n, m))
         if missed is not None:
@@ -182,14 +183,16 @@ class ResponseCells:
         rounding = sizes[0], sizes[1], off
         return cls(powers, W @ stack(E) @ V, W @ stack(A) @ V, pushed, rates, C @ V, D, rounding, poles, size)
 
-    def start(self) -> Frontier:
-        """Return the whole box over all frequencies."""
+    def start(self, boxes: Sequence[Cell] = ()) -> Frontier:
+        """Return parts of the box, by default the whole, over all frequencies."""
         low, high = _FIRST * float(np.abs(self.poles).min()), _TOP * float(np.abs(self.poles).max())
         chain = np.concatenate([[0.0], np.geomspace(low, high, 2 + int(np.log2(high / low)))])
         ends = np.zeros((len(chain), 2, 1 + self.size))
         ends[:-1, 0, 0], ends[:-1, 1, 0], ends[-1, 1, 0] = chain[:-1], chain[1:], 1.0 / high
         count = len(ends)
-        return Frontier(np.zeros((count, self.size)), np.ones((count, self.size)), ends, np.arange(count) == count - 1)
+        boxes = boxes or (Cell(np.zeros(self.size), np.ones(self.size)),)
+        middle, reach = (np.repeat([getattr(x, name) for x in boxes], count, axis=0) for name in ("middle", "reach"))
+        return Frontier(middle, reach, np.tile(ends, (len(boxes), 1, 1)), np.arange(len(middle)) % count == count - 1)
 
     @cached_property
     def sizes(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
@@ -252,7 +255,7 @@ class ResponseCells:
         if not len(cells) or level == np.inf:
             return cells, proved, 0.0
         needed = self.still_needed(cells, level)
-        if needed > _HOPELESS * limit:
+        if needed > HOPELESS * limit:
             return cells, proved, needed
         cells, more = self.prove(cells, level, max(1, limit - taste), seen, tell)
         return cells, proved + more, needed

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.box.loops import BoxLoops
-from boomctl.analysis.box.response_cells import WORTH
+from boomctl.analysis.box.prove import BoxProof, Part, prove_box, prove_by_pencil
 from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
-from boomctl.analysis.box.zero_exclusion import Cell, CellProof
 from boomctl.analysis.loops import signals_of
 from boomctl.analysis.sampled_loops.sampled_plant import time_of_loop
 from boomctl.arrays import Array
@@ -18,7 +17,7 @@ from boomctl.checks import exactly, instance, nonnegative, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.system import Lti, of, rates_of
 from boomctl.printing import sentence
-from boomctl.progress import Listener, Tell, computing
+from boomctl.progress import Listener, computing
 from boomctl.structure.families import Family
 
 if TYPE_CHECKING:
@@ -28,9 +27,9 @@ if TYPE_CHECKING:
 
 _CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
 _MARGIN_CELLS = 100  # most cells of each of the proofs of a margin (a choice)
-LOOKED_AT = 16  # cells left over, the hardest, in whose middles the poles are looked at (a choice)
 _STEPS = (0.5, 0.25, 0.125, 0.0625)  # of a pattern search, in half-widths of the box (a choice)
 _BETTER = 1e-9  # by how much a point must be worse than the worst so far, relative, to be gone to: more than rounding
+_KINDS = "StateSpace or ScheduledController"
 _PROOFS = 12  # at most, of a margin
 _FINER = 0.1  # share of the tolerance to which the factor of known instability is narrowed down, before proofs begin
 
@@ -46,8 +45,9 @@ class RobustStability:
     Attributes
     ----------
     proved : bool
-        Whether the loop is proved stable at every point of the box: no pole touches the imaginary axis in any of the
-        cells that cover it.
+        Whether the loop is proved stable at every point of the box: no pole touches the imaginary axis, or the unit circle,
+        in any of the cells that cover it.  Of sampled loops what the polynomials miss, by which they are proved, is not
+        itself proved: it is measured at points drawn, and counted ten times.
     unstable_at : dict or None
         Parameter values at which the loop is unstable, if such were found.
     cells : int
@@ -58,6 +58,8 @@ class RobustStability:
         Parameter values at which the largest real part was found.
     reason : str
         Why the proof was given up, and where; empty where it was not.
+    path : str
+        How many cells of which kind proved it; empty where it was not.
     """
 
     proved: bool
@@ -66,6 +68,7 @@ class RobustStability:
     abscissa: float
     worst: dict[str, float]
     reason: str = ""
+    path: str = ""
 
     def __repr__(self) -> str:
         return sentence("RobustStability", self.render())
@@ -132,7 +135,7 @@ class StructuredMargin:
 
 def _most_unstable(loops: BoxLoops, factor: float) -> tuple[Array, float]:
     """Return the point of the box with the largest real part of a pole, by corners, faces and a pattern search."""
-    return pattern_search(lambda delta: loops.at(delta).abscissa, loops.family.size, factor)[:2]
+    return pattern_search(loops.abscissa, loops.family.size, factor)[:2]
 
 
 def robust_stability(
@@ -145,9 +148,10 @@ def robust_stability(
 ) -> RobustStability:
     """Prove that a loop ``u = K y`` is stable over a whole box of parameters, or find where it is not.
 
-    The box is halved until in each cell no pole can touch the imaginary axis (:mod:`boomctl.analysis.box.zero_exclusion`).
-    With a discrete controller the loop is a polynomial of the parameters (:mod:`boomctl.analysis.box.sampled_level`), and
-    cells are those of parameters and frequencies (:mod:`boomctl.analysis.box.response_cells`).
+    The box is halved until in each cell no pole can touch the imaginary axis; what such cells leave is proved by smaller ones
+    of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).  With a discrete controller the loop is a polynomial of
+    the parameters (:mod:`boomctl.analysis.box.sampled_level`): what it misses is measured at points drawn, and counted ten
+    times.
 
     Parameters
     ----------
@@ -158,8 +162,8 @@ def robust_stability(
         that follows a parameter of the family (:func:`boomctl.schedule`) is proved as it is at each value while that value
         stays; a changing one is the matter of :func:`boomctl.ramp_bound`.
     max_cells : int
-        Largest number of cells; after so many neither stability nor instability is claimed.  Of those of parameters and
-        frequencies, which are smaller, there may be 150 times as many.
+        Largest number of cells of a part of the box, of which most boxes are one; after so many neither stability nor
+        instability is claimed.  Of those of parameters and frequencies, which are smaller, there may be 150 times as many.
     delay : float, optional
         Time between a sample and the moment its control acts [s]; only with a discrete controller.
     progress : callable, optional
@@ -186,98 +190,71 @@ def robust_stability(
     True
     """
     limit = whole("max_cells", max_cells)
-    if not isinstance(controller, ScheduledController):
-        K = of(controller, "controller", "StateSpace or ScheduledController", sampled=True)
-        if K.dt != 0.0:
-            return _sampled_stability(family, K, limit, delay=delay, progress=progress)
-    if nonnegative("delay", delay):
-        raise ValueError(f"delay = {exactly(delay)}: expected 0 with a controller in continuous time")
-    loops = BoxLoops.of(family, controller)
+    K = None if isinstance(controller, ScheduledController) else of(controller, "controller", _KINDS, sampled=True)
+    loops = _Sampled.of(family, K, delay) if K is not None and K.dt != 0.0 else None
+    if loops is None:
+        if nonnegative("delay", delay):
+            raise ValueError(f"delay = {exactly(delay)}: expected 0 with a controller in continuous time")
+        loops = BoxLoops.of(family, controller)
     with computing("robust stability", progress) as tell:
         tell("points of the box")
-        worst, abscissa = _most_unstable(loops, 1.0)
-        if not loops.at(worst).stable:
-            return RobustStability(False, family.values(worst), 0, abscissa, family.values(worst))
-        proved, cells, bad, open_cell = _covered(loops.prove, loops.cells(1.0), 1.0, limit, tell)
+        at, rate = pattern_search(loops.abscissa, family.size, 1.0)[:2]
+        worst = family.values(at)
+        if not loops.stable(at):
+            return RobustStability(False, worst, 0, rate, worst)
+        tell("loop over the box")
+        try:
+            parts = loops.parts(1.0)
+        except ValueError as error:
+            return RobustStability(False, None, 0, rate, worst, str(error))
+        found = prove_box(parts, loops.stable, limit, tell)
+    cells, bad = found.dear + found.cheap, found.unstable
     if bad is not None:
-        return RobustStability(False, family.values(bad), cells, loops.at(bad).abscissa, family.values(bad))
-    reason = "" if open_cell is None else _given_up(family, loops.at(open_cell.middle).abscissa, open_cell, limit)
-    return RobustStability(proved, None, cells, abscissa, family.values(worst), reason)
+        return RobustStability(False, family.values(bad), cells, loops.abscissa(bad), family.values(bad))
+    reason = "" if found.left is None else _given_up(family, loops.abscissa(found.left), found, limit)
+    return RobustStability(found.proved, None, cells, rate, worst, reason, found.path)
 
 
-def _sampled_stability(
-    family: Family, K: Lti, limit: int, *, delay: float, progress: "Listener | None"
-) -> RobustStability:
-    """Prove that a sampled loop is stable over a whole box, or find where it is not."""
-    instance("family", family, Family, "AffineFamily or PolynomialFamily")
-    signals_of(K, family.centre.inputs, family.centre.outputs)
-    time_of_loop(Lti(K.A, K.B, K.C, K.D), K, delay)  # what a delay may be
+@dataclass(frozen=True)
+class _Sampled:
+    """Sampled loops over a box, as `BoxLoops`."""
 
-    loop = sampled_loops(family, K, (), (), delay)
+    family: Family
+    K: Lti
+    delay: float
+    at: "Callable[[Array], Lti]"
 
-    def rate(delta: Array) -> float:
-        """Return the slowest rate at a point [rad/s]; the loop is stable where it is below zero."""
-        closed = loop(delta).balanced()
+    @classmethod
+    def of(cls, family: Family, K: Lti, delay: float) -> "_Sampled":
+        """Return the loops ``u = K y``."""
+        instance("family", family, Family, "AffineFamily or PolynomialFamily")
+        signals_of(K, family.centre.inputs, family.centre.outputs)
+        time_of_loop(Lti(K.A, K.B, K.C, K.D), K, delay)  # what a delay may be
+        return cls(family, K, delay, sampled_loops(family, K, (), (), delay))
+
+    def abscissa(self, delta: Array) -> float:
+        """Return the slowest rate at a point [rad/s]."""
+        closed = self.at(delta).balanced()
         return float(rates_of(closed.poles, closed.dt).real.max())
 
-    with computing("robust stability", progress) as tell:
-        tell("points of the box")
-        worst, slowest = pattern_search(rate, family.size, 1.0)[:2]
-        if slowest >= 0.0:
-            return RobustStability(False, family.values(worst), 0, slowest, family.values(worst))
-        tell("sampled loop over the box")
-        try:
-            parts = SampledLoops.over(family, K, (), (), delay)
-        except ValueError as error:
-            return RobustStability(False, None, 0, slowest, family.values(worst), str(error))
-        # nothing drives the loop: what is proved of a cell is that no pole is on the unit circle
-        proved, left, needed = 0, 0, 0.0
-        for part in parts:
-            cells = part.responses(family.size)
-            share = WORTH * limit - proved
-            open_, more, needed = cells.prove_if_near(cells.start(), 1.0, share, lambda gain, point: 1.0, tell)
-            proved, left = proved + more, len(open_)
-            for middle in (part.place(here) for here in open_.middle[-LOOKED_AT:]):
-                if rate(middle) >= 0.0:
-                    return RobustStability(False, family.values(middle), proved, rate(middle), family.values(middle))
-            if left:
-                break
-    if not left:
-        return RobustStability(True, None, proved, slowest, family.values(worst))
-    about = f"about {needed:.0e}, more" if needed > WORTH * limit else "more"
-    reason = (
-        f"given up: it would take {about} than {WORTH * limit} cells of parameters and frequencies, {WORTH} max_cells"
-    )
-    return RobustStability(False, None, proved, slowest, family.values(worst), reason)
+    def stable(self, delta: Array) -> bool:
+        """Return whether the loop is stable at a point."""
+        return self.abscissa(delta) < 0.0
+
+    def parts(self, factor: float) -> list[Part]:
+        """Return polynomials of the parameters that cover the box; ``factor`` is one."""
+        found = SampledLoops.over(self.family, self.K, (), (), self.delay)
+        return [Part(each.cell, each.pencils, each.missed[0]) for each in found]
 
 
-def _given_up(family: Family, abscissa: float, cell: Cell, limit: int) -> str:
-    """Return why a proof ended at a cell: it is as small as cells get, or there were as many as allowed."""
-    where = f"at {listed_values(family.values(cell.middle))}, where poles have real parts up to"
+def _given_up(family: Family, abscissa: float, found: BoxProof, limit: int) -> str:
+    """Return why a proof ended: a cell is as small as cells get, or there were as many as allowed."""
+    assert found.left is not None
+    where = f"at {listed_values(family.values(found.left))}, where poles have real parts up to"
     where = f"{where} {abscissa:.4g} rad/s"
-    if cell.reach.max() < 1.0 / limit:
+    if found.small:
         return f"given up {where}: not even a cell of 1/{limit} of the box (max_cells) could be proved there"
     return f"given up {where}: it would take more than max_cells = {limit}"
-
-
-def _covered(
-    prove: "Callable[[Cell], CellProof]", waiting: list[Cell], factor: float, limit: int, tell: Tell
-) -> tuple[bool, int, Array | None, Cell | None]:
-    """Return whether the box is covered by proved cells, their number, an unstable point met, the cell given up at."""
-    cells = 0
-    while waiting:
-        cell = waiting.pop()
-        tell("cells of the box proved", cells)
-        found = prove(cell)
-        if not found.stable:
-            return False, cells, cell.middle, None
-        if found.proved:
-            cells += 1
-        elif cells + len(waiting) >= limit or cell.reach.max() < factor / limit:
-            return False, cells, None, cell
-        else:
-            waiting += cell.halves(found.axis)
-    return True, cells, None, None
 
 
 def pattern_search(
@@ -364,10 +341,10 @@ def structured_margin(
         good, ceiling = 0.0, min(bad, top)
         tried = ceiling * (1.0 - 0.5 * close) if bad < inf else ceiling
         for _ in range(_PROOFS):
-            proved, _, point, _ = _covered(loops.prove, loops.cells(tried), tried, limit, tell)
-            if point is not None:
-                bad, where = float(np.abs(point).max()), point
-            good, ceiling = (tried, ceiling) if proved else (good, tried)
+            found = prove_by_pencil(loops.parts(tried), loops.stable, limit, tell)
+            if found.unstable is not None:
+                bad, where = float(np.abs(found.unstable).max()), found.unstable
+            good, ceiling = (tried, ceiling) if found.proved else (good, tried)
             if good >= ceiling * (1.0 - close):
                 break
             tried = 0.5 * (good + ceiling)

@@ -14,7 +14,7 @@ interval that fails is cut; a cell is given up at once where a single frequency 
 eigenvectors follow the parameters to first order, so that the couplings are of second order.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import comb
@@ -125,7 +125,7 @@ def value_at(terms: Terms, delta: Array) -> LoopPencil:
     return LoopPencil(np.asarray(E), np.asarray(A))
 
 
-def _about(terms: Terms, middle: Array) -> dict[tuple[int, ...], LoopPencil]:
+def about(terms: Terms, middle: Array) -> dict[tuple[int, ...], LoopPencil]:
     """Return the same polynomial in the distances of the parameters from another middle."""
     found: dict[tuple[int, ...], LoopPencil] = {}
     for power, pencil in terms.items():
@@ -139,14 +139,17 @@ def _about(terms: Terms, middle: Array) -> dict[tuple[int, ...], LoopPencil]:
     return found
 
 
-def prove_cell(terms: Terms, cell: Cell) -> CellProof:
-    """Try to prove that the poles stay on their side of the imaginary axis throughout a cell."""
-    return prove_pencil(terms, cell, value_at(terms, cell.middle).stable)
+def prove_cell(terms: Terms, cell: Cell, missed: Array | None = None) -> CellProof:
+    """Try to prove that the poles stay on their side of the imaginary axis throughout a cell; ``missed``: as below."""
+    return prove_pencil(terms, cell, value_at(terms, cell.middle).stable, missed)
 
 
-def prove_pencil(terms: Terms, cell: Cell, stable: bool) -> CellProof:
-    """Try to prove that no eigenvalue is imaginary anywhere in a cell; ``stable``: whether its middle is worth a proof."""
-    modes = _modes(_about(terms, cell.middle), cell.reach) if stable else None
+def prove_pencil(terms: Terms, cell: Cell, stable: bool, missed: Array | None = None) -> CellProof:
+    """Try to prove that no eigenvalue is imaginary anywhere in a cell.
+
+    ``stable`` tells whether its middle is worth a proof; ``missed`` is by how much entries of ``E`` and ``A`` may be off.
+    """
+    modes = _modes(about(terms, cell.middle), cell.reach, missed) if stable else None
     if modes is None:
         return CellProof(stable, False, int(np.argmax(cell.reach)))
     worst = _unexcluded_frequency(modes)
@@ -169,27 +172,31 @@ def _parameter_to_halve(modes: _Modes, point: Array) -> int:
     return min(found)[2]
 
 
-def _modes(local: Terms, reach: Array) -> _Modes | None:
+def _modes(local: Terms, reach: Array, missed: Array | None = None) -> _Modes | None:
     here = local[()]
-    state = np.linalg.solve(here.E, here.A)
-    balanced, scale = balance(state)
-    poles, V = linalg.eig(balanced)  # type: ignore[misc]
-    V = V.astype(complex) * np.asarray(scale)[:, None]  # of real poles alone they come as real numbers
     try:
+        state = np.linalg.solve(here.E, here.A)
+        balanced, scale = balance(state)
+        poles, V = linalg.eig(balanced)  # type: ignore[misc]
+        V = V.astype(complex) * np.asarray(scale)[:, None]  # of real poles alone they come as real numbers
         W = np.linalg.inv(here.E @ V)
-    except np.linalg.LinAlgError:
+    except np.linalg.LinAlgError:  # a singular E
         return None
     both = {power: (W @ x.E @ V, W @ x.A @ V) for power, x in local.items()}
     rounding = both.pop(())
     both[(-1,)] = rounding[0] - np.eye(len(poles)), rounding[1] - np.diag(poles)
+    off = np.zeros(state.shape) if missed is None else np.abs(W) @ missed @ np.abs(V)
     finite = all(np.isfinite(X).all() for pair in both.values() for X in pair)
-    return _straightened(poles, both, reach) if finite else None
+    return _straightened(poles, both, reach, off) if finite else None
 
 
-def _straightened(poles: Array, changes: Mapping[tuple[int, ...], tuple[Array, Array]], reach: Array) -> _Modes:
+def _straightened(
+    poles: Array, changes: Mapping[tuple[int, ...], tuple[Array, Array]], reach: Array, missed: Array
+) -> _Modes:
     """Return the pencil in eigenvectors that follow the parameters to first order, so that couplings are of second.
 
-    ``(1 + sum d_i Y_i)(s E - A)(1 + sum d_i X_i)`` is regular only if ``s E - A`` is; ``changes[(-1,)]`` is rounding.
+    ``(1 + sum d_i Y_i)(s E - A)(1 + sum d_i X_i)`` is regular only if ``s E - A`` is; ``changes[(-1,)]`` is rounding, and
+    entries of ``E`` and ``A`` may be off by ``missed``.
     """
     k, n = len(reach), len(poles)
     gaps = poles[:, None] - poles[None, :]
@@ -203,7 +210,7 @@ def _straightened(poles: Array, changes: Mapping[tuple[int, ...], tuple[Array, A
     terms: dict[tuple[int, ...], list[Array]] = {}
     for (left, L), (middle, (e, a)), (right, R) in product(
         [((), eye), *(((i,), Y[i]) for i in range(k))],
-        [((), (eye, diagonal)), *changes.items()],
+        [((), (eye, diagonal)), *((power, pair) for power, pair in changes.items() if len(power) <= _PRODUCTS)],
         [((), eye), *(((i,), X[i]) for i in range(k))],
     ):
         power = tuple(sorted((*left, *middle, *right)))
@@ -211,11 +218,10 @@ def _straightened(poles: Array, changes: Mapping[tuple[int, ...], tuple[Array, A
             sums = terms.setdefault(power, [np.zeros((n, n), complex), np.zeros((n, n), complex)])
             sums[0] += L @ e @ R
             sums[1] += L @ a @ R
-    rest = np.zeros((n, n)), np.zeros((n, n))
-    for power in [power for power in terms if len(power) > _PRODUCTS]:
-        size = max(abs(end) for end in _range(power, reach))
-        for total, each in zip(rest, terms.pop(power), strict=True):
-            total += size * np.abs(each)
+    before, after = (np.eye(n) + np.einsum("i,ijk->jk", reach, np.abs(T)) for T in (Y, X))
+    long = {power: pair for power, pair in changes.items() if len(power) > _PRODUCTS}
+    rest = before @ _magnitudes(long, reach, missed) @ after  # one for E, one for A
+    rest += _magnitudes({power: terms.pop(power) for power in [*terms] if len(power) > _PRODUCTS}, reach, 0.0 * missed)
     order = sorted(terms, key=lambda power: (-1 in power or len(power) > 2, len(power), power))
     bounds = np.array([_range(power, reach) for power in order])
     return _Modes(
@@ -226,8 +232,14 @@ def _straightened(poles: Array, changes: Mapping[tuple[int, ...], tuple[Array, A
         high=bounds[:, 1],
         exact=sum(-1 not in power and len(power) <= 2 for power in order),
         powers=np.array([[power.count(i) for i in range(k)] for power in order]),
-        rest=rest,
+        rest=(rest[0], rest[1]),
     )
+
+
+def _magnitudes(changes: Mapping[tuple[int, ...], Sequence[Array]], reach: Array, more: Array) -> Array:
+    """Return bounds of the entries of sums of products of parameters, for E and for A."""
+    sizes = [_range(power, reach)[1] * np.abs(pair) for power, pair in changes.items()]
+    return sum(sizes, np.array([more, more]))
 
 
 def _range(power: tuple[int, ...], reach: Array) -> tuple[float, float]:

@@ -1,0 +1,175 @@
+"""One proof over a box: cells of parameters first, those of frequencies for what is left; what is missed is counted."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import boomctl as bc
+from boomctl.analysis.box import prove
+from boomctl.analysis.box.loop_pencil import LoopPencil
+from boomctl.analysis.box.loops import BoxLoops
+from boomctl.analysis.box.zero_exclusion import Cell, prove_cell
+from boomctl.structure import AffineFamily, SecondOrderModel
+from tests.profiles import examples
+from tests.strategies import seeds
+
+
+def image(sampled):
+    """Return ``x+ = A x``, ``A`` a polynomial of parameters, as the pencil on the imaginary axis."""
+    eye = np.eye(len(sampled[()]))
+    shifted = {power: LoopPencil(A, A) for power, A in sampled.items() if power}
+    return {(): LoopPencil(sampled[()] + eye, sampled[()] - eye), **shifted}
+
+
+def polynomials(rng, size, count):
+    """Return a polynomial of parameters up to the fifth degree, its radius in the middle below one."""
+    A = rng.standard_normal((size, size))
+    found = {(): A * rng.uniform(0.3, 0.95) / np.abs(np.linalg.eigvals(A)).max()}
+    for degree in range(1, 6):
+        for _ in range(2):
+            power = tuple(sorted(rng.integers(0, count, degree).tolist()))
+            found[power] = 0.3 ** (degree - 1) * rng.uniform(0.0, 0.2) * rng.standard_normal((size, size))
+    return found
+
+
+@examples(300)
+@given(seed=seeds, reach=st.floats(0.02, 1.0), size=st.integers(1, 6))
+def test_a_cell_is_proved_only_if_all_that_the_polynomial_may_stand_for_is_stable(seed, reach, size):
+    """Every loop within ``missed`` of the polynomial counts, the corners of that included."""
+    rng = np.random.default_rng(seed)
+    sampled, missed = polynomials(rng, size, 2), rng.uniform(0.0, 0.1) * rng.random((size, size))
+    cell = Cell(rng.uniform(-1.0, 1.0, 2) * (1.0 - reach), np.full(2, reach))
+    if not prove_cell(image(sampled), cell, missed).proved:
+        return
+    delta = cell.middle + reach * rng.uniform(-1.0, 1.0, (200, 2))
+    delta[:4] = cell.middle + reach * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
+    signs = np.where(rng.random((200, 1, 1)) < 0.5, 1.0, rng.choice([-1.0, 1.0], (200, size, size)))
+    loops = sum(np.prod(delta[:, list(power)], axis=1)[:, None, None] * A for power, A in sampled.items())
+    assert np.abs(np.linalg.eigvals(loops + signs * missed)).max() < 1.0
+
+
+@given(st.floats(-0.9, 0.9), st.floats(0.01, 0.9))
+@examples(60)
+def test_of_one_state_what_is_missed_counts_as_much_as_the_parameter(middle, share):
+    """``|a + d b + e| < 1`` for all ``|d| <= 1``, ``|e| <= m`` where ``|a| + b + m < 1``."""
+    room = 1.0 - abs(middle)
+    terms = image({(): np.array([[middle]]), (0,): np.array([[share * room]])})
+    whole, rest = Cell(np.zeros(1), np.ones(1)), (1.0 - share) * room
+    assert not prove_cell(terms, whole, np.array([[1.001 * rest]])).proved
+    part = prove.Part(whole, terms, np.array([[0.6 * rest]]))
+    assert prove.prove_by_pencil([part], lambda delta: True, 500, lambda *told: None).proved
+
+
+def test_a_singular_matrix_before_the_derivative_is_not_proved():
+    """A pole at minus one has its image at infinity."""
+    terms = image({(): np.diag([-1.0, 0.5]), (0,): 0.1 * np.eye(2)})
+    assert not prove_cell(terms, Cell(np.zeros(1), np.ones(1))).proved
+    assert not prove_cell(terms, Cell(np.array([0.5]), np.array([0.5]))).proved  # singular at its end
+
+
+def masses(rng, count, parameters, light, spread):
+    """Return a family of masses between walls: springs, masses, dampers between them uncertain; and its LQG controller."""
+    springs, weights, dampers = (
+        rng.uniform(1.0, 9.0, count + 1),
+        rng.uniform(0.5, 2.0, count),
+        np.full(count + 1, light),
+    )
+    places = [(kind, i) for kind, n in (("k", count + 1), ("m", count), ("c", count + 1)) for i in range(n)]
+    chosen = {f"p{j}": places[i] for j, i in enumerate(rng.permutation(len(places))[:parameters])}
+
+    def make(values):
+        k, m, c = springs.copy(), weights.copy(), dampers.copy()
+        for name, (kind, i) in chosen.items():
+            {"k": k, "m": m, "c": c}[kind][i] *= values[name]
+        C, K = (np.diag(x[:-1] + x[1:]) - np.diag(x[1:-1], 1) - np.diag(x[1:-1], -1) for x in (c, k))
+        eye = np.eye(count)
+        return SecondOrderModel(np.diag(m), C, K, {"push": eye[0], "u": eye[1]}, {"y": eye[1], "z": eye[-1]})
+
+    family = AffineFamily.through(dict.fromkeys(chosen, (1.0 - spread, 1.0 + spread)), make)
+    plant = family.centre.to_statespace()
+    push, u = (plant.B[:, [plant.input_labels.index(name)]] for name in ("push", "u"))
+    A, C = plant.A, plant.C[[plant.output_labels.index("y")]]
+    F, L = control.lqr(A, u, np.eye(len(A)), [[0.1]])[0], control.lqe(A, push, C, [[1.0]], [[1e-2]])[0]
+    return family, control.ss(A - u @ F - L @ C, L, -F, 0.0, inputs="y", outputs="u")
+
+
+def sampled(K, dt):
+    held = control.sample_system(K, dt, "tustin")
+    return control.ss(held.A, held.B, held.C, held.D, dt, inputs="y", outputs="u")
+
+
+@examples(60)
+@given(seed=seeds, parameters=st.integers(1, 3), late=st.sampled_from([None, 0.0, 0.5, 1.0]))
+def test_what_is_proved_is_stable_at_every_point_drawn(seed, parameters, late):
+    """Of loops closed anew, in continuous and in sampled time; the path tells the cells."""
+    rng = np.random.default_rng(seed)
+    family, K = masses(rng, 2, parameters, rng.uniform(0.005, 0.2), rng.uniform(0.05, 0.5))
+    if late is not None:
+        K = sampled(K, 0.1)
+    delay = 0.1 * (late or 0.0)
+    found = bc.robust_stability(family, K, delay=delay)
+    points = np.clip(1.2 * rng.uniform(-1.0, 1.0, (25, parameters)), -1.0, 1.0)
+    loops = [bc.feedback_loop(family.at(point), K, delay=delay).poles() for point in points]
+    worst = max(float((np.abs(poles) - 1.0 if late is not None else poles.real).max()) for poles in loops)
+    assert bool(found.path) == found.proved
+    if found.proved:
+        assert worst < 0.0
+        assert sum(int(word) for word in found.path.split() if word.isdigit()) == found.cells
+    if worst > 1e-9:
+        assert not found.proved
+
+
+@pytest.mark.parametrize("seed", [10, 12, 13, 15])
+def test_a_lightly_damped_sampled_loop_takes_few_cells(monkeypatch, seed):
+    """Cells of parameters and frequencies alone would be 17 to 45; here nobody asks them."""
+    family, K = masses(np.random.default_rng(seed), 3, 2, 0.005, 0.15)
+    monkeypatch.delattr(prove.ResponseCells, "look")
+    found = bc.robust_stability(family, sampled(K, 0.1), delay=0.05)
+    assert found.proved
+    assert found.cells <= 4
+    assert found.path == f"{found.cells} of parameters"
+
+
+def test_the_sampled_boom_takes_few_cells():
+    """Cells of parameters and frequencies alone would be 356."""
+    signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}
+    damper = control.ss([[-30.0]], [[30.0]], [[3000.0]], [[-3000.0]], **signals)
+    found = bc.robust_stability(bc.boom_family(half="yaw"), bc.discretize(damper, 5e-3), delay=2.5e-3)
+    assert found.proved
+    assert found.cells <= 10
+
+
+def test_where_cells_of_parameters_would_give_up_those_of_frequencies_prove_the_rest():
+    family, K = masses(np.random.default_rng(3), 2, 4, 0.1, 0.4)
+    loops = BoxLoops.of(family, K)
+    alone = prove.prove_by_pencil(loops.parts(1.0), loops.stable, 100, lambda *told: None)
+    found = bc.robust_stability(family, K, 100)
+    assert not alone.proved
+    assert alone.unstable is None
+    assert found.proved
+    assert found.path.endswith("of parameters and frequencies")
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (200, 4))
+    assert max(bc.feedback_loop(family.at(point), K).poles().real.max() for point in points) < 0.0
+
+
+@pytest.mark.slow
+def test_10_000_points_of_boxes_proved_are_stable():
+    """The loop's matrices drawn at once, from polynomials that are those of masses, dampers and springs."""
+    for seed in range(10):
+        family, K = masses(np.random.default_rng(seed), 2, 3, 0.05, 0.3)
+        if not bc.robust_stability(family, K).proved:
+            continue
+        plant = [family.at(point) for point in np.vstack([np.zeros(3), np.eye(3)])]
+        deltas = np.random.default_rng(seed).uniform(-1.0, 1.0, (10_000, 3))
+        M, C, S = (
+            first + np.einsum("pi,ijk->pjk", deltas, np.array(others) - first)
+            for first, *others in ([np.asarray(getattr(each, name)) for each in plant] for name in "MCK")
+        )
+        u = np.eye(2)[:, [1]]
+        A = np.zeros((len(deltas), 8, 8))
+        A[:, :2, 2:4], A[:, 4:, 4:] = np.eye(2), K.A
+        A[:, 2:4, :2], A[:, 2:4, 2:4] = -np.linalg.solve(M, S), -np.linalg.solve(M, C)
+        A[:, 2:4, 4:], A[:, 4:, :2] = np.linalg.solve(M, np.broadcast_to(u @ K.C, (len(M), 2, 4))), K.B @ u.T
+        assert np.linalg.eigvals(A).real.max() < 0.0
