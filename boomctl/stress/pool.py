@@ -13,7 +13,9 @@ from threading import current_thread, main_thread
 
 from boomctl.stress.case import Case, Line, Outcome, tried
 
-_MEMORY = 8 * 2**30  # bytes that a case may ask for: what a small machine has, libraries of some 3 GB of addresses included
+_MEMORY = (
+    8 * 2**30
+)  # bytes that a case may ask for: what a small machine has, libraries of some 3 GB of addresses included
 _START = 20.0  # s for a new process to begin: python and numpy on a busy machine (a choice)
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
