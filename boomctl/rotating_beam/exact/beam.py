@@ -24,7 +24,7 @@ from boomctl.rotating_beam.exact.polynomials import (
     resized,
     with_enough_polynomials,
 )
-from boomctl.rotating_beam.exact.run import Course, course, run_to_tolerance
+from boomctl.rotating_beam.exact.run import Run, run_to_tolerance, run_with_step
 from boomctl.rotating_beam.exact.statics import (
     coupled_frequencies,
     critical_speed,
@@ -191,13 +191,13 @@ class GeometricallyExactBeam(HubBeam):
         def state(modes: int) -> tuple[Array, Array]:
             return resized(start[0], self.modes, modes), resized(start[1], self.modes, modes)
 
-        def followed(modes: int, rtol: float) -> tuple[Motion, Course | None]:
+        def followed(modes: int, rtol: float) -> tuple[Motion, Run | None]:
             dynamics, begin = self._of(modes).dynamics, state(modes)
             tried = {"first_step": first_step, "rtol": rtol, "atol": atol}
             return run_to_tolerance(dynamics, manoeuvre, timepts, begin, **tried)
 
-        def stepped(modes: int, step: float) -> Course:
-            return course(self._of(modes).dynamics, manoeuvre, timepts, state(modes), step)
+        def stepped(modes: int, step: float) -> Run:
+            return run_with_step(self._of(modes).dynamics, manoeuvre, timepts, state(modes), step)
 
         return followed, stepped
 

@@ -17,7 +17,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.progress import tell
 from boomctl.rotating_beam.exact.integrator import StepFailed
-from boomctl.rotating_beam.exact.run import Course
+from boomctl.rotating_beam.exact.run import Run
 from boomctl.rotating_beam.result import Motion, SimulationError
 
 MOST_POLYNOMIALS = 60  # a span: the series has converged to rounding long before
@@ -33,10 +33,10 @@ _TOLD_APART = 3.0  # times a change that the error of the steps may be: what of 
 _COMPARED = 43  # the most of which more are tried: 1.4 times as many are 60
 _SHARE = 0.5  # of the tolerance, for polynomials and for steps
 
-Followed: TypeAlias = Callable[[int, float], tuple[Motion, Course | None]]
+Followed: TypeAlias = Callable[[int, float], tuple[Motion, Run | None]]
 """The motion with a number of polynomials, its steps refined to a tolerance."""
 
-Stepped: TypeAlias = Callable[[int, float], Course]
+Stepped: TypeAlias = Callable[[int, float], Run]
 """The same in steps of a given length [s]."""
 
 
@@ -100,7 +100,7 @@ def left_out(followed: Followed, stepped: Stepped, modes: int) -> float:
     return _LEFT * apart
 
 
-def _changes(followed: Followed, stepped: Stepped, modes: int) -> Iterator[tuple[int, float, Course | None]]:
+def _changes(followed: Followed, stepped: Stepped, modes: int) -> Iterator[tuple[int, float, Run | None]]:
     """Yield numbers of polynomials, by how much the motion differs from that with the number before, and the motion."""
     found, before = followed(modes, _LOOSE)
     if before is None:  # it ends where it begins

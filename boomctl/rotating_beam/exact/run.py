@@ -39,7 +39,7 @@ class _TooMany(SimulationError):
 
 @final
 @dataclass(frozen=True, eq=False)
-class Course:
+class Run:
     """A motion in steps of a length, at the instants asked for and at probes between them.
 
     Attributes
@@ -67,8 +67,8 @@ class Course:
     steps: int
     step: float
 
-    def apart(self, other: "Course") -> float:
-        """Return by how much the free end or the arm is elsewhere in another course at the same instants, m."""
+    def apart(self, other: "Run") -> float:
+        """Return by how much the free end or the arm is elsewhere in another run at the same instants, m."""
         return float(max(np.max(np.abs(self.tip - other.tip)), np.max(np.abs(self.arm - other.arm))))
 
     def largest(self, radius: float) -> float:
@@ -76,9 +76,9 @@ class Course:
         return float(np.max(np.abs(self.tip - radius)))
 
 
-def course(
+def run_with_step(
     dynamics: ExactBeamDynamics, manoeuvre: Manoeuvre, timepts: Array, state: tuple[Array, Array], step: float
-) -> Course:
+) -> Run:
     """Integrate from t = 0 in steps of about a length [s].
 
     Raises
@@ -97,7 +97,7 @@ def course(
     probes = np.union1d(timepts, np.linspace(0.0, end, _PROBES))
     q, v = _at(trajectories, probes)
     arm = q[:, 0] * float(np.sum(dynamics.basis.tip_row))
-    return Course(probes, dynamics.tip(q), arm, (q, v), trajectories, sum(counts), step)
+    return Run(probes, dynamics.tip(q), arm, (q, v), trajectories, sum(counts), step)
 
 
 def run_to_tolerance(
@@ -109,7 +109,7 @@ def run_to_tolerance(
     first_step: float,
     rtol: float,
     atol: float,
-) -> tuple[Motion, Course | None]:
+) -> tuple[Motion, Run | None]:
     """Integrate from t = 0 to the last of the instants.
 
     Parameters
@@ -127,8 +127,8 @@ def run_to_tolerance(
 
     Returns
     -------
-    Motion, and the course of which it is part
-        No course where the last of the instants is 0.
+    Motion, and the run of which it is part
+        No run where the last of the instants is 0.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def run_to_tolerance(
     step, previous, error, stuck = first_step, None, np.inf, 0
     while stuck < _MOST_STUCK:
         try:
-            here = course(dynamics, manoeuvre, timepts, state, step)
+            here = run_with_step(dynamics, manoeuvre, timepts, state, step)
         except StepFailed:
             previous, step = None, 0.5 * step
             continue
