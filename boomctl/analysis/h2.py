@@ -165,7 +165,7 @@ def _conjugates(poles: Array) -> Array:
 def _finite(system: Lti) -> H2Certificate:
     """Return the norm of a stable system, in continuous time without a feedthrough."""
     modes = verified_modal_form(system)
-    found = None if modes is None else _by_modes(modes) if system.dt == 0.0 else _by_discrete_modes(modes, system.dt)
+    found = None if modes is None else _by_modes(modes, system.dt)
     return found if found is not None and found.certified else _proved(system, found)
 
 
@@ -181,44 +181,26 @@ def _proved(system: Lti, found: H2Certificate | None = None) -> H2Certificate:
     return H2Certificate(float(square.sqrt()), max(low, 0.0), high, 0.0, PROVED)
 
 
-def _by_modes(modes: VerifiedModalForm) -> H2Certificate:
+def _by_modes(modes: VerifiedModalForm, dt: float) -> H2Certificate:
     """Return the norm as a sum over pairs of modes, beside the two Gramians in modal coordinates."""
-    modal = modes.modal
-    F, H = factors(modal.blocks, modal)
-    values = [float(np.linalg.norm(modal.blocks.C @ F)), float(np.linalg.norm(modal.blocks.B.T @ H))]
-    p = modal.poles
-    acting: Array = modal.B @ modal.B.conj().T
-    reading: Array = modal.C.conj().T @ modal.C
-    shares = 1.0 / (p[:, None] + p.conj()[None, :])
-    square = max(float(-np.sum(reading.T * acting * shares).real), 0.0)
-    sizes = (np.abs(modal.C).T @ np.abs(modal.C)) * (np.abs(modal.B) @ np.abs(modal.B).T) * np.abs(shares)
-    rounding = _EPS * (_TERMS + len(p)) * float(np.sum(sizes))
-    value, low = float(np.sqrt(square)), float(np.sqrt(max(square - rounding, 0.0)))
-    high, gap = float(np.sqrt(square + rounding)), modes.energy_gap
-    return H2Certificate(
-        value, max(low - gap, 0.0), high + gap, _relative([value, *values]), "two Gramians and the modes"
-    )
-
-
-def _by_discrete_modes(modes: VerifiedModalForm, dt: float) -> H2Certificate:
-    """Return the norm of a discrete system as a sum over pairs of modes, beside the two Gramians of its continuous image."""
     modal, p = modes.modal, modes.modal.poles
-    image = modal_image(modal, dt)[0]  # its Gramians are those of the discrete system
-    F, H = factors(image.blocks, image)
+    own = modal if dt == 0.0 else modal_image(modal, dt)[0]  # its Gramians are those of the discrete system
+    F, H = factors(own.blocks, own)
     through = float(np.sum(modal.D**2))
     values = [float(np.sqrt(np.sum(found**2) + through)) for found in (modal.blocks.C @ F, modal.blocks.B.T @ H)]
     acting: Array = modal.B @ modal.B.conj().T
     reading: Array = modal.C.conj().T @ modal.C
-    shares = 1.0 / (1.0 - p[:, None] * p.conj()[None, :])
+    pairs = -(p[:, None] + p.conj()[None, :]) if dt == 0.0 else 1.0 - p[:, None] * p.conj()[None, :]
+    shares, units = 1.0 / pairs, _TERMS + len(p)
+    if dt != 0.0:  # where 1 and the product of two poles nearly cancel, the difference is off by a few roundings of one
+        units = units + _CANCELLED * np.abs(shares)
     square = max(float(np.sum(reading.T * acting * shares).real), 0.0) + through
     sizes = (np.abs(modal.C).T @ np.abs(modal.C)) * (np.abs(modal.B) @ np.abs(modal.B).T) * np.abs(shares)
-    # where 1 and the product of two poles nearly cancel, the difference is off by a few units of rounding of one
-    rounding = _EPS * float(np.sum(sizes * (_TERMS + len(p) + _CANCELLED * np.abs(shares)))) + _EPS * _TERMS * through
+    rounding = _EPS * (float(np.sum(sizes * units)) + _TERMS * through)
     value, gap = float(np.sqrt(square)), modes.energy_gap
     low, high = float(np.sqrt(max(square - rounding, 0.0))), float(np.sqrt(square + rounding))
-    return H2Certificate(
-        value, max(low - gap, 0.0), high + gap, _relative([value, *values]), "two Gramians and the modes"
-    )
+    agree = _relative([value, *values])
+    return H2Certificate(value, max(low - gap, 0.0), high + gap, agree, "two Gramians and the modes")
 
 
 def _relative(values: list[float]) -> float:
