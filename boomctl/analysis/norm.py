@@ -19,11 +19,13 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.marginal_poles import marginal_poles
+from boomctl.analysis.modal_norm import BY_MODES, modal_norm
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
-from boomctl.lti.bilinear import continuous_image, omega_of_image
+from boomctl.lti.bilinear import continuous_image, modal_image, omega_of_image
 from boomctl.lti.frequency import LEVEL, Response, largest_gain, resonance_grid, singular_values
 from boomctl.lti.system import Lti, beside, is_frequency_response, of
+from boomctl.lti.verified_modal_form import BACKWARD, verified_modal_form
 
 if TYPE_CHECKING:
     import control
@@ -202,8 +204,23 @@ def proved_norm(system: Lti, lower: float, omega: float) -> NormCertificate:
         exact = Exact.of(system, PATIENCE)
         peak, level, square = exact.norm(exact.square(omega))
     except Undecided:
-        return NormCertificate(lower, inf, omega, NOT_PROVED)
+        return _by_modes(system) or NormCertificate(lower, inf, omega, NOT_PROVED)
     return NormCertificate(peak, level, exact.omega(square), PROVED)
+
+
+def _by_modes(system: Lti) -> NormCertificate | None:
+    """Return a norm proved in modal coordinates that answer for their rounding, of a system too large for ball arithmetic."""
+    modes = verified_modal_form(system)
+    if modes is None or not isfinite(modes.gap):
+        return None
+    modal, gap, dt = modes.modal, modes.gap, system.dt
+    if dt != 0.0:
+        sizes = np.linalg.norm(modal.C, axis=0) * np.linalg.norm(modal.B, axis=1) / (1.0 - np.abs(modal.poles))
+        modal, off = modal_image(modal, dt)
+        gap += float(np.sum(sizes * off))
+    told = modal_norm(modal)
+    at = told.omega if dt == 0.0 else float(omega_of_image(told.omega, dt))
+    return NormCertificate(max(told.lower - gap, 0.0), told.upper + gap, at, BY_MODES)
 
 
 def level_norm(system: Lti, response: Response | None = None) -> NormCertificate:
@@ -367,7 +384,7 @@ def _seen(system: Lti, level: float, omega: float) -> bool:
         return False
     H, scale = _hamiltonian(system, level)
     gap = (1.0 - (np.linalg.norm(y) / level) ** 2) * np.linalg.norm((system.B @ v) / scale[:n])
-    return bool(gap > _ROUNDING * np.linalg.norm(H) * np.linalg.norm(np.concatenate([x, p]) / scale))
+    return bool(gap > BACKWARD * _EPS * np.linalg.norm(H) * np.linalg.norm(np.concatenate([x, p]) / scale))
 
 
 def level_crossings(system: Lti, level: float) -> Array:

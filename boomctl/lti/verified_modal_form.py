@@ -25,7 +25,7 @@ _FIRST_ORDER = 0.01  # of the distance of two poles: couplings above that are no
 _NEUMANN = 8  # terms of (1 + X)^-1, of which each is smaller by a power of _FIRST_ORDER
 _DIGITS = 1e-7  # of the strongest mode: modal coordinates that are off by less are not compared with others (a choice)
 _CANCELS = 1e6  # times the whole response: modes of more cancel, and their Gramians keep few digits (a choice)
-_BACKWARD = 4.0  # units of rounding of the norm of A by which a solver of eigenvalues is off: measured below one
+BACKWARD = 4.0  # units of rounding of the norm of A by which a solver of eigenvalues is off: measured below one
 _CONTRACTS = 0.5  # change of A times its resolvent from which on a series of changes is not trusted (a choice)
 _BETWEEN = 2.0  # a resonance is this much higher than at the frequencies looked at, at most: they lie at its top
 
@@ -139,7 +139,7 @@ def rounding_doubt(system: Lti, doubt: float = 0.0) -> float:
     """
     if not len(system.A) or not system.D.size:
         return 0.0
-    size = _BACKWARD * _EPS * float(np.linalg.norm(system.A)) + len(system.A) * doubt
+    size = BACKWARD * _EPS * float(np.linalg.norm(system.A)) + len(system.A) * doubt
     asked = [np.abs(system.poles), np.abs(system.poles.imag)] if system.dt == 0.0 else [np.abs(system.rates.imag)]
     omega = np.unique(np.concatenate([[0.0], *asked]))
     eye, worst = np.eye(len(system.A)), 0.0
