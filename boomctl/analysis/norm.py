@@ -346,7 +346,7 @@ def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCerti
         values = singular_values(respond(middles))[0] if len(middles) else np.zeros(1)
         best = int(np.argmax(values))
         if values[best] <= level:
-            told = not len(crossings) and _seen(system, level, at)
+            told = not len(crossings) and level_shows(system, level, at)
             return NormCertificate(peak, level if told else inf, at, NO_CROSSING if told else NOT_TOLD)
         peak, at = float(values[best]), float(middles[best])
     return NormCertificate(peak, inf, at, NOT_ENDED)
@@ -365,7 +365,7 @@ def _hamiltonian(system: Lti, level: float) -> tuple[Array, Array]:
     return H, np.asarray(scale)
 
 
-def _seen(system: Lti, level: float, omega: float) -> bool:
+def level_shows(system: Lti, level: float, omega: float) -> bool:
     """Return whether the eigenvalues of the Hamiltonian matrix would show that a level just below this one is reached.
 
     With ``v`` the input of the largest gain ``g`` at the peak, ``x = (j w - A)^-1 B v``, ``p = -(j w + A^T)^-1 C^T y`` make

@@ -17,6 +17,7 @@ from boomctl.analysis.norm import (
     axis_eigenvalues,
     level_crossings,
     level_norm,
+    level_shows,
     proved_norm,
 )
 from boomctl.arrays import Array
@@ -147,8 +148,9 @@ def verified_norm(
         found = proved_norm(gap, found.lower, found.omega)
     if found.upper < inf:
         return found
+    least = max(found.lower, float(np.linalg.norm(gap.D, 2)))
     for level in sorted([*(found.lower * factor for factor in _LEVELS[1:]), *(floor * factor for factor in _FLOORS)]):
-        if level > found.lower and level > np.linalg.norm(gap.D, 2) and not len(level_crossings(gap, level)):
+        if level > least and level_shows(gap, level, found.omega) and not len(level_crossings(gap, level)):
             return NormCertificate(found.lower, level, found.omega, NO_CROSSING)
     return found
 

@@ -31,7 +31,7 @@ from boomctl.lti.system import Lti, balance, lower_lft
 
 _EPS = float(np.finfo(float).eps)
 _TERMS = 16.0  # roundings of a term of a response, beside one for each that it is added to
-_NOISE = 1e-14  # share of the largest value below which a coefficient of a polynomial is rounding (a choice)
+_NOISE = 1e-12  # share of the largest value below which a coefficient of a polynomial is rounding (a choice)
 _DEGREE = 500  # of the polynomials at most: a plant that turns by as many radians a sample
 _SMALL = 0.7  # poles below its square, and perhaps below it, are taken by their pulse response (a choice)
 _PULSES = 500  # of that response at most: it has gone after 200
@@ -272,7 +272,7 @@ class _Curve:
             [degrees**0.0, degrees**2 / self.reach, degrees**2 * (degrees**2 - 1.0) / 3.0 / self.reach**2]
         )
         R = growth @ np.abs(shares).T  # of the shares and their derivatives, at most
-        unit = _EPS * (_TERMS + len(R.T) + len(degrees))  # of rounding, and of what the series leave out
+        unit = _NOISE + _EPS * (_TERMS + len(R.T) + len(degrees))  # of rounding, and of what the series leave out
         rounding = bounds[0] @ (unit * (R[0] + R[0].max())) + bounds[1] @ (_TERMS * self.functions.doubt * R[0])
         value, over, along = ((a * b).sum(axis=1) for a, b in ((f, r), (slope, r), (f, dr)))
         bent = 0.5 * half**2 * (bounds[2] @ R[0]), 0.5 * wide**2 * (bounds[0] @ R[2])
