@@ -92,17 +92,6 @@ class Lti:
         A, scale = balance(self.A)
         return replace(self, A=A, B=self.B / scale[:, None], C=self.C * scale[None, :])
 
-    def balanced_with_signals(self) -> "Lti":
-        """Return the system with states scaled by powers of two: rows and columns of ``[A, B; C, 0]`` have like sizes.
-
-        ``A`` alone does not bound the scales of states that hardly act on others, as those of a filter that decays within a
-        sample.
-        """
-        if not len(self.A):
-            return self
-        scale = signal_scales(self.A, self.B, self.C)
-        return replace(self, A=self.A * scale / scale[:, None], B=self.B / scale[:, None], C=self.C * scale)
-
     @cached_property
     def poles(self) -> Array:
         """Eigenvalues of ``A`` [rad/s]; in discrete time without a unit."""
