@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.system import Lti, rates_of
+from boomctl.lti.system import Lti, Parts, magnitudes, rates_of
 
 _EPS = float(np.finfo(float).eps)
 _ENTRIES = 8.0  # units of rounding of each entry given, up to which a verdict is one of its last digits
@@ -43,20 +43,22 @@ class MarginalPoles:
     poles: Array
 
 
-def marginal_poles(system: Lti) -> MarginalPoles:
-    """Return what is known of the poles of a (balanced) system at the imaginary axis."""
+def marginal_poles(system: Lti, parts: Parts | None = None) -> MarginalPoles:
+    """Return what is known of the poles of a (balanced) system at the imaginary axis; of a loop, as its parts are stored."""
+    if not len(system.A):
+        return MarginalPoles(None, None, np.zeros(0, dtype=bool), system.poles)
     poles, left, right = system.eigensystem
     decay = -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles)
     found = MarginalPoles(None, None, np.zeros(len(poles), dtype=bool), poles)
     cosine = np.maximum(np.abs(np.einsum("ij,ij->j", left.conj(), right)), np.finfo(float).tiny)
     reads = np.abs(left.T) / cosine[:, None]
-    if (decay > 0.0).all() and _decay(system.A, poles, left, right, reads, decay):
+    size, on_axis, shown = magnitudes(system, parts).A, [], []
+    if (decay > 0.0).all() and _decay(system, size, reads, decay):
         return found
     from boomctl.lti.proof import PATIENCE, Exact, Undecided
 
-    size, on_axis, shown = np.abs(system.A), [], []
     try:
-        growing, on_axis, shown = Exact.of(system, PATIENCE).sides
+        growing, on_axis, shown = Exact.of(system, PATIENCE, parts).sides
     except Undecided:  # what is known is what an eigenvalue solver says, whose errors are those of the matrix's norm
         growing, size = int((decay < 0.0).sum()), np.full_like(size, np.abs(system.A).max())
     moved = _ENTRIES * _EPS * np.einsum("ji,ij->j", reads, size @ np.abs(right)) + np.finfo(float).tiny
@@ -95,19 +97,20 @@ def _stays(system: Lti, size: Array, poles: Array, inside: float) -> bool:
     return bool((radius < 1.0).all())
 
 
-def _decay(A: Array, poles: Array, left: Array, right: Array, reads: Array, decay: Array) -> bool:
+def _decay(system: Lti, entries: Array, reads: Array, decay: Array) -> bool:
     """Return whether eigenvectors show that all poles decay, with entries that are off in their last place too.
 
     In their coordinates the matrix is diagonal but for an error, ``|E| <= F``; it is stable where ``diag(decay) - F`` is an
     M-matrix.
     """
+    A, (poles, left, right) = system.A, system.eigensystem
     size, product, angles = np.abs(right), A @ right, np.einsum("ij,ij->j", left.conj(), right)
     if not angles.all():
         return False
     inverse = left.conj().T / angles[:, None]
     if np.abs(inverse @ right - np.eye(len(A))).sum(axis=1).max() > _INVERSE:
         return False
-    rounding = (len(A) + _ENTRIES) * _EPS * (np.abs(A) @ size + size * np.abs(poles))
+    rounding = (len(A) + _ENTRIES) * _EPS * (entries @ size + size * np.abs(poles))
     F = _TWICE * reads @ (np.abs(product - right * poles) + rounding)
     try:
         return bool((np.linalg.solve(np.diag(decay) - F, np.ones(len(A))) > 0.0).all())

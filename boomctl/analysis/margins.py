@@ -21,6 +21,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.loops import joined, signals_of, unsampled
+from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
 from boomctl.analysis.norm import axis_eigenvalues, matrices_norm
 from boomctl.analysis.prove import Claim
 from boomctl.analysis.sampled_loops.further_delay import FurtherDelay
@@ -355,7 +356,7 @@ def margins(
     quick, grid = triangular(image), grid_of_loop(image)
     G = quick.response(grid)
     m, total = len(loop.controls), len(S.D)
-    places, rounding = ["control"] * m + ["measurement"] * (total - m), _rounding(S)
+    places, rounding, axis = ["control"] * m + ["measurement"] * (total - m), _rounding(S), marginal_poles(S)
     if (most := float(rounding.max(initial=0.0))) > _DIGITS:
         said = (
             f"rounding of the loop's matrices alone may change its response by {most:.1g} of its size; scale the states"
@@ -370,6 +371,7 @@ def margins(
             quick=quick.only([i]),
             known=(grid, G[i, i]),
             rounding=float(rounding[i, i]),
+            axis=axis,
             further=FurtherDelay.of(P, K, delay, name) if dt != 0.0 and P.dt == 0.0 else None,
         )
         for i, (name, place) in enumerate(zip(loop.controls + loop.measurements, places, strict=True))
@@ -377,7 +379,9 @@ def margins(
     first, second, every = (
         loops[rows[0]].disk
         if len(rows) == 1
-        else _disk(S.between(rows, rows), G[np.ix_(rows, rows)], float(rounding[np.ix_(rows, rows)].max(initial=0.0)))
+        else _disk(
+            S.between(rows, rows), G[np.ix_(rows, rows)], float(rounding[np.ix_(rows, rows)].max(initial=0.0)), axis
+        )
         for rows in (range(m), range(m, total), range(total))
     )
     if dt != 0.0:
@@ -404,8 +408,8 @@ def _of_continuous(P: Lti, K: Lti) -> list[DiskMargin]:
         return []
     S, m = loop.sensitivity, len(loop.controls)
     G = triangular(S).response(grid_of_loop(S))
-    groups = list(range(m)), list(range(m, len(S.D)))
-    return [_disk(S.between(rows, rows), G[np.ix_(rows, rows)], 0.0) for rows in groups]
+    groups, axis = (list(range(m)), list(range(m, len(S.D)))), marginal_poles(S)
+    return [_disk(S.between(rows, rows), G[np.ix_(rows, rows)], 0.0, axis) for rows in groups]
 
 
 def _rounding(S: Lti) -> Array:
@@ -429,18 +433,21 @@ def _rounding(S: Lti) -> Array:
     return (changes / np.maximum(values, 1.0)).max(axis=0)
 
 
-def _disk(S: Lti, G: Array, rounding: float) -> DiskMargin:
-    """Return the disk margin of a sensitivity of response ``G`` on a grid; ``S - T = 2 S - 1``."""
+def _disk(S: Lti, G: Array, rounding: float, axis: MarginalPoles) -> DiskMargin:
+    """Return the disk margin of a sensitivity of response ``G`` on a grid; ``S - T = 2 S - 1``.
+
+    The sensitivities of all signals have the same ``A``, so that ``axis`` is decided once.
+    """
     eye = np.eye(len(S.D))
     scale = _scaling(2.0 * G - eye[:, :, None])
     C, D = scale[:, None] * 2.0 * S.C, scale[:, None] * (2.0 * S.D - eye) / scale
-    norm = matrices_norm(Lti(S.A, S.B / scale, C, D, dt=S.dt))
+    norm = matrices_norm(Lti(S.A, S.B / scale, C, D, dt=S.dt), axis=axis)
     return DiskMargin(2.0 / max(norm.upper, 1.0), norm.omega, norm.certified and rounding <= _DIGITS)
 
 
 def single_disk(S: Lti) -> DiskMargin:
     """Return the disk margin of a loop of one signal, whose sensitivity is given."""
-    return _disk(S, np.ones((1, 1, 1), dtype=complex), float(_rounding(S).max(initial=0.0)))
+    return _disk(S, np.ones((1, 1, 1), dtype=complex), float(_rounding(S).max(initial=0.0)), marginal_poles(S))
 
 
 def _scaling(G: Array) -> Array:
@@ -566,6 +573,7 @@ def _loop_margin(
     quick: Triangular,
     known: tuple[Array, Array],
     rounding: float,
+    axis: MarginalPoles,
     further: FurtherDelay | None,
 ) -> LoopMargin:
     """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``, known at some frequencies.
@@ -573,7 +581,7 @@ def _loop_margin(
     ``image`` is ``S`` itself in continuous time; in discrete time its continuous image, whose frequencies are meant below.
     ``further`` knows what a delay does to a sampled loop around a continuous plant.
     """
-    disk, dt = _disk(S, known[1][None, None], rounding), S.dt
+    disk, dt = _disk(S, known[1][None, None], rounding, axis), S.dt
     open_loop = _opened(image)
     more = np.setdiff1d(grid_of_loop(image if open_loop is None else open_loop), known[0])
     grid = np.concatenate([known[0], more])

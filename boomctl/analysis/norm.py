@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.marginal_poles import marginal_poles
+from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
 from boomctl.analysis.modal_norm import BY_MODES, modal_norm
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image, modal_image, omega_of_image
 from boomctl.lti.frequency import LEVEL, Response, largest_gain, resonance_grid, singular_values
-from boomctl.lti.system import Lti, beside, is_frequency_response, of
+from boomctl.lti.system import Lti, Parts, beside, is_frequency_response, magnitudes, of
 from boomctl.lti.verified_modal_form import BACKWARD, verified_modal_form
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ _BESIDE = 1e-2  # share of its size by which an eigenvalue that is worth a look 
 _RELATIVE_ROUNDING = 1e-12  # and share of the eigenvalue itself (both are choices, far below LEVEL)
 
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
-_UNITS = 4.0  # of rounding of each entry of A, that a response may be off by (measured: below one)
+_UNITS = 4.0  # of rounding of each entry, that a response may be off by (measured: below one)
 _LOOKED_AT = (
     200  # frequencies, beside those at resonances, at which a response without upper bound is looked at (a choice)
 )
@@ -172,12 +172,18 @@ def norm_of_data(omega: Array, response: Array) -> NormCertificate:
     return NormCertificate(float(values[best]), inf, float(omega[best]), OF_DATA)
 
 
-def matrices_norm(system: Lti, response: Response | None = None) -> NormCertificate:
-    """Return the certified norm of ``A, B, C, D``, which are balanced; ``response`` may be a more accurate one."""
+def matrices_norm(
+    system: Lti, response: Response | None = None, axis: MarginalPoles | None = None, parts: Parts | None = None
+) -> NormCertificate:
+    """Return the certified norm of ``A, B, C, D``, which are balanced.
+
+    ``response`` may be a more accurate one; ``axis`` is what is known of the poles of several systems of the same ``A``.  The
+    norm of a loop is that of its ``parts`` as they are stored: its own matrices are rounded.
+    """
     if min(system.D.shape) == 0 or not len(system.A):
         value = float(np.linalg.norm(system.D, 2)) if system.D.size else 0.0
         return NormCertificate(value, value, 0.0, STATIC_GAIN)
-    axis = marginal_poles(system)
+    axis = marginal_poles(system, parts) if axis is None else axis
     if axis.infinite is not None:
         grows, undamped = axis.infinite.real > 0.0, UNDAMPED if system.dt == 0.0 else ON_CIRCLE
         return NormCertificate(inf, inf, float("nan") if grows else axis.infinite.imag, UNSTABLE if grows else undamped)
@@ -185,26 +191,27 @@ def matrices_norm(system: Lti, response: Response | None = None) -> NormCertific
         peak, at = _surely(system)
         return NormCertificate(peak, inf, at, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(system)}")
     if axis.silent.any():
-        return proved_norm(system, *_surely(system))
+        return proved_norm(system, *_surely(system), parts)
     found = level_norm(system, response) if system.dt == 0.0 else _by_circle(system)
-    felt = _felt(system, found.omega)
+    felt = _felt(system, found.omega, parts)
     sharp = found.certified and felt <= LEVEL * found.lower
     if not sharp:
-        found = proved_norm(system, max(found.lower - felt, 0.0), found.omega)
+        found = proved_norm(system, max(found.lower - felt, 0.0), found.omega, parts)
     if sharp or response is not None:  # what is stored only stands for a structure: its last digits count
         found = replace(found, lower=max(found.lower - felt, 0.0), upper=found.upper + felt)
     return found if sharp or response is None or found.certified else replace(found, method=LOST)
 
 
-def proved_norm(system: Lti, lower: float, omega: float) -> NormCertificate:
+def proved_norm(system: Lti, lower: float, omega: float, parts: Parts | None = None) -> NormCertificate:
     """Return the norm of a system as its numbers are stored, from a guess of the peak; no upper bound if undecided."""
     from boomctl.lti.proof import PATIENCE, Exact, Undecided
 
     try:
-        exact = Exact.of(system, PATIENCE)
+        exact = Exact.of(system, PATIENCE, parts)
         peak, level, square = exact.norm(exact.square(omega))
     except Undecided:
-        return _by_modes(system) or NormCertificate(lower, inf, omega, NOT_PROVED)
+        found = _by_modes(system) if parts is None else None
+        return found or NormCertificate(lower, inf, omega, NOT_PROVED)
     return NormCertificate(peak, level, exact.omega(square), PROVED)
 
 
@@ -286,12 +293,12 @@ def doubtful(system: Lti) -> str:
     return DOUBTFUL.format(boundary="imaginary axis" if system.dt == 0.0 else "unit circle")
 
 
-def _felt(system: Lti, omega: float) -> float:
-    """Return how much of the response at a frequency, and at the lightest resonances, may be rounding of ``A``'s entries."""
+def _felt(system: Lti, omega: float, parts: Parts | None) -> float:
+    """Return how much of the response at a frequency, and at the lightest resonances, may be rounding of the entries."""
     poles = system.rates[system.rates.imag > 0.0]
     light = poles[np.argsort(np.abs(poles.real) / np.abs(poles))[:_LIGHTEST]]
     asked = np.concatenate([light.imag, [omega if isfinite(omega) else 0.0]])
-    return float(_responses(system, asked)[1].max())
+    return float(_responses(system, asked, parts)[1].max())
 
 
 def _surely(system: Lti) -> tuple[float, float]:
@@ -313,9 +320,9 @@ def _surely(system: Lti) -> tuple[float, float]:
     return (float(values[best]), float(grid[best])) if values[best] >= static else (static, inf)
 
 
-def _responses(system: Lti, omega: Array) -> tuple[Array, Array]:
-    """Return responses, and how much of each may be rounding of the entries of ``A``; ``inf`` at a pole."""
-    A, places, size = system.A, np.arange(len(system.A)), np.abs(system.A)
+def _responses(system: Lti, omega: Array, parts: Parts | None = None) -> tuple[Array, Array]:
+    """Return responses, and how much of each may be rounding: of the entries, and of solving; ``inf`` at a pole."""
+    A, places, size = system.A, np.arange(len(system.A)), magnitudes(system, parts)
     G, doubts = np.zeros((*system.D.shape, len(omega)), dtype=complex), np.full(len(omega), inf)
     step = max(1, _BATCH // len(A) ** 2)
     for k in range(0, len(omega), step):
@@ -329,8 +336,11 @@ def _responses(system: Lti, omega: Array) -> tuple[Array, Array]:
             continue
         with np.errstate(invalid="ignore", over="ignore"):  # at a pole: what is not finite is doubtful altogether
             G[:, :, few] = np.moveaxis(system.C @ acting + system.D, 0, 2)
-            felt = np.linalg.norm(reading.transpose(0, 2, 1) @ (size @ np.abs(acting)), axis=(1, 2))
-        doubts[few] = np.where(np.isfinite(felt), _UNITS * _EPS * felt, inf)
+            states = np.abs(acting)
+            off = _UNITS * _EPS * (size.A @ states + size.B) + np.abs(system.B - pencil @ acting)
+            off = reading.transpose(0, 2, 1) @ off + _UNITS * _EPS * (size.C @ states + size.D)
+            felt = np.linalg.norm(off, axis=(1, 2))
+        doubts[few] = np.where(np.isfinite(felt), felt, inf)
     return G, doubts
 
 
@@ -340,13 +350,14 @@ def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCerti
         level = peak * (1.0 + LEVEL)
         if level == 0.0:
             return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
-        crossings, beside = _near_axis(system, level)
+        H = _hamiltonian(system, level)
+        crossings, beside = _near_axis(H[0])
         seen = np.sort(np.concatenate([crossings, beside]))
         middles = np.concatenate([seen, 0.5 * (seen[1:] + seen[:-1])])
         values = singular_values(respond(middles))[0] if len(middles) else np.zeros(1)
         best = int(np.argmax(values))
         if values[best] <= level:
-            told = not len(crossings) and level_shows(system, level, at)
+            told = not len(crossings) and level_shows(system, level, at, H)
             return NormCertificate(peak, level if told else inf, at, NO_CROSSING if told else NOT_TOLD)
         peak, at = float(values[best]), float(middles[best])
     return NormCertificate(peak, inf, at, NOT_ENDED)
@@ -365,7 +376,7 @@ def _hamiltonian(system: Lti, level: float) -> tuple[Array, Array]:
     return H, np.asarray(scale)
 
 
-def level_shows(system: Lti, level: float, omega: float) -> bool:
+def level_shows(system: Lti, level: float, omega: float, hamiltonian: tuple[Array, Array] | None = None) -> bool:
     """Return whether the eigenvalues of the Hamiltonian matrix would show that a level just below this one is reached.
 
     With ``v`` the input of the largest gain ``g`` at the peak, ``x = (j w - A)^-1 B v``, ``p = -(j w + A^T)^-1 C^T y`` make
@@ -382,7 +393,7 @@ def level_shows(system: Lti, level: float, omega: float) -> bool:
         x, p = states @ v, np.linalg.solve(pencil.conj().T, system.C.T @ y) / level
     except np.linalg.LinAlgError:  # a pole that rounding alone keeps from the axis
         return False
-    H, scale = _hamiltonian(system, level)
+    H, scale = _hamiltonian(system, level) if hamiltonian is None else hamiltonian
     gap = (1.0 - (np.linalg.norm(y) / level) ** 2) * np.linalg.norm((system.B @ v) / scale[:n])
     return bool(gap > BACKWARD * _EPS * np.linalg.norm(H) * np.linalg.norm(np.concatenate([x, p]) / scale))
 
@@ -406,16 +417,15 @@ def axis_eigenvalues(system: Lti, level: float) -> Array:
     They are the imaginary parts, not below zero, of eigenvalues of the Hamiltonian matrix on the imaginary axis, or as
     near as rounding may have moved them: by a multiple of the norm of the balanced matrix, not of its eigenvalues.
     """
-    return _near_axis(system, level)[0]
+    return _near_axis(_hamiltonian(system, level)[0])[0]
 
 
-def _near_axis(system: Lti, level: float) -> tuple[Array, Array]:
+def _near_axis(H: Array) -> tuple[Array, Array]:
     """Return the imaginary parts of eigenvalues on the imaginary axis, and of those that lie so near to it.
 
     Where two crossings have nearly met, rounding moves their eigenvalues off the axis by its root and more: what lies near
     is worth a look.
     """
-    H = _hamiltonian(system, level)[0]
     values = linalg.eigvals(H)
     noise = _ROUNDING * np.linalg.norm(H) + _RELATIVE_ROUNDING * np.abs(values)
     upper = values.imag >= 0.0

@@ -151,9 +151,7 @@ def prove(result: Claiming, *, time_limit: float = 60.0) -> Proof:
 def _exact(claim: Claim, seconds: float) -> "Exact":
     from boomctl.lti.proof import Exact
 
-    exact = Exact.of(claim.system, seconds)
-    if claim.controller is not None:
-        exact = exact.closed_by(Exact.of(claim.controller))
+    exact = Exact.of(claim.system, seconds, None if claim.controller is None else (claim.system, claim.controller))
     return exact if claim.minus is None else exact.minus(Exact.of(claim.minus))
 
 

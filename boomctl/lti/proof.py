@@ -28,7 +28,7 @@ from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.frequency import LEVEL
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, Parts
 
 PATIENCE = 1.0  # s for a proof that nobody asked for (a choice)
 _BITS = 64  # that roots and solutions are first enclosed with; doubled until they decide
@@ -63,8 +63,10 @@ class Exact:
     until: float = inf
 
     @classmethod
-    def of(cls, system: Lti, seconds: float = inf) -> "Exact":
-        """Return the system as it is stored; what is asked of it takes so many seconds, or is left undecided."""
+    def of(cls, system: Lti, seconds: float = inf, parts: Parts | None = None) -> "Exact":
+        """Return the system as it is stored, a loop as its parts; what is asked takes so many seconds, or is undecided."""
+        if parts is not None:
+            return cls.of(parts[0], seconds).closed_by(cls.of(parts[1]))
         A, B, C, D = (
             fmpq_mat(M.shape[0], M.shape[1], [fmpq(*x.as_integer_ratio()) for x in M.ravel().tolist()])
             for M in (system.A, system.B, system.C, system.D)

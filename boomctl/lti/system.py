@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 import numpy as np
 from scipy import linalg
@@ -218,6 +218,10 @@ def series(first: Lti, second: Lti) -> Lti:
     return Lti(A, B, C, second.D @ first.D, first.inputs, second.outputs, states, first.dt)
 
 
+Parts: TypeAlias = tuple[Lti, Lti]
+"""A plant and the controller that closes its last signals: what a loop's matrices, which are rounded, were made of."""
+
+
 def lower_lft(plant: Lti, controller: Lti) -> Lti:
     """Return the lower linear fractional transformation: a plant whose last signals are closed by ``u = K y``.
 
@@ -237,10 +241,27 @@ def lower_lft(plant: Lti, controller: Lti) -> Lti:
     ValueError
         The loop is not well-posed: ``I - D_K D22`` is singular.
     """
-    K, m, p = controller, plant.B.shape[1] - len(controller.C), len(plant.C) - controller.B.shape[1]
+    D22 = plant.D[len(plant.C) - controller.B.shape[1] :, plant.B.shape[1] - len(controller.C) :]
+    solved = well_posed_inverse(np.eye(len(controller.D)) - controller.D @ D22)
+    return _closed(plant, controller, solved)
+
+
+def magnitudes(system: Lti, parts: Parts | None = None) -> Lti:
+    """Return how large the numbers are that the entries of a system, or of a balanced loop of parts, were made of."""
+    if parts is None:
+        return replace(system, A=np.abs(system.A), B=np.abs(system.B), C=np.abs(system.C), D=np.abs(system.D))
+    plant, K = (magnitudes(part) for part in parts)
+    D22 = parts[0].D[len(plant.C) - K.B.shape[1] :, plant.B.shape[1] - len(K.C) :]
+    made = _closed(plant, K, np.abs(well_posed_inverse(np.eye(len(K.D)) - parts[1].D @ D22)))
+    scale = balance(lower_lft(*parts).A)[1] if len(made.A) else np.ones(0)
+    return replace(made, A=made.A / scale[:, None] * scale, B=made.B / scale[:, None], C=made.C * scale)
+
+
+def _closed(plant: Lti, K: Lti, solved: Array) -> Lti:
+    """Return a plant whose last signals are closed; ``solved`` is the inverse of ``I - D_K D22``."""
+    m, p = plant.B.shape[1] - len(K.C), len(plant.C) - K.B.shape[1]
     (B1, B2), (C1, C2) = np.split(plant.B, [m], axis=1), np.split(plant.C, [p])
     D11, D12, D21, D22 = plant.D[:p, :m], plant.D[:p, m:], plant.D[p:, :m], plant.D[p:, m:]
-    solved = well_posed_inverse(np.eye(len(K.D)) - K.D @ D22)
     direct, state = solved @ K.D, solved @ K.C
     read = K.B + K.B @ (D22 @ direct)
     A = np.block([[plant.A + B2 @ direct @ C2, B2 @ state], [read @ C2, K.A + K.B @ D22 @ state]])

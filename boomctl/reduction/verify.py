@@ -179,6 +179,8 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
             crossings = axis_eigenvalues(gap, level)
             inside = crossings[(crossings > low) & (crossings < high)]
             if not len(inside):
+                if not level_shows(gap, level, at):
+                    continue
                 return NormCertificate(peak, level, at, f"{NO_CROSSING} in the band")
             ends = np.concatenate([[low], inside, [high]])
             tried = np.concatenate([inside, 0.5 * (ends[1:] + ends[:-1])])

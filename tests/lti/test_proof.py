@@ -3,6 +3,8 @@
 What a norm's certificate says is held against the same.
 """
 
+from functools import wraps
+
 import control
 import numpy as np
 import pytest
@@ -110,21 +112,54 @@ def balls(matrix):
     return acb_mat([[acb(float(x)) for x in row] for row in np.asarray(matrix)])
 
 
-def largest_gain(system, omega):
-    """Return the largest singular value at a frequency, its response from a linear solve in balls; None at a pole."""
-    before, ctx.prec = ctx.prec, RESPONSE_BITS
+def response(system, omega):
+    """Return a response by a linear solve in balls; None at a pole."""
+    turn = acb(0, 1) * arb(float(omega))
+    s = turn if system.isctime() else (turn * arb(float(system.dt))).exp()
+    A, B, C, D = (balls(getattr(system, letter)) for letter in "ABCD")
     try:
-        turn = acb(0, 1) * arb(float(omega))
-        s = turn if system.isctime() else (turn * arb(float(system.dt))).exp()
-        A, B, C, D = (balls(getattr(system, letter)) for letter in "ABCD")
-        pencil = s * acb_mat([[acb(int(i == j)) for j in range(A.ncols())] for i in range(A.nrows())]) - A
+        return C * (s * identity(A.ncols()) - A).solve(B) + D
+    except ZeroDivisionError:
+        return None
+
+
+def identity(n):
+    return acb_mat([[acb(int(i == j)) for j in range(n)] for i in range(n)])
+
+
+def with_many_digits(function):
+    @wraps(function)
+    def run(*given):
+        before, ctx.prec = ctx.prec, RESPONSE_BITS
         try:
-            G = C * pencil.solve(B) + D
-        except ZeroDivisionError:
-            return None
-        return float(np.linalg.norm([[complex(x) for x in row] for row in G.tolist()], 2))
-    finally:
-        ctx.prec = before
+            return function(*given)
+        finally:
+            ctx.prec = before
+
+    return run
+
+
+def size(G):
+    return float(np.linalg.norm([[complex(x) for x in row] for row in G.tolist()], 2))
+
+
+@with_many_digits
+def largest_gain(system, omega):
+    """Return the largest singular value at a frequency; None at a pole."""
+    G = response(system, omega)
+    return None if G is None else size(G)
+
+
+@with_many_digits
+def gain_of_loop(P, K, omega):
+    """Return the largest singular value of a plant closed by a controller, from the responses of both."""
+    G, k, (m, p) = response(P, omega), response(K, omega), (P.ninputs - K.noutputs, P.noutputs - K.ninputs)
+    G11, G12, G21, G22 = (
+        acb_mat([[G[i, j] for j in range(*columns)] for i in range(*rows)])
+        for rows in ((0, p), (p, P.noutputs))
+        for columns in ((0, m), (m, P.ninputs))
+    )
+    return size(G11 + G12 * k * (identity(K.ninputs) - G22 * k).solve(G21))
 
 
 def decays(system):
@@ -294,3 +329,37 @@ def test_peaks_of_structures_are_proved_by_the_state_space_that_stands_for_them(
     assert bc.prove(found).proved
     assert bc.prove(bc.sigma(yaw.to_statespace("actuator_anti", "tip_anti"))).proved
     assert bc.prove(bc.reduce(yaw.select(["actuator_anti"], ["tip_anti"]), order=6)).proved
+
+
+def cheap(seed):
+    """Return a plant, stable or not, whose effort and noise cost little: its best controllers have poles far away."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 8))
+    A = rng.standard_normal((n, n)) * 10.0 ** rng.uniform(-1, 2)
+    A -= np.linalg.eigvals(A).real.max() * rng.uniform(0.0, 1.3) * np.eye(n)
+    B, C = (np.hstack([rng.standard_normal((n, 2)), np.zeros((n, 1)), rng.standard_normal((n, 1))]) for _ in range(2))
+    D = np.zeros((4, 4))
+    D[2, 3], D[3, 2] = 10.0 ** rng.uniform(-3, 0, 2)
+    return control.ss(A, B, C.T, D)
+
+
+@pytest.mark.parametrize("seed", range(ALL // 2))
+def test_a_design_is_certified_for_the_controller_that_is_handed_out(seed):
+    """Matrices of a loop are rounded; with huge gains that shows in the sixth digit of its norm and before."""
+    if is_quick() and seed >= FEW // 2:
+        pytest.skip("one of the full profile")
+    P, tight = cheap(seed), {"tolerance": 1e-9, "fastest_pole": 1e10} if seed % 2 else {}
+    try:
+        found = bc.h_infinity(P, 1, 1, **tight)
+    except bc.SynthesisError:
+        return
+    assert bc.prove(found).proved
+    norm = found.certificate.norm
+    gains = [
+        gain_of_loop(P, found.controller, w)
+        for w in (norm.omega, *np.abs(found.closed_loop.poles().imag))
+        if w < np.inf
+    ]
+    assert max(gains) <= norm.upper * (1.0 + SLACK)
+    if norm.omega < np.inf:
+        assert gains[0] >= norm.lower * (1.0 - SLACK)

@@ -244,7 +244,8 @@ def test_polynomials_are_added_where_none_were_asked_for(speed, duration):
     )
     error = np.abs(found.tip_displacement - true.tip_displacement).max()
     assert error <= found.error_estimate + true.error_estimate
-    assert found.error_estimate <= 1e-4 * BAI.length
+    largest = np.hypot(found.tip_displacement, found.foreshortening + found.axial_tip_displacement).max()
+    assert found.error_estimate <= 1.1e-4 * largest  # it may be larger between the instants
     assert found.states.shape == (30, len(beam.state_names))
     np.testing.assert_allclose(found.states[:, 0], found.hub_angle)
     few = beam.with_tip_mass(0.0)  # what is made of it adds them too

@@ -36,7 +36,7 @@ except KeyboardInterrupt:
 """
 SLOW_CALLS = {
     "in IPOPT": (
-        "bc.optimal_slew(bc.hub_beam(model='sfoam', modes=3), 1000.0, 200.0, 'effort', 200.0, progress=tell, intervals=800)",
+        "bc.optimal_slew(bc.hub_beam(model='sfoam', modes=3), 1000.0, 200.0, 'effort', 190.0, progress=tell, intervals=800)",
         "iteration 2",
     ),
     "in switching times": (
@@ -227,7 +227,7 @@ def test_the_command_line_is_interrupted_and_silent_when_piped(tmp_path):
         "--objective",
         "effort",
         "--duration",
-        "200",
+        "190",
         "--angle-deg",
         "57000",
         "--time-limit",

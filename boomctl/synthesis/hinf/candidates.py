@@ -203,7 +203,7 @@ def judged(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
     slowest = float(loop.rates.real.max(initial=-np.inf))
     if slowest >= 0.0:
         return f"its loop has a pole with real part {slowest:.3g} rad/s"
-    norm = matrices_norm(loop)
+    norm = matrices_norm(loop, parts=(plant.system, K))
     if not norm.certified:
         return f"the norm of its loop could not be certified ({norm.method})"
     if norm.upper > limit or norm.lower == np.inf:

@@ -288,7 +288,7 @@ def _on_circle(plant: GeneralizedPlant, found: HInfinityResult, origin: ReducedP
         loop = replace(lower_lft(plant.system, K), states=()).balanced()
     except ValueError as error:
         raise SynthesisError(f"the controller of the image has no counterpart in discrete time: {error}") from None
-    poles, norm = loop.poles, matrices_norm(loop)
+    poles, norm = loop.poles, matrices_norm(loop, parts=(plant.system, K))
     if (sides(poles, dt) >= 0).any() or not norm.upper <= found.certificate.norm.upper * (1.0 + _MORE):
         raise SynthesisError(
             f"the loop in discrete time is not that of its image: norm from {norm.lower:.6g} to {norm.upper:.6g} for "

@@ -144,7 +144,8 @@ def judged_on_full_plant(origin: ReducedPlant, plant: GeneralizedPlant, K: Lti, 
     stable, slowest, norm = True if share < 1.0 else None, float("nan"), None
     if size <= _MOST_POLES:
         try:
-            loop = lower_lft(origin.around(of(reduction.full, sampled=True)), K).balanced()
+            parts = origin.around(of(reduction.full, sampled=True)), K
+            loop = lower_lft(*parts).balanced()
         except ValueError:  # not well-posed on the full plant
             stable, slowest = False, inf
         else:
@@ -152,7 +153,7 @@ def judged_on_full_plant(origin: ReducedPlant, plant: GeneralizedPlant, K: Lti, 
             side = int(sides(loop.poles, loop.dt).max(initial=-1))
             stable = {-1: True, 0: stable, 1: False}[side]  # of poles that stand on the axis the small gain alone tells
             if stable and size <= _MOST_NORM:
-                norm = matrices_norm(loop)
+                norm = matrices_norm(loop, parts=parts)
     statement = _statement(reduction, stable, share, slowest, norm)
     if not stable or (norm is not None and norm.upper > _WORSE * gamma):
         warnings.warn(f"the controller was designed on a reduced plant: {statement}", ReductionWarning, stacklevel=4)
@@ -195,9 +196,10 @@ def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float
     KS = lower_lft(added, K).balanced()
     if reduction.measured_error == 0.0:
         return 0.0
+    largest = matrices_norm(KS, parts=(added, K)).upper
     if reduction.band is None:
-        return matrices_norm(KS).upper * min(reduction.measured_error, reduction.error_bound)
-    everywhere = matrices_norm(KS).upper * reduction.error_bound
+        return largest * min(reduction.measured_error, reduction.error_bound)
+    everywhere = largest * reduction.error_bound
     if everywhere < 1.0 or KS.dt != 0.0:  # of a band on the unit circle nothing more is told
         return everywhere
     inside = band_norm(KS, KS.response, reduction.band).upper * reduction.measured_error

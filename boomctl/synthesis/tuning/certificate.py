@@ -205,12 +205,16 @@ def edge_of(plant: GeneralizedPlant, loop: Lti) -> str:
     return f"ended at the edge of stability: a pole at {shown} rad/s decays by {-pole.real:.2g}; ask for decay="
 
 
-def channel_norm(loop: Lti, plant: GeneralizedPlant, channel: Channel) -> NormCertificate | H2Certificate:
+def channel_norm(loop: Lti, plant: GeneralizedPlant, K: Lti, channel: Channel) -> NormCertificate | H2Certificate:
     """Return the certified norm of a channel of a loop."""
     columns, rows = places(plant, channel)
-    part = replace(loop, B=loop.B[:, columns], C=loop.C[rows], D=loop.D[np.ix_(rows, columns)], inputs=(), outputs=())
+    part = replace(loop, inputs=(), outputs=()).between(columns, rows)
     if channel.norm == "hinf":
-        return matrices_norm(part.balanced())
+        if not plant.ncon:
+            return matrices_norm(part.balanced())
+        (p, m), system = loop.D.shape, plant.system
+        open_ = system.between([*columns, *range(m, system.B.shape[1])], [*rows, *range(p, len(system.C))])
+        return matrices_norm(part.balanced(), parts=(open_, K))
     return h2_norm(replace(part, D=np.zeros_like(part.D)).statespace("channel"))
 
 

@@ -424,7 +424,7 @@ def _worst(task: _Task, over: FamilyPlants, found: Search) -> tuple[float, Array
             return []
         listed = []
         for channel in task.channels:
-            norm = ChannelNorm(over.label(point), channel, channel_norm(loop, plant, channel))
+            norm = ChannelNorm(over.label(point), channel, channel_norm(loop, plant, K, channel))
             reference = (top if channel.budget is None else 1.0) * (channel.budget or 1.0)
             if channel.budget is not None and channel in aims:
                 reference *= top
@@ -465,7 +465,7 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
     K = problem.lti(x, plants[0].measurements, plants[0].controls).balanced()
     loops = [loop_of(plant, K) for plant in plants]
     norms = tuple(
-        (i, ChannelNorm(label, channel, channel_norm(loop, plant, channel)))
+        (i, ChannelNorm(label, channel, channel_norm(loop, plant, K, channel)))
         for i, (label, plant, loop) in enumerate(zip(task.plants.labels, plants, loops, strict=True))
         for channel in task.channels
     )
