@@ -1,9 +1,8 @@
 """Certified H2 norms.
 
-In modal coordinates that answer for their rounding (:mod:`boomctl.lti.verified_modal_form`) three ways lead to one number:
-the Gramian of controllability, that of observability, and the sum over pairs of modes
-``|G|^2 = -sum_ij (c_i^* c_j)(b_j b_i^*)/(p_j + p_i^*)``; in discrete time with ``1/(1 - p_i p_j^*)``.  Where they carry too
-few digits, the norm is enclosed in ball arithmetic (:mod:`boomctl.lti.proof`).
+In modal coordinates that answer for their rounding (:mod:`boomctl.lti.verified_modal_form`) its square is a sum over pairs of
+modes, ``|G|^2 = -sum_ij (c_i^* c_j)(b_j b_i^*)/(p_j + p_i^*)``; in discrete time with ``1/(1 - p_i p_j^*)``.  Where that has
+too few digits, the norm is enclosed in ball arithmetic (:mod:`boomctl.lti.proof`).
 """
 
 from collections.abc import Iterator
@@ -14,12 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.marginal_poles import marginal_poles
-from boomctl.analysis.norm import NOT_PROVED, PROVED, doubtful
+from boomctl.analysis.norm import NOT_PROVED, ON_CIRCLE, PROVED, UNDAMPED, UNSTABLE, doubtful
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
-from boomctl.lti.bilinear import modal_image
-from boomctl.lti.gramians import factors
-from boomctl.lti.modal import UNDAMPED, split
+from boomctl.lti.modal import split
 from boomctl.lti.system import Lti, of
 from boomctl.lti.verified_modal_form import VerifiedModalForm, verified_modal_form
 from boomctl.structure.model import SecondOrderModel
@@ -28,7 +25,8 @@ from boomctl.structure.response.modal_form import modal_form
 if TYPE_CHECKING:
     import control
 
-_AGREEMENT = 1e-6  # relative distance of bounds and of independent values up to which a norm is certified (a choice)
+BY_MODES = "a sum over pairs of modes"
+_AGREEMENT = 1e-6  # relative distance of the bounds up to which a norm is certified (a choice)
 _EPS = float(np.finfo(float).eps)
 _CANCELLED = 4.0  # roundings of one, in the difference of one and the product of two poles
 _TERMS = 16.0  # roundings of a term of a sum over pairs of modes, beside one for each that it is added to
@@ -43,10 +41,7 @@ class H2Certificate:
     value : float
         The norm; ``inf`` with an unstable pole, an undamped mode that shows, or, in continuous time, a feedthrough.
     lower, upper : float
-        Bounds: what rounding may have changed, in modal coordinates or by the residual of the Gramian's equation.
-    gap : float
-        Largest relative difference of the values by the Gramian of controllability, by that of observability and by
-        the modes.
+        Bounds: what rounding may have changed.
     method : str
         How it was obtained, or why it is infinite.
     """
@@ -54,7 +49,6 @@ class H2Certificate:
     value: float
     lower: float
     upper: float
-    gap: float
     method: str
     _given: Lti | None = field(default=None, repr=False, compare=False)
 
@@ -69,10 +63,10 @@ class H2Certificate:
 
     @property
     def certified(self) -> bool:
-        """Whether bounds and independent values agree to a millionth, or the norm is known to be infinite."""
+        """Whether the bounds agree to a millionth, or the norm is known to be infinite."""
         if self.value == inf:
             return True
-        return self.gap <= _AGREEMENT and self.upper < inf and self.upper - self.lower <= _AGREEMENT * self.upper
+        return self.upper < inf and self.upper - self.lower <= _AGREEMENT * self.upper
 
 
 def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> H2Certificate:
@@ -113,30 +107,22 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
 
 def _norm(given: Lti) -> H2Certificate:
     if not len(given.A) or min(given.D.shape) == 0:
-        if given.D.any() and given.dt == 0.0:
-            return _fed_through(given)
-        if given.D.any():
-            through = float(np.linalg.norm(given.D))
-            return H2Certificate(through, through, through, 0.0, "a feedthrough, and no states")
-        return H2Certificate(0.0, 0.0, 0.0, 0.0, "no response")
+        through = float(np.linalg.norm(given.D))
+        return (
+            _fed_through(given)
+            if through and given.dt == 0.0
+            else H2Certificate(through, through, through, "no states")
+        )
     balanced = given.balanced()
     axis = marginal_poles(balanced)
     if axis.infinite is not None:
         pole = axis.infinite
-        if pole.real > 0.0:
-            return _infinite(f"an unstable pole at {pole.real:.4g}{pole.imag:+.4g}j rad/s")
-        where = "imaginary axis" if given.dt == 0.0 else "unit circle"
-        return _infinite(f"a pole on the {where}, at {pole.imag:.6g} rad/s")
+        what = UNSTABLE if pole.real > 0.0 else UNDAMPED if given.dt == 0.0 else ON_CIRCLE
+        return _infinite(f"{what} at {pole.real:.4g}{pole.imag:+.4g}j rad/s")
     if given.D.any() and given.dt == 0.0:
         return _fed_through(given)
     if axis.doubtful is not None:
-        if given.dt == 0.0:
-            near = np.abs(axis.poles.real) <= UNDAMPED * np.abs(axis.poles)
-            near |= np.abs(axis.poles - axis.doubtful) <= UNDAMPED * np.abs(axis.poles).max()
-        else:
-            near = np.abs(np.abs(axis.poles) - 1.0) <= UNDAMPED
-            near |= np.abs(axis.poles - np.exp(axis.doubtful * given.dt)) <= UNDAMPED
-        return _doubtful(balanced, near, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(given)}")
+        return _doubtful(balanced, axis.open, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(given)}")
     return _proved(balanced) if axis.silent.any() else _finite(balanced)
 
 
@@ -146,20 +132,17 @@ def _fed_through(given: Lti) -> H2Certificate:
 
 
 def _infinite(why: str) -> H2Certificate:
-    return H2Certificate(inf, inf, inf, 0.0, why)
+    return H2Certificate(inf, inf, inf, why)
 
 
 def _doubtful(system: Lti, near: Array, why: str) -> H2Certificate:
     """Return the value without the modes that may be undamped, where that can be told; the norm may be infinite."""
     try:
-        rest = _finite(split(system, near | near[_conjugates(system.poles)], "undamped modes")[1])
+        conjugates = np.abs(system.poles[:, None] - system.poles.conj()).argmin(axis=1)
+        rest = _finite(split(system, near | near[conjugates], "undamped modes")[1])
     except ValueError:
-        return H2Certificate(0.0, 0.0, inf, inf, why)
-    return H2Certificate(rest.value, 0.0, inf, inf, why)
-
-
-def _conjugates(poles: Array) -> Array:
-    return np.abs(poles[:, None] - poles.conj()).argmin(axis=1)
+        return H2Certificate(0.0, 0.0, inf, why)
+    return H2Certificate(rest.value, 0.0, inf, why)
 
 
 def _finite(system: Lti) -> H2Certificate:
@@ -176,18 +159,15 @@ def _proved(system: Lti, found: H2Certificate | None = None) -> H2Certificate:
     try:
         square = Exact.of(system, PATIENCE).energy()
     except Undecided:
-        return found or H2Certificate(0.0, 0.0, inf, inf, NOT_PROVED)
+        return found or H2Certificate(0.0, 0.0, inf, NOT_PROVED)
     low, high = below(square.sqrt()), -below(-square.sqrt())
-    return H2Certificate(float(square.sqrt()), max(low, 0.0), high, 0.0, PROVED)
+    return H2Certificate(float(square.sqrt()), max(low, 0.0), high, PROVED)
 
 
 def _by_modes(modes: VerifiedModalForm, dt: float) -> H2Certificate:
-    """Return the norm as a sum over pairs of modes, beside the two Gramians in modal coordinates."""
+    """Return the norm as a sum over pairs of modes."""
     modal, p = modes.modal, modes.modal.poles
-    own = modal if dt == 0.0 else modal_image(modal, dt)[0]  # its Gramians are those of the discrete system
-    F, H = factors(own.blocks, own)
     through = float(np.sum(modal.D**2))
-    values = [float(np.sqrt(np.sum(found**2) + through)) for found in (modal.blocks.C @ F, modal.blocks.B.T @ H)]
     acting: Array = modal.B @ modal.B.conj().T
     reading: Array = modal.C.conj().T @ modal.C
     pairs = -(p[:, None] + p.conj()[None, :]) if dt == 0.0 else 1.0 - p[:, None] * p.conj()[None, :]
@@ -199,10 +179,4 @@ def _by_modes(modes: VerifiedModalForm, dt: float) -> H2Certificate:
     rounding = _EPS * (float(np.sum(sizes * units)) + _TERMS * through)
     value, gap = float(np.sqrt(square)), modes.energy_gap
     low, high = float(np.sqrt(max(square - rounding, 0.0))), float(np.sqrt(square + rounding))
-    agree = _relative([value, *values])
-    return H2Certificate(value, max(low - gap, 0.0), high + gap, agree, "two Gramians and the modes")
-
-
-def _relative(values: list[float]) -> float:
-    largest = max(values)
-    return (largest - min(values)) / largest if largest > 0.0 else 0.0
+    return H2Certificate(value, max(low - gap, 0.0), high + gap, BY_MODES)

@@ -31,25 +31,23 @@ class MarginalPoles:
         rate ``log(z)/dt``.
     doubtful : complex or None
         One of which the digits given do not tell; None if there is an infinite one.  A rate in discrete time.
-    silent : (n,) ndarray of bool
-        Which of ``poles`` lie on the axis and do not show.
-    poles : (n,) complex ndarray
-        All poles, as the eigenvalue solver gives them.
+    silent, open : (n,) ndarray of bool
+        Which poles lie on the axis and do not show; which ones are doubtful.
     """
 
     infinite: complex | None
     doubtful: complex | None
     silent: Array
-    poles: Array
+    open: Array
 
 
 def marginal_poles(system: Lti, parts: Parts | None = None) -> MarginalPoles:
     """Return what is known of the poles of a (balanced) system at the imaginary axis; of a loop, as its parts are stored."""
     if not len(system.A):
-        return MarginalPoles(None, None, np.zeros(0, dtype=bool), system.poles)
+        return MarginalPoles(None, None, np.zeros(0, bool), np.zeros(0, bool))
     poles, left, right = system.eigensystem
     decay = -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles)
-    found = MarginalPoles(None, None, np.zeros(len(poles), dtype=bool), poles)
+    found = MarginalPoles(None, None, np.zeros(len(poles), bool), np.zeros(len(poles), bool))
     cosine = np.maximum(np.abs(np.einsum("ij,ij->j", left.conj(), right)), np.finfo(float).tiny)
     reads = np.abs(left.T) / cosine[:, None]
     size, on_axis, shown = magnitudes(system, parts).A, [], []
@@ -74,8 +72,9 @@ def marginal_poles(system: Lti, parts: Parts | None = None) -> MarginalPoles:
     open_ = ~found.silent & (decay <= moved)
     if not growing and (not open_.any() or _stays(system, size, poles[open_], 0.0)):
         return found
-    doubtful = complex(system.rates[np.argmin(np.where(found.silent, np.inf, decay / moved))])
-    return replace(found, doubtful=doubtful, silent=np.zeros_like(found.silent))
+    worst = int(np.argmin(np.where(found.silent, np.inf, decay / moved)))
+    open_[worst] = True
+    return replace(found, doubtful=complex(system.rates[worst]), silent=np.zeros_like(open_), open=open_)
 
 
 def _stays(system: Lti, size: Array, poles: Array, inside: float) -> bool:

@@ -29,11 +29,11 @@ from math import inf
 import numpy as np
 from scipy import linalg, sparse
 
-from boomctl.analysis.norm import NormCertificate, level_crossings, matrices_norm
+from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, level_shows, matrices_norm
 from boomctl.arrays import Array
 from boomctl.lti.frequency import Resonances, Response, singular_values
 from boomctl.lti.modal import side_of_axis
-from boomctl.lti.system import Lti, beside
+from boomctl.lti.system import Lti, beside, static
 from boomctl.structure.matrices import dense, halves
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.core import Core, build_core, modal_core, rounding_estimate
@@ -202,11 +202,9 @@ def _part_norm(part: SecondOrderModel, seen: _Seen | None) -> NormCertificate:
     inside = replace(inside, path=(f"core of {core.structure.n}", *inside.path))
     if inside.lower == inf:
         return inside
-    strained = (
-        part.n < _CORE_FROM or part.structure.graded
-    )  # such a core is one over strain coordinates, which keep their digits
     omega = np.array([low, min(inside.omega, top), seen.last])
-    form = part.structure.strain_form if strained else None
+    # a core of a small or a graded part is one over strain coordinates, which keep their digits
+    form = part.structure.strain_form if part.n < _CORE_FROM or part.structure.graded else None
     if form is None:
         rounding = rounding_estimate(part.structure, core, omega)
         rounding += ports_rounding(core.structure, part.ports, core.basis, omega)
@@ -250,29 +248,28 @@ class _Realised:
         moving = frequencies[elastic(frequencies)]
         fastest = max(float(frequencies[-1]), float(V[:, -1] @ (small.C @ V[:, -1])))
         if len(moving) and fastest > _HELD * moving[0] and small.structure.strain_form is not None:
-            none = Lti(
-                np.zeros((0, 0)), np.zeros((0, len(small.inputs))), np.zeros((len(small.outputs), 0)), small.ports.E[0]
-            )
-            return cls(none, respond, ("undamped modes",), True)
+            return cls(static(small.ports.E[0]), respond, ("undamped modes",), True)
         return cls(in_modes(small.structure, small.ports, frequencies, V).balanced(), respond, ("undamped modes",))
 
     def norm(self) -> NormCertificate:
         """Return the norm between its bounds."""
         return replace(matrices_norm(self.system, self.respond), path=self.path)
 
-    def guess(self) -> float:
-        """Return the largest singular value half a width beside the resonances: no bound, but near the norm."""
+    @cached_property
+    def guess(self) -> tuple[float, float]:
+        """The largest singular value half a width beside the resonances, and where: no bound, but near the norm."""
         poles = self.system.poles[self.system.poles.imag > 0.0]
         if not len(poles):
-            return inf
+            return inf, inf
         beside = poles.imag + np.abs(poles.real) + _NEAR * np.abs(poles)
-        return float(singular_values(self.respond(beside))[0].max(initial=0.0))
+        values = singular_values(self.respond(beside))[0]
+        return float(values.max()), float(beside[np.argmax(values)])
 
     def stays_below(self, level: float) -> bool:
         """Return whether it is proved that no singular value reaches a level at any frequency."""
         if (side_of_axis(self.system.poles) >= 0).any() or np.linalg.norm(self.system.D, 2) >= level:
             return False
-        return not len(level_crossings(self.system, level))
+        return level_shows(self.system, level, self.guess[1]) and not len(axis_eigenvalues(self.system, level))
 
 
 def _norms_of_small(parts: tuple[SecondOrderModel, ...]) -> list[NormCertificate]:
@@ -280,7 +277,7 @@ def _norms_of_small(parts: tuple[SecondOrderModel, ...]) -> list[NormCertificate
     systems = [_Realised.of(part) for part in parts]
     if any(system.wide for system in systems):
         return [_part_norm(part, None) for part in parts]
-    order = sorted(range(len(parts)), key=lambda i: -systems[i].guess())
+    order = sorted(range(len(parts)), key=lambda i: -systems[i].guess[0])
     found = {order[0]: systems[order[0]].norm()}
     first = found[order[0]]
     for i in order[1:]:

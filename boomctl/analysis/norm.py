@@ -19,13 +19,12 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
-from boomctl.analysis.modal_norm import BY_MODES, modal_norm
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
-from boomctl.lti.bilinear import continuous_image, modal_image, omega_of_image
-from boomctl.lti.frequency import LEVEL, Response, largest_gain, resonance_grid, singular_values
+from boomctl.lti.bilinear import continuous_image, omega_of_image
+from boomctl.lti.frequency import LEVEL, Resonances, Response, largest_gain, resonance_grid, singular_values
 from boomctl.lti.system import Lti, Parts, beside, is_frequency_response, magnitudes, of
-from boomctl.lti.verified_modal_form import BACKWARD, verified_modal_form
+from boomctl.lti.verified_modal_form import BACKWARD
 
 if TYPE_CHECKING:
     import control
@@ -41,11 +40,9 @@ _RELATIVE_ROUNDING = 1e-12  # and share of the eigenvalue itself (both are choic
 
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
 _UNITS = 4.0  # of rounding of each entry, that a response may be off by (measured: below one)
-_LOOKED_AT = (
-    200  # frequencies, beside those at resonances, at which a response without upper bound is looked at (a choice)
-)
+_LOOKED_AT = 200  # frequencies, beside resonances, at which a response without upper bound is looked at (a choice)
 _BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
-_TINY = 1e-100  # largest entry of B or C below which squares of responses may be zero (a choice)
+_TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
 
 # What tells a norm, in the order looked at: one of these is a certificate's ``method``.
 STATIC_GAIN = "static gain"  # no states: the norm of D
@@ -55,14 +52,11 @@ ON_CIRCLE = "a pole on the unit circle"  # the same in discrete time
 NO_RESPONSE = "zero response"
 NO_CROSSING = "no Hamiltonian eigenvalue on the imaginary axis"  # what is left: a level just above the largest value
 NO_CIRCLE_CROSSING = "no eigenvalue of the symplectic pencil on the unit circle"  # a level in discrete time
-CIRCLE_NOT_TOLD = "an eigenvalue of the symplectic pencil too close to the unit circle to tell"  # no upper bound
-NOT_TOLD = "a Hamiltonian eigenvalue too close to the imaginary axis to tell"  # no upper bound
-NOT_ENDED = "the level was raised too often"  # no upper bound
+NOT_TOLD = "an eigenvalue too close to the boundary of stability to tell"  # no upper bound
 OF_DATA = "largest value on the grid of the data"  # no upper bound
 PROVED = "proved in ball arithmetic, of the numbers as they are stored"
 LOST = "rounding of the entries changes the peak by more than can be certified"
 NOT_PROVED = "rounding may change the peak, and a proof takes too long"  # no upper bound
-DOUBTFUL = "that the digits given do not tell from one on the {boundary}, where the norm would be infinite"
 
 
 @dataclass(frozen=True)
@@ -145,16 +139,7 @@ def hinf_norm(
     if is_frequency_response(system):
         return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
     handed = of(system, expected="a StateSpace", sampled=True)
-    given = handed.balanced()
-    largest = [float(np.abs(matrix).max(initial=0.0)) for matrix in (given.B, given.C)]
-    if min(largest) == 0.0 or min(largest) >= _TINY:
-        return replace(matrices_norm(given), _given=handed)
-    # squares of such gains would be zero: they are raised by powers of two, and the norm is lowered again
-    up = [-int(np.floor(np.log2(value))) for value in largest]
-    raised = replace(given, B=np.ldexp(given.B, up[0]), C=np.ldexp(given.C, up[1]), D=np.ldexp(given.D, sum(up)))
-    found = matrices_norm(raised)
-    lower, upper = (float(np.ldexp(bound, -sum(up))) for bound in (found.lower, found.upper))
-    return replace(found, lower=lower, upper=upper, _given=handed)
+    return replace(matrices_norm(handed.balanced()), _given=handed)
 
 
 def norm_of_data(omega: Array, response: Array) -> NormCertificate:
@@ -194,7 +179,7 @@ def matrices_norm(
         return proved_norm(system, *_surely(system), parts)
     found = level_norm(system, response) if system.dt == 0.0 else _by_circle(system)
     felt = _felt(system, found.omega, parts)
-    sharp = found.certified and felt <= LEVEL * found.lower
+    sharp = found.certified and felt <= LEVEL * found.lower and (found.lower >= _TINY or felt == 0.0)
     if not sharp:
         found = proved_norm(system, max(found.lower - felt, 0.0), found.omega, parts)
     if sharp or response is not None:  # what is stored only stands for a structure: its last digits count
@@ -210,24 +195,8 @@ def proved_norm(system: Lti, lower: float, omega: float, parts: Parts | None = N
         exact = Exact.of(system, PATIENCE, parts)
         peak, level, square = exact.norm(exact.square(omega))
     except Undecided:
-        found = _by_modes(system) if parts is None else None
-        return found or NormCertificate(lower, inf, omega, NOT_PROVED)
+        return NormCertificate(lower, inf, omega, NOT_PROVED)
     return NormCertificate(peak, level, exact.omega(square), PROVED)
-
-
-def _by_modes(system: Lti) -> NormCertificate | None:
-    """Return a norm proved in modal coordinates that answer for their rounding, of a system too large for ball arithmetic."""
-    modes = verified_modal_form(system)
-    if modes is None or not isfinite(modes.gap):
-        return None
-    modal, gap, dt = modes.modal, modes.gap, system.dt
-    if dt != 0.0:
-        sizes = np.linalg.norm(modal.C, axis=0) * np.linalg.norm(modal.B, axis=1) / (1.0 - np.abs(modal.poles))
-        modal, off = modal_image(modal, dt)
-        gap += float(np.sum(sizes * off))
-    told = modal_norm(modal)
-    at = told.omega if dt == 0.0 else float(omega_of_image(told.omega, dt))
-    return NormCertificate(max(told.lower - gap, 0.0), told.upper + gap, at, BY_MODES)
 
 
 def level_norm(system: Lti, response: Response | None = None) -> NormCertificate:
@@ -249,9 +218,8 @@ def _by_circle(system: Lti) -> NormCertificate:
     found = replace(found, omega=float(omega_of_image(found.omega, system.dt)))
     if not found.certified or found.lower == 0.0:
         return found
-    if stays_below_on_circle(system, found.upper):
-        return replace(found, method=NO_CIRCLE_CROSSING)
-    return replace(found, upper=inf, method=CIRCLE_NOT_TOLD)
+    told = stays_below_on_circle(system, found.upper)
+    return replace(found, method=NO_CIRCLE_CROSSING) if told else replace(found, upper=inf, method=NOT_TOLD)
 
 
 def stays_below_on_circle(system: Lti, level: float) -> bool:
@@ -290,7 +258,8 @@ def _found(system: Lti, response: Response | None) -> tuple[float, float]:
 
 def doubtful(system: Lti) -> str:
     """Return what is said of a mode that may be undamped."""
-    return DOUBTFUL.format(boundary="imaginary axis" if system.dt == 0.0 else "unit circle")
+    boundary = "imaginary axis" if system.dt == 0.0 else "unit circle"
+    return f"that the digits given do not tell from one on the {boundary}, where the norm would be infinite"
 
 
 def _felt(system: Lti, omega: float, parts: Parts | None) -> float:
@@ -303,14 +272,9 @@ def _felt(system: Lti, omega: float, parts: Parts | None) -> float:
 
 def _surely(system: Lti) -> tuple[float, float]:
     """Return the largest singular value that is not rounding, near the poles and between them, and its frequency."""
-    rates = system.rates[np.isfinite(system.rates)]
-    size = np.abs(rates)
-    low, high = (
-        max(float(size.min(initial=inf)), float(np.finfo(float).tiny) ** 0.5),
-        max(float(size.max(initial=0.0)), 1.0),
-    )
-    ends = min(0.1 * low, 0.1 * system.nyquist), min(10.0 * high, system.nyquist)
-    grid = resonance_grid(rates[rates.imag > 0.0], *ends, points=_LOOKED_AT)
+    top = 10.0 * float(np.abs(system.rates[np.isfinite(system.rates)]).max(initial=0.1))
+    seen = Resonances.of_system(system, min(top, system.nyquist))
+    grid = resonance_grid(seen.poles[seen.poles.imag > 0.0], seen.low, seen.high, points=_LOOKED_AT)
     if system.dt != 0.0:
         grid = beside(grid)  # a pole that rounding alone keeps from the circle is often hit to the last digit
     G, doubts = _responses(system, grid)
@@ -360,7 +324,7 @@ def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCerti
             told = not len(crossings) and level_shows(system, level, at, H)
             return NormCertificate(peak, level if told else inf, at, NO_CROSSING if told else NOT_TOLD)
         peak, at = float(values[best]), float(middles[best])
-    return NormCertificate(peak, inf, at, NOT_ENDED)
+    return NormCertificate(peak, inf, at, NOT_TOLD)
 
 
 def _hamiltonian(system: Lti, level: float) -> tuple[Array, Array]:
@@ -396,19 +360,6 @@ def level_shows(system: Lti, level: float, omega: float, hamiltonian: tuple[Arra
     H, scale = _hamiltonian(system, level) if hamiltonian is None else hamiltonian
     gap = (1.0 - (np.linalg.norm(y) / level) ** 2) * np.linalg.norm((system.B @ v) / scale[:n])
     return bool(gap > BACKWARD * _EPS * np.linalg.norm(H) * np.linalg.norm(np.concatenate([x, p]) / scale))
-
-
-def level_crossings(system: Lti, level: float) -> Array:
-    """Return the frequencies at which a singular value may equal ``level``; where there is none, all are below it.
-
-    Raises
-    ------
-    ValueError
-        ``level`` does not exceed the largest singular value of ``D``.
-    """
-    if np.linalg.norm(system.D, 2) >= level:
-        raise ValueError(f"level = {level:g}: expected more than the largest singular value of D")
-    return axis_eigenvalues(system, level)
 
 
 def axis_eigenvalues(system: Lti, level: float) -> Array:

@@ -151,8 +151,8 @@ def prove(result: Claiming, *, time_limit: float = 60.0) -> Proof:
 def _exact(claim: Claim, seconds: float) -> "Exact":
     from boomctl.lti.proof import Exact
 
-    exact = Exact.of(claim.system, seconds, None if claim.controller is None else (claim.system, claim.controller))
-    return exact if claim.minus is None else exact.minus(Exact.of(claim.minus))
+    parts = None if claim.controller is None else (claim.system, claim.controller)
+    return Exact.of(claim.system, seconds, parts, claim.minus)
 
 
 def _shown(claim: Claim, exact: "Exact") -> Iterator[str]:
@@ -214,7 +214,7 @@ def _norm_shown(claim: Claim, exact: "Exact", low: float, high: float, omega: fl
 def _energy_shown(claim: Claim, exact: "Exact", low: float, high: float) -> str:
     """Return what was proved of two bounds of an H2 norm."""
     growing, _, shown = exact.sides
-    if growing or shown or exact.fed_through:
+    if growing or shown:
         if high < inf:
             _refute(claim, f"the H2 norm is infinite, not {high:.9g}")
         return "H2 norm infinite as stored"

@@ -26,9 +26,10 @@ import flint
 import numpy as np
 from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 
+from boomctl.arrays import Array
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.frequency import LEVEL
-from boomctl.lti.system import Lti, Parts
+from boomctl.lti.system import Lti, Parts, closed
 
 PATIENCE = 1.0  # s for a proof that nobody asked for (a choice)
 _BITS = 64  # that roots and solutions are first enclosed with; doubled until they decide
@@ -63,20 +64,22 @@ class Exact:
     until: float = inf
 
     @classmethod
-    def of(cls, system: Lti, seconds: float = inf, parts: Parts | None = None) -> "Exact":
-        """Return the system as it is stored, a loop as its parts; what is asked takes so many seconds, or is undecided."""
-        if parts is not None:
-            return cls.of(parts[0], seconds).closed_by(cls.of(parts[1]))
-        A, B, C, D = (
-            fmpq_mat(M.shape[0], M.shape[1], [fmpq(*x.as_integer_ratio()) for x in M.ravel().tolist()])
-            for M in (system.A, system.B, system.C, system.D)
-        )
-        return cls(A, B, C, D, system.dt, perf_counter() + seconds)
+    def of(cls, system: Lti, seconds: float = inf, parts: Parts | None = None, minus: Lti | None = None) -> "Exact":
+        """Return a system as it is stored, a loop as its parts, or what differs from a system of like signals.
 
-    @property
-    def fed_through(self) -> bool:
-        """Whether the H2 norm is infinite by a feedthrough."""
-        return self.dt == 0.0 and any(x != 0 for row in self.D.tolist() for x in row)
+        What is asked of it takes so many seconds, or is undecided.
+        """
+        M = _rational(system)
+        if parts is not None:
+            plant, K = (_rational(part) for part in parts)
+            p, m = len(plant.C) - K.B.shape[1], plant.B.shape[1] - len(K.C)
+            once = np.diag(np.full(len(K.C), fmpq(1))) - K.D @ plant.D[p:, m:]
+            M = closed(plant, K, np.array(_matrix(once).inv().tolist()).reshape(once.shape))
+        if minus is not None:
+            other, corner = _rational(minus), np.zeros((len(M.A), len(minus.A)), int)
+            A = np.block([[M.A, corner], [corner.T, other.A]])
+            M = Lti(A, np.vstack([M.B, other.B]), np.hstack([M.C, -other.C]), M.D - other.D)
+        return cls(_matrix(M.A), _matrix(M.B), _matrix(M.C), _matrix(M.D), system.dt, perf_counter() + seconds)
 
     def square(self, omega: float) -> float:
         """Return ``omega^2`` of the image at a frequency [rad/s]: it is ``tan(omega dt/2)`` in discrete time."""
@@ -85,27 +88,6 @@ class Exact:
     def omega(self, square: float) -> float:
         """Return the frequency [rad/s] of ``omega^2`` of the image."""
         return square**0.5 if self.dt == 0.0 else float(omega_of_image(square**0.5, 2.0)) / (0.5 * self.dt)
-
-    def closed_by(self, K: "Exact") -> "Exact":
-        """Return the loop of the last signals of a plant and a controller, as :func:`boomctl.lti.system.lower_lft` does."""
-        m, p = self.B.ncols() - K.C.nrows(), self.C.nrows() - K.B.ncols()
-        (B1, B2), (C1, C2) = _columns(self.B, m), _rows(self.C, p)
-        (D11, D12), (D21, D22) = (_columns(rows, m) for rows in _rows(self.D, p))
-        k = K.D.nrows()
-        eye = fmpq_mat(k, k, [int(i == j) for i in range(k) for j in range(k)])
-        solved = (eye - K.D * D22).inv()
-        direct, state = solved * K.D, solved * K.C
-        read = K.B + K.B * D22 * direct
-        A = _blocks([[self.A + B2 * direct * C2, B2 * state], [read * C2, K.A + K.B * D22 * state]])
-        B, C = _blocks([[B1 + B2 * direct * D21], [read * D21]]), _blocks([[C1 + D12 * direct * C2, D12 * state]])
-        return replace(self, A=A, B=B, C=C, D=D11 + D12 * direct * D21)
-
-    def minus(self, other: "Exact") -> "Exact":
-        """Return the difference of two systems of like signals."""
-        n, k = self.A.nrows(), other.A.nrows()
-        A = _blocks([[self.A, fmpq_mat(n, k)], [fmpq_mat(k, n), other.A]])
-        C = _blocks([[self.C, -1 * other.C]])
-        return replace(self, A=A, B=_blocks([[self.B], [other.B]]), C=C, D=self.D - other.D)
 
     @cached_property
     def bits(self) -> int:
@@ -272,7 +254,9 @@ class Exact:
         raise Undecided
 
     def energy(self) -> arb:
-        """Return the square of the H2 norm of a stable system, enclosed; in continuous time without a feedthrough."""
+        """Return the square of the H2 norm of a stable system, enclosed; infinite by a feedthrough in continuous time."""
+        if self.dt == 0.0 and any(chain(*self.D.tolist())):
+            return arb("inf")
         a, N = self.response
         total = sum((entry * _flipped(entry) for row in N for entry in row), fmpq_poly([0]))
         if not total:
@@ -343,24 +327,14 @@ def _value(p: fmpq_poly, s: acb) -> acb:
     return found
 
 
-def _blocks(rows: list[list[fmpq_mat]]) -> fmpq_mat:
-    """Return a matrix of blocks."""
-    listed = [[M.tolist() for M in row] for row in rows]
-    whole = [
-        [x for M in row for x in M[i]] for row, given in zip(listed, rows, strict=True) for i in range(given[0].nrows())
-    ]
-    return fmpq_mat(len(whole), sum(M.ncols() for M in rows[0]), [x for row in whole for x in row])
+def _matrix(M: Array) -> fmpq_mat:
+    return fmpq_mat(M.shape[0], M.shape[1], M.ravel().tolist())
 
 
-def _rows(M: fmpq_mat, count: int) -> tuple[fmpq_mat, fmpq_mat]:
-    """Return the first so many rows of a matrix, and the others."""
-    listed, wide = M.tolist(), M.ncols()
-    return tuple(
-        fmpq_mat(len(rows), wide, [x for row in rows for x in row]) for rows in (listed[:count], listed[count:])
-    )  # type: ignore[return-value]
-
-
-def _columns(M: fmpq_mat, count: int) -> tuple[fmpq_mat, fmpq_mat]:
-    """Return the first so many columns of a matrix, and the others."""
-    first, others = _rows(M.transpose(), count)
-    return first.transpose(), others.transpose()
+def _rational(system: Lti) -> Lti:
+    """Return a system whose numbers are rational."""
+    A, B, C, D = (
+        np.array([*(fmpq(*x.as_integer_ratio()) for x in M.ravel().tolist()), None], dtype=object)[:-1].reshape(M.shape)
+        for M in (system.A, system.B, system.C, system.D)
+    )
+    return replace(system, A=A, B=B, C=C, D=D)

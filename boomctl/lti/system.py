@@ -243,7 +243,7 @@ def lower_lft(plant: Lti, controller: Lti) -> Lti:
     """
     D22 = plant.D[len(plant.C) - controller.B.shape[1] :, plant.B.shape[1] - len(controller.C) :]
     solved = well_posed_inverse(np.eye(len(controller.D)) - controller.D @ D22)
-    return _closed(plant, controller, solved)
+    return closed(plant, controller, solved)
 
 
 def magnitudes(system: Lti, parts: Parts | None = None) -> Lti:
@@ -252,12 +252,12 @@ def magnitudes(system: Lti, parts: Parts | None = None) -> Lti:
         return replace(system, A=np.abs(system.A), B=np.abs(system.B), C=np.abs(system.C), D=np.abs(system.D))
     plant, K = (magnitudes(part) for part in parts)
     D22 = parts[0].D[len(plant.C) - K.B.shape[1] :, plant.B.shape[1] - len(K.C) :]
-    made = _closed(plant, K, np.abs(well_posed_inverse(np.eye(len(K.D)) - parts[1].D @ D22)))
+    made = closed(plant, K, np.abs(well_posed_inverse(np.eye(len(K.D)) - parts[1].D @ D22)))
     scale = balance(lower_lft(*parts).A)[1] if len(made.A) else np.ones(0)
     return replace(made, A=made.A / scale[:, None] * scale, B=made.B / scale[:, None], C=made.C * scale)
 
 
-def _closed(plant: Lti, K: Lti, solved: Array) -> Lti:
+def closed(plant: Lti, K: Lti, solved: Array) -> Lti:
     """Return a plant whose last signals are closed; ``solved`` is the inverse of ``I - D_K D22``."""
     m, p = plant.B.shape[1] - len(K.C), len(plant.C) - K.B.shape[1]
     (B1, B2), (C1, C2) = np.split(plant.B, [m], axis=1), np.split(plant.C, [p])

@@ -65,10 +65,8 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
     first = np.flatnonzero(poles.imag > 0.0)
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is no basis: the next check says so
-            acts, reads = (
-                np.linalg.norm(np.linalg.solve(V, system.B + 0j), axis=1),
-                np.linalg.norm(system.C @ V, axis=0),
-            )
+            acts = np.linalg.norm(np.linalg.solve(V, system.B + 0j), axis=1)
+            reads = np.linalg.norm(system.C @ V, axis=0)
             shown = (acts > 0.0) & (reads > 0.0)
             V = V * np.sqrt(np.where(shown, acts, 1.0) / np.where(shown, reads, 1.0))
             V[:, first + 1] = V[:, first].conj()
@@ -93,10 +91,6 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
     E = W @ residual
     lost = u * (np.abs(A) @ size_V + size_V * np.abs(poles)) + doubt * size_V.sum(axis=0)
     dE = (exact - np.eye(n)) @ np.abs(E) + exact @ (size_W @ (lost + n * _EPS * np.abs(residual)))
-    mirrored = np.arange(n)
-    mirrored[first], mirrored[first + 1] = first + 1, first
-    own = 0.5 * (E + E[np.ix_(mirrored, mirrored)].conj())  # couplings of a pair are conjugate but for rounding
-    E, dE = own, dE + np.abs(E - own)
     W_ = W.astype(wide)
     B = W_ @ system.B
     B = B + W_ @ (system.B - V_ @ B)

@@ -6,7 +6,6 @@ from math import inf
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.modal_norm import BY_MODES, modal_norm
 from boomctl.analysis.norm import (
     NO_CROSSING,
     NO_RESPONSE,
@@ -15,7 +14,6 @@ from boomctl.analysis.norm import (
     UNSTABLE,
     NormCertificate,
     axis_eigenvalues,
-    level_crossings,
     level_norm,
     level_shows,
     proved_norm,
@@ -117,9 +115,9 @@ def verified_norm(
 
     ``modal`` and ``small`` are the two in modal coordinates, where these keep their digits.
 
-    A level barely above the largest value found is tried first; where rounding hides it, or poles lie too far apart, cells
-    of frequencies in modal coordinates; then a proof of the numbers as they are; then higher levels, up to twice that value,
-    or up to multiples of ``floor``, below which errors are rounding.  The upper bound is a level proven not to be reached;
+    A level barely above the largest value found is tried first; where rounding hides it, or poles lie too far apart, a proof
+    of the numbers as they are; then higher levels, up to twice that value, or up to multiples of ``floor``, below which
+    errors are rounding.  The upper bound is a level proven not to be reached;
     ``inf`` where none could be proven.
     """
     gap = difference(full, reduced if small is None else small.blocks)
@@ -139,18 +137,13 @@ def verified_norm(
     seen = bool(resolved(gap.poles).all())  # matrices do not show what is slower than rounding of the fastest pole
     if found.lower == inf or (seen and found.upper < inf):
         return found
-    if modal is not None and small is not None:
-        poles, B = np.concatenate([modal.poles, small.poles]), np.vstack([modal.B, small.B])
-        proved = modal_norm(ModalSystem(poles, B, np.hstack([modal.C, -small.C]), gap.D), floor)
-        if proved.upper < inf or not seen:
-            return NormCertificate(max(proved.lower, 0.0), proved.upper, proved.omega, BY_MODES)
-    if found.upper == inf and found.lower > floor:  # modes cancel: rounding hides the levels that are reached
+    if not seen or found.lower > floor:  # modes cancel: rounding hides the levels that are reached
         found = proved_norm(gap, found.lower, found.omega)
-    if found.upper < inf:
+    if found.upper < inf or not seen:
         return found
     least = max(found.lower, float(np.linalg.norm(gap.D, 2)))
     for level in sorted([*(found.lower * factor for factor in _LEVELS[1:]), *(floor * factor for factor in _FLOORS)]):
-        if level > least and level_shows(gap, level, found.omega) and not len(level_crossings(gap, level)):
+        if level > least and level_shows(gap, level, found.omega) and not len(axis_eigenvalues(gap, level)):
             return NormCertificate(found.lower, level, found.omega, NO_CROSSING)
     return found
 

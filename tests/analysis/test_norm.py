@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from boomctl.analysis import hinf_norm
 from boomctl.analysis.model_norm import SplitModel
-from boomctl.analysis.norm import level_crossings
+from boomctl.analysis.norm import axis_eigenvalues
 from boomctl.boom import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
@@ -64,11 +64,11 @@ def test_a_static_gain_and_a_zero_system_have_norms():
 def test_levels_below_the_norm_are_crossed_and_levels_above_are_not():
     system = of(oscillator(0.05)).balanced()
     peak = hinf_norm(oscillator(0.05)).lower
-    crossings = level_crossings(system, 0.9 * peak)
+    crossings = axis_eigenvalues(system, 0.9 * peak)
     assert len(crossings) == 2
     values = singular_values(system.response(crossings))[0]
     assert values == pytest.approx(0.9 * peak, rel=1e-8)
-    assert not len(level_crossings(system, 1.01 * peak))
+    assert not len(axis_eigenvalues(system, 1.01 * peak))
 
 
 def test_discrete_time_and_non_finite_systems_are_refused():

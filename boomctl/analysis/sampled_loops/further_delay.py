@@ -34,10 +34,9 @@ _TERMS = 16.0  # roundings of a term of a response, beside one for each that it 
 _NOISE = 1e-12  # share of the largest value below which a coefficient of a polynomial is rounding (a choice)
 _DEGREE = 500  # of the polynomials at most: a plant that turns by as many radians a sample
 _SMALL = 0.7  # poles below its square, and perhaps below it, are taken by their pulse response (a choice)
-_PULSES = 500  # of that response at most: it has gone after 200
 _PARALLEL = 1e4  # one over the cosine of a pole and its mirror: beyond, it may be one of several (a choice)
 _TOGETHER = 0.1  # share of its decay a sample within which others are taken together with a pole (a choice)
-_ORDERS = 40.0  # of a place of several poles at most: powers of their distances have gone after a few
+_ORDERS = 500  # of a place of several poles at most: they have gone after 200
 _CELLS = 32  # of frequency, at first (a choice)
 _BATCH = 256  # cells at once, those of least delay (a choice)
 _WORK = 5e6  # functions in cells that are evaluated, at most: a second or two (a choice of patience)
@@ -60,31 +59,29 @@ class FurtherDelay:
         The plant in continuous time between the controller's signals, in their order.
     delay : float
         That of all controls [s].
-    control, measurement : int or None
-        Which of them is delayed; the other is None.
+    acting : bool
+        Whether a control is delayed, or a measurement.
+    index : int
+        Which one.
     """
 
     plant: Lti
     controller: Lti
     delay: float
-    control: int | None
-    measurement: int | None
+    acting: bool
+    index: int
 
     @classmethod
     def of(cls, plant: Lti, controller: Lti, delay: float, signal: str) -> "FurtherDelay":
         """Return the loop of a plant and a controller, found by name, delayed at a signal."""
-        acting, measured = signals_of(controller, plant.inputs, plant.outputs)
-        control = controller.outputs.index(signal) if signal in controller.outputs else None
-        measurement = controller.inputs.index(signal) if control is None else None
-        return cls(plant.between(acting, measured).balanced(), controller, delay, control, measurement)
+        between, acting = signals_of(controller, plant.inputs, plant.outputs), signal in controller.outputs
+        index = (controller.outputs if acting else controller.inputs).index(signal)
+        return cls(plant.between(*between).balanced(), controller, delay, acting, index)
 
     def sampled(self, further: float) -> Lti:
         """Return the plant from sample to sample with a further delay [s] at the signal."""
         delays, readings = [self.delay] * len(self.controller.C), [0.0] * self.controller.B.shape[1]
-        if self.control is not None:
-            delays[self.control] += further
-        elif self.measurement is not None:
-            readings[self.measurement] = further
+        (delays if self.acting else readings)[self.index] += further
         return sampled_plant(self.plant, range(len(delays)), self.controller.dt, delays, readings)
 
     def least(self) -> tuple[float, float, bool]:
@@ -94,7 +91,7 @@ class FurtherDelay:
         loop has been shown to be stable, the frequency ``nan``.
         """
         dt, found, omega = self.controller.dt, inf, nan
-        start, known = self.delay / dt if self.measurement is None else 0.0, True
+        start, known = self.delay / dt if self.acting else 0.0, True
         try:
             curves = self._curves()
         except ValueError:  # poles that do not separate, or a plant far faster than the samples
@@ -119,8 +116,8 @@ class FurtherDelay:
         base, none = self.sampled(0.0), np.zeros(len(K.A))
         A = np.block([[base.A + base.B @ K.D @ base.C, base.B @ K.C], [K.B @ base.C, K.A]])
         late = whole_samples(self.delay, dt)[1] / dt
-        if self.control is not None:
-            i, breaks = self.control, np.array([0.0, late, 1.0])
+        if self.acting:
+            i, breaks = self.index, np.array([0.0, late, 1.0])
             B, D, read = P.B[:, [i]], P.D[:, i], np.hstack([K.D[i] @ base.C, K.C[i]])
             full = np.concatenate([base.B @ K.D @ D, K.B @ D]) + np.pad(
                 zero_order_hold(P.A, B, dt)[1][:, 0], (0, len(A) - n)
@@ -131,7 +128,7 @@ class FurtherDelay:
                 new = zero_order_hold(P.A, B, (1.0 - part) * dt)[1][:, 0]
                 return np.append(A[:, :n] @ new + full - np.pad(new, (0, len(A) - n)), read[:n] @ new + K.D[i] @ D)
         else:
-            j, breaks = self.measurement, np.array([0.0, 1.0 - late, 1.0])
+            j, breaks = self.index, np.array([0.0, 1.0 - late, 1.0])
             held = Held.of(P, range(len(K.C)), dt, [self.delay] * len(K.C))
             ends = A.T, np.concatenate([base.B @ K.D[:, j], K.B[:, j]]), np.append(base.C[j], none)
 
@@ -145,7 +142,7 @@ class FurtherDelay:
 
 @dataclass(frozen=True)
 class _Functions:
-    """Functions of ``z`` that responses are sums of: ``1/(z - p)^m``, ``z^-k`` for ``k = 0, 1, ..``; and their shares.
+    """Functions of ``z`` that responses are sums of, ``1/(z - p)^m``, and their shares.
 
     ``shares`` has a column for each state driven, the last for a direct path; ``sensitivity`` is ``N``.  ``doubt`` is how far
     rounding may have moved the poles.
@@ -153,7 +150,6 @@ class _Functions:
 
     poles: Array
     orders: Array
-    pulses: Array
     shares: Array
     sensitivity: Array
     doubt: Array
@@ -162,35 +158,44 @@ class _Functions:
     def of(cls, A: Array, read: Array, added: Array) -> "_Functions":
         """Return those of ``read (z - A)^-1``; poles near zero, which may be Jordan blocks, by their pulse response."""
         A, scale = balance(A)
-        whole, size = Lti(A, np.diag(1.0 / scale), (read * scale)[None], np.zeros((1, len(A))), dt=1.0), len(A)
+        whole = Lti(A, np.diag(1.0 / scale), (read * scale)[None], np.zeros((1, len(A))), dt=1.0)
         ends = np.sort(np.append(np.clip(np.abs(whole.poles), _SMALL**2, _SMALL), [_SMALL**2, _SMALL]))
         gap = int(np.argmax(np.diff(ends)))
         near, far = split(whole, np.abs(whole.poles) < ends[gap : gap + 2].mean())
-        rows = [near.C[0]]
-        while np.linalg.norm(rows[-1]) > _EPS**2 * np.linalg.norm(rows[0]) and len(rows) < _PULSES:
-            rows.append(rows[-1] @ near.A)
-        poles, orders, doubt, parts = _fractions(far)
-        shares = np.vstack([parts, np.zeros(size), np.array(rows) @ near.B])
-        direct = np.eye(len(shares), 1, -len(poles))
-        pulses = np.arange(len(rows) + 1.0)
-        doubt = np.append(doubt, 0.0 * pulses)
-        return cls(poles, orders, pulses, np.hstack([shares, direct]), (shares @ added)[:, None] + direct, doubt)
+        pulses = [(0.0, m + 1.0, 0.0, term) for m, term in enumerate(_terms(near.A, near.C[0], near.B, 0.0))]
+        poles, orders, doubt, shares = zip((0.0, 0.0, 0.0, np.zeros(len(A))), *pulses, *_fractions(far), strict=True)
+        direct = np.eye(len(shares), 1)
+        own = (np.array(shares) @ added)[:, None] + direct
+        return cls(np.array(poles), np.array(orders), np.hstack([shares, direct]), own, np.array(doubt))
 
     def at(self, omega: Array, half: Array) -> tuple[Array, Array, Array]:
         """Return values and slopes over frequency, and bounds of values, slopes and curvatures in cells."""
-        z, k, ones = np.exp(1j * omega)[:, None], self.pulses, np.ones((len(omega), 1))
-        x, turned = z - self.poles, np.exp(-1j * omega[:, None] * k)
-        near, m = 1.0 / np.maximum(np.abs(x) - half[:, None], 1.0 - np.abs(self.poles)), self.orders
-        slope = m * near ** (m + 1.0)
-        bounds = [(near**m, k**0.0 * ones), (slope, k * ones), (slope * (1.0 + (m + 1.0) * near), k**2 * ones)]
-        return (
-            np.hstack([x**-m, turned]),
-            np.hstack([-1j * m * z * x ** (-m - 1.0), -1j * k * turned]),
-            np.array([np.hstack(b) for b in bounds]),
-        )
+        z, m = np.exp(1j * omega)[:, None], self.orders
+        x = z - self.poles
+        near = 1.0 / np.maximum(np.abs(x) - half[:, None], 1.0 - np.abs(self.poles))
+        steep = m * near ** (m + 1.0)
+        value = x**-m
+        return value, -1j * m * z * value / x, np.array([near**m, steep, steep * (1.0 + (m + 1.0) * near)])
 
 
-def _fractions(system: Lti) -> tuple[Array, Array, Array, Array]:
+def _terms(N: Array, row: Array, acts: Array, place: complex) -> list[Array]:
+    """Return ``row N^(m-1) acts``, the shares of ``1/(z - p)^m``, until they are rounding.
+
+    Raises
+    ------
+    ValueError
+        That takes too many.
+    """
+    terms, size = [], float(np.linalg.norm(row))
+    while np.linalg.norm(row) > _EPS * size * (1.0 - abs(place)) ** len(terms):
+        if len(terms) >= _ORDERS:
+            raise ValueError("poles that are nearly parallel lie too far apart")
+        terms.append(row @ acts)
+        row = row @ N
+    return terms
+
+
+def _fractions(system: Lti) -> list[tuple[complex, float, float, Array]]:
     """Return poles and orders of ``1/(z - p)^m``, how far rounding may have moved the poles, and their shares.
 
     Poles that lie so near to each other that their eigenvectors are nearly parallel share one place ``p``: with ``T`` their
@@ -202,35 +207,27 @@ def _fractions(system: Lti) -> tuple[Array, Array, Array, Array]:
         Such poles lie too far apart for that.
     """
     A = system.A
-    if not len(A):
-        return np.zeros(0, complex), np.zeros(0), np.zeros(0), np.zeros((0, system.B.shape[1]))
-    poles, V = linalg.eig(A)
-    W = np.linalg.inv(V)
+    poles, V = linalg.eig(A) if len(A) else (np.zeros(0, complex), A)
+    W, unit = np.linalg.inv(V), _EPS * float(np.linalg.norm(A))
     angle = np.linalg.norm(W, axis=1) * np.linalg.norm(V, axis=0)
-    waiting, found = angle > _PARALLEL, []
-    for i in np.flatnonzero(~waiting):
-        found.append((poles[i], 1.0, angle[i], (system.C @ V[:, i]) * (W[i] @ system.B)))
+    waiting = angle > _PARALLEL
+    alone = np.flatnonzero(~waiting)
+    found = [(poles[i], 1.0, unit * angle[i], (system.C @ V[:, i]) * (W[i] @ system.B)) for i in alone]
     while waiting.any():
-        first = poles[np.flatnonzero(waiting)[0]]
+        first = complex(poles[np.flatnonzero(waiting)[0]])
         reach = _TOGETHER * max(1.0 - abs(first), _EPS)
         these = waiting & (np.abs(poles - first) <= reach)
-        near = partial(_within, first, reach)
-        T, Z, count = linalg.schur(A, output="complex", sort=near)  # type: ignore[misc]
+        T, Z, count = linalg.schur(A, output="complex", sort=partial(_within, first, reach))  # type: ignore[misc]
         if count != these.sum():
             raise ValueError("poles that are nearly parallel do not separate from others")
         waiting &= ~these
         X = linalg.solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:])
         left, right = Z.conj().T[:count] - X @ Z.conj().T[count:], Z[:, :count]
         place = np.trace(T[:count, :count]) / count
-        N, row, acts = T[:count, :count] - place * np.eye(count), system.C @ right, left @ system.B
-        size, order = float(np.linalg.norm(row)), 1.0
-        while np.linalg.norm(row) > _EPS * size * (1.0 - abs(place)) ** (order - 1.0):
-            found.append((place, order, np.linalg.norm(left) * np.linalg.norm(right), (row @ acts)[0]))
-            row, order = row @ N, order + 1.0
-            if order > _ORDERS:
-                raise ValueError("poles that are nearly parallel lie too far apart")
-    places, orders, angles, shares = zip(*found, strict=True)
-    return np.array(places), np.array(orders), _EPS * np.linalg.norm(A) * np.array(angles), np.array(shares)
+        doubt = unit * float(np.linalg.norm(left) * np.linalg.norm(right))
+        terms = _terms(T[:count, :count] - place * np.eye(count), (system.C @ right)[0], left @ system.B, place)
+        found += [(place, m + 1.0, doubt, term) for m, term in enumerate(terms)]
+    return found
 
 
 def _within(place: complex, reach: float, pole: complex) -> bool:
