@@ -66,6 +66,10 @@ def _units_and_motion() -> Iterator[Case]:
     for off in (1e-2, 1e-4, 1e-6, 1e-8, 1e-12):
         what, measure = "a profile whose acceleration is off", "of the largest deflection, the profile itself"
         yield Case(_AREA, what, f"by {off:g} of it", 1e-8, measure, _profile_off, (off,))
+    for modes in (2, 4, 8, 16):
+        what = "geometrically exact, a spin-up that leaves the tip behind"
+        measure = "error of the tip over the one estimated, 24 polynomials"
+        yield Case(_AREA, what, f"{modes} polynomials", 1.0, measure, _whip, (modes,), seconds=60.0, answered=True)
     for amplitude in (1e-6, 1e-2, 1.0):
         what, measure = "SFOAM under a sine of torque", "of the largest, python-control on its linear model"
         promise = max(1e-5, 1e-4 * amplitude**2)
@@ -185,6 +189,14 @@ def _profile_off(off: float) -> Seen:
         for z in (1.0, 1.0 + off)
     )
     return Seen(float(np.abs(other - exact).max() / np.abs(exact).max()))
+
+
+def _whip(modes: int) -> Seen:
+    grid = np.linspace(0.0, 0.9, 31)
+    beams = (hub_beam(model="geometrically-exact", modes=n) for n in (modes, 24))
+    few, true = (beam.simulate(spin_up(5.0, 0.7), grid, rtol=1e-4) for beam in beams)
+    error = float(np.abs(few.tip_displacement - true.tip_displacement).max())
+    return Seen(error / (few.error_estimate + true.error_estimate))
 
 
 def _small_torque(amplitude: float) -> Seen:

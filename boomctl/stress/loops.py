@@ -2,24 +2,33 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, product
 from math import acos, degrees, inf, pi, sqrt
 
+import mpmath as mp
 import numpy as np
 from scipy import linalg
 
+from boomctl import tunable
 from boomctl.analysis.margins import margins
 from boomctl.analysis.norm import hinf_norm
 from boomctl.lti.system import Lti
 from boomctl.simulation.conditioning import conditioning_gains
 from boomctl.stress.case import Case, Seen
+from boomctl.stress.references import DIGITS, state_space_response
+from boomctl.structure.families import AffineFamily
+from boomctl.structure.model import SecondOrderModel
 from boomctl.synthesis.hinf.h_infinity import h_infinity
 from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.lq.kalman import kalman
 from boomctl.synthesis.lq.lqg import lqg
 from boomctl.synthesis.lq.lqr import lqr
+from boomctl.synthesis.plants.generalized import generalized_plant
+from boomctl.synthesis.plants.partition import close_loop
+from boomctl.synthesis.tuning.tune import tune
 
-_REGULATORS, _HINF, _MARGINS, _WINDUP = "LQR and LQG", "H-infinity and H2 designs", "Margins", "Anti-windup"
+_REGULATORS, _HINF, _TUNED = "LQR and LQG", "H-infinity and H2 designs", "Tuning"
+_MARGINS, _WINDUP = "Margins", "Anti-windup"
 _SCALES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)  # units of time, a unit changed by up to nine powers of ten
 
 
@@ -62,6 +71,23 @@ def cases() -> Iterator[Case]:
     for zeta in (1e-2, 1e-4, 1e-6, 1e-8):
         what = "delay of a lightly damped loop"
         yield Case(_MARGINS, what, f"damping ratio {zeta:g}", 1e-6, exact, _light, (zeta,), answered=zeta >= 1e-6)
+    for gain in (1.1, 1.5, 1.9, 1.9999):
+        what = "further delay of an integrator sampled once a second"
+        yield Case(_MARGINS, what, f"gain {gain:g}", 1e-6, exact, _sampled_delay, (gain,), answered=True)
+    for cost in (1.0, 1e-1, 1e-2, 1e-3):
+        what = "cheap control, an unstable plant of 5 states, as near to the best as can be had"
+        measure = "share by which the loop's gain, of plant and controller in sixty digits, lies outside the bounds"
+        yield Case(_HINF, what, f"costs {cost:g}", 1e-9, measure, _cheap, (cost,), seconds=60.0)
+    for order in (1, 2):
+        what, measure = (
+            "tuned, an unstable plant of 2 states",
+            "share by which the norm is above that of one order less",
+        )
+        yield Case(_TUNED, what, f"order {order}", 1e-6, measure, _grown, (order,), seconds=60.0)
+    for budget in (1.0, 0.6, 0.4):
+        what, measure = "a budget of force, over a family", "share by which a corner's norm exceeds the worst told"
+        yield Case(_TUNED, what, f"{budget:g}", 1e-6, measure, _budgeted, (budget,), seconds=60.0)
+    for zeta in (1e-2, 1e-4, 1e-6, 1e-8):
         what, measure = "three controls, any of them at their limits", "what is left of a state after 2^50 samples"
         yield Case(_WINDUP, what, f"damping ratio {zeta:g}", 1e-6, measure, _windup, (zeta,), answered=True)
 
@@ -255,6 +281,72 @@ def _light(zeta: float) -> Seen:
     w = sqrt(2.0 - 4.0 * zeta**2)
     left = np.arctan2(2.0 * zeta * w, w * w - 1.0)  # pi less the phase's lag there
     return Seen(abs(told.delay * w / left - 1.0))
+
+
+def _sampled_delay(gain: float) -> Seen:
+    """``z^2 - (1 - g (1 - d)) z + g d``, with a delay of ``d < 1`` samples: its roots leave the circle where ``g d = 1``."""
+    plant = _named(np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1)))
+    K = Lti(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[-gain]]), ("y0",), ("u0",), dt=1.0)
+    told = margins(plant.statespace("plant"), K.statespace("controller")).loops[0]
+    return Seen(abs(told.delay * gain - 1.0))
+
+
+def _unstable_plant(order: int, cost: float) -> Lti:
+    """Return a generalised plant of random numbers: two disturbances and a noise, two signals and an effort."""
+    rng = np.random.default_rng(order)
+    A = rng.standard_normal((order, order))
+    B, C = (
+        np.hstack([rng.standard_normal((order, 2)), np.zeros((order, 1)), rng.standard_normal((order, 1))])
+        for _ in "BC"
+    )
+    D = np.zeros((4, 4))
+    D[2, 3] = D[3, 2] = cost
+    return _named(A, B, C.T, D)
+
+
+def _cheap(cost: float) -> Seen:
+    P = _unstable_plant(5, cost)
+    found = h_infinity(P.statespace("P"), 1, 1, tolerance=1e-9, fastest_pole=1e10)
+    K, norm = found.controller, found.certificate.norm
+    with mp.workdps(DIGITS):
+        G, k = (state_space_response(s.A, s.B, s.C, s.D, 1j * norm.omega) for s in (P, K))
+        loop = G[:3, :3] + G[:3, 3] * k * G[3, :3] / (1 - G[3, 3] * k[0, 0])
+        gain = float(np.linalg.norm(np.array(loop.tolist(), dtype=complex), 2))
+    return Seen(max(norm.lower / gain - 1.0, gain / norm.upper - 1.0, 0.0), norm.certified)
+
+
+def _grown(order: int) -> Seen:
+    P = _unstable_plant(2, 1.0).statespace("P")
+    less, more = (
+        tune(P, 1, 1, tunable.state_space(n) if n else tunable.gain(), starts=2).gamma for n in (order - 1, order)
+    )
+    return Seen(max(more / less - 1.0, 0.0))
+
+
+def _budgeted(budget: float) -> Seen:
+    def weighed(model: SecondOrderModel) -> object:
+        return generalized_plant(
+            model,
+            disturbances={"f": 1.0},
+            noises={"x": 0.1},
+            performance={"x": 1.0},
+            effort={"f": 1.0},
+            measurements="x",
+            controls="f",
+        )
+
+    box = AffineFamily.through(
+        {"k": (1.0, 6.0), "c": (0.1, 1.0)},
+        lambda v: SecondOrderModel([[1.0]], [[v["c"]]], [[v["k"]]], {"f": [1.0]}, {"x": [1.0]}),
+    )
+    channels = [tunable.objective("w_f", "z_x"), tunable.budget("w_f", "z_f", budget)]
+    found = tune(weighed, 1, 1, tunable.pid(integral=False, high=50.0), channels=channels, family=box, starts=2)
+    worst = max(
+        hinf_norm(close_loop(weighed(box.at(np.array(d))), found.controller)["z_x", "w_f"]).lower
+        for d in product((-1.0, 1.0), repeat=2)
+    )
+    assert found.certificate.worst is not None
+    return Seen(max(worst / found.certificate.worst.value - 1.0, 0.0))
 
 
 def _windup(zeta: float) -> Seen:

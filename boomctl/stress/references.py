@@ -170,12 +170,17 @@ def _gauss_points(count: int) -> list[tuple[_Number, _Number]]:
     return points
 
 
-def state_space_gain(A: Array, B: Array, C: Array, D: Array, omega: Sequence[_Number]) -> float:
-    """Return the largest singular value at some frequencies, the matrices taken as they stand."""
+def state_space_response(A: Array, B: Array, C: Array, D: Array, s: _Number) -> Any:
+    """Return the response at a number of the complex plane, the matrices taken as they stand."""
     with mp.workdps(DIGITS):
         A_, B_, C_, D_ = (mp.matrix(np.asarray(x, dtype=float).tolist()) for x in (A, B, C, D))
-        largest = 0.0
-        for w in omega:
-            G = C_ * mp.lu_solve(mp.mpc(0, w) * mp.eye(A_.rows) - A_, B_) + D_ if A_.rows else D_
-            largest = max(largest, float(np.linalg.norm(np.array(G.tolist(), dtype=complex), 2)))
-        return largest
+        if not A_.rows:
+            return D_
+        X = mp.inverse(s * mp.eye(A_.rows) - A_)
+        return C_ * (X * B_) + D_
+
+
+def state_space_gain(A: Array, B: Array, C: Array, D: Array, places: Sequence[_Number]) -> float:
+    """Return the largest singular value at some numbers of the complex plane."""
+    found = [state_space_response(A, B, C, D, s) for s in places]
+    return max((float(np.linalg.norm(np.array(G.tolist(), dtype=complex), 2)) for G in found), default=0.0)

@@ -111,7 +111,7 @@ def _scales() -> Iterator[Case]:
         yield Case(
             _NORMS, "peak and H2 norm of numbers of another kind", kind, 1e-9, measure, _kinds, (kind,), answered=True
         )
-    for tiny in (1e-90, 1e-150, 1e-300, 5e-324):
+    for tiny in (1e-90, 1e-150, 1e-300, 1e-306):
         yield Case(
             _NORMS,
             "peak of a system whose gain is tiny",
@@ -142,6 +142,23 @@ def _reductions() -> Iterator[Case]:
         measure = "share by which the verified error falls below the largest one found in sixty digits"
         what = "nearly equal poles in mixed coordinates, balanced to half"
         yield Case(_REDUCTION, what, f"{gap:g} apart", 1e-9, measure, _clustered, (gap,))
+    measure = (
+        "share by which the verified error, or the bound known before, falls below the largest one in sixty digits"
+    )
+    for radius in (0.5, 0.9, 0.99, 0.9999):
+        for method in ("balanced", "singular-perturbation", "hankel"):
+            what = f"five discrete modes, {method} to four states"
+            yield Case(_REDUCTION, what, f"radius {radius:g}", 1e-9, measure, _discrete, (method, radius))
+    for gap in (1.0, 1e-1, 1e-2):
+        what = "eight modes that cancel, to three states"
+        yield Case(_REDUCTION, what, f"hankel, {gap:g} apart", 1e-9, measure, _cancelling, ("hankel", gap))
+    for pole in (1e-3, 1e-1, 10.0):
+        what = "an unstable pole beside oscillators, modal to five states"
+        yield Case(_REDUCTION, what, f"pole {pole:g} rad/s", 1e-9, measure, _modal, (pole,), answered=True)
+    for share in (1e-1, 1e-4, 1e-8, 1e-12):
+        measure = "share by which the verified error exceeds the one asked for, or falls below the true one"
+        what = "an error asked for, an unstable pole, coordinates of unlike sizes"
+        yield Case(_REDUCTION, what, f"{share:g}", 1e-9, measure, _asked, (share,), answered=True)
     for viscous in (1e-4, 1e-2, 1.0, 1e2, 1e4):
         measure = "integrators less than one, or relative error of its residue"
         yield Case(
@@ -264,7 +281,7 @@ def _peak_beside_poles(system: Lti) -> Seen:
     told = hinf_norm(system.statespace("stressed"))
     sizes = np.unique(np.abs(linalg.eigvals(system.A)))
     omega = np.concatenate([[0.0, told.omega], np.geomspace(0.1 * sizes[0], 2.0 * sizes[-1], 100), sizes])
-    true = state_space_gain(system.A, system.B, system.C, system.D, omega.tolist())
+    true = state_space_gain(system.A, system.B, system.C, system.D, (1j * omega).tolist())
     return _of(told.lower, true, told.certified, "" if told.certified else told.method)
 
 
@@ -376,20 +393,65 @@ def _chain() -> Lti:
 
 def _largest_difference(full: Lti, reduced: Lti) -> float:
     """Return the largest difference of two systems at and beside all their resonances: below the true norm."""
-    found = [p for system in (full, reduced) for p in linalg.eigvals(system.A)]
-    omega = [0.0, *(float(abs(p.imag) + t * abs(p.real)) for p in found for t in (-0.5, 0.0, 0.5))]
+    rates: Array = np.concatenate([full.rates, reduced.rates])
+    rates = np.asarray(rates[np.isfinite(rates)])
+    omega = np.append((np.abs(rates.imag) + np.abs(rates.real) * np.array([[-0.5], [0.0], [0.5]])).ravel(), 0.0)
     A = linalg.block_diag(full.A, reduced.A)
-    return state_space_gain(
-        A, np.vstack([full.B, reduced.B]), np.hstack([full.C, -reduced.C]), full.D - reduced.D, omega
+    B, C = np.vstack([full.B, reduced.B]), np.hstack([full.C, -reduced.C])
+    return state_space_gain(A, B, C, full.D - reduced.D, full.boundary(omega).tolist())
+
+
+def _fallen_short(system: Lti, order: int, method: str, asked: float | None = None) -> Seen:
+    """Return the share by which the verified error, or the bound known before, falls below the true one.
+
+    With an error asked for, the share by which the verified one exceeds it.
+    """
+    from boomctl.lti.system import of
+
+    full = system.statespace("full")
+    told = reduce(full, error=asked, method=method) if asked is not None else reduce(full, order=order, method=method)
+    true, said = _largest_difference(system, of(told.system, sampled=True)), told.measured_error
+    if asked is None:
+        said = min(said, told.error_bound)
+    over = 0.0 if asked is None else said / asked - 1.0
+    return Seen(max(0.0, over, 1.0 - said / true if true > 0.0 else 0.0))
+
+
+def _in_other_coordinates(A: Array, seed: int, dt: float = 0.0) -> Lti:
+    rng, n = np.random.default_rng(seed), len(A)
+    T = rng.standard_normal((n, n))
+    B, C = rng.standard_normal((n, 2)), rng.standard_normal((2, n))
+    return Lti(T @ A @ np.linalg.inv(T), T @ B, C, np.zeros((2, 2)), dt=dt)
+
+
+def _pairs(poles: Array) -> Array:
+    return linalg.block_diag(*([[p.real, p.imag], [-p.imag, p.real]] for p in poles))
+
+
+def _discrete(method: str, radius: float) -> Seen:
+    return _fallen_short(
+        _in_other_coordinates(_pairs(radius * np.exp(1j * np.linspace(0.2, 2.8, 5))), 7, 0.1), 4, method
     )
 
 
-def _fallen_short(system: Lti, order: int, method: str) -> Seen:
-    from boomctl.lti.system import of
+def _asked(share: float) -> Seen:
+    """An unstable pole beside damped ones, in coordinates of unlike sizes."""
+    A = linalg.block_diag([[0.5]], _pairs(np.linspace(1.0, 6.0, 4) * (-0.02 + 1j)))
+    system, sizes = _in_other_coordinates(A, 8), np.geomspace(1.0, 1e8, len(A))
+    other = replace(system, A=system.A * sizes[:, None] / sizes, B=system.B * sizes[:, None], C=system.C / sizes)
+    return _fallen_short(other, 0, "balanced", share)
 
-    told = reduce(system.statespace("full"), order=order, method=method)
-    true = _largest_difference(system, of(told.system))
-    return Seen(max(0.0, 1.0 - told.measured_error / true) if true > 0.0 else 0.0)
+
+def _cancelling(method: str, gap: float) -> Seen:
+    """Modes that lie so near to each other that their residues are huge and cancel."""
+    A = np.triu(np.full((8, 8), 1.0), 1) - np.diag(1.0 + gap * np.arange(8.0))
+    return _fallen_short(Lti(A, np.eye(8)[:, -1:], np.eye(8)[:1], np.zeros((1, 1))), 3, method)
+
+
+def _modal(pole: float) -> Seen:
+    """An unstable pole beside oscillators, in coordinates of random numbers."""
+    A = linalg.block_diag([[pole]], _pairs(np.linspace(1.0, 9.0, 4) * (-0.01 + 1j)))
+    return _fallen_short(_in_other_coordinates(A, 9), 5, "modal")
 
 
 def _reduced(method: str, order: int) -> Seen:
