@@ -7,7 +7,7 @@ too few digits, the norm is enclosed in ball arithmetic (:mod:`boomctl.lti.proof
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from math import inf
+from math import inf, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -118,7 +118,7 @@ def _norm(given: Lti) -> H2Certificate:
     if axis.infinite is not None:
         pole = axis.infinite
         what = UNSTABLE if pole.real > 0.0 else UNDAMPED if given.dt == 0.0 else ON_CIRCLE
-        return _infinite(f"{what} at {pole.real:.4g}{pole.imag:+.4g}j rad/s")
+        return H2Certificate(inf, inf, inf, f"{what} at {pole.real:.4g}{pole.imag:+.4g}j rad/s")
     if given.D.any() and given.dt == 0.0:
         return _fed_through(given)
     if axis.doubtful is not None:
@@ -128,11 +128,7 @@ def _norm(given: Lti) -> H2Certificate:
 
 def _fed_through(given: Lti) -> H2Certificate:
     o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
-    return _infinite(f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")
-
-
-def _infinite(why: str) -> H2Certificate:
-    return H2Certificate(inf, inf, inf, why)
+    return H2Certificate(inf, inf, inf, f"a feedthrough to {given.outputs[int(o)]!r} from {given.inputs[int(i)]!r}")
 
 
 def _doubtful(system: Lti, near: Array, why: str) -> H2Certificate:
@@ -177,6 +173,5 @@ def _by_modes(modes: VerifiedModalForm, dt: float) -> H2Certificate:
     square = max(float(np.sum(reading.T * acting * shares).real), 0.0) + through
     sizes = (np.abs(modal.C).T @ np.abs(modal.C)) * (np.abs(modal.B) @ np.abs(modal.B).T) * np.abs(shares)
     rounding = _EPS * (float(np.sum(sizes * units)) + _TERMS * through)
-    value, gap = float(np.sqrt(square)), modes.energy_gap
-    low, high = float(np.sqrt(max(square - rounding, 0.0))), float(np.sqrt(square + rounding))
-    return H2Certificate(value, max(low - gap, 0.0), high + gap, BY_MODES)
+    low, value, high = (sqrt(x) for x in (max(square - rounding, 0.0), square, square + rounding))
+    return H2Certificate(value, max(low - modes.energy_gap, 0.0), high + modes.energy_gap, BY_MODES)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.system import Lti, Parts, magnitudes, rates_of
+from boomctl.lti.system import Lti, System, rates_of
 
 _EPS = float(np.finfo(float).eps)
 _ENTRIES = 8.0  # units of rounding of each entry given, up to which a verdict is one of its last digits
@@ -41,22 +41,23 @@ class MarginalPoles:
     open: Array
 
 
-def marginal_poles(system: Lti, parts: Parts | None = None) -> MarginalPoles:
+def marginal_poles(given: System) -> MarginalPoles:
     """Return what is known of the poles of a (balanced) system at the imaginary axis; of a loop, as its parts are stored."""
+    system = given.system
+    found = MarginalPoles(None, None, *np.zeros((2, len(system.A)), bool))
     if not len(system.A):
-        return MarginalPoles(None, None, np.zeros(0, bool), np.zeros(0, bool))
+        return found
     poles, left, right = system.eigensystem
     decay = -poles.real if system.dt == 0.0 else 1.0 - np.abs(poles)
-    found = MarginalPoles(None, None, np.zeros(len(poles), bool), np.zeros(len(poles), bool))
     cosine = np.maximum(np.abs(np.einsum("ij,ij->j", left.conj(), right)), np.finfo(float).tiny)
     reads = np.abs(left.T) / cosine[:, None]
-    size, on_axis, shown = magnitudes(system, parts).A, [], []
+    size, on_axis, shown = given.magnitudes.A, [], []
     if (decay > 0.0).all() and _decay(system, size, reads, decay):
         return found
     from boomctl.lti.proof import PATIENCE, Exact, Undecided
 
     try:
-        growing, on_axis, shown = Exact.of(system, PATIENCE, parts).sides
+        growing, on_axis, shown = Exact.of(given, PATIENCE).sides
     except Undecided:  # what is known is what an eigenvalue solver says, whose errors are those of the matrix's norm
         growing, size = int((decay < 0.0).sum()), np.full_like(size, np.abs(system.A).max())
     moved = _ENTRIES * _EPS * np.einsum("ji,ij->j", reads, size @ np.abs(right)) + np.finfo(float).tiny

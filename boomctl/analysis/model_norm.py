@@ -102,7 +102,7 @@ class SplitModel:
 
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the poles up to a few times the eighth mode, or up to ``high`` [rad/s], and a band that shows them."""
-        band = _modal_band(self.model)
+        band = _modal_band(*(self.parts if len(self.parts) == 2 else [self.model]))
         if band is None:
             return Resonances.of(first_order_poles(dense(self.model.M), dense(self.model.C), dense(self.model.K)), high)
         low, top = band[0], _SHOWN * band[1] if high is None else high
@@ -139,12 +139,13 @@ def singular_values_together(given: Sequence[SplitModel], omega: Array) -> list[
     return [each._from_parts([next(answers).values for _ in each.parts], len(omega)) for each in given]
 
 
-def _modal_band(model: SecondOrderModel) -> tuple[float, float] | None:
-    """Return the lowest and the eighth elastic frequency [rad/s]; None for matrices that have no real modes."""
+def _modal_band(*parts: SecondOrderModel) -> tuple[float, float] | None:
+    """Return the lowest and the eighth elastic frequency of all [rad/s]; None for matrices that have no real modes."""
     try:
-        frequencies, _ = undamped_modes(model.structure, min(_BAND + _SPARE, model.n))
+        found = [undamped_modes(part.structure, min(_BAND + _SPARE, part.n))[0] for part in parts]
     except ValueError:
         return None
+    frequencies = np.sort(np.concatenate(found))
     shown = frequencies[elastic(frequencies)][:_BAND]
     shown = shown[shown <= _WIDE * shown[:1]]
     return (float(shown[0]), float(shown[-1])) if len(shown) else None

@@ -23,7 +23,7 @@ from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import LEVEL, Resonances, Response, largest_gain, resonance_grid, singular_values
-from boomctl.lti.system import Lti, Parts, beside, is_frequency_response, magnitudes, of
+from boomctl.lti.system import Lti, System, beside, is_frequency_response, of
 from boomctl.lti.verified_modal_form import BACKWARD
 
 if TYPE_CHECKING:
@@ -158,41 +158,42 @@ def norm_of_data(omega: Array, response: Array) -> NormCertificate:
 
 
 def matrices_norm(
-    system: Lti, response: Response | None = None, axis: MarginalPoles | None = None, parts: Parts | None = None
+    given: System, response: Response | None = None, axis: MarginalPoles | None = None
 ) -> NormCertificate:
     """Return the certified norm of ``A, B, C, D``, which are balanced.
 
     ``response`` may be a more accurate one; ``axis`` is what is known of the poles of several systems of the same ``A``.  The
-    norm of a loop is that of its ``parts`` as they are stored: its own matrices are rounded.
+    norm of a loop is that of its parts as they are stored: its own matrices are rounded.
     """
+    system = given.system
     if min(system.D.shape) == 0 or not len(system.A):
         value = float(np.linalg.norm(system.D, 2)) if system.D.size else 0.0
         return NormCertificate(value, value, 0.0, STATIC_GAIN)
-    axis = marginal_poles(system, parts) if axis is None else axis
+    axis = marginal_poles(given) if axis is None else axis
     if axis.infinite is not None:
         grows, undamped = axis.infinite.real > 0.0, UNDAMPED if system.dt == 0.0 else ON_CIRCLE
         return NormCertificate(inf, inf, float("nan") if grows else axis.infinite.imag, UNSTABLE if grows else undamped)
     if axis.doubtful is not None:
-        peak, at = _surely(system)
+        peak, at = _surely(given)
         return NormCertificate(peak, inf, at, f"a mode at {abs(axis.doubtful):.6g} rad/s {doubtful(system)}")
     if axis.silent.any():
-        return proved_norm(system, *_surely(system), parts)
+        return proved_norm(given, *_surely(given))
     found = level_norm(system, response) if system.dt == 0.0 else _by_circle(system)
-    felt = _felt(system, found.omega, parts)
+    felt = _felt(given, found.omega)
     sharp = found.certified and felt <= LEVEL * found.lower and (found.lower >= _TINY or felt == 0.0)
     if not sharp:
-        found = proved_norm(system, max(found.lower - felt, 0.0), found.omega, parts)
+        found = proved_norm(given, max(found.lower - felt, 0.0), found.omega)
     if sharp or response is not None:  # what is stored only stands for a structure: its last digits count
         found = replace(found, lower=max(found.lower - felt, 0.0), upper=found.upper + felt)
     return found if sharp or response is None or found.certified else replace(found, method=LOST)
 
 
-def proved_norm(system: Lti, lower: float, omega: float, parts: Parts | None = None) -> NormCertificate:
+def proved_norm(given: System, lower: float, omega: float) -> NormCertificate:
     """Return the norm of a system as its numbers are stored, from a guess of the peak; no upper bound if undecided."""
     from boomctl.lti.proof import PATIENCE, Exact, Undecided
 
     try:
-        exact = Exact.of(system, PATIENCE, parts)
+        exact = Exact.of(given, PATIENCE)
         peak, level, square = exact.norm(exact.square(omega))
     except Undecided:
         return NormCertificate(lower, inf, omega, NOT_PROVED)
@@ -262,31 +263,34 @@ def doubtful(system: Lti) -> str:
     return f"that the digits given do not tell from one on the {boundary}, where the norm would be infinite"
 
 
-def _felt(system: Lti, omega: float, parts: Parts | None) -> float:
-    """Return how much of the response at a frequency, and at the lightest resonances, may be rounding of the entries."""
-    poles = system.rates[system.rates.imag > 0.0]
+def _felt(given: System, omega: float) -> float:
+    """Return how much of the response at a frequency, and at the lightest resonances, may be rounding."""
+    rates = given.system.rates
+    poles = rates[rates.imag > 0.0]
     light = poles[np.argsort(np.abs(poles.real) / np.abs(poles))[:_LIGHTEST]]
     asked = np.concatenate([light.imag, [omega if isfinite(omega) else 0.0]])
-    return float(_responses(system, asked, parts)[1].max())
+    return float(_responses(given, asked)[1].max())
 
 
-def _surely(system: Lti) -> tuple[float, float]:
+def _surely(given: System) -> tuple[float, float]:
     """Return the largest singular value that is not rounding, near the poles and between them, and its frequency."""
+    system = given.system
     top = 10.0 * float(np.abs(system.rates[np.isfinite(system.rates)]).max(initial=0.1))
     seen = Resonances.of_system(system, min(top, system.nyquist))
     grid = resonance_grid(seen.poles[seen.poles.imag > 0.0], seen.low, seen.high, points=_LOOKED_AT)
     if system.dt != 0.0:
         grid = beside(grid)  # a pole that rounding alone keeps from the circle is often hit to the last digit
-    G, doubts = _responses(system, grid)
+    G, doubts = _responses(given, grid)
     values = singular_values(G)[0] - doubts
     best = int(np.argmax(values))
     static = float(np.linalg.norm(system.D, 2))
     return (float(values[best]), float(grid[best])) if values[best] >= static else (static, inf)
 
 
-def _responses(system: Lti, omega: Array, parts: Parts | None = None) -> tuple[Array, Array]:
+def _responses(given: System, omega: Array) -> tuple[Array, Array]:
     """Return responses, and how much of each may be rounding: of the entries, and of solving; ``inf`` at a pole."""
-    A, places, size = system.A, np.arange(len(system.A)), magnitudes(system, parts)
+    system, size = given.system, given.magnitudes
+    A, places = system.A, np.arange(len(system.A))
     G, doubts = np.zeros((*system.D.shape, len(omega)), dtype=complex), np.full(len(omega), inf)
     step = max(1, _BATCH // len(A) ** 2)
     for k in range(0, len(omega), step):

@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Protocol
 
 from boomctl.checks import positive
-from boomctl.lti.system import Lti
+from boomctl.lti.system import ClosedLoop, Lti
 
 if TYPE_CHECKING:
     from boomctl.lti.proof import Exact
@@ -151,8 +151,8 @@ def prove(result: Claiming, *, time_limit: float = 60.0) -> Proof:
 def _exact(claim: Claim, seconds: float) -> "Exact":
     from boomctl.lti.proof import Exact
 
-    parts = None if claim.controller is None else (claim.system, claim.controller)
-    return Exact.of(claim.system, seconds, parts, claim.minus)
+    given = claim.system if claim.controller is None else ClosedLoop(claim.system, claim.controller)
+    return Exact.of(given, seconds, claim.minus)
 
 
 def _shown(claim: Claim, exact: "Exact") -> Iterator[str]:

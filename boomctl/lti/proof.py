@@ -29,7 +29,7 @@ from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.frequency import LEVEL
-from boomctl.lti.system import Lti, Parts, closed
+from boomctl.lti.system import Lti, System, closed
 
 PATIENCE = 1.0  # s for a proof that nobody asked for (a choice)
 _BITS = 64  # that roots and solutions are first enclosed with; doubled until they decide
@@ -64,22 +64,23 @@ class Exact:
     until: float = inf
 
     @classmethod
-    def of(cls, system: Lti, seconds: float = inf, parts: Parts | None = None, minus: Lti | None = None) -> "Exact":
+    def of(cls, given: System, seconds: float = inf, minus: Lti | None = None) -> "Exact":
         """Return a system as it is stored, a loop as its parts, or what differs from a system of like signals.
 
         What is asked of it takes so many seconds, or is undecided.
         """
-        M = _rational(system)
-        if parts is not None:
-            plant, K = (_rational(part) for part in parts)
+        if isinstance(given, Lti):
+            M = _rational(given)
+        else:
+            plant, K = _rational(given.plant), _rational(given.controller)
             p, m = len(plant.C) - K.B.shape[1], plant.B.shape[1] - len(K.C)
             once = np.diag(np.full(len(K.C), fmpq(1))) - K.D @ plant.D[p:, m:]
             M = closed(plant, K, np.array(_matrix(once).inv().tolist()).reshape(once.shape))
         if minus is not None:
             other, corner = _rational(minus), np.zeros((len(M.A), len(minus.A)), int)
             A = np.block([[M.A, corner], [corner.T, other.A]])
-            M = Lti(A, np.vstack([M.B, other.B]), np.hstack([M.C, -other.C]), M.D - other.D)
-        return cls(_matrix(M.A), _matrix(M.B), _matrix(M.C), _matrix(M.D), system.dt, perf_counter() + seconds)
+            M = replace(M, A=A, B=np.vstack([M.B, other.B]), C=np.hstack([M.C, -other.C]), D=M.D - other.D)
+        return cls(_matrix(M.A), _matrix(M.B), _matrix(M.C), _matrix(M.D), M.dt, perf_counter() + seconds)
 
     def square(self, omega: float) -> float:
         """Return ``omega^2`` of the image at a frequency [rad/s]: it is ``tan(omega dt/2)`` in discrete time."""

@@ -148,6 +148,16 @@ class Lti:
         return 1j * omega if self.dt == 0.0 else np.exp(1j * (omega * self.dt))
 
     @property
+    def system(self) -> "Lti":
+        """Itself: what a :class:`ClosedLoop` is, too."""
+        return self
+
+    @property
+    def magnitudes(self) -> "Lti":
+        """How large the numbers are that the entries were made of."""
+        return Lti(np.abs(self.A), np.abs(self.B), np.abs(self.C), np.abs(self.D), dt=self.dt)
+
+    @property
     def rates(self) -> Array:
         """Poles as rates [rad/s]: themselves in continuous time, ``log(z)/dt`` in discrete time, ``-inf`` for ``z = 0``."""
         return rates_of(self.poles, self.dt)
@@ -218,8 +228,56 @@ def series(first: Lti, second: Lti) -> Lti:
     return Lti(A, B, C, second.D @ first.D, first.inputs, second.outputs, states, first.dt)
 
 
-Parts: TypeAlias = tuple[Lti, Lti]
-"""A plant and the controller that closes its last signals: what a loop's matrices, which are rounded, were made of."""
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """A plant whose last signals are closed by ``u = K y``: its parts as they are stored, and its own matrices, rounded.
+
+    Attributes
+    ----------
+    plant, controller : Lti
+        As for :func:`lower_lft`.
+    """
+
+    plant: Lti
+    controller: Lti
+
+    @cached_property
+    def _solved(self) -> Array:
+        K, D = self.controller, self.plant.D
+        D22 = D[len(D) - K.B.shape[1] :, D.shape[1] - len(K.C) :]
+        return well_posed_inverse(np.eye(len(K.D)) - K.D @ D22)
+
+    @cached_property
+    def whole(self) -> Lti:
+        """Between the plant's other signals; the plant's states, then the controller's.
+
+        Raises
+        ------
+        ValueError
+            The loop is not well-posed: ``I - D_K D22`` is singular.
+        """
+        return closed(self.plant, self.controller, self._solved)
+
+    @cached_property
+    def _balance(self) -> tuple[Array, Array]:
+        return balance(self.whole.A) if len(self.whole.A) else (self.whole.A, np.ones(0))
+
+    @cached_property
+    def system(self) -> Lti:
+        """The loop, balanced, its states without names."""
+        A, scale = self._balance
+        return replace(self.whole, A=A, B=self.whole.B / scale[:, None], C=self.whole.C * scale, states=())
+
+    @cached_property
+    def magnitudes(self) -> Lti:
+        """How large the numbers are that the entries of ``system`` were made of."""
+        scale = self._balance[1]
+        made = closed(self.plant.magnitudes, self.controller.magnitudes, np.abs(self._solved))
+        return replace(made, A=made.A / scale[:, None] * scale, B=made.B / scale[:, None], C=made.C * scale)
+
+
+System: TypeAlias = Lti | ClosedLoop
+"""What norms and poles are asked of."""
 
 
 def lower_lft(plant: Lti, controller: Lti) -> Lti:
@@ -241,20 +299,7 @@ def lower_lft(plant: Lti, controller: Lti) -> Lti:
     ValueError
         The loop is not well-posed: ``I - D_K D22`` is singular.
     """
-    D22 = plant.D[len(plant.C) - controller.B.shape[1] :, plant.B.shape[1] - len(controller.C) :]
-    solved = well_posed_inverse(np.eye(len(controller.D)) - controller.D @ D22)
-    return closed(plant, controller, solved)
-
-
-def magnitudes(system: Lti, parts: Parts | None = None) -> Lti:
-    """Return how large the numbers are that the entries of a system, or of a balanced loop of parts, were made of."""
-    if parts is None:
-        return replace(system, A=np.abs(system.A), B=np.abs(system.B), C=np.abs(system.C), D=np.abs(system.D))
-    plant, K = (magnitudes(part) for part in parts)
-    D22 = parts[0].D[len(plant.C) - K.B.shape[1] :, plant.B.shape[1] - len(K.C) :]
-    made = closed(plant, K, np.abs(well_posed_inverse(np.eye(len(K.D)) - parts[1].D @ D22)))
-    scale = balance(lower_lft(*parts).A)[1] if len(made.A) else np.ones(0)
-    return replace(made, A=made.A / scale[:, None] * scale, B=made.B / scale[:, None], C=made.C * scale)
+    return ClosedLoop(plant, controller).whole
 
 
 def closed(plant: Lti, K: Lti, solved: Array) -> Lti:

@@ -13,7 +13,6 @@ where a solution may be, or to nothing.  The cells of least delay go first, so t
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from math import inf, nan
 
@@ -217,7 +216,7 @@ def _fractions(system: Lti) -> list[tuple[complex, float, float, Array]]:
         first = complex(poles[np.flatnonzero(waiting)[0]])
         reach = _TOGETHER * max(1.0 - abs(first), _EPS)
         these = waiting & (np.abs(poles - first) <= reach)
-        T, Z, count = linalg.schur(A, output="complex", sort=partial(_within, first, reach))  # type: ignore[misc]
+        T, Z, count = linalg.schur(A, output="complex", sort=lambda p, at=first, far=reach: abs(p - at) <= far)  # type: ignore[misc]
         if count != these.sum():
             raise ValueError("poles that are nearly parallel do not separate from others")
         waiting &= ~these
@@ -228,10 +227,6 @@ def _fractions(system: Lti) -> list[tuple[complex, float, float, Array]]:
         terms = _terms(T[:count, :count] - place * np.eye(count), (system.C @ right)[0], left @ system.B, place)
         found += [(place, m + 1.0, doubt, term) for m, term in enumerate(terms)]
     return found
-
-
-def _within(place: complex, reach: float, pole: complex) -> bool:
-    return abs(pole - place) <= reach
 
 
 @dataclass(frozen=True)

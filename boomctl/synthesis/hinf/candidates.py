@@ -8,7 +8,7 @@ import numpy as np
 
 from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.lti.modal import split
-from boomctl.lti.system import Lti, lower_lft
+from boomctl.lti.system import ClosedLoop, Lti
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.bounds import Bounds, Deadline
 from boomctl.synthesis.hinf.native import NativeFailure, shared_worker
@@ -197,13 +197,14 @@ def without_fast_poles(K: Lti, fastest: float) -> Lti | None:
 def judged(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
     """Return a controller with its certificate if its loop is stable and its norm not above ``limit``; else why not."""
     try:
-        loop = lower_lft(plant.system, K).balanced()
+        parts = ClosedLoop(plant.system, K)
+        loop = parts.system
     except ValueError as error:
         return str(error)
     slowest = float(loop.rates.real.max(initial=-np.inf))
     if slowest >= 0.0:
         return f"its loop has a pole with real part {slowest:.3g} rad/s"
-    norm = matrices_norm(loop, parts=(plant.system, K))
+    norm = matrices_norm(parts)
     if not norm.certified:
         return f"the norm of its loop could not be certified ({norm.method})"
     if norm.upper > limit or norm.lower == np.inf:

@@ -15,7 +15,7 @@ from boomctl.analysis.sigma import sigma
 from boomctl.checks import positive, within
 from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
 from boomctl.lti.modal import sides
-from boomctl.lti.system import Lti, lower_lft, rates_of
+from boomctl.lti.system import ClosedLoop, Lti, rates_of
 from boomctl.printing import sentence, system
 from boomctl.progress import Listener, computing
 from boomctl.reduction.result import ReductionResult
@@ -285,10 +285,11 @@ def _on_circle(plant: GeneralizedPlant, found: HInfinityResult, origin: ReducedP
     dt = plant.system.dt
     try:
         K = discrete_image(replace(found._controller, states=()), dt)
-        loop = replace(lower_lft(plant.system, K), states=()).balanced()
+        parts = ClosedLoop(plant.system, K)
+        loop = parts.system
     except ValueError as error:
         raise SynthesisError(f"the controller of the image has no counterpart in discrete time: {error}") from None
-    poles, norm = loop.poles, matrices_norm(loop, parts=(plant.system, K))
+    poles, norm = loop.poles, matrices_norm(parts)
     if (sides(poles, dt) >= 0).any() or not norm.upper <= found.certificate.norm.upper * (1.0 + _MORE):
         raise SynthesisError(
             f"the loop in discrete time is not that of its image: norm from {norm.lower:.6g} to {norm.upper:.6g} for "

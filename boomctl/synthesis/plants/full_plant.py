@@ -19,7 +19,7 @@ from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.frequency import largest_gain, singular_values
 from boomctl.lti.modal import sides
-from boomctl.lti.system import Lti, lower_lft, of
+from boomctl.lti.system import ClosedLoop, Lti, of
 from boomctl.printing import compact, sentence
 from boomctl.reduction.result import ReductionResult
 from boomctl.reduction.verify import band_norm
@@ -144,8 +144,8 @@ def judged_on_full_plant(origin: ReducedPlant, plant: GeneralizedPlant, K: Lti, 
     stable, slowest, norm = True if share < 1.0 else None, float("nan"), None
     if size <= _MOST_POLES:
         try:
-            parts = origin.around(of(reduction.full, sampled=True)), K
-            loop = lower_lft(*parts).balanced()
+            parts = ClosedLoop(origin.around(of(reduction.full, sampled=True)), K)
+            loop = parts.system
         except ValueError:  # not well-posed on the full plant
             stable, slowest = False, inf
         else:
@@ -153,7 +153,7 @@ def judged_on_full_plant(origin: ReducedPlant, plant: GeneralizedPlant, K: Lti, 
             side = int(sides(loop.poles, loop.dt).max(initial=-1))
             stable = {-1: True, 0: stable, 1: False}[side]  # of poles that stand on the axis the small gain alone tells
             if stable and size <= _MOST_NORM:
-                norm = matrices_norm(loop, parts=parts)
+                norm = matrices_norm(parts)
     statement = _statement(reduction, stable, share, slowest, norm)
     if not stable or (norm is not None and norm.upper > _WORSE * gamma):
         warnings.warn(f"the controller was designed on a reduced plant: {statement}", ReductionWarning, stacklevel=4)
@@ -193,10 +193,11 @@ def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float
         np.block([[np.zeros((m, p)), np.eye(m)], [np.eye(p), plant.D22]]),
         dt=plant.system.dt,
     )
-    KS = lower_lft(added, K).balanced()
+    parts = ClosedLoop(added, K)
+    KS = parts.system
     if reduction.measured_error == 0.0:
         return 0.0
-    largest = matrices_norm(KS, parts=(added, K)).upper
+    largest = matrices_norm(parts).upper
     if reduction.band is None:
         return largest * min(reduction.measured_error, reduction.error_bound)
     everywhere = largest * reduction.error_bound

@@ -9,7 +9,7 @@ import numpy as np
 from boomctl.analysis.h2 import H2Certificate, h2_norm
 from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.lti.modal import sides
-from boomctl.lti.system import Lti, lower_lft
+from boomctl.lti.system import ClosedLoop, Lti, lower_lft
 from boomctl.printing import compact, sentence
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf import full_order as any_order
@@ -214,7 +214,7 @@ def channel_norm(loop: Lti, plant: GeneralizedPlant, K: Lti, channel: Channel) -
             return matrices_norm(part.balanced())
         (p, m), system = loop.D.shape, plant.system
         open_ = system.between([*columns, *range(m, system.B.shape[1])], [*rows, *range(p, len(system.C))])
-        return matrices_norm(part.balanced(), parts=(open_, K))
+        return matrices_norm(ClosedLoop(open_, K))
     return h2_norm(replace(part, D=np.zeros_like(part.D)).statespace("channel"))
 
 
