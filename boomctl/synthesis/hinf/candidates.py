@@ -1,6 +1,6 @@
 """Controllers of one level after another, each verified in its loop before anyone sees it."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -11,7 +11,6 @@ from boomctl.lti.modal import split
 from boomctl.lti.system import ClosedLoop, Lti
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.bounds import Bounds, Deadline
-from boomctl.synthesis.hinf.native import NativeFailure, shared_worker
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import controller_of, level_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, with_feedthrough
@@ -65,27 +64,6 @@ class _Tried:
 
     def __str__(self) -> str:
         return f"{self.solver} at gamma = {self.level:.6g}: {self.outcome}"
-
-
-def _native(task: Task, level: float) -> Lti:
-    """Return the native controller; the plant's signals are scaled so that the level is one."""
-    ready, root = task.ready, np.sqrt(level)
-    w = np.concatenate([np.full(ready.nw, 1.0 / root), np.ones(ready.ncon)])
-    z = np.concatenate([np.full(ready.nz, 1.0 / root), np.ones(ready.nmeas)])
-    plant = Lti(ready.A, ready.system.B * w, ready.system.C * z[:, None], ready.system.D * w * z[:, None])
-    limit = 0.5 * task.deadline.left("waiting for the native solver")  # what is left must do for the other solver
-    return shared_worker().controller(plant, ready.nmeas, ready.ncon, 1.0, limit)
-
-
-def _own(task: Task, level: float) -> Lti:
-    found = level_of(task.ready, level)
-    if found.reason:
-        raise ValueError(found.reason)
-    return controller_of(task.ready, found, task.ready.from_measurements @ task.plant.D22 @ task.ready.from_controls)
-
-
-# In the order tried: the native solver is the faster one, the other works where that refuses, hangs or cannot start.
-_SOLVERS: dict[str, Callable[[Task, float], Lti]] = {"SLICOT SB10FD": _native, "two Riccati equations": _own}
 
 
 def first_accepted(task: Task, strict: bool) -> Candidate:
@@ -153,16 +131,19 @@ def _first_of(task: Task, levels: Sequence[float], tried: list[_Tried]) -> Candi
 
 def _controllers(task: Task, level: float, tried: list[_Tried]) -> Iterator[tuple[str, Lti]]:
     """Yield controllers of a level, one with poles that are too fast without these; refusals go into ``tried``."""
-    outward, inward = task.ready.from_controls, task.ready.from_measurements
-    for solver, solve in _SOLVERS.items():
+    for solver, ready in (("two Riccati equations", task.ready), ("states in another order", task.ready.reordered)):
         task.deadline.left(f"computing a controller for gamma = {level:.6g}")
+        outward, inward = ready.from_controls, ready.from_measurements
         try:
-            K = solve(task, level)
+            found = level_of(ready, level)
+            if found.reason:
+                raise ValueError(found.reason)
+            K = controller_of(ready, found, inward @ task.plant.D22 @ outward)
             K = Lti(K.A, K.B @ inward, outward @ K.C, outward @ K.D @ inward)
             if not all(np.isfinite(part).all() for part in (K.A, K.B, K.C, K.D)):
                 raise ValueError("a controller that is not finite")
             K = with_feedthrough(K, task.plant.D22)
-        except (NativeFailure, ValueError, np.linalg.LinAlgError) as error:
+        except (ValueError, np.linalg.LinAlgError) as error:
             tried.append(_Tried(solver, level, str(error)))
             continue
         speed = largest_pole(K)

@@ -1,7 +1,6 @@
 """``h_infinity``: controllers whose closed loop was verified, and a bound that tells how far from the best they are."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
@@ -22,7 +21,6 @@ from boomctl.reduction.result import ReductionResult
 from boomctl.synthesis.assumptions import SynthesisError, check_modes, check_ranks, check_zeros
 from boomctl.synthesis.hinf.bounds import Deadline, lowest_level
 from boomctl.synthesis.hinf.candidates import Candidate, Task, first_accepted, largest_pole
-from boomctl.synthesis.hinf.native import NativeFailure, shared_worker
 from boomctl.synthesis.hinf.normal_form import normalised
 from boomctl.synthesis.plants.full_plant import FullPlantCertificate, ReducedPlant, judged_on_full_plant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
@@ -205,7 +203,7 @@ def h_infinity(
         pole of the plant and of its H2-optimal state feedback and filter, and only given up, and said so, where it
         would cost more than twice the lowest norm.  Not for a discrete plant.
     time_limit : float
-        Seconds after which it gives up; starting the process for native synthesis, once, does not count.
+        Seconds after which it gives up.
     progress : callable, optional
         Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
         what goes on; `listening` hears whatever runs within it.
@@ -255,9 +253,6 @@ def h_infinity(
     check_modes(plant, ready)
     check_zeros(plant, ready)
     with computing("H-infinity synthesis", progress) as tell:
-        tell("starting the native solver")
-        with suppress(NativeFailure):  # without it the Riccati equations here must do
-            shared_worker().warm()
         deadline = Deadline.after(limit, tell)
         bounds = lowest_level(ready, _SEARCH * share, deadline)
         if wanted is not None and wanted < bounds.lower:

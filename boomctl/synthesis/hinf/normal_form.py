@@ -1,13 +1,13 @@
 """Generalised plants in the signals and states that H-infinity solvers work with."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.block_diagonal import block_diagonal
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, signal_scales
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 _INDEPENDENT = 1e5  # condition of a basis above which its columns count as dependent: half of all digits are then left
@@ -25,6 +25,15 @@ class NormalizedPlant(GeneralizedPlant):
     from_controls: Array
     from_measurements: Array
     modes: Array
+
+    @property
+    def reordered(self) -> "NormalizedPlant":
+        """The plant with its states in reverse order and other scales: what rounding spoils in one the other may bear."""
+        s = self.system
+        A, B, C = s.A[::-1, ::-1], s.B[::-1], s.C[:, ::-1]
+        scale = signal_scales(A, B, C)
+        system = replace(s, A=A / scale[:, None] * scale, B=B / scale[:, None], C=C * scale, states=s.states[::-1])
+        return replace(self, system=system, modes=self.modes[:, ::-1] * scale)
 
 
 def normalised(plant: GeneralizedPlant) -> NormalizedPlant:

@@ -1,4 +1,4 @@
-"""The two Riccati equations of H-infinity synthesis, solved apart from any native solver.
+"""The two Riccati equations of H-infinity synthesis.
 
 They tell whether a level can be reached (Glover & Doyle 1988), where it cannot, why, and all controllers that reach it
 (Zhou, Doyle & Glover, Robust and Optimal Control, 1996, theorem 17.1).

@@ -13,7 +13,6 @@ from boomctl.benchmark.suspension.h_infinity import yaw_and_jolt_plant
 from boomctl.benchmark.suspension.hinfsyn import HinfsynProcess
 from boomctl.lti.python_control import control
 from boomctl.synthesis.hinf.h_infinity import h_infinity
-from boomctl.synthesis.hinf.native import shared_worker
 from boomctl.synthesis.plants.partition import close_loop
 
 _NMEAS, _NCON = 2, 2
@@ -63,7 +62,7 @@ def _scene(extent: Extent, key: str, what: str, P: control.StateSpace) -> Scene:
             f"slycot's searches start from the level {_START:g}, as one who does not know the optimum would.",
             f"Tolerances below 1e-4 with fastest_pole={_FAST:g}: such controllers have poles that cannot be implemented.",
         ),
-        elsewhere=lambda: shared_worker().processor_time + peer.processor_time,
+        elsewhere=lambda: peer.processor_time,
     )
 
 
