@@ -233,6 +233,15 @@ def test_the_error_of_a_whip_is_that_of_its_polynomials_too(speed, duration, mod
     assert few.error_estimate <= 50.0 * error + 1e-3 * np.abs(true.tip_displacement).max()
 
 
+def test_an_error_is_told_where_steps_that_do_for_some_polynomials_do_not_for_more():
+    p = HubBeamParameters(hub_radius=0.882407583, tip_mass=0.424180920)
+    times = np.linspace(0.0, 1.2300520212680028, 30)
+    few, true = (
+        GeometricallyExactBeam(p, n).simulate(spin_up(7.93695191, 0.91773355), times, rtol=1e-4) for n in (5, 14)
+    )
+    assert np.abs(few.tip_displacement - true.tip_displacement).max() <= few.error_estimate + true.error_estimate
+
+
 @examples(30)
 @given(st.floats(3.0, 7.0), st.floats(0.5, 1.0))
 def test_polynomials_are_added_where_none_were_asked_for(speed, duration):

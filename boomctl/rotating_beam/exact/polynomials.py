@@ -113,11 +113,19 @@ def _changes(followed: Followed, stepped: Stepped, modes: int) -> Iterator[tuple
         try:
             here = stepped(more, before.step)
         except StepFailed:
-            before = stepped(modes, 0.5 * before.step)
-            continue
+            before, here = _in_equal_steps(stepped, (modes, more), 0.5 * before.step)
         apart = here.apart(before)
         yield more, apart, here
         modes, before = more, here
         while error > _TOLD_APART * apart:
-            finer = stepped(modes, 0.5 * before.step)
+            (finer,) = _in_equal_steps(stepped, (modes,), 0.5 * before.step)
             error, before = min(error, finer.apart(before)), finer
+
+
+def _in_equal_steps(stepped: Stepped, numbers: tuple[int, ...], step: float) -> list[Run]:
+    """Return the motions with some numbers of polynomials in the same steps, halved until each of them converges."""
+    while True:  # steps that are too many end it
+        try:
+            return [stepped(modes, step) for modes in numbers]
+        except StepFailed:
+            step *= 0.5
