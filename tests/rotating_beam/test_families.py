@@ -115,6 +115,30 @@ def test_the_angle_is_left_out_only_where_nothing_reads_it():
     assert not bc.robust_stability(replace(family, free=()), speed).proved  # an integrator is not stable
 
 
+@examples(200)
+@given(seed=st.integers(0, 100_000))
+def test_the_angle_that_nothing_feels_is_an_exact_integrator_of_every_beam_of_a_family(seed):
+    """No rounding of its motion shows in what does not read it: norms of loops that hold the speed are finite."""
+    rng = np.random.default_rng(seed)
+    given = bc.HubBeamParameters(
+        damping_ratio=float(10.0 ** rng.uniform(-3.0, -1.0)),
+        tip_mass=float(rng.choice([0.0, rng.uniform(0.0, 1.0)])),
+        hub_inertia=float(10.0 ** rng.uniform(-0.5, 2.8)),
+        hub_radius=float(rng.uniform(0.0, 1.0)),
+        length=float(rng.uniform(1.0, 10.0)),
+    )
+    beam = bc.hub_beam(
+        given, model=str(rng.choice(["tlam", "sfoam", "sfoam-consistent"])), modes=int(rng.integers(1, 4))
+    )
+    fastest = min(0.8 * beam.critical_speed(), float(rng.uniform(0.5, 15.0)))
+    family = beam.family((float(rng.choice([0.0, -fastest])), fastest))
+    brake = ct.ss([], [], [], [[-5.0 * given.rigid_inertia]], inputs="hub_speed", outputs="torque")
+    for delta in (-1.0, 0.0, float(rng.uniform(-1.0, 1.0)), 1.0):
+        assert np.count_nonzero(family.at([delta]).to_statespace().poles() == 0.0) >= 1
+        loop = bc.feedback_loop(family.at([delta]), brake)["tip_displacement", :]
+        assert bc.hinf_norm(loop).lower < 1e3
+
+
 def test_an_unstable_stretch_of_a_schedule_is_found():
     drives = [ct.ss([], [], [], [[-gain]], inputs="hub_speed", outputs="torque") for gain in (50.0, -5.0, 50.0)]
     found = bc.robust_stability(_beam().family((0.0, 4.0)), bc.schedule(drives, [0.0, 2.0, 4.0]))

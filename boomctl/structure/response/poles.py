@@ -87,19 +87,26 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
     graded = noise > _GRADED * max(float(stiffness[0]), 0.0)
     if graded and (structure.strain_form is not None or (few and structure.mixed is not None)):
         return _graded_modes(structure, wanted)
-    return _told(K, np.sqrt(np.maximum(stiffness, 0.0)), shapes), shapes
+    return _told(structure, np.sqrt(np.maximum(stiffness, 0.0)), shapes)
 
 
-def _told(K: Matrix, frequencies: Array, shapes: Array) -> Array:
-    """Return frequencies with those of rigid motions exactly zero: what the terms of ``v^T K v`` leave is rounding."""
+def _told(structure: Structure, frequencies: Array, shapes: Array) -> tuple[Array, Array]:
+    """Return modes, rigid motions with a frequency of exactly zero: what the terms of ``v^T K v`` leave is rounding.
+
+    Where a coordinate without stiffness moves alone, that is so of all its shape holds of the others, which is then zero:
+    what has no share in the kinetic energy, and what is left strains nothing.
+    """
     slow = np.flatnonzero(frequencies <= _RIGID * frequencies.max(initial=0.0))
     if not len(slow):
-        return frequencies
-    size = np.abs(shapes[:, slow])
-    terms = np.einsum("ij,ij->j", size, abs(K) @ size)
-    told = frequencies.copy()
-    told[slow[frequencies[slow] ** 2 <= _NOISE * terms]] = 0.0
-    return told
+        return frequencies, shapes
+    shape, told, found = shapes[:, slow], frequencies.copy(), shapes.copy()
+    moving = np.where(np.abs(shape) * np.sqrt(structure.M.diagonal())[:, None] > _NOISE, shape, 0.0)
+    strained = np.einsum("ij,ij->j", moving, structure.K @ moving)
+    terms, felt = (np.einsum("ij,ij->j", each, abs(structure.K) @ each) for each in (np.abs(shape), np.abs(moving)))
+    alone = strained <= _NOISE * felt
+    told[slow[alone | (frequencies[slow] ** 2 <= _NOISE * terms)]] = 0.0
+    found[:, slow[alone]] = moving[:, alone]
+    return told, found
 
 
 def _graded_modes(structure: Structure, count: int) -> tuple[Array, Array]:
