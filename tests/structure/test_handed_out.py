@@ -6,9 +6,12 @@ Tolerances: a ten-billionth for 12 elements, what rounding of the fastest mode l
 import control
 import numpy as np
 import pytest
+from hypothesis import given
 
 import boomctl as bc
 from boomctl.structure import SecondOrderModel
+from tests.profiles import examples
+from tests.strategies import seeds
 
 BAND = np.geomspace(0.1, 600.0, 80)
 ACCURACY = {12: 1e-9, 100: 1e-7}
@@ -118,3 +121,24 @@ def test_matrices_given_keep_their_coordinates_if_they_are_even_and_are_turned_i
 def test_a_word_that_is_none_of_them_is_refused():
     with pytest.raises(ValueError, match="states = 'modal': expected 'modes', 'coordinates' or None"):
         bc.spray_boom().to_statespace(states="modal")
+
+
+@examples(200)
+@given(seed=seeds)
+def test_gyroscopic_terms_of_floating_structures_stay_in_every_form(seed):
+    """What turns a motion that nothing strains or damps acts on it still: the response of the matrices, solved for."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 6))
+    strained = max(n - int(rng.integers(0, 3)), 1)
+    root = rng.standard_normal((n, n))
+    M = root @ root.T + 0.3 * np.eye(n)
+    rows = rng.standard_normal((n, strained)) * 10.0 ** rng.uniform(-2.0, 3.0, strained)
+    K, turning = rows @ rows.T, rng.standard_normal((n, n))
+    C = 0.1 * 10.0 ** rng.uniform(-3.0, 0.0) * K + turning - turning.T
+    force, place = rng.standard_normal((2, n))
+    model = SecondOrderModel(M, C, K, {"f": force}, {"y": place})
+    omega = 10.0 ** rng.uniform(-1.0, 2.0, 6)
+    wanted = np.array([place @ np.linalg.solve(K + 1j * w * C - w**2 * M, force) for w in omega])
+    for states in ("modes", "coordinates", None):
+        found = model.to_statespace(states=states)(1j * omega)
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-6 * np.abs(wanted).max())

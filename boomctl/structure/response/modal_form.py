@@ -43,7 +43,7 @@ def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -
     """Return the state-space form of a structure over undamped modes, projected through its strain rows if it has them.
 
     What a rigid-body mode strains, what inertia it shares with elastic ones, and where nothing else damps it its damping,
-    is zero and not rounding.
+    is zero and not rounding.  Gyroscopic terms stay.
     """
     moved = structure.projected(V, tuple(f"mode{i + 1}" for i in range(V.shape[1])))
     rigid = np.flatnonzero(~elastic(frequencies))
@@ -67,14 +67,14 @@ def _resisted(structure: Structure, V: Array, moved: Structure, rigid: Array) ->
         strain[:, rigid], strain[still] = 0.0, combined(rows.R[still], V)
         strain[:, rigid[len(rigid) - free :]] = 0.0
         return V, strain.T @ (rows.c[:, None] * strain), K
-    if is_symmetric(C):
-        apart = np.eye(len(C))
-        apart[np.ix_(rigid, rigid)] = linalg.eigh(C[np.ix_(rigid, rigid)])[1]
-        V, C = V @ apart, apart.T @ C @ apart
+    turning = np.zeros_like(C) if is_symmetric(C) else 0.5 * (C - C.T)  # gyroscopic terms: they resist nothing
+    apart, C = np.eye(len(C)), C - turning
+    apart[np.ix_(rigid, rigid)] = linalg.eigh(C[np.ix_(rigid, rigid)])[1]
+    V, C, turning = V @ apart, apart.T @ C @ apart, apart.T @ turning @ apart
     size = np.sqrt(np.abs(np.diag(C)))
     undamped = rigid[size[rigid] <= _UNFELT * size.max()]
     C[undamped], C[:, undamped] = 0.0, 0.0
-    return V, C, K
+    return V, C + turning, K
 
 
 def modal_form(structure: Structure, ports: Ports) -> Lti:
