@@ -1,7 +1,8 @@
 """Which modes no input moves, and by duality which no output sees.
 
 The eigenvector test of Popov, Belevitch and Hautus (PBH), on left eigenvectors of each cluster of poles in balanced
-coordinates.
+coordinates.  Of a multiple pole, such as a rigid body's, rounding makes several with vectors of their own: a direction
+between these is a mode of its own only where it is passed on to no other one.
 """
 
 from collections.abc import Sequence
@@ -20,6 +21,9 @@ _ROUNDING = 4.0 * float(np.finfo(float).eps)
 _FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than that, however ill-conditioned (a choice)
 # share of the largest singular value below which eigenvectors of a cluster add no direction (a choice)
 _PARALLEL = 1e-6
+_PASSED = (
+    10.0  # times the doubt of its poles, up to which what a cluster passes on within itself is rounding (a choice)
+)
 _EQUAL = 1e-12  # relative distance of poles that count as equal in any case (a choice above rounding)
 _DEAD = float(np.finfo(float).eps)  # size of a pole in discrete time below which it is rounding of one at zero
 _ZERO = 1e-12  # natural frequency [rad/s] below which a mode is called integrating in a message
@@ -88,11 +92,15 @@ def unmoved(
     for cluster in _clusters(poles, doubt, chosen):
         U, values, _ = linalg.svd(left[:, cluster], full_matrices=False)
         basis = U[:, values > _PARALLEL * values[0]]
-        directions, cosines, _ = linalg.svd(basis.conj().T @ acting)
-        cosines = np.concatenate([cosines, np.zeros(basis.shape[1] - len(cosines))])
+        pole = complex(poles[cluster].mean())
+        passed = basis.conj().T @ balanced @ basis - pole * np.eye(
+            basis.shape[1]
+        )  # to one another, as a place to a speed
+        rounding = _PASSED * (2.0 * doubt[cluster].max() + _EQUAL * abs(pole))
+        passed *= _WEAK / max(rounding, float(np.finfo(float).tiny))
+        directions, cosines, _ = linalg.svd(np.hstack([basis.conj().T @ acting, passed]))
         for k in np.flatnonzero(cosines <= _WEAK):
             shape = basis @ directions[:, k]
-            pole = complex(poles[cluster].mean())
             if dt != 0.0:
                 pole = complex(rates_of(np.array([pole if abs(pole) > _DEAD else _DEAD]), dt)[0])
             found.append(HiddenMode(pole, str(states[int(np.argmax(np.abs(shape)))])))
