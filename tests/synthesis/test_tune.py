@@ -301,6 +301,22 @@ def test_a_parameter_that_helps_without_cost_ends_at_the_end_of_its_range():
     assert "c at its largest, 1" in found.certificate.active
 
 
+@examples(200)
+@given(seed=st.integers(0, 100_000))
+def test_a_parameter_at_an_end_of_its_range_is_that_end_and_no_digit_beyond(seed):
+    rng = np.random.default_rng(seed)
+    low, high = np.sort(rng.uniform(0.0, 1.0, 2) * 10.0 ** rng.uniform(-3.0, 3.0)).tolist()
+    (part,) = T.physical("c", low, high).physicals()
+    assert (part.number.value(-1.0), part.number.value(1.0)) == (low, high)
+    assert all(
+        low <= part.number.value(x) <= high for x in (*rng.uniform(-1.0, 1.0, 9), *np.nextafter([-1.0, 1.0], 0.0))
+    )
+    if seed % 20 == 0:
+        found = bc.tune(oscillator, 0, 0, T.physical("c", low + 1e-3, high + 2e-3), starts=1)
+        assert found.physical == found.values
+        assert low + 1e-3 <= found.physical["c"] <= high + 2e-3
+
+
 def family():
     """Return a mass on an uncertain spring with an uncertain damper."""
     return bc.structure.AffineFamily.through(

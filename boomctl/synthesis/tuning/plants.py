@@ -53,10 +53,7 @@ class Plants:
 
     def values(self, numbers: Array) -> dict[str, float]:
         """Return physical parameters from numbers between -1 and 1."""
-        return {
-            each.name: 0.5 * (each.low + each.high) + 0.5 * (each.high - each.low) * float(number)
-            for each, number in zip(self.physical, numbers, strict=True)
-        }
+        return {each.name: each.number.value(x) for each, x in zip(self.physical, numbers, strict=True)}
 
     def given(self, numbers: Array) -> tuple[GeneralizedPlant, ...]:
         """Return the plants as the user means them."""

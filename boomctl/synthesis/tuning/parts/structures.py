@@ -45,7 +45,9 @@ class Free:
         if self.logarithmic:
             return float(min(max(exp(x), self.low), self.high))
         if self.kind == PHYSICAL:
-            return 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * float(x)
+            return (
+                0.5 * (1.0 - float(x)) * self.low + 0.5 * (1.0 + float(x)) * self.high
+            )  # the ends themselves at -1, 1
         return self.scale * float(x)
 
     def number(self, value: float) -> float:
@@ -349,8 +351,13 @@ class Physical(Structure):
     low: float
     high: float
 
+    @property
+    def number(self) -> Free:
+        """What is searched for."""
+        return Free(self.name, PHYSICAL, self.low, self.high)
+
     def free(self, ports: Ports) -> tuple[Free, ...]:
-        return (Free(self.name, PHYSICAL, self.low, self.high),)
+        return (self.number,)
 
     def system(self, x: Array, ports: Ports) -> SystemJet:
         return static(fixed(np.zeros(ports.shape), 1))
