@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.norm import NO_CIRCLE_CROSSING, NO_RESPONSE, NormCertificate, matrices_norm, stays_below_on_circle
+from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, positive, up_to, whole
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega
 from boomctl.lti.frequency import resonance_grid, singular_values
-from boomctl.lti.modal import sides, split
+from boomctl.lti.modal import split
 from boomctl.lti.system import Lti, of
 from boomctl.progress import Listener, Tell, computing
 from boomctl.reduction.core import core_of
@@ -233,6 +234,13 @@ def _as_given(given: Lti | SecondOrderModel, method: str) -> Lti | SecondOrderMo
     return modal_form(given.structure, given.ports)
 
 
+def _kept(system: Lti, count: int) -> Array:
+    """Return which poles of a discrete system are the ``count`` outermost: a double one on the circle is split across it."""
+    chosen = np.zeros(len(system.A), dtype=bool)
+    chosen[np.argsort(-np.abs(system.poles), kind="stable")[:count]] = True
+    return chosen
+
+
 def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> ReductionResult:
     """Return the reduction of the image of a discrete system as that of the system itself, its error verified anew.
 
@@ -248,7 +256,7 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
     assert isinstance(image, Lti)
     small, dt, kept = discrete_image(image, full.dt), full.dt, "unstable, undamped or rigid-body poles"
     small = replace(small, inputs=full.inputs, outputs=full.outputs, states=()).without_dots()
-    apart = [split(system, sides(system.poles, dt) >= 0, kept)[1] for system in (full.balanced(), small)]
+    apart = [split(system, _kept(system, found.kept), kept)[1] for system in (full.balanced(), small)]
     gap = replace(difference(*apart), dt=dt)
     largest = matrices_norm(apart[0].balanced()).lower
     floor = _ROUNDING * largest

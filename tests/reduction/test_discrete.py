@@ -1,5 +1,7 @@
 """Reduction of discrete systems: the error on a dense grid of the unit circle, bounds, Hankel values, what is kept."""
 
+import warnings
+
 import control
 import numpy as np
 import pytest
@@ -8,7 +10,9 @@ from hypothesis import strategies as st
 from scipy import linalg
 
 from boomctl import reduce
+from boomctl.reduction.result import LowerOrderWarning, ReductionError
 from tests.profiles import examples
+from tests.strategies import seeds
 
 
 def random_system(seed, integrator=False):
@@ -82,3 +86,34 @@ def test_what_has_no_image_is_refused():
         reduce(control.ss(np.diag([-1.0, 0.5]), np.eye(2), np.eye(2), 0.0, 0.1), 1)
     with pytest.raises(ValueError, match=r"^system: expected continuous time or a sampling time in seconds"):
         reduce(control.ss(0.5, 1.0, 1.0, 0.0, True), 1)
+
+
+@examples(200)
+@given(seed=seeds)
+def test_a_sampled_floating_body_is_kept_though_rounding_takes_its_double_pole_apart(seed):
+    """What is refused is refused for rounding of its matrices, not for a pole that one half keeps and the other does not."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    k, m = 10.0 ** rng.uniform(0.0, 4.0) * rng.uniform(0.5, 2.0, n - 1), rng.uniform(0.5, 20.0, n)
+    rates = (np.diag([*k, 0.0]) + np.diag([0.0, *k]) - np.diag(k, 1) - np.diag(k, -1)) / m[:, None]
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-rates, -(10.0 ** rng.uniform(-3.5, -1.5)) * rates]])
+    B, C = np.concatenate([np.zeros(n), rng.standard_normal(n) / m])[:, None], rng.standard_normal((1, 2 * n))
+    fastest = np.abs(np.linalg.eigvals(A)).max()
+    P = control.sample_system(control.ss(A, B, C, 0.0), float(10.0 ** rng.uniform(-1.7, 0.0) / fastest))
+    order, method = (
+        int(rng.integers(2, 2 * n)),
+        str(rng.choice(["balanced", "hankel", "singular-perturbation", "modal"])),
+    )
+    refused = ""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LowerOrderWarning)
+            found = reduce(P, order, method)
+    except ReductionError as error:
+        refused = str(error)
+    if refused:
+        assert "may change its response without bound" in refused
+        return
+    small, z = found.system, np.exp(1j * np.geomspace(0.05, np.pi, 60))
+    gap = np.abs(P(z, squeeze=False) - small(z, squeeze=False)).max()
+    assert gap <= found.measured_error * (1.0 + 1e-6) + 1e-6 * np.abs(P(z, squeeze=False)).max()
