@@ -30,9 +30,12 @@ _CHECK_POINTS = 6  # Gauss points on each: exact for polynomials of degree 11
 _UNSEEN = 1e-2  # share of the largest gain that a look at even intervals may miss: more is a short motion (a choice)
 # a resonance makes a thousand times as much of what functions differ by, which is a motion's own tolerance
 _BELONGING = 1e-11  # of how far a function goes, by which it may differ from the integral of its slope (measured)
+_RESOLVED = 1e-9  # likewise where the speed at Gauss points tells of all of it: the motion is slow there (a choice)
 _ROUNDING = 16.0 * np.finfo(float).eps  # of the largest value: what a user's function may be off (a choice)
 _ONE = 1e-12  # of the whole time: two instants nearer than that are one, and no step lies between them (a choice)
 _SPLIT = 16  # parts of an interval on which a slope's integral is not exact enough: a choice
+_CUT_OUT = 3  # times that a place is split so that it is one at which a slope jumps, and not swift (a choice)
+_MOST_JUMPS = 1000  # found so; of more, the function is no smooth one between them (a choice)
 _MOST_PARTS = 2**18  # that are looked at side by side, a quarter of a second (measured)
 
 
@@ -220,6 +223,8 @@ class HubProfile(PrescribedMotion):
                 found = np.cumsum(_integrals(getattr(self, slope), ends), axis=1)
                 missed[open_] = np.abs(gained - found).max(axis=1)
                 size[open_] = np.maximum(np.abs(gained), np.abs(found)).max(axis=1)
+                if parts == 1 and name == "angle":
+                    hidden &= missed > _RESOLVED * size.max()
                 if parts > 1:
                     short += [_moving(times, way) for times, way in zip(ends, gained, strict=True)]
                 close = hidden if parts == 1 and name == "speed" else False
@@ -231,15 +236,17 @@ class HubProfile(PrescribedMotion):
                     open_ = beside[(beside >= 0) & (beside < len(missed))]
         looked_at = np.unique(np.concatenate([edges, *short]))
         self._agree("angle", "speed", looked_at)
-        self._agree("speed", "acceleration", looked_at)
-        if not short:
+        jumps = self._agree("speed", "acceleration", looked_at)
+        if not short and not len(jumps):
             return self
-        inside = np.unique(np.concatenate([self.breakpoints, *short]))
+        inside = np.unique(np.concatenate([self.breakpoints, *short, jumps]))
         inside = inside[np.diff(inside, prepend=-np.inf) > _ONE * end]
         return replace(self, breakpoints=tuple(inside.tolist()))
 
-    def _agree(self, name: str, slope: str, edges: Array) -> None:
+    def _agree(self, name: str, slope: str, edges: Array) -> Array:
         """Refuse a function that is not the integral of another: between some instants and at places within.
+
+        Returned are the places that had to be cut out: there the slope jumps.
 
         Where the integral is not exact enough the interval is split: the parts' shares of what may be missed are as much
         smaller, so that what differs throughout stays in sight, and what is not smooth at an instant is cut out.
@@ -250,6 +257,7 @@ class HubProfile(PrescribedMotion):
         low, high = edges[:-1], edges[1:]
         share, allowed, floor = 1.0 / len(low), 0.0, 0.0
         settled: list[tuple[Array, Array]] = []
+        jumps, parents, cuts = [low[:0]], low[:0], 0
         while len(low):
             width = (high - low)[:, None]
             inside = low[:, None] + width * method.nodes
@@ -263,6 +271,9 @@ class HubProfile(PrescribedMotion):
             if np.count_nonzero(open_) * _SPLIT > _MOST_PARTS:
                 open_[:] = False
             settled.append((high[~open_], missed[~open_, -1]))
+            if cuts > _CUT_OUT:
+                jumps.append(parents[~open_.reshape(-1, _SPLIT).any(axis=1)])
+            parents, cuts = 0.5 * (low + high)[open_], cuts + 1
             ends = np.linspace(low[open_], high[open_], _SPLIT + 1, axis=1)
             low, high, share = ends[:, :-1].ravel(), ends[:, 1:].ravel(), share / _SPLIT
         at, missed = (np.concatenate(each) for each in zip(*settled, strict=True))
@@ -275,6 +286,8 @@ class HubProfile(PrescribedMotion):
                 f" differs by up to {apart[worst]:.3g} from the integral of the {slope}; of tables take one spline and its"
                 " derivatives"
             )
+        found = np.concatenate(jumps)
+        return found if len(found) <= _MOST_JUMPS else found[:0]
 
     def angle(self, t: ArrayLike) -> Array:
         return _evaluate("angle", self.angle_function, t)

@@ -1,9 +1,14 @@
-"""Steps of modes in closed form: the forces between them satisfy their equations, settled or solved for."""
+"""Steps of modes in closed form: the forces between them satisfy their equations; motions with jumps are as exact as told."""
+
+from itertools import pairwise
 
 import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
+import boomctl as bc
+from boomctl.rotating_beam.modal.integrals import modal_integrals
 from boomctl.rotating_beam.motion.modal_steps import STAGES, _forces, solve_steps
 from tests.profiles import examples
 
@@ -45,3 +50,89 @@ def test_forces_between_modes_leave_no_residual(seed, strength):
     z = free + to_nodes @ force
     wanted = -strength * remainder[:, None, :, None] * np.einsum("mij,mjsc->misc", coupling, z)
     assert np.abs(force - wanted).max() <= 1e-9 * max(np.abs(wanted).max(), strength)
+
+
+def jumping(seed):
+    """A beam and a hub that is accelerated evenly from one random jump of its acceleration to the next."""
+    generator = np.random.default_rng(seed)
+    beam = bc.hub_beam(
+        bc.HubBeamParameters(length=generator.uniform(2.0, 8.0), tip_mass=generator.uniform(0.0, 2.0)),
+        "sfoam",
+        modes=int(generator.integers(2, 5)),
+    )
+    end = generator.uniform(0.3, 3.0) / beam.frequencies_hz()[0]
+    jumps = np.append(0.0, np.sort(generator.uniform(0.05, 0.95, generator.integers(1, 5)))) * end
+    pulls = 10.0 ** generator.uniform(-1.5, 0.3) * generator.normal(size=jumps.size)
+    speeds = np.append(0.0, np.cumsum(pulls[:-1] * np.diff(jumps)))
+    turned = np.append(0.0, np.cumsum((speeds[:-1] + 0.5 * pulls[:-1] * np.diff(jumps)) * np.diff(jumps)))
+
+    def of_piece(k, t):
+        since = t - jumps[k]
+        return (
+            turned[k] + (speeds[k] + 0.5 * pulls[k] * since) * since,
+            speeds[k] + pulls[k] * since,
+            pulls[k] + 0.0 * since,
+        )
+
+    def function(which):
+        return lambda t: of_piece(np.searchsorted(jumps, t, side="right") - 1, t)[which]
+
+    return beam, bc.hub_profile(*map(function, range(3))), np.append(jumps, end), of_piece
+
+
+@examples(100)
+@given(seed=st.integers(0, 10**6), digits=st.floats(4.0, 9.0))
+@example(seed=0, digits=5.0)
+def test_tolerance_and_estimate_hold_where_the_acceleration_jumps(seed, digits):
+    """Against the equations written out, integrated from jump to jump; fast modes vibrate after each of them."""
+    beam, motion, bounds, of_piece = jumping(seed)
+    m = modal_integrals(beam.parameters, beam.modes)
+    solved = np.linalg.inv(m.M2)
+    instants = np.union1d(np.linspace(0.0, bounds[-1], 60), bounds)
+    state, found = np.zeros(2 * beam.modes), [0.0]
+    for k, (begin, stop) in enumerate(pairwise(bounds)):
+
+        def derivative(t, state, k=k):
+            _, speed, pull = of_piece(k, t)
+            q, rate = np.split(state, 2)
+            return np.append(rate, solved @ (speed**2 * (m.M2 - m.D) @ q - m.K2 @ q - pull * m.V2))
+
+        wanted = instants[(instants > begin) & (instants <= stop)]
+        piece = solve_ivp(derivative, (begin, stop), state, "DOP853", wanted, rtol=1e-11, atol=1e-15)
+        state = piece.y[:, -1]
+        found += list(m.tip2 @ piece.y[: beam.modes])
+    rtol = 10.0**-digits
+    result = beam.simulate(motion, instants, rtol=rtol, atol=1e-12)
+    error, largest = np.abs(result.tip_displacement - found).max(), np.abs(found).max()
+    assert error <= 1e-12 + rtol * largest
+    assert error <= result.error_estimate + 1e-10 * largest
+
+
+@examples(100)
+@given(seed=st.integers(0, 10**6), share=st.floats(-5.0, -4.3))
+@example(seed=0, share=-4.5)
+def test_short_pulse_that_is_not_told_is_followed(seed, share):
+    """A pulse shorter than what is looked at shows where the speed is no integral of smooth pieces."""
+    generator = np.random.default_rng(seed)
+    end, size = generator.uniform(1.0, 20.0), generator.uniform(0.05, 1.0)
+    begin, length = generator.uniform(0.1, 0.9) * end, 10.0**share * end
+
+    def since(t):
+        return np.clip(t - begin, 0.0, length)
+
+    functions = (
+        lambda t: size * (0.5 * since(t) ** 2 + length * np.maximum(t - begin - length, 0.0)) + 1.0 - np.cos(t),
+        lambda t: size * since(t) + np.sin(t),
+        lambda t: size * ((t >= begin) & (t < begin + length)) + np.cos(t),
+    )
+    beam, instants = bc.hub_beam(bc.HubBeamParameters(length=3.0), modes=2), np.linspace(0.0, end, 50)
+    found = beam.simulate(bc.hub_profile(*functions), instants).tip_displacement
+    told = beam.simulate(bc.hub_profile(*functions, (begin, begin + length)), instants, rtol=1e-10).tip_displacement
+    assert np.abs(found - told).max() <= 1e-10 + 2e-8 * np.abs(told).max()
+
+
+def test_smooth_sway_takes_no_steps_for_short_motions_that_are_not_there():
+    """Thirty seconds of a sine have as many steps as twenty, by their length."""
+    sway = bc.hub_profile(lambda t: 1.0 - np.cos(t), np.sin, np.cos)
+    beam = bc.hub_beam(modes=2)
+    assert beam.simulate(sway, [0.0, 30.0]).steps <= 3 * beam.simulate(sway, [0.0, 20.0]).steps

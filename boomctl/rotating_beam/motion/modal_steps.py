@@ -117,6 +117,12 @@ def highest_terms(force: Array) -> Array:
     return _times(force, _table().highest.T)
 
 
+def leading_terms(force: Array) -> tuple[Array, Array]:
+    """Sizes of the two highest Legendre terms of forces given at the nodes, and of the two before; the latter first."""
+    terms = np.abs(_times(force, _table().legendre.T))
+    return terms[..., 0] + terms[..., 1], terms[..., 2] + terms[..., 3]
+
+
 def _times(tensor: Array, matrix: Array) -> Array:
     """``tensor @ matrix`` in one product of matrices."""
     result: Array = (tensor.reshape(-1, tensor.shape[-1]) @ matrix).reshape(*tensor.shape[:-1], -1)
@@ -204,6 +210,8 @@ class _Table(NamedTuple):
         From values at the nodes to coefficients of powers.
     highest : ndarray, s x s
         Leaves the two highest Legendre terms of what is given at the nodes.
+    legendre : ndarray, 4 x s
+        From values at the nodes to coefficients of the four highest Legendre terms.
     derivatives : ndarray, s x (s/2 s)
         From coefficients of powers to those of the even derivatives.
     motions : ndarray, s/2 x ((s + 4) s)
@@ -216,6 +224,7 @@ class _Table(NamedTuple):
 
     to_powers: Array
     highest: Array
+    legendre: Array
     derivatives: Array
     motions: Array
     integrals: Array
@@ -233,10 +242,13 @@ def _table() -> _Table:
         for i in range(_TERMS):
             integrals[k, i, k + 2 * i + 2] = 1.0 / perm(k + 2 * i + 2, 2 * i + 2)
     vandermonde = legendre.legvander(2.0 * nodes - 1.0, s - 1)
-    highest = vandermonde[:, _KEPT:] @ np.linalg.inv(vandermonde)[_KEPT:]
+    terms = np.linalg.inv(vandermonde)
+    highest = vandermonde[:, _KEPT:] @ terms[_KEPT:]
     to_powers = np.linalg.inv(np.vander(nodes, s, increasing=True))
     flat = derivatives.reshape(s, -1), integrals.reshape(s, -1)
-    return _Table(to_powers, highest, flat[0], _evaluated(derivatives), flat[1], _evaluated(integrals))
+    return _Table(
+        to_powers, highest, terms[_KEPT - 2 :], flat[0], _evaluated(derivatives), flat[1], _evaluated(integrals)
+    )
 
 
 def _evaluated(polynomials: Array) -> Array:
