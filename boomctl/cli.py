@@ -154,6 +154,13 @@ def _fail(message: str, code: int) -> None:
     sys.exit(code)
 
 
+def _name_others(folder: Path, written: Sequence[Path]) -> None:
+    """Say which files of a folder are not those written in this run."""
+    others = sorted(each.name for each in folder.iterdir() if each.is_file() and each not in written)
+    if others:
+        print(f"boomctl: {folder}: also has files that are not of this run: {', '.join(others)}", file=sys.stderr)
+
+
 def _print_json(value: Any) -> None:
     import json
 
@@ -264,9 +271,9 @@ def reproduce(words: Sequence[str]) -> None:
             report = report_of([next(found) for _ in work])
             target = folder / name if asked.what == "all" else folder
             if asked.what == "all":
-                report.write(target)
+                _name_others(target, report.write(target))
             else:
-                report.write_into(target)
+                _name_others(target, report.write_into(target))
             results[name] = plain(report.results)
             reports.append((_PAPERS[name], report.html))
             if not asked.json:
@@ -370,7 +377,7 @@ def design(words: Sequence[str]) -> None:
             progress("judging")
             result = made.evaluate(scene)
             report = result.report(progress)
-            report.write_into(folder)
+            _name_others(folder, report.write_into(folder))
     if asked.json:
         _print_json(report.results)
         return
@@ -519,7 +526,7 @@ def slew(words: Sequence[str]) -> None:
             **given,
         )
         report = evaluation.report(progress)
-        report.write_into(folder)
+        _name_others(folder, report.write_into(folder))
     found = plain(report.results)
     if asked.json:
         _print_json(found)
@@ -615,7 +622,7 @@ def _precision(asked: Namespace) -> tuple[Any, dict[str, Any]]:
         report = run(asked.scenes, asked.quick, progress)
         if folder is not None:
             progress("pictures and report", 0)
-            report.report().write_into(folder)
+            _name_others(folder, report.report().write_into(folder))
     if asked.page is not None:
         PAGE.write(asked.page, report.page())
     return report, report.as_dict()
@@ -653,7 +660,7 @@ def stress(words: Sequence[str]) -> None:
         with _progress(len(cases)) as progress:
             found = stressed(cases, workers, progress)
         if folder is not None:
-            found.report().write_into(folder)
+            _name_others(folder, found.report().write_into(folder))
     if asked.page is not None:
         PAGE.write(asked.page, found.page())
     if asked.json:

@@ -12,8 +12,10 @@ import tempfile
 import time
 from functools import partial
 
+import numpy as np
 import pytest
 
+from boomctl.cli import _name_others
 from boomctl.files import locked_folder
 from boomctl.report import Picture, Report, Section
 from tests.command import boomctl
@@ -494,3 +496,20 @@ def test_without_notebooks_it_is_said_that_there_are_none(tmp_path, monkeypatch)
     assert done.returncode == 1
     assert "there are no notebooks in" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_files_of_an_earlier_run_beside_a_report_are_named(seed, tmp_path, capsys):
+    """Files that a report replaces are not named, nor are folders."""
+    drawn = np.random.default_rng(seed).permutation([f"{name}.txt" for name in "abcdefgh"])
+    before, now = set(drawn[: seed % 6]), set(drawn[seed % 4 : 7])
+    for name in before:
+        (tmp_path / name).write_text("earlier")
+    (tmp_path / "folder").mkdir()
+    report = Report("A run", (), (), {"seed": seed}, dict.fromkeys(now, "now"))
+    _name_others(tmp_path, report.write_into(tmp_path))
+    said = capsys.readouterr().err
+    left = sorted(before - now)
+    assert said == (
+        f"boomctl: {tmp_path}: also has files that are not of this run: {', '.join(left)}\n" if left else ""
+    )
