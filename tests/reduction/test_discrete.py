@@ -3,14 +3,16 @@
 import warnings
 
 import control
+import mpmath as mp
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy import linalg
 
 from boomctl import reduce
 from boomctl.reduction.result import LowerOrderWarning, ReductionError
+from tests.forty_digits import exact, largest
 from tests.profiles import examples
 from tests.strategies import seeds
 
@@ -117,3 +119,29 @@ def test_a_sampled_floating_body_is_kept_though_rounding_takes_its_double_pole_a
     small, z = found.system, np.exp(1j * np.geomspace(0.05, np.pi, 60))
     gap = np.abs(P(z, squeeze=False) - small(z, squeeze=False)).max()
     assert gap <= found.measured_error * (1.0 + 1e-6) + 1e-6 * np.abs(P(z, squeeze=False)).max()
+
+
+@examples(100)
+@given(seed=st.integers(0, 10**6), method=st.sampled_from(("balanced", "singular-perturbation", "hankel", "modal")))
+@example(seed=3, method="balanced")
+def test_a_slow_pole_among_fast_ones_does_not_hide_the_error(seed, method):
+    """Near 1 rounding of a pole moves the response by more than the error: what is measured is that of the numbers given."""
+    generator = np.random.default_rng(seed)
+    n = int(generator.integers(2, 9))
+    A = generator.standard_normal((n, n))
+    A *= (1.0 - 10.0 ** generator.uniform(-6.5, -3.0)) / np.abs(np.linalg.eigvals(A)).max()
+    B, C = generator.standard_normal((n, 2)), generator.standard_normal((2, n))
+    full = control.ss(A, B, C, np.zeros((2, 2)), 0.1)
+    try:
+        result = reduce(full, int(generator.integers(1, n)), method)
+    except ReductionError:  # refused: nothing is said of it
+        return
+    with mp.workdps(40):
+        matrices = [[exact(part) for part in (s.A, s.B, s.C, s.D)] for s in (full, result.system)]
+
+        def response(z, A, B, C, D):
+            return C * mp.inverse(z * mp.eye(A.rows) - A) * B + D if A.rows else D
+
+        angles = [0, mp.pi, *(mp.mpf(abs(float(np.angle(pole)))) for pole in full.poles())]
+        true = max(largest(response(mp.expj(w), *matrices[0]) - response(mp.expj(w), *matrices[1])) for w in angles)
+    assert true <= result.measured_error * (1.0 + 1e-12)
