@@ -12,8 +12,9 @@ from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, positive, up_to, whole
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega
 from boomctl.lti.frequency import resonance_grid, singular_values
-from boomctl.lti.modal import split
+from boomctl.lti.modal import split_and_doubt
 from boomctl.lti.system import Lti, of
+from boomctl.lti.verified_modal_form import rounding_doubt
 from boomctl.progress import Listener, Tell, computing
 from boomctl.reduction.core import core_of
 from boomctl.reduction.reducers import (
@@ -256,10 +257,20 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
     assert isinstance(image, Lti)
     small, dt, kept = discrete_image(image, full.dt), full.dt, "unstable, undamped or rigid-body poles"
     small = replace(small, inputs=full.inputs, outputs=full.outputs, states=()).without_dots()
-    both = full.balanced(), small
-    beyond = [_kept(system, found.kept) for system in both]
     # a system without such poles stays as it is: rounding of other coordinates moves what is slow by more than the error
-    apart = [split(system, far, kept)[1] if far.any() else system for system, far in zip(both, beyond, strict=True)]
+    apart, ours, own = [full.balanced(), small.balanced()], [], 0.0
+    for k, system in enumerate(apart) if found.kept else ():
+        one, apart[k], doubt = split_and_doubt(system, _kept(system, found.kept), kept)
+        ours.append(one)
+        own += rounding_doubt(apart[k], doubt)
+    if ours:  # what is kept is the same but for rounding, of the map there and back too
+        omega = np.unique(np.concatenate([[0.0, full.nyquist], *(np.abs(one.rates.imag) for one in ours)]))
+        first, second = (one.response(omega, quiet=True) for one in ours)
+        own += float(singular_values(first - second)[0].max())
+    if own == inf:
+        raise ReductionError(
+            "rounding of the system's matrices may change its response without bound: nothing is verified"
+        )
     gap = replace(difference(*apart), dt=dt)
     largest = matrices_norm(apart[0].balanced()).lower
     floor = _ROUNDING * largest
@@ -278,8 +289,8 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
         found,
         _full=full,
         _reduced=small,
-        error_bound=max(found.error_bound, norm.upper),  # which knows of rounding, and of that of the map
-        measured_error=max(found.measured_error, norm.upper),
+        error_bound=max(found.error_bound, norm.upper + own),  # which knows of rounding, and of that of the map
+        measured_error=max(found.measured_error, norm.upper + own),
         certificate=norm,
         band=band,
     )

@@ -169,7 +169,10 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
         for level in sorted({max(peak * factor, floor) for factor in _LEVELS} | {floor * factor for factor in _FLOORS}):
             if level <= peak:
                 continue
-            crossings = axis_eigenvalues(gap, level)
+            try:
+                crossings = axis_eigenvalues(gap, level)
+            except np.linalg.LinAlgError:  # a singular value of D to the last digit, of which the matrix is not defined
+                continue
             inside = crossings[(crossings > low) & (crossings < high)]
             if not len(inside):
                 if not level_shows(gap, level, at):

@@ -126,15 +126,39 @@ def test_a_sampled_floating_body_is_kept_though_rounding_takes_its_double_pole_a
 @example(seed=3, method="balanced")
 def test_a_slow_pole_among_fast_ones_does_not_hide_the_error(seed, method):
     """Near 1 rounding of a pole moves the response by more than the error: what is measured is that of the numbers given."""
+    slow, generator = with_a_slow_pole(seed)
+    measured_is_not_below_the_truth(slow, int(generator.integers(1, len(slow.A))), method)
+
+
+@examples(100)
+@given(seed=st.integers(0, 10**6), method=st.sampled_from(("balanced", "singular-perturbation", "hankel", "modal")))
+def test_what_splitting_an_unstable_pole_off_may_change_is_part_of_the_error(seed, method):
+    """In random coordinates of any condition up to 1e6."""
+    slow, generator = with_a_slow_pole(seed)
+    n = len(slow.A) + 2
+    ways = [linalg.qr(generator.standard_normal((n, n)))[0] for _ in range(2)]
+    T = ways[0] @ np.diag(10.0 ** generator.uniform(-3.0, 3.0, n)) @ ways[1]
+    A = linalg.block_diag(slow.A, np.diag(1.0 + 10.0 ** generator.uniform(-3.0, 0.0, 2)))
+    B = np.vstack([slow.B, generator.standard_normal((2, 2))])
+    C, back = np.hstack([slow.C, generator.standard_normal((2, 2))]), np.linalg.inv(T)
+    system = control.ss(T @ A @ back, T @ B, C @ back, slow.D, slow.dt)
+    measured_is_not_below_the_truth(system, int(generator.integers(2, n)), method)
+
+
+def with_a_slow_pole(seed):
     generator = np.random.default_rng(seed)
     n = int(generator.integers(2, 9))
     A = generator.standard_normal((n, n))
     A *= (1.0 - 10.0 ** generator.uniform(-6.5, -3.0)) / np.abs(np.linalg.eigvals(A)).max()
     B, C = generator.standard_normal((n, 2)), generator.standard_normal((2, n))
-    full = control.ss(A, B, C, np.zeros((2, 2)), 0.1)
+    return control.ss(A, B, C, np.zeros((2, 2)), 0.1), generator
+
+
+def measured_is_not_below_the_truth(full, order, method):
+    """At 1, at -1 and at the angles of the poles, in 40 digits."""
     try:
-        result = reduce(full, int(generator.integers(1, n)), method)
-    except ReductionError:  # refused: nothing is said of it
+        result = reduce(full, order, method)
+    except (ReductionError, ValueError):  # refused, or fewer states than are kept: nothing is said of it
         return
     with mp.workdps(40):
         matrices = [[exact(part) for part in (s.A, s.B, s.C, s.D)] for s in (full, result.system)]
@@ -145,3 +169,23 @@ def test_a_slow_pole_among_fast_ones_does_not_hide_the_error(seed, method):
         angles = [0, mp.pi, *(mp.mpf(abs(float(np.angle(pole)))) for pole in full.poles())]
         true = max(largest(response(mp.expj(w), *matrices[0]) - response(mp.expj(w), *matrices[1])) for w in angles)
     assert true <= result.measured_error * (1.0 + 1e-12)
+
+
+@examples(200)
+@given(seed=st.integers(0, 10**6))
+def test_a_band_far_from_a_pole_near_minus_one_is_judged_or_refused_in_words(seed):
+    """The image has a direct part by which the error is dwarfed, and levels that are singular values of it."""
+    generator = np.random.default_rng(seed)
+    n = int(generator.integers(2, 7))
+    A = np.diag(np.append(-1.0 + 10.0 ** generator.uniform(-6.0, -4.0), generator.uniform(-0.9, 0.9, n - 1)))
+    T = generator.standard_normal((n, n))
+    B, C = generator.standard_normal((n, 2)), generator.standard_normal((2, n))
+    system = control.ss(T @ A @ np.linalg.inv(T), B, C, np.zeros((2, 2)), 0.1)
+    high = 10.0 ** generator.uniform(-4.0, 1.0)
+    try:
+        reduce(system, n - 1, "singular-perturbation", band=(0.0, high))
+    except (ReductionError, ValueError) as refused:
+        said = refused
+    else:
+        return
+    assert not isinstance(said, np.linalg.LinAlgError)
