@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import boomctl as bc
 from boomctl.rotating_beam import HubBeamParameters, SimulationError, free, hub_beam, sine_torque, spin_up, torque
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from tests.profiles import examples
@@ -326,3 +327,14 @@ def test_bad_simulation():
 def test_a_tolerance_beyond_rounding_is_an_error():
     with pytest.raises(SimulationError, match="rtol"):
         GeometricallyExactBeam(BAI, 1).simulate(spin_up(2.0, 1.0), [0.0, 1.0], rtol=1e-17, atol=1e-99)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_motion_too_short_for_its_first_steps_is_refined(seed):
+    """There are at least twelve steps between corners: halved ones are to be more, or two runs agree on anything."""
+    generator = np.random.default_rng(seed)
+    beam = bc.hub_beam(bc.HubBeamParameters(length=generator.uniform(2.0, 8.0)), "geometrically-exact", modes=4)
+    pull = generator.uniform(1.0, 4.0)
+    jerk = bc.hub_profile(lambda t: 0.5 * pull * t**2, lambda t: pull * t, lambda t: pull + 0.0 * t)
+    time = np.linspace(0.0, 0.15 / beam.frequencies_hz()[0], 8)
+    assert beam.simulate(jerk, time, rtol=1e-8, atol=1e-13).steps > beam.simulate(jerk, time, rtol=1e-2).steps

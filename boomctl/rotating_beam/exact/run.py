@@ -77,9 +77,14 @@ class Run:
 
 
 def run_with_step(
-    dynamics: ExactBeamDynamics, manoeuvre: Manoeuvre, timepts: Array, state: tuple[Array, Array], step: float
+    dynamics: ExactBeamDynamics,
+    manoeuvre: Manoeuvre,
+    timepts: Array,
+    state: tuple[Array, Array],
+    step: float,
+    least: int = _LEAST_STEPS,
 ) -> Run:
-    """Integrate from t = 0 in steps of about a length [s].
+    """Integrate from t = 0 in steps of about a length [s], at least so many between two corners.
 
     Raises
     ------
@@ -90,7 +95,7 @@ def run_with_step(
     """
     end = float(timepts[-1])
     bounds = np.array([0.0, *(c for c in sorted(manoeuvre.breakpoints) if 0.0 < c < end), end])
-    counts = [_steps(start, stop, step, timepts) for start, stop in pairwise(bounds)]
+    counts = [_steps(start, stop, step, timepts, least) for start, stop in pairwise(bounds)]
     if sum(counts) > _MOST_STEPS:
         raise _TooMany(f"steps of {step:.2g} s: too many")
     trajectories = _run(dynamics, manoeuvre, bounds, counts, state)
@@ -153,7 +158,10 @@ def run_to_tolerance(
     step, previous, error, stuck = first_step, None, np.inf, 0
     while stuck < _MOST_STUCK:
         try:
-            here = run_with_step(dynamics, manoeuvre, timepts, state, step)
+            least = round(
+                _LEAST_STEPS * first_step / step
+            )  # halved too: two runs with the same steps agree on anything
+            here = run_with_step(dynamics, manoeuvre, timepts, state, step, least)
         except StepFailed:
             previous, step = None, 0.5 * step
             continue
@@ -191,9 +199,9 @@ def _small_until(dynamics: ExactBeamDynamics, timepts: Array, tip: Array, state:
     return small_deformation_until(timepts, np.imag(tip), dynamics.basis.length, tip_rate)
 
 
-def _steps(start: float, stop: float, step: float, timepts: Array) -> int:
+def _steps(start: float, stop: float, step: float, timepts: Array, least: int) -> int:
     """Number of steps between two corners; if equal steps can, they end at the instants wanted."""
-    count = max(_LEAST_STEPS, int(np.ceil((stop - start) / step)))
+    count = max(least, int(np.ceil((stop - start) / step)))
     gaps = np.diff(np.unique([start, *timepts[(timepts > start) & (timepts < stop)], stop]))
     uniform = np.ptp(gaps) <= _COINCIDENT * gaps[0] and gaps.size <= count
     return -(-count // gaps.size) * gaps.size if uniform else count
