@@ -7,12 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.analysis.norm import NO_CIRCLE_CROSSING, NO_RESPONSE, NormCertificate, matrices_norm, stays_below_on_circle
+from boomctl.analysis.norm import (
+    NO_CIRCLE_CROSSING,
+    NO_RESPONSE,
+    NormCertificate,
+    matrices_norm,
+    stays_below_on_circle,
+)
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, positive, up_to, whole
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega
 from boomctl.lti.frequency import resonance_grid, singular_values
-from boomctl.lti.modal import split_and_doubt
+from boomctl.lti.modal import sides, split_and_doubt
 from boomctl.lti.system import Lti, of
 from boomctl.lti.verified_modal_form import rounding_doubt
 from boomctl.progress import Listener, Tell, computing
@@ -49,6 +55,9 @@ _ROUNDING = 1e-8  # of the largest Hankel singular value: what a core leaves out
 _MORE = 1e-5  # share of an error that its verification on the unit circle may add: that of a certified norm
 _SLACK = (
     1e-3  # share by which the error on the unit circle may exceed that of the image: rounding of the map (a choice)
+)
+_SPLIT = (
+    1e-6  # distance up to which rounding takes a double pole on the circle apart: its root, with room (measured: 1e-7)
 )
 _POINTS = 200  # of a band, beside those at the resonances (a choice)
 _START = 1e-6  # where the grid of a band from zero begins, relative to its end (a choice)
@@ -235,11 +244,11 @@ def _as_given(given: Lti | SecondOrderModel, method: str) -> Lti | SecondOrderMo
     return modal_form(given.structure, given.ports)
 
 
-def _kept(system: Lti, count: int) -> Array:
-    """Return which poles of a discrete system are the ``count`` outermost: a double one on the circle is split across it."""
-    chosen = np.zeros(len(system.A), dtype=bool)
-    chosen[np.argsort(-np.abs(system.poles), kind="stable")[:count]] = True
-    return chosen
+def _kept(system: Lti) -> Array:
+    """Return which poles of a discrete system do not decay: both halves of a double one, which rounding takes apart."""
+    poles = system.poles
+    beyond = sides(poles, system.dt) >= 0
+    return ((np.abs(poles[:, None] - poles) <= _SPLIT) & beyond).any(axis=1)
 
 
 def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> ReductionResult:
@@ -259,11 +268,12 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
     small = replace(small, inputs=full.inputs, outputs=full.outputs, states=()).without_dots()
     # a system without such poles stays as it is: rounding of other coordinates moves what is slow by more than the error
     apart, ours, own = [full.balanced(), small.balanced()], [], 0.0
-    for k, system in enumerate(apart) if found.kept else ():
-        one, apart[k], doubt = split_and_doubt(system, _kept(system, found.kept), kept)
-        ours.append(one)
-        own += rounding_doubt(apart[k], doubt)
-    if ours:  # what is kept is the same but for rounding, of the map there and back too
+    for k, system in enumerate(apart):
+        if (far := _kept(system)).any():
+            one, apart[k], doubt = split_and_doubt(system, far, kept)
+            ours.append(one)
+            own += rounding_doubt(apart[k], doubt)
+    if len(ours) == 2:  # what is kept is the same but for rounding, of the map there and back too
         omega = np.unique(np.concatenate([[0.0, full.nyquist], *(np.abs(one.rates.imag) for one in ours)]))
         first, second = (one.response(omega, quiet=True) for one in ours)
         own += float(singular_values(first - second)[0].max())
