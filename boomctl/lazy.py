@@ -58,4 +58,5 @@ def loader(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], 
         setattr(module, name, value)  # found without this function from now on
         return value
 
-    return sorted(name for name, where in home.items() if where), load, lambda: sorted({*home, *vars(module)})
+    shown = sorted({*home, *(name for name in vars(module) if name.startswith("__"))})
+    return sorted(name for name, where in home.items() if where), load, lambda: shown
