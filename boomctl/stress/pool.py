@@ -11,6 +11,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from threading import current_thread, main_thread
 
+from boomctl.progress import end_with_parent
 from boomctl.stress.case import Case, Line, Outcome, tried
 
 _MEMORY = (
@@ -134,6 +135,7 @@ def _deaf() -> Iterator[None]:
 
 def _serve(connection: Connection) -> None:
     """Try the cases that come until the connection is closed."""
+    end_with_parent()
     try:
         import resource  # there is none on Windows
 

@@ -3,8 +3,10 @@
 import json
 import os
 import signal
+import subprocess
 import sys
 import threading
+import time
 import warnings
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
@@ -223,6 +225,54 @@ def test_what_was_interrupted_goes_on(tmp_path):
     assert len(calls(tmp_path)) == 9
 
 
+class Times:
+    def __init__(self, factor):
+        self.factor = factor
+
+    def of(self, x):
+        return {"value": self.factor * x}
+
+
+def times(factor):
+    return lambda x: {"value": factor * x}
+
+
+def with_default(factor):
+    def own(x, by=factor):
+        return {"value": by * x}
+
+    return own
+
+
+@pytest.mark.parametrize("made", [lambda f: Times(f).of, times, with_default, lambda f: partial(scaled, factor=f)])
+def test_a_file_says_that_its_function_holds_other_values(tmp_path, made):
+    file = tmp_path / "sweep.jsonl"
+    for _ in range(2):  # the same function, made anew, is the same
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert bc.sweep(made(2.0), {"x": [1.0, 2.0]}, file=file)["value"].tolist() == [2.0, 4.0]
+    with pytest.warns(SweepWarning, match="written otherwise"):
+        bc.sweep(made(3.0), {"x": [1.0, 2.0]}, file=file)
+
+
+def scaled(x, factor):
+    return {"value": factor * x}
+
+
+def test_a_value_that_changed_under_its_name_is_computed_anew(tmp_path):
+    file, old = tmp_path / "sweep.jsonl", {"soft": np.array([1.0]), "hard": np.array([9.0])}
+    assert bc.sweep(first_of, {"x": old}, file=file)["value"].tolist() == [1.0, 9.0]
+    for _ in range(2):
+        found = bc.sweep(first_of, {"x": {**old, "soft": np.array([2.0])}}, file=file)
+        assert found["value"].tolist() == [2.0, 9.0]
+    assert found.path[0].startswith("2 points of ")
+    assert len(file.read_text().splitlines()) == 1 + 3
+
+
+def first_of(x):
+    return {"value": float(x[0])}
+
+
 def test_a_kept_sweep_takes_further_values_and_tries_failed_points_again(tmp_path):
     file = tmp_path / "sweep.jsonl"
     with pytest.warns(SweepWarning, match="1 of 4 points failed"):
@@ -316,6 +366,47 @@ def test_a_killed_worker_costs_nothing(tmp_path, how):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+def sleeping(x, folder):
+    (Path(folder) / f"pid{os.getpid()}").touch()
+    time.sleep(60.0)
+    return {"value": x}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signals")
+@pytest.mark.parametrize("how", ["SIGTERM", "SIGHUP", "SIGKILL"])
+def test_workers_end_with_the_process_that_asks_and_give_its_file_free(tmp_path, how):
+    file, over = tmp_path / "sweep.jsonl", {"x": [1, 2], "folder": str(tmp_path)}
+    call = f"bc.sweep(sleeping, {over}, 2, file={str(file)!r})"
+    text = f"import boomctl as bc; from tests.studies.test_sweeps import sleeping; {call}"
+    with subprocess.Popen([sys.executable, "-c", text]) as child:
+        begun = time.monotonic()
+        while len(pids := [int(p.name[3:]) for p in tmp_path.glob("pid*")]) < 2 and time.monotonic() < begun + 30.0:
+            time.sleep(0.1)
+        child.send_signal(getattr(signal, how))
+    begun = time.monotonic()
+    while (alive := [pid for pid in pids if runs(pid)]) and time.monotonic() < begun + 10.0:
+        time.sleep(0.1)
+    assert len(pids) == 2
+    assert not alive
+    with pytest.warns(SweepWarning, match="written otherwise"):
+        assert bc.sweep(slept, over, file=file)["value"].tolist() == [1, 2]
+
+
+def runs(pid):
+    """Return whether a process computes still; one that has ended and that nobody asked for is none."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def slept(x, folder):
+    return {"value": x}
+
+
+slept.__qualname__ = "sleeping"
+
+
 def test_a_point_that_kills_its_process_is_one_that_failed(tmp_path):
     (tmp_path / "died").touch()
     with pytest.warns(SweepWarning, match="1 of 6 points failed.*x = 4.*the process that computed it has ended"):

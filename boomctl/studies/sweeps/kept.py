@@ -51,7 +51,7 @@ class KeptSweep:
             try:
                 row = json.loads(line)
                 columns = {name: _decoded(cell) for name, cell in row["found"].items()}
-                self._found[_key(row["point"])] = Outcome(columns, float(row["seconds"]))
+                self._found[_key(row["point"])] = row.get("given"), Outcome(columns, float(row["seconds"]))
             except Exception:
                 raise ValueError(
                     f"{path}, line {number}: not a point of a sweep; expected a file that it wrote"
@@ -77,18 +77,20 @@ class KeptSweep:
                 )
         return before
 
-    def get(self, point: Mapping[str, Label]) -> Outcome | None:
-        """Return what came of a point, if that is known."""
-        return self._found.get(_key(point))
+    def get(self, point: Mapping[str, Label], arguments: Mapping[str, Any]) -> Outcome | None:
+        """Return what came of a point, if that is known: of the same values, which the file knows by their names."""
+        given, outcome = self._found.get(_key(point), (None, None))
+        return outcome if given is None or given == _given(arguments) else None
 
-    def keep(self, point: Mapping[str, Label], outcome: Outcome) -> None:
+    def keep(self, point: Mapping[str, Label], arguments: Mapping[str, Any], outcome: Outcome) -> None:
         """Write what came of a point; one that failed is not kept, so that it is tried again."""
         if outcome.columns is not None:
             try:
                 found = {name: _encoded(cell) for name, cell in outcome.columns.items()}
             except Exception as error:  # pickle raises anything
                 raise TypeError(f"file = {self.path}: the function returned what no file keeps: {error}") from None
-            self._write({"point": dict(point), "seconds": outcome.seconds, "found": found})
+            row = {"point": dict(point), "given": _given(arguments), "seconds": outcome.seconds, "found": found}
+            self._write(row)
 
     def _write(self, row: Mapping[str, Any]) -> None:
         self._file.write(json.dumps(row).encode("utf-8") + b"\n")
@@ -119,17 +121,36 @@ def _name(function: Callable[..., Any]) -> str:
     return getattr(function, "__qualname__", type(function).__qualname__)
 
 
-def _code(function: Callable[..., Any]) -> str:
-    """Return a digest of what a function does: of its words; of an object's class and data."""
+def _code(function: Callable[..., Any], deep: bool = True) -> str:
+    """Return a digest of what a function does: its words and, if ``deep``, what it holds; of an object its class and data."""
+    words, held = _words(function if inspect.isroutine(function) else type(function)), b""
     if isinstance(function, partial):
-        parts = [_code(function.func).encode(), _pickled((function.args, sorted(function.keywords.items())))]
-        return hashlib.sha256(b"".join(parts)).hexdigest()
-    routine = inspect.isroutine(function)
+        words, held = _code(function.func), _pickled((function.args, sorted(function.keywords.items())))
+    elif inspect.ismethod(function):
+        held = _pickled(function.__self__)
+    elif inspect.isfunction(function) and deep:  # defaults, and what it uses of the function around it
+        own = dict(enumerate(function.__defaults__ or ())) | (function.__kwdefaults__ or {})
+        own |= inspect.getclosurevars(function).nonlocals
+        held = _given({str(name): value for name, value in own.items()}, deep=False).encode() if own else b""
+    elif not inspect.isroutine(function):
+        held = _pickled(function)
+    return hashlib.sha256(words.encode("utf-8") + held).hexdigest()
+
+
+def _words(of: Any) -> str:
     try:
-        words = inspect.getsource(function if routine else type(function))
+        return inspect.getsource(of)
     except (OSError, TypeError):  # of C, or typed at a prompt
-        words = ""
-    return hashlib.sha256(words.encode("utf-8") + (b"" if routine else _pickled(function))).hexdigest()
+        return ""
+
+
+def _given(values: Mapping[str, Any], deep: bool = True) -> str:
+    """Return a digest of values: numbers, words and data as they are, functions by what they do."""
+    told = [
+        name.encode("utf-8") + (_code(value, deep).encode() if inspect.isroutine(value) else _pickled(value))
+        for name, value in sorted(values.items())
+    ]
+    return hashlib.sha256(b"".join(told)).hexdigest()
 
 
 def _pickled(value: object) -> bytes:

@@ -123,7 +123,9 @@ def sweep(
     workers = Workers(function, arguments)
     processes = executor if executor is None or isinstance(executor, Executor) else _processes(executor)
     with computing("sweep", progress) as tell, _kept(file, function, plan) as kept:
-        found = {k: known for k, point in enumerate(points) if kept and (known := kept.get(point)) is not None}
+        found = {
+            k: known for k, point in enumerate(points) if kept and (known := kept.get(point, arguments[k])) is not None
+        }
         resumed = len(found)
         waiting = [k for k in range(len(points)) if k not in found]
         chunks = [tuple(waiting[k : k + size]) for k in range(0, len(waiting), size)]
@@ -141,7 +143,7 @@ def sweep(
             for place, outcome in answers:
                 found[place] = outcome
                 if kept is not None:
-                    kept.keep(points[place], outcome)
+                    kept.keep(points[place], arguments[place], outcome)
                 tell("", len(found), len(points))
     failures = tuple(
         FailedPoint(point, found[k].error, found[k].trace) for k, point in enumerate(points) if found[k].columns is None
@@ -201,8 +203,8 @@ def _kept(file: object, function: Callable[..., Any], plan: Plan) -> Iterator[Ke
     with kept_sweep(file, function, [axis.name for axis in plan.axes]) as kept:
         if kept.changed:
             warnings.warn(
-                f"{kept.path}: its points were computed when the function was written otherwise; delete the file to compute"
-                " them anew",
+                f"{kept.path}: its points were computed when the function was written otherwise, or held other values; delete"
+                " the file to compute them anew",
                 SweepWarning,
                 stacklevel=4,
             )

@@ -22,6 +22,7 @@ from concurrent.futures import (
 from contextlib import contextmanager
 from typing import Any
 
+from boomctl.progress import end_with_parent
 from boomctl.studies.sweeps.outcome import Outcome, Task, computed, failed, here
 
 Answer = tuple[int, Outcome]
@@ -141,7 +142,7 @@ class Workers:
 @contextmanager
 def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
     """Give a pool of processes; an error that leaves it ends them in the middle of what they do."""
-    pool = ProcessPoolExecutor(count, initializer=_deaf)
+    pool = ProcessPoolExecutor(count, initializer=_begin)
     try:
         yield pool
     except BaseException:
@@ -153,6 +154,7 @@ def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
     pool.shutdown()
 
 
-def _deaf() -> None:
-    """Ignore interrupts: the process that asks answers them."""
+def _begin() -> None:
+    """Ignore interrupts, which the process that asks answers; end when that has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
