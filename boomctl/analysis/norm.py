@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
 _CERTIFIED = 1e-5  # relative distance of the two bounds up to which a norm is certified (a choice)
+_WIDER = 6e-6  # how far above the largest gain a level is tried where rounding hides a nearer one: certified still
 _ROUNDS = 30  # levels tried before giving up: each rises to a higher peak, so that a few do
 _EPS = float(np.finfo(float).eps)
 _ROUNDING = 1e2 * _EPS  # share of the Hamiltonian matrix's norm by which its eigenvalues may be off the axis
@@ -314,8 +315,9 @@ def _responses(given: System, omega: Array) -> tuple[Array, Array]:
 
 def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCertificate:
     """Raise a lower bound until no singular value reaches a level just above it."""
+    above = LEVEL
     for _ in range(_ROUNDS):
-        level = peak * (1.0 + LEVEL)
+        level = peak * (1.0 + above)
         if level == 0.0:
             return NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
         H = _hamiltonian(system, level)
@@ -326,6 +328,9 @@ def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCerti
         best = int(np.argmax(values))
         if values[best] <= level:
             told = not len(crossings) and level_shows(system, level, at, H)
+            if not told and above == LEVEL:
+                above = _WIDER
+                continue
             return NormCertificate(peak, level if told else inf, at, NO_CROSSING if told else NOT_TOLD)
         peak, at = float(values[best]), float(middles[best])
     return NormCertificate(peak, inf, at, NOT_TOLD)

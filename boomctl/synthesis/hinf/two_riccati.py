@@ -19,6 +19,9 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 _NEGATIVE = 1e-8  # share of the largest eigenvalue of X that rounding may have made negative: half of all digits
 _EPS = 1e-14  # share of the largest entry of X by which rounding may have moved an eigenvalue: fifty units
 _MARGIN = 10.0  # a solution is taken to be wrong by so many Newton steps: a choice, since one step only estimates it
+_WELL_POSED = (
+    1e-3  # least singular value of I + D_K D22 over its largest with which three digits are lost at most (a choice)
+)
 COUPLING = "control and estimation together do not reach it (rho(XY) >= gamma^2)"
 
 
@@ -193,7 +196,7 @@ def gains(ready: NormalizedPlant, level: Level) -> tuple[Array, Array]:
 
 
 def controller_of(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:
-    """Return a controller of a level in normalised signals: the central one, if ``D22`` is zero.
+    """Return a controller of a level in normalised signals: the central one, where its loop is well-posed.
 
     Otherwise it is the one, of three, with which ``I + D_K D22`` is farthest from singular.
 
@@ -214,7 +217,7 @@ def controller_of(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:
         values = linalg.svdvals(np.eye(len(K.D)) + K.D @ D22)
         return float(values[-1] / max(1.0, values[0]))
 
-    return max(members, key=well_posedness)
+    return members[0] if well_posedness(members[0]) >= _WELL_POSED else max(members, key=well_posedness)
 
 
 def controllers_of(ready: NormalizedPlant, level: Level) -> GeneralizedPlant:
