@@ -64,9 +64,7 @@ class H2Certificate:
     @property
     def certified(self) -> bool:
         """Whether the bounds agree to a millionth, or the norm is known to be infinite."""
-        if self.value == inf:
-            return True
-        return self.upper < inf and self.upper - self.lower <= _AGREEMENT * self.upper
+        return self.value == inf or self.upper - self.lower <= _AGREEMENT * self.upper < inf
 
 
 def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> H2Certificate:
@@ -108,11 +106,9 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
 def _norm(given: Lti) -> H2Certificate:
     if not len(given.A) or min(given.D.shape) == 0:
         through = float(np.linalg.norm(given.D))
-        return (
-            _fed_through(given)
-            if through and given.dt == 0.0
-            else H2Certificate(through, through, through, "no states")
-        )
+        if through and given.dt == 0.0:
+            return _fed_through(given)
+        return H2Certificate(through, through, through, "no states")
     balanced = given.balanced()
     axis = marginal_poles(balanced)
     if axis.infinite is not None:

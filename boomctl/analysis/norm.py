@@ -207,7 +207,8 @@ def level_norm(system: Lti, response: Response | None = None) -> NormCertificate
     For those who answer for that rounding themselves; :func:`matrices_norm` does.
     """
     respond = partial(system.response, quiet=True) if response is None else response
-    return _raised(system, respond, *_found(system, response))
+    found = _raised(system, respond, *_found(system, response), LEVEL)
+    return found if found.upper < inf else _raised(system, respond, found.lower, found.omega, _WIDER)
 
 
 def _by_circle(system: Lti) -> NormCertificate:
@@ -313,9 +314,8 @@ def _responses(given: System, omega: Array) -> tuple[Array, Array]:
     return G, doubts
 
 
-def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCertificate:
-    """Raise a lower bound until no singular value reaches a level just above it."""
-    above = LEVEL
+def _raised(system: Lti, respond: Response, peak: float, at: float, above: float) -> NormCertificate:
+    """Raise a lower bound until no singular value reaches a level that is so much above it, relative."""
     for _ in range(_ROUNDS):
         level = peak * (1.0 + above)
         if level == 0.0:
@@ -328,9 +328,6 @@ def _raised(system: Lti, respond: Response, peak: float, at: float) -> NormCerti
         best = int(np.argmax(values))
         if values[best] <= level:
             told = not len(crossings) and level_shows(system, level, at, H)
-            if not told and above == LEVEL:
-                above = _WIDER
-                continue
             return NormCertificate(peak, level if told else inf, at, NO_CROSSING if told else NOT_TOLD)
         peak, at = float(values[best]), float(middles[best])
     return NormCertificate(peak, inf, at, NOT_TOLD)

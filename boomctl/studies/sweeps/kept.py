@@ -129,9 +129,9 @@ def _code(function: Callable[..., Any], deep: bool = True) -> str:
     elif inspect.ismethod(function):
         held = _pickled(function.__self__)
     elif inspect.isfunction(function) and deep:  # defaults, and what it uses of the function around it
-        own = dict(enumerate(function.__defaults__ or ())) | (function.__kwdefaults__ or {})
-        own |= inspect.getclosurevars(function).nonlocals
-        held = _given({str(name): value for name, value in own.items()}, deep=False).encode() if own else b""
+        own = {str(k): value for k, value in enumerate(function.__defaults__ or ())}
+        own = {**own, **(function.__kwdefaults__ or {}), **inspect.getclosurevars(function).nonlocals}
+        held = _given(own, deep=False).encode() if own else b""
     elif not inspect.isroutine(function):
         held = _pickled(function)
     return hashlib.sha256(words.encode("utf-8") + held).hexdigest()
