@@ -248,7 +248,7 @@ def _kept(system: Lti) -> Array:
     """Return which poles of a discrete system do not decay: both halves of a double one, which rounding takes apart."""
     poles = system.poles
     beyond = sides(poles, system.dt) >= 0
-    return ((np.abs(poles[:, None] - poles) <= _SPLIT) & beyond).any(axis=1)
+    return np.any((np.abs(poles[:, None] - poles) <= _SPLIT) & beyond, axis=1)
 
 
 def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> ReductionResult:
