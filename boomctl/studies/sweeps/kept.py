@@ -5,7 +5,6 @@ else pickled, both in base64.  A line that was cut off in the middle is dropped.
 """
 
 import base64
-import hashlib
 import inspect
 import io
 import json
@@ -13,8 +12,11 @@ import os
 import pickle
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
 from functools import partial
+from hashlib import sha256
 from math import isfinite
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +43,13 @@ class KeptSweep:
 
     def __init__(self, path: Path, file: io.BufferedRandom, function: Callable[..., Any], names: Sequence[str]) -> None:
         self.path, self._file, self._found = path, file, {}
-        head = {"format": _FORMAT, "function": _name(function), "code": _code(function), "over": sorted(names)}
+        self._values: dict[int, tuple[Any, str]] = {}
+        head = {
+            "format": _FORMAT,
+            "function": _name(function),
+            "code": sha256(_code(function)).hexdigest(),
+            "over": sorted(names),
+        }
         text = file.read()
         whole, _, torn = text.rpartition(b"\n")
         lines = whole.split(b"\n") if whole else []
@@ -80,7 +88,7 @@ class KeptSweep:
     def get(self, point: Mapping[str, Label], arguments: Mapping[str, Any]) -> Outcome | None:
         """Return what came of a point, if that is known: of the same values, which the file knows by their names."""
         given, outcome = self._found.get(_key(point), (None, None))
-        return outcome if given is None or given == _given(arguments) else None
+        return outcome if given is None or given == self._given(arguments) else None
 
     def keep(self, point: Mapping[str, Label], arguments: Mapping[str, Any], outcome: Outcome) -> None:
         """Write what came of a point; one that failed is not kept, so that it is tried again."""
@@ -89,8 +97,17 @@ class KeptSweep:
                 found = {name: _encoded(cell) for name, cell in outcome.columns.items()}
             except Exception as error:  # pickle raises anything
                 raise TypeError(f"file = {self.path}: the function returned what no file keeps: {error}") from None
-            row = {"point": dict(point), "given": _given(arguments), "seconds": outcome.seconds, "found": found}
+            row = {"point": dict(point), "given": self._given(arguments), "seconds": outcome.seconds, "found": found}
             self._write(row)
+
+    def _given(self, arguments: Mapping[str, Any]) -> str:
+        """Return a digest of values; each, which many points may share, is looked at once."""
+        told = []
+        for name, value in sorted(arguments.items()):
+            if id(value) not in self._values:
+                self._values[id(value)] = value, sha256(_told(value)).hexdigest()
+            told.append(f"{name} {self._values[id(value)][1]}")
+        return sha256("\n".join(told).encode("utf-8")).hexdigest()
 
     def _write(self, row: Mapping[str, Any]) -> None:
         self._file.write(json.dumps(row).encode("utf-8") + b"\n")
@@ -121,42 +138,42 @@ def _name(function: Callable[..., Any]) -> str:
     return getattr(function, "__qualname__", type(function).__qualname__)
 
 
-def _code(function: Callable[..., Any], deep: bool = True) -> str:
-    """Return a digest of what a function does: its words and, if ``deep``, what it holds; of an object its class and data."""
-    words, held = _words(function if inspect.isroutine(function) else type(function)), b""
+def _code(function: Callable[..., Any], deep: bool = True) -> bytes:
+    """Return what a function does: its words and, if ``deep``, what it holds; of an object its class and data."""
     if isinstance(function, partial):
-        words, held = _code(function.func), _pickled((function.args, sorted(function.keywords.items())))
-    elif inspect.ismethod(function):
-        held = _pickled(function.__self__)
-    elif inspect.isfunction(function) and deep:  # defaults, and what it uses of the function around it
-        own = {str(k): value for k, value in enumerate(function.__defaults__ or ())}
-        own = {**own, **(function.__kwdefaults__ or {}), **inspect.getclosurevars(function).nonlocals}
-        held = _given(own, deep=False).encode() if own else b""
-    elif not inspect.isroutine(function):
-        held = _pickled(function)
-    return hashlib.sha256(words.encode("utf-8") + held).hexdigest()
+        return _code(function.func) + _told((function.args, function.keywords))
+    if inspect.ismethod(function):
+        return _code(function.__func__) + _told(function.__self__)
+    if not inspect.isroutine(function):
+        return _words(type(function)) + _told(function)
+    if not (inspect.isfunction(function) and deep):
+        return _words(function)
+    # defaults, and what it uses of the functions around it
+    held = function.__defaults__, function.__kwdefaults__, inspect.getclosurevars(function).nonlocals
+    return _words(function) + (_told(held, deep=False) if any(held) else b"")
 
 
-def _words(of: Any) -> str:
+def _words(of: Any) -> bytes:
     try:
-        return inspect.getsource(of)
+        return inspect.getsource(of).encode("utf-8")
     except (OSError, TypeError):  # of C, or typed at a prompt
-        return ""
+        return b""
 
 
-def _given(values: Mapping[str, Any], deep: bool = True) -> str:
-    """Return a digest of values: numbers, words and data as they are, functions by what they do."""
-    told = [
-        name.encode("utf-8") + (_code(value, deep).encode() if inspect.isroutine(value) else _pickled(value))
-        for name, value in sorted(values.items())
-    ]
-    return hashlib.sha256(b"".join(told)).hexdigest()
-
-
-def _pickled(value: object) -> bytes:
+def _told(value: Any, deep: bool = True) -> bytes:
+    """Return what a value holds: records by their fields, not by what they have computed of themselves since."""
+    if inspect.isroutine(value):
+        return _code(value, deep)
+    if is_dataclass(value) and not isinstance(value, type):
+        own = {each.name: getattr(value, each.name) for each in fields(value)}
+        return type(value).__qualname__.encode("utf-8") + _told(own, deep)
+    if isinstance(value, (tuple, list)):
+        return b"[" + b",".join(_told(each, deep) for each in value) + b"]"
+    if isinstance(value, Mapping):
+        return _told(sorted(([repr(key), item] for key, item in value.items()), key=itemgetter(0)), deep)
     try:
         return pickle.dumps(value)
-    except Exception:  # what does not pickle has no digest
+    except Exception:  # what does not pickle is told by nothing
         return b""
 
 
