@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.modal import ModalSystem
 from boomctl.lti.system import Lti, balance
 
 # share of the largest singular value of A + 1 (of 1 - A/g) below which a pole lies at z = -1 (at w = g) but for rounding
@@ -73,21 +72,6 @@ def discrete_image(system: Lti, dt: float) -> Lti:
     # of a pole at -2/dt nothing is left but rounding
     A[np.abs(A) <= _NOTHING * (np.abs(inverse) @ (eye + np.abs(system.A) / g))] = 0.0
     return Lti(A, side * B, side * C, D, system.inputs, system.outputs, system.states, dt)
-
-
-def modal_image(modal: ModalSystem, dt: float) -> tuple[ModalSystem, Array]:
-    """Return a stable discrete system in modal coordinates as its continuous image, and the relative error of each mode.
-
-    That error is of the mode's largest response: rounding of how far its pole is from the axis.
-    """
-    g, p = 2.0 / dt, modal.poles
-    over, inside = 1.0 / (1.0 + p), 1.0 - np.abs(p)
-    # (|p| - 1)(|p| + 1) |1 + p|^-2 has the digits that |p| - 1 has; the quotient itself has fewer
-    poles = g * (-inside * (1.0 + np.abs(p)) + 2j * p.imag) * np.abs(over) ** 2
-    side = np.sqrt(2.0 * g) * over
-    shares = (modal.C * over) @ modal.B
-    error = 8.0 * np.finfo(float).eps * (1.0 / inside + 1.0)
-    return ModalSystem(poles, side[:, None] * modal.B, modal.C * side, np.real(modal.D - shares)), error
 
 
 def _inverse(matrix: Array, refusal: str) -> Array:

@@ -52,42 +52,21 @@ def _hammarling(A: Array, B: Array) -> Array:
     return U[:n, :n].T / scale
 
 
-def gramian_residual(A: Array, B: Array, F: Array) -> float:
-    """Return the residual of ``A P + P A^T + B B^T = 0`` with ``P = F F^T``, relative to its largest term."""
-    AP, BB = A @ F @ F.T, B @ B.T
-    size = max(float(np.abs(AP).max(initial=0.0)), float(np.abs(BB).max(initial=0.0)), np.finfo(float).tiny)
-    return float(np.abs(AP + AP.T + BB).max(initial=0.0)) / size
-
-
-def refined_gramian(A: Array, B: Array) -> tuple[Array, Array]:
-    """Return the solution of ``A P + P A^T + B B^T = 0`` in extended precision, and a bound of what it leaves over."""
+def refined_gramian(A: Array, B: Array, steps: bool = False) -> Array:
+    """Return the solution of ``A P + P A^T + B B^T = 0``, of ``steps`` ``A P A^T - P + B B^T = 0``, in extended precision."""
     wide = np.longdouble
     A_, B_ = A.astype(wide), B.astype(wide)
     P, BB = np.zeros(A.shape, dtype=wide), B_ @ B_.T
     left = BB
     for _ in range(_SOLVED):
-        P = P + linalg.solve_continuous_lyapunov(A, -left.astype(float))
+        if steps:
+            P = P + linalg.solve_discrete_lyapunov(A, left.astype(float), method="bilinear")
+        else:
+            P = P + linalg.solve_continuous_lyapunov(A, -left.astype(float))
         P = wide(0.5) * (P + P.T)
         AP = A_ @ P
-        left = AP + AP.T + BB
-    lost = np.abs(A_) @ np.abs(P)
-    u = (len(A) + 4) * float(np.finfo(wide).eps)
-    return P, (np.abs(left) + u * (lost + lost.T + np.abs(B_) @ np.abs(B_).T)).astype(float)
-
-
-def refined_gramian_of_steps(A: Array, B: Array) -> tuple[Array, Array]:
-    """Return the solution of ``A P A^T - P + B B^T = 0`` in extended precision, and a bound of what it leaves over."""
-    wide = np.longdouble
-    A_, B_ = A.astype(wide), B.astype(wide)
-    P, BB = np.zeros(A.shape, dtype=wide), B_ @ B_.T
-    left = BB
-    for _ in range(_SOLVED):
-        P = P + linalg.solve_discrete_lyapunov(A, left.astype(float), method="bilinear")
-        P = wide(0.5) * (P + P.T)
-        left = A_ @ P @ A_.T - P + BB
-    lost = np.abs(A_) @ np.abs(P) @ np.abs(A_).T + np.abs(P)
-    u = (2 * len(A) + 4) * float(np.finfo(wide).eps)
-    return P, (np.abs(left) + u * (lost + np.abs(B_) @ np.abs(B_).T)).astype(float)
+        left = (AP @ A_.T - P if steps else AP + AP.T) + BB
+    return P
 
 
 def band_integral(system: Lti, modal: ModalSystem | None, band: tuple[float, float]) -> Array:

@@ -167,17 +167,6 @@ class Lti:
         """The highest frequency there is [rad/s]: ``pi/dt``, half the sampling rate; ``inf`` in continuous time."""
         return float("inf") if self.dt == 0.0 else float(np.pi / self.dt)
 
-    @property
-    def static_gain(self) -> Array:
-        """The response at zero frequency, ``D - C A^-1 B``, in continuous time.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            There is none (an integrator).
-        """
-        return self.D - self.C @ np.linalg.solve(self.A, self.B)
-
     def statespace(self, name: str) -> "control.StateSpace":
         """Return the system as python-control's, with all its names.
 

@@ -57,7 +57,7 @@ _SLACK = (
     1e-3  # share by which the error on the unit circle may exceed that of the image: rounding of the map (a choice)
 )
 _SPLIT = (
-    1e-6  # distance up to which rounding takes a double pole on the circle apart: its root, with room (measured: 1e-7)
+    1e-6  # distance up to which rounding takes a double pole on the circle apart: its root, with room (measured: 4e-8)
 )
 _POINTS = 200  # of a band, beside those at the resonances (a choice)
 _START = 1e-6  # where the grid of a band from zero begins, relative to its end (a choice)

@@ -9,7 +9,6 @@ import mpmath as mp
 import numpy as np
 from scipy import linalg
 
-from boomctl import tunable
 from boomctl.analysis.margins import margins
 from boomctl.analysis.norm import hinf_norm
 from boomctl.lti.system import Lti
@@ -25,6 +24,8 @@ from boomctl.synthesis.lq.lqg import lqg
 from boomctl.synthesis.lq.lqr import lqr
 from boomctl.synthesis.plants.generalized import generalized_plant
 from boomctl.synthesis.plants.partition import close_loop
+from boomctl.synthesis.tuning import channels
+from boomctl.synthesis.tuning.parts import makers
 from boomctl.synthesis.tuning.tune import tune
 
 _REGULATORS, _HINF, _TUNED = "LQR and LQG", "H-infinity and H2 designs", "Tuning"
@@ -318,7 +319,7 @@ def _cheap(cost: float) -> Seen:
 def _grown(order: int) -> Seen:
     P = _unstable_plant(2, 1.0).statespace("P")
     less, more = (
-        tune(P, 1, 1, tunable.state_space(n) if n else tunable.gain(), starts=2).gamma for n in (order - 1, order)
+        tune(P, 1, 1, makers.state_space(n) if n else makers.gain(), starts=2).gamma for n in (order - 1, order)
     )
     return Seen(max(more / less - 1.0, 0.0))
 
@@ -339,8 +340,8 @@ def _budgeted(budget: float) -> Seen:
         {"k": (1.0, 6.0), "c": (0.1, 1.0)},
         lambda v: SecondOrderModel([[1.0]], [[v["c"]]], [[v["k"]]], {"f": [1.0]}, {"x": [1.0]}),
     )
-    channels = [tunable.objective("w_f", "z_x"), tunable.budget("w_f", "z_f", budget)]
-    found = tune(weighed, 1, 1, tunable.pid(integral=False, high=50.0), channels=channels, family=box, starts=2)
+    counted = [channels.objective("w_f", "z_x"), channels.budget("w_f", "z_f", budget)]
+    found = tune(weighed, 1, 1, makers.pid(integral=False, high=50.0), channels=counted, family=box, starts=2)
     worst = max(
         hinf_norm(close_loop(weighed(box.at(np.array(d))), found.controller)["z_x", "w_f"]).lower
         for d in product((-1.0, 1.0), repeat=2)

@@ -169,6 +169,7 @@ def test_a_grid_too_coarse_proves_nothing_and_says_so():
         ({"parameter": "q"}, "unknown parameter 'q'"),
         ({"tolerance": 0.0}, "tolerance = 0.0: expected a number greater than zero"),
         ({"max_cells": 0}, "max_cells = 0: expected a whole number not below 1"),
+        ({"max_cells": 10**9}, "max_cells = 1000000000: expected a whole number of at most 100000"),
         ({"controller": ct.ss(_IDLE, dt=0.1)}, "expected continuous time"),
     ],
 )

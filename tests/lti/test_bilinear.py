@@ -5,10 +5,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, modal_image, omega_of_image
-from boomctl.lti.modal import diagonalized
+from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, omega_of_image
 from boomctl.lti.system import Lti
-from tests.profiles import examples
 
 
 def discrete(seed, slack=None):
@@ -52,21 +50,6 @@ def test_frequencies_go_there_and_back(dt, share):
 def test_half_the_sampling_rate_is_infinitely_far():
     assert image_of_omega(np.pi / 0.3, 0.3) == np.inf
     assert omega_of_image(np.inf, 0.3) == np.pi / 0.3
-
-
-@examples(50)
-@given(st.integers(0, 10_000))
-def test_modes_have_the_image_that_matrices_have(seed):
-    system = discrete(seed, 0.05)
-    modal = diagonalized(system)
-    if modal is None:
-        return
-    image, off = modal_image(modal, system.dt)
-    omega = np.linspace(0.0, 3.0 / system.dt, 30)
-    found = image.response(image_of_omega(omega, system.dt))
-    exact = system.response(omega)
-    assert np.abs(found - exact).max() <= 1e-8 * np.abs(exact).max()
-    assert (off < 1e-12).all()
 
 
 def test_what_has_no_image_is_refused():

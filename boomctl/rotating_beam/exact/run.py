@@ -160,7 +160,7 @@ def run_to_tolerance(
         try:
             least = round(
                 _LEAST_STEPS * first_step / step
-            )  # halved too: two runs with the same steps agree on anything
+            )  # as many more: two runs with the same steps agree on anything
             here = run_with_step(dynamics, manoeuvre, timepts, state, step, least)
         except StepFailed:
             previous, step = None, 0.5 * step

@@ -19,9 +19,7 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 _NEGATIVE = 1e-8  # share of the largest eigenvalue of X that rounding may have made negative: half of all digits
 _EPS = 1e-14  # share of the largest entry of X by which rounding may have moved an eigenvalue: fifty units
 _MARGIN = 10.0  # a solution is taken to be wrong by so many Newton steps: a choice, since one step only estimates it
-_WELL_POSED = (
-    1e-3  # least singular value of I + D_K D22 over its largest with which three digits are lost at most (a choice)
-)
+_LOSES_LITTLE = 1e-3  # least singular value of I + D_K D22 over its largest: three digits are lost at most (a choice)
 COUPLING = "control and estimation together do not reach it (rho(XY) >= gamma^2)"
 
 
@@ -206,18 +204,17 @@ def controller_of(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:
         The level has no Riccati solutions.
     """
     family = controllers_of(ready, level)
-    at_rest = np.zeros((family.ncon, family.nmeas))
-    if not D22.any():
-        return lower_lft(family.system, static(at_rest))
-    left, _, right = linalg.svd(family.D21 @ D22 @ family.D12, full_matrices=False)
-    aligned = 0.5 * level.gamma * (left @ right).T
-    members = [lower_lft(family.system, static(Q)) for Q in (at_rest, aligned, -aligned)]
 
     def well_posedness(K: Lti) -> float:
         values = linalg.svdvals(np.eye(len(K.D)) + K.D @ D22)
         return float(values[-1] / max(1.0, values[0]))
 
-    return members[0] if well_posedness(members[0]) >= _WELL_POSED else max(members, key=well_posedness)
+    central = lower_lft(family.system, static(np.zeros((family.ncon, family.nmeas))))
+    if well_posedness(central) >= _LOSES_LITTLE:
+        return central
+    left, _, right = linalg.svd(family.D21 @ D22 @ family.D12, full_matrices=False)
+    aligned = 0.5 * level.gamma * (left @ right).T
+    return max(central, *(lower_lft(family.system, static(Q)) for Q in (aligned, -aligned)), key=well_posedness)
 
 
 def controllers_of(ready: NormalizedPlant, level: Level) -> GeneralizedPlant:

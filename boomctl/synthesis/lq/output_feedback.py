@@ -11,7 +11,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.gramians import EXTENDED, refined_gramian, refined_gramian_of_steps
+from boomctl.lti.gramians import EXTENDED, refined_gramian
 from boomctl.lti.modal import sides
 from boomctl.lti.system import Lti, rates_of
 from boomctl.synthesis.assumptions import SynthesisError
@@ -139,14 +139,14 @@ def quadratic_norm(system: Lti) -> QuadraticNorm:
         return QuadraticNorm(np.inf, np.inf)
     s = system.balanced()
     if s.dt != 0.0:
-        P, Q = refined_gramian_of_steps(s.A, s.B)[0], refined_gramian_of_steps(s.A.T, s.C.T)[0]
+        P, Q = refined_gramian(s.A, s.B, True), refined_gramian(s.A.T, s.C.T, True)
         squares = float(np.sum((s.C @ P) * s.C)), float(np.sum((s.B.T @ Q) * s.B.T))
         return QuadraticNorm(*(float(np.sqrt(max(square, 0.0) + through)) for square in squares))
     P = linalg.solve_continuous_lyapunov(s.A, -s.B @ s.B.T)
     Q = linalg.solve_continuous_lyapunov(s.A.T, -s.C.T @ s.C)
     squares = float(np.trace(s.C @ P @ s.C.T)), float(np.trace(s.B.T @ Q @ s.B))
     if abs(squares[0] - squares[1]) > _ALIKE * max(squares) and len(s.A) <= EXTENDED:
-        P, Q = refined_gramian(s.A, s.B)[0], refined_gramian(s.A.T, s.C.T)[0]
+        P, Q = refined_gramian(s.A, s.B), refined_gramian(s.A.T, s.C.T)
         squares = float(np.sum((s.C @ P) * s.C)), float(np.sum((s.B.T @ Q) * s.B.T))
     return QuadraticNorm(*(float(np.sqrt(max(square, 0.0))) for square in squares))
 

@@ -168,13 +168,10 @@ def loop_of(plant: GeneralizedPlant, K: Lti) -> Lti:
     SynthesisError
         It is not well-posed, or not stable.
     """
-    if plant.ncon == 0:
-        loop = plant.system
-    else:
-        try:
-            loop = lower_lft(plant.system, K)
-        except ValueError as error:
-            raise SynthesisError(f"the best controller found could not be verified: {error}") from None
+    try:
+        loop = lower_lft(plant.system, K)
+    except ValueError as error:
+        raise SynthesisError(f"the best controller found could not be verified: {error}") from None
     if (sides(loop.poles, 0.0) >= 0).any():
         worst = loop.poles[np.argmax(loop.poles.real)]
         raise SynthesisError(
@@ -208,13 +205,11 @@ def edge_of(plant: GeneralizedPlant, loop: Lti) -> str:
 def channel_norm(loop: Lti, plant: GeneralizedPlant, K: Lti, channel: Channel) -> NormCertificate | H2Certificate:
     """Return the certified norm of a channel of a loop."""
     columns, rows = places(plant, channel)
-    part = replace(loop, inputs=(), outputs=()).between(columns, rows)
     if channel.norm == "hinf":
-        if not plant.ncon:
-            return matrices_norm(part.balanced())
         (p, m), system = loop.D.shape, plant.system
         open_ = system.between([*columns, *range(m, system.B.shape[1])], [*rows, *range(p, len(system.C))])
         return matrices_norm(ClosedLoop(open_, K))
+    part = replace(loop, inputs=(), outputs=()).between(columns, rows)
     return h2_norm(replace(part, D=np.zeros_like(part.D)).statespace("channel"))
 
 

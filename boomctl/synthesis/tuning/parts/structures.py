@@ -47,7 +47,7 @@ class Free:
         if self.kind == PHYSICAL:
             return (
                 0.5 * (1.0 - float(x)) * self.low + 0.5 * (1.0 + float(x)) * self.high
-            )  # the ends themselves at -1, 1
+            )  # at -1 and 1 the ends themselves
         return self.scale * float(x)
 
     def number(self, value: float) -> float:

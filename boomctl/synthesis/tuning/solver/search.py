@@ -336,8 +336,3 @@ def search(
 def _share(deadline: float, share: float) -> float:
     now = time.monotonic()
     return now + share * max(deadline - now, 0.0)
-
-
-def with_structure(problem: Problem, structure: object, **changes: object) -> Problem:
-    """Return a problem with some of its fields changed."""
-    return replace(problem, structure=structure, **changes)  # type: ignore[arg-type]
