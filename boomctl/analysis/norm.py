@@ -57,7 +57,7 @@ NOT_TOLD = "an eigenvalue too close to the boundary of stability to tell"  # no 
 OF_DATA = "largest value on the grid of the data"  # no upper bound
 PROVED = "proved in ball arithmetic, of the numbers as they are stored"
 LOST = "rounding of the entries changes the peak by more than can be certified"
-NOT_PROVED = "rounding may change the peak, and a proof takes too long"  # no upper bound
+NOT_PROVED = "rounding may change it, and a proof takes too long"  # no upper bound
 
 
 @dataclass(frozen=True)

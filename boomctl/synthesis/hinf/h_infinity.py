@@ -59,7 +59,7 @@ class HInfinityCertificate:
     fastest_pole, fastest_pole_limit : float
         Largest magnitude of the controller's poles and what was allowed [rad/s]; in discrete time of ``z``, and ``inf``.
     solver : str
-        Which solver's controller passed.
+        How the controller that passed was computed: from the states as they are or in another order, without fast poles.
     path : tuple of str
         What was tried, in that order: solver, level and what came of it.
     statement : str
