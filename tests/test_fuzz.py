@@ -66,7 +66,7 @@ def test_every_argument_may_be_every_wrong_thing(name):
     assert not wrong, "\n".join(wrong)
 
 
-@examples(7500)
+@examples(3000)
 @given(fuzz.calls(QUICK))
 def test_any_arguments_are_answered_or_refused_by_name(call):
     name, arguments = call
@@ -75,7 +75,7 @@ def test_any_arguments_are_answered_or_refused_by_name(call):
 
 
 @pytest.mark.slow
-@examples(800)
+@examples(400)
 @given(fuzz.calls(SLOW))
 def test_any_arguments_of_what_takes_long_are_answered_or_refused_by_name(call):
     name, arguments = call

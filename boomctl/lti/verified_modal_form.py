@@ -142,7 +142,7 @@ def rounding_doubt(system: Lti, doubt: float = 0.0) -> float:
             resolvent = np.linalg.inv(system.boundary(w) * eye - system.A)
         except np.linalg.LinAlgError:
             return inf
-        share = size * np.linalg.norm(resolvent, 2)
+        share = size * np.linalg.norm(resolvent)  # of all its singular values: at a resonance the largest rules
         if share >= _CONTRACTS:
             return inf
         reads, acts = np.linalg.norm(system.C @ resolvent, 2), np.linalg.norm(resolvent @ system.B, 2)

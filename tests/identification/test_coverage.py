@@ -1,7 +1,6 @@
 """How often intervals hold: as often as they say, over many data sets with errors drawn anew.
 
-The numbers of data sets are such that chance alone leaves the bounds once in some hundred runs at most; the seeds are
-zero, and stay as they are.
+Of 400 data sets chance is 1.1 % to each share; the seeds are zero, and stay as they are.
 """
 
 from dataclasses import replace
@@ -69,8 +68,8 @@ def test_intervals_of_half_hold_half_of_the_time(draw):
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", CASES)
 def test_intervals_of_95_per_cent_hold_as_often(draw):
-    """Each parameter by itself; of 1000 data sets chance is 0.7 %, a third of what is allowed."""
-    shares = held(draw, CHAIN, CHAIN, 1000)
+    """Each parameter by itself."""
+    shares = held(draw, CHAIN, CHAIN, 400)
     assert ((shares > LOW) & (shares < HIGH)).all(), shares
 
 
@@ -99,9 +98,9 @@ def boom_sigma(rng):
     return {"measured": measured, "free": ["spring_stiffness", "youngs_modulus", "cradle_damping"]}
 
 
-@pytest.mark.slow  # 200 fits of a boom: some minutes
-@pytest.mark.parametrize("draw", [boom_frequencies, boom_response, boom_sigma])
-def test_intervals_of_a_boom_hold_as_often_as_they_say(draw):
-    """All parameters together, as 200 data sets leave 1.5 % of chance to each of them."""
-    shares = held(lambda rng: {"build": bc.spray_boom, **draw(rng)}, vars(TRUTH), bc.BoomParameters(), 200)
+@pytest.mark.slow
+@pytest.mark.parametrize(("draw", "sets"), [(boom_frequencies, 200), (boom_response, 100), (boom_sigma, 100)])
+def test_intervals_of_a_boom_hold_as_often_as_they_say(draw, sets):
+    """All parameters together, two of 200 or three of 100 data sets: chance is 1.1 to 1.3 %."""
+    shares = held(lambda rng: {"build": bc.spray_boom, **draw(rng)}, vars(TRUTH), bc.BoomParameters(), sets)
     assert LOW < shares.mean() < HIGH, shares
