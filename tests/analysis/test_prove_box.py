@@ -10,7 +10,9 @@ import boomctl as bc
 from boomctl.analysis.box import prove
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.analysis.box.loops import BoxLoops
-from boomctl.analysis.box.zero_exclusion import Cell, prove_cell
+from boomctl.analysis.box.sampled_level import SampledLoops
+from boomctl.analysis.box.zero_exclusion import Cell, prove_cell, value_at
+from boomctl.analysis.norm import matrices_norm
 from boomctl.structure import AffineFamily, SecondOrderModel
 from tests.profiles import examples
 from tests.strategies import seeds
@@ -50,6 +52,60 @@ def test_a_cell_is_proved_only_if_all_that_the_polynomial_may_stand_for_is_stabl
     assert np.abs(np.linalg.eigvals(loops + signs * missed)).max() < 1.0
 
 
+def driven(rng, size):
+    """Return a sampled loop over a box of two parameters, two signals in and out, and by how much its matrices may be off."""
+    A = polynomials(rng, size, 2)
+    B = {power: X[:, :2] for power, X in polynomials(rng, size, 2).items()}
+    C, D = rng.standard_normal((2, size)), 0.3 * rng.standard_normal((2, 2))
+    share = rng.choice([0.0, rng.uniform(0.0, 0.03)])
+    missed = share * rng.random((size, size)), share * rng.random((size, 2))
+    return SampledLoops(Cell(np.zeros(2), np.ones(2)), A, B, C, D, missed, 0.1)
+
+
+@examples(300)
+@given(seed=seeds, reach=st.floats(0.02, 1.0), size=st.integers(2, 5))
+def test_a_level_is_proved_only_if_no_loop_that_is_meant_reaches_it(seed, reach, size):
+    """Gains on the whole circle, of every loop within ``missed`` of the polynomials; where there is room it is proved."""
+    rng = np.random.default_rng(seed)
+    loops = driven(rng, size)
+    cell = Cell(rng.uniform(-1.0, 1.0, 2) * (1.0 - reach), np.full(2, reach))
+    delta = cell.middle + reach * rng.uniform(-1.0, 1.0, (100, 2))
+    delta[:4] = cell.middle + reach * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
+    A, B = (
+        sum(np.prod(delta[:, list(power)], axis=1)[:, None, None] * X for power, X in terms.items())
+        + np.where(rng.random((100, 1, 1)) < 0.5, 1.0, rng.choice([-1.0, 1.0], (100, *off.shape))) * off
+        for terms, off in zip((loops.A, loops.B), loops.missed, strict=True)
+    )
+    stable = np.abs(np.linalg.eigvals(A)).max() < 1.0
+    z = np.exp(1j * np.linspace(0.0, np.pi, 60))[:, None, None, None]
+    G = loops.C @ np.linalg.solve(z * np.eye(size) - A, np.broadcast_to(B, (60, *B.shape)) + 0j) + loops.D
+    largest = np.linalg.norm(G, 2, axis=(2, 3)).max()
+    for share in (0.7, 0.999, 1.01, 2.0):
+        if loops.prover(share * largest)(cell).proved:
+            assert stable
+            assert share > 1.0
+    small = Cell(cell.middle, np.full(2, 1e-6))
+    exact = SampledLoops(loops.cell, loops.A, loops.B, loops.C, loops.D, (0.0 * A[0], 0.0 * B[0]), 0.1)
+    norm = matrices_norm(exact.at(cell.middle))
+    if norm.certified and np.abs(np.linalg.eigvals(exact.at(cell.middle).A)).max() < 0.999:
+        assert exact.prover(1.05 * norm.upper)(small).proved
+
+
+@examples(60)
+@given(seed=seeds, omega=st.floats(0.1, 31.0))
+def test_the_even_pencil_is_singular_where_a_gain_is_the_level(seed, omega):
+    """``z = exp(j omega dt)`` is ``s = j tan(omega dt/2)`` there."""
+    rng = np.random.default_rng(seed)
+    loops = driven(rng, 3)
+    delta = rng.uniform(-1.0, 1.0, 2)
+    here, s = loops.at(delta), 1j * np.tan(0.05 * omega)
+    level = np.linalg.norm(here.response(np.array([omega]))[:, :, 0], 2)
+    at = [value_at(loops.even(factor * level)[0], delta) for factor in (1.0, 1.01)]
+    least = [np.linalg.svd(s * x.E - x.A, compute_uv=False)[-1] for x in at]
+    assert least[0] <= 1e-8 * max(least[1], np.abs(at[0].A).max())
+    assert least[1] > 1e2 * least[0]
+
+
 @given(st.floats(-0.9, 0.9), st.floats(0.01, 0.9))
 @examples(60)
 def test_of_one_state_what_is_missed_counts_as_much_as_the_parameter(middle, share):
@@ -58,8 +114,9 @@ def test_of_one_state_what_is_missed_counts_as_much_as_the_parameter(middle, sha
     terms = image({(): np.array([[middle]]), (0,): np.array([[share * room]])})
     whole, rest = Cell(np.zeros(1), np.ones(1)), (1.0 - share) * room
     assert not prove_cell(terms, whole, np.array([[1.001 * rest]])).proved
-    part = prove.Part(whole, terms, np.array([[0.6 * rest]]))
-    assert prove.prove_by_pencil([part], lambda delta: True, 500, lambda *told: None).proved
+    part = prove.StablePart(whole, terms, np.array([[0.6 * rest]]))
+    stable = prove.Statement.stable(lambda delta: True)
+    assert prove.prove_box([part], stable, 500, lambda *told: None).dear
 
 
 def test_a_singular_matrix_before_the_derivative_is_not_proved():
@@ -143,11 +200,14 @@ def test_the_sampled_boom_takes_few_cells():
 
 def test_where_cells_of_parameters_would_give_up_those_of_frequencies_prove_the_rest():
     family, K = masses(np.random.default_rng(3), 2, 4, 0.1, 0.4)
-    loops = BoxLoops.of(family, K)
-    alone = prove.prove_by_pencil(loops.parts(1.0), loops.stable, 100, lambda *told: None)
+    waiting, tried = [Cell(np.zeros(4), np.ones(4))], 0
+    prover = BoxLoops.of(family, K).parts(1.0)[0].prover(1.0)
+    while waiting and tried < 200:
+        cell, tried = waiting.pop(), tried + 1
+        proof = prover(cell)
+        waiting += [] if proof.proved else cell.halves(proof.axis)
+    assert waiting
     found = bc.robust_stability(family, K, 100)
-    assert not alone.proved
-    assert alone.unstable is None
     assert found.proved
     assert found.path.endswith("of parameters and frequencies")
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (200, 4))

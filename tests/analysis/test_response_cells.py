@@ -17,7 +17,7 @@ from tests.strategies import seeds
 def loops_of(rng, parameters, outputs=("y", "z")):
     family, K = chain(rng, parameters)
     loops = DrivenLoops.of(family, of(K, "K"), ["push"], list(outputs))
-    return loops, loops.responses(parameters)
+    return loops, loops.responses()
 
 
 def sampled_loops_of(rng, parameters):
@@ -32,7 +32,7 @@ def sampled_loops_of(rng, parameters):
         x = np.linalg.solve(turn * np.eye(loop.nstates) - loop.A, loop.B[:, [loop.input_labels.index("push")]])
         return np.linalg.norm(loop.C[:2] @ x + loop.D[:2, [loop.input_labels.index("push")]], 2)
 
-    return gain_at, loops.responses(parameters)
+    return gain_at, loops.responses()
 
 
 def value(terms, delta):

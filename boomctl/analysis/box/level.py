@@ -14,7 +14,7 @@ before, or, where it does not show, be such an eigenvalue itself.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -36,6 +36,7 @@ Polynomial = dict[tuple[int, ...], Array]
 class DrivenLoops:
     """A loop over a box, from what disturbs it to what is judged."""
 
+    cell: Cell
     E: Polynomial
     A: Polynomial
     B: Polynomial
@@ -119,8 +120,12 @@ class DrivenLoops:
                 if each.any():
                     total[power] = each
         order = np.argsort([name not in centre.outputs for name in outputs], kind="stable").argsort()
+        whole = Cell(np.zeros(family.size), np.ones(family.size))
         return cls(
-            *found, np.vstack([read[judged], force[sent]])[order], np.vstack([direct[judged], at_once[sent]])[order]
+            whole,
+            *found,
+            np.vstack([read[judged], force[sent]])[order],
+            np.vstack([direct[judged], at_once[sent]])[order],
         )
 
     @property
@@ -135,9 +140,9 @@ class DrivenLoops:
         powers = dict.fromkeys((*self.E, *self.A))
         return {power: LoopPencil(self.E.get(power, empty), self.A.get(power, empty)) for power in powers}
 
-    def responses(self, size: int) -> ResponseCells:
-        """Return what bounds the response over cells of parameters and frequencies; ``size``: number of parameters."""
-        return ResponseCells.of(self.E, self.A, self.B, self.C, self.D, size)
+    def responses(self) -> ResponseCells:
+        """Return what bounds the response over cells of parameters and frequencies."""
+        return ResponseCells.of(self.E, self.A, self.B, self.C, self.D, len(self.cell.middle))
 
     def even(self, gamma: float) -> Terms:
         """Return the even pencil at a level."""
@@ -168,6 +173,7 @@ class DrivenLoops:
         n = len(here.E)
         return Lti(solved[:, :n], solved[:, n:], self.C, self.D).balanced()
 
-    def prove(self, even: Terms, cell: Cell) -> CellProof:
-        """Return whether the loop is stable and its norm below the level of an even pencil throughout a cell."""
-        return prove_pencil(even, cell, value_at(self.pencils, cell.middle).stable)
+    def prover(self, level: float) -> Callable[[Cell], CellProof]:
+        """Return what tries to prove that the loop is stable and its norm below a level throughout a cell of parameters."""
+        even, pencils = self.even(level), self.pencils
+        return lambda cell: prove_pencil(even, cell, value_at(pencils, cell.middle).stable)

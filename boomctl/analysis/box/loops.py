@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.box.loop_pencil import LoopPencil, closed_pencil
-from boomctl.analysis.box.prove import Part
+from boomctl.analysis.box.prove import StablePart
 from boomctl.analysis.box.zero_exclusion import Cell, Terms, value_at
 from boomctl.analysis.loops import signals_of
 from boomctl.arrays import Array
@@ -112,7 +112,7 @@ class BoxLoops:
         """Return the loop over a cell that lies in one stretch."""
         return next(each for each in self.stretches if cell.middle[self.axis] <= each.high).terms
 
-    def parts(self, factor: float) -> list[Part]:
+    def parts(self, factor: float) -> list[StablePart]:
         """Return the box, enlarged by a factor, as one part a stretch."""
         found = []
         for each in self.stretches:
@@ -120,7 +120,7 @@ class BoxLoops:
             if low < high:
                 middle, reach = np.zeros(self.family.size), np.full(self.family.size, factor)
                 middle[self.axis], reach[self.axis] = 0.5 * (low + high), 0.5 * (high - low)
-                found.append(Part.of(each.terms, Cell(middle, reach)))
+                found.append(StablePart.of(each.terms, Cell(middle, reach)))
         return found
 
 

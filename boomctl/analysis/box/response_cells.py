@@ -57,9 +57,6 @@ _FIRST = 0.5  # share of the slowest pole at which the chain of frequencies begi
 _TOP = 4.0  # times the fastest pole where it ends: from there on nothing resonates (a choice)
 _HULLS = (_hull(5), _hull(3), _hull(2))  # of the frequency, of few parameters, of many: corners multiply (a choice)
 _FEW = 4  # variables, the frequency among them, that are few: 6 times 4 times 4 times 4 corners (a choice)
-WORTH = 150  # cells of parameters and frequencies that take as long as one of parameters alone (measured: 100 to 300)
-_TASTE = 0.1  # share of the cells allowed after which it is estimated how many it takes (a choice)
-HOPELESS = 2.0  # times as many cells as allowed: it is given up, for an estimate may be off by some (a choice)
 _DESCENTS = 200  # by which it is estimated how many cells a proof takes: an order of magnitude (a choice)
 _DEEPEST = 60  # cuts of a descent at most: a millionth of a box in three parameters
 _BATCH = 2**18  # entries of the matrices handled at once: what stays in the cache (measured)
@@ -244,21 +241,6 @@ class ResponseCells:
             proved += int((~open_).sum())
             cells = cells.with_halves(here[open_], found.axes[open_], found.between[open_])
         return cells, proved
-
-    def prove_if_near(
-        self, cells: Frontier, level: float, limit: int, seen: Callable[[float, Array], float], tell: Tell
-    ) -> tuple[Frontier, int, float]:
-        """Prove it with a share of the cells allowed, with the rest if that may do; return about how many it takes, too."""
-        taste = max(1, int(_TASTE * limit))
-        cells, proved = self.prove(cells, level, taste, seen, tell)
-        level = seen(0.0, np.zeros(self.size))
-        if not len(cells) or level == np.inf:
-            return cells, proved, 0.0
-        needed = self.still_needed(cells, level)
-        if needed > HOPELESS * limit:
-            return cells, proved, needed
-        cells, more = self.prove(cells, level, max(1, limit - taste), seen, tell)
-        return cells, proved + more, needed
 
     def still_needed(self, cells: Frontier, level: float) -> float:
         """Return about how many cells a proof of what waits would take: by descents in which one of two halves is gone into.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.box.loops import BoxLoops
-from boomctl.analysis.box.prove import BoxProof, Part, prove_box, prove_by_pencil
+from boomctl.analysis.box.prove import BoxProof, StablePart, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
 from boomctl.analysis.loops import signals_of
 from boomctl.analysis.sampled_loops.sampled_plant import time_of_loop
@@ -207,8 +207,8 @@ def robust_stability(
             parts = loops.parts(1.0)
         except ValueError as error:
             return RobustStability(False, None, 0, rate, worst, str(error))
-        found = prove_box(parts, loops.stable, limit, tell)
-    cells, bad = found.dear + found.cheap, found.unstable
+        found = prove_box(parts, Statement.stable(loops.stable), limit, tell)
+    cells, bad = found.dear + found.cheap, found.refuted
     if bad is not None:
         return RobustStability(False, family.values(bad), cells, loops.abscissa(bad), family.values(bad))
     reason = "" if found.left is None else _given_up(family, loops.abscissa(found.left), found, limit)
@@ -241,10 +241,10 @@ class _Sampled:
         """Return whether the loop is stable at a point."""
         return self.abscissa(delta) < 0.0
 
-    def parts(self, factor: float) -> list[Part]:
+    def parts(self, factor: float) -> list[StablePart]:
         """Return polynomials of the parameters that cover the box; ``factor`` is one."""
         found = SampledLoops.over(self.family, self.K, (), (), self.delay)
-        return [Part(each.cell, each.pencils, each.missed[0]) for each in found]
+        return [StablePart(each.cell, each.pencils, each.missed[0]) for each in found]
 
 
 def _given_up(family: Family, abscissa: float, found: BoxProof, limit: int) -> str:
@@ -341,9 +341,9 @@ def structured_margin(
         good, ceiling = 0.0, min(bad, top)
         tried = ceiling * (1.0 - 0.5 * close) if bad < inf else ceiling
         for _ in range(_PROOFS):
-            found = prove_by_pencil(loops.parts(tried), loops.stable, limit, tell)
-            if found.unstable is not None:
-                bad, where = float(np.abs(found.unstable).max()), found.unstable
+            found = prove_box(loops.parts(tried), Statement.stable(loops.stable), limit, tell)
+            if found.refuted is not None:
+                bad, where = float(np.abs(found.refuted).max()), found.refuted
             good, ceiling = (tried, ceiling) if found.proved else (good, tried)
             if good >= ceiling * (1.0 - close):
                 break

@@ -20,11 +20,13 @@ from itertools import product
 import numpy as np
 
 from boomctl.analysis.box.loop_pencil import LoopPencil
+from boomctl.analysis.box.prove import with_rounding
 from boomctl.analysis.box.response_cells import Polynomial, ResponseCells
-from boomctl.analysis.box.zero_exclusion import Cell, Terms
+from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_pencil, value_at
 from boomctl.analysis.loops import joined
 from boomctl.arrays import Array
 from boomctl.chebyshev import points, points_needed, powers, series
+from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import Lti, balance, signal_scales
 from boomctl.structure.families import Family
 from boomctl.structure.matrices import Structure, dense
@@ -130,14 +132,6 @@ class SampledLoops:
             dt,
         )
 
-    def place(self, delta: Array) -> Array:
-        """Return where in the box a point of this part is."""
-        return self.cell.middle + self.cell.reach * delta
-
-    def nearest(self, delta: Array) -> Array:
-        """Return the point of this part that is nearest to one of the box, as this part counts."""
-        return np.clip((delta - self.cell.middle) / self.cell.reach, -1.0, 1.0)
-
     @property
     def at_infinity(self) -> float:
         """A gain that is known beforehand: none, for all frequencies of a sampled loop are looked at."""
@@ -150,8 +144,50 @@ class SampledLoops:
         changes = {power: LoopPencil(A, A) for power, A in self.A.items() if power}
         return {(): LoopPencil(self.A[()] + eye, self.A[()] - eye), **changes}
 
-    def responses(self, size: int) -> ResponseCells:
-        """Return what bounds the response over cells; ``size``: number of parameters."""
+    def even(self, level: float) -> tuple[Terms, Array]:
+        """Return the even pencil at a level, and by how much entries of both its matrices may be off.
+
+        Pappas & Laub's pencil ``z L - R`` (:func:`boomctl.analysis.norm.stays_below_on_circle`) is affine in ``A`` and ``B``;
+        with ``z = (1 + s)/(1 - s)`` it is ``s (L + R) - (R - L)``.
+        """
+        n, m = self.B[()].shape
+        off_A, off_B = self.missed
+        B_size, C_size = (float(np.linalg.norm(X)) for X in (self.B[()], self.C))
+        up = (C_size / B_size) ** 0.5 if B_size > 0.0 and C_size > 0.0 else 1.0  # scales that make both alike
+        b, C, D = up / level**0.5, self.C / (up * level**0.5), self.D / level
+
+        def sides(A: Array, B: Array) -> tuple[Array, Array]:
+            L, R = np.zeros((2 * n + m, 2 * n + m)), np.zeros((2 * n + m, 2 * n + m))
+            L[n : 2 * n, n : 2 * n], L[2 * n :, n : 2 * n] = A.T, b * B.T
+            R[:n, :n], R[:n, 2 * n :] = A, b * B
+            return L, R
+
+        empty, none = np.zeros((n, n)), np.zeros((n, m))
+        both = {q: sides(self.A.get(q, empty), self.B.get(q, none)) for q in dict.fromkeys((*self.A, *self.B))}
+        L, R = both[()]
+        L[:n, :n] = R[n : 2 * n, n : 2 * n] = np.eye(n)
+        R[n : 2 * n, :n], R[n : 2 * n, 2 * n :] = -C.T @ C, -C.T @ D
+        R[2 * n :, :n], R[2 * n :, 2 * n :] = -D.T @ C, np.eye(m) - D.T @ D
+        return {q: LoopPencil(L + R, R - L) for q, (L, R) in both.items()}, sum(sides(off_A, off_B), np.zeros_like(L))
+
+    def prover(self, level: float) -> Callable[[Cell], CellProof]:
+        """Return what tries to prove that the loop is stable and its norm below a level throughout a cell of parameters.
+
+        That no singular value is at the level on the circle shows it only if all are below it at one frequency, the highest.
+        """
+        even, missed = self.even(level)
+        missed, pencils = with_rounding(even, missed), self.pencils
+
+        def prove(cell: Cell) -> CellProof:
+            loop = self.at(cell.middle)
+            below = singular_values(loop.response(np.array([loop.nyquist]), quiet=True))[0, 0] < level
+            return prove_pencil(even, cell, bool(below) and value_at(pencils, cell.middle).stable, missed)
+
+        return prove
+
+    def responses(self) -> ResponseCells:
+        """Return what bounds the response over cells of parameters and frequencies."""
+        size = len(self.cell.middle)
         E, A = ({power: getattr(x, letter) for power, x in self.pencils.items()} for letter in "EA")
         return ResponseCells.of(E, A, self.B, self.C, self.D, size, {q: -X for q, X in self.B.items()}, self.missed)
 

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.analysis.box.bound import LARGEST, LOST, bounded, bounded_in_parts
 from boomctl.analysis.box.level import DrivenLoops
 from boomctl.analysis.box.loops import BoxLoops, controller_at
+from boomctl.analysis.box.prove import WORTH, BoxProof, Statement, prove_box
 from boomctl.analysis.box.robustness import listed_values, pattern_search
 from boomctl.analysis.box.sampled_level import SampledLoops
+from boomctl.analysis.box.zero_exclusion import value_at
 from boomctl.analysis.h2 import H2Certificate, h2_norm
 from boomctl.analysis.loops import joined, signals_of
 from boomctl.analysis.norm import NormCertificate, matrices_norm
@@ -21,16 +22,23 @@ from boomctl.checks import exactly, from_on, instance, known, nonnegative, posit
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.system import Lti, of
 from boomctl.printing import sentence
-from boomctl.progress import Listener, computing
+from boomctl.progress import Listener, Tell, computing
 from boomctl.structure.families import Family
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     import control
 
 _NORMS = ("hinf", "h2")
 _CELLS = 60_000  # most cells that are tried at one level (a choice of patience: some ten seconds)
+_LARGEST = 1.0  # a tolerance beyond which a bound says nothing (a choice)
+_LOOSER = 10.0  # times the tolerance: the next level where cells run out (a choice)
+_LOOSENED = 2  # times at most (a choice)
+_LOST = "the loop is unstable there, or undamped"
+_CHECKED = 8  # points drawn in the box at which a bound is tried again (a choice)
+_COMPARED = 3  # points drawn at which the loops that are proved are compared with those closed anew (a choice)
+_SAME = 1e-6  # relative distance of norms, as far as certified, by two routes that are the same (a choice)
 
 
 @dataclass(frozen=True)
@@ -53,6 +61,8 @@ class WorstCase:
         Cells in which it was proved.
     reason : str
         Why no bound was proved; empty where one was.
+    path : str
+        How many cells of which kind proved it; empty where none was.
     """
 
     norm: NormCertificate | H2Certificate
@@ -62,6 +72,7 @@ class WorstCase:
     upper_bound: float = inf
     cells: int = 0
     reason: str = ""
+    path: str = ""
 
     @property
     def gap(self) -> float:
@@ -112,8 +123,8 @@ def worst_case(
 
     From below, points of a grid over the box are tried, then the neighbourhood of the worst of them, and the middles of
     cells that resist a proof.  From above, the box is cut until in each cell no singular value can reach the level: cells of
-    parameters and frequencies (:mod:`boomctl.analysis.box.response_cells`), and cells of parameters alone where many poles
-    are lightly damped (:mod:`boomctl.analysis.box.level`).  A bound proves besides that the loop is stable over the box.
+    parameters first, and what they leave in smaller ones of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).
+    A bound proves besides that the loop is stable over the box.
 
     A discrete controller makes sampled loops, as :func:`boomctl.feedback_loop` has them: disturbances are held from sample to
     sample, and outputs are those at the samples.  The loop is then a polynomial of the parameters
@@ -135,8 +146,8 @@ def worst_case(
         How far the bound may lie above the worst point found, relative.  Where that would take too many cells, ten and a
         hundred times as much is tried.  None: no bound is asked for.
     max_cells : int
-        Largest number of cells of parameters and frequencies tried at one level; of parameters alone, which take longer,
-        are at most one in 150 of it.
+        Largest number of cells of parameters and frequencies tried at one level in a part of the box, of which most boxes
+        are one; of parameters alone, which take longer, are at most one in 150 of it.
     delay : float, optional
         Time between a sample and the moment its control acts [s]; only with a discrete controller.
     progress : callable, optional
@@ -167,8 +178,8 @@ def worst_case(
     """
     limit = whole("max_cells", max_cells)
     wanted = None if tolerance is None else positive("tolerance", tolerance)
-    if wanted is not None and wanted > LARGEST:
-        raise ValueError(f"tolerance = {wanted:g}: expected at most {LARGEST:g}")
+    if wanted is not None and wanted > _LARGEST:
+        raise ValueError(f"tolerance = {wanted:g}: expected at most {_LARGEST:g}")
     known("norm", norm, _NORMS)
     K, late = _checked(family, controller, delay)
 
@@ -196,35 +207,104 @@ def worst_case(
 
         delta, _, tried = pattern_search(peak, family.size, 1.0)
         nominal = at(np.zeros(family.size))
-        bound, cells, reason = inf, 0, ""
+        bound, proof, reason = inf, BoxProof(False), ""
         if norm == "h2":
             reason = "found, not proved: an H2 norm"
         elif wanted is None:
             reason = "none was asked for"
         elif at(delta).lower == inf:
-            reason = LOST
+            reason = _LOST
         elif K is None:
             reason = "none is tried for controllers that follow a parameter"
         else:
             tell("loop over the box")
-            loops, reason = _loops(family, K, loop_at(np.zeros(family.size)), late)
-            if loops is not None:
-                prove = bounded_in_parts if isinstance(loops, tuple) else bounded
-                found = prove(loops, at, delta, tolerance=wanted, limit=limit, tell=tell)  # type: ignore[arg-type]
-                delta, bound, cells, reason = found.delta, found.level, found.cells, found.reason
-    return WorstCase(at(delta), family.values(delta), nominal, tried, bound, cells, reason)
+            parts, reason = _parts(family, K, loop_at(np.zeros(family.size)), late)
+            reason = reason or _hindrance(parts, at, delta)
+            if not reason:
+                delta, bound, proof, reason = _bounded(parts, at, delta, wanted, limit, tell)
+    cells = proof.dear + proof.cheap
+    return WorstCase(at(delta), family.values(delta), nominal, tried, bound, cells, reason, proof.path)
 
 
-def _loops(
+def _parts(
     family: Family, K: Lti, judged: Lti, late: float
-) -> tuple[DrivenLoops | tuple[SampledLoops, ...] | None, str]:
+) -> "tuple[Sequence[DrivenLoops] | Sequence[SampledLoops], str]":
     """Return the loops whose level is to be proved, between the signals judged, or why there are none."""
     try:
         if K.dt == 0.0:
-            return DrivenLoops.of(family, K.balanced(), judged.inputs, judged.outputs), ""
+            return [DrivenLoops.of(family, K.balanced(), judged.inputs, judged.outputs)], ""
         return SampledLoops.over(family, K, judged.inputs, judged.outputs, late), ""
     except ValueError as error:
-        return None, str(error)
+        return [], str(error)
+
+
+def _hindrance(
+    parts: "Sequence[DrivenLoops] | Sequence[SampledLoops]", at: "Callable[[Array], NormCertificate]", delta: Array
+) -> str:
+    """Return why there is no bound to be looked for; empty where there may be one.
+
+    The loops that are proved are those whose norms were found: they are compared at the worst point, or what is nearest to it
+    in a part of the box, in the middle, and at points drawn.
+    """
+    for part in parts:
+        middle, reach = part.cell.middle, part.cell.reach
+        nearest = np.clip((delta - middle) / reach, -1.0, 1.0)
+        drawn = np.random.default_rng(1).uniform(-1.0, 1.0, (_COMPARED, len(delta)))
+        for point in (nearest, 0.0 * middle, *drawn):
+            if not value_at(part.pencils, point).stable:
+                return "a pole that does not decay hides from these signals"
+            here, there = at(middle + reach * point), matrices_norm(part.at(point))
+            known = [(x.lower, x.upper if x.certified else x.lower) for x in (here, there)]
+            if max(low for low, _ in known) > min(high for _, high in known) * (1.0 + _SAME):
+                return f"two routes to the norm differ: {here.lower:.9g} and {there.lower:.9g}"
+    return "" if at(delta).lower > 0.0 else "nothing comes through at any point tried"
+
+
+def _bounded(
+    parts: "Sequence[DrivenLoops] | Sequence[SampledLoops]",
+    at: "Callable[[Array], NormCertificate]",
+    delta: Array,
+    tolerance: float,
+    limit: int,
+    tell: Tell,
+) -> tuple[Array, float, BoxProof, str]:
+    """Return the worst point, a level proved over the whole box, how, and why there is none.
+
+    The level is raised where a worse point is met, and where cells run out.
+    """
+    lower, gap, loosened = at(delta).lower, tolerance, 0
+    at_infinity = max(part.at_infinity for part in parts)
+    level = max(lower, at_infinity) * (1.0 + gap)
+
+    def met(gain: float, point: Array) -> None:
+        nonlocal delta, lower, level
+        if gain > lower * (1.0 + _SAME):
+            delta, lower, _ = pattern_search(lambda d: at(d).lower, len(delta), 1.0, point)
+            if lower * (1.0 + 0.5 * gap) > level:
+                level = lower * (1.0 + gap)
+
+    def holds(point: Array) -> bool:
+        met(at(point).lower, point)
+        return at(point).lower < inf
+
+    def looser() -> bool:
+        nonlocal gap, loosened, level
+        if loosened == _LOOSENED or gap >= _LARGEST:
+            return False
+        gap, loosened = min(_LOOSER * gap, _LARGEST), loosened + 1
+        level = max(lower, at_infinity) * (1.0 + gap)
+        return True
+
+    found = prove_box(parts, Statement(lambda: level, met, holds, looser), limit / WORTH, tell)
+    if found.proved:
+        drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_CHECKED, len(delta)))
+        if max(at(point).lower for point in drawn) > level:
+            raise ArithmeticError(f"worst_case: a norm above the level proved, {level:.9g}, at a point drawn")
+        return delta, level, found, ""
+    if found.refuted is not None or level == inf:
+        return (delta if found.refuted is None else found.refuted), inf, found, _LOST
+    about = f"about {found.needed:.0e} cells, more than" if limit < found.needed < inf else "more than"
+    return delta, inf, found, f"it would take {about} max_cells = {limit} at {level:.5g}"
 
 
 def _checked(

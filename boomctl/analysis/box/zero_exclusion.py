@@ -66,15 +66,12 @@ class CellProof:
 
     Attributes
     ----------
-    stable : bool
-        Whether all poles decay at its middle.
     proved : bool
-        Whether no pole touches the imaginary axis anywhere in the cell.
+        Whether no eigenvalue touches the imaginary axis anywhere in the cell.
     axis : int
         The parameter that couples modes most, to be halved next.
     """
 
-    stable: bool
     proved: bool
     axis: int
 
@@ -144,16 +141,17 @@ def prove_cell(terms: Terms, cell: Cell, missed: Array | None = None) -> CellPro
     return prove_pencil(terms, cell, value_at(terms, cell.middle).stable, missed)
 
 
-def prove_pencil(terms: Terms, cell: Cell, stable: bool, missed: Array | None = None) -> CellProof:
+def prove_pencil(terms: Terms, cell: Cell, holds: bool, missed: Array | None = None) -> CellProof:
     """Try to prove that no eigenvalue is imaginary anywhere in a cell.
 
-    ``stable`` tells whether its middle is worth a proof; ``missed`` is by how much entries of ``E`` and ``A`` may be off.
+    ``holds`` tells whether what is to be proved is true in its middle; ``missed`` is by how much entries of ``E`` and ``A``
+    may be off.
     """
-    modes = _modes(about(terms, cell.middle), cell.reach, missed) if stable else None
+    modes = _modes(about(terms, cell.middle), cell.reach, missed) if holds else None
     if modes is None:
-        return CellProof(stable, False, int(np.argmax(cell.reach)))
+        return CellProof(False, int(np.argmax(cell.reach)))
     worst = _unexcluded_frequency(modes)
-    return CellProof(True, worst is None, 0 if worst is None else _parameter_to_halve(modes, worst))
+    return CellProof(worst is None, 0 if worst is None else _parameter_to_halve(modes, worst))
 
 
 def _parameter_to_halve(modes: _Modes, point: Array) -> int:
