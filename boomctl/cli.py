@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
-    from boomctl.papers.side_by_side import Job
+    from boomctl.lab.papers.side_by_side import Job
     from boomctl.progress import Progress as Told
     from boomctl.report import Report
 
@@ -250,7 +250,7 @@ def reproduce(words: Sequence[str]) -> None:
 
     from boomctl.checks import known, whole
     from boomctl.files import locked_folder, plain, write_json, write_whole
-    from boomctl.papers.side_by_side import cores, side_by_side
+    from boomctl.lab.papers.side_by_side import cores, side_by_side
     from boomctl.report import bound_reports
 
     known("what to reproduce", asked.what, ("boom", "hub-beam", "all"))
@@ -297,15 +297,15 @@ _PAPERS = {
 def _boom_paper(parameters: Path | None, measured: Path | None, full: bool) -> "_Paper":
     from boomctl.analysis.measured import read_measured_curve
     from boomctl.boom.parameters import BoomParameters
-    from boomctl.papers.anthonis_ramon.report import jobs, report
+    from boomctl.lab.papers.anthonis_ramon.report import jobs, report
 
     p = BoomParameters.from_toml(parameters) if parameters else None
     return jobs(p, read_measured_curve(measured) if measured else None, full), report
 
 
 def _hub_beam_paper(full: bool) -> "_Paper":
-    from boomctl.papers.bai.report import jobs, report
-    from boomctl.papers.bai.validity import FULL_TORQUES, TORQUES
+    from boomctl.lab.papers.bai.report import jobs, report
+    from boomctl.lab.papers.bai.validity import FULL_TORQUES, TORQUES
 
     torques = FULL_TORQUES if full else TORQUES
     return jobs(torques), partial(report, torques)
@@ -539,12 +539,12 @@ def slew(words: Sequence[str]) -> None:
 
 
 _BENCHMARKS = {
-    "boom": "boomctl.benchmark.boom.run",
-    "hub-beam": "boomctl.benchmark.rotating_beam.run",
-    "suspension": "boomctl.benchmark.suspension.run",
-    "slew": "boomctl.benchmark.slew.run",
-    "tune": "boomctl.benchmark.tune.run",
-    "precision": "boomctl.benchmark.precision.run",
+    "boom": "boomctl.lab.benchmark.boom.run",
+    "hub-beam": "boomctl.lab.benchmark.rotating_beam.run",
+    "suspension": "boomctl.lab.benchmark.suspension.run",
+    "slew": "boomctl.lab.benchmark.slew.run",
+    "tune": "boomctl.lab.benchmark.tune.run",
+    "precision": "boomctl.lab.benchmark.precision.run",
 }
 
 
@@ -573,7 +573,7 @@ def benchmark(words: Sequence[str]) -> None:
     parser.add_quiet()
     asked = parser.parse_args(words)
     known("benchmark", asked.what, tuple(_BENCHMARKS))
-    from boomctl.benchmark.compare import compared, read_results
+    from boomctl.lab.benchmark.compare import compared, read_results
 
     precise = asked.what == "precision"
     for option, given in (("SCENE", asked.scenes), *((f"--{o}", getattr(asked, o)) for o in ("quick", "out", "page"))):
@@ -606,9 +606,9 @@ def benchmark(words: Sequence[str]) -> None:
 
 def _precision(asked: Namespace) -> tuple[Any, dict[str, Any]]:
     """Measure run time against error, and write what is asked for; return the report and what JSON knows of it."""
-    from boomctl.benchmark.precision.recommended import PAGE
-    from boomctl.benchmark.precision.run import run, steps
     from boomctl.files import locked_folder
+    from boomctl.lab.benchmark.precision.recommended import PAGE
+    from boomctl.lab.benchmark.precision.run import run, steps
 
     if asked.page is not None:
         PAGE.text(asked.page)
@@ -648,9 +648,9 @@ def stress(words: Sequence[str]) -> None:
 
     from boomctl.checks import whole
     from boomctl.files import locked_folder
-    from boomctl.stress.pool import cores
-    from boomctl.stress.report import PAGE
-    from boomctl.stress.run import all_cases, stressed
+    from boomctl.lab.stress.pool import cores
+    from boomctl.lab.stress.report import PAGE
+    from boomctl.lab.stress.run import all_cases, stressed
 
     workers = cores() if asked.workers is None else whole("--workers", asked.workers)
     cases = all_cases(asked.full, asked.rows)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 import boomctl.structure as bs
-from boomctl.stress.case import said_by_us
+from boomctl.lab.stress.case import said_by_us
 
 LONGEST = 20.0  # s that a call may take: what a user waits without asking
 SHORT = 5.0  # [s], of what takes a time limit

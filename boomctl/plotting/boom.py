@@ -1,6 +1,6 @@
 """Pictures of the spray boom: Fig. 3, convergence, mode shapes, the machine in motion, friction in its cradle.
 
-What they draw are the records of :mod:`boomctl.papers.anthonis_ramon`, taken by their attributes.
+What they draw are the records of :mod:`boomctl.lab.papers.anthonis_ramon`, taken by their attributes.
 """
 
 from pathlib import Path

@@ -5,7 +5,7 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from boomctl.benchmark.rotating_beam.run import run
+from boomctl.lab.benchmark.rotating_beam.run import run
 
 
 @pytest.mark.slow

@@ -200,7 +200,7 @@ def test_equals_what_exudyn_computed(case):
 @pytest.mark.parametrize("case", EXUDYN)
 def test_equals_exudyn(case):
     pytest.importorskip("exudyn")
-    from boomctl.benchmark.rotating_beam.exudyn import exudyn_tip
+    from boomctl.lab.benchmark.rotating_beam.exudyn import exudyn_tip
 
     manoeuvre, step = EXUDYN[case][0], {"spin-up": 0.01, "400 N m": 0.0025}[case]
     times = np.linspace(0, 30, 301)
@@ -211,7 +211,7 @@ def test_equals_exudyn(case):
 
 @pytest.mark.slow
 def test_benchmark_rows_are_ordered_by_cost_and_error():
-    from boomctl.benchmark.rotating_beam.run import SCENES, exact_rows
+    from boomctl.lab.benchmark.rotating_beam.run import SCENES, exact_rows
 
     measured = [row for row in exact_rows(full=False, tell=lambda text: None) if row.section == next(iter(SCENES))]
     exact = [row.error for row in measured if row.job.startswith("exact")]

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.benchmark.boom.high_precision import exact_response
 from boomctl.boom.model import ACTUATORS, boom_assembly
+from boomctl.lab.benchmark.boom.high_precision import exact_response
 from boomctl.structure import (
     GROUND,
     Assembly,

@@ -8,7 +8,7 @@ from hypothesis import given
 
 import boomctl as bc
 from boomctl.analysis.norm import LOST
-from boomctl.stress.references import cantilever_frequencies
+from boomctl.lab.stress.references import cantilever_frequencies
 from boomctl.structure import GROUND, Assembly, Beam, BeamSection, FiniteElements, Force, Output, fixed
 from boomctl.structure.response.poles import damped_poles, undamped_modes
 from boomctl.structure.response.rounding import AccuracyWarning

@@ -1,0 +1,1 @@
+"""What the package is measured by: published papers, run time against error, promises where they are hardest."""

@@ -1,0 +1,268 @@
+"""Motion in time: forced responses, sampled loops, slews; and what is refused at every door."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import pi, sqrt
+from typing import Any
+
+import mpmath as mp
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.lab.stress.case import Case, Seen, relative
+from boomctl.lab.stress.references import DIGITS
+from boomctl.lti.system import Lti
+from boomctl.rotating_beam.factory import hub_beam
+from boomctl.simulation.forced_response import forced_response
+from boomctl.simulation.loop import simulate_loop
+from boomctl.slew.optimal import optimal_slew
+from boomctl.structure.model import SecondOrderModel
+
+_FORCED, _LOOP, _SLEW = "Forced responses", "Sampled loops", "Slews"
+_EPS = float(np.finfo(float).eps)
+_SCALES = (1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9)  # of units: up to nine powers of ten
+
+
+def cases() -> Iterator[Case]:
+    """Return the cases of motion."""
+    exact = "of the largest, sixty digits"
+    for omega in (1e-6, 1e-3, 1.0, 1e3, 1e6):
+        amount = f"{omega:g} rad/s"
+        yield Case(
+            _FORCED,
+            "an oscillator pushed by a ramp, a hundred periods",
+            amount,
+            1e-9,
+            exact,
+            _ramp,
+            (omega, 0.01),
+            answered=True,
+        )
+        yield Case(
+            _LOOP, "the same without a controller", amount, 1e-9, exact, _open_loop, (omega, 0.01), answered=True
+        )
+    for zeta in (0.0, 1e-12, 1e-6, 1.0, 1e2, 1e6):
+        amount = f"damping ratio {zeta:g}"
+        # rounding of the fastest pole is as large as so much of the slowest
+        left = max(1e-9, 4.0 * _EPS * zeta**2)
+        yield Case(
+            _FORCED,
+            "an oscillator of 1 rad/s pushed by a ramp",
+            amount,
+            left,
+            exact,
+            _ramp,
+            (1.0, zeta),
+            answered=zeta <= 1.0,
+        )
+        yield Case(
+            _FORCED,
+            "a mass on a spring pushed by a ramp",
+            amount,
+            left,
+            exact,
+            _ramp_model,
+            (zeta,),
+            answered=zeta <= 1.0,
+        )
+    for count in (2, 4, 8):
+        yield Case(
+            _FORCED,
+            "1/(s + 1)^n, one pole repeated, a step",
+            f"{count} times",
+            1e-9,
+            exact,
+            _repeated,
+            (count,),
+            answered=True,
+        )
+    for spread in (1e3, 1e6, 1e10, 1e14):
+        yield Case(
+            _FORCED, "poles -1 and -a, a step", f"a = {spread:g}", 1e-9, exact, _spread, (spread,), answered=True
+        )
+    for count in (10, 1_000, 100_000):
+        measure = "relative, the recursion of the sampled loop"
+        yield Case(
+            _LOOP,
+            "an integrator under a sampled gain",
+            f"{count:,} samples",
+            1e-9,
+            measure,
+            _sampled,
+            (count,),
+            answered=True,
+        )
+    for delay in (0.0, 1e-9, 0.3, 1.0, 1.7):
+        measure = "of the largest, the recursion of the delayed loop"
+        what = "an integrator under a delayed gain"
+        yield Case(_LOOP, what, f"{delay:g} samples late", 1e-8, measure, _delayed, (delay,), answered=True)
+    for scale in _SCALES:
+        for unit in ("time", "torque", "angle"):
+            what, measure = (
+                f"least time of a double integrator, other units of {unit}",
+                "relative, 2 sqrt(angle/torque)",
+            )
+            yield Case(_SLEW, what, f"{scale:g}", 1e-6, measure, _rigid, (unit, scale), answered=1e-7 < scale < 1e7)
+    for frequency in (1e-2, 1.0, 1e2):
+        what, measure = "least time of two masses and a spring", "the law of scaling, published 4.218"
+        yield Case(
+            _SLEW,
+            what,
+            f"spring's unit of time {1 / frequency:g} s",
+            2e-4,
+            measure,
+            _two_masses,
+            (frequency,),
+            answered=True,
+        )
+    for ratio in (1e-3, 0.1, 1.0):
+        what, measure = "least time of SFOAM, one mode", "angle missed in the replay [rad]"
+        yield Case(_SLEW, what, f"tip mass {ratio:g} kg", 1e-5, measure, _beam_slew, (ratio,), seconds=60.0)
+    for limit in (1e-3, 1e-1, 1e1):
+        what = "least time of SFOAM, one mode"
+        measure = "share by which it is shorter than that of the rigid body or its end is missed"
+        yield Case(_SLEW, what, f"{limit:g} N m", 1e-5, measure, _weak_slew, (limit,), seconds=60.0)
+
+
+def _plant(A: Array, B: Array, C: Array) -> Lti:
+    inputs, outputs = (tuple(f"{x}{i}" for i in range(n)) for x, n in (("u", B.shape[1]), ("y", len(C))))
+    return Lti(A, B, C, np.zeros((len(C), B.shape[1])), inputs, outputs, tuple(f"x{i}" for i in range(len(A))))
+
+
+def _oscillator(omega: float, zeta: float) -> Lti:
+    A = np.array([[0.0, omega], [-omega, -2.0 * zeta * omega]])
+    return _plant(A, np.array([[0.0], [omega]]), np.array([[1.0, 0.0]]))
+
+
+def _ramp_answer(omega: float, zeta: float, times: Array) -> Array:
+    """Return ``y`` of ``y'' + 2 z w y' + w^2 y = w^2 (w t)``, from rest, matrices as they stand in double precision."""
+    with mp.workdps(DIGITS):
+        damping = mp.mpf(2.0 * zeta * omega) / mp.mpf(omega)
+        z = damping / 2
+        root = mp.sqrt(mp.mpc(z * z - 1))
+        values = []
+        for t in times:
+            x = mp.mpf(omega) * mp.mpf(float(t))
+            if abs(root) < mp.mpf(10) ** -20:
+                free = mp.exp(-z * x) * (damping + (damping * z - 1) * x)
+            else:
+                slow, fast = -z + root, -z - root
+                # y = x - 2z + a e^(slow x) + b e^(fast x), y(0) = y'(0) = 0
+                a = (-1 - damping * fast) / (slow - fast)
+                b = damping - a
+                free = a * mp.exp(slow * x) + b * mp.exp(fast * x)
+            values.append(float(mp.re(x - damping + free)))
+        return np.array(values)
+
+
+def _times(omega: float) -> Array:
+    """Return instants of a hundred periods."""
+    return np.linspace(0.0, 200.0 * pi / omega, 501)
+
+
+def _ramp(omega: float, zeta: float) -> Seen:
+    times = _times(omega)
+    found = forced_response(_oscillator(omega, zeta).statespace("plant"), {"u0": omega * times}, times)["y0"]
+    return Seen(relative(found, _ramp_answer(omega, zeta, times)))
+
+
+def _ramp_model(zeta: float) -> Seen:
+    times = _times(1.0)
+    model = SecondOrderModel([[1.0]], [[2.0 * zeta]], [[1.0]], {"u0": [1.0]}, {"y0": [1.0]})
+    found = forced_response(model, {"u0": times}, times)["y0"]
+    return Seen(relative(found, _ramp_answer(1.0, zeta, times)))
+
+
+def _open_loop(omega: float, zeta: float) -> Seen:
+    times = _times(omega)
+    plant = _oscillator(omega, zeta).statespace("plant")
+    run = simulate_loop(plant, None, {"u0": omega * times}, times, sample_time=float(times[1]))
+    return Seen(relative(run["y0"], _ramp_answer(omega, zeta, times)))
+
+
+def _repeated(count: int) -> Seen:
+    """The step response is ``1 - e^-t sum_k t^k / k!``."""
+    A = -np.eye(count) + np.diag(np.ones(count - 1), 1)
+    times = np.linspace(0.0, 30.0, 301)
+    plant = _plant(A, np.eye(count)[:, -1:], np.eye(count)[:1]).statespace("plant")
+    found = forced_response(plant, {"u0": np.ones_like(times)}, times)["y0"]
+    with mp.workdps(DIGITS):
+        true = [
+            float(1 - mp.exp(-mp.mpf(float(t))) * sum(mp.mpf(float(t)) ** k / mp.factorial(k) for k in range(count)))
+            for t in times
+        ]
+    return Seen(relative(found, true))
+
+
+def _spread(spread: float) -> Seen:
+    times = np.linspace(0.0, 10.0, 101)
+    plant = _plant(np.diag([-1.0, -spread]), np.array([[1.0], [spread]]), np.eye(2)).statespace("plant")
+    run = forced_response(plant, {"u0": np.ones_like(times)}, times)
+    true = [-np.expm1(-times), -np.expm1(-spread * times)]
+    return Seen(relative([run["y0"], run["y1"]], true))
+
+
+def _gain(value: float) -> Any:
+    K = Lti(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[value]]), ("y0",), ("u0",))
+    return K.statespace("controller")
+
+
+def _integrator() -> Any:
+    return _plant(np.zeros((1, 1)), np.ones((1, 2)), np.ones((1, 1))).statespace("plant")
+
+
+def _sampled(count: int) -> Seen:
+    """``x' = u + w``, ``u = -k x`` held for a sample, ``w = 1``: ``x`` goes to ``1/k`` by factors ``1 - k h``."""
+    h, k = 0.1, 0.5
+    times = h * np.arange(count + 1)
+    run = simulate_loop(_integrator(), _gain(-k), {"u1": np.ones_like(times)}, times, sample_time=h)
+    true = -np.expm1(np.arange(count + 1) * np.log1p(-k * h)) / k
+    return Seen(relative(run["y0"], true))
+
+
+def _delayed(delay: float) -> Seen:
+    h, k, count = 0.1, 0.5, 200
+    times = h * np.arange(count + 1)
+    run = simulate_loop(_integrator(), _gain(-k), {"u1": np.ones_like(times)}, times, sample_time=h, delay=delay * h)
+    whole, part = int(delay), delay - int(delay)
+    x = [0.0]
+    for n in range(count):
+        older = [-k * x[n - late] if n >= late else 0.0 for late in (whole + 1, whole)]
+        x.append(x[-1] + h * (1.0 + part * older[0] + (1.0 - part) * older[1]))
+    return Seen(relative(run["y0"], x))
+
+
+def _rigid(unit: str, scale: float) -> Seen:
+    rate = scale if unit == "time" else 1.0
+    gain, angle = rate**2, 1.0
+    limit = scale if unit == "torque" else 1.0
+    angle = scale if unit == "angle" else 1.0
+    plant = _plant(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [gain]]), np.array([[1.0, 0.0]]))
+    found = optimal_slew(plant.statespace("plant"), angle, limit)
+    return Seen(abs(found.duration / (2.0 * sqrt(angle / (gain * limit))) - 1.0))
+
+
+def _two_masses(frequency: float) -> Seen:
+    """Both masses one, the spring ``frequency^2``, and the force that makes it the published problem in other units."""
+    f = frequency
+    A = np.array([[0.0, 0, 1, 0], [0, 0, 0, 1], [-f * f, f * f, 0, 0], [f * f, -f * f, 0, 0]])
+    plant = _plant(A, np.array([[0.0], [0.0], [f * f], [0.0]]), np.array([[1.0, 0.0, 0.0, 0.0]]))
+    found = optimal_slew(plant.statespace("plant"), 1.0, 1.0)
+    switches = np.asarray(found.history.switches) * f
+    published = np.array([1.003, 2.109, 3.215])
+    missed = float(np.abs(switches - published).max()) if len(switches) == 3 else float("inf")
+    return Seen(max(abs(found.duration * f / 4.218 - 1.0), 0.2 * missed))
+
+
+def _beam_slew(tip: float) -> Seen:
+    found = optimal_slew(hub_beam(replace(hub_beam(modes=1).parameters, tip_mass=tip), modes=1), 0.6, 200.0)
+    return Seen(float(found.end_error))
+
+
+def _weak_slew(limit: float) -> Seen:
+    beam = hub_beam(modes=1)
+    found = optimal_slew(beam, 0.6, limit)
+    p = beam.parameters
+    m, a, b = p.mass_per_length, p.hub_radius, p.hub_radius + p.length
+    rigid = 2.0 * sqrt(0.6 * (p.hub_inertia + m * (b**3 - a**3) / 3.0) / limit)
+    return Seen(max(float(found.end_error), 1.0 - found.duration / rigid))

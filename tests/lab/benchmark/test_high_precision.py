@@ -1,0 +1,66 @@
+"""The fifty-digit solutions and the package agree, though they share nothing."""
+
+import numpy as np
+import pytest
+
+import boomctl as bc
+from boomctl.boom.model import ACTUATORS, TIPS
+from boomctl.lab.benchmark.boom.high_precision import damped_eigenvalues, exact_response, mesh_response, sigma_of
+
+OMEGA = 2.0 * np.pi * np.geomspace(0.1, 10.0, 12)
+OTHER = bc.BoomParameters(boom_mass=50.0, boom_inertia=420.0, length=10.0, spring_distance=3.1, structural_damping=4e-4)
+
+
+def largest(a, b):
+    return np.abs(a - b).max() / np.abs(b).max()
+
+
+@pytest.mark.parametrize("p", [bc.BoomParameters(), OTHER])
+def test_exact_beam(p):
+    ours, true = np.asarray(bc.exact_frequency_response(p, OMEGA).frdata), exact_response(p, OMEGA)
+    assert ours.shape == true.shape
+    for i, row in enumerate(true):
+        for j, values in enumerate(row):
+            assert largest(ours[i, j], values) < 1e-9
+
+
+@pytest.mark.parametrize(("p", "elements"), [(bc.BoomParameters(), 6), (OTHER, 6), (OTHER, 2), (OTHER, 24)])
+def test_mesh(p, elements):
+    model = bc.spray_boom(p, elements=elements)
+    ours = np.asarray(model.frequency_response(OMEGA, ACTUATORS, TIPS).frdata)
+    assert largest(ours, mesh_response(p, OMEGA, elements)) < 1e-9
+
+
+def test_mesh_approaches_the_exact_beam_with_the_fourth_order():
+    p = bc.BoomParameters(spring_distance=3.0)  # springs at nodes of 8, 16, 32 elements
+    omega = OMEGA[:8]
+    exact = exact_response(p, omega)[:2, :2]
+    errors = [largest(mesh_response(p, omega, n), exact) for n in (16, 32, 64)]
+    assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx([4.0, 4.0], abs=0.3)
+
+
+def test_more_digits_change_nothing():
+    p = bc.BoomParameters()
+    for few, many in (
+        (exact_response(p, OMEGA[::4], 30), exact_response(p, OMEGA[::4], 60)),
+        (mesh_response(p, OMEGA[::4], 500, 50), mesh_response(p, OMEGA[::4], 500, 70)),
+    ):
+        assert largest(few, many) < 1e-14
+
+
+def test_sigma_is_that_of_numpy():
+    response = exact_response(bc.BoomParameters(), OMEGA)[:2, :2]
+    values = np.linalg.svd(np.moveaxis(response, 2, 0), compute_uv=False).T
+    assert sigma_of(response) == pytest.approx(values, rel=1e-12)
+
+
+def test_damped_eigenvalues():
+    p = bc.BoomParameters()
+    hertz = bc.exact_eigenfrequencies_hz(p)
+    found = damped_eigenvalues(p, 2j * np.pi * hertz * (1.0 + 0.02j))
+    assert found.imag / (2.0 * np.pi) == pytest.approx(hertz, rel=1e-10)
+
+
+def test_odd_meshes_are_refused():
+    with pytest.raises(ValueError, match="even"):
+        mesh_response(bc.BoomParameters(), OMEGA, 7)

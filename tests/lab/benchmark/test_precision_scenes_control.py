@@ -1,0 +1,80 @@
+"""Scenes of synthesis and of sampled loops: references agree with others, and everybody's error is a number."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+from boomctl.lab.benchmark.precision.scenes import h_infinity as synthesis
+from boomctl.lab.benchmark.precision.scenes.sampled_loop import _SAME, beam_loop, boom_loop
+from boomctl.lab.benchmark.rotating_beam import loop as of_beam
+from boomctl.lab.benchmark.suspension import loop as of_boom
+from boomctl.lab.benchmark.suspension.h_infinity import yaw_and_jolt_plant
+from boomctl.lab.benchmark.suspension.hinfsyn import HinfsynProcess
+from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
+from boomctl.synthesis import h_infinity
+from boomctl.synthesis.plants.partition import close_loop
+
+
+def test_an_unstable_loop_counts_as_infinitely_wrong():
+    P = control.ss(1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
+    design = h_infinity(P, 1, 1, tolerance=1e-3)
+    lower = design.certificate.lower
+    assert 0.0 < synthesis._excess(P, design.controller, lower) < 1.1e-3
+    assert synthesis._excess(P, control.ss([], [], [], [[0.0]]), lower) == np.inf
+    assert synthesis._excess(P, None, lower) == np.inf
+
+
+@pytest.mark.slow
+def test_the_bound_of_h_infinity_is_where_hinfsyn_ends():
+    """In units of their own, where it does end well: the proved bound and the norm of its loop enclose the best."""
+    P = yaw_and_jolt_plant(units=True)
+    lower = h_infinity(P, 2, 2, tolerance=synthesis._REFERENCE, fastest_pole=synthesis._FAST).certificate.lower
+    with HinfsynProcess() as peer:
+        K = peer.ask(P, 2, 2).controller
+    assert lower * (1.0 - 1e-9) <= control.linfnorm(close_loop(P, K), tol=1e-10)[0]
+    assert synthesis._excess(P, K, lower) <= synthesis._SAME
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("maker", [synthesis.h_infinity_design, synthesis.h_infinity_si], ids=lambda m: m.__name__)
+def test_ours_comes_as_near_the_bound_as_asked(maker):
+    scene = maker("whole")
+    before = scene.elsewhere()
+    for setting in scene.settings:
+        if setting.ours:
+            asked = float(setting.label.split()[-1])
+            assert scene.error(setting.cold(0.0)) <= asked * (1.0 + 1e-6), setting.label
+    assert scene.elsewhere() == before  # ours runs here
+
+
+def test_the_boom_meets_its_limit_and_ours_is_exact():
+    scene = boom_loop("quick")
+    errors = {setting.competitor: scene.error(setting.cold(0.0)) for setting in scene.settings}
+    assert errors.pop("simulate_loop") <= _SAME
+    assert min(errors.values()) > _SAME
+    assert max(errors.values()) < 0.1
+    loop = of_boom.loop_scene(0.25)
+    free = replace(loop, limit=1e9)
+    assert np.abs(of_boom.ours_of(loop) - of_boom.ours_of(free)).max() > 0.0
+
+
+@pytest.mark.slow
+def test_both_references_of_the_beam_agree_with_an_implicit_integrator():
+    beam, time = AssumedModesBeam(HubBeamParameters(tip_mass=0.1), "sfoam", 3), np.linspace(0.0, 0.05, 51)
+    for reference, other in (
+        (of_beam.sampled_reference(beam, time), of_beam.restarted(beam, time, 1e-12, "Radau")),
+        (of_beam.responded(beam, time, "DOP853", 1e-12), of_beam.responded(beam, time, "Radau", 1e-11)),
+    ):
+        np.testing.assert_allclose(other, reference, atol=1e-8 * np.abs(reference).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("maker", [boom_loop, beam_loop], ids=lambda maker: maker.__name__)
+def test_everybody_answers(maker):
+    scene = maker("quick")
+    for setting in scene.settings:
+        cold, hot = scene.error(setting.cold(0.0)), scene.error(setting.hot(setting.prepare()))
+        assert np.isfinite([cold, hot]).all()
+        assert hot == pytest.approx(cold, rel=1e-3, abs=1e-13)

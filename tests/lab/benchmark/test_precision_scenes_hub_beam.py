@@ -1,0 +1,107 @@
+"""Scenes of the hub-beam: references agree with others, ours converges to them, and everybody's error is a number."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from boomctl.lab.benchmark.precision.scenes.hub_beam import Drive, judge, machine, until
+from boomctl.lab.benchmark.precision.scenes.hub_beam_motion import hub_beam_models, hub_beam_motion
+from boomctl.lab.benchmark.precision.scenes.hub_beam_torque import hub_beam_torque, hub_beam_torque_models
+from boomctl.lab.benchmark.rotating_beam.extrapolation import extrapolated
+from boomctl.lab.benchmark.rotating_beam.exudyn import exudyn_available, exudyn_tip
+from boomctl.lab.benchmark.rotating_beam.peers import SPIN_UP, TORQUE, Ode, spin_up_ode, torque_ode
+from boomctl.rotating_beam import AssumedModesBeam, hub_beam
+from boomctl.rotating_beam.exact.forced import exact_lagrangian
+from boomctl.rotating_beam.modal.energy import state_function
+
+SCENES = (hub_beam_motion, hub_beam_models, hub_beam_torque, hub_beam_torque_models)
+
+
+def errors(scene, ours):
+    """Return the errors of the cold answers, by competitor."""
+    found = {}
+    for setting in scene.settings:
+        if setting.ours is ours:
+            found.setdefault(setting.competitor, []).append(scene.error(setting.cold(0.0)))
+    return found
+
+
+def test_extrapolation_is_exact_for_a_forced_oscillator():
+    x, t = ca.SX.sym("x", 2), ca.SX.sym("t")
+    equations = Ode(x, t, ca.vertcat(x[1], ca.sin(2.0 * t) - 9.0 * x[0]), np.array([1.0, 0.0]))
+    time = np.linspace(0.0, 10.0, 101)
+    exact = (np.sin(2.0 * time) - 2.0 / 3.0 * np.sin(3.0 * time)) / 5.0
+    assert extrapolated(equations, time, 1) == pytest.approx(exact, abs=1e-13)
+
+
+def test_extrapolation_has_the_order_of_its_columns():
+    drive, ode = until(2.0), spin_up_ode(AssumedModesBeam(machine(), "sfoam", 2))
+    exact = extrapolated(ode, drive, 8)
+    coarse, fine = (np.abs(extrapolated(ode, drive, n, columns=2) - exact).max() for n in (2, 4))
+    assert coarse / fine == pytest.approx(2.0**4, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("manoeuvre", "ode"),
+    [(SPIN_UP, spin_up_ode), (TORQUE, lambda beam: torque_ode(beam, TORQUE))],
+    ids=["spin-up", "torque"],
+)
+def test_the_reference_agrees_with_ours_at_its_tightest(manoeuvre, ode):
+    beam = AssumedModesBeam(machine(), "sfoam", 5)
+    drive = Drive(manoeuvre, until(12.0), "")
+    exact = extrapolated(ode(beam), drive.timepts, 10)
+    finer = extrapolated(ode(beam), drive.timepts, 20)
+    assert judge(exact)(finer) < 2e-12
+    assert judge(exact)(drive.tip(beam, 1e-12)) < 5e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("maker", SCENES, ids=lambda maker: maker.__name__)
+def test_everybody_answers_and_ours_is_most_exact(maker):
+    scene = maker("quick")
+    mine, theirs = errors(scene, ours=True), errors(scene, ours=False)
+    assert all(np.isfinite(each).all() for each in (*mine.values(), *theirs.values()))
+    assert min(map(min, mine.values())) < min(map(min, theirs.values()))
+    for name, found in mine.items():
+        assert found == sorted(found, reverse=True) or max(found) < 2.0 * min(found), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("maker", SCENES, ids=lambda maker: maker.__name__)
+def test_hot_answers_are_the_cold_ones(maker):
+    scene = maker("quick")
+    for setting in scene.settings:
+        if setting.hot is not None:
+            hot, cold = setting.hot(setting.prepare()), setting.cold(0.0)
+            np.testing.assert_allclose(hot, cold, atol=1e-9 * np.abs(cold).max())
+
+
+def test_a_changed_machine_moves_the_tip_by_as_little():
+    drive = Drive(SPIN_UP, until(5.0), "")
+    before, after = (drive.tip(hub_beam(machine(change), "sfoam", 2), 1e-9) for change in (0.0, 1e-6))
+    assert 0.0 < judge(before)(after) < 1e-4
+
+
+@pytest.mark.slow
+def test_the_exact_beam_agrees_with_its_lagrangian_in_another_integrator():
+    """Its motion under a torque against CasADi's integration of the equations derived from the energies of all strains."""
+    beam, drive = hub_beam(machine(), "geometrically-exact", 2), Drive(TORQUE, until(3.0), "")
+    function = state_function(exact_lagrangian(beam.basis, beam.dynamics.damping), "exact")
+    size = len(beam.state_names)
+    x, t = ca.SX.sym("x", size), ca.SX.sym("t")
+    rate, _ = function(x, TORQUE.amplitude * ca.sin(2.0 * np.pi * t / TORQUE.period))
+    options = {"reltol": 1e-8, "abstol": 1e-11, "max_num_steps": 10_000_000}
+    system = {"x": x, "t": t, "ode": rate}
+    states = np.array(ca.integrator("flow", "cvodes", system, 0.0, drive.timepts[1:], options)(x0=0.0)["xf"])
+    found = np.imag(beam.dynamics.tip(states[: size // 2].T))
+    assert judge(drive.tip(beam, 1e-9)[1:])(found) < 1e-5
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not exudyn_available(), reason="exudyn is not installed")
+def test_exudyn_tends_to_the_exact_beam():
+    drive = Drive(SPIN_UP, until(10.0), "")
+    error = judge(drive.tip(hub_beam(machine(), "geometrically-exact", 8), 1e-8))
+    coarse, fine = (error(exudyn_tip(machine(), SPIN_UP, drive.timepts, n, h)) for n, h in ((4, 0.02), (16, 0.005)))
+    assert fine < 0.2 * coarse
+    assert fine < 2e-4

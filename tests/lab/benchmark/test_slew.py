@@ -1,0 +1,35 @@
+"""The slew benchmark's peers solve the problem that we solve."""
+
+import numpy as np
+import pytest
+
+from boomctl.lab.benchmark.slew.peers import Effort, has_rockit, opti_fastest, opti_slew, rockit_slew
+from boomctl.lab.benchmark.slew.run import ours
+from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
+from boomctl.slew import optimal_slew
+
+EFFORT = Effort(AssumedModesBeam(HubBeamParameters(), "sfoam", 1), 0.8, 140.0, 2.8, 40)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "peer",
+    [
+        opti_slew,
+        lambda effort, substeps: opti_slew(effort, substeps, mapped=True),
+        pytest.param(rockit_slew, marks=pytest.mark.skipif(not has_rockit(), reason="rockit is not installed")),
+    ],
+)
+def test_same_optimum(peer):
+    torques = ours(EFFORT)[1].history.left
+    theirs = peer(EFFORT, 8)
+    assert np.sum(torques**2) == pytest.approx(np.sum(theirs**2), rel=1e-6)
+    assert torques == pytest.approx(theirs, abs=1e-3 * EFFORT.torque_limit)
+    assert np.abs(torques).max() == pytest.approx(EFFORT.torque_limit, rel=1e-6)  # the limit binds
+
+
+def test_torques_held_on_a_mesh_take_a_little_longer():
+    least = optimal_slew(EFFORT.beam, EFFORT.angle, EFFORT.torque_limit).duration
+    duration, torques = opti_fastest(EFFORT, 8)
+    assert least < duration < 1.001 * least
+    assert np.abs(torques).max() <= EFFORT.torque_limit * (1.0 + 1e-6)

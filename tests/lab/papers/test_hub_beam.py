@@ -1,0 +1,225 @@
+"""The reproduction of Bai et al. (2009): verdicts, files, and the parts that compute."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from boomctl.files import write_json
+from boomctl.lab.papers.bai import frequencies as hub_beam_frequencies
+from boomctl.lab.papers.bai import spin_up as hub_beam_spin_up
+from boomctl.lab.papers.bai import torque as hub_beam_torque
+from boomctl.lab.papers.bai.comparison import (
+    CORRECTED,
+    MET,
+    NOT_REPRODUCIBLE,
+    Claim,
+    Part,
+    compare,
+    judge,
+)
+from boomctl.lab.papers.bai.report import jobs, report, results
+from boomctl.lab.papers.bai.validity import EXACT, MODELS, judged, leaves, tips
+from boomctl.lab.papers.side_by_side import side_by_side
+from boomctl.plotting.rotating_beam import Chart, Line, Panel, chart_files
+from boomctl.rotating_beam import HubBeamParameters, hub_beam, sine_torque
+from tests.profiles import examples
+
+# -- verdicts ---------------------------------------------------------------------------------------------------------
+
+
+@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(1e-6, 10))
+def test_met_means_within_the_tolerance(published, computed, tolerance):
+    verdict = compare("", "", "", published, computed, tolerance).verdict
+    assert verdict == (MET if abs(published - computed) <= tolerance else NOT_REPRODUCIBLE)
+
+
+def test_a_mended_slip_counts_as_corrected_only_if_it_explains_the_number():
+    assert compare("", "", "", 3.72e-2, 3.5e-1, 0.04, mended=3.72e-1).verdict == CORRECTED
+    assert compare("", "", "", 3.72e-2, 2.5e-1, 0.04, mended=3.72e-1).verdict == NOT_REPRODUCIBLE
+    assert compare("", "", "", 1.0, 2.0, 0.1, slipped=1.05).verdict == CORRECTED
+    assert compare("", "", "", 1.0, 2.0, 0.1, slipped=1.2).verdict == NOT_REPRODUCIBLE
+    assert compare("", "", "", 1.0, 1.05, 0.1, slipped=7.0).verdict == MET
+    assert [judge("", "", "", holds, "").verdict for holds in (True, False)] == [MET, NOT_REPRODUCIBLE]
+
+
+# -- the paper's numbers ----------------------------------------------------------------------------------------------
+
+
+def test_table_two_is_met_with_the_factor_of_the_paper_and_not_without():
+    section = hub_beam_frequencies.table_2()
+    assert len(section.comparisons) == 15
+    assert {each.verdict for each in section.comparisons} == {CORRECTED}
+    for each in section.comparisons:
+        assert each.published / each.computed == pytest.approx(2 * math.pi / 6.28, abs=1.2e-4)
+    first = {each.what: each.computed for each in section.comparisons if each.what.endswith("mode 1")}
+    assert first["natural frequency, mode 1"] == pytest.approx(0.46325907, abs=5e-9)
+    assert first["FOAM, 1 rad/s, mode 1"] == pytest.approx(0.47111124, abs=5e-9)
+
+
+def test_critical_speeds():
+    section = hub_beam_frequencies.critical_speeds()
+    computed = [each.computed for each in section.comparisons]
+    assert computed == pytest.approx([2.910743, 2.604292, 1.936453], abs=2e-6)
+    assert [each.verdict for each in section.comparisons] == [MET, MET, NOT_REPRODUCIBLE]
+    assert section.claims[0].verdict == MET
+
+
+def test_neglected_terms_are_what_cfoam_has_beyond_foam():
+    """Eq. (35) mended, by quadrature of the mode shape: ``int rhoA [(q^T S q)^2/4 - f1 q1 q^T S q]``."""
+    section = hub_beam_spin_up.neglected_terms()
+    shown = section.charts[0].panels[0].lines[0]
+    k = int(np.argmax(shown.y))
+    result = hub_beam(HubBeamParameters(), "cfoam", 1).simulate(hub_beam_spin_up.spin_up(3.0, 30.0), [0.0, shown.x[k]])
+    q1, q2 = result.states[1, 1:3]
+    x, w = np.polynomial.legendre.leggauss(60)
+    x, w = 4 * (x + 1), 4 * w
+    beta = 1.875104068711961 / 8
+    s = (math.sinh(beta * 8) - math.sin(beta * 8)) / (math.cosh(beta * 8) + math.cos(beta * 8))
+    shape = lambda x: np.cosh(beta * x) - np.cos(beta * x) - s * (np.sinh(beta * x) - np.sin(beta * x))  # noqa: E731
+    slope = lambda x: beta * (np.sinh(beta * x) + np.sin(beta * x) - s * (np.cosh(beta * x) - np.cos(beta * x)))  # noqa: E731
+    v = result.tip_displacement[1] / shape(8.0)
+    u = result.axial_tip_displacement[1]
+    square = np.array([np.sum(slope(at * x / 8) ** 2 * w * at / 8) for at in x]) * v**2
+    integrand = 0.25 * square**2 - u * np.sin(math.pi * x / 16) * square
+    expected = 2.7667e3 * 7.2968e-5 * np.sum(w * integrand)
+    assert q1 != 0.0 != q2
+    assert shown.y[k] * 1e-6 == pytest.approx(expected, rel=1e-6)
+    assert section.claims[0].verdict == CORRECTED
+
+
+@pytest.mark.slow
+def test_spin_up_peaks():
+    section = hub_beam_spin_up.foam_and_tlam()
+    tlam, foam, ratio = section.comparisons
+    assert (tlam.computed, foam.computed) == pytest.approx((0.4792, 0.2044), abs=5e-5)
+    assert (tlam.verdict, foam.verdict, ratio.verdict) == (MET, MET, NOT_REPRODUCIBLE)
+    assert "0.2043" in foam.why
+    assert section.claims[0].verdict == MET
+
+
+@pytest.mark.slow
+def test_cfoam_and_foam_agree():
+    assert hub_beam_spin_up.cfoam_and_foam().claims[0].verdict == MET
+
+
+@pytest.mark.slow
+def test_table_three():
+    section = hub_beam_torque.inertia_torque()
+    computed = [each.computed for each in section.comparisons[:4]]
+    assert computed == pytest.approx([6.42e-3, 4.93e-2, 3.40e-1, 1.954], rel=1.5e-3)
+    assert [each.verdict for each in section.comparisons] == [MET, MET, CORRECTED, NOT_REPRODUCIBLE, NOT_REPRODUCIBLE]
+
+
+@pytest.mark.slow
+def test_the_phase_lead_of_sfoam_is_not_there():
+    section = hub_beam_torque.foam_and_sfoam()
+    lead, smaller = section.comparisons
+    assert abs(lead.computed) < 0.01
+    assert abs(smaller.computed) < 1.0
+    assert {lead.verdict, smaller.verdict} == {NOT_REPRODUCIBLE}
+    assert {claim.verdict for claim in section.claims} == {MET}
+
+
+@examples(10)
+@given(st.floats(0.1, 2), st.floats(3.0, 3.5), st.floats(-3, 3))
+def test_residual_vibration_is_recovered(amplitude, omega, phase):
+    time = np.linspace(0, 30, 601)
+    fit = hub_beam_torque.residual_vibration(time, amplitude * np.cos(omega * (time - 10) + phase), 10.0, 3.2)
+    assert fit.amplitude == pytest.approx(amplitude, rel=1e-3)
+    assert fit.omega == pytest.approx(omega, abs=1.5e-3)
+    assert abs(np.angle(np.exp(1j * (fit.phase - phase)))) < 0.02
+
+
+@pytest.mark.slow
+def test_tip_mass():
+    verdicts = [claim.verdict for claim in hub_beam_spin_up.tip_mass().claims]
+    assert verdicts == [MET, NOT_REPRODUCIBLE, NOT_REPRODUCIBLE]
+
+
+# -- where models stop being true -------------------------------------------------------------------------------------
+
+
+def test_leaves_interpolates_in_logarithms():
+    torques = np.array([10.0, 100.0, 1000.0])
+    assert leaves(torques, 1e-4 * torques, 0.03) == pytest.approx(300.0)
+    assert leaves(torques, 1e-4 * torques, 0.2) == math.inf
+    assert leaves(torques, 1e-4 * torques, 1e-4) == 10.0
+    assert leaves(torques, np.array([1e-3, 1e-2, math.inf]), 0.2) == 1000.0
+
+
+@pytest.mark.slow
+def test_models_agree_with_the_exact_beam_for_small_torque_and_in_order():
+    torques = (5.0, 50.0)
+    data = judged(torques, {model: tips(model, torques) for model in (EXACT, *MODELS.values())})
+    for errors in data.whole.values():
+        assert errors[0] < 2e-3
+        assert errors[1] / errors[0] == pytest.approx(100.0, rel=0.2)  # neglected terms are quadratic in the motion
+    at_50 = {label: errors[1] for label, errors in data.whole.items()}
+    assert at_50["TLAM"] > at_50["CFOAM"] > at_50["SFOAM"] > at_50["FOAM"]
+
+
+@pytest.mark.slow
+def test_residual_amplitudes_at_400_newton_metres():
+    times = np.linspace(0, 30, 3001)
+    tips = {
+        model: hub_beam(HubBeamParameters(), model, 5).simulate(sine_torque(400.0, 10.0, 10.0), times, rtol=1e-5)
+        for model in ("geometrically-exact", "foam", "cfoam")
+    }
+    residual = {model: np.max(np.abs(r.tip_displacement[times > 10])) for model, r in tips.items()}
+    assert residual["geometrically-exact"] == pytest.approx(0.471, abs=1e-3)
+    assert residual["foam"] == pytest.approx(0.490, abs=1e-3)
+    assert residual["cfoam"] == pytest.approx(0.671, abs=1e-3)
+
+
+# -- files ------------------------------------------------------------------------------------------------------------
+
+
+def test_json_has_no_numbers_that_json_has_not(tmp_path):
+    chart = Chart("p", "", (Panel("", "", "", (Line("", np.array([0.0, 1.0]), np.array([math.inf, math.nan])),)),))
+    part = Part("s", (chart,), (compare("", "", "", 1.0, math.inf, 0.1),), (Claim("", "", "", MET, ""),))
+    write_json(tmp_path / "results.json", results([part]))
+    data = json.loads((tmp_path / "results.json").read_text(), parse_constant=lambda name: pytest.fail(name))
+    assert data["sections"][0]["comparisons"][0]["computed"] == "inf"
+    assert data["sections"][0]["figures"][0]["panels"][0]["lines"][0]["y"] == ["inf", "nan"]
+    assert data["summary"] == {MET: 1, CORRECTED: 0, NOT_REPRODUCIBLE: 1}
+
+
+def test_pictures_are_drawn_the_same_each_time():
+    line = Line("a", np.array([1.0, 10.0]), np.array([1.0, 2.0]))
+    chart = Chart("p", "", (Panel("t", "x", "y", (line,), "xy", levels=((1.5, "level"),), xticks=(1.0, 5.0)),), 2)
+    files = chart_files(chart, "png", "svg")
+    assert files["png"].startswith(b"\x89PNG")
+    assert files == chart_files(chart, "png", "svg")
+    with pytest.raises(ValueError, match="ending"):
+        chart_files(chart, "bmp")
+
+
+@pytest.mark.parametrize("torques", [(5.0,), (5.0, 5.0), (0.0, 5.0)])
+def test_bad_torques(torques):
+    with pytest.raises(ValueError, match="torques"):
+        jobs(torques)
+
+
+@pytest.mark.slow
+def test_the_whole_reproduction(tmp_path):
+    told = []
+    result = report((5.0, 50.0), side_by_side(jobs((5.0, 50.0)), 1, told.append))
+    names = {path.name for path in result.write(tmp_path / "out")}
+    figures = {f"fig-{n:02d}.{ending}" for n in range(3, 11) for ending in ("png", "svg")}
+    assert names == figures | {"validity.png", "validity.svg", "slew.gif", "results.json", "report.html"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") == 9
+    assert page.count("data:image/gif;base64,") == 1
+    assert not re.findall(r'(?:src|href)="(?!data:)', page)
+    assert (
+        json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))["summary"]
+        == result.results["summary"]
+    )
+    assert result.results["summary"] == {MET: 14, CORRECTED: 17, NOT_REPRODUCIBLE: 9}
+    assert told == [job.name for job in jobs((5.0, 50.0))]
