@@ -34,7 +34,7 @@ _EDGE, _LAST_EDGE = 1e-2, 1e-8  # how far from the edge of stability the first t
 _AT_EDGE = 2.0  # times the distance kept from the edge of stability, up to which it is what held a turn up (a choice)
 _NEARER = 0.1  # share of its distance from the edge of stability that a turn may come nearer to it (a choice)
 _KEPT = 1e-6  # by how much a bound may be exceeded: what the certificate allows too (a choice)
-_MISSED = 1e-4  # relative height above the peaks known from which on one counts as missed (a choice)
+_MISSED = 1e-7  # relative height above the peaks known from which on one counts as missed: a tenth of what is certified
 _ZERO = 1e-9  # share of the first norm seen below which a norm counts as zero: nothing is left to gain
 
 
