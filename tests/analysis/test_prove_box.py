@@ -11,7 +11,7 @@ from boomctl.analysis.box import prove
 from boomctl.analysis.box.loop_pencil import LoopPencil
 from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.sampled_level import SampledLoops
-from boomctl.analysis.box.zero_exclusion import Cell, prove_cell, value_at
+from boomctl.analysis.box.zero_exclusion import Cell, CellProof, prove_cell, value_at
 from boomctl.analysis.norm import matrices_norm
 from boomctl.structure import AffineFamily, SecondOrderModel
 from tests.profiles import examples
@@ -212,6 +212,26 @@ def test_where_cells_of_parameters_would_give_up_those_of_frequencies_prove_the_
     assert found.path.endswith("of parameters and frequencies")
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (200, 4))
     assert max(bc.feedback_loop(family.at(point), K).poles().real.max() for point in points) < 0.0
+
+
+def test_a_level_that_does_not_hold_is_never_proved():
+    """Instability met by the last cells that wait raises the level beyond all bounds."""
+    loops = driven(np.random.default_rng(1), 2)
+
+    class Part:
+        cell = loops.cell
+        responses = loops.responses
+
+        def prover(self, level):
+            return lambda cell: CellProof(False, 0)
+
+    told = []
+    statement = prove.Statement(
+        lambda: np.inf if told else 1e9, lambda gain, point: told.append(gain), lambda point: True, lambda: False
+    )
+    found = prove.prove_box([Part()], statement, 500, lambda *told: None)
+    assert told
+    assert not found.proved
 
 
 @pytest.mark.slow

@@ -234,11 +234,13 @@ def _proved(part: Part, statement: Statement, limit: float, tell: Tell) -> BoxPr
                 return BoxProof(not cover.waiting, cover.proved, cheap, cover.refuted)
             dear = 0 if cover.small else dear - turn
             to_go = turn * cover.left / max(before - cover.left, _LITTLE)
+        if statement.level() == inf:
+            return BoxProof(False, cover.proved, cheap)
         if not len(frontier):
             return BoxProof(True, cover.proved, cheap)
         middles = (part.cell.middle + part.cell.reach * middle for middle in frontier.middle[-_LOOKED_AT:])
         refuted = next((middle for middle in middles if not statement.holds(middle)), None)
-        if refuted is not None or statement.level() == inf or (allowed == limit and not statement.looser()):
+        if refuted is not None or (allowed == limit and not statement.looser()):
             last = cover.waiting[-1]
             left = part.cell.middle + part.cell.reach * last.middle
             return BoxProof(False, cover.proved, cheap, refuted, left, cover.small, needed)
