@@ -72,7 +72,7 @@ from boomctl.synthesis.plants.symmetry import join_symmetric, split_controller
 from boomctl.synthesis.plants.units import from_units, in_units
 from boomctl.synthesis.plants.weights import band_pass, high_pass, low_pass, shelf
 from boomctl.synthesis.reduce_controller import reduce_controller
-from boomctl.synthesis.tuning.tune import tune
+from boomctl.tuning.tune import tune
 
 from . import analysis as analysis
 from . import boom as boom
@@ -87,6 +87,7 @@ from . import structure as structure
 from . import studies as studies
 from . import synthesis as synthesis
 from . import tunable as tunable
+from . import tuning as tuning
 
 __version__: str
 

@@ -19,6 +19,10 @@ from typing import Any
 _GONE = {
     "boomctl.to_scipy": "scipy.signal.StateSpace(s.A, s.B, s.C, s.D) of s = model.to_statespace() does it",
     "boomctl.to_pymor": "pymor.models.iosys.LTIModel.from_matrices(s.A, s.B, s.C, s.D) of s = model.to_statespace() does it",
+    **{
+        f"boomctl.synthesis.{name}": f"it is boomctl.tuning.{name} now"
+        for name in ("ActivePeak", "ChannelNorm", "TuneCertificate", "TuneResult", "TuneStart", "tune")
+    },
     "boomctl.studies.suspension.trade_off": "give boomctl.sweep a function that makes and judges a design",
     "boomctl.studies.suspension.TradeCurve": "give boomctl.sweep a function that makes and judges a design",
 }

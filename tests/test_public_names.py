@@ -27,6 +27,7 @@ PACKAGES = (
     "identification",
     "reduction",
     "synthesis",
+    "tuning",
     "simulation",
     "slew",
 )

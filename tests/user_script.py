@@ -221,6 +221,7 @@ packages = (
     bc.rotating_beam,
     bc.simulation,
     bc.synthesis,
+    bc.tuning,
 )
 
 # the hub-beam

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from boomctl.simulation.sines.describing_function import SineResponse
     from boomctl.synthesis.hinf.h_infinity import HInfinityResult
     from boomctl.synthesis.lq.recovery import RecoveryResult
-    from boomctl.synthesis.tuning.result import TuneResult
+    from boomctl.tuning.result import TuneResult
 
 _BELOW = 1e-4  # share of the largest error down to which it is shown (a choice)
 _SHOWN = 8  # loops that are drawn at most, those whose peaks are highest (a choice)

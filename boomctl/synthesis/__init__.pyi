@@ -16,14 +16,8 @@ from boomctl.synthesis.plants.symmetry import join_symmetric, split_controller
 from boomctl.synthesis.plants.units import from_units, in_units
 from boomctl.synthesis.plants.weights import band_pass, high_pass, low_pass, shelf
 from boomctl.synthesis.reduce_controller import ReducedController, reduce_controller
-from boomctl.synthesis.tuning.certificate import ActivePeak, ChannelNorm, TuneCertificate
-from boomctl.synthesis.tuning.result import TuneResult
-from boomctl.synthesis.tuning.solver.search import TuneStart
-from boomctl.synthesis.tuning.tune import tune
 
 __all__ = [
-    "ActivePeak",
-    "ChannelNorm",
     "FullPlantCertificate",
     "H2Result",
     "HInfinityCertificate",
@@ -36,9 +30,6 @@ __all__ = [
     "ReductionWarning",
     "ScheduledController",
     "SynthesisError",
-    "TuneCertificate",
-    "TuneResult",
-    "TuneStart",
     "band_pass",
     "close_loop",
     "discretize",
@@ -60,5 +51,4 @@ __all__ = [
     "select_channels",
     "shelf",
     "split_controller",
-    "tune",
 ]

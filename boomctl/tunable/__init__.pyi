@@ -1,7 +1,7 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.synthesis.tuning.channels import budget, objective
-from boomctl.synthesis.tuning.parts.makers import (
+from boomctl.tuning.channels import budget, objective
+from boomctl.tuning.parts.makers import (
     decentralised,
     gain,
     lead,

@@ -24,9 +24,9 @@ from boomctl.synthesis.lq.lqg import lqg
 from boomctl.synthesis.lq.lqr import lqr
 from boomctl.synthesis.plants.generalized import generalized_plant
 from boomctl.synthesis.plants.partition import close_loop
-from boomctl.synthesis.tuning import channels
-from boomctl.synthesis.tuning.parts import makers
-from boomctl.synthesis.tuning.tune import tune
+from boomctl.tuning import channels
+from boomctl.tuning.parts import makers
+from boomctl.tuning.tune import tune
 
 _REGULATORS, _HINF, _TUNED = "LQR and LQG", "H-infinity and H2 designs", "Tuning"
 _MARGINS, _WINDUP = "Margins", "Anti-windup"

@@ -14,8 +14,8 @@ from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.bounds import Deadline
 from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.plants.partition import close_loop, partition
-from boomctl.synthesis.tuning.parts import makers as tunable
-from boomctl.synthesis.tuning.tune import tune
+from boomctl.tuning.parts import makers as tunable
+from boomctl.tuning.tune import tune
 
 _STARTS = 10  # of each tuning, as many as by default
 _SMALL, _LARGE = 10, 60  # states up to which a start may take a second, and five: what was asked for

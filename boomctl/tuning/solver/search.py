@@ -11,11 +11,11 @@ import numpy as np
 from boomctl.analysis.norm import level_norm
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
-from boomctl.synthesis.tuning.point import Point
-from boomctl.synthesis.tuning.problem import Problem
-from boomctl.synthesis.tuning.solver.bundle import polish
-from boomctl.synthesis.tuning.solver.descent import descend
-from boomctl.synthesis.tuning.solver.starts import drawn, grown, lower
+from boomctl.tuning.point import Point
+from boomctl.tuning.problem import Problem
+from boomctl.tuning.solver.bundle import polish
+from boomctl.tuning.solver.descent import descend
+from boomctl.tuning.solver.starts import drawn, grown, lower
 
 _STABILISING = 300  # steps of the descent of the spectral abscissa at most (a choice)
 _DESCENDING, _POLISHING = 5, 60  # steps of a descent and of a polish at most (choices: polishing gains more a second)

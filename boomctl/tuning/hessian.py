@@ -8,7 +8,7 @@ derivative is that of perturbation theory (Lancaster 1964).
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.synthesis.tuning.point import Piece, Point
+from boomctl.tuning.point import Piece, Point
 
 _APART = 1e-3  # share by which another singular value must lie away: nearer ones are pieces of their own (a choice)
 _SHARP = 1e-12  # curvature over frequency, relative, from which on a peak follows its top

@@ -11,9 +11,9 @@ from boomctl.arrays import Array
 from boomctl.lti.block_diagonal import block_diagonal
 from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-from boomctl.synthesis.tuning.channels import Channel
-from boomctl.synthesis.tuning.parts.jets import Jet
-from boomctl.synthesis.tuning.parts.structures import PHYSICAL, Free, Ports, Structure
+from boomctl.tuning.channels import Channel
+from boomctl.tuning.parts.jets import Jet
+from boomctl.tuning.parts.structures import PHYSICAL, Free, Ports, Structure
 
 _POINTS = 24  # frequencies at which sizes of signals are looked at (a choice)
 _ROUNDS = 30  # of scaling rows and columns in turn: each takes the square of what is left (a choice)

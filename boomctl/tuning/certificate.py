@@ -16,7 +16,7 @@ from boomctl.synthesis.hinf import full_order as any_order
 from boomctl.synthesis.hinf.bounds import Deadline
 from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-from boomctl.synthesis.tuning.channels import Channel
+from boomctl.tuning.channels import Channel
 
 _REFUTED = 1e-6  # a verified norm below a bound by more than this share refutes it: it was made by rounding
 _EDGE = 1e-5  # decay of a pole over its size below which a loop may have ended at the edge of stability (a choice)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.synthesis.tuning.problem import Closed
+from boomctl.tuning.problem import Closed
 
 _POINTS = 24  # spread evenly in the logarithm, beside the resonances (a choice)
 _SPREAD = np.arange(_POINTS) / (_POINTS - 1.0)

@@ -15,7 +15,7 @@ from numpy.polynomial import chebyshev
 
 from boomctl.arrays import Array
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-from boomctl.synthesis.tuning.problem import ScaledPlant, balancing
+from boomctl.tuning.problem import ScaledPlant, balancing
 
 _COUNTS = (
     5,

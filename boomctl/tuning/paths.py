@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.synthesis.tuning.problem import Closed
-from boomctl.synthesis.tuning.responses import Response
+from boomctl.tuning.problem import Closed
+from boomctl.tuning.responses import Response
 
 
 class Passage(NamedTuple):

@@ -12,12 +12,12 @@ import boomctl as bc
 from boomctl.boom.families import scaled_boom
 from boomctl.structure import AffineFamily
 from boomctl.synthesis.plants.partition import partition
-from boomctl.synthesis.tuning.certificate import places
-from boomctl.synthesis.tuning.hessian import peak_hessian
-from boomctl.synthesis.tuning.parts.structures import Physical
-from boomctl.synthesis.tuning.plants import FamilyPlants, made_plants
-from boomctl.synthesis.tuning.point import Point
-from boomctl.synthesis.tuning.problem import Problem, ports_of
+from boomctl.tuning.certificate import places
+from boomctl.tuning.hessian import peak_hessian
+from boomctl.tuning.parts.structures import Physical
+from boomctl.tuning.plants import FamilyPlants, made_plants
+from boomctl.tuning.point import Point
+from boomctl.tuning.problem import Problem, ports_of
 from tests.profiles import examples
 
 T = bc.tunable

@@ -18,7 +18,7 @@ from boomctl.progress import Listener, Tell, computing
 from boomctl.structure.families import Family
 from boomctl.synthesis.assumptions import SynthesisError, check_detectable, check_stabilizable
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-from boomctl.synthesis.tuning.certificate import (
+from boomctl.tuning.certificate import (
     ActivePeak,
     ChannelNorm,
     TuneCertificate,
@@ -28,15 +28,15 @@ from boomctl.synthesis.tuning.certificate import (
     loop_of,
     places,
 )
-from boomctl.synthesis.tuning.channels import Channel, objective
-from boomctl.synthesis.tuning.initial import initial_numbers
-from boomctl.synthesis.tuning.parts.structures import GAIN, Decentralised, Ports, Series, Structure, Sum
-from boomctl.synthesis.tuning.plants import FamilyPlants, Plants, fixed_plants, made_plants
-from boomctl.synthesis.tuning.point import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Point
-from boomctl.synthesis.tuning.problem import Problem, ports_of
-from boomctl.synthesis.tuning.result import TuneResult
-from boomctl.synthesis.tuning.solver.bundle import stationarity
-from boomctl.synthesis.tuning.solver.search import Search, search
+from boomctl.tuning.channels import Channel, objective
+from boomctl.tuning.initial import initial_numbers
+from boomctl.tuning.parts.structures import GAIN, Decentralised, Ports, Series, Structure, Sum
+from boomctl.tuning.plants import FamilyPlants, Plants, fixed_plants, made_plants
+from boomctl.tuning.point import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Point
+from boomctl.tuning.problem import Problem, ports_of
+from boomctl.tuning.result import TuneResult
+from boomctl.tuning.solver.bundle import stationarity
+from boomctl.tuning.solver.search import Search, search
 
 if TYPE_CHECKING:
     import control

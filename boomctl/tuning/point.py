@@ -15,10 +15,10 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.synthesis.tuning.paths import Passage, Paths
-from boomctl.synthesis.tuning.problem import Closed, Problem, ScaledPlant, close
-from boomctl.synthesis.tuning.responses import BELOW, Response, coarse, grid, peaks, same_place
-from boomctl.synthesis.tuning.solver.highest import STATES, highest_peak
+from boomctl.tuning.paths import Passage, Paths
+from boomctl.tuning.problem import Closed, Problem, ScaledPlant, close
+from boomctl.tuning.responses import BELOW, Response, coarse, grid, peaks, same_place
+from boomctl.tuning.solver.highest import STATES, highest_peak
 
 WINDOW = 0.1  # share below the highest within which peaks are looked at (a choice)
 _STEP = 1e-3  # of differences, in halves of a parameter's range: rounding and what is left out are 1e-12 then (derived)

@@ -7,15 +7,15 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.synthesis.plants.partition import partition
-from boomctl.synthesis.tuning.certificate import places
-from boomctl.synthesis.tuning.hessian import peak_hessian
-from boomctl.synthesis.tuning.paths import Paths
-from boomctl.synthesis.tuning.point import Point
-from boomctl.synthesis.tuning.problem import Closed, Problem, ScaledPlant, ports_of
-from boomctl.synthesis.tuning.responses import Response, grid, peaks
-from boomctl.synthesis.tuning.solver.quadratic import least
+from boomctl.tuning.certificate import places
+from boomctl.tuning.hessian import peak_hessian
+from boomctl.tuning.paths import Paths
+from boomctl.tuning.point import Point
+from boomctl.tuning.problem import Closed, Problem, ScaledPlant, ports_of
+from boomctl.tuning.responses import Response, grid, peaks
+from boomctl.tuning.solver.quadratic import least
 from tests.profiles import examples
-from tests.synthesis.test_tune import swing
+from tests.tuning.test_tune import swing
 
 T = bc.tunable
 STEP = 2e-5  # of differences of fourth order: what they leave out goes with its fourth power

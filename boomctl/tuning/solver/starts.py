@@ -3,7 +3,7 @@
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.synthesis.tuning.parts.structures import (
+from boomctl.tuning.parts.structures import (
     GAIN,
     PHYSICAL,
     Decentralised,

@@ -7,10 +7,10 @@ from math import inf, isfinite
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.synthesis.tuning.hessian import peak_hessian
-from boomctl.synthesis.tuning.point import WINDOW, Piece, Point
-from boomctl.synthesis.tuning.responses import same_place
-from boomctl.synthesis.tuning.solver.quadratic import least
+from boomctl.tuning.hessian import peak_hessian
+from boomctl.tuning.point import WINDOW, Piece, Point
+from boomctl.tuning.responses import same_place
+from boomctl.tuning.solver.quadratic import least
 
 _MOST = 80  # pieces at most, the highest (a choice)
 _TRIALS = 14  # of a step: each either gains a piece or shortens the step (a choice)

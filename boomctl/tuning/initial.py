@@ -8,9 +8,9 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import known, mapping, real, within
 from boomctl.lti.system import Lti, is_statespace, of
-from boomctl.synthesis.tuning.parts.structures import GAIN, Physical, StateSpace, Sum
-from boomctl.synthesis.tuning.problem import Problem, balancing
-from boomctl.synthesis.tuning.solver.starts import grown
+from boomctl.tuning.parts.structures import GAIN, Physical, StateSpace, Sum
+from boomctl.tuning.problem import Problem, balancing
+from boomctl.tuning.solver.starts import grown
 
 if TYPE_CHECKING:
     import control

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from boomctl.checks import instance, positive, real, sequence, signal_name, truth, whole
-from boomctl.synthesis.tuning.parts.structures import (
+from boomctl.tuning.parts.structures import (
     Decentralised,
     Gain,
     Lead,

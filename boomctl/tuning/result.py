@@ -12,8 +12,8 @@ from boomctl.analysis.sigma import sigma
 from boomctl.lti.system import Lti
 from boomctl.printing import count, listed, system
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-from boomctl.synthesis.tuning.certificate import TuneCertificate, channel_of
-from boomctl.synthesis.tuning.solver.search import TuneStart
+from boomctl.tuning.certificate import TuneCertificate, channel_of
+from boomctl.tuning.solver.search import TuneStart
 
 if TYPE_CHECKING:
     import control
