@@ -108,7 +108,10 @@ def main() -> None:
         if isinstance(error, NotImplementedError | RecursionError):
             raise
         absent = isinstance(error, ModuleNotFoundError) and error.name == "mpmath"  # its references are in sixty digits
-        _fail("mpmath is not installed: pip install 'boomctl[lab]'" if absent else str(error), 1)
+        said = str(error)
+        if isinstance(error, OSError) and error.strerror:
+            said = error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
+        _fail("mpmath is not installed: pip install 'boomctl[lab]'" if absent else said, 1)
     except KeyboardInterrupt:
         if any(thread.name == "boomctl-slew" for thread in threading.enumerate()):  # a solver's last iteration, unheard
             print("boomctl: interrupted", file=sys.stderr, flush=True)
@@ -688,7 +691,7 @@ def notebooks(words: Sequence[str]) -> None:
     parser.add_quiet()
     asked = parser.parse_args(words)
 
-    from boomctl.files import prepared_folder, write_whole
+    from boomctl.files import prepared_folder, write_all
 
     source = shipped("notebooks")
     found = sorted(path for path in source.glob("*") if path.is_file() and path.name[0] not in "._")
@@ -700,8 +703,7 @@ def notebooks(words: Sequence[str]) -> None:
     if there and not asked.force:
         raise ValueError(f"--out {asked.out}: {', '.join(there)} already there; expected another folder, or --force")
     prepared_folder(asked.out)
-    for path in found:
-        write_whole(asked.out / path.name, path.read_bytes())
+    write_all({asked.out / path.name: path.read_bytes() for path in found})
     if asked.json:
         _print_json([str(asked.out / path.name) for path in found])
         return

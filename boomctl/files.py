@@ -33,7 +33,8 @@ def prepared_folder(path: str | Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         handle, probe = tempfile.mkstemp(dir=folder, prefix=".boomctl-")
     except OSError as error:
-        raise OSError(f"output folder {folder}: cannot be written to ({error.strerror or error})") from None
+        why = "a file has that name" if isinstance(error, FileExistsError) else error.strerror or error
+        raise OSError(f"output folder {folder}: cannot be written to ({why})") from None
     os.close(handle)
     os.unlink(probe)
     return folder
@@ -90,21 +91,44 @@ def write_whole(path: Path, content: bytes | str) -> None:
 
 
 def write_all(contents: Mapping[Path, bytes | str]) -> None:
-    """Write files under other names and, when all are written, move them into place: all of them, or none."""
+    """Write files under other names and, when all are written, move them into place: all of them, or none.
+
+    Raises
+    ------
+    OSError
+        They cannot be written; it names the file, not its temporary one.
+    ValueError
+        A folder has the name of one.
+    """
     temporaries: dict[Path, str] = {}
+    for path in contents:
+        _file(path)
     try:
         for path, content in contents.items():
             data = content.encode("utf-8") if isinstance(content, str) else content
-            handle, temporaries[path] = tempfile.mkstemp(dir=path.parent, prefix=".boomctl-")
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-            os.chmod(temporaries[path], 0o644)
+            with _named(path):
+                handle, temporaries[path] = tempfile.mkstemp(dir=path.parent, prefix=".boomctl-")
+                with os.fdopen(handle, "wb") as file:
+                    file.write(data)
+                os.chmod(temporaries[path], 0o644)
         for path in contents:
-            os.replace(temporaries[path], path)
+            with _named(path):
+                os.replace(temporaries[path], path)
             del temporaries[path]
     finally:
         for temporary in temporaries.values():
             os.unlink(temporary)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Let what fails meanwhile name a file."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is not None:
+            error.filename, error.filename2 = os.fspath(path), None
+        raise
 
 
 def plain(value: Any) -> Any:

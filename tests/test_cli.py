@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from boomctl.cli import _name_others
-from boomctl.files import locked_folder
+from boomctl.files import locked_folder, write_whole
 from boomctl.report import Picture, Report, Section
 from tests.command import boomctl
 
@@ -200,6 +200,36 @@ def test_a_report_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
     assert (tmp_path / "a.png").read_bytes() == b"new"
 
 
+@pytest.mark.parametrize("taken", ["a.png", "b.png", "results.json", "report.html"])
+def test_nothing_of_a_report_is_written_where_a_folder_has_the_name_of_a_part(taken, tmp_path):
+    pictures = tuple(Picture(name, "", {"png": b"new"}) for name in ("a", "b"))
+    (tmp_path / taken).mkdir()
+    with pytest.raises(ValueError, match=f"{taken}: expected a file, got a folder"):
+        Report("A title", (), (Section("One", pictures=pictures),), {"x": 1}).write(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [taken]
+
+
+@pytest.mark.parametrize(
+    ("path", "why"), [("missing/a", "No such file"), ("file/a", "Not a directory"), ("a" * 300, "too long")]
+)
+def test_a_file_that_cannot_be_written_is_named_not_its_temporary_one(path, why, tmp_path):
+    (tmp_path / "file").write_text("kept")
+    with pytest.raises(OSError, match=why) as caught:
+        write_whole(tmp_path / path, "text")
+    assert caught.value.filename == str(tmp_path / path)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_full_disk_is_one_line_without_a_number(tmp_path):
+    limited = (
+        "import resource, sys\nresource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
+        "from boomctl.cli import main\nsys.argv[1:] = ['sigma', '--out', 'deep/a.png']\nmain()"
+    )
+    done = subprocess.run([sys.executable, "-c", limited], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (1, "boomctl: deep/a.png: File too large\n")
+    assert not list((tmp_path / "deep").iterdir())
+
+
 OWN = """
 from pathlib import Path
 from boomctl.report import Report
@@ -302,6 +332,9 @@ def test_an_output_folder_that_cannot_be_made_ends_before_any_work(tmp_path):
     done = boomctl("reproduce", "boom", "--out", str(tmp_path / "file" / "results"))
     assert done.returncode == 1
     assert "cannot be written to" in done.stderr
+    done = boomctl("reproduce", "boom", "--out", str(tmp_path / "file"))
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert done.stderr.endswith("cannot be written to (a file has that name)\n")
     assert (tmp_path / "file").read_text() == "in the way"
 
 
