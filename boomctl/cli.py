@@ -12,7 +12,6 @@ from argparse import ArgumentParser, BooleanOptionalAction, Namespace
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from functools import partial
-from importlib import import_module
 from io import TextIOWrapper
 from math import isfinite, pi, tau
 from pathlib import Path
@@ -541,94 +540,70 @@ def slew(words: Sequence[str]) -> None:
     print(f"Report: {asked.out / 'report.html'}")
 
 
-_BENCHMARKS = {
-    "boom": "boomctl.lab.benchmark.boom.run",
-    "hub-beam": "boomctl.lab.benchmark.rotating_beam.run",
-    "suspension": "boomctl.lab.benchmark.suspension.run",
-    "slew": "boomctl.lab.benchmark.slew.run",
-    "tune": "boomctl.lab.benchmark.tune.run",
-    "precision": "boomctl.lab.benchmark.precision.run",
-}
+_BENCHMARKS = ("boom", "hub-beam", "suspension", "slew", "tune", "lumped-masses", "growth", "limits", "all")
+_EVERYTHING = "precision"  # the name that "all" had
 
 
 def benchmark(words: Sequence[str]) -> None:
-    """Measure run time and error side by side, against other programs.
+    """Measure run time and error side by side, against other programs, and whether what is promised holds.
 
-    "precision" measures run time against error over all settings, scene by scene: it is given the names of scenes, by
-    default all, and writes its report with --out.
+    A name is that of a scene ("boom-sigma") or of all scenes of a subject ("boom"); "all" are all.
     """
-    from boomctl.checks import known
-
     parser = _Parser(benchmark)
-    text = f"{', '.join(_BENCHMARKS)} (default: %(default)s)"
-    parser.add_argument("what", nargs="?", default="boom", help=text)
-    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="precision: what is measured (default: all)")
-    parser.add_argument("--full", action="store_true", help="include what takes minutes")
-    text = "precision: fewer settings, all scenes in about a minute"
-    parser.add_argument("--quick", action="store_true", help=text)
-    text = "precision: folder for report, pictures and results"
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help=text)
-    text = "precision: page in Markdown whose tables of recommended settings, between two marks, are written anew"
+    text = f"{', '.join(_BENCHMARKS)}, or scenes (default: boom)"
+    parser.add_argument("what", nargs="*", metavar="NAME", help=text)
+    parser.add_argument("--full", action="store_true", help="include scenes that take minutes each")
+    parser.add_argument("--quick", action="store_true", help="fewer settings, all scenes in about a minute")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="folder for report, pictures and results")
+    text = "page in Markdown whose tables of recommended settings, between two marks, are written anew"
     parser.add_argument("--page", type=Path, metavar="FILE", help=text)
     text = "what --json printed in an earlier run: adds what got slower or less exact since, in one table"
     parser.add_argument("--compare", type=Path, metavar="OLD.json", help=text)
     parser.add_json()
     parser.add_quiet()
     asked = parser.parse_args(words)
-    known("benchmark", asked.what, tuple(_BENCHMARKS))
-    from boomctl.lab.benchmark.compare import compared, read_results
-
-    precise = asked.what == "precision"
-    for option, given in (("SCENE", asked.scenes), *((f"--{o}", getattr(asked, o)) for o in ("quick", "out", "page"))):
-        if given and not precise:
-            raise ValueError(f"{option}: of the benchmark precision; expected none for {asked.what}")
-    if precise and asked.full:
-        raise ValueError("--full: expected --quick or neither for precision, which measures everything by default")
-    before = None if asked.compare is None else read_results(asked.compare)
-    if precise:
-        report, results = _precision(asked)
-    else:
-        with _progress(12) as progress:
-            report = import_module(_BENCHMARKS[asked.what]).run(asked.full, progress)
-        results = report.as_dict()
-    comparison = None if before is None else compared(before, report.benchmark if precise else report)
-    if asked.json:
-        _print_json({**results, **({} if comparison is None else {"comparison": comparison.as_dict()})})
-        return
-    from rich.console import Console
-
-    wide = 160 if precise else 110
-    console = Console(width=wide if not sys.stdout.isatty() else None)
-    console.print(report.render())
-    if comparison is not None:
-        console.print()
-        console.print(comparison.render())
-    if asked.out is not None:
-        print(f"Report: {asked.out / 'report.html'}")
-
-
-def _precision(asked: Namespace) -> tuple[Any, dict[str, Any]]:
-    """Measure run time against error, and write what is asked for; return the report and what JSON knows of it."""
     from boomctl.files import locked_folder
-    from boomctl.lab.benchmark.precision.recommended import PAGE
-    from boomctl.lab.benchmark.precision.run import run, steps
+    from boomctl.lab.benchmark.compare import compared, read_results
+    from boomctl.lab.benchmark.recommended import PAGE
+    from boomctl.lab.benchmark.run import run, steps
 
+    if asked.full and asked.quick:
+        raise ValueError("--full: expected --quick or --full, not both")
+    names = [name for name in asked.what if name != _EVERYTHING]
+    if len(names) < len(asked.what):
+        names = names or ["all"]
+        print(f"boomctl: {_EVERYTHING!r} is gone: 'boomctl benchmark {' '.join(names)}' does it", file=sys.stderr)
+    names = names or ["boom"]
+    extent = "quick" if asked.quick else "whole"
+    count = steps(names, extent, asked.full)
+    before = None if asked.compare is None else read_results(asked.compare)
     if asked.page is not None:
         PAGE.text(asked.page)
-    count = steps(asked.scenes, asked.quick)
     aside = _results_alone() if asked.json else nullcontext()
     with (
         aside,
         nullcontext() if asked.out is None else locked_folder(asked.out) as folder,
         _progress(count) as progress,
     ):
-        report = run(asked.scenes, asked.quick, progress)
+        report = run(names, extent, asked.full, progress)
         if folder is not None:
             progress("pictures and report", 0)
             _name_others(folder, report.report().write_into(folder))
     if asked.page is not None:
         PAGE.write(asked.page, report.page())
-    return report, report.as_dict()
+    comparison = None if before is None else compared(before, report)
+    if asked.json:
+        _print_json({**report.as_dict(), **({} if comparison is None else {"comparison": comparison.as_dict()})})
+        return
+    from rich.console import Console
+
+    console = Console(width=160 if not sys.stdout.isatty() else None)
+    console.print(report.render())
+    if comparison is not None:
+        console.print()
+        console.print(comparison.render())
+    if asked.out is not None:
+        print(f"Report: {asked.out / 'report.html'}")
 
 
 def stress(words: Sequence[str]) -> None:
@@ -741,7 +716,7 @@ def _arguments(name: str) -> str:
     """Return the words that may follow a command, beside its options and files."""
     from boomctl.studies.catalogue import design_names
 
-    choices = {"reproduce": ("boom", "hub-beam", "all"), "benchmark": tuple(_BENCHMARKS), "completion": _SHELLS}
+    choices = {"reproduce": ("boom", "hub-beam", "all"), "benchmark": _BENCHMARKS, "completion": _SHELLS}
     return " ".join(design_names() if name == "design" else choices.get(name, ()))
 
 

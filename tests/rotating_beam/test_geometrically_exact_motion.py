@@ -200,7 +200,7 @@ def test_equals_what_exudyn_computed(case):
 @pytest.mark.parametrize("case", EXUDYN)
 def test_equals_exudyn(case):
     pytest.importorskip("exudyn")
-    from boomctl.lab.benchmark.rotating_beam.exudyn import exudyn_tip
+    from boomctl.lab.benchmark.peers.exudyn import exudyn_tip
 
     manoeuvre, step = EXUDYN[case][0], {"spin-up": 0.01, "400 N m": 0.0025}[case]
     times = np.linspace(0, 30, 301)
@@ -210,13 +210,16 @@ def test_equals_exudyn(case):
 
 
 @pytest.mark.slow
-def test_benchmark_rows_are_ordered_by_cost_and_error():
-    from boomctl.lab.benchmark.rotating_beam.run import SCENES, exact_rows
+def test_polynomials_and_tolerances_are_ordered_by_error():
+    manoeuvre, times = spin_up(2.8, 30.0), np.linspace(0.0, 60.0, 301)
+    true = GeometricallyExactBeam(BAI, 10).simulate(manoeuvre, times, rtol=1e-9).tip_displacement
 
-    measured = [row for row in exact_rows(full=False, tell=lambda text: None) if row.section == next(iter(SCENES))]
-    exact = [row.error for row in measured if row.job.startswith("exact")]
+    def error(beam, rtol):
+        return np.abs(beam.simulate(manoeuvre, times, rtol=rtol).tip_displacement - true).max() / np.abs(true).max()
+
+    exact = [error(GeometricallyExactBeam(BAI, n), rtol) for n, rtol in ((3, 1e-3), (4, 1e-5), (6, 1e-7), (8, 1e-8))]
     assert exact == sorted(exact, reverse=True)
-    assert exact[-1] < 1e-8 < 1e-4 < measured[0].error < 1e-3
+    assert exact[-1] < 1e-8 < 1e-4 < error(hub_beam(BAI, "sfoam", 5), 1e-7) < 1e-3
 
 
 # -- what polynomials leave out ----------------------------------------------------------------------------------------

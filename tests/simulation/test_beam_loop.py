@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.lab.benchmark.rotating_beam.loop import ours, responded, restarted
+from boomctl.lab.benchmark.peers.beam_loop import ours, responded, restarted
 from boomctl.simulation.controller import conditioning_gain
 from tests.profiles import examples
 from tests.rotating_beam.strategies import parameters

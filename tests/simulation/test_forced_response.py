@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.lab.benchmark.suspension.loop import extended_maps
+from boomctl.lab.benchmark.peers.boom_loop import extended_maps
 from boomctl.lti.hold import linear_hold_response
 from boomctl.simulation import forced_response, simulate_loop
 from tests.profiles import examples

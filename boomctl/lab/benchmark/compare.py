@@ -18,7 +18,7 @@ SLOWER = 1.25  # ratio of times from which on a job got slower: medians of two r
 LESS_EXACT = 2.0  # ratio of errors from which on a job got less exact: a bit of accuracy (a choice)
 ROUNDING = 1e-12  # relative error below which one is as good as another: rounding, some 1e4 eps (a choice)
 _PEERS = 3  # jobs of peers, timed in both runs, that tell how fast the machine was; fewer may mislead (a choice)
-_WORSE = ("slower", "less exact", "target missed", "gone")
+_WORSE = ("slower", "less exact", "promise missed", "gone")
 _HEADS = ("job", "before \\[ms]", "now \\[ms]", "ratio", "error before", "error now", "ratio", "")
 
 
@@ -39,7 +39,7 @@ class Change:
     less_exact : float or None
         Error now over error before; both count as rounding at least.
     verdict : tuple of str
-        What is to be said of it: "slower", "faster", "less exact", "more exact", "target missed", "target met", "new",
+        What is to be said of it: "slower", "faster", "less exact", "more exact", "promise missed", "promise held", "new",
         "gone"; empty if nothing is.
     """
 
@@ -78,7 +78,7 @@ class Comparison:
 
     @property
     def worse(self) -> tuple[Change, ...]:
-        """What got slower, less exact, misses its target, or is gone."""
+        """What got slower, less exact, misses its promise, or is gone."""
         return tuple(change for change in self.changes if change.worse)
 
     def as_dict(self) -> dict[str, Any]:
@@ -160,7 +160,7 @@ def compared(before: Mapping[str, Any], now: BenchmarkReport) -> Comparison:
     ValueError
         They have no job in common: it is another benchmark.
     """
-    old, new = _jobs(before["rows"]), _jobs(now.as_dict()["rows"])
+    old, new = _jobs(before["rows"]), _jobs(plain(now.rows))
     if not old.keys() & new.keys():
         raise ValueError("--compare: expected results of the same benchmark; they have no job in common")
     machine = _machine(old, new)
@@ -173,8 +173,8 @@ def compared(before: Mapping[str, Any], now: BenchmarkReport) -> Comparison:
 
 
 def _jobs(rows: Iterable[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-    """Return rows by section, without what is said of the peer, and job."""
-    return {f"{str(row['section']).split(';')[0]}: {row['job']}": row for row in rows}
+    """Return rows by section and job."""
+    return {f"{row['section']}: {row['job']}": row for row in rows}
 
 
 def _machine(old: Mapping[str, Mapping[str, Any]], new: Mapping[str, Mapping[str, Any]]) -> float | None:
@@ -201,7 +201,7 @@ def _change(job: str, old: Mapping[str, Any] | None, new: Mapping[str, Any] | No
             verdict.append(better)
     met = before.get("met"), now.get("met")
     if None not in met and met[0] is not met[1]:
-        verdict.append("target met" if met[1] else "target missed")
+        verdict.append("promise held" if met[1] else "promise missed")
     return Change(job, times[0], times[1], errors[0], errors[1], slower, less_exact, tuple(verdict))
 
 

@@ -1,25 +1,29 @@
-"""The benchmark of H-infinity synthesis: one referee for both sides, and a peer that hangs stalls nothing."""
+"""The scenes of H-infinity synthesis: a peer that hangs stalls nothing, and one that claims a norm is judged by its loop."""
+
+from dataclasses import replace
 
 import pytest
 
-from boomctl.lab.benchmark.suspension import h_infinity, hinfsyn
-from boomctl.lab.benchmark.suspension.h_infinity import cheap_control_plant, h_infinity_lines
+from boomctl.lab.benchmark.measure import measured
+from boomctl.lab.benchmark.peers import hinfsyn
+from boomctl.lab.benchmark.scenes.h_infinity import h_infinity_cheap, h_infinity_si
+
+
+def only(scene, *names):
+    """Return a scene of some settings: the default of ours, and others."""
+    kept = [s for s in scene.settings if s.competitor in names or s.label == "tolerance 0.01"]
+    return replace(scene, settings=tuple(kept))
 
 
 @pytest.mark.slow
 def test_ours_is_near_the_bound_and_the_peer_is_judged_by_its_loop():
-    rows = h_infinity_lines(1, lambda text: None)
-    for row in rows:
-        assert row.error is not None
-        assert 0.0 <= row.error <= 0.0101
-        assert row.peer_error is None or row.peer_error > -1e-6
-    assert rows[-1].peer_error is not None
-    assert rows[-1].peer_error > 10.0
+    ours, peer = measured(only(h_infinity_si("quick"), "control.hinfsyn"), 1e-3, lambda text: None).points
+    assert 0.0 <= ours.error <= 0.0101
+    assert peer.error > 10.0
 
 
 def test_a_peer_that_hangs_is_killed(monkeypatch):
     monkeypatch.setattr(hinfsyn, "PATIENCE", 1e-3)
-    row = h_infinity._row("short of patience", cheap_control_plant(), 2, 1, 1)
-    assert row.peer is None
-    assert "killed after 0.001 s" in row.job
-    assert row.error is not None
+    ours, peer = measured(only(h_infinity_cheap("quick"), "control.hinfsyn"), 1e-3, lambda text: None).points
+    assert "killed after 0.001 s" in peer.failed
+    assert 0.0 <= ours.error <= 0.0101

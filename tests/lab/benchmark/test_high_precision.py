@@ -5,7 +5,7 @@ import pytest
 
 import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
-from boomctl.lab.benchmark.boom.high_precision import damped_eigenvalues, exact_response, mesh_response, sigma_of
+from boomctl.lab.benchmark.references.high_precision import damped_eigenvalues, exact_response, mesh_response, sigma_of
 
 OMEGA = 2.0 * np.pi * np.geomspace(0.1, 10.0, 12)
 OTHER = bc.BoomParameters(boom_mass=50.0, boom_inertia=420.0, length=10.0, spring_distance=3.1, structural_damping=4e-4)

@@ -8,7 +8,7 @@ from scipy import linalg
 
 import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
-from boomctl.lab.benchmark.suspension.loop import (
+from boomctl.lab.benchmark.peers.boom_loop import (
     continuous_loop,
     continuous_reference,
     extended_maps,

@@ -4,7 +4,7 @@ import json
 import warnings
 from dataclasses import asdict, replace
 from io import StringIO
-from math import inf, log, nan
+from math import inf, nan
 from unittest import mock
 
 import numpy as np
@@ -14,16 +14,24 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from boomctl.lab.benchmark.compare import compared
-from boomctl.lab.benchmark.precision.claim import conclusion, verdicts
-from boomctl.lab.benchmark.precision.diagram import Diagram, Point
-from boomctl.lab.benchmark.precision.growth import Growth
-from boomctl.lab.benchmark.precision.limits import Limit, Rates, Work
-from boomctl.lab.benchmark.precision.measure import measured
-from boomctl.lab.benchmark.precision.recommended import PAGE, recommendations
-from boomctl.lab.benchmark.precision.report import PrecisionReport, lead_words
-from boomctl.lab.benchmark.precision.run import names, run, steps
-from boomctl.lab.benchmark.precision.scene import Scene, Setting
-from boomctl.lab.benchmark.precision.scenes.lumped_masses import DISCRETE, FINITE
+from boomctl.lab.benchmark.diagram import Diagram, Kept, Point
+from boomctl.lab.benchmark.measure import measured
+from boomctl.lab.benchmark.promise import (
+    Who,
+    exact,
+    growth,
+    kept_ready,
+    number,
+    seconds,
+    times_as_fast,
+    times_the_cost,
+)
+from boomctl.lab.benchmark.recommended import PAGE, recommendations
+from boomctl.lab.benchmark.report import BenchmarkReport, lead_words
+from boomctl.lab.benchmark.run import GROUPS, LONG, SCENES, maker, run, steps, wanted
+from boomctl.lab.benchmark.scene import Scene, Setting
+from boomctl.lab.benchmark.scenes.limits import Rates, Work
+from boomctl.lab.benchmark.scenes.lumped_masses import DISCRETE, FINITE, lumped_masses
 from tests.command import boomctl
 from tests.profiles import examples
 
@@ -162,7 +170,7 @@ def test_what_takes_longer_than_four_seconds_is_called_once():
     clock = iter(np.arange(0.0, 1e3, 5.0))
     calls = []
     tiny = scene(Setting("other", "slow", ours=False, cold=lambda change: calls.append(change) or 1.0))
-    with mock.patch("boomctl.lab.benchmark.precision.measure._clock", side_effect=clock):
+    with mock.patch("boomctl.lab.benchmark.measure.processor_time", side_effect=clock):
         (point,) = measured(tiny, 1.0, lambda text: None).points
     assert (point.cold, point.calls, point.memory, calls) == (5.0, 1, None, [0.0])
 
@@ -170,11 +178,12 @@ def test_what_takes_longer_than_four_seconds_is_called_once():
 @examples(50)
 @given(st.floats(-0.5, 3.5), st.floats(1e-6, 1e-2), st.integers(2, 9))
 def test_the_exponent_of_a_power_law_is_found(power, scale, count):
-    sizes = tuple(2.0**k for k in range(1, count + 1))
-    grown = Growth("it", sizes, tuple(scale * size**power for size in sizes), 1.0, "")
-    assert grown.exponent == pytest.approx(power, abs=1e-9)
-    assert ("FASTER" in grown.verdict) == (grown.exponent > 1.25)
-    assert ("slower" in grown.verdict) == (grown.exponent < 0.75)
+    grown = [Point("it", str(n), True, 0.0, hot=scale * n**power, size=n) for n in (2**k for k in range(1, count + 1))]
+    for bound, held in ((power + 0.1, True), (power - 0.1, False)):
+        kept = growth(Who("it"), bound).of(diagram(*grown))
+        assert kept.value == pytest.approx(power, abs=1e-9)
+        assert kept.held is held
+    assert growth(Who("it"), 1.0).of(diagram(*grown[:1])).held is None
 
 
 def test_a_limit_is_the_longest_of_what_cannot_be_done_without():
@@ -185,7 +194,6 @@ def test_a_limit_is_the_longest_of_what_cannot_be_done_without():
     assert Work(1e6, 1e9).bound(rates) == "memory traffic"
     assert Work(1e6, 0.0, 1e5).seconds(rates) == pytest.approx(1.1e-2)  # exponentials and arithmetic follow each other
     assert Work(1e6, 0.0, 1e5).bound(rates) == "exponentials"
-    assert Limit("it", "", 2e-3, 1e-3, "arithmetic").ratio == 2.0
 
 
 OURS = Point("mine", "a", True, 1e-4, 1e-3, 5e-4, 1000, 9, "bc.mine()")
@@ -203,17 +211,21 @@ def lumped(ratio, finite, discrete):
     return diagram(*both, key=f"lumped-masses-{ratio:g}")
 
 
-REPORT = PrecisionReport(
+REPORT = BenchmarkReport(
     (
-        diagram(
-            OURS, OTHER, Point("other", "broken", False, inf, failed="ValueError: <no>"), missing=("pyMOR: not here",)
+        replace(
+            diagram(OURS, OTHER, Point("other", "broken", False, inf, failed="ValueError: <no>")),
+            missing=("pyMOR: not here",),
+            kept=(
+                Kept("held", 1.0, 2.0),
+                Kept("broken", 1.0, 2.0, least=True),
+                Kept("told", 3.0),
+                Kept("untried", None, 1.0),
+            ),
         ),
-        lumped(10.0, {4: 1e-4, 8: 1e-5}, {2: 5e-2, 4: 2e-3}),
-        lumped(100.0, {4: 1e-6, 8: 1e-7}, {2: 5e-3, 4: 2e-4}),
+        replace(lumped(100.0, {4: 1e-6, 8: 1e-7}, {2: 5e-3, 4: 2e-4}), shows="unknowns"),
+        replace(diagram(OURS, key="quiet", title="Not drawn"), shows="promises"),
     ),
-    (Growth("what grows", (1.0, 2.0, 4.0), (1.0, 2.0, 4.0), 1.0, "a reason"),),
-    Rates(1e9, 1e10, 1e7),
-    (Limit("a path", "all of it", 2e-3, 1e-3, "arithmetic"),),
     {"processor": "of sand", "numpy": "2.0"},
 )
 
@@ -230,20 +242,92 @@ def test_the_sentence_on_a_lead_says_where_not_and_by_how_much():
     assert lead_words(diagram(OURS), "cold") == ""
 
 
-def test_the_claim_is_judged_by_the_data():
-    found = verdicts(REPORT.lumped)
-    assert [(v.ratio, v.wanted, v.fewer) for v in found if v.wanted > 1e-5] == [
-        (10.0, 1e-2, "both alike"),
-        (10.0, 1e-3, "finite"),
-        (100.0, 1e-2, "discrete"),
-        (100.0, 1e-3, "both alike"),
+@pytest.mark.parametrize(
+    ("ratio", "finite", "discrete", "values", "held"),
+    [
+        ("10", {4: 1e-4, 8: 1e-5}, {2: 5e-2, 4: 2e-3}, [1.0, inf, None], None),
+        ("100", {4: 1e-6, 8: 1e-7}, {2: 5e-3, 4: 2e-4}, [0.5, 1.0, inf], True),
+        ("100", {4: 1e-6, 8: 1e-7}, {2: 5e-1, 8: 2e-4}, [2.0, 2.0, inf], False),
+    ],
+)
+def test_the_claim_is_judged_by_the_data(ratio, finite, discrete, values, held):
+    found = [promise.of(lumped(float(ratio), finite, discrete)) for promise in lumped_masses(ratio, "quick").promises]
+    assert [kept.value for kept in found] == values
+    assert [kept.held for kept in found] == [held, None, None]
+
+
+A, B = Who("a"), Who("b")
+
+
+@examples(200)
+@given(points, st.sampled_from(["cold", "hot"]), st.floats(1e-3, 1e3), st.sampled_from([inf, 1e-3]))
+def test_a_promise_of_run_times_is_about_the_fastest_that_are_exact_enough(found, way, bound, error):
+    ours, other = replace(A, error=error), replace(B, error=error)
+    best = []
+    for name in "ab":
+        able = [p.seconds(way) for p in found if p.competitor == name and p.error <= error and p.seconds(way)]
+        best.append(min(able) if able else None)
+    for promise, at_least in (
+        (times_as_fast(ours, other, bound, way), True),
+        (times_the_cost(ours, other, bound, way), False),
+    ):
+        kept = promise.of(diagram(*found))
+        top, bottom = best[::-1] if at_least else best
+        if top is None:
+            assert kept.value is kept.held is None  # nobody was asked, or nobody is so exact
+        elif bottom is not None:
+            assert kept.value == pytest.approx(top / bottom)
+            assert kept.held is (kept.value >= bound if at_least else kept.value <= bound)
+        assert promise.of_time
+
+
+def test_promises_of_numbers_take_the_worst_of_all_settings_and_failures_break_them():
+    good, worse = (Point("a", str(e), True, e, cold=1e-3, hot=5e-4, found={"norm": 1.0 + e}) for e in (1e-6, 1e-3))
+    failed = Point("a", "failed", True, inf, failed="why")
+    for promise, value, held in (
+        (exact(A, 1e-2), 1e-3, True),
+        (exact(A, 1e-4), 1e-3, False),
+        (exact(replace(A, label="1e-06"), 1e-4), 1e-6, True),
+        (number(A, "norm", 1.01), 1.0 + 1e-3, True),
+        (number(A, "norm", 1.0, least=True), 1.0 + 1e-6, True),
+        (seconds(A, 1e-4), 1e-3, False),
+        (kept_ready(A, 0.5), 0.5, True),
+        (exact(B, 1.0), None, None),
+    ):
+        kept = promise.of(diagram(good, worse))
+        assert kept.held is held, kept
+        assert kept.value == (value if value is None else pytest.approx(value))
+    for promise in (exact(A, 1e-2), number(A, "norm", 1.01), number(A, "norm", 1.0, least=True)):
+        assert promise.of(diagram(good, failed)).held is False
+
+
+@pytest.mark.parametrize("key", SCENES)
+def test_every_promise_is_read_off_what_a_whole_run_measures(key):
+    """Its competitors and settings are there, by the names that the promise has for them."""
+    scene = maker(key)("whole")
+    assert scene.key == key
+    found = [
+        Point(
+            s.competitor, s.label, s.ours, 1e-12, 1e-3 if s.cold else None, 1e-3 if s.hot else None, 1000, size=s.size
+        )
+        for s in scene.settings
     ]
-    words = " ".join(conclusion(REPORT.lumped))
-    assert "need fewer unknowns in 1" in words
-    assert "where the lumped masses are 100 times" in words
-    assert f"to the power {-log(100) / log(10):.2f}" in words  # finite elements
-    assert "to the power -1.00" in words  # discrete elements
-    assert conclusion({}) == ()
+    installed = {name for words in scene.missing for name in [words.split(":")[0]]}
+    for promise in scene.promises:
+        kept = promise.of(diagram(*found))
+        assert kept.value is not None or any(name.split(",")[0] in kept.text for name in installed), kept.text
+    assert maker(key)("quick").settings
+
+
+def test_a_quick_run_promises_nothing_of_run_times(monkeypatch):
+    tiny = replace(
+        scene(Setting("a", "1", ours=True, cold=lambda change: 1.0)), promises=(seconds(A, 1.0), exact(A, 1.0))
+    )
+    monkeypatch.setattr("boomctl.lab.benchmark.run.maker", lambda key: lambda extent: tiny)
+    monkeypatch.setattr("boomctl.lab.benchmark.run._SECONDS", {"quick": 1e-3, "whole": 1e-3})
+    (quick,), (whole,) = (run(["limits"], extent).diagrams for extent in ("quick", "whole"))
+    assert [kept.held for kept in whole.kept] == [True, True]
+    assert [kept.text for kept in quick.kept] == ["a: error"]
 
 
 @pytest.mark.slow  # eight files of pictures
@@ -251,21 +335,21 @@ def test_the_report_has_what_to_use_first_and_everything_after(tmp_path):
     made = REPORT.report()
     html = made.html
     order = [
+        "1 of 2 promises held; missed: tiny: broken",
         "What to use",
         "bc.mine()",
         "Whose front is ahead",
         "<h2>A tiny scene",
         "ValueError: &lt;no&gt;",
-        "Lumped masses on light beams",
-        "How cost grows",
-        "Distance from the limit",
+        "<h2>Not drawn",
+        "Error over unknowns",
         "of sand",
     ]
     places = [html.index(words) for words in order]
     assert places == sorted(places)
     assert "none is so exact" in html
     assert "Missing: pyMOR: not here" in html
-    assert html.count("<img") == 4
+    assert html.count("<img") == 3
     assert "http" not in html.replace("http://www.w3.org", "")
     assert {path.name for path in made.write(tmp_path)} >= {"report.html", "results.json", "tiny.png"}
 
@@ -278,14 +362,22 @@ def test_json_holds_everything():
         assert [point["cold"] for point in item["points"]] == [point.cold for point in drawn.points]
     assert [row["job"] for row in written["rows"]][:3] == ["mine, a, cold", "mine, a, hot", "other, b, cold"]
     assert written["recommended"][0]["setting"] == asdict(OURS)
-    assert written["growth"][0]["exponent"] == pytest.approx(1.0)
+    assert written["missed"] == ["tiny: broken"]
+    promised = {row["job"]: row["met"] for row in written["rows"] if "met" in row}
+    assert promised == {"held": True, "broken": False, "told": None, "untried": None}
 
 
 def test_another_run_is_compared_point_by_point():
     before = REPORT.as_dict()
-    assert not compared(before, REPORT.benchmark).worse
-    slower = replace(REPORT, diagrams=(diagram(replace(OURS, cold=2e-3, error=1e-2), OTHER), *REPORT.diagrams[1:]))
-    worse = {change.job: change.verdict for change in compared(before, slower.benchmark).worse}
+    assert not compared(before, REPORT).worse
+    slower = replace(
+        REPORT,
+        diagrams=(
+            replace(REPORT.diagrams[0], points=(replace(OURS, cold=2e-3, error=1e-2), OTHER)),
+            *REPORT.diagrams[1:],
+        ),
+    )
+    worse = {change.job: change.verdict for change in compared(before, slower).worse}
     assert worse == {"tiny: mine, a, cold": ("slower", "less exact"), "tiny: mine, a, hot": ("less exact",)}
 
 
@@ -293,13 +385,13 @@ def test_the_terminal_is_shown_the_tables_and_the_words():
     console = Console(width=160, record=True, file=StringIO())
     console.print(REPORT.render())
     text = console.export_text()
-    for words in ("What to use", "bc.mine()", "0.1 %", "how cost grows".capitalize(), "a path", "Missing: pyMOR"):
+    for words in ("What to use", "bc.mine()", "0.1 %", "NO", "at least 2", "not measured", "Missing: pyMOR"):
         assert words in text
 
 
 def test_the_page_is_written_between_its_marks(tmp_path):
     page = tmp_path / "page.md"
-    mark = "<!-- what {} is written by `boomctl benchmark precision --page` -->"
+    mark = "<!-- what {} is written by `boomctl benchmark all --page` -->"
     page.write_text(f"# Head\n{mark.format('follows')}\nold\n{mark.format('precedes')}\nfoot\n", encoding="utf-8")
     PAGE.write(page, REPORT.page())
     text = page.read_text(encoding="utf-8")
@@ -318,17 +410,13 @@ def test_the_page_is_written_between_its_marks(tmp_path):
 
 
 def test_unknown_scenes_and_options_out_of_place_are_refused(tmp_path):
-    with pytest.raises(ValueError, match="scene"):
+    with pytest.raises(ValueError, match="benchmark"):
         run(["boom-sigmar"])
-    assert steps() > steps(["growth"]) > 0
-    assert set(names()) >= {"boom-sigma", "lumped-masses", "growth", "limits"}
+    assert steps(["all"], "quick") > steps(["growth"], "quick") > 0
     for words, part in (
-        (["precision", "boom-sigmar"], "boom-sigma"),
-        (["boom", "--quick"], "--quick"),
-        (["boom", "boom-sigma"], "SCENE"),
-        (["slew", "--out", "x"], "--out"),
-        (["precision", "--full"], "--full"),
-        (["precision", "limits", "--page", str(tmp_path)], "folder"),
+        (["boom-sigmar"], "boom-sigma"),
+        (["limits", "--full", "--quick"], "--full"),
+        (["limits", "--page", str(tmp_path)], "folder"),
     ):
         done = boomctl("benchmark", *words, cwd=tmp_path)
         assert done.returncode == 2, words
@@ -336,17 +424,30 @@ def test_unknown_scenes_and_options_out_of_place_are_refused(tmp_path):
         assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.slow  # a scene and the limits are measured: 8 s
+def test_groups_are_of_scenes_and_the_command_names_all_groups():
+    from boomctl.cli import _BENCHMARKS
+
+    assert set(_BENCHMARKS) <= {*GROUPS, *SCENES}
+    assert set(GROUPS) <= set(_BENCHMARKS)
+    assert wanted(["all"], full=True) == tuple(SCENES)
+    assert set(wanted(["all"])) == {*SCENES} - {*LONG}
+    assert wanted(["limits", "designs"]) == (
+        "designs",
+        "limits",
+    )  # what is named is measured, in the order of the table
+    assert {*SCENES} == {key for name, keys in GROUPS.items() if name != "all" for key in keys} | {"limits"}
+
+
+@pytest.mark.slow  # a scene is measured by the command, twice
 def test_the_command_measures_writes_and_compares(tmp_path):
-    done = boomctl(
-        "benchmark", "precision", "lumped-masses", "limits", "--quick", "--json", "--out", "out", cwd=tmp_path
-    )
+    done = boomctl("benchmark", "precision", "lumped-masses-100", "--quick", "--json", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+    assert "'precision' is gone: 'boomctl benchmark lumped-masses-100' does it" in done.stderr
     found = json.loads(done.stdout)
-    assert [d["key"] for d in found["diagrams"]] == ["lumped-masses-0", "lumped-masses-100"]
-    assert all(limit["ratio"] > 1.0 for limit in found["limits"])  # nothing is faster than its limit
+    assert [d["key"] for d in found["diagrams"]] == ["lumped-masses-100"]
+    assert found["diagrams"][0]["kept"][0]["value"] <= 1.0
     assert (tmp_path / "out" / "report.html").is_file()
     (tmp_path / "old.json").write_text(done.stdout, encoding="utf-8")
-    done = boomctl("benchmark", "precision", "lumped-masses", "--quick", "--compare", "old.json", cwd=tmp_path)
+    done = boomctl("benchmark", "lumped-masses-100", "--quick", "--compare", "old.json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "beside the earlier run" in done.stdout

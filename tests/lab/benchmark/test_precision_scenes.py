@@ -10,15 +10,14 @@ import boomctl as bc
 from boomctl.boom.exact import exact_frequency_response
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
-from boomctl.lab.benchmark.boom.high_precision import exact_response, mesh_response, sigma_of, tip_transfer
-from boomctl.lab.benchmark.precision.run import SCENES, STUDIES
-from boomctl.lab.benchmark.precision.scenes.boom_peak import boom_peak, peak_in_many_digits
-from boomctl.lab.benchmark.precision.scenes.boom_reduction import boom_reduction
-from boomctl.lab.benchmark.precision.scenes.boom_sigma import boom_sigma
-from boomctl.lab.benchmark.precision.scenes.boom_time import boom_time, corners, exact_motion, track
-from boomctl.lab.benchmark.precision.scenes.lumped_masses import exact_frequencies, lumped_masses
-from boomctl.lab.benchmark.precision.scenes.peers import there
-from boomctl.lab.benchmark.precision.scenes.plain_boom import PlainBoom
+from boomctl.lab.benchmark.peers.plain_boom import PlainBoom
+from boomctl.lab.benchmark.peers.programs import there
+from boomctl.lab.benchmark.references.high_precision import exact_response, mesh_response, sigma_of, tip_transfer
+from boomctl.lab.benchmark.scenes.boom_peak import boom_peak, peak_in_many_digits
+from boomctl.lab.benchmark.scenes.boom_reduction import boom_reduction
+from boomctl.lab.benchmark.scenes.boom_sigma import boom_sigma
+from boomctl.lab.benchmark.scenes.boom_time import boom_time, corners, exact_motion, track
+from boomctl.lab.benchmark.scenes.lumped_masses import exact_frequencies, lumped_masses
 from boomctl.lti.python_control import control
 
 P = BoomParameters()
@@ -105,7 +104,7 @@ def answers(scene, ours):
 
 @pytest.mark.parametrize("ratio", [0.0, 100.0])
 def test_meshes_of_the_arm_converge_and_ours_agree_with_plain_ones(ratio):
-    scene = lumped_masses("quick", ratio)
+    scene = lumped_masses(f"{ratio:g}", "quick")
     errors = {
         (s.competitor, s.label): scene.error(answer) for s, answer in [*answers(scene, True), *answers(scene, False)]
     }
@@ -118,11 +117,6 @@ def test_meshes_of_the_arm_converge_and_ours_agree_with_plain_ones(ratio):
     assert errors["exact beam", "exact"] < 1e-12
     assert errors["high-order elements", "order 6"] < errors["high-order elements", "order 4"]
     assert scene.error([np.nan, np.nan]) != scene.error([np.nan, np.nan])  # no number, which counts as infinite
-
-
-def test_every_scene_is_in_the_table_and_has_a_key_of_its_own():
-    assert {"boom-sigma", "boom-peak", "boom-time", "boom-reduction"} <= set(SCENES)
-    assert not set(SCENES) & set(STUDIES)
 
 
 def written(setting, names):
@@ -176,7 +170,7 @@ def test_what_settings_of_motion_say_to_write_gives_their_answer():
 
 
 def test_what_is_not_installed_is_named():
-    from boomctl.lab.benchmark.precision.scenes.peers import missing
+    from boomctl.lab.benchmark.peers.programs import missing
 
     assert missing(a_peer="no_such_module") == ("a peer: no_such_module is not installed",)
     assert missing(numpy="numpy") == ()
@@ -187,6 +181,6 @@ def test_what_is_not_installed_is_named():
 def test_singular_values_of_a_symmetric_response_are_those_of_its_halves():
     a, b = np.array([1.0 + 2.0j, 3.0]), np.array([0.5j, -1.0])
     response = np.array([[a, b], [b, a]])
-    from boomctl.lab.benchmark.precision.scenes.peers import sigma_of_response
+    from boomctl.lab.benchmark.peers.programs import sigma_of_response
 
     assert sigma_of_response(np.moveaxis(response, 2, 0)) == pytest.approx(sigma_of(response))

@@ -6,12 +6,12 @@ import control
 import numpy as np
 import pytest
 
-from boomctl.lab.benchmark.precision.scenes import h_infinity as synthesis
-from boomctl.lab.benchmark.precision.scenes.sampled_loop import _SAME, beam_loop, boom_loop
-from boomctl.lab.benchmark.rotating_beam import loop as of_beam
-from boomctl.lab.benchmark.suspension import loop as of_boom
-from boomctl.lab.benchmark.suspension.h_infinity import yaw_and_jolt_plant
-from boomctl.lab.benchmark.suspension.hinfsyn import HinfsynProcess
+from boomctl.lab.benchmark.peers import beam_loop as of_beam
+from boomctl.lab.benchmark.peers import boom_loop as of_boom
+from boomctl.lab.benchmark.peers.hinfsyn import HinfsynProcess
+from boomctl.lab.benchmark.scenes import h_infinity as synthesis
+from boomctl.lab.benchmark.scenes.h_infinity import yaw_and_jolt_plant
+from boomctl.lab.benchmark.scenes.sampled_loop import _SAME, beam_loop, boom_loop
 from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
 from boomctl.synthesis import h_infinity
 from boomctl.synthesis.plants.partition import close_loop

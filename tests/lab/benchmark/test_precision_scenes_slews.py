@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from boomctl.lab.benchmark.precision.scenes.slews import fastest, least_effort
-from boomctl.lab.benchmark.slew.peers import Effort, Failed, opti_programme
-from boomctl.lab.benchmark.slew.referee import Referee
+from boomctl.lab.benchmark.measure import measured
+from boomctl.lab.benchmark.peers.opti import Effort, Failed, opti_programme
+from boomctl.lab.benchmark.references.slews import Referee
+from boomctl.lab.benchmark.scenes.slews import certified, fastest, least_effort
 from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
 from boomctl.slew import optimal_slew
 from boomctl.slew.torque import ramped
@@ -78,3 +79,10 @@ def test_the_references_of_three_modes_are_ours():
     ]
     assert referee.least_effort() == pytest.approx(ours[1] - (ours[0] - ours[1]) / 3.0, rel=5e-7)
     assert optimal_slew(effort.beam, effort.angle, 200.0).duration == pytest.approx(referee.least_time(), rel=1e-9)
+
+
+@pytest.mark.slow
+def test_certificates_of_least_time_hold_against_exact_durations():
+    found = measured(certified("quick"), 1e-3, lambda text: None)
+    assert len(found.kept) == 8
+    assert all(kept.held for kept in found.kept), found.kept

@@ -1,13 +1,14 @@
-"""The reduction's benchmark: both sides are judged by one referee."""
+"""The scenes of reduction: both sides are judged by one referee."""
 
 import pytest
 
-from boomctl.lab.benchmark.suspension.run import reduction_lines
+from boomctl.lab.benchmark.measure import measured
+from boomctl.lab.benchmark.scenes.boom_reduction import boom_reduction_fine
 
 
 @pytest.mark.slow
 def test_ours_is_no_less_exact_on_a_small_mesh():
-    (row, *_) = reduction_lines(1, lambda text: None, elements=60)
-    assert row.error is not None
-    assert row.peer_error is not None
-    assert 0.0 < row.error <= 1.01 * row.peer_error
+    found = measured(boom_reduction_fine("quick"), 1e-3, lambda text: None)
+    assert all(0.0 < p.error < 1.0 for p in found.points)
+    (kept,) = found.kept
+    assert kept.held

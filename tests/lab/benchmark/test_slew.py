@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from boomctl.lab.benchmark.slew.peers import Effort, has_rockit, opti_fastest, opti_slew, rockit_slew
-from boomctl.lab.benchmark.slew.run import ours
+from boomctl.lab.benchmark.peers.opti import Effort, has_rockit, opti_fastest, opti_slew, rockit_slew
 from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
 from boomctl.slew import optimal_slew
 
@@ -21,8 +20,9 @@ EFFORT = Effort(AssumedModesBeam(HubBeamParameters(), "sfoam", 1), 0.8, 140.0, 2
     ],
 )
 def test_same_optimum(peer):
-    torques = ours(EFFORT)[1].history.left
-    theirs = peer(EFFORT, 8)
+    options = {"method": "shooting", "intervals": EFFORT.intervals}
+    ours = optimal_slew(EFFORT.beam, EFFORT.angle, EFFORT.torque_limit, "effort", EFFORT.duration, **options).history
+    torques, theirs = ours.left, peer(EFFORT, 8)
     assert np.sum(torques**2) == pytest.approx(np.sum(theirs**2), rel=1e-6)
     assert torques == pytest.approx(theirs, abs=1e-3 * EFFORT.torque_limit)
     assert np.abs(torques).max() == pytest.approx(EFFORT.torque_limit, rel=1e-6)  # the limit binds

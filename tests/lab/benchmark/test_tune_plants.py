@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import io
 
-from boomctl.lab.benchmark.tune import plants
-from boomctl.lab.benchmark.tune.goals import GOALS
-from boomctl.lab.benchmark.tune.plants import plant, plant_names
+from boomctl.lab.benchmark.references import plants
+from boomctl.lab.benchmark.references.plants import plant, plant_names
+from boomctl.lab.benchmark.scenes.tuning import GOALS
 from boomctl.synthesis.hinf.bounds import Deadline
 from boomctl.synthesis.hinf.full_order import full_order_bound
 from boomctl.synthesis.plants.partition import partition
