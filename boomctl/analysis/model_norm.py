@@ -1,6 +1,6 @@
 """Second-order models over frequency: singular values, resonances and certified norms, without their state space.
 
-A symmetric model stands as its two halves, a large one as Galerkin cores.  A core speaks for the model up to the
+A symmetric model stands as its two halves, one of many coordinates as a core.  A core speaks for the model up to the
 frequency it was built for; above it, dissipation bounds the response: with ``D = K - omega^2 M + i omega C`` and ``C``
 positive definite, ``|L D^-1 B(omega)| <= |C^-1/2 L^T| |C^-1/2 B(omega)|/omega``.
 
@@ -12,8 +12,8 @@ way                 where                                             why
 halves              a mirror, signals in pairs of images              the larger of two norms; each goes on below, but a
                                                                       small half that stays below the other's is not
                                                                       searched for a peak of its own
-core                40 coordinates and more, real modes, definite     a few motions stand for all; goes on below
-scan                over 400 coordinates and no core                  too large for what follows; proves no upper bound
+scan                over 700 coordinates                              no proof: elements of high order need fewer
+core                40 coordinates and more, real modes               a few motions stand for all; goes on below
 undamped modes      real modes                                        light damping costs no digits
 given coordinates   no real modes                                     always holds
 ==================  ================================================  ==================================================
@@ -21,46 +21,44 @@ given coordinates   no real modes                                     always hol
 The last two give a state-space system, whose norm is that of :mod:`boomctl.analysis.norm`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import inf
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import linalg
 
 from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, level_shows, matrices_norm
 from boomctl.arrays import Array
-from boomctl.lti.frequency import Resonances, Response, singular_values
+from boomctl.lti.frequency import DRAWN, Resonances, Response, resonance_grid, singular_values
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.system import Lti, beside, static
 from boomctl.structure.matrices import dense, halves
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.core import Core, build_core, modal_core, rounding_estimate
-from boomctl.structure.response.direct import direct_response, ports_rounding, respond, respond_parts
+from boomctl.structure.response.core import Core
+from boomctl.structure.response.direct import direct_response, respond, respond_parts
 from boomctl.structure.response.modal_form import elastic, in_modes
-from boomctl.structure.response.pencil import factorized
 from boomctl.structure.response.poles import damped_poles, first_order_poles, undamped_modes
 from boomctl.structure.response.realisation import realize
+from boomctl.structure.strain_coordinates import LARGEST
 
 _CORE_FROM = 40  # coordinates from which on a core is worth its building (a choice)
 # verified error of a core, relative, that a norm may be certified with: a hundredth of what that allows
 _CORE_ERROR = 1e-7
-_CORE_POINTS = 16  # frequencies at which a core is built (a choice)
-_CORE_BELOW = 0.1  # where a core begins, relative to the lowest mode (a choice)
+_FEWER = 0.8  # share of a part's coordinates that a core has at most; of more, it is no smaller problem (a choice)
 _CORE_ABOVE = 4.0  # where a core ends, relative to the band's last mode: above it dissipation does the rest (a choice)
 _WIDE = 1e7  # ratio of a band's last mode to its lowest: beyond, it ends below (a choice)
 # ratio of a small structure's fastest pole to its lowest mode, from which on no state space holds both: some 1e-3/eps
 _HELD = 1e12
 _BAND = 8  # elastic modes that a picture shows and a core speaks for (a choice)
 _SPARE = 3  # modes asked for beyond these, so that as many are left without the rigid ones of a plane body
-_LARGEST_DENSE = 400  # coordinates up to which a structure without a core is taken whole (a choice of run time)
-_SCANNED = 200  # frequencies of a scan without proof (a choice)
+_SCANNED = 200  # frequencies of a scan without proof, beside those at resonances (a choice)
 _SHOWN = 1.5  # how far above its modes a band reaches, so that the last peak is seen from both sides (a choice)
 _BELOW = 0.25  # where it begins, relative to the lowest mode (a choice)
 _ALMOST_ZERO = 1e-9  # [rad/s], in place of zero for integrated inputs, whose response there is infinite
 _NEAR = 1e-9  # share of its frequency by which an undamped pole is missed, where the response is infinite (a choice)
-_INDEFINITE = 1e-9  # share of the largest eigenvalue up to which a negative one is rounding
+TOO_FINE = f"over {LARGEST} coordinates; use high-order elements"  # no upper bound
 
 
 @dataclass(frozen=True)
@@ -71,9 +69,9 @@ class SplitModel:
     parts: tuple[SecondOrderModel, ...]
 
     @cached_property
-    def seen(self) -> tuple["_Seen | None", ...]:
-        """What stands for each part; None where it is small enough to be taken whole, or has no real modes."""
-        return tuple(_Seen.of(part) if part.n >= _CORE_FROM else None for part in self.parts)
+    def bands(self) -> tuple["_Band | None", ...]:
+        """The band of each part that is not taken whole; None of one that is, or has no real modes."""
+        return tuple(_Band.of(part) if part.n >= _CORE_FROM else None for part in self.parts)
 
     @classmethod
     def of(cls, model: SecondOrderModel) -> "SplitModel":
@@ -102,11 +100,11 @@ class SplitModel:
 
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the poles up to a few times the eighth mode, or up to ``high`` [rad/s], and a band that shows them."""
-        band = _modal_band(*(self.parts if len(self.parts) == 2 else [self.model]))
-        if band is None:
+        shown = _modal_band(*(self.parts if len(self.parts) == 2 else [self.model]))
+        if shown is None:
             return Resonances.of(first_order_poles(dense(self.model.M), dense(self.model.C), dense(self.model.K)), high)
-        low, top = band[0], _SHOWN * band[1] if high is None else high
-        found = (_poles(part, seen, top) for part, seen in zip(self.parts, self.seen, strict=True))
+        low, top = shown[0], _SHOWN * shown[1] if high is None else high
+        found = (_poles(part, band, top) for part, band in zip(self.parts, self.bands, strict=True))
         poles = [np.zeros(0, complex), *found]
         return Resonances(np.concatenate(poles), _BELOW * low, top)
 
@@ -124,7 +122,7 @@ class SplitModel:
         if small:
             found = _norms_of_small(self.parts)
         else:
-            found = [_part_norm(part, seen) for part, seen in zip(self.parts, self.seen, strict=True)]
+            found = [_part_norm(part, band) for part, band in zip(self.parts, self.bands, strict=True)]
         largest, widest = max(found, key=lambda norm: norm.lower), max(found, key=lambda norm: norm.upper)
         path = () if self.parts == (self.model,) else ("halves",)
         path = sum((norm.path for norm in found), path)
@@ -152,33 +150,27 @@ def _modal_band(*parts: SecondOrderModel) -> tuple[float, float] | None:
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """The band of a part's lowest modes [rad/s], and a core for them and some way above, where there is one."""
+class _Band:
+    """The band of a part's lowest modes [rad/s], and a core for them and some way above, where there is a small one."""
 
     low: float
     last: float
     core: Core | None
 
     @classmethod
-    def of(cls, part: SecondOrderModel) -> "_Seen | None":
+    def of(cls, part: SecondOrderModel) -> "_Band | None":
         band = _modal_band(part)
         if band is None:
             return None
-        low, last = band
-        omega = np.geomspace(_CORE_BELOW * low, _CORE_ABOVE * last, _CORE_POINTS)
-        try:
-            if part.n < _CORE_FROM or (part.structure.graded and part.structure.strain_form is not None):
-                return cls(low, last, modal_core(part.structure, part.ports, omega))
-            return cls(low, last, build_core(part.structure, part.ports, omega, low))
-        except (np.linalg.LinAlgError, RuntimeError):
-            return cls(low, last, None)
+        core = Core.of(part.structure, part.ports, _CORE_ABOVE * band[1]) if part.n <= LARGEST else None
+        return cls(*band, core if core is None or core.structure.n < _FEWER * part.n or part.n < _CORE_FROM else None)
 
 
-def _poles(part: SecondOrderModel, seen: _Seen | None, top: float) -> Array:
+def _poles(part: SecondOrderModel, band: _Band | None, top: float) -> Array:
     """Return the poles of a part up to a frequency."""
-    small = part.structure if seen is None or seen.core is None else seen.core.structure
-    if small.n > _LARGEST_DENSE:
+    if part.n > LARGEST:
         return damped_poles(part.structure, _BAND)
+    small = part.structure if band is None or band.core is None else band.core.structure
     if small.elastic is not None and small.noise > top**2 and small.strain_form is not None:
         poles = small.strain_form.poles()
     else:
@@ -186,44 +178,31 @@ def _poles(part: SecondOrderModel, seen: _Seen | None, top: float) -> Array:
     return poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)]
 
 
-def _part_norm(part: SecondOrderModel, seen: _Seen | None) -> NormCertificate:
+def _part_norm(part: SecondOrderModel, band: _Band | None) -> NormCertificate:
     """Return the norm of a part by a core, by a scan, or of the part as it is."""
-    if seen is None:
+    if band is None:
         given = _Realised.of(part)
-        if not given.wide:
+        band = _Band.of(part) if given.wide else None
+        if band is None:
             return given.norm()
-        seen = _Seen.of(part)
-        if seen is None:
-            return given.norm()
-    low, top, core = seen.low, _CORE_ABOVE * seen.last, seen.core
+    low, top, core = band.low, _CORE_ABOVE * band.last, band.core
+    if part.n > LARGEST:
+        omega = resonance_grid(_poles(part, band, top), _BELOW * low, top, points=_SCANNED, places=DRAWN)
+        values = singular_values(respond_parts([(part.structure, part.ports)], omega)[0].values)[0]
+        best = int(np.argmax(values))
+        return NormCertificate(float(values[best]), inf, float(omega[best]), TOO_FINE, ("scan",))
     if core is None:
-        given = _Realised.of(part) if part.n <= _LARGEST_DENSE else None
-        return _scanned(part, low, top) if given is None or given.wide else given.norm()
+        return _Realised.of(part).norm()
     inside = _Realised.of(SecondOrderModel.of(core.structure, core.ports)).norm()
     inside = replace(inside, path=(f"core of {core.structure.n}", *inside.path))
-    if inside.lower == inf:
+    if inf in (inside.lower, inside.upper):
         return inside
-    omega = np.array([low, min(inside.omega, top), seen.last])
-    # a core of a small or a graded part is one over strain coordinates, which keep their digits
-    form = part.structure.strain_form if part.n < _CORE_FROM or part.structure.graded else None
-    if form is None:
-        rounding = rounding_estimate(part.structure, core, omega)
-        rounding += ports_rounding(core.structure, part.ports, core.basis, omega)
-    else:
-        rounding = ports_rounding(part.structure.in_strains, part.ports, form.V, omega)
-    if core.error + rounding > _CORE_ERROR:
-        lower = inside.lower * max(1.0 - core.error - rounding, 0.0)
-        return replace(inside, lower=lower, upper=inf, method="a Galerkin core that could not be verified")
-    upper = max(inside.upper * (1.0 + core.error + rounding), _dissipation_bound(part, top, low))
+    error = core.error(np.array([_BELOW * low, np.clip(inside.omega, _BELOW * low, top), _SHOWN * band.last, top]))
+    if error > _CORE_ERROR:
+        lower = inside.lower * max(1.0 - error, 0.0)
+        return replace(inside, lower=lower, upper=inf, method="a core that could not be verified")
+    upper = max(inside.upper * (1.0 + error), _dissipation_bound(part, top))
     return replace(inside, upper=upper, method=f"{inside.method}; dissipation above {top:.3g} rad/s")
-
-
-def _scanned(part: SecondOrderModel, low: float, top: float) -> NormCertificate:
-    """Return the largest value found on a grid, for a large structure that no small one stands for."""
-    omega = np.geomspace(_CORE_BELOW * low, top, _SCANNED)
-    values = singular_values(respond_parts([(part.structure, part.ports)], omega)[0].values)[0]
-    best = int(np.argmax(values))
-    return NormCertificate(float(values[best]), inf, float(omega[best]), "a scan, without proof", ("scan",))
 
 
 @dataclass(frozen=True)
@@ -297,28 +276,16 @@ def _response(small: SecondOrderModel, omega: Array) -> Array:
     return direct_response(small.structure, small.ports, beside(seen))
 
 
-def _dissipation_bound(model: SecondOrderModel, omega: float, resolved: float) -> float:
-    """Return a bound of the response at all frequencies from ``omega`` on; ``inf`` where there is none.
-
-    A damping matrix is as noisy as the stiffness matrix: where that hides the mode at ``resolved``, none is formed.
-    """
-    ports = model.ports
+def _dissipation_bound(model: SecondOrderModel, omega: float) -> float:
+    """Return a bound of the response at all frequencies from ``omega`` on; ``inf`` where there is none."""
+    form, ports = model.structure.strain_form, model.ports
     if ports.B[2].any() or any(line.any() for line in ports.L[1:]) or any(e.any() for e in ports.E[1:]):
         return inf
-    structure = model.structure
-    form = structure.mixed if structure.elastic is not None and structure.noise > resolved**2 else None
+    C, seen = (dense(model.C), ports) if form is None else (form.C, form.ports(ports))
     try:
-        solve = factorized(sparse.csr_array(model.C)) if form is None else form.damping()
-        reading, *acting = (_weighed_by_damping(solve, columns) for columns in (ports.L[0].T, ports.B[0], ports.B[1]))
-    except (RuntimeError, linalg.LinAlgError, ValueError):
+        half = linalg.cholesky(0.5 * (C + C.T), lower=True)  # gyroscopic terms dissipate nothing
+    except linalg.LinAlgError:
         return inf
+    weighed = (linalg.solve_triangular(half, columns, lower=True) for columns in (seen.L[0].T, seen.B[0], seen.B[1]))
+    reading, *acting = (float(np.linalg.norm(columns, 2)) for columns in weighed)
     return reading * (acting[0] / omega + acting[1]) + float(np.linalg.norm(ports.E[0], 2))
-
-
-def _weighed_by_damping(solve: Callable[[Array], Array], columns: Array) -> float:
-    """Return the largest singular value of ``C^-1/2 columns``; ``solve`` multiplies by ``C^-1``."""
-    gram = columns.T @ solve(columns)
-    values = linalg.eigvalsh(0.5 * (gram + gram.T))
-    if values[0] < -_INDEFINITE * abs(values[-1]):
-        raise ValueError("damping is not definite")
-    return float(np.sqrt(max(values[-1], 0.0)))

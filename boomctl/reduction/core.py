@@ -15,6 +15,7 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modal_form import in_modes
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
+from boomctl.structure.strain_coordinates import LARGEST
 
 # Ways to a core, in the order tried; a result's path names those that were taken.
 # of a large structure that has a bound
@@ -24,7 +25,6 @@ STRONGEST_MODES = "the strongest modes, the others bounded by their peaks"  # of
 WHOLE = "all states"  # nothing is left out
 
 _CORE_FROM = 40  # coordinates from which on leaving modes out is worth its bound (a choice)
-LARGEST_DENSE = 700  # coordinates up to which a structure is taken whole: some ten seconds (a choice)
 _MANY_STATES = 80  # states up to which all of a system stay: balancing them takes milliseconds (a choice)
 _ALL_MODES = 0.8  # share of its modes from which on a structure is rather taken whole (a choice)
 _TIE = 1e-9  # relative difference of sizes up to which modes count as equally strong, and stay or go together
@@ -65,7 +65,7 @@ def core_of(system: Lti | SecondOrderModel, modes: int) -> SystemCore:
     found = structure_core(system, modes) if system.n >= _CORE_FROM else None
     if found is not None:
         return found
-    if system.n > LARGEST_DENSE:
+    if system.n > LARGEST:
         raise ValueError(
             f"a model of {system.n} coordinates without closed-form bound of its high modes (it needs symmetric "
             f"matrices, damping proportional to stiffness but for a few dampers, displacements imposed and read)"

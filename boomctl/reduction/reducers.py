@@ -19,7 +19,7 @@ from boomctl.lti.gramians import band_integral, factors
 from boomctl.lti.modal import ModalSystem, residualised, spectral_parts
 from boomctl.lti.system import Lti, append
 from boomctl.lti.verified_modal_form import verified_modal_form
-from boomctl.reduction.core import LARGEST_DENSE, SystemCore
+from boomctl.reduction.core import SystemCore
 from boomctl.reduction.result import ReductionError
 from boomctl.reduction.tail_bounds import Loads, loads_of, truncation_bound
 from boomctl.reduction.verify import Band, Verified, verified
@@ -28,6 +28,7 @@ from boomctl.structure.ports import evaluate
 from boomctl.structure.response.modal_form import elastic
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.realisation import realize
+from boomctl.structure.strain_coordinates import LARGEST
 
 MINIMAL = 1e-11  # share of the largest Hankel singular value up to which a state does nothing but add rounding
 _RANK = 1e-12  # share of the largest eigenvalue of a band's load up to which one is rounding
@@ -324,9 +325,7 @@ class StrongestModes:
 
     def __init__(self, model: SecondOrderModel, core: SystemCore, band: Band | None, modes: int) -> None:
         self.model, self.core, self.band, self.complete = model, core, band, modes >= model.n
-        self.all_frequencies, self.all_modes = undamped_modes(
-            model.structure, model.n if model.n <= LARGEST_DENSE else modes
-        )
+        self.all_frequencies, self.all_modes = undamped_modes(model.structure, model.n if model.n <= LARGEST else modes)
         self.frequencies, self.modes = self.all_frequencies[:modes], self.all_modes[:, :modes]
         floating = ~elastic(self.frequencies)
         self.rigid, self.ranking = int(floating.sum()), self._ranking(floating)

@@ -31,6 +31,7 @@ from boomctl.lti.modal import ModalSystem, diagonalized, side_of_axis
 from boomctl.lti.system import Lti
 from boomctl.structure.damping import Damping
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.pencil import factorized
 
 # of the stiffness, relative to the lowest mode left out: the static solution of a floating structure exists
 _SHIFT = 1e-3
@@ -128,7 +129,7 @@ def _at_dampers(B1: Array, damping: Damping) -> tuple[Array, Array]:
 def _compliances(model: SecondOrderModel, V: Array, lowest: float, columns: tuple[Array, ...]) -> list[float]:
     """Return the square root of the largest compliance of each group of loads, over the modes left out."""
     shift = _SHIFT * lowest**2
-    solve = model.structure.pencil.shifted(shift)
+    solve = factorized(model.structure, shift)
     stacked = np.hstack(columns)
     for _ in range(2):
         stacked = stacked - model.M @ (V @ (V.T @ stacked))

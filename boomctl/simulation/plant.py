@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
 
 from boomctl.arrays import Array
 from boomctl.checks import known
@@ -205,7 +204,7 @@ def _at_rest(model: SecondOrderModel, frequencies: Array, shapes: Array) -> Arra
     shift = _SHIFT * float(frequencies[-1]) ** 2
     plain_out = np.array([bandwidth is None for bandwidth in ports.bandwidths], dtype=bool)[:, None]
     loads = ports.B[0]
-    solve = factorized(sparse.csr_array(sparse.csr_array(model.K) + shift * sparse.csr_array(model.M)))
+    solve = factorized(model.structure, shift)
     rest = loads - model.M @ (shapes @ (shapes.T @ loads))
     found = solve(rest)
     found = found - shapes @ (shapes.T @ (model.M @ found))

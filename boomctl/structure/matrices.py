@@ -16,8 +16,6 @@ from boomctl.printing import compact
 from boomctl.structure.layout import HalfLayout, Layout, Weights, squared_sums
 from boomctl.structure.outline import Outline
 from boomctl.structure.ports import Ports
-from boomctl.structure.response.mixed import MixedForm
-from boomctl.structure.response.pencil import Pencil, stored
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
 from boomctl.structure.symmetry import TOLERANCE, Mirror
 
@@ -168,16 +166,6 @@ class Structure:
             return self
         names = tuple(f"z{i}" for i in range(self.n))
         return Structure(names, (form.N.T @ form.N, form.C, form.K))
-
-    @cached_property
-    def pencil(self) -> Pencil:
-        """The matrices, ready to be factorised."""
-        return Pencil.of(*(stored(matrix, self.n) for matrix in (self.M, self.C, self.K)))
-
-    @cached_property
-    def mixed(self) -> MixedForm | None:
-        """The structure in mixed form, which needs no stiffness matrix; None without rows, or where they reach far."""
-        return None if self.layout is None or self.weights is None else MixedForm.of(self.layout, self.weights)
 
     @property
     def noise(self) -> float:

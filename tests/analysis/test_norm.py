@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import sparse
 
 from boomctl.analysis import hinf_norm
 from boomctl.analysis.model_norm import SplitModel
@@ -138,15 +139,23 @@ def test_the_path_names_what_stood_for_the_structure():
     assert hinf_norm(small.to_statespace()).path == ()
 
 
-def test_what_is_large_and_has_no_core_is_scanned_and_not_certified():
-    """A chain of 401 masses with gyroscopic terms: its damping matrix is not symmetric."""
-    n = 401
+@pytest.mark.parametrize(("n", "way"), [(100, "undamped modes"), (720, "scan")])
+def test_a_long_chain_has_a_norm_and_a_longer_one_a_value_without_proof(n, way):
+    """Masses with gyroscopic terms: their damping matrix is not symmetric."""
     K, turning = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1), 0.05 * (np.eye(n, k=1) - np.eye(n, k=-1))
     first = {"f": np.eye(n)[0]}, {"y": np.eye(n)[0]}
-    norm = SplitModel.of(SecondOrderModel(np.eye(n), 0.05 * np.eye(n) + turning, K, *first)).norm()
-    assert norm.path == ("scan",)
-    assert norm.upper == np.inf
-    assert not norm.certified
+    matrices = [sparse.csr_array(each) for each in (np.eye(n), 0.05 * np.eye(n) + turning, K)]
+    model = SecondOrderModel(*matrices, *first)
+    norm = SplitModel.of(model).norm()
+    assert norm.path == (way,)
+    assert norm.certified == (way != "scan")
+    assert (norm.upper < np.inf) == norm.certified
+    assert ("use high-order elements" in norm.method) == (way == "scan")
+    if norm.certified:
+        at = 1j * np.append(np.linspace(0.01, 3.0, 300), norm.omega)
+        values = np.abs([np.linalg.inv(K + s * (0.05 * np.eye(n) + turning) + s * s * np.eye(n))[0, 0] for s in at])
+        assert values.max() <= norm.upper
+        assert values[-1] == pytest.approx(norm.lower, rel=1e-6)
 
 
 def test_halves_of_which_none_has_inputs_and_outputs_do_not_respond():

@@ -107,7 +107,7 @@ def _booms() -> Iterator[Case]:
         yield Case(
             _BOOM, what, _elements(n), promise, measure, _boom_elements, (n,), answered=n <= 10_000, seconds=60.0
         )
-    for n in (6, 20, 100, 1_000, 10_000, 100_000):
+    for n in (6, 20, 100, 500, 1_000, 10_000):
         what, measure = "peak of the singular values against the exact boom", "relative, the exact boom's own peak"
         promise = max(2.0 if n < 20 else 8e-4 * (100 / n) ** 4, 1e-6)
         yield Case(
@@ -296,7 +296,7 @@ def _norms(G: Array) -> Array:
 
 
 def _boom_elements(n: int) -> Seen:
-    omega = np.geomspace(0.6, 60.0, 60)
+    omega = np.geomspace(0.6, 60.0, 60 if n <= 10_000 else 6)  # each is a sparse factorisation there
     found = spray_boom(elements=n).frequency_response(omega, ACTUATORS, TIPS).frdata
     return Seen(relative(found, exact_frequency_response(BoomParameters(), omega, ACTUATORS, TIPS).frdata))
 

@@ -7,15 +7,13 @@ did.
 way                 where                                         why
 ==================  ============================================  ====================================================
 halves              a mirror, signals in pairs of images          two structures of half the size; each goes on below
-core                80 coordinates and more, symmetric, verified  a few motions stand for all: small and dense from here
-undamped modes      small, 1500 frequencies times coordinates,    all frequencies at once; dampers as an update of low
-                    verified                                      rank (Woodbury)
-dense solutions     small                                         always holds
-sparse              80 coordinates and more, without a core       always holds; a factorisation at each frequency
-factorisations
+undamped modes      1500 frequencies times coordinates, not too   all frequencies at once; dampers as an update of low
+                    large for a dense solution, verified          rank (Woodbury)
+dense solutions     up to 80 coordinates, or in strain            always holds
+                    coordinates beside very stiff elements
+sparse              the others                                    always holds; a factorisation at each frequency, in
+factorisations                                                    time that grows as the number of coordinates
 ==================  ============================================  ====================================================
-
-Meshes so fine that their stiffness matrix has lost the band asked for are solved in mixed form, without that matrix.
 """
 
 import warnings
@@ -23,26 +21,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from boomctl.arrays import Array
 from boomctl.structure.matrices import Half, Structure, dense, halves
 from boomctl.structure.ports import Ports, evaluate
-from boomctl.structure.response.core import Core, build_core, rounding_estimate, solver
-from boomctl.structure.response.mixed import MixedForm
 from boomctl.structure.response.modes import Part, respond_by_modes
+from boomctl.structure.response.pencil import factorized_sparse
 from boomctl.structure.response.poles import undamped_modes
 from boomctl.structure.response.rounding import AccuracyWarning
+from boomctl.structure.strain_coordinates import LARGEST
 
 _MODES_FROM = 1500  # frequencies times coordinates; of fewer, dense solutions are faster (measured on booms)
-_CORE_FROM = 80  # coordinates; of fewer, all modes cost less than a core (measured on booms)
-_CORE_ERROR = 1e-8  # estimated, relative; an answer with less stands: far below what a model is good for (a choice)
+_DENSE = 80  # coordinates; of more, sparse solutions cost less than dense ones (measured on booms)
 _FREE = 1e-13  # smallest over largest singular value of a scaled stiffness; below it is rounding: a rigid-body mode
-_STRAINS_HOLD = 1000  # coordinates; strains lose a few times log10(n) digits, so that far there is nothing to warn of
 _DENSE_CHECK = 1000  # coordinates up to which a singular stiffness is looked for: a dense SVD of a second (a choice)
+_EPS = float(np.finfo(float).eps)
 _ROUNDING_LIMIT = 1e-4  # estimated rounding, relative, from which on a user is warned: it would show in a plot
-_ROUNDING_SEEN = 1e-3  # share of that limit from which on more than a few frequencies are looked at (a choice)
 _UNEVEN = 1e-2  # noise of stiffness, of the highest frequency squared, from which on rounding is looked at (a choice)
 _GLANCES = 7  # frequencies at which rounding is looked at first (a choice)
 
@@ -92,81 +86,38 @@ def _add(total: Array, part: Half, values: Array) -> None:
 
 def respond_parts(parts: Sequence[Part], omega: Array) -> list[Response]:
     """Return the responses of structures as :func:`respond` does, without looking for symmetry; small ones together."""
-    answers: list[Response | None] = [None] * len(parts)
-    small: list[tuple[int, Part, tuple[str, ...]]] = []
-    for i, (structure, ports) in enumerate(parts):
-        if structure.n < _CORE_FROM or (structure.graded and structure.strain_form is not None):
-            small.append((i, (structure, ports), ()))
-            continue
-        core, why_not = _verified_core(structure, ports, omega)
-        if core is None:
-            path = (f"sparse factorisations (no core: {why_not})",)
-            answers[i] = Response(_by_factorization(structure, ports, omega), path)
-        else:
-            small.append((i, (core.structure, core.ports), (f"core of {core.structure.n}",)))
-    for (i, _, path), found in zip(small, _small([part for _, part, _ in small], omega), strict=True):
-        answers[i] = Response(found.values, (*path, *found.path))
-    return [answer for answer in answers if answer is not None]
-
-
-def _verified_core(structure: Structure, ports: Ports, omega: Array) -> tuple[Core | None, str]:
-    """Return a core that stands for the structure, or None and why there is none."""
-    if not structure.symmetric:
-        return None, "not symmetric"
-    try:
-        core = build_core(structure, ports, omega)
-    except (np.linalg.LinAlgError, RuntimeError):
-        return None, "not definite"
-    if core is None:
-        return None, "not one for all modes"
-    if core.error > _CORE_ERROR:
-        return None, f"error {core.error:.1g}"
-    rounding = 0.0
-    if structure.elastic is not None and structure.noise > _UNEVEN * float(omega.max()) ** 2:
-        rounding = ports_rounding(core.structure, ports, core.basis, omega[_glances(len(omega))])
-        _warn(rounding)
-    if structure.elastic is None or structure.n > _STRAINS_HOLD:
-        rounding = rounding_estimate(structure, core, omega[_glances(len(omega))])
-        if rounding > _ROUNDING_SEEN * _ROUNDING_LIMIT:
-            rounding = rounding_estimate(structure, core, omega)
-    _warn(rounding)
-    return core, ""
-
-
-def _glances(count: int) -> Array:
-    """Return the places of a few of ``count`` frequencies, the first and the last among them."""
-    return np.linspace(0, count - 1, min(_GLANCES, count)).astype(int)
-
-
-def _small(parts: Sequence[Part], omega: Array) -> list[Response]:
-    """Return the responses of small dense structures."""
     if (omega == 0.0).any():
         for structure, _ in parts:
             _check_static(structure)
-    large = [structure.n * len(omega) >= _MODES_FROM for structure, _ in parts]
-    found = respond_by_modes(parts, omega) if any(large) else [None] * len(parts)
+    largest = max(structure.n for structure, _ in parts) if parts else 0
+    many = largest <= LARGEST and largest * len(omega) >= _MODES_FROM
+    found = respond_by_modes(parts, omega) if many else [None] * len(parts)
     return [
-        Response(direct_response(*part, omega), ("dense solutions",))
-        if values is None
-        else Response(values, ("undamped modes",))
+        _one_by_one(*part, omega) if values is None else Response(values, ("undamped modes",))
         for part, values in zip(parts, found, strict=True)
     ]
 
 
+def _one_by_one(structure: Structure, ports: Ports, omega: Array) -> Response:
+    """Return the response, solved at each frequency."""
+    if structure.n <= _DENSE or (structure.graded and structure.strain_form is not None):
+        return Response(direct_response(structure, ports, omega), ("dense solutions",))
+    return Response(_by_factorization(structure, ports, omega), ("sparse factorisations",))
+
+
 def _check_static(structure: Structure) -> None:
     """Raise if the structure can move freely, so that its static response is infinite."""
-    if not structure.n:
-        return  # a chain that is locked
-    if structure.strain_form is None and structure.graded and structure.mixed is not None:
+    if structure.strain_form is not None:
+        free = structure.strain_form.rigid > 0
+    elif structure.n and structure.elastic is not None and structure.n > LARGEST:
         free = undamped_modes(structure, 1)[0][0] == 0.0
-    elif structure.strain_form is None:
+    elif not structure.n or structure.n > _DENSE_CHECK:
+        return  # a chain that is locked, or so large that a singular matrix shows when it is solved
+    else:
         scale = np.sqrt(np.abs(np.diag(dense(structure.M))))
         scale[scale == 0.0] = 1.0
         size = np.linalg.svd(dense(structure.K) / np.outer(scale, scale), compute_uv=False)
         free = size[-1] <= _FREE * size[0]
-    else:
-        assert structure.strain_form is not None
-        free = structure.strain_form.rigid > 0
     if free:
         raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its static response is infinite")
 
@@ -181,13 +132,13 @@ def ports_rounding(small: Structure, ports: Ports, V: Array, omega: Array) -> fl
     at, seen, size = small.at(s), ports.congruent(V), np.abs(V)
     try:
         X = np.linalg.solve(at, evaluate(seen.B, s))
-        pushed = [np.finfo(float).eps * (size.T @ np.abs(term)) for term in ports.B]
+        pushed = [_EPS * (size.T @ np.abs(term)) for term in ports.B]
         acting = sum(np.abs(s)[:, None, None] ** k * term for k, term in enumerate(pushed))
         reading = np.abs(np.linalg.solve(at.transpose(0, 2, 1), evaluate(seen.L, s).transpose(0, 2, 1)))
     except np.linalg.LinAlgError:
         return 0.0  # an undamped resonance, which is refused where it is asked for
     read = sum(np.abs(s)[:, None, None] ** k * (np.abs(line) @ size) for k, line in enumerate(ports.L))
-    moved = reading.transpose(0, 2, 1) @ acting + np.finfo(float).eps * read @ np.abs(X)
+    moved = reading.transpose(0, 2, 1) @ acting + _EPS * read @ np.abs(X)
     Y = np.abs(evaluate(seen.L, s) @ X + evaluate(ports.E, s)).max(axis=1)
     off = moved.max(axis=1)
     return float((off[Y > 0] / Y[Y > 0]).max(initial=0.0))
@@ -219,30 +170,21 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
 
 def _by_factorization(structure: Structure, ports: Ports, omega: Array) -> Array:
     s = 1j * omega
-    M, C, K = (sparse.csc_array(matrix) for matrix in (structure.M, structure.C, structure.K))
     L, E, B = evaluate(ports.L, s), evaluate(ports.E, s), evaluate(ports.B, s)
-    Y = np.empty(E.shape, dtype=complex)
-    if (omega == 0.0).any() and structure.n <= _DENSE_CHECK:
-        _check_static(structure)
-    glances = set(_glances(len(s)))
-    shaken = np.finfo(float).eps * np.abs(K.diagonal())[:, None]
-    rounding = 0.0
-    form = solver(structure, float(omega.max()))
-    if isinstance(form, MixedForm):
-        shaken = 0.0 * shaken
+    Y, rounding = np.empty(E.shape, dtype=complex), 0.0
+    glances = set(np.linspace(0, len(s) - 1, min(_GLANCES, len(s))).astype(int).tolist())
+    # what rounding adds to forces: that of the stiffness, where there are no rows, and that of a displacement's own forces
+    shaken = _EPS * np.abs(structure.K.diagonal())[:, None] * (structure.elastic is None)
     for f, value in enumerate(s):
         try:
-            if isinstance(form, MixedForm):
-                solve = form.factorized(value)
-            else:
-                solve = splu(sparse.csc_array(K + value * C + value**2 * M)).solve
-        except (RuntimeError, np.linalg.LinAlgError):
+            solve = factorized_sparse(structure, value**2, value)
+        except np.linalg.LinAlgError:
             raise ValueError(f"the response at omega = {omega[f]:g} is infinite: an undamped resonance") from None
         X = solve(B[f])
         Y[f] = L[f] @ X + E[f]
         if f in glances:
             size = np.abs(Y[f]).max(axis=0, initial=0.0)
-            moved = np.abs(L[f] @ solve(shaken * X)).max(axis=0, initial=0.0)
+            moved = np.abs(L[f] @ solve(shaken * X + _EPS * np.abs(B[f]))).max(axis=0, initial=0.0)
             rounding = max(rounding, float((moved[size > 0] / size[size > 0]).max(initial=0.0)))
     _warn(rounding)
     return _conditioned(ports, s, Y)

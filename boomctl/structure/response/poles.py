@@ -4,15 +4,14 @@ from typing import Any
 
 import numpy as np
 from scipy import linalg, sparse
-from scipy.sparse.linalg import LinearOperator, eigsh, splu
+from scipy.sparse.linalg import LinearOperator, eigsh
 
 from boomctl.arrays import Array, Matrix
 from boomctl.structure.matrices import Structure, dense, is_symmetric
-from boomctl.structure.response.core import NOISY, orthonormal
-from boomctl.structure.response.mixed import MixedForm
-from boomctl.structure.response.pencil import factorized
+from boomctl.structure.response.pencil import factorized, factorized_sparse
 from boomctl.structure.response.rounding import warn_of_rounding
 
+_EPS = float(np.finfo(float).eps)
 _DENSE_MODES = 250  # coordinates up to which modes are found densely; sparse is faster from 200 on (measured)
 SMALL = 60  # coordinates up to which modes are found in strain coordinates at once: they cost little more (a choice)
 # beyond, they are found so where the noise of stiffness over mass is that many times its lowest value: from there on shapes
@@ -31,17 +30,20 @@ _FREE = 1e-7  # share of the highest frequency found below which a motion may be
 _SPARSE_SHARE = 0.3  # of all modes up to which they are found by Lanczos' method: more cost as much as all (a choice)
 _FEW = 0.25  # share of modes below which only those wanted are asked for: more cost as much as all (a choice)
 _SPREAD = 1e7  # of stiffnesses, from which on the softest mode counts as nearly floating (a choice)
-# coordinates from which on modes are found in mixed form at once: a stiffness matrix that fine has too few digits left, and
-# beyond some 2,000 equal elements costs time for nothing (measured on booms)
-_MIXED_FROM = 4000
+_PASSES = 3  # with the shift at the lowest elastic mode: 100,000 elements that float need them (measured)
+_ALIKE = 10.0  # ratio of the lowest elastic mode's stiffness to the shift, up to which the shift stays (a choice)
 _SPARE = 12  # modes beyond twice those wanted in a basis for damped poles (a choice)
 _LARGEST_DENSE = 3000  # coordinates up to which all poles can be found at once: a minute, a gigabyte (a choice)
 _LANCZOS = 500  # iterations up to which Lanczos' method converges if it does; some ten are usual (a choice)
 # what rounding leaves uncertain of a mode, over how many times faster than the slowest it is (measured, with room)
-_FAST = 4.0 * float(np.finfo(float).eps)
+_FAST = 4.0 * _EPS
 PROMISED = 1e-8  # of frequencies, what rounding may be before a user is warned (a choice)
+# share of its terms up to which each strain of a motion is rounding, and the motion rigid: a mode strains some row by about
+# as much as its terms, a rigid motion of 10,000 elements strains none by more than some 1e-8 of them (measured)
+_STRAINLESS = 1e-5
+_DEPENDENT = 1e-10  # of what was there before; what of a motion is below it, beside others, is rounding
 _LOST = "singular to rounding: expected elements that differ less, or a description from which its rows are known"
-_NOISE = 1e3 * float(np.finfo(float).eps)  # of the largest stiffness over mass: rounding, with room (a choice)
+_NOISE = 1e3 * _EPS  # of the largest stiffness over mass: rounding, with room (a choice)
 
 
 def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Array, Array]:
@@ -52,12 +54,18 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
     the low modes are the largest eigenvalues and keep their digits on fine meshes; a Rayleigh quotient over the strain
     rows mends what rounding is left.  The shift ``alpha``, just above rounding, keeps floating structures definite; where
     one floats, or nearly does, the pencil is solved once more with the shift at its lowest elastic mode, or the softest
-    modes would take the others' digits.
+    modes would take the others' digits.  A large structure with rows needs no stiffness matrix: see
+    :mod:`boomctl.structure.response.pencil`.
 
     Raises
     ------
     ValueError
         ``M`` is not positive definite, ``K`` not positive semidefinite, or they are not symmetric.
+
+    Warns
+    -----
+    AccuracyWarning
+        Of a large mesh with some far stiffer elements, the two solutions are apart by more than 1e-8.
     """
     wanted = structure.n if count is None else min(count, structure.n)
     M, K = structure.M, structure.K
@@ -66,28 +74,31 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
             raise ValueError(f"undamped modes need a symmetric {name}")
     if not (M.diagonal() > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
-    if structure.n <= SMALL and structure.strain_form is not None:
-        return _graded_modes(structure, wanted)
-    few = wanted <= _SPARSE_SHARE * structure.n
-    if structure.n > _MIXED_FROM and few and structure.mixed is not None:
-        return _mixed_modes(structure, structure.mixed, wanted)
-    if structure.graded:
-        return _graded_modes(structure, wanted)
-    solve = _dense_modes if not few or structure.n <= _DENSE_MODES else _sparse_modes
-    noise = _NOISE * float((np.abs(K.diagonal()) / M.diagonal()).max())
+    if (structure.graded or structure.n <= SMALL) and structure.strain_form is not None:
+        return _in_strains(structure, wanted)
+    large = structure.n > _DENSE_MODES and wanted <= _SPARSE_SHARE * structure.n
+    rates = np.abs(K.diagonal()) / M.diagonal()
+    noise, by_rows = _NOISE * float(rates.max()), large and structure.elastic is not None
+    shift, least = (_NOISE * float(rates[rates > 0.0].min(initial=noise)), 0.0) if by_rows else (noise, 0.1 * noise)
     try:
-        vectors = solve(M, K, noise, wanted)
+        stiffness, shapes = before, _ = _near(structure, shift, wanted, large)
+        for _ in range(_PASSES):
+            elastic = stiffness[stiffness > least]
+            even = len(elastic) == len(stiffness) and stiffness[-1] <= _SPREAD * elastic[0] and not structure.graded
+            if even or not len(elastic) or shift / _ALIKE <= elastic[0] <= _ALIKE * shift:
+                break
+            before, shift = stiffness, float(elastic[0])
+            stiffness, shapes = _near(structure, shift, wanted, large)
     except (RuntimeError, linalg.LinAlgError):
-        return _graded_modes(structure, wanted)
-    stiffness, shapes = _sorted(structure, M, vectors)
-    elastic = stiffness[stiffness > 0.1 * noise]
-    uneven = len(elastic) < len(stiffness) or (len(elastic) and stiffness[-1] > _SPREAD * elastic[0])
-    if len(elastic) and uneven and elastic[0] > 10.0 * noise:
-        stiffness, shapes = _sorted(structure, M, solve(M, K, float(elastic[0]), wanted))
-    graded = noise > _GRADED * max(float(stiffness[0]), 0.0)
-    if graded and (structure.strain_form is not None or (few and structure.mixed is not None)):
-        return _graded_modes(structure, wanted)
-    return _told(structure, np.sqrt(np.maximum(stiffness, 0.0)), shapes)
+        return _in_strains(structure, wanted)
+    if not by_rows and noise > _GRADED * max(float(stiffness[0]), 0.0) and structure.strain_form is not None:
+        return _in_strains(structure, wanted)
+    frequencies = np.sqrt(np.maximum(stiffness, 0.0))
+    if large and structure.graded:
+        moving = frequencies > 0.0
+        apart = np.abs(1.0 - np.sqrt(np.maximum(before[moving], 0.0)) / frequencies[moving])
+        warn_of_rounding("the eigenfrequencies", float(apart.max(initial=0.0)), PROMISED)
+    return _told(structure, frequencies, shapes)
 
 
 def _told(structure: Structure, frequencies: Array, shapes: Array) -> tuple[Array, Array]:
@@ -109,79 +120,54 @@ def _told(structure: Structure, frequencies: Array, shapes: Array) -> tuple[Arra
     return told, found
 
 
-def _graded_modes(structure: Structure, count: int) -> tuple[Array, Array]:
-    """Return the lowest modes in strain coordinates, or in mixed form: some stiff elements do not spoil them there."""
-    if structure.strain_form is None and structure.mixed is not None and count <= _SPARSE_SHARE * structure.n:
-        return _mixed_modes(structure, structure.mixed, count)
+def _in_strains(structure: Structure, count: int) -> tuple[Array, Array]:
+    """Return the lowest modes in strain coordinates: some stiff elements do not spoil them there."""
     if structure.strain_form is None:
         raise ValueError(f"undamped modes: the stiffness matrix of {structure.n} coordinates is {_LOST}")
     frequencies, shapes = structure.strain_form.modes()
     return frequencies[:count], shapes[:, :count]
 
 
-def _mixed_modes(structure: Structure, form: MixedForm, count: int) -> tuple[Array, Array]:
-    """Return the lowest modes by the mixed form, found with a shift far below them.
+def _near(structure: Structure, shift: float, count: int, large: bool) -> tuple[Array, Array]:
+    """Return modal stiffnesses, ascending, and mass-normalised shapes, found with a shift; of rigid motions exactly zero.
 
-    Where a motion is rigid or nearly so, or some elements are far stiffer than most, they are found once more with the shift
-    at the lowest elastic mode; how far the two answers are apart is what rounding may be.
-
-    Warns
-    -----
-    AccuracyWarning
-        They are apart by more than 1e-8.
+    Of a large structure by Lanczos' method.
     """
-    stiffness, mass = np.abs(structure.K.diagonal()), structure.M.diagonal()
-    shift = _NOISE * float(np.finfo(float).eps) * float((stiffness / mass).min())
-    try:
-        first, shapes = form.lowest(shift, count)
-        elastic = first[first > 0.0]
-        uneven = len(elastic) < count or first[-1] ** 2 > _SPREAD * elastic[0] ** 2
-        if not len(elastic) or not (uneven or structure.graded):
-            return first, shapes
-        frequencies, shapes = form.lowest(float(elastic[0]) ** 2, count)
-    except (RuntimeError, linalg.LinAlgError):
-        raise ValueError(f"undamped modes: the stiffness matrix of {structure.n} coordinates is {_LOST}") from None
-    if structure.graded:
-        apart = np.abs(frequencies - first)[frequencies > 0.0] / frequencies[frequencies > 0.0]
-        warn_of_rounding("the eigenfrequencies", float(apart.max(initial=0.0)), PROMISED)
-    return frequencies, shapes
-
-
-def _sorted(structure: Structure, M: Matrix, vectors: Array) -> tuple[Array, Array]:
-    """Return modal stiffnesses, ascending, and mass-normalised shapes."""
+    M = structure.M
+    vectors = (_by_lanczos if large else _dense_modes)(structure, shift, count)
     mass = np.einsum("ij,ij->j", vectors, M @ vectors)
     if not (mass > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
-    shapes = vectors / np.sqrt(mass)
-    stiffness = _quotients(structure, shapes)
+    shapes, rows = vectors / np.sqrt(mass), structure.elastic
+    if rows is None:
+        stiffness = np.einsum("ij,ij->j", shapes, structure.K @ shapes)
+    else:
+        strain = rows.R @ shapes
+        stiffness = np.einsum("ij,i,ij->j", strain, rows.k, strain)
+        if large:
+            stiffness[(np.abs(strain) <= _STRAINLESS * (abs(rows.R) @ np.abs(shapes))).all(axis=0)] = 0.0
     order = np.argsort(stiffness)
     return stiffness[order], shapes[:, order]
 
 
-def _dense_modes(M: Matrix, K: Matrix, shift: float, count: int) -> Array:
-    full_M, full_K = dense(M), dense(K)
+def _dense_modes(structure: Structure, shift: float, count: int) -> Array:
+    M, K = dense(structure.M), dense(structure.K)
     try:
-        n = len(full_M)
+        n = len(M)
         chosen = (n - count, n - 1) if count < _FEW * n else None
-        _, vectors = linalg.eigh(full_M, full_K + shift * full_M, subset_by_index=chosen)
+        _, vectors = linalg.eigh(M, K + shift * M, subset_by_index=chosen)
     except linalg.LinAlgError:
         raise ValueError("undamped modes need a positive semidefinite K") from None
     return vectors[:, ::-1][:, :count]
 
 
-def _sparse_modes(M: Matrix, K: Matrix, shift: float, count: int) -> Array:
-    factor = splu(sparse.csc_array(K + shift * M))
-    inverse: Any = LinearOperator(M.shape, matvec=factor.solve, dtype=float)  # type: ignore[call-arg]
+def _by_lanczos(structure: Structure, shift: float, count: int) -> Array:
+    M, K = structure.M, structure.K
+    solve = factorized_sparse(structure, shift)
+    inverse: Any = LinearOperator(M.shape, matvec=solve, dtype=float)  # type: ignore[call-arg]
     start = np.random.default_rng(0).standard_normal(M.shape[0])
     _, vectors = eigsh(K, count, M, sigma=-shift, OPinv=inverse, v0=start, tol=1e-12, maxiter=_LANCZOS)
     return vectors
-
-
-def _quotients(structure: Structure, shapes: Array) -> Array:
-    if structure.elastic is not None:
-        strain = structure.elastic.R @ shapes
-        return np.einsum("ij,i,ij->j", strain, structure.elastic.k, strain)
-    return np.einsum("ij,ij->j", shapes, structure.K @ shapes)
 
 
 def first_order_poles(M: Array, C: Array, K: Array) -> Array:
@@ -222,8 +208,6 @@ def poles_and_rounding(structure: Structure, count: int) -> tuple[Array, float]:
         poles = structure.strain_form.poles()
         lowest, slowest = _lowest(poles, count), np.abs(poles[poles != 0.0]).min()
         return lowest, _FAST * float(np.abs(lowest[-1]) / slowest)
-    if structure.graded and structure.mixed is not None and 2 * count + _SPARE <= _SPARSE_SHARE * structure.n:
-        return _lowest(_poles_in_mixed_form(structure, structure.mixed, count), count), 0.0
     found = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
     if found is None:
         return _lowest(first_order_poles(dense(structure.M), dense(structure.C), dense(structure.K)), count), 0.0
@@ -253,19 +237,29 @@ def _pole_basis(structure: Structure, count: int) -> tuple[Array, Array] | None:
         frequencies, shapes = undamped_modes(structure, min(structure.n, 2 * count + _SPARE))
     except ValueError:
         return None
-    M, K = sparse.csr_array(structure.M), sparse.csr_array(structure.K)
     shift = max(1e-3 * float(frequencies[-1]) ** 2, 1e-2)
     forces = _damper_forces(structure, shapes)
     if not forces.shape[1]:
         return frequencies, shapes
-    noisy = structure.elastic is not None and structure.noise > NOISY * shift
-    form = structure.mixed if noisy or structure.n > _MIXED_FROM else None
     try:
-        solve = factorized(sparse.csr_array(K + shift * M)) if form is None else form.shifted(shift)
-    except (RuntimeError, linalg.LinAlgError):
+        still = factorized(structure, shift)(forces)
+    except linalg.LinAlgError:
         raise ValueError(f"poles: the stiffness matrix of {structure.n} coordinates is {_LOST}") from None
-    still = solve(forces)
-    return frequencies, np.hstack([shapes, orthonormal(M, still, shapes)])
+    return frequencies, np.hstack([shapes, _orthonormal(structure.M, still, shapes)])
+
+
+def _orthonormal(M: Matrix, block: Array, against: Array) -> Array:
+    """Return an M-orthonormal basis of the columns of ``block``, M-orthogonal to ``against``."""
+    size = np.sqrt(np.einsum("ij,ij->j", block, M @ block))
+    kept = block[:, size > 0] / size[size > 0]
+    for _ in range(2):
+        kept = kept - against @ (against.T @ (M @ kept))
+        if not kept.shape[1]:
+            return kept
+        values, mix = linalg.eigh(kept.T @ (M @ kept), check_finite=False)
+        good = values > _DEPENDENT**2 * max(values[-1], 1e-6)
+        kept = kept @ (mix[:, good] / np.sqrt(values[good]))
+    return kept
 
 
 def _damper_forces(structure: Structure, shapes: Array) -> Array:
@@ -281,19 +275,6 @@ def _damper_forces(structure: Structure, shapes: Array) -> Array:
         loaded = rows.R.T @ (apart[:, None] * (rows.R @ shapes))
     left, size, _ = linalg.svd(loaded, full_matrices=False)
     return left[:, size > 1e-9 * size.max(initial=1e-300)]
-
-
-def _poles_in_mixed_form(structure: Structure, form: MixedForm, count: int) -> Array:
-    """Return poles of the lowest modes and the static responses to dampers, whose strains are unknowns of their own."""
-    frequencies, shapes = undamped_modes(structure, 2 * count + _SPARE)
-    moving = frequencies[frequencies > 0.0]
-    if not len(moving):
-        return np.zeros(0)
-    loads = np.hstack([structure.M @ shapes, _damper_forces(structure, shapes)])
-    try:
-        return first_order_poles(*form.projected(float(moving[0]) ** 2, loads))
-    except (RuntimeError, linalg.LinAlgError):
-        raise ValueError(f"poles: the stiffness matrix of {structure.n} coordinates is {_LOST}") from None
 
 
 def _common_damping(K: sparse.csr_array, C: sparse.csr_array) -> float:

@@ -29,7 +29,6 @@ from boomctl.lab.benchmark.timing import one_thread, processor_time
 from boomctl.reduction.core import structure_core
 from boomctl.reduction.reduce import reduce
 from boomctl.simulation.forced_response import forced_response
-from boomctl.structure.response.core import build_core
 
 _OMEGA = 2 * np.pi * np.geomspace(0.1, 10.0, 500)
 _DENSE = 600  # rows of the product by which arithmetic is measured: large enough for its full rate, some 50 ms
@@ -37,10 +36,12 @@ _STREAM = 4_000_000  # numbers copied to measure memory traffic: 32 MB, beyond c
 _ROW = 4096  # complex numbers whose exponentials are timed: they stay in the second-level cache
 _TURNS = 9  # of each rate: the median of so many lies within a few per cent (a choice)
 _CALLS = 5  # of a turn, so that it lasts some milliseconds
-_FINE = 1000  # elements of the fine mesh
+_FINE = 100  # elements of the fine mesh
 _LOOP_S: dict[Extent, float] = {"quick": 5.0, "whole": 60.0}  # of the sampled loop
 _REDUCED, _CORE_ELEMENTS = 10, 100  # order, and elements of what is reduced to it
 _COMPLEX = 8  # operations of a complex multiplication and addition
+_MODES = 12  # n^3 operations of all modes of two symmetric matrices, Golub & Van Loan (2013), section 8.7
+_RECIPROCAL = 8  # operations of the reciprocal of a complex number
 _SCHUR = 25  # n^3 operations of a real Schur form, Golub & Van Loan (2013), section 7.5
 
 
@@ -160,17 +161,14 @@ def _fine_sigma(extent: Extent) -> _Path:
     model, points = spray_boom(elements=_FINE), len(_OMEGA)
     operations, traffic, sizes = 0.0, 0.0, []
     for part in SplitModel.of(model.select(ACTUATORS, TIPS)).parts:
-        core = build_core(part.structure, part.ports, _OMEGA)
-        if core is None:
-            raise RuntimeError("the fine boom has no core")
-        n, r = core.basis.shape
-        sizes.append(r)
-        # an orthonormal basis, three projected matrices of seven entries a row; a complex solve a frequency
-        operations += 2.0 * n * r**2 + 3 * (14.0 * n * r + 2.0 * n * r**2) + points * _COMPLEX * (r**3 / 3 + r**2)
-        traffic += 8.0 * n * r * 4
+        n, pairs = part.n, len(part.inputs) * len(part.outputs)
+        sizes.append(n)
+        # all modes of two symmetric matrices; real and imaginary part of a sum over them for each pair and frequency
+        operations += _MODES * n**3 + points * n * (4.0 * pairs + _RECIPROCAL)
+        traffic += 8.0 * n**2 * 4
     return (
         f"sigma of {_FINE} finite elements, {points} frequencies",
-        f"cores of {' and '.join(map(str, sizes))} motions: their basis, projected matrices, a complex solve a frequency",
+        f"all modes of {' and '.join(map(str, sizes))} coordinates, a sum over them a frequency",
         Work(operations, traffic),
         lambda: sigma(spray_boom(elements=_FINE), _OMEGA).sigma,
     )
