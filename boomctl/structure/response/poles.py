@@ -145,7 +145,9 @@ def _near(structure: Structure, shift: float, count: int, large: bool) -> tuple[
         strain = rows.R @ shapes
         stiffness = np.einsum("ij,i,ij->j", strain, rows.k, strain)
         if large:
-            stiffness[(np.abs(strain) <= _STRAINLESS * (abs(rows.R) @ np.abs(shapes))).all(axis=0)] = 0.0
+            moving = np.where(np.abs(shapes) * np.sqrt(M.diagonal())[:, None] > _NOISE, shapes, 0.0)
+            still = np.abs(rows.R @ moving) <= _STRAINLESS * (abs(rows.R) @ np.abs(moving))
+            stiffness[still[rows.k > 0.0].all(axis=0)] = 0.0
     order = np.argsort(stiffness)
     return stiffness[order], shapes[:, order]
 
