@@ -1,8 +1,9 @@
 """A structure of many coordinates seen through a few motions: its lowest modes, and how it answers at rest.
 
-Modes left out follow inputs as at rest, up to the second power of frequency squared: that is two motions for each column
-through which inputs act and outputs read.  Inputs and outputs share the basis, so that the error of the core's response is
-of second order in the error of the basis.  It is measured at the frequencies that matter, against the structure itself.
+Modes left out follow forces as at rest, up to the second power of frequency squared: that is two motions for each column
+through which inputs act and outputs read, and for each damper that couples them with the modes kept.  Inputs and outputs
+share the basis, so that the error of the core's response is of second order in the error of the basis.  It is measured at
+the frequencies that matter, against the structure itself.
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,8 @@ _KEPT = 4.0  # times the top of the band, up to where modes are kept: their erro
 # times the top of the band: a motion faster than that follows at once, so that it may be as slow as that (its share of the
 # response, small as it is, changes by the inverse square of it)
 _FASTEST = 1e4
-_DROP = 1e-12  # of the largest motion at rest; what others add to it below that is rounding
+_COUPLED = 1e-9  # of the damping of the modes kept; what couples them with others by less is rounding (a choice)
+_DROP = 1e-6  # of the largest motion at rest; what others add to it below that shows in the response by the square
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,10 @@ class Core:
             (frequencies, own), seen, damping = form.own_modes, form.ports(ports), form.C
         low = frequencies <= _KEPT * top
         slow, fast, rates = own[:, low], own[:, ~low], frequencies[~low]
-        loads = fast.T @ np.hstack([*seen.B, *(line.T for line in seen.L)])
+        coupled, size, _ = np.linalg.svd(fast.T @ damping @ slow, full_matrices=False)
+        resisted = np.einsum("ij,ij->j", slow, damping @ slow).max(initial=0.0)
+        ports_loads = fast.T @ np.hstack([*seen.B, *(line.T for line in seen.L)])
+        loads = np.hstack([ports_loads, coupled[:, size > _COUPLED * resisted]])
         still = np.hstack([loads / rates[:, None] ** 2, loads / rates[:, None] ** 4])
         size = np.linalg.norm(still, axis=0)
         Q, spread, _ = np.linalg.svd(still[:, size > 0.0] / size[size > 0.0], full_matrices=False)
