@@ -2,7 +2,7 @@
 
 :class:`Structure` is what the numerics of a structure take, beside the :class:`~boomctl.structure.ports.Ports` through
 which it is driven and read.  Models that differ only in inputs and outputs share one, and with it what was computed
-once: the pencil ready to be factorised, the symmetric and the antisymmetric half.
+once: strain coordinates, the symmetric and the antisymmetric half.
 """
 
 from dataclasses import dataclass, field, fields, replace
@@ -137,21 +137,6 @@ class Structure:
         if self.layout is None or self.weights is None:
             return None
         return ElasticRows(self.layout.R, self.weights.k, self.weights.c)
-
-    @cached_property
-    def symmetric(self) -> bool:
-        """Whether the matrices are symmetric and every coordinate has mass."""
-        if self.layout is not None and self.weights is not None:
-            return bool((squared_sums(self.layout.N, self.weights.m) > 0.0).all())
-        for matrix in (self.M, self.C, self.K):
-            if sparse.issparse(matrix):
-                full = sparse.csr_array(matrix)
-                change, size = np.abs((full - full.T).data), np.abs(full.data)
-            else:
-                change, size = np.abs(matrix - matrix.T), np.abs(matrix)
-            if change.max(initial=0.0) > _SYMMETRIC * size.max(initial=0.0):
-                return False
-        return bool((self.M.diagonal() > 0).all())
 
     @cached_property
     def strain_form(self) -> StrainForm | None:

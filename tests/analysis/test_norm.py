@@ -16,6 +16,7 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel
+from boomctl.structure.response.direct import direct_response
 from tests.analysis.loop_cases import chain
 from tests.profiles import examples
 
@@ -204,3 +205,25 @@ def test_a_half_just_below_the_other_is_searched_and_the_larger_one_found():
         assert found.lower == pytest.approx(expected, rel=1e-12)
         assert found.certified
         assert SplitModel(model, parts[::-1]).norm().lower == pytest.approx(found.lower, rel=1e-14)
+
+
+@examples(12)
+@given(
+    stiffness=st.floats(30.0, 90000.0),
+    damping=st.floats(1e-6, 1e-3),
+    elements=st.integers(40, 110),
+    inputs=st.sampled_from([["actuator_left"], ["cradle", "suspension_left"], ["actuator_left", "actuator_right"]]),
+    outputs=st.sampled_from([["tip_left"], ["tip_left", "cradle_slip"], ["tip_left", "tip_right"]]),
+)
+def test_the_norm_of_a_mesh_by_a_core_is_that_of_all_its_coordinates(stiffness, damping, elements, inputs, outputs):
+    """No value of the response over all strain coordinates is above it; it is attained where it says."""
+    model = spray_boom(BoomParameters(spring_stiffness=stiffness, structural_damping=damping), elements=elements)
+    chosen = model.select(inputs, outputs)
+    norm = SplitModel.of(chosen).norm()
+    omega = np.concatenate([np.geomspace(0.05, 3000.0, 40), 2.0 * np.pi * model.eigenfrequencies_hz(8), [norm.omega]])
+    values = singular_values(direct_response(chosen.structure, chosen.ports, omega))[0]
+    assert any("core of" in way for way in norm.path)
+    assert values[-1] == pytest.approx(norm.lower, rel=1e-6)
+    assert values.max() <= norm.upper
+    if inputs[0] == "actuator_left":
+        assert norm.upper < np.inf
