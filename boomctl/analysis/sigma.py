@@ -90,7 +90,8 @@ class SigmaResult:
         Largest singular value and its frequency: the H-infinity norm of a model or state-space system (``inf`` with
         undamped, integrating or unstable modes that show), the largest value on the grid of measured data.
     certified : bool
-        Whether ``peak`` lies between two bounds computed apart from each other; see ``certificate``.
+        Whether ``peak`` lies between two bounds computed apart from each other; see ``certificate``.  That of a structure of
+        more than 700 coordinates, or of a half that has more, never does: elements of high order need fewer.
     unit : str
         Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
     """

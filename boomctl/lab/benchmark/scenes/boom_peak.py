@@ -24,7 +24,7 @@ from boomctl.structure.response.poles import damped_poles
 
 _MODES = 5  # resonances at which the reference looks for the peak
 _LOW, _HIGH = 0.1, 10.0  # Hz, between which others look for it on a grid
-_FINITE: dict[Extent, tuple[int, ...]] = {"quick": (6, 20, 100), "whole": (6, 10, 20, 50, 100, 200, 500, 1000)}
+_FINITE: dict[Extent, tuple[int, ...]] = {"quick": (6, 20, 100), "whole": (6, 10, 20, 50, 100, 200, 500)}
 _ORDERS: dict[Extent, tuple[int, ...]] = {"quick": (6, 8, 12), "whole": (4, 5, 6, 7, 8, 9, 10, 11, 12, 14)}
 # elements of our discrete mesh, and of the meshes that other programs get: as many as end within a turn (choices)
 _DISCRETE: dict[Extent, tuple[int, ...]] = {"quick": (20,), "whole": (6, 10, 20, 50, 100)}
