@@ -3,20 +3,29 @@
 import numpy as np
 import pytest
 
-from boomctl.lab.benchmark.peers.opti import Effort, has_rockit, opti_fastest, opti_slew, rockit_slew
+from boomctl.lab.benchmark.peers.opti import Effort, has_rockit, opti_programme, rockit_torque
 from boomctl.rotating_beam import AssumedModesBeam, HubBeamParameters
 from boomctl.slew import optimal_slew
 
 EFFORT = Effort(AssumedModesBeam(HubBeamParameters(), "sfoam", 1), 0.8, 140.0, 2.8, 40)
 
 
+def planned(effort, substeps, **options):
+    """Return the torque that Opti plans."""
+    programme = opti_programme(effort, substeps, **options)
+    return programme.torque(programme.solve(effort.angle))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "peer",
     [
-        opti_slew,
-        lambda effort, substeps: opti_slew(effort, substeps, mapped=True),
-        pytest.param(rockit_slew, marks=pytest.mark.skipif(not has_rockit(), reason="rockit is not installed")),
+        lambda effort, substeps: planned(effort, substeps).left,
+        lambda effort, substeps: planned(effort, substeps, mapped=True).left,
+        pytest.param(
+            lambda effort, substeps: rockit_torque(effort, substeps).left,
+            marks=pytest.mark.skipif(not has_rockit(), reason="rockit is not installed"),
+        ),
     ],
 )
 def test_same_optimum(peer):
@@ -30,6 +39,6 @@ def test_same_optimum(peer):
 
 def test_torques_held_on_a_mesh_take_a_little_longer():
     least = optimal_slew(EFFORT.beam, EFFORT.angle, EFFORT.torque_limit).duration
-    duration, torques = opti_fastest(EFFORT, 8)
-    assert least < duration < 1.001 * least
-    assert np.abs(torques).max() <= EFFORT.torque_limit * (1.0 + 1e-6)
+    held = planned(EFFORT, 8, mapped=True, fastest=True)
+    assert least < held.duration < 1.001 * least
+    assert np.abs(held.left).max() <= EFFORT.torque_limit * (1.0 + 1e-6)

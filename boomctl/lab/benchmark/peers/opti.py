@@ -127,42 +127,6 @@ def opti_programme(effort: Effort, substeps: int = 1, mapped: bool = False, fast
     return OptiSlew(effort, opti, angle, U, T)
 
 
-def opti_slew(effort: Effort, substeps: int = 1, mapped: bool = False) -> Array:
-    """Return the torques [N m] of least effort, building included; as `opti_programme`.
-
-    Raises
-    ------
-    Failed
-        If IPOPT ends without a solution.
-    """
-    programme = opti_programme(effort, substeps, mapped)
-    return programme.torque(programme.solve(effort.angle)).left
-
-
-def opti_fastest(effort: Effort, substeps: int = 1) -> tuple[float, Array]:
-    """Return the least duration [s] and its torques [N m], mapped, building included; as `opti_programme`.
-
-    Raises
-    ------
-    Failed
-        If IPOPT ends without a solution.
-    """
-    programme = opti_programme(effort, substeps, mapped=True, fastest=True)
-    found = programme.torque(programme.solve(effort.angle))
-    return found.duration, found.left
-
-
-def rockit_slew(effort: Effort, substeps: int = 1) -> Array:
-    """Return the torques [N m] of least effort by rockit's multiple shooting (RK4).
-
-    Raises
-    ------
-    Failed
-        If IPOPT ends without a solution.
-    """
-    return rockit_torque(effort, substeps).left
-
-
 def rockit_torque(effort: Effort, substeps: int = 1, fastest: bool = False) -> TorqueHistory:
     """Return the torque of least effort, or of least time, by rockit's multiple shooting (RK4).
 
