@@ -17,7 +17,7 @@ import control
 import boomctl as bc
 from boomctl.boom.families import scaled_boom
 from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, suspension_model
-from boomctl.synthesis import TuneResult
+from boomctl.tuning import TuneResult
 
 TABLE_2 = bc.BoomParameters()
 SPRING, MASS = (0.7, 1.3), (0.8, 1.2)  # of Table 2, over which is tuned

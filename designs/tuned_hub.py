@@ -12,7 +12,7 @@ import numpy as np
 
 import boomctl as bc
 from boomctl.studies.machine import MachineResult
-from boomctl.synthesis import TuneResult
+from boomctl.tuning import TuneResult
 
 MASSES = (0.0, 0.1, 0.2)  # at the tip, that are tuned for [kg]
 BETWEEN = np.linspace(0.0, 0.2, 9)  # those at which both are compared [kg]

@@ -14,7 +14,7 @@ import control
 import boomctl as bc
 from boomctl.boom.families import scaled_boom
 from boomctl.studies.suspension import SuspensionDesign, SuspensionResult
-from boomctl.synthesis import TuneResult
+from boomctl.tuning import TuneResult
 
 TABLE_2 = bc.BoomParameters()
 RANGES = {

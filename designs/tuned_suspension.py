@@ -15,7 +15,7 @@ import numpy as np
 import boomctl as bc
 from boomctl.structure import AffineFamily, SecondOrderModel
 from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, suspension_model
-from boomctl.synthesis import TuneResult
+from boomctl.tuning import TuneResult
 
 SPRING, MASS = (0.7, 1.3), (0.8, 1.2)  # of Table 2, over which is tuned
 ORDER, STARTS, SECONDS = 3, 2, 600.0  # the time is far above what is taken: the starts decide, not the clock

@@ -136,7 +136,17 @@ def made():
 
 def test_every_class_with_a_plot_is_tried_here():
     """Of all that users are handed; a method with other words than the convention is found as well."""
-    packages = ("structure", "boom", "rotating_beam", "analysis", "reduction", "synthesis", "simulation", "slew")
+    packages = (
+        "structure",
+        "boom",
+        "rotating_beam",
+        "analysis",
+        "reduction",
+        "synthesis",
+        "tuning",
+        "simulation",
+        "slew",
+    )
     found = {}
     for package in (*packages, "studies.sweeps"):
         module = import_module(f"boomctl.{package}")

@@ -7,10 +7,10 @@ import boomctl as bc
 
 
 @pytest.mark.parametrize("excitation", ["displacement", "force"])
-@pytest.mark.parametrize("elements", [1500, 6000])
+@pytest.mark.parametrize("elements", [800, 2000])
 def test_all_signals_of_fine_meshes_are_near_the_exact_beam(elements, excitation):
     p = bc.BoomParameters()
-    omega = 2.0 * np.pi * np.geomspace(0.1, 10.0, 60)
+    omega = 2.0 * np.pi * np.geomspace(0.1, 10.0, 20)
     exact = np.asarray(bc.exact_frequency_response(p, omega, excitation=excitation).frdata)
     model = bc.spray_boom(p, elements=elements, excitation=excitation)
     ours = np.asarray(model.frequency_response(omega).frdata)
