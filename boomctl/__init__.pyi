@@ -12,8 +12,8 @@ from boomctl.analysis.looking.transients import impulse, step
 from boomctl.analysis.loops import closed_loop_response, feedback_loop
 from boomctl.analysis.margins import margins
 from boomctl.analysis.measured import read_measured_curve
+from boomctl.analysis.model_norm import hinf_norm
 from boomctl.analysis.modes import mode_table
-from boomctl.analysis.norm import hinf_norm
 from boomctl.analysis.nyquist import exact_loop_stability
 from boomctl.analysis.prove import prove
 from boomctl.analysis.sampled_loops.sampled_norm import sampled_norm

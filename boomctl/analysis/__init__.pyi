@@ -17,8 +17,9 @@ from boomctl.analysis.looking.transients import TransientResult, impulse, step
 from boomctl.analysis.loops import closed_loop_response, feedback_loop
 from boomctl.analysis.margins import DiskMargin, LoopMargin, Margins, margins
 from boomctl.analysis.measured import MeasuredCurve, read_measured_curve
+from boomctl.analysis.model_norm import hinf_norm
 from boomctl.analysis.modes import ModeRow, ModeTable, mode_table
-from boomctl.analysis.norm import NormCertificate, hinf_norm
+from boomctl.analysis.norm import NormCertificate
 from boomctl.analysis.nyquist import ExactLoopStability, exact_loop_stability
 from boomctl.analysis.prove import prove
 from boomctl.analysis.sampled_loops.sampled_norm import sampled_norm

@@ -25,15 +25,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, level_shows, matrices_norm
+from boomctl.analysis.norm import NormCertificate, axis_eigenvalues, level_shows, matrices_norm, norm_of_data
 from boomctl.arrays import Array
 from boomctl.lti.frequency import DRAWN, Resonances, Response, resonance_grid, singular_values
 from boomctl.lti.modal import side_of_axis
-from boomctl.lti.system import Lti, beside, static
+from boomctl.lti.system import Lti, beside, is_frequency_response, of, static
 from boomctl.structure.matrices import dense, halves
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.core import Core
@@ -42,6 +43,9 @@ from boomctl.structure.response.modal_form import elastic, in_modes
 from boomctl.structure.response.poles import damped_poles, first_order_poles, undamped_modes
 from boomctl.structure.response.realisation import realize
 from boomctl.structure.strain_coordinates import LARGEST
+
+if TYPE_CHECKING:
+    import control
 
 _CORE_FROM = 40  # coordinates from which on a core is worth its building (a choice)
 # verified error of a core, relative, that a norm may be certified with: a hundredth of what that allows
@@ -59,6 +63,47 @@ _BELOW = 0.25  # where it begins, relative to the lowest mode (a choice)
 _ALMOST_ZERO = 1e-9  # [rad/s], in place of zero for integrated inputs, whose response there is infinite
 _NEAR = 1e-9  # share of its frequency by which an undamped pole is missed, where the response is infinite (a choice)
 TOO_FINE = f"over {LARGEST} coordinates; use high-order elements"  # no upper bound
+
+
+def hinf_norm(
+    system: "SecondOrderModel | control.StateSpace | control.TransferFunction | control.FrequencyResponseData",
+) -> NormCertificate:
+    """Return the certified H-infinity norm of a linear system; infinite if it is not stable.
+
+    Poles on the imaginary axis count only if they show in the response (undamped or integrating modes).  Of a discrete
+    system it is the largest singular value on the unit circle, and such poles are those on the circle.
+
+    Parameters
+    ----------
+    system : SecondOrderModel, control.StateSpace, control.TransferFunction or control.FrequencyResponseData
+        The system, from all its inputs to all its outputs.  Of frequency response data the largest value on their grid is
+        returned, which certifies nothing.
+
+    Returns
+    -------
+    NormCertificate
+        Lower and upper bound of the norm, and the frequency of the peak [rad/s].
+
+    Raises
+    ------
+    TypeError, ValueError
+        Another kind of system, discrete time that does not say its sampling time, not finite.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> import control
+    >>> swing = control.ss([[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
+    >>> norm = bc.hinf_norm(swing)
+    >>> round(norm.lower, 2), round(norm.omega, 3), bool(norm.certified)
+    (10.01, 0.997, True)
+    """
+    if is_frequency_response(system):
+        return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
+    if isinstance(system, SecondOrderModel):
+        return SplitModel.of(system).norm()
+    handed = of(system, sampled=True)
+    return replace(matrices_norm(handed.balanced()), _given=handed)
 
 
 @dataclass(frozen=True)

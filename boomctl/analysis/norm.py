@@ -23,12 +23,10 @@ from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import LEVEL, Resonances, Response, largest_gain, resonance_grid, singular_values
-from boomctl.lti.system import Lti, System, beside, is_frequency_response, of
+from boomctl.lti.system import Lti, System, beside, of
 from boomctl.lti.verified_modal_form import BACKWARD
 
 if TYPE_CHECKING:
-    import control
-
     from boomctl.structure.model import SecondOrderModel
 
 _CERTIFIED = 1e-5  # relative distance of the two bounds up to which a norm is certified (a choice)
@@ -102,45 +100,6 @@ class NormCertificate:
     def certified(self) -> bool:
         """Whether the bounds agree to one part in 1e5, or the norm is known to be infinite."""
         return self.lower == inf or self.upper <= self.lower * (1.0 + _CERTIFIED) + np.finfo(float).tiny
-
-
-def hinf_norm(
-    system: "control.StateSpace | control.TransferFunction | control.FrequencyResponseData",
-) -> NormCertificate:
-    """Return the certified H-infinity norm of a linear system; infinite if it is not stable.
-
-    Poles on the imaginary axis count only if they show in the response (undamped or integrating modes).  Of a discrete
-    system it is the largest singular value on the unit circle, and such poles are those on the circle.
-
-    Parameters
-    ----------
-    system : control.StateSpace, control.TransferFunction or control.FrequencyResponseData
-        The system.  Of frequency response data the largest value on their grid is returned, which certifies nothing.
-
-    Returns
-    -------
-    NormCertificate
-        Lower and upper bound of the norm, and the frequency of the peak [rad/s].
-
-    Raises
-    ------
-    TypeError, ValueError
-        Another kind of system (:func:`boomctl.sigma` takes structures as well), discrete time that does not say its sampling
-        time, not finite.
-
-    Examples
-    --------
-    >>> import boomctl as bc
-    >>> import control
-    >>> swing = control.ss([[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
-    >>> norm = bc.hinf_norm(swing)
-    >>> round(norm.lower, 2), round(norm.omega, 3), bool(norm.certified)
-    (10.01, 0.997, True)
-    """
-    if is_frequency_response(system):
-        return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
-    handed = of(system, expected="a StateSpace", sampled=True)
-    return replace(matrices_norm(handed.balanced()), _given=handed)
 
 
 def norm_of_data(omega: Array, response: Array) -> NormCertificate:

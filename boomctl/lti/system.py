@@ -442,6 +442,8 @@ def _instead(system: object) -> str:
             ", which does not tell its poles: boomctl.fit finds a model for it, boomctl.sigma shows it, and "
             "boomctl.closed_loop_response closes a loop around it"
         )
+    if hasattr(system, "linearize"):
+        return ", which is not linear: its .linearize(hub_speed) is one"
     return "; its .controller is one" if is_statespace(getattr(system, "controller", None)) else ""
 
 

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import sparse
 
+import boomctl as bc
 from boomctl.analysis import hinf_norm
 from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.norm import axis_eigenvalues
@@ -124,7 +125,7 @@ def test_no_resonance_is_missed_however_light_its_damping(seed, damping):
 
 @pytest.mark.parametrize("system", [None, 1.0, np.eye(2)])
 def test_other_kinds_of_system_are_refused(system):
-    with pytest.raises(TypeError, match="system: expected a StateSpace"):
+    with pytest.raises(TypeError, match="system: expected SecondOrderModel or StateSpace"):
         hinf_norm(system)
 
 
@@ -227,3 +228,18 @@ def test_the_norm_of_a_mesh_by_a_core_is_that_of_all_its_coordinates(stiffness, 
     assert values.max() <= norm.upper
     if inputs[0] == "actuator_left":
         assert norm.upper < np.inf
+
+
+@pytest.mark.parametrize("elements", [4, 30])
+def test_a_model_is_taken_as_its_state_space_is(elements):
+    model = bc.spray_boom(elements=elements)
+    found, through = hinf_norm(model), hinf_norm(model.to_statespace())
+    assert found.certified
+    assert found.lower <= through.upper
+    assert through.lower <= found.upper
+    assert bc.prove(found).proved is not False
+
+
+def test_a_hub_beam_is_told_what_is_linear_of_it():
+    with pytest.raises(TypeError, match=r"which is not linear: its \.linearize\(hub_speed\) is one"):
+        hinf_norm(bc.hub_beam(model="sfoam"))

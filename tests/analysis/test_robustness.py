@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from boomctl.analysis import robust_stability, structured_margin, worst_case
 from boomctl.analysis.box.loop_pencil import closed_pencil
 from boomctl.analysis.loops import feedback_loop
-from boomctl.analysis.norm import hinf_norm
+from boomctl.analysis.model_norm import hinf_norm
 from boomctl.boom import boom_family, yaw_family
 from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel

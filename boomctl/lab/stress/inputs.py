@@ -9,7 +9,7 @@ import numpy as np
 
 from boomctl.analysis.h2 import h2_norm
 from boomctl.analysis.margins import margins
-from boomctl.analysis.norm import hinf_norm
+from boomctl.analysis.model_norm import hinf_norm
 from boomctl.analysis.sigma import sigma
 from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
 from boomctl.boom.factory import spray_boom

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.margins import margins
-from boomctl.analysis.norm import hinf_norm
+from boomctl.analysis.model_norm import hinf_norm
 from boomctl.lab.stress.case import Case, Seen
 from boomctl.lab.stress.references import DIGITS, state_space_response
 from boomctl.lti.system import Lti

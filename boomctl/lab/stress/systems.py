@@ -10,8 +10,8 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.h2 import h2_norm
+from boomctl.analysis.model_norm import hinf_norm
 from boomctl.analysis.modes import mode_table
-from boomctl.analysis.norm import hinf_norm
 from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
 from boomctl.lab.stress.case import Case, Seen, relative

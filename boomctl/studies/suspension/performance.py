@@ -6,7 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from boomctl.analysis.loops import feedback_loop
-from boomctl.analysis.norm import NormCertificate, hinf_norm
+from boomctl.analysis.model_norm import hinf_norm
+from boomctl.analysis.norm import NormCertificate
 from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS, TIPS

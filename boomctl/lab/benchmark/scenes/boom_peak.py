@@ -8,7 +8,7 @@ import mpmath as mp
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from boomctl.analysis.norm import hinf_norm
+from boomctl.analysis.model_norm import hinf_norm
 from boomctl.analysis.sigma import sigma
 from boomctl.arrays import Array
 from boomctl.boom.exact import exact_frequency_response

@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from boomctl.analysis.norm import hinf_norm
+from boomctl.analysis.model_norm import hinf_norm
 from boomctl.lab.benchmark.promise import Promise, Who, number, seconds
 from boomctl.lab.benchmark.references.plants import plant, plant_names
 from boomctl.lab.benchmark.scene import Extent, Scene, Setting
