@@ -13,6 +13,7 @@ from boomctl.lab.benchmark.promise import Who, exact
 from boomctl.lab.benchmark.references.high_precision import mesh_response, sigma_of
 from boomctl.lab.benchmark.scene import Extent, Scene, Setting
 
+# elements: from a coarse mesh to one whose rounding shows in six digits
 _MESHES: dict[Extent, tuple[int, ...]] = {"quick": (6, 20), "whole": (6, 20, 50, 100, 200, 500)}
 _POINTS: dict[Extent, int] = {
     "quick": 12,

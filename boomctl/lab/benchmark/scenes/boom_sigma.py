@@ -50,6 +50,7 @@ _BAND_HZ = 10.0  # the frequencies asked for end there
 
 _AS_EXACT = 1.0 + 1e-3  # times another's error that ours may have: both are that of the same mesh (a choice)
 
+# numbers of elements at which something is promised
 _CONTROL_6, _CONTROL_20, _CONTROL_100 = (Who("python-control", f"{n} elements") for n in (6, 20, 100))
 _FINITE_6, _FINITE_20, _FINITE_100 = (Who("finite elements", f"{n} elements") for n in (6, 20, 100))
 _PROMISES = (

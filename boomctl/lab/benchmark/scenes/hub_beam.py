@@ -68,6 +68,7 @@ class _Study:
 
 _OURS, _SOLVE_IVP, _IDAS = Who("SFOAM", error=_ERROR), Who("solve_ivp", error=_ERROR), Who("CasADi IDAS", error=_ERROR)
 
+# prescribed motion: tolerances of every kind of work, peers at what they can keep
 _SPUN = _Study(
     key="hub-beam-motion",
     manoeuvre=SPIN_UP,
@@ -129,6 +130,7 @@ _SPUN = _Study(
     ),
     model_promises=(times_as_fast(Who("SFOAM", "5 modes, rtol 1e-05"), Who("exudyn", error=_MODEL_ERROR), 300.0),),
 )
+# the same under a torque, where the peers' looser settings are the interesting ones
 _DRIVEN = _Study(
     key="hub-beam-torque",
     manoeuvre=TORQUE,
