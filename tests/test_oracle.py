@@ -21,7 +21,7 @@ from boomctl.reduction.result import ReductionError
 from tests.exact import Exact, dyadic, loop_is_stable, loop_of, loop_truth, on_axis
 from tests.hard_systems import BEYOND, KINDS, hard
 
-ALL = 2000  # systems of the slow tests; of margins and poles every third
+ALL = 2000  # systems of the slow tests; of margins, poles and reductions every third
 THIRD = [seed for seed in range(ALL) if seed // len(KINDS) % 3 == 0]  # so many of each kind
 FEW = range(45)  # of the quick tests
 SLACK = 1e-12  # relative: what the last digits of a bound may do
@@ -213,7 +213,7 @@ def test_what_is_certified_of_a_few_hard_systems_is_true(quantity):
 @pytest.mark.slow
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_what_is_certified_of_all_hard_systems_is_true(quantity):
-    count, false = outcomes(quantity, THIRD if quantity in ("margins", "poles") else range(ALL))
+    count, false = outcomes(quantity, THIRD if quantity in ("margins", "poles", "reduce") else range(ALL))
     print(f"\n{table(quantity, count)}")
     assert false == []
     assert share_not_told(count) < SHARE, table(quantity, count)

@@ -87,7 +87,7 @@ def test_the_time_limit_is_of_every_way(objective):
         bc.optimal_slew(sfoam(), np.pi / 2, 200.0, objective, duration, time_limit=1e-3)
 
 
-@examples(20)
+@examples(6)
 @given(st.floats(0.05, 0.3))
 def test_an_iteration_that_takes_long_does_not_outlast_the_time(limit):
     """A solver hears that it is to stop at its next iteration: that may be a minute away."""
