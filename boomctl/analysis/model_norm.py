@@ -47,6 +47,8 @@ from boomctl.structure.strain_coordinates import LARGEST
 if TYPE_CHECKING:
     import control
 
+    LinearSystem = SecondOrderModel | control.StateSpace | control.TransferFunction | control.FrequencyResponseData
+
 _CORE_FROM = 40  # coordinates from which on a core is worth its building (a choice)
 # verified error of a core, relative, that a norm may be certified with: a hundredth of what that allows
 _CORE_ERROR = 1e-7
@@ -65,9 +67,7 @@ _NEAR = 1e-9  # share of its frequency by which an undamped pole is missed, wher
 TOO_FINE = f"over {LARGEST} coordinates; use high-order elements"  # no upper bound
 
 
-def hinf_norm(
-    system: "SecondOrderModel | control.StateSpace | control.TransferFunction | control.FrequencyResponseData",
-) -> NormCertificate:
+def hinf_norm(system: "LinearSystem") -> NormCertificate:
     """Return the certified H-infinity norm of a linear system; infinite if it is not stable.
 
     Poles on the imaginary axis count only if they show in the response (undamped or integrating modes).  Of a discrete

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import control
     from matplotlib.axes import Axes
 
-    LinearSystem = SecondOrderModel | control.StateSpace | control.TransferFunction | control.FrequencyResponseData
+    from boomctl.analysis.model_norm import LinearSystem
 
 _POINTS = 240  # of a curve, beside those at the resonances: about 100 a decade on a boom's band (a choice)
 _PRINTED = 100  # coordinates up to which printing waits for the poles: tens of milliseconds (measured)
