@@ -553,7 +553,7 @@ def benchmark(words: Sequence[str]) -> None:
     text = f"{', '.join(_BENCHMARKS)}, or scenes (default: boom)"
     parser.add_argument("what", nargs="*", metavar="NAME", help=text)
     parser.add_argument("--full", action="store_true", help="include scenes that take minutes each")
-    parser.add_argument("--quick", action="store_true", help="fewer settings, all scenes in about a minute")
+    parser.add_argument("--quick", action="store_true", help="fewer settings, all scenes in about two minutes")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="folder for report, pictures and results")
     text = "page in Markdown whose tables of recommended settings, between two marks, are written anew"
     parser.add_argument("--page", type=Path, metavar="FILE", help=text)

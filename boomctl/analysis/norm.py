@@ -191,8 +191,7 @@ def stays_below_on_circle(system: Lti, level: float) -> bool:
     where ``z`` is an eigenvalue of this pencil, of which nothing is inverted (Pappas & Laub 1980); and at one frequency, the
     highest, all are below.  Eigenvalues as near to the circle as rounding may have moved them count as lying on it.
     """
-    n, m = system.B.shape
-    A, B, C, D = system.A, system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
+    B, C, D = system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
     size_B, size_C = float(np.linalg.norm(B)), float(np.linalg.norm(C))
     if size_B > 0.0 and size_C > 0.0:  # scales that make both alike, by a power of two: no rounding
         up = 2.0 ** np.round(0.5 * np.log2(size_C / size_B))
@@ -200,15 +199,22 @@ def stays_below_on_circle(system: Lti, level: float) -> bool:
     at_the_end = system.response(np.array([system.nyquist]), quiet=True)
     if singular_values(at_the_end)[0, 0] >= level:
         return False
+    left, right = circle_pencil(system.A, B, C, D)
+    alpha, beta = linalg.eig(right, left, right=False, homogeneous_eigvals=True)
+    alpha, beta = np.abs(alpha), np.abs(beta)
+    noise = _ROUNDING * max(float(np.linalg.norm(left)), float(np.linalg.norm(right)))
+    return bool((np.abs(alpha - beta) > noise * np.maximum(1.0, np.maximum(alpha, beta))).all())
+
+
+def circle_pencil(A: Array, B: Array, C: Array, D: Array) -> tuple[Array, Array]:
+    """Return ``L, R``, affine in ``A`` and ``B``: ``z L - R`` is singular on the circle where a singular value is one."""
+    n, m = B.shape
     left, right = np.zeros((2 * n + m, 2 * n + m)), np.zeros((2 * n + m, 2 * n + m))
     left[:n, :n], left[n : 2 * n, n : 2 * n], left[2 * n :, n : 2 * n] = np.eye(n), A.T, B.T
     right[:n, :n], right[:n, 2 * n :] = A, B
     right[n : 2 * n, :n], right[n : 2 * n, n : 2 * n], right[n : 2 * n, 2 * n :] = -C.T @ C, np.eye(n), -C.T @ D
     right[2 * n :, :n], right[2 * n :, 2 * n :] = -D.T @ C, np.eye(m) - D.T @ D
-    alpha, beta = linalg.eig(right, left, right=False, homogeneous_eigvals=True)
-    alpha, beta = np.abs(alpha), np.abs(beta)
-    noise = _ROUNDING * max(float(np.linalg.norm(left)), float(np.linalg.norm(right)))
-    return bool((np.abs(alpha - beta) > noise * np.maximum(1.0, np.maximum(alpha, beta))).all())
+    return left, right
 
 
 def _found(system: Lti, response: Response | None) -> tuple[float, float]:

@@ -218,21 +218,21 @@ def _proved(part: Part, statement: Statement, limit: float, tell: Tell) -> BoxPr
         tried = cover.tried - start
         to_go = tried * cover.left / max(began - cover.left, _LITTLE)
         needed = cells.still_needed(frontier, statement.level()) if len(frontier) else 0.0
-        dear = 0 if cover.small or cover.left > began * (1.0 - _LITTLE) else most[0] - tried
-        light = 0 if needed > _HOPELESS * most[1] else most[1]
-        while len(frontier) and statement.level() < inf and (dear > 0 or light > 0):
-            if light > 0 and (dear <= 0 or needed < _RATE * to_go):
-                turn = min(light, max(1, int(_TURN * most[1])))
+        dear_left = 0 if cover.small or cover.left > began * (1.0 - _LITTLE) else most[0] - tried
+        cheap_left = 0 if needed > _HOPELESS * most[1] else most[1]
+        while len(frontier) and statement.level() < inf and (dear_left > 0 or cheap_left > 0):
+            if cheap_left > 0 and (dear_left <= 0 or needed < _RATE * to_go):
+                turn = min(cheap_left, max(1, int(_TURN * most[1])))
                 frontier, more = _responded(part, statement, cells, frontier, turn, tell)
-                cheap, light = cheap + more, light - turn
-                needed = cells.still_needed(frontier, statement.level()) if len(frontier) and light > 0 else needed
-                light = 0 if needed > _HOPELESS * most[1] else light
+                cheap, cheap_left = cheap + more, cheap_left - turn
+                needed = cells.still_needed(frontier, statement.level()) if len(frontier) and cheap_left > 0 else needed
+                cheap_left = 0 if needed > _HOPELESS * most[1] else cheap_left
                 continue
-            turn, before = min(dear, max(1, int(_TURN * most[0]))), cover.left
+            turn, before = min(dear_left, max(1, int(_TURN * most[0]))), cover.left
             cover = _covered(part, statement, cover, allowed, turn, tell)
             if cover.refuted is not None or not cover.waiting:
                 return BoxProof(not cover.waiting, cover.proved, cheap, cover.refuted)
-            dear = 0 if cover.small else dear - turn
+            dear_left = 0 if cover.small else dear_left - turn
             to_go = turn * cover.left / max(before - cover.left, _LITTLE)
         if statement.level() == inf:
             return BoxProof(False, cover.proved, cheap)

@@ -24,6 +24,7 @@ from boomctl.analysis.box.prove import with_rounding
 from boomctl.analysis.box.response_cells import Polynomial, ResponseCells
 from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, prove_pencil, value_at
 from boomctl.analysis.loops import joined
+from boomctl.analysis.norm import circle_pencil
 from boomctl.arrays import Array
 from boomctl.chebyshev import points, points_needed, powers, series
 from boomctl.lti.frequency import singular_values
@@ -147,28 +148,22 @@ class SampledLoops:
     def even(self, level: float) -> tuple[Terms, Array]:
         """Return the even pencil at a level, and by how much entries of both its matrices may be off.
 
-        Pappas & Laub's pencil ``z L - R`` (:func:`boomctl.analysis.norm.stays_below_on_circle`) is affine in ``A`` and ``B``;
-        with ``z = (1 + s)/(1 - s)`` it is ``s (L + R) - (R - L)``.
+        The pencil ``z L - R`` (:func:`boomctl.analysis.norm.circle_pencil`) is affine in ``A`` and ``B``; with
+        ``z = (1 + s)/(1 - s)`` it is ``s (L + R) - (R - L)``.
         """
-        n, m = self.B[()].shape
-        off_A, off_B = self.missed
         B_size, C_size = (float(np.linalg.norm(X)) for X in (self.B[()], self.C))
         up = (C_size / B_size) ** 0.5 if B_size > 0.0 and C_size > 0.0 else 1.0  # scales that make both alike
         b, C, D = up / level**0.5, self.C / (up * level**0.5), self.D / level
+        empty = np.zeros_like(self.A[()]), np.zeros_like(self.B[()])
+        fixed = np.array(circle_pencil(*empty, C, D))
 
-        def sides(A: Array, B: Array) -> tuple[Array, Array]:
-            L, R = np.zeros((2 * n + m, 2 * n + m)), np.zeros((2 * n + m, 2 * n + m))
-            L[n : 2 * n, n : 2 * n], L[2 * n :, n : 2 * n] = A.T, b * B.T
-            R[:n, :n], R[:n, 2 * n :] = A, b * B
-            return L, R
+        def changed(A: Array, B: Array) -> Array:
+            return np.array(circle_pencil(A, b * B, C, D)) - fixed
 
-        empty, none = np.zeros((n, n)), np.zeros((n, m))
-        both = {q: sides(self.A.get(q, empty), self.B.get(q, none)) for q in dict.fromkeys((*self.A, *self.B))}
-        L, R = both[()]
-        L[:n, :n] = R[n : 2 * n, n : 2 * n] = np.eye(n)
-        R[n : 2 * n, :n], R[n : 2 * n, 2 * n :] = -C.T @ C, -C.T @ D
-        R[2 * n :, :n], R[2 * n :, 2 * n :] = -D.T @ C, np.eye(m) - D.T @ D
-        return {q: LoopPencil(L + R, R - L) for q, (L, R) in both.items()}, sum(sides(off_A, off_B), np.zeros_like(L))
+        powers = dict.fromkeys((*self.A, *self.B))
+        both = {q: changed(self.A.get(q, empty[0]), self.B.get(q, empty[1])) for q in powers}
+        both[()] = both[()] + fixed
+        return {q: LoopPencil(L + R, R - L) for q, (L, R) in both.items()}, changed(*self.missed).sum(axis=0)
 
     def prover(self, level: float) -> Callable[[Cell], CellProof]:
         """Return what tries to prove that the loop is stable and its norm below a level throughout a cell of parameters.

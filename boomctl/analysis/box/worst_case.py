@@ -279,7 +279,9 @@ def _bounded(
     def met(gain: float, point: Array) -> None:
         nonlocal delta, lower, level
         if gain > lower * (1.0 + _SAME):
-            delta, lower, _ = pattern_search(lambda d: at(d).lower, len(delta), 1.0, point)
+            found, most, _ = pattern_search(lambda d: at(d).lower, len(delta), 1.0, point)
+            if most > lower:  # a gain of the polynomials may lie above that of the loop
+                delta, lower = found, most
             if lower * (1.0 + 0.5 * gap) > level:
                 level = lower * (1.0 + gap)
 

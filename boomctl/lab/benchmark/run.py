@@ -46,8 +46,8 @@ SCENES: dict[str, str] = {
     "lumped-masses-10": "lumped_masses:lumped_masses:10",
     "lumped-masses-100": "lumped_masses:lumped_masses:100",
     "lumped-masses-1000": "lumped_masses:lumped_masses:1000",
-    **{f"growth-{name}": f"growth:growth:{name}" for name in ("elements", "frequencies", "outputs", "duration")},
-    **{f"growth-{name}": f"growth:growth:{name}" for name in ("models", "order", "modes", "intervals")},
+    **{f"growth-{name}": f"growth:growth:{name}" for name in ("elements", "fine-meshes", "frequencies", "outputs")},
+    **{f"growth-{name}": f"growth:growth:{name}" for name in ("duration", "models", "order", "modes", "intervals")},
     "limits": "limits:limits",
 }
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -67,7 +67,7 @@ LONG = ("hub-beam-stiff-modes", "tuning-all", "designs")
 """Scenes that take minutes: of a group only in a full run."""
 
 _SECONDS: dict[Extent, float] = {"quick": 1.0, "whole": 15.0}
-"""Of turns of a scene: with all that comes on top, a minute and a quarter of an hour."""
+"""Of turns of a scene; first answers and references come on top."""
 _TOLD: dict[Extent, int] = {"quick": 12, "whole": 30}  # settings of a scene, about
 
 

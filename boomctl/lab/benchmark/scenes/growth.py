@@ -26,6 +26,7 @@ _FASTER = 0.25  # by which a measured exponent may exceed the expected one: cach
 _LINEAR = 1.15  # largest exponent of memory that counts as linear
 _SHARE = 0.2  # of the seconds of a scene: few settings, and slopes of logarithms tell no per cents
 _MODEL = "spray_boom, finite elements, over elements"
+_FINE = "sigma of the boom at three frequencies, fine meshes, over elements"
 _OMEGA = 2 * np.pi * np.geomspace(0.1, 10.0, 500)
 
 
@@ -78,12 +79,20 @@ def tasks() -> dict[str, Task]:
     return {
         "elements": Task(
             "sigma of the boom, finite elements, over elements",
-            (6, 20, 50, 100, 200, 400, 800, 1600, 3200),
+            (6, 12, 25, 50, 100, 200, 400),
             lambda n: n,
             lambda n: sigma(spray_boom(p, elements=n), _OMEGA).sigma,
+            3.0,
+            "all modes at once, found densely",
+        ),
+        "fine-meshes": Task(
+            _FINE,
+            (800, 1600, 3200, 6400, 12_800),
+            lambda n: n,
+            lambda n: sigma(spray_boom(p, elements=n), _OMEGA[::200]).sigma,
             1.0,
-            "all modes at once; beyond 700 elements a sparse factorisation a frequency, which keeps digits and costs more",
-            (grows(Who("sigma of the boom, finite elements"), _LINEAR, "memory"),),
+            "beyond 700 elements a sparse factorisation a frequency",
+            (grows(Who(_FINE), _LINEAR, "memory"),),
         ),
         "frequencies": Task(
             "sigma of the boom, exact beam, over frequencies",
