@@ -27,7 +27,7 @@ _LINEAR = 1.15  # largest exponent of memory that counts as linear
 _SHARE = 0.2  # of the seconds of a scene: few settings, and slopes of logarithms tell no per cents
 _MODEL = "spray_boom, finite elements, over elements"
 _FINE = "sigma of the boom at three frequencies, fine meshes, over elements"
-_OMEGA = 2 * np.pi * np.geomspace(0.1, 10.0, 500)
+_OMEGA = 2 * np.pi * np.geomspace(0.1, 10.0, 500)  # rad/s, the band of the papers' pictures
 
 
 @dataclass(frozen=True)
