@@ -1,5 +1,34 @@
 """Control design for flexible structures on a moving base.
 
+What most scripts need stands here, by what one wants to do; the packages offer the rest (``boomctl.boom.bump_track``).
+
+A spray boom
+    spray_boom, BoomParameters, split_symmetric, exact_frequency_response, exact_eigenfrequencies_hz; its field:
+    iso_track, platform_motion, sine_sweep, read_motion, nozzle_positions, spray_deposit, spray_by_motion.
+A rotating hub-beam
+    hub_beam, HubBeamParameters; how its hub moves: spin_up, sine_torque, hub_profile, torque, hold, free.
+Any machine
+    the package ``structure``; fit finds its parameters from a measured curve: read_measured_curve.
+Look at a system
+    sigma, compare_sigma, bode, nyquist, pzmap, step, impulse, mode_table, compare.
+Certify it
+    hinf_norm, h2_norm, margins, prove.
+Make it smaller
+    reduce, reduce_controller, in_units, from_units.
+Design a controller
+    lqr, kalman, lqg, h2, h_infinity, discretize, schedule, SynthesisError; its plant: with_states, generalized_plant,
+    mixed_sensitivity, low_pass, shelf.
+Tune one of a given structure
+    tune, and the package ``tunable``.
+Close the loop
+    feedback_loop, close_loop, join_symmetric, simulate_loop, forced_response, BeamSensor, CoulombFriction.
+Prove it over a family of plants
+    boom_family, robust_stability, worst_case.
+Turn a beam
+    optimal_slew, SlewError.
+Many at once, and to and fro
+    sweep, listening, Progress, read_controller, write_controller.
+
 Names are loaded when first used, so that ``import boomctl`` itself costs next to nothing.
 """
 

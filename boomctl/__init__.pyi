@@ -1,7 +1,6 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
-from boomctl.analysis.box.ramp import ramp_bound
-from boomctl.analysis.box.robustness import robust_stability, structured_margin
+from boomctl.analysis.box.robustness import robust_stability
 from boomctl.analysis.box.worst_case import worst_case
 from boomctl.analysis.h2 import h2_norm
 from boomctl.analysis.looking.bode import bode
@@ -9,30 +8,24 @@ from boomctl.analysis.looking.comparison import compare
 from boomctl.analysis.looking.nyquist import nyquist
 from boomctl.analysis.looking.pole_zero import pzmap
 from boomctl.analysis.looking.transients import impulse, step
-from boomctl.analysis.loops import closed_loop_response, feedback_loop
+from boomctl.analysis.loops import feedback_loop
 from boomctl.analysis.margins import margins
 from boomctl.analysis.measured import read_measured_curve
 from boomctl.analysis.model_norm import hinf_norm
 from boomctl.analysis.modes import mode_table
-from boomctl.analysis.nyquist import exact_loop_stability
 from boomctl.analysis.prove import prove
-from boomctl.analysis.sampled_loops.sampled_norm import sampled_norm
-from boomctl.analysis.sampled_loops.sampled_plant import sample_plant
 from boomctl.analysis.sigma import compare_sigma, sigma
 from boomctl.analysis.state_outputs import with_states
 from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
 from boomctl.boom.factory import spray_boom
-from boomctl.boom.families import boom_family, yaw_family
-from boomctl.boom.motion import PlatformMotion, platform_motion, read_motion, sine_sweep, write_motion
+from boomctl.boom.families import boom_family
+from boomctl.boom.motion import platform_motion, read_motion, sine_sweep
 from boomctl.boom.parameters import BoomParameters
-from boomctl.boom.spray import Footprint, nozzle_positions, split_motion, spray_by_motion, spray_deposit
-from boomctl.boom.track_filter import platform_density, track_filter
-from boomctl.boom.tracks import Track, bump_track, iso_track
-from boomctl.boom.tractor import TractorParameters, tractor_system
-from boomctl.exchange.controller_files import read_controller, read_controller_notes, write_controller
+from boomctl.boom.spray import nozzle_positions, spray_by_motion, spray_deposit
+from boomctl.boom.tracks import iso_track
+from boomctl.exchange.controller_files import read_controller, write_controller
 from boomctl.identification.fit import fit
 from boomctl.lti.controllers.scheduled import schedule
-from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.progress import Progress, listening
 from boomctl.reduction.reduce import reduce
 from boomctl.rotating_beam.factory import hub_beam
@@ -42,20 +35,9 @@ from boomctl.rotating_beam.sensors import BeamSensor
 from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.simulation.forced_response import forced_response
 from boomctl.simulation.loop import simulate_loop
-from boomctl.simulation.sines.describing_function import describing_function
-from boomctl.simulation.sines.swept_sine import sine_sigma, swept_sine
 from boomctl.slew.optimal import optimal_slew
-from boomctl.slew.result import SlewError, SlewResult
+from boomctl.slew.result import SlewError
 from boomctl.structure.model import split_symmetric
-from boomctl.studies.catalogue import design_names, load_design
-from boomctl.studies.machine import MachineDesign
-from boomctl.studies.slew.design import SlewDesign
-from boomctl.studies.spin_up import SpinUpDesign
-from boomctl.studies.suspension.design import SuspensionDesign
-from boomctl.studies.suspension.performance import performance
-from boomctl.studies.suspension.scene import FieldScene
-from boomctl.studies.sweeps.booms import SigmaStudy
-from boomctl.studies.sweeps.field import FieldStudy
 from boomctl.studies.sweeps.sweep import sweep
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.discretise import discretize
@@ -64,13 +46,11 @@ from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.lq.kalman import kalman
 from boomctl.synthesis.lq.lqg import lqg
 from boomctl.synthesis.lq.lqr import lqr
-from boomctl.synthesis.lq.recovery import loop_transfer_recovery
-from boomctl.synthesis.plants.full_plant import ReductionWarning
-from boomctl.synthesis.plants.generalized import generalized_plant, mixed_sensitivity, select_channels
+from boomctl.synthesis.plants.generalized import generalized_plant, mixed_sensitivity
 from boomctl.synthesis.plants.partition import close_loop
-from boomctl.synthesis.plants.symmetry import join_symmetric, split_controller
+from boomctl.synthesis.plants.symmetry import join_symmetric
 from boomctl.synthesis.plants.units import from_units, in_units
-from boomctl.synthesis.plants.weights import band_pass, high_pass, low_pass, shelf
+from boomctl.synthesis.plants.weights import low_pass, shelf
 from boomctl.synthesis.reduce_controller import reduce_controller
 from boomctl.tuning.tune import tune
 
@@ -95,39 +75,19 @@ __all__ = [
     "BeamSensor",
     "BoomParameters",
     "CoulombFriction",
-    "FieldScene",
-    "FieldStudy",
-    "Footprint",
     "HubBeamParameters",
-    "MachineDesign",
-    "PlatformMotion",
     "Progress",
-    "ReductionWarning",
-    "SigmaStudy",
-    "SlewDesign",
     "SlewError",
-    "SlewResult",
-    "SpinUpDesign",
-    "SuspensionDesign",
     "SynthesisError",
-    "TimeVaryingController",
-    "Track",
-    "TractorParameters",
     "__version__",
-    "band_pass",
     "bode",
     "boom_family",
-    "bump_track",
     "close_loop",
-    "closed_loop_response",
     "compare",
     "compare_sigma",
-    "describing_function",
-    "design_names",
     "discretize",
     "exact_eigenfrequencies_hz",
     "exact_frequency_response",
-    "exact_loop_stability",
     "feedback_loop",
     "fit",
     "forced_response",
@@ -137,7 +97,6 @@ __all__ = [
     "h2",
     "h2_norm",
     "h_infinity",
-    "high_pass",
     "hinf_norm",
     "hold",
     "hub_beam",
@@ -148,8 +107,6 @@ __all__ = [
     "join_symmetric",
     "kalman",
     "listening",
-    "load_design",
-    "loop_transfer_recovery",
     "low_pass",
     "lqg",
     "lqr",
@@ -159,47 +116,31 @@ __all__ = [
     "nozzle_positions",
     "nyquist",
     "optimal_slew",
-    "performance",
-    "platform_density",
     "platform_motion",
     "prove",
     "pzmap",
-    "ramp_bound",
     "read_controller",
-    "read_controller_notes",
     "read_measured_curve",
     "read_motion",
     "reduce",
     "reduce_controller",
     "robust_stability",
-    "sample_plant",
-    "sampled_norm",
     "schedule",
-    "select_channels",
     "shelf",
     "sigma",
     "simulate_loop",
-    "sine_sigma",
     "sine_sweep",
     "sine_torque",
     "spin_up",
-    "split_controller",
-    "split_motion",
     "split_symmetric",
     "spray_boom",
     "spray_by_motion",
     "spray_deposit",
     "step",
-    "structured_margin",
     "sweep",
-    "swept_sine",
     "torque",
-    "track_filter",
-    "tractor_system",
     "tune",
     "with_states",
     "worst_case",
     "write_controller",
-    "write_motion",
-    "yaw_family",
 ]

@@ -10,6 +10,7 @@ not in ``__all__``.
 
 import ast
 import sys
+import warnings
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -27,6 +28,23 @@ _GONE = {
     "boomctl.studies.suspension.TradeCurve": "give boomctl.sweep a function that makes and judges a design",
 }
 """Names that left, for one version: what to use instead."""
+
+MOVED = {
+    name: package
+    for package, names in {
+        "analysis": "closed_loop_response exact_loop_stability ramp_bound sample_plant sampled_norm structured_margin",
+        "boom": "Footprint PlatformMotion Track TractorParameters bump_track platform_density split_motion track_filter"
+        " tractor_system write_motion yaw_family",
+        "exchange": "read_controller_notes",
+        "simulation": "TimeVaryingController describing_function sine_sigma swept_sine",
+        "slew": "SlewResult",
+        "studies": "FieldScene FieldStudy MachineDesign SigmaStudy SlewDesign SpinUpDesign SuspensionDesign design_names"
+        " load_design performance",
+        "synthesis": "ReductionWarning band_pass high_pass loop_transfer_recovery select_channels split_controller",
+    }.items()
+    for name in names.split()
+}
+"""Names that stood on top: the package that offers them now.  For one version they are still found there, with a warning."""
 
 
 class _Package(ModuleType):
@@ -53,6 +71,10 @@ def loader(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], 
     def load(name: str) -> Any:
         if f"{package}.{name}" in _GONE:
             raise AttributeError(f"{package}.{name} is gone: {_GONE[f'{package}.{name}']}", name=name, obj=module)
+        if package == "boomctl" and name in MOVED:
+            said = f"boomctl.{name} is boomctl.{MOVED[name]}.{name} now, and leaves the top in the next version"
+            warnings.warn(said, DeprecationWarning, stacklevel=2)
+            return getattr(import_module(f"boomctl.{MOVED[name]}"), name)
         if name not in home:
             said = f"module {package!r} has no attribute {name!r}; it offers {', '.join(sorted(home))}"
             raise AttributeError(said, name=name, obj=module)

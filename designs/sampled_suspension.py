@@ -47,13 +47,13 @@ def half_design(model, side):
     """Return the controller of a half in SI units, and what synthesis, reductions and lifting say."""
     units, name = {f"{stem}_{side}": size for stem, size in UNITS.items()}, NAMES[side]
     plant = bc.in_units(model, units)
-    sampled = bc.sample_plant(plant, SAMPLE_TIME, f"suspension_{side}", delay=DELAY)
+    sampled = bc.analysis.sample_plant(plant, SAMPLE_TIME, f"suspension_{side}", delay=DELAY)
     P = weighted(bc.reduce(sampled, order=ORDER, band=BAND), side)
     synthesis = bc.h_infinity(P, nmeas=2, ncon=1)
     smaller = bc.reduce_controller(P, synthesis.controller, tolerance=LOST)
     K = smaller.controller
     mesh = bc.hinf_norm(bc.close_loop(weighted(sampled, side), K))  # certified: infinite if the loop is not stable
-    between = bc.sampled_norm(
+    between = bc.analysis.sampled_norm(
         weighted(plant, side), K, f"w_actuator_{side}", [f"z_tip_{side}", f"z_stroke_{side}"], delay=DELAY
     )
     facts = {

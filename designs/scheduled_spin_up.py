@@ -7,7 +7,8 @@ stable at every speed up to 6 rad/s with 0 to 0.1 kg, and while the speed change
 
 import numpy as np
 
-from boomctl import HubBeamParameters, SpinUpDesign, hub_beam, lqg, schedule
+from boomctl import HubBeamParameters, hub_beam, lqg, schedule
+from boomctl.studies import SpinUpDesign
 from boomctl.studies.spin_up import SpinUpResult
 
 SPEEDS, MASSES = np.linspace(0.0, 6.0, 7), (0.0, 0.1)  # rad/s, kg

@@ -45,7 +45,7 @@ def norms(controller: control.StateSpace, mass: float) -> tuple[float, float]:
     """Return the norm from disturbance torque to hub and tip [m/N m], and from noise to torque [N m/rad]."""
     loop = bc.close_loop(plant(mass), controller)
     ends = [("w_disturbance_torque", ["z_hub_angle", "z_tip_displacement"]), ("n_hub_angle", ["z_torque"])]
-    found = [bc.hinf_norm(bc.select_channels(loop, [start], end)).lower for start, end in ends]
+    found = [bc.hinf_norm(bc.synthesis.select_channels(loop, [start], end)).lower for start, end in ends]
     return found[0], found[1]
 
 
@@ -84,7 +84,7 @@ def worst(controller: control.StateSpace) -> float:
     return max(norms(controller, mass)[0] for mass in BETWEEN)
 
 
-def design() -> bc.MachineDesign:
+def design() -> bc.studies.MachineDesign:
     """Return the hub with PD and notch, and what LQG does beside it."""
     found, middle = tuned(), beam(MASSES[1])
     arc = LENGTH * middle.C[[middle.output_labels.index("hub_angle")]]  # what the hub does, where the tip does [m]
@@ -102,7 +102,7 @@ def design() -> bc.MachineDesign:
     facts = {"PD and notch": found.certificate.statement, "proved in ball arithmetic": bc.prove(found).statement}
     for name, K in (("PD and notch", found.controller), ("best LQG for 0.1 kg", best), ("most even LQG", even)):
         facts[f"{name}, {K.nstates} states"] = said.format(norms(K, MASSES[1])[0], worst(K))
-    return bc.MachineDesign(
+    return bc.studies.MachineDesign(
         "tuned_hub",
         "PD and notch at the hub, tuned for 0 to 0.2 kg",
         judged,

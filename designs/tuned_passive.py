@@ -34,7 +34,7 @@ def made_at(half: str, point: tuple[float, float]) -> Callable[[Mapping[str, flo
     def make(values: Mapping[str, float]) -> control.StateSpace:
         machine = scaled_boom(replace(TABLE_2, **values), *point)
         halves = dict(zip(HALVES, bc.split_symmetric(bc.spray_boom(machine, elements=6)), strict=True))
-        chosen = bc.select_channels(
+        chosen = bc.synthesis.select_channels(
             halves[half].to_statespace(states="coordinates"), [f"actuator_{side}"], [f"tip_{side}"]
         )
         return control.ss(chosen.A, chosen.B, chosen.C, chosen.D, inputs=["platform"], outputs=["tip"])

@@ -181,7 +181,7 @@ plt.show()
 
 # %%
 found = bc.sweep(
-    bc.FieldStudy(),
+    bc.studies.FieldStudy(),
     over={"spring_stiffness": [550.0, 1100.0], "cradle_damping": [40.0, 160.0, 500.0, 1500.0], "hinge_damping": 500.0},
 )
 fig, ax = plt.subplots(figsize=(6, 3.4), layout="constrained")

@@ -137,7 +137,7 @@ def track():
 
 
 def motion():
-    return bc.PlatformMotion(_TIMES, 0.01 * np.sin(_TIMES), 0.01 * np.sin(_TIMES))
+    return bc.boom.PlatformMotion(_TIMES, 0.01 * np.sin(_TIMES), 0.01 * np.sin(_TIMES))
 
 
 def points():
@@ -169,7 +169,7 @@ CALLS = {
     "HubBeamParameters": lambda: {
         name: getattr(bc.HubBeamParameters(), name) for name in bc.HubBeamParameters.__dataclass_fields__
     },
-    "TimeVaryingController": lambda: {
+    "simulation.TimeVaryingController": lambda: {
         "A": np.zeros((2, 1, 1)),
         "B": np.zeros((2, 1, 1)),
         "C": np.zeros((2, 1, 1)),
@@ -179,8 +179,8 @@ CALLS = {
         "sample_time": 0.01,
         "L": None,
     },
-    "TractorParameters": lambda: {
-        name: getattr(bc.TractorParameters(), name) for name in bc.TractorParameters.__dataclass_fields__
+    "boom.TractorParameters": lambda: {
+        name: getattr(bc.boom.TractorParameters(), name) for name in bc.boom.TractorParameters.__dataclass_fields__
     },
     "CoulombFriction": lambda: {
         "force": 3.0,
@@ -189,17 +189,17 @@ CALLS = {
         "output": "cradle_slip",
         "substeps": 2,
     },
-    "Footprint": lambda: {"width": 1.0, "thickness": 0.1, "shape": "triangle"},
-    "PlatformMotion": lambda: {
+    "boom.Footprint": lambda: {"width": 1.0, "thickness": 0.1, "shape": "triangle"},
+    "boom.PlatformMotion": lambda: {
         "time": _TIMES,
         "left": np.sin(_TIMES),
         "right": np.sin(_TIMES),
         "actuator_distance": 1.78,
     },
-    "Track": lambda: {"step": 0.1, "left": np.zeros(20), "right": np.zeros(20), "width": 1.8, "periodic": False},
-    "band_pass": lambda: {"gain": 1.0, "low": 0.1, "high": 3.0},
+    "boom.Track": lambda: {"step": 0.1, "left": np.zeros(20), "right": np.zeros(20), "width": 1.8, "periodic": False},
+    "synthesis.band_pass": lambda: {"gain": 1.0, "low": 0.1, "high": 3.0},
     "boom_family": lambda: {"parameters": None, "spring": (0.7, 1.3), "mass": (0.8, 1.2), "half": "yaw", "elements": 6},
-    "bump_track": lambda: {
+    "boom.bump_track": lambda: {
         "height": 0.1,
         "bump_length": 1.0,
         "side": "left",
@@ -208,8 +208,12 @@ CALLS = {
         "step": 0.05,
     },
     "close_loop": lambda: {"P": generalized(), "controller": system(((-1.0,),), ((1.0,),), ((-0.1,),))},
-    "closed_loop_response": lambda: {"plant": measured, "controller": regulator_of_the_left(), "omega": [0.1, 1.0]},
-    "describing_function": lambda: {
+    "analysis.closed_loop_response": lambda: {
+        "plant": measured,
+        "controller": regulator_of_the_left(),
+        "omega": [0.1, 1.0],
+    },
+    "simulation.describing_function": lambda: {
         "plant": boom(),
         "friction": friction(),
         "omega": [9.0],
@@ -232,7 +236,7 @@ CALLS = {
         "outputs": None,
         "excitation": "displacement",
     },
-    "exact_loop_stability": lambda: {
+    "analysis.exact_loop_stability": lambda: {
         "plant": measured,
         "controller": regulator_of_the_left(),
         "poles": [-1.0],
@@ -263,8 +267,15 @@ CALLS = {
         "outputs": None,
         "accuracy": 1e-6,
     },
-    "FieldScene": lambda: {"road_class": "E", "speed": 3.0, "duration": 60.0, "seed": 1, "elements": 20, "delay": 0.0},
-    "SpinUpDesign": lambda: {
+    "studies.FieldScene": lambda: {
+        "road_class": "E",
+        "speed": 3.0,
+        "duration": 60.0,
+        "seed": 1,
+        "elements": 20,
+        "delay": 0.0,
+    },
+    "studies.SpinUpDesign": lambda: {
         "name": "mine",
         "title": "mine",
         "beam": beam(),
@@ -278,7 +289,7 @@ CALLS = {
         "noise": {},
         "notes": (),
     },
-    "MachineDesign": lambda: {
+    "studies.MachineDesign": lambda: {
         "name": "mine",
         "title": "a machine",
         "plant": plant(),
@@ -288,8 +299,8 @@ CALLS = {
         "sample_time": 0.01,
         "force_limit": 10.0,
     },
-    "design_names": lambda: {"*": ("suspension",)},
-    "load_design": lambda: {"name": "passive_tuning"},
+    "studies.design_names": lambda: {"*": ("suspension",)},
+    "studies.load_design": lambda: {"name": "passive_tuning"},
     "listening": lambda: {"listener": None},
     "structure.CrossSection": lambda: {"area": 1e-4, "second_moment": 1e-8},
     "structure.tube_section": lambda: {"width": 0.06, "depth": 0.02, "wall": (0.002, 0.003)},
@@ -345,7 +356,7 @@ CALLS = {
     "tunable.physical": lambda: {"name": "damping", "low": 0.1, "high": 1.0},
     "tunable.objective": lambda: {"inputs": None, "outputs": "z_y0", "norm": "hinf"},
     "tunable.budget": lambda: {"inputs": None, "outputs": "z_y0", "limit": 1.0, "norm": "hinf"},
-    "high_pass": lambda: {"gain": 1.0, "corner": 2.0, "order": 2, "damping": 0.7},
+    "synthesis.high_pass": lambda: {"gain": 1.0, "corner": 2.0, "order": 2, "damping": 0.7},
     "hinf_norm": lambda: {"system": plant()},
     "hold": lambda: {"angle": 0.1},
     "hub_beam": lambda: {
@@ -384,7 +395,7 @@ CALLS = {
         "measurements": ["y0"],
         "disturbances": ["u1"],
     },
-    "loop_transfer_recovery": lambda: {
+    "synthesis.loop_transfer_recovery": lambda: {
         "system": plant(),
         "Q": 1.0,
         "R": 1.0,
@@ -448,7 +459,7 @@ CALLS = {
         "intervals": 20,
         "time_limit": SHORT,
     },
-    "platform_density": lambda: {
+    "boom.platform_density": lambda: {
         "freq_hz": [0.5, 1.0],
         "tractor": None,
         "speed": 2.5,
@@ -460,7 +471,7 @@ CALLS = {
     "read_motion": lambda: {"path": "nowhere.csv", "actuator_distance": None},
     "prove": lambda: {"result": bc.hinf_norm(plant()), "time_limit": 5.0},
     "read_controller": lambda: {"path": "nowhere.json"},
-    "read_controller_notes": lambda: {"path": "nowhere.json"},
+    "exchange.read_controller_notes": lambda: {"path": "nowhere.json"},
     "write_controller": lambda: {"controller": controller(0.01), "path": "/nowhere/k.json"},
     "reduce": lambda: {"system": plant(), "order": 2, "method": "balanced", "error": None, "band": None},
     "reduce_controller": lambda: {
@@ -471,7 +482,7 @@ CALLS = {
         "fastest_pole": None,
     },
     "robust_stability": lambda: {"family": family(), "controller": regulator(), "max_cells": 3, "delay": 0.0},
-    "ramp_bound": lambda: {
+    "analysis.ramp_bound": lambda: {
         "family": family(),
         "controller": regulator(),
         "parameter": "mass",
@@ -479,7 +490,7 @@ CALLS = {
         "max_cells": 20,
     },
     "schedule": lambda: {"controllers": [controller(), controller()], "values": [0.0, 1.0], "signal": "y0"},
-    "select_channels": lambda: {"system": plant(), "inputs": ["u0"], "outputs": None},
+    "synthesis.select_channels": lambda: {"system": plant(), "inputs": ["u0"], "outputs": None},
     "shelf": lambda: {"low_gain": 1.0, "high_gain": 10.0, "corner": 2.0, "order": 1},
     "compare_sigma": lambda: {"systems": {"boom": boom()}, "omega": [0.5, 2.0]},
     "sweep": lambda: {
@@ -491,14 +502,14 @@ CALLS = {
         "units": {"x": "m"},
         "chunk": 1,
     },
-    "SigmaStudy": lambda: {
+    "studies.SigmaStudy": lambda: {
         "omega": [0.5, 2.0],
         "build": None,
         "inputs": "actuator_left",
         "outputs": None,
         "certified_peak": False,
     },
-    "FieldStudy": lambda: {"scene": bc.FieldScene()},
+    "studies.FieldStudy": lambda: {"scene": bc.studies.FieldScene()},
     "sigma": lambda: {"system": boom(), "omega": [0.5, 2.0], "inputs": None, "outputs": None},
     "simulate_loop": lambda: {
         "plant": plant(),
@@ -523,7 +534,7 @@ CALLS = {
         "rtol": 1e-8,
         "atol": 1e-10,
     },
-    "sine_sigma": lambda: {
+    "simulation.sine_sigma": lambda: {
         "plant": boom(),
         "friction": friction(),
         "omega": [9.0],
@@ -543,8 +554,8 @@ CALLS = {
     },
     "sine_torque": lambda: {"amplitude": 10.0, "period": 1.0, "duration": 1.0},
     "spin_up": lambda: {"final_speed": 1.0, "duration": 1.0},
-    "split_controller": lambda: {"model": boom(), "controller": both_controller()},
-    "split_motion": lambda: {"displacement": np.zeros((2, 5)), "positions": [-6.0, 6.0]},
+    "synthesis.split_controller": lambda: {"model": boom(), "controller": both_controller()},
+    "boom.split_motion": lambda: {"displacement": np.zeros((2, 5)), "positions": [-6.0, 6.0]},
     "split_symmetric": lambda: {"model": boom()},
     "spray_boom": lambda: {
         "parameters": None,
@@ -558,14 +569,14 @@ CALLS = {
     },
     "spray_by_motion": lambda: {**_sprayed(), "nozzles": None, "footprint": None, "cell": 0.1},
     "spray_deposit": lambda: {**_sprayed(), "nozzles": None, "footprint": None, "cell": 0.1},
-    "structured_margin": lambda: {
+    "analysis.structured_margin": lambda: {
         "family": family(),
         "controller": regulator(),
         "largest": 1.0,
         "tolerance": 0.5,
         "max_cells": 2,
     },
-    "swept_sine": lambda: {
+    "simulation.swept_sine": lambda: {
         "plant": boom(),
         "friction": friction(),
         "omega": [9.0],
@@ -577,10 +588,22 @@ CALLS = {
         "tolerance": 1e-1,
     },
     "torque": lambda: {"function": np.sin, "breakpoints": ()},
-    "track_filter": lambda: {"tractor": None, "speed": 2.5, "road_class": "C", "sections": 2, "coherence": "isotropic"},
-    "tractor_system": lambda: {"tractor": bc.TractorParameters(), "speed": 2.5, "actuator_distance": 1.78},
-    "sample_plant": lambda: {"plant": plant(), "sample_time": 0.1, "controls": None, "delay": 0.0},
-    "sampled_norm": lambda: {"plant": plant(), "controller": sampled(), "inputs": None, "outputs": None, "delay": 0.0},
+    "boom.track_filter": lambda: {
+        "tractor": None,
+        "speed": 2.5,
+        "road_class": "C",
+        "sections": 2,
+        "coherence": "isotropic",
+    },
+    "boom.tractor_system": lambda: {"tractor": bc.boom.TractorParameters(), "speed": 2.5, "actuator_distance": 1.78},
+    "analysis.sample_plant": lambda: {"plant": plant(), "sample_time": 0.1, "controls": None, "delay": 0.0},
+    "analysis.sampled_norm": lambda: {
+        "plant": plant(),
+        "controller": sampled(),
+        "inputs": None,
+        "outputs": None,
+        "delay": 0.0,
+    },
     "with_states": lambda: {"plant": plant()},
     "worst_case": lambda: {
         "family": family(),
@@ -591,8 +614,8 @@ CALLS = {
         "tolerance": 0.1,
         "max_cells": 3,
     },
-    "write_motion": lambda: {"path": Path("/nowhere/motion.csv"), "motion": motion()},
-    "yaw_family": lambda: {"parameters": None, "stiffest_hz": 0.34, "half": "yaw", "elements": 6},
+    "boom.write_motion": lambda: {"path": Path("/nowhere/motion.csv"), "motion": motion()},
+    "boom.yaw_family": lambda: {"parameters": None, "stiffest_hz": 0.34, "half": "yaw", "elements": 6},
     # any planar machine
     "structure.AffineFamily": lambda: {
         name: getattr(family(), name) for name in ("names", "low", "high", "centre", "slopes")
@@ -834,8 +857,8 @@ def _objects():
         bc.BoomParameters(),
         bc.BoomParameters,
         bc.HubBeamParameters(),
-        bc.TractorParameters(),
-        bc.Footprint(),
+        bc.boom.TractorParameters(),
+        bc.boom.Footprint(),
         bs.GROUND,
         bs.GROUND.at(1.0),
         points()[0],
@@ -988,7 +1011,7 @@ def function_of(name):
     if name in METHODS:
         return getattr(METHODS[name][0](), name.rsplit(".", 1)[1])
     package, _, last = name.rpartition(".")
-    return getattr({"structure": bs, "tunable": bc.tunable, "": bc}[package], last)
+    return getattr(getattr(bc, package) if package else bc, last)
 
 
 @contextlib.contextmanager

@@ -187,7 +187,7 @@ def drive():
 
 @functools.cache
 def spin_up():
-    return bc.SpinUpDesign(
+    return bc.studies.SpinUpDesign(
         "mine", "a drive", bc.hub_beam(model="sfoam", modes=1), drive(), (0.0, 0.1), 0.5, 5.0, sample_time=0.02
     )
 
@@ -221,7 +221,9 @@ def fitted():
 
 def exact_loop():
     opened = yaw().select("suspension_anti", "stroke_anti")
-    return bc.exact_loop_stability(opened.frequency_response, suspension(), np.linalg.eigvals(yaw().to_statespace().A))
+    return bc.analysis.exact_loop_stability(
+        opened.frequency_response, suspension(), np.linalg.eigvals(yaw().to_statespace().A)
+    )
 
 
 def spray():

@@ -54,7 +54,8 @@ SCENES = [
         LOOP,
     ),
     (
-        "import boomctl as bc; bc.swept_sine(bc.spray_boom(), bc.CoulombFriction(3.0), [9.0], 'actuator_left', 0.01)",
+        "import boomctl as bc; dry = bc.CoulombFriction(3.0);"
+        " bc.simulation.swept_sine(bc.spray_boom(), dry, [9.0], 'actuator_left', 0.01)",
         LOOP,
     ),
     (
@@ -74,7 +75,7 @@ SCENES = [
         "import boomctl as bc; print(bc.optimal_slew(bc.hub_beam(modes=1), 1.5, 200.0))",
         (LOOP | {"boomctl.boom", "boomctl.synthesis"}) - {"casadi"},
     ),
-    ("import boomctl as bc; bc.sweep(bc.SigmaStudy([1.0]), {'spring_stiffness': [900.0, 1000.0]})", BOOM),
+    ("import boomctl as bc; bc.sweep(bc.studies.SigmaStudy([1.0]), {'spring_stiffness': [900.0, 1000.0]})", BOOM),
 ]
 
 NAMES = [

@@ -15,6 +15,7 @@ import pytest
 import boomctl
 import boomctl.structure
 import boomctl.tunable
+from boomctl.lazy import MOVED
 from tests import fuzz
 from tests.test_public_names import PACKAGES
 
@@ -75,7 +76,7 @@ def test_every_public_name_stands_on_one_page():
         *(f"structure.{name}" for name in boomctl.structure.__all__),
         *(f"tunable.{name}" for name in boomctl.tunable.__all__),
     )
-    public = {*boomctl.__all__, *parts} - {"__version__"}
+    public = {*boomctl.__all__, *parts, *(f"{package}.{name}" for name, package in MOVED.items())} - {"__version__"}
     assert sorted(listed) == sorted(public)
 
 

@@ -46,27 +46,27 @@ FACTORIES = {
     "AffineFamily": one.family,
     "PolynomialFamily": lambda: one.hub_beam().family((0.0, 2.0)),
     "ScheduledController": one.drive,
-    "RampBound": lambda: bc.ramp_bound(one.hub_beam().family((0.0, 2.0)), one.drive()),
+    "RampBound": lambda: bc.analysis.ramp_bound(one.hub_beam().family((0.0, 2.0)), one.drive()),
     "Track": one.track,
     "PlatformMotion": one.motion,
-    "PlatformDensity": lambda: bc.platform_density(np.geomspace(0.1, 10.0, 20)),
-    "TractorParameters": bc.TractorParameters,
-    "Footprint": bc.Footprint,
+    "PlatformDensity": lambda: bc.boom.platform_density(np.geomspace(0.1, 10.0, 20)),
+    "TractorParameters": bc.boom.TractorParameters,
+    "Footprint": bc.boom.Footprint,
     "SprayResult": one.spray,
-    "FieldScene": bc.FieldScene,
-    "SuspensionDesign": lambda: bc.SuspensionDesign(
+    "FieldScene": bc.studies.FieldScene,
+    "SuspensionDesign": lambda: bc.studies.SuspensionDesign(
         "mine", "of two springs", controller=one.suspension(), facts={"peak": "9.87 with its best dampers" * 20}
     ),
-    "MachineDesign": lambda: bc.MachineDesign("mine", "a half", one.yaw(), one.suspension()),
-    "MachineResult": lambda: bc.MachineDesign("mine", "a half", one.yaw(), one.suspension()).evaluate(),
+    "MachineDesign": lambda: bc.studies.MachineDesign("mine", "a half", one.yaw(), one.suspension()),
+    "MachineResult": lambda: bc.studies.MachineDesign("mine", "a half", one.yaw(), one.suspension()).evaluate(),
     "SpinUpDesign": one.spin_up,
     "SpinUpResult": lambda: one.spin_up().evaluate(),
-    "SlewDesign": lambda: bc.SlewDesign("mine", "a turn", one.hub_beam(), {"planned": one.slew()}),
+    "SlewDesign": lambda: bc.studies.SlewDesign("mine", "a turn", one.hub_beam(), {"planned": one.slew()}),
     "SweepResult": lambda: bc.sweep(abs_of, {"x": [1.0, -2.0]}, units={"x": "m"}),
-    "SweepResult, of arrays": lambda: bc.sweep(bc.SigmaStudy(one.OMEGA), {"spring_stiffness": [900.0, 1100.0]}),
+    "SweepResult, of arrays": lambda: bc.sweep(bc.studies.SigmaStudy(one.OMEGA), {"spring_stiffness": [900.0, 1100.0]}),
     "FailedPoint": lambda: FailedPoint({"x": 1.0}, "ValueError: no", "trace"),
-    "SigmaStudy": lambda: bc.SigmaStudy(one.OMEGA),
-    "FieldStudy": bc.FieldStudy,
+    "SigmaStudy": lambda: bc.studies.SigmaStudy(one.OMEGA),
+    "FieldStudy": bc.studies.FieldStudy,
     "SigmaResult": lambda: bc.sigma(one.boom()),
     "SigmaResult, norm not yet computed": lambda: bc.sigma(one.boom(), one.OMEGA),
     "SigmaResult, of a StateSpace": lambda: bc.sigma(one.mass().to_statespace(), one.OMEGA),
@@ -80,7 +80,7 @@ FACTORIES = {
     "LoopMargin": lambda: bc.margins(one.yaw(), one.suspension())["stroke_anti"],
     "DiskMargin": lambda: bc.margins(one.yaw(), one.suspension()).everywhere,
     "RobustStability": lambda: bc.robust_stability(one.family(), one.suspension()),
-    "StructuredMargin": lambda: bc.structured_margin(one.family(), one.suspension(), largest=1.2),
+    "StructuredMargin": lambda: bc.analysis.structured_margin(one.family(), one.suspension(), largest=1.2),
     "WorstCase": lambda: bc.worst_case(one.family(), one.suspension(), ["actuator_anti"], ["tip_anti"]),
     "ExactLoopStability": one.exact_loop,
     "MeasuredCurve": one.measured_curve,
@@ -96,7 +96,7 @@ FACTORIES = {
     "LqrResult": lambda: bc.lqr(one.mass(), np.eye(2), np.eye(1)),
     "KalmanResult": lambda: bc.kalman(one.mass(), np.eye(2), np.eye(1)),
     "LqgResult": lambda: bc.lqg(one.mass(), np.eye(2), 1.0, np.eye(2), 1.0),
-    "RecoveryResult": lambda: bc.loop_transfer_recovery(
+    "RecoveryResult": lambda: bc.synthesis.loop_transfer_recovery(
         one.mass(), np.eye(2), 1.0, np.eye(2), 1.0, strengths=[1.0, 100.0], band=(0.1, 10.0)
     ),
     "H2Result": lambda: bc.h2(one.generalized(), 1, 1),
@@ -116,7 +116,7 @@ FACTORIES = {
     "LoopResult": one.loop,
     "FrictionReport": lambda: one.loop().friction,
     "ForcedResponse": lambda: bc.forced_response(one.mass(), {"force": np.ones(50)}, np.linspace(0.0, 5.0, 50)),
-    "SineResponse": lambda: bc.describing_function(
+    "SineResponse": lambda: bc.simulation.describing_function(
         one.boom(), bc.CoulombFriction(8.0), one.OMEGA, "actuator_left", 0.01
     ),
     "LoopResult, of a hub-beam": one.beam_loop,
@@ -286,7 +286,7 @@ def test_errors_survive_pickle_or_a_pool_of_processes_breaks(error):
 def test_parameters_print_as_python_that_makes_them_again():
     p = bc.BoomParameters(spring_stiffness=900.0, cradle_damping=1.0 / 3.0)
     assert eval(repr(p), {"BoomParameters": bc.BoomParameters}) == p
-    t = bc.TractorParameters(mass=5432.1)
+    t = bc.boom.TractorParameters(mass=5432.1)
     assert repr(t) == "TractorParameters(mass=5432.1)"
 
 

@@ -19,7 +19,7 @@ CALLS = {
     "H-infinity synthesis": lambda **given: bc.h_infinity(one.generalized(), 1, 1, **given),
     "tuning": lambda **given: bc.tune(one.generalized(), 1, 1, bc.tunable.gain(), starts=1, **given),
     "robust stability": lambda **given: bc.robust_stability(one.family(), one.suspension(), **given),
-    "structured margin": lambda **given: bc.structured_margin(one.family(), one.suspension(), 1.2, **given),
+    "structured margin": lambda **given: bc.analysis.structured_margin(one.family(), one.suspension(), 1.2, **given),
     "worst case": lambda **given: bc.worst_case(
         one.family(), one.suspension(), ["actuator_anti"], ["tip_anti"], **given
     ),
@@ -60,7 +60,7 @@ LONG = {
     "closed loop": lambda: bc.simulate_loop(
         one.hub_beam(), None, {"torque": np.ones(11)}, np.linspace(0.0, 0.1, 11), sample_time=0.01
     ),
-    "swept sine": lambda: bc.swept_sine(
+    "swept sine": lambda: bc.simulation.swept_sine(
         one.boom(), bc.CoulombFriction(3.0), [9.0], {"actuator_left": 1.0}, 0.01, ["tip_left"]
     ),
 }

@@ -15,6 +15,7 @@ import numpy as np
 import boomctl
 import boomctl.structure
 import boomctl.tunable
+from boomctl.lazy import MOVED
 
 STORED = Path(__file__).with_name("public_names.txt")
 
@@ -71,14 +72,15 @@ def _members(owner):
 def _lines():
     lines = []
     classes = {}
-    for module in (boomctl, boomctl.structure, boomctl.tunable):
-        for name in module.__all__:
-            value = getattr(module, name)
-            if isinstance(value, type):
-                classes[name] = value
-            refused = isinstance(value, type) and issubclass(value, Exception)
-            parameters = _parameters(value, bound=0) if callable(value) and not refused else ""
-            lines.append(f"{module.__name__}.{name}{parameters}")
+    named = [(module, name) for module in (boomctl, boomctl.structure, boomctl.tunable) for name in module.__all__]
+    named += [(import_module(f"boomctl.{package}"), name) for name, package in MOVED.items()]
+    for module, name in named:
+        value = getattr(module, name)
+        if isinstance(value, type):
+            classes[name] = value
+        refused = isinstance(value, type) and issubclass(value, Exception)
+        parameters = _parameters(value, bound=0) if callable(value) and not refused else ""
+        lines.append(f"{module.__name__}.{name}{parameters}")
     for package in PACKAGES:
         module = import_module(f"boomctl.{package}")
         classes |= {name: getattr(module, name) for name in module.__all__ if isinstance(getattr(module, name), type)}

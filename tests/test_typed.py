@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 import boomctl
+from boomctl.lazy import MOVED
 
 PACKAGE = Path(boomctl.__file__).parent
 SCRIPT = Path(__file__).with_name("user_script.py")
@@ -57,6 +58,18 @@ def test_names_that_left_say_what_to_use_instead():
         package, _, name = name.rpartition(".")
         with pytest.raises(AttributeError, match=f"is gone: .*{instead}"):
             getattr(import_module(package), name)
+
+
+def test_names_that_moved_are_found_in_their_packages_and_for_one_version_on_top():
+    for name, package in MOVED.items():
+        assert name not in boomctl.__all__
+        with pytest.warns(DeprecationWarning, match=rf"boomctl\.{name} is boomctl\.{package}\.{name} now"):
+            assert getattr(boomctl, name) is getattr(import_module(f"boomctl.{package}"), name)
+
+
+def test_the_package_lists_each_name_once_by_what_one_wants_to_do():
+    listed = re.findall(r"\w+", (boomctl.__doc__ or "").partition("A spray boom\n")[2].partition("Names are loaded")[0])
+    assert all(listed.count(name) == 1 for name in set(boomctl.__all__) - {"__version__"})
 
 
 def test_sub_packages_are_there_without_an_import_of_their_own():

@@ -219,7 +219,7 @@ def closed_loop_response(
     -------
     control.FrequencyResponseData
         From the inputs that the controller does not drive to the plant's outputs and the controls.  It says nothing of
-        stability: see :func:`boomctl.exact_loop_stability`.
+        stability: see :func:`boomctl.analysis.exact_loop_stability`.
 
     Raises
     ------
@@ -234,7 +234,7 @@ def closed_loop_response(
     >>> def boom(omega):  # with an exact beam
     ...     return bc.exact_frequency_response(bc.BoomParameters(), omega)
     >>> spring = control.ss([], [], [], [[-500.0]], inputs="stroke_left", outputs="suspension_left")
-    >>> loop = bc.closed_loop_response(boom, spring, [1.0, 2.0])
+    >>> loop = bc.analysis.closed_loop_response(boom, spring, [1.0, 2.0])
     >>> loop.ninputs, loop.output_labels[-1]
     (4, 'suspension_left')
     """

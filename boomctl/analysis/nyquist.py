@@ -186,7 +186,7 @@ def exact_loop_stability(
     ...     return bc.spray_boom().frequency_response(omega, "suspension_left", "stroke_left")
     >>> poles = bc.spray_boom().to_statespace().poles()
     >>> damper = control.ss([[-30.0]], [[30.0]], [[3e3]], [[-3e3]], inputs="stroke_left", outputs="suspension_left")
-    >>> bc.exact_loop_stability(boom, damper, poles[abs(poles) < 50.0]).unstable_poles
+    >>> bc.analysis.exact_loop_stability(boom, damper, poles[abs(poles) < 50.0]).unstable_poles
     0
     """
     K, limit = of(controller, "controller", "StateSpace").balanced(), whole("max_evaluations", max_evaluations)

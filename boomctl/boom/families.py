@@ -130,7 +130,7 @@ def yaw_family(
     Examples
     --------
     >>> import boomctl as bc
-    >>> family = bc.yaw_family(half="yaw")
+    >>> family = bc.boom.yaw_family(half="yaw")
     >>> family.low.round(), family.high.round()  # N/m
     (array([1100.]), array([2375.]))
     >>> family.at([1.0]).eigenfrequencies_hz(1).round(3)

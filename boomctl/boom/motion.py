@@ -50,7 +50,7 @@ class PlatformMotion(TimeSeries):
     Examples
     --------
     >>> import boomctl as bc
-    >>> motion = bc.PlatformMotion([0.0, 0.1, 0.2], left=[0.0, 0.0, 0.0], right=[0.0, 0.01, 0.02])
+    >>> motion = bc.boom.PlatformMotion([0.0, 0.1, 0.2], left=[0.0, 0.0, 0.0], right=[0.0, 0.01, 0.02])
     >>> motion.jolt, motion.yaw.round(5)  # m, rad
     (array([0.   , 0.005, 0.01 ]), array([0.     , 0.00562, 0.01124]))
     """
@@ -182,7 +182,7 @@ def platform_motion(
     Examples
     --------
     >>> import boomctl as bc
-    >>> stone = bc.bump_track(0.05, bump_length=0.4, side="left", length=20.0)
+    >>> stone = bc.boom.bump_track(0.05, bump_length=0.4, side="left", length=20.0)
     >>> motion = bc.platform_motion(stone, speed=2.0, sample_time=0.01)
     >>> round(1000.0 * float(abs(motion.jolt).max()), 1)  # mm
     5.9
@@ -438,7 +438,7 @@ def write_motion(path: str | Path, motion: PlatformMotion) -> None:
     >>> from pathlib import Path
     >>> sweep = bc.sine_sweep(0.1, 1.0, duration=2.0, amplitude=0.02)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     bc.write_motion(Path(folder) / "sweep.csv", sweep)
+    ...     bc.boom.write_motion(Path(folder) / "sweep.csv", sweep)
     ...     again = bc.read_motion(Path(folder) / "sweep.csv")
     >>> bool((again.left == sweep.left).all())
     True

@@ -55,9 +55,9 @@ class Footprint:
     Examples
     --------
     >>> import boomctl as bc
-    >>> float(bc.Footprint(width=1.0).share_below(0.25))  # of the triangle
+    >>> float(bc.boom.Footprint(width=1.0).share_below(0.25))  # of the triangle
     0.875
-    >>> float(bc.Footprint(width=1.0, shape="box").share_below(0.25))
+    >>> float(bc.boom.Footprint(width=1.0, shape="box").share_below(0.25))
     0.75
     """
 
@@ -383,7 +383,7 @@ def split_motion(displacement: ArrayLike, positions: ArrayLike) -> tuple[Array, 
     Examples
     --------
     >>> import boomctl as bc
-    >>> jolt, yaw = bc.split_motion([[0.0, 0.0], [0.0, 0.2]], positions=[-6.0, 6.0])  # only the right tip moves
+    >>> jolt, yaw = bc.boom.split_motion([[0.0, 0.0], [0.0, 0.2]], positions=[-6.0, 6.0])  # only the right tip moves
     >>> jolt[:, 1], yaw[:, 1]
     (array([0.1, 0.1]), array([-0.1,  0.1]))
     """

@@ -107,7 +107,7 @@ def platform_density(
     Examples
     --------
     >>> import boomctl as bc
-    >>> density = bc.platform_density([0.5, 1.0], speed=2.5, road_class="D")
+    >>> density = bc.boom.platform_density([0.5, 1.0], speed=2.5, road_class="D")
     >>> [f"{value:.2e}" for value in density.jolt]  # m^2/Hz
     ['6.45e-06', '9.19e-07']
     """
@@ -186,7 +186,7 @@ def track_filter(
     Examples
     --------
     >>> import boomctl as bc
-    >>> shape = bc.track_filter(speed=2.5, road_class="D")
+    >>> shape = bc.boom.track_filter(speed=2.5, road_class="D")
     >>> shape.nstates, shape.input_labels
     (12, ['track_jolt', 'track_yaw'])
     >>> round(1000.0 * bc.h2_norm(shape).value, 1)  # RMS motion of both actuators [mm]

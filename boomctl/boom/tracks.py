@@ -78,7 +78,7 @@ class Track:
     Examples
     --------
     >>> import boomctl as bc
-    >>> step_up = bc.Track(step=0.5, left=[0.0, 0.1, 0.1], right=[0.0, 0.0, 0.0], width=1.8)
+    >>> step_up = bc.boom.Track(step=0.5, left=[0.0, 0.1, 0.1], right=[0.0, 0.0, 0.0], width=1.8)
     >>> step_up.heights([0.25, 0.5])  # left and right wheels, 0.25 m and 0.5 m from the beginning
     array([[0.05, 0.1 ],
            [0.  , 0.  ]])
@@ -438,7 +438,7 @@ def bump_track(
     Examples
     --------
     >>> import boomctl as bc
-    >>> stone = bc.bump_track(0.05, bump_length=0.4, side="left", position=5.0)
+    >>> stone = bc.boom.bump_track(0.05, bump_length=0.4, side="left", position=5.0)
     >>> stone.heights([5.2]).round(3)  # its top, under the left wheels only
     array([[0.05],
            [0.  ]])

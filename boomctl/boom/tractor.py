@@ -81,7 +81,7 @@ class TractorParameters(Parameters):
     Examples
     --------
     >>> import boomctl as bc
-    >>> heavy = bc.TractorParameters(mass=9000.0)
+    >>> heavy = bc.boom.TractorParameters(mass=9000.0)
     >>> [round(load) for load in heavy.wheel_loads]  # of a front and of a rear wheel [N]
     [17828, 26317]
     """
@@ -223,7 +223,7 @@ def tractor_system(
     Examples
     --------
     >>> import boomctl as bc
-    >>> tractor = bc.tractor_system(bc.TractorParameters(), speed=2.5)
+    >>> tractor = bc.boom.tractor_system(bc.boom.TractorParameters(), speed=2.5)
     >>> tractor.input_labels, tractor.output_labels
     (['front_left', 'front_right', 'rear_left', 'rear_right'], ['actuator_left', 'actuator_right'])
     """

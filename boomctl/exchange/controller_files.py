@@ -238,7 +238,7 @@ def read_controller_notes(path: str | Path) -> ControllerNotes:
     >>> lag = control.ss([[-2.0]], [[2.0]], [[1.0]], 0.0, inputs="stroke", outputs="force")
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     written = bc.write_controller(lag, Path(folder) / "lag.json", units={"stroke": "m", "force": "N"})
-    ...     notes = bc.read_controller_notes(written[0])
+    ...     notes = bc.exchange.read_controller_notes(written[0])
     >>> notes.units
     {'stroke': 'm', 'force': 'N'}
     """

@@ -440,7 +440,7 @@ def _instead(system: object) -> str:
     if is_frequency_response(system):
         return (
             ", which does not tell its poles: boomctl.fit finds a model for it, boomctl.sigma shows it, and "
-            "boomctl.closed_loop_response closes a loop around it"
+            "boomctl.analysis.closed_loop_response closes a loop around it"
         )
     if hasattr(system, "linearize"):
         return ", which is not linear: its .linearize(hub_speed) is one"

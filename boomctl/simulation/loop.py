@@ -98,7 +98,7 @@ def simulate_loop(
         ``u = K y``: its inputs are named as outputs of the plant, its outputs as inputs of the plant.  A discrete one
         has ``sample_time`` as its own; a continuous one is discretised.  Of a scheduled one (:func:`boomctl.schedule`)
         each controller is discretised, and the matrices follow the measurement as it is read, no reference taken from it.
-        A :class:`boomctl.TimeVaryingController` has matrices for each sample.  ``None``: open loop.
+        A :class:`boomctl.simulation.TimeVaryingController` has matrices for each sample.  ``None``: open loop.
     disturbance : mapping from input to (n,) array, (k, n) array or None
         At ``timepts``.  An array has one row for each input of the plant that the controller does not drive.
     timepts : (n,) array_like

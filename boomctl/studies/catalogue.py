@@ -145,7 +145,7 @@ def design_names(*kinds: str) -> tuple[str, ...]:
     Examples
     --------
     >>> import boomctl as bc
-    >>> bc.design_names("slew")
+    >>> bc.studies.design_names("slew")
     ('min_time_slew', 'robust_payload_slew', 'spin_up_slew', 'tracked_slew')
     """
     for kind in kinds:
@@ -213,7 +213,7 @@ def load_design(name: str) -> "SuspensionDesign | MachineDesign | SlewDesign | S
     Examples
     --------
     >>> import boomctl as bc
-    >>> design = bc.load_design("lqr_suspension")
+    >>> design = bc.studies.load_design("lqr_suspension")
     >>> design.controller.output_labels
     ['suspension_left', 'suspension_right']
     >>> design.facts["slowest pole"]

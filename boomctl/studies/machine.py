@@ -62,7 +62,7 @@ class MachineDesign:
     >>> boom = bc.spray_boom().select(["actuator_left", "suspension_left"], ["tip_left", "stroke_left"])
     >>> signals = {"inputs": "stroke_left", "outputs": "suspension_left"}
     >>> damper = control.ss([[-30.0]], [[30.0]], [[3000.0]], [[-3000.0]], **signals)
-    >>> design = bc.MachineDesign("damper", "a damper at the left spring", boom, damper)
+    >>> design = bc.studies.MachineDesign("damper", "a damper at the left spring", boom, damper)
     >>> design.controller.input_labels
     ['stroke_left']
     """

@@ -70,7 +70,7 @@ class SpinUpDesign:
     >>> signals = {"inputs": ["hub_angle", "hub_speed"], "outputs": "torque"}
     >>> drives = [control.ss([], [], [], [[-150.0, -gain]], **signals) for gain in (200.0, 300.0)]
     >>> beam, drive = bc.hub_beam(model="sfoam", modes=1), bc.schedule(drives, [0.0, 6.0])
-    >>> bc.SpinUpDesign("mine", "a drive", beam, drive, (0.0, 0.1), final_speed=5.0, duration=15.0).torque_limit
+    >>> bc.studies.SpinUpDesign("mine", "a drive", beam, drive, (0.0, 0.1), final_speed=5.0, duration=15.0).torque_limit
     200.0
     """
 

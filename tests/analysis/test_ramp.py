@@ -53,7 +53,7 @@ _IDLE = ct.ss([], [], [], [[0.0]], inputs="place", outputs="force")
 def test_what_is_proved_does_not_grow_under_the_worst_waves(seed, depth, n):
     """Triangles at the rate proved, of many periods, parametric resonance among them, never make the loop grow."""
     family, omega, _ = springs(seed, depth, n)
-    found = bc.ramp_bound(family, _IDLE)
+    found = bc.analysis.ramp_bound(family, _IDLE)
     assert 0.0 < found.rate <= found.at_most
     assert found.slack >= 0.0
     for share in (0.3, 0.5, 1.0, 2.0):  # of the period of parametric resonance, pi/omega, and others
@@ -72,7 +72,7 @@ def test_what_grows_under_a_wave_is_not_proved_for_its_rate(seed, depth):
     """Mathieu's equation: stable while the stiffness stays, unstable while it swings at twice the frequency."""
     family, omega, _ = springs(seed, depth, low=0.01, high=0.1)
     assert bc.robust_stability(family, _IDLE).proved
-    period, found = np.pi / omega, bc.ramp_bound(family, _IDLE)
+    period, found = np.pi / omega, bc.analysis.ramp_bound(family, _IDLE)
     for height in (0.2, 0.5, 1.0):
         if multiplier(family, lambda t, a=height: a * np.cos(2.0 * omega * t), period) > 1.0:
             assert found.rate < 2.0 * omega * height
@@ -85,7 +85,7 @@ def test_a_scheduled_gain_that_is_stable_at_every_value_and_not_on_a_ramp():
     gains = [ct.ss([], [], [], [[0.9 * k]], inputs="place", outputs="force") for k in (-1.0, 1.0)]
     drive = bc.schedule(gains, [-1.0, 1.0], "p")
     assert bc.robust_stability(family, drive).proved
-    found, loops = bc.ramp_bound(family, drive), BoxLoops.of(family, drive)
+    found, loops = bc.analysis.ramp_bound(family, drive), BoxLoops.of(family, drive)
     step, period = np.eye(2), np.pi
     for k in range(_STEPS):
         here = loops.at(np.array([np.cos(2.0 * (k + 0.5) * period / _STEPS)]))
@@ -122,12 +122,12 @@ def test_a_hub_beam_with_any_mass_at_its_tip_and_its_certificate(model, damping)
     family = bc.hub_beam(bc.HubBeamParameters(damping_ratio=damping), model, 1).family((0.0, 4.0), (0.0, 0.1))
     signals = {"inputs": ["hub_speed", "root_moment"], "outputs": "torque"}
     drives = [ct.ss([], [], [], [[-gain, -0.3]], **signals) for gain in (30.0, 60.0)]
-    found = bc.ramp_bound(family, bc.schedule(drives, [0.0, 4.0]), tolerance=0.3)
+    found = bc.analysis.ramp_bound(family, bc.schedule(drives, [0.0, 4.0]), tolerance=0.3)
     assert found.proved
     assert found.parameter == "hub_speed"
     assert 0.0 <= found.slack < 0.5
     assert found.rate >= 0.6 * found.at_most
-    beside = bc.ramp_bound(family, drives[0], "tip_mass", tolerance=0.3)
+    beside = bc.analysis.ramp_bound(family, drives[0], "tip_mass", tolerance=0.3)
     assert beside.parameter == "tip_mass"
     assert beside.proved
 
@@ -142,7 +142,9 @@ def test_the_certificate_is_of_the_loop_in_whatever_states_the_controller_is(see
     A, B, C = np.array([[0.0, 1.0], [-(omega**2), -omega]]), np.array([[0.0], [omega**2]]), np.array([[0.03, 0.0]])
     signals = {"inputs": "place", "outputs": "force"}
     given = ct.ss(A * scales / scales[:, None], B / scales[:, None], C * scales, 0.0, **signals)
-    found, plain = (bc.ramp_bound(family, each, tolerance=0.5) for each in (given, ct.ss(A, B, C, 0.0, **signals)))
+    found, plain = (
+        bc.analysis.ramp_bound(family, each, tolerance=0.5) for each in (given, ct.ss(A, B, C, 0.0, **signals))
+    )
     assert found.proved == plain.proved
     assert found.slack >= 0.0
 
@@ -150,7 +152,7 @@ def test_the_certificate_is_of_the_loop_in_whatever_states_the_controller_is(see
 def test_a_loop_that_is_unstable_says_where():
     family, *_ = springs(3)
     push = ct.ss([], [], [], [[100.0]], inputs="place", outputs="force")
-    found = bc.ramp_bound(family, push)
+    found = bc.analysis.ramp_bound(family, push)
     assert found.rate == 0.0
     assert found.unstable_at is not None
     assert "unstable at p" in found.render()
@@ -158,7 +160,7 @@ def test_a_loop_that_is_unstable_says_where():
 
 def test_a_grid_too_coarse_proves_nothing_and_says_so():
     family, *_ = springs(1, 1.0, 1, low=1e-5, high=1e-4)
-    found = bc.ramp_bound(family, _IDLE, max_cells=1)
+    found = bc.analysis.ramp_bound(family, _IDLE, max_cells=1)
     assert found.rate == 0.0
     assert "not proved for any change of p" in found.render()
 
@@ -176,4 +178,4 @@ def test_a_grid_too_coarse_proves_nothing_and_says_so():
 def test_bad_input_is_refused_by_name(change, message):
     given = {"family": springs()[0], "controller": _IDLE, **change}
     with pytest.raises(ValueError, match=message):
-        bc.ramp_bound(**given)
+        bc.analysis.ramp_bound(**given)

@@ -327,4 +327,4 @@ def test_what_is_for_continuous_time_says_so():
     family = bc.boom_family()
     K = control.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1, inputs="stroke_right", outputs="suspension_right")
     with pytest.raises(ValueError, match=r"^controller: expected continuous time, got a sampling time of 0.1 s"):
-        bc.structured_margin(family, K)
+        bc.analysis.structured_margin(family, K)

@@ -67,4 +67,4 @@ def test_what_a_sampled_box_cannot_be_is_refused():
     with pytest.raises(TypeError, match="family"):
         bc.robust_stability(None, damper(1.0))  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"boomctl.robust_stability and boomctl.worst_case have proofs"):
-        bc.structured_margin(family, damper(1.0))
+        bc.analysis.structured_margin(family, damper(1.0))

@@ -60,7 +60,7 @@ def finer(plant, K, late, count):
 @examples(60)
 def test_it_is_where_finer_and_finer_samples_go(seed):
     plant, K, late = random_loop(seed)
-    found = bc.sampled_norm(plant, K, outputs="z", delay=late)
+    found = bc.analysis.sampled_norm(plant, K, outputs="z", delay=late)
     assert found.upper <= found.lower * (1.0 + 1e-4)
     coarse, fine, finest = (finer(plant, K, late, count) for count in (8, 16, 32))
     # the error falls with the length of the finer samples, or its square: either way by at least half
@@ -82,8 +82,8 @@ def test_what_has_no_feedback_has_its_own_norm(seed):
         outputs=["z", "y"],
     )
     nothing = control.ss([], [], [], [[0.0]], _DT, inputs="y", outputs="u")
-    found = bc.sampled_norm(stable, nothing)
-    exact = bc.hinf_norm(bc.select_channels(stable, "w"))
+    found = bc.analysis.sampled_norm(stable, nothing)
+    exact = bc.hinf_norm(bc.synthesis.select_channels(stable, "w"))
     assert found.lower == pytest.approx(exact.lower, rel=1e-5)
     assert found.upper == pytest.approx(exact.upper, rel=1e-5)
 
@@ -92,12 +92,13 @@ def test_fast_samples_have_the_norm_of_the_continuous_loop_and_delay_costs():
     signals = {"inputs": ["load", "force"], "outputs": "place"}
     mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0]], 0.0, **signals)
     lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
-    continuous = bc.hinf_norm(bc.select_channels(bc.feedback_loop(mass, lead), "load", "place")).lower
-    norms = [bc.sampled_norm(mass, bc.discretize(lead, h)).lower for h in (0.02, 0.002)]
+    continuous = bc.hinf_norm(bc.synthesis.select_channels(bc.feedback_loop(mass, lead), "load", "place")).lower
+    norms = [bc.analysis.sampled_norm(mass, bc.discretize(lead, h)).lower for h in (0.02, 0.002)]
     assert norms[1] == pytest.approx(continuous, rel=2e-3)
     assert abs(norms[1] - continuous) < 0.2 * abs(norms[0] - continuous)
     late = [
-        bc.sampled_norm(mass, bc.discretize(lead, 0.02), delay=share * 0.02).lower for share in (0.0, 0.4, 1.0, 1.7)
+        bc.analysis.sampled_norm(mass, bc.discretize(lead, 0.02), delay=share * 0.02).lower
+        for share in (0.0, 0.4, 1.0, 1.7)
     ]
     assert late == sorted(late)
 
@@ -106,7 +107,7 @@ def test_fast_samples_have_the_norm_of_the_continuous_loop_and_delay_costs():
 def test_disturbances_tried_reach_no_more(seed):
     """Sinusoids that beat with the samples, run for a long time: none beats the bound, and the worst comes near."""
     plant, K, late = random_loop(seed)
-    found = bc.sampled_norm(plant, K, outputs="z", delay=late)
+    found = bc.analysis.sampled_norm(plant, K, outputs="z", delay=late)
     step, samples = _DT / 12, 200
     time = step * np.arange(12 * samples + 1)
     gains = []
@@ -125,7 +126,7 @@ def test_stiff_filters_and_many_parts_of_a_sample_do_no_harm():
     plant = control.ss(A, [[1.0, 1.0], [1e6, 0.0]], [[1.0, 0.0], [1.0, 0.0]], 0.0, **names)
     slow = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0], [1.0]], 0.0, **names)
     K = control.ss([], [], [], [[-0.5]], 1.0, inputs="y", outputs="u")
-    assert bc.sampled_norm(plant, K).lower == pytest.approx(bc.sampled_norm(slow, K).lower, rel=1e-6)
+    assert bc.analysis.sampled_norm(plant, K).lower == pytest.approx(bc.analysis.sampled_norm(slow, K).lower, rel=1e-6)
 
 
 def test_a_level_is_that_of_a_gain_in_closed_form():
@@ -141,35 +142,35 @@ def test_a_level_is_that_of_a_gain_in_closed_form():
     volterra = (np.tril(np.ones((count, count)), -1) + 0.5 * np.eye(count)) / count
     decay = np.outer(1.0 - middle, np.ones(count)) / count
     best = max(linalg.svdvals(volterra + np.exp(-1j * angle) * decay)[0] for angle in np.linspace(0.0, np.pi, 7))
-    assert bc.sampled_norm(plant, K).lower == pytest.approx(best, rel=1e-3)
+    assert bc.analysis.sampled_norm(plant, K).lower == pytest.approx(best, rel=1e-3)
 
 
 def test_controls_may_count_and_wrong_loops_are_refused():
     plant, K, late = random_loop(5)
-    both = bc.sampled_norm(plant, K, outputs=["z", "u"], delay=late).lower
-    each = [bc.sampled_norm(plant, K, outputs=name, delay=late).lower for name in ("z", "u")]
+    both = bc.analysis.sampled_norm(plant, K, outputs=["z", "u"], delay=late).lower
+    each = [bc.analysis.sampled_norm(plant, K, outputs=name, delay=late).lower for name in ("z", "u")]
     assert max(each) * (1.0 - 1e-6) <= both <= np.hypot(*each) * (1.0 + 1e-6)
     unstable = control.ss([], [], [], [[50.0]], _DT, inputs="y", outputs="u")
-    assert bc.sampled_norm(plant, unstable).lower == np.inf
+    assert bc.analysis.sampled_norm(plant, unstable).lower == np.inf
     with pytest.raises(ValueError, match=r"controller: expected a sampling time.*boomctl\.discretize"):
-        bc.sampled_norm(plant, control.ss([], [], [], [[1.0]], inputs="y", outputs="u"))
+        bc.analysis.sampled_norm(plant, control.ss([], [], [], [[1.0]], inputs="y", outputs="u"))
     with pytest.raises(ValueError, match="continuous time"):
-        bc.sampled_norm(bc.sample_plant(plant, _DT), K)
+        bc.analysis.sampled_norm(bc.analysis.sample_plant(plant, _DT), K)
     direct = control.ss(-1.0, [[1.0, 1.0]], [[1.0]], [[1.0, 0.0]], inputs=["w", "u"], outputs="y")
     with pytest.raises(ValueError, match="disturbance 'w' acts on measurement 'y' directly: expected a filter"):
-        bc.sampled_norm(direct, K)
+        bc.analysis.sampled_norm(direct, K)
     with pytest.raises(ValueError, match="unknown disturbance"):
-        bc.sampled_norm(plant, K, "u")
+        bc.analysis.sampled_norm(plant, K, "u")
 
 
 @given(st.integers(0, 10**6), st.sampled_from(_LATE))
 @examples(20)
 def test_a_sampled_plant_is_the_one_that_a_sampled_controller_sees(seed, late):
     plant, K, _ = random_loop(seed)
-    seen = bc.sample_plant(plant, _DT, "u", delay=late * _DT)
+    seen = bc.analysis.sample_plant(plant, _DT, "u", delay=late * _DT)
     loop, same = bc.feedback_loop(plant, K, delay=late * _DT), bc.feedback_loop(seen, K)
     assert np.sort_complex(loop.poles()) == pytest.approx(np.sort_complex(same.poles()), abs=1e-9)
     assert bc.hinf_norm(loop).lower == pytest.approx(bc.hinf_norm(same).lower, rel=1e-9)
     assert seen.output_labels == plant.output_labels
     with pytest.raises(ValueError, match="at most 1000 samples"):
-        bc.sample_plant(plant, 1e-3, delay=2.0)
+        bc.analysis.sample_plant(plant, 1e-3, delay=2.0)

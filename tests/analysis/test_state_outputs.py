@@ -77,7 +77,7 @@ def test_the_loop_of_a_regulator_is_that_written_by_hand(dt, seed):
     assert loop.input_labels == ["w"]
     assert loop.output_labels == ["y0", "y1", "x_0", "x_1", "x_2", "x_3", *controls]
     assert loop.C[-2:] == pytest.approx(-design.gain)
-    assert bc.hinf_norm(bc.select_channels(loop, outputs=["y0", "y1"])).lower == pytest.approx(
+    assert bc.hinf_norm(bc.synthesis.select_channels(loop, outputs=["y0", "y1"])).lower == pytest.approx(
         bc.hinf_norm(design.closed_loop).lower, rel=1e-8
     )
 

@@ -28,8 +28,8 @@ def written(folder, text, name="motion.csv"):
 @examples(30)
 def test_a_motion_written_is_the_motion_read(tmp_path_factory, moved, step, start, distance, given_again):
     path = tmp_path_factory.mktemp("motion") / "motion.csv"
-    motion = bc.PlatformMotion(start + step * np.arange(9), *moved, distance)
-    bc.write_motion(path, motion)
+    motion = bc.boom.PlatformMotion(start + step * np.arange(9), *moved, distance)
+    bc.boom.write_motion(path, motion)
     found = bc.read_motion(path, distance) if given_again else bc.read_motion(path)
     assert found.actuator_distance == distance
     for name in ("time", "left", "right", "yaw"):
@@ -40,12 +40,12 @@ def test_a_motion_written_is_the_motion_read(tmp_path_factory, moved, step, star
     "motion",
     [
         bc.sine_sweep(1.0, 2.0, 1.0, 0.01, "yaw", actuator_distance=3.3),
-        bc.PlatformMotion([0, 1, 2], [0, 0, 0], [0, 1, 2], np.float32(3.3)),
-        bc.PlatformMotion([0, 1, 2], [0, 0, 0], [0, 1, 2], 3),
+        bc.boom.PlatformMotion([0, 1, 2], [0, 0, 0], [0, 1, 2], np.float32(3.3)),
+        bc.boom.PlatformMotion([0, 1, 2], [0, 0, 0], [0, 1, 2], 3),
     ],
 )
 def test_the_yaw_of_a_motion_that_is_not_of_the_usual_tractor_is_kept(tmp_path, motion):
-    bc.write_motion(tmp_path / "m.csv", motion)
+    bc.boom.write_motion(tmp_path / "m.csv", motion)
     found = bc.read_motion(tmp_path / "m.csv")
     assert found.actuator_distance == motion.actuator_distance
     assert (found.yaw == motion.yaw).all()
@@ -153,7 +153,7 @@ def test_what_cannot_be_written_leaves_what_was_there(tmp_path, monkeypatch):
 
     monkeypatch.setattr("os.replace", broken)
     with pytest.raises(OSError, match="disk full"):
-        bc.write_motion(path, motion)
+        bc.boom.write_motion(path, motion)
     assert path.read_text() == "precious"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -196,9 +196,9 @@ def test_a_sweep_that_cannot_be_is_refused(arguments, message):
 
 def test_a_motion_with_a_gap_is_refused_in_memory_too():
     with pytest.raises(ValueError, match=r"time\[3\] = 9: a gap"):
-        bc.PlatformMotion([0.0, 1.0, 2.0, 9.0], np.zeros(4), np.zeros(4))
+        bc.boom.PlatformMotion([0.0, 1.0, 2.0, 9.0], np.zeros(4), np.zeros(4))
     with pytest.raises(ValueError, match="equally many, got 4, 3 and 4"):
-        bc.PlatformMotion(np.arange(4.0), np.zeros(3), np.zeros(4))
+        bc.boom.PlatformMotion(np.arange(4.0), np.zeros(3), np.zeros(4))
 
 
 def test_a_quotation_mark_in_a_comment_swallows_no_samples(tmp_path):
@@ -228,4 +228,4 @@ def test_a_sweep_shorter_than_a_sample_or_longer_than_memory_is_refused():
     with pytest.raises(ValueError, match=r"duration = 1e.12: expected at most 5e.07 steps of 0.001 s"):
         bc.sine_sweep(1.0, 1.0, 1e12, 1.0)
     with pytest.raises(TypeError, match="motion: expected PlatformMotion, got NoneType"):
-        bc.write_motion("x.csv", None)
+        bc.boom.write_motion("x.csv", None)

@@ -11,7 +11,7 @@ from tests.profiles import examples
 from tests.strategies import seeds
 
 X = bc.nozzle_positions()
-LINE = bc.Footprint(1.0, 0.0)
+LINE = bc.boom.Footprint(1.0, 0.0)
 
 
 def sine(k, speed=2.0, frequency_hz=0.5, duration=40.0, step=1e-3):
@@ -36,7 +36,7 @@ def test_all_that_was_sprayed_lies_on_the_ground(seed, size, thickness, shape):
     t, moved = 0.02 * np.arange(401), wandering(rng, 6, 401, size)
     x = 0.5 * np.arange(6) - 1.25
     cell = (float(rng.uniform(0.05, 0.4)), float(rng.uniform(0.03, 0.3)))
-    footprint = bc.Footprint(float(rng.uniform(0.2, 1.5)), thickness, shape)
+    footprint = bc.boom.Footprint(float(rng.uniform(0.2, 1.5)), thickness, shape)
     assume(np.ptp(moved) < 10.0)
     result = bc.spray_deposit(t, moved, x, 3.0, footprint=footprint, cell=cell)
     area = np.outer(np.diff(result.x_edges), np.diff(result.y_edges))
@@ -93,7 +93,7 @@ def test_small_motion_varies_by_its_speed_over_the_driving_speed(seed, speed, k)
     rate *= k * speed / rate.std()
     moved = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * 0.01)])
     result = bc.spray_deposit(
-        t, np.ones((24, 1)) * moved, X, speed, cell=(0.5, 0.02), footprint=bc.Footprint(1.0, 0.02)
+        t, np.ones((24, 1)) * moved, X, speed, cell=(0.5, 0.02), footprint=bc.boom.Footprint(1.0, 0.02)
     )
     inside = (t * speed > result.y_edges[result.y_judged.start]) & (t * speed < result.y_edges[result.y_judged.stop])
     assert result.cv == pytest.approx(rate[inside].std() / speed, rel=0.05)
@@ -145,18 +145,18 @@ def test_the_same_motion_twice_as_fast_and_far_leaves_the_same_field():
 def test_a_thick_footprint_and_a_large_cell_even_out():
     t, moved = sine(0.5, frequency_hz=4.0, duration=20.0, step=4e-3)
     values = [
-        bc.spray_deposit(t, moved, X, 2.0, footprint=bc.Footprint(1.0, thickness), cell=(0.5, cell)).cv
+        bc.spray_deposit(t, moved, X, 2.0, footprint=bc.boom.Footprint(1.0, thickness), cell=(0.5, cell)).cv
         for thickness, cell in ((0.0, 0.01), (0.1, 0.01), (0.1, 0.1), (0.3, 0.1), (0.3, 0.5))
     ]
     assert (np.diff(values) < 0.0).all()
-    period = bc.spray_deposit(t, moved, X, 2.0, footprint=bc.Footprint(1.0, 0.5), cell=(0.5, 0.01))
+    period = bc.spray_deposit(t, moved, X, 2.0, footprint=bc.boom.Footprint(1.0, 0.5), cell=(0.5, 0.01))
     assert period.cv < 1e-3
 
 
 @pytest.mark.parametrize("shape", ["triangle", "box"])
 def test_the_footprint_is_what_it_says(shape):
     """Share left of a place, against the density integrated."""
-    footprint = bc.Footprint(0.8, 0.1, shape)
+    footprint = bc.boom.Footprint(0.8, 0.1, shape)
     s = np.linspace(-0.6, 0.6, 4001)
     density = np.where(np.abs(s) < 0.4, 1.0 / 0.8 if shape == "box" else (1 - np.abs(s) / 0.4) / 0.4, 0.0)
     share = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(s))])
@@ -175,7 +175,7 @@ def test_a_straight_boom_between_tips_is_one_with_every_nozzle_given():
 def test_jolt_and_yaw_apart_add_up_to_the_motion():
     rng = np.random.default_rng(2)
     moved = wandering(rng, 24, 801, 0.03)
-    jolt, yaw = bc.split_motion(moved, X)
+    jolt, yaw = bc.boom.split_motion(moved, X)
     assert jolt + yaw == pytest.approx(moved)
     assert jolt == pytest.approx(jolt[::-1])
     assert yaw == pytest.approx(-yaw[::-1])
@@ -184,7 +184,7 @@ def test_jolt_and_yaw_apart_add_up_to_the_motion():
     assert of_jolt.cv == pytest.approx(total.cv)
     assert of_yaw.cv == pytest.approx(0.0, abs=1e-9)
     with pytest.raises(ValueError, match="symmetrically about x = 0"):
-        bc.split_motion(moved, X + 0.1)
+        bc.boom.split_motion(moved, X + 0.1)
 
 
 def test_small_jolt_and_yaw_vary_independently():
@@ -290,11 +290,11 @@ def test_a_run_that_cannot_be_is_refused(arguments, error, message):
 
 def test_a_footprint_that_cannot_be_is_refused():
     with pytest.raises(ValueError, match="width = -1"):
-        bc.Footprint(width=-1.0)
+        bc.boom.Footprint(width=-1.0)
     with pytest.raises(ValueError, match="thickness = nan"):
-        bc.Footprint(thickness=np.nan)
+        bc.boom.Footprint(thickness=np.nan)
     with pytest.raises(ValueError, match="unknown shape 'cone'"):
-        bc.Footprint(shape="cone")
+        bc.boom.Footprint(shape="cone")
     with pytest.raises(ValueError, match="spacing = 20: expected at most the boom's length"):
         bc.nozzle_positions(12.0, 20.0)
 
@@ -303,7 +303,7 @@ def test_a_footprint_that_cannot_be_is_refused():
 @pytest.mark.parametrize("shape", ["triangle", "box"])
 def test_cells_are_judged_only_where_all_neighbours_spray(width, shape):
     """One nozzle more at each end changes nothing there, however wide the footprint."""
-    t, footprint = 0.01 * np.arange(1001), bc.Footprint(width, 0.1, shape)
+    t, footprint = 0.01 * np.arange(1001), bc.boom.Footprint(width, 0.1, shape)
     found = bc.spray_deposit(t, np.zeros((24, 1001)), X, 2.5, footprint=footprint)
     longer = np.r_[X[0] - 0.5, X, X[-1] + 0.5]
     more = bc.spray_deposit(t, np.zeros((26, 1001)), longer, 2.5, footprint=footprint)
@@ -316,13 +316,13 @@ def test_cells_are_judged_only_where_all_neighbours_spray(width, shape):
 def test_a_footprint_too_wide_for_any_cell_to_be_judged_is_refused():
     t = 0.01 * np.arange(1001)
     with pytest.raises(ValueError, match=r"footprint: no cell of 0.1 m between the nozzles"):
-        bc.spray_deposit(t, np.zeros((24, 1001)), X, 2.5, footprint=bc.Footprint(14.0))
+        bc.spray_deposit(t, np.zeros((24, 1001)), X, 2.5, footprint=bc.boom.Footprint(14.0))
 
 
 def test_a_thick_footprint_on_fine_cells_is_done_in_portions(monkeypatch):
     t, moved = 0.01 * np.arange(301), wandering(np.random.default_rng(3), 24, 301, 0.1)
     arguments = (t, moved, X, 2.0)
-    options = {"footprint": bc.Footprint(1.0, 1.0), "cell": (0.5, 0.01)}
+    options = {"footprint": bc.boom.Footprint(1.0, 1.0), "cell": (0.5, 0.01)}
     whole = bc.spray_deposit(*arguments, **options).deposit
     monkeypatch.setattr("boomctl.boom.spray._PORTION", 500)
     assert bc.spray_deposit(*arguments, **options).deposit == pytest.approx(whole, abs=1e-12)
@@ -334,8 +334,8 @@ def test_a_thick_footprint_on_fine_cells_is_done_in_portions(monkeypatch):
         ({"footprint": 0.5}, TypeError, "footprint: expected Footprint, got float"),
         ({"cell": (0.1,)}, ValueError, "cell = .0.1,.: expected one size, or that along the boom"),
         ({"cell": (1e-9, 0.1)}, ValueError, "too much for cells of 1e-09 by 0.1 m"),
-        ({"footprint": bc.Footprint(1.0, 1e9)}, ValueError, "too much for cells of 0.1 by 0.1 m"),
-        ({"footprint": bc.Footprint(1e12)}, ValueError, "too much for cells of 0.1 by 0.1 m"),
+        ({"footprint": bc.boom.Footprint(1.0, 1e9)}, ValueError, "too much for cells of 0.1 by 0.1 m"),
+        ({"footprint": bc.boom.Footprint(1e12)}, ValueError, "too much for cells of 0.1 by 0.1 m"),
     ],
 )
 def test_sizes_that_memory_does_not_hold_are_refused(arguments, error, message):

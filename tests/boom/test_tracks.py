@@ -212,12 +212,12 @@ def test_a_periodic_track_goes_round_and_runs_straight_between_points():
 
 
 def test_a_bump_is_where_it_should_be():
-    track = bc.bump_track(0.08, 0.4, "right", position=3.0, length=10.0)
+    track = bc.boom.bump_track(0.08, 0.4, "right", position=3.0, length=10.0)
     assert np.abs(track.left).max() == 0.0
     assert track.right.max() == pytest.approx(0.08)
     assert track.distance[track.right.argmax()] == pytest.approx(3.2)
     assert track.step * track.right.sum() == pytest.approx(0.5 * 0.08 * 0.4)
-    assert (bc.bump_track(0.08, 0.4, "both").left == bc.bump_track(0.08, 0.4, "left").left).all()
+    assert (bc.boom.bump_track(0.08, 0.4, "both").left == bc.boom.bump_track(0.08, 0.4, "left").left).all()
 
 
 @pytest.mark.parametrize(
@@ -258,30 +258,30 @@ def test_a_track_that_cannot_be_is_refused(arguments, error, message):
 
 def test_a_bump_that_cannot_be_is_refused():
     with pytest.raises(ValueError, match=r"position = 49\.9: expected the bump to end before the track does"):
-        bc.bump_track(0.1, 0.4, position=49.9)
+        bc.boom.bump_track(0.1, 0.4, position=49.9)
     with pytest.raises(ValueError, match=r"bump_length = 0\.01: expected at least ten steps"):
-        bc.bump_track(0.1, 0.01)
+        bc.boom.bump_track(0.1, 0.01)
     with pytest.raises(ValueError, match="unknown side 'middle'"):
-        bc.bump_track(0.1, 0.4, "middle")
+        bc.boom.bump_track(0.1, 0.4, "middle")
 
 
 def test_heights_of_a_track_are_finite_and_equally_many():
     with pytest.raises(ValueError, match="left: expected finite numbers, got nan at"):
-        bc.Track(0.1, np.array([0.0, np.nan]), np.zeros(2), 1.8)
+        bc.boom.Track(0.1, np.array([0.0, np.nan]), np.zeros(2), 1.8)
     with pytest.raises(ValueError, match="equally many, got 3 and 2"):
-        bc.Track(0.1, np.zeros(3), np.zeros(2), 1.8)
+        bc.boom.Track(0.1, np.zeros(3), np.zeros(2), 1.8)
 
 
 @pytest.mark.parametrize("band", [0.5, None, "ab", (0.01,), (0.01, 1.0, 2.0), (np.nan, 1.0), (0.01, np.inf)])
 def test_a_band_that_is_none_is_refused_for_tracks_and_densities(band):
-    for call in (lambda: bc.iso_track("C", 50.0, band=band), lambda: bc.platform_density([1.0], band=band)):
+    for call in (lambda: bc.iso_track("C", 50.0, band=band), lambda: bc.boom.platform_density([1.0], band=band)):
         with pytest.raises((TypeError, ValueError), match=r"band = .*expected two wave numbers"):
             call()
 
 
 def test_the_same_density_is_asked_for_with_the_band_reversed():
     with pytest.raises(ValueError, match="expected the lower wave number first"):
-        bc.platform_density([1.0], band=(3.0, 0.01))
+        bc.boom.platform_density([1.0], band=(3.0, 0.01))
 
 
 def test_a_track_that_goes_round_may_be_longer_than_a_ground():
@@ -294,6 +294,6 @@ def test_tracks_that_memory_does_not_hold_are_refused():
     with pytest.raises(ValueError, match=r"length = 1e\+12: expected at most 5e\+07 steps of 0.02 m"):
         bc.iso_track("C", 1e12)
     with pytest.raises(ValueError, match="length = 50: expected at most"):
-        bc.bump_track(0.1, 0.4, step=1e-12)
+        bc.boom.bump_track(0.1, 0.4, step=1e-12)
     with pytest.raises(TypeError, match="periodic = nan: expected True or False"):
-        bc.Track(0.1, [0.0, 1.0], [0.0, 1.0], 1.8, periodic=np.nan)
+        bc.boom.Track(0.1, [0.0, 1.0], [0.0, 1.0], 1.8, periodic=np.nan)

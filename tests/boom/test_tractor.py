@@ -13,7 +13,7 @@ from boomctl.boom.track_filter import _log_slopes, _magnitude
 from boomctl.boom.tractor import GRAVITY
 from tests.profiles import examples
 
-P = bc.TractorParameters()
+P = bc.boom.TractorParameters()
 SPEEDS = st.floats(0.5, 6.0)
 
 
@@ -29,7 +29,7 @@ def tractors(draw):
 def test_forces_on_the_body_are_mass_times_acceleration(p, speed, omega):
     """Wheel by wheel, from heights felt and motion of the hubs, as one would write them on paper."""
     s, ground = 1j * omega, np.array([0.3, -0.7, 1.1, 0.4])
-    system = bc.tractor_system(p, speed)
+    system = bc.boom.tractor_system(p, speed)
     X = np.linalg.solve(s * np.eye(18) - system.A, system.B @ ground)
     x, z, pitch, roll, yaw = X[:5]
     felt = ground / (1 + s * p.contact_length / (2 * np.sqrt(6) * speed)) ** 2
@@ -68,7 +68,7 @@ def test_forces_on_the_body_are_mass_times_acceleration(p, speed, omega):
 @given(tractors(), SPEEDS)
 @examples(25)
 def test_the_tractor_is_stable_and_raised_ground_moves_no_boom(p, speed):
-    system = bc.tractor_system(p, speed)
+    system = bc.boom.tractor_system(p, speed)
     assert np.linalg.eigvals(system.A).real.max() < 0.0
     static = -system.C @ np.linalg.solve(system.A, system.B)
     assert np.abs(static.sum(axis=1)).max() < 1e-9 * np.abs(static).max()
@@ -79,7 +79,7 @@ def test_the_tractor_is_stable_and_raised_ground_moves_no_boom(p, speed):
 def test_uphill_the_tractor_hangs_back_by_its_weight_over_the_drives_stiffness():
     slope, step = 0.05, 0.01
     heights = slope * step * np.arange(6001)
-    track = bc.Track(step, heights, heights, P.track_width)
+    track = bc.boom.Track(step, heights, heights, P.track_width)
     motion = bc.platform_motion(track, P, 2.0)
     pitched = -(P.boom_height - P.hub_height) * slope
     assert motion.jolt[0] == pytest.approx(pitched)
@@ -100,7 +100,7 @@ def test_a_tractor_on_the_mirrored_track_does_the_mirrored_motion():
 
 def test_a_stone_under_the_left_wheels_turns_the_left_side_back():
     """It holds the left side back when met, and lets go behind its top; front wheels first, rear ones a wheelbase later."""
-    motion = bc.platform_motion(bc.bump_track(0.1, 0.5, "left", position=8.0, length=40.0), P, 2.0)
+    motion = bc.platform_motion(bc.boom.bump_track(0.1, 0.5, "left", position=8.0, length=40.0), P, 2.0)
     met, again = (8.0 - P.wheelbase) / 2.0, 8.0 / 2.0
     before = motion.time < met - 0.01
     assert np.abs(motion.left[before]).max() < 1e-9
@@ -115,10 +115,10 @@ def test_without_steering_a_step_under_one_side_turns_the_heading_for_good():
     free, rise = replace(P, steering_corner_hz=0.0), 0.1
     s = np.clip((0.01 * np.arange(4001) - 8.0) / 0.5, 0.0, 1.0)
     left = rise * (s - np.sin(2 * np.pi * s) / (2 * np.pi))
-    motion = bc.platform_motion(bc.Track(0.01, left, 0.0 * left, P.track_width), free, 2.0)
+    motion = bc.platform_motion(bc.boom.Track(0.01, left, 0.0 * left, P.track_width), free, 2.0)
     impulse = 0.5 * P.track_width * 0.5 * P.mass * GRAVITY * rise / 2.0
     assert motion.yaw[-1] == pytest.approx(impulse / P.yaw_damping(2.0), rel=1e-4)
-    over = bc.platform_motion(bc.bump_track(0.1, 0.5), free, 2.0)
+    over = bc.platform_motion(bc.boom.bump_track(0.1, 0.5), free, 2.0)
     assert abs(over.yaw[-1]) < 1e-4 * np.abs(over.yaw).max()
 
 
@@ -139,7 +139,7 @@ def test_on_a_periodic_track_each_harmonic_is_the_frequency_response_to_it():
     ground = np.array([np.fft.rfft(side)[k] for side in (track.left, track.right)]) * np.sinc(k / count) ** 2
     omega = 2 * np.pi * k * speed / track.length
     ahead = np.exp(1j * omega * P.wheelbase / speed)
-    H = bc.tractor_system(P, speed)(1j * omega, squeeze=False)
+    H = bc.boom.tractor_system(P, speed)(1j * omega, squeeze=False)
     expected = np.einsum("oik,ik->ok", H, np.vstack([ground * ahead, ground]))
     found = np.array([np.fft.rfft(side[:-1])[k] for side in (motion.left, motion.right)])
     assert np.abs(found - expected).max() < 2e-4 * np.abs(expected).max()
@@ -163,7 +163,7 @@ def test_the_density_is_that_of_the_motions(periodic):
     found = np.array(squares).reshape(-1, 4)
     spacing = 2.5 / 200.0 if periodic else 2.5 / 4000.0
     f = spacing * np.arange(1, round(8.75 / spacing))
-    density = bc.platform_density(f, P, 2.5, "D")
+    density = bc.boom.platform_density(f, P, 2.5, "D")
     expected = [
         np.sum(item * weight) * f[0]
         for item in (density.jolt, density.difference)
@@ -191,8 +191,8 @@ def smoothed(f, density, grid):
 def test_the_filter_has_the_density_of_the_motion(speed):
     """A third of an octave wide: within 2 dB (RMS over the band); RMS velocity within 5, displacement within 10 %."""
     f, grid = np.geomspace(0.025, 9.0, 6000), np.geomspace(0.05, 5.0, 80)
-    exact = bc.platform_density(f, P, speed, "D", band=(1e-6, 1e3))
-    found = densities(bc.track_filter(P, speed, "D"), f)
+    exact = bc.boom.platform_density(f, P, speed, "D", band=(1e-6, 1e3))
+    found = densities(bc.boom.track_filter(P, speed, "D"), f)
     for ours, true in zip(found, (exact.jolt, exact.difference), strict=True):
         decibel = 10.0 * np.log10(smoothed(f, ours, grid) / smoothed(f, true, grid))
         assert np.sqrt(np.mean(decibel**2)) < 2.0
@@ -202,7 +202,7 @@ def test_the_filter_has_the_density_of_the_motion(speed):
 
 
 def test_the_filter_is_a_small_stable_named_system():
-    system = bc.track_filter()
+    system = bc.boom.track_filter()
     assert system.nstates == 12
     assert system.input_labels == ["track_jolt", "track_yaw"]
     assert system.output_labels == ["actuator_left", "actuator_right"]
@@ -219,9 +219,9 @@ def test_the_filter_is_a_small_stable_named_system():
 
 def test_a_class_up_is_twice_the_filter_and_tracks_alike_do_not_yaw():
     f = np.geomspace(0.05, 5.0, 50)
-    low, high = (bc.track_filter(P, 2.5, road_class) for road_class in "CD")
+    low, high = (bc.boom.track_filter(P, 2.5, road_class) for road_class in "CD")
     assert np.array(densities(high, f)) == pytest.approx(4.0 * np.array(densities(low, f)), rel=1e-3)
-    even = bc.track_filter(P, 2.5, "D", coherence="full")
+    even = bc.boom.track_filter(P, 2.5, "D", coherence="full")
     assert densities(even, f)[1].max() < 1e-12 * densities(even, f)[0].max()
 
 
@@ -237,10 +237,10 @@ def test_a_parameter_that_cannot_be_is_refused(name):
 def test_parameters_come_from_a_file(tmp_path):
     path = tmp_path / "tractor.toml"
     path.write_text("mass = 8000.0\ntrack_width = 2\n")
-    assert bc.TractorParameters.from_toml(path) == replace(P, mass=8000.0, track_width=2.0)
+    assert bc.boom.TractorParameters.from_toml(path) == replace(P, mass=8000.0, track_width=2.0)
     path.write_text("mas = 8000.0\n")
     with pytest.raises(ValueError, match=r"tractor.toml: unknown key 'mas'; did you mean 'mass'"):
-        bc.TractorParameters.from_toml(path)
+        bc.boom.TractorParameters.from_toml(path)
 
 
 def test_a_drive_that_cannot_be_is_refused():
@@ -254,17 +254,17 @@ def test_a_drive_that_cannot_be_is_refused():
     with pytest.raises(TypeError, match="tractor: expected TractorParameters, got dict"):
         bc.platform_motion(track, {})
     with pytest.raises(ValueError, match=r"duration = 30: expected at most .* s, where the track ends"):
-        bc.platform_motion(bc.bump_track(0.1, 0.4), P, 2.5, duration=30.0)
+        bc.platform_motion(bc.boom.bump_track(0.1, 0.4), P, 2.5, duration=30.0)
     with pytest.raises(ValueError, match="shorter than the wheelbase"):
-        bc.platform_motion(bc.bump_track(0.1, 0.4, position=1.0, length=2.0), P, 2.5)
+        bc.platform_motion(bc.boom.bump_track(0.1, 0.4, position=1.0, length=2.0), P, 2.5)
     with pytest.raises(ValueError, match="sample_time = 100: expected less than the duration"):
         bc.platform_motion(track, P, 2.5, sample_time=100.0)
     with pytest.raises(ValueError, match=r"sample_time = 0\.1: expected at most 0\.04 s"):
         bc.platform_motion(track, P, 2.5, sample_time=0.1)
     with pytest.raises(ValueError, match="freq_hz: expected frequencies above zero"):
-        bc.platform_density([0.0, 1.0])
+        bc.boom.platform_density([0.0, 1.0])
     with pytest.raises(ValueError, match="sections = 0"):
-        bc.track_filter(sections=0)
+        bc.boom.track_filter(sections=0)
 
 
 def test_slow_steering_costs_no_more_rounds_and_leaves_a_motion_that_repeats():
@@ -294,7 +294,7 @@ def test_what_is_no_track_and_what_is_beyond_numbers_is_refused():
         bc.platform_motion(None)
     with pytest.raises(ValueError, match=r"duration = .*: expected at most 5e.07 steps of 1e-12 s"):
         bc.platform_motion(bc.iso_track("C", 40.0), sample_time=1e-12)
-    for call in (bc.platform_density, lambda f, **options: bc.track_filter(**options)):
+    for call in (bc.boom.platform_density, lambda f, **options: bc.boom.track_filter(**options)):
         with pytest.raises(ValueError, match=r"speed = 1e.300: expected a number of at most 1e.100 in size"):
             call([1.0], speed=1e300)
         with pytest.raises(ValueError, match=r"actuator_distance = 1e.300: expected a number of at most"):
@@ -315,10 +315,10 @@ def test_the_slopes_of_the_fit_are_those_of_its_magnitude(sections):
 @pytest.mark.slow
 def test_a_filter_of_many_sections_follows_the_density_better():
     f = np.geomspace(0.1, 4.0, 300)
-    exact = bc.platform_density(f, speed=2.5, band=(1e-9, 1e9)).jolt
+    exact = bc.boom.platform_density(f, speed=2.5, band=(1e-9, 1e9)).jolt
     errors = []
     for sections in (3, 10):
-        system = bc.track_filter(sections=sections)
+        system = bc.boom.track_filter(sections=sections)
         response = np.asarray(system(2j * np.pi * f, squeeze=False))
         found = 2.0 * np.abs(0.5 * (response[0, 0] + response[1, 0])) ** 2
         errors.append(np.abs(np.log(found / exact)).mean())

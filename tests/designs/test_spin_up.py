@@ -86,9 +86,9 @@ def test_bad_input_is_refused_by_name(change, error, message):
     design = judged(1).design
     words = ("name", "title", "beam", "drive", "tip_mass", "final_speed", "duration")
     with pytest.raises(error, match=message):
-        bc.SpinUpDesign(**{word: getattr(design, word) for word in words} | change)
+        bc.studies.SpinUpDesign(**{word: getattr(design, word) for word in words} | change)
 
 
 def test_a_scene_is_refused():
     with pytest.raises(ValueError, match="expected none for a spin-up"):
-        bc.SpinUpDesign.scene(speed=3.0)
+        bc.studies.SpinUpDesign.scene(speed=3.0)

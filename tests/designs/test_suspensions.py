@@ -216,7 +216,7 @@ def test_a_discrete_controller_runs_at_its_own_sampling_time():
     found = performance("slow damper", scene, BoomParameters(), damper, delay=0.013)
     assert (found.run.sample_time, found.run.delay) == (0.02, 0.013)
     loop = bc.feedback_loop(suspension_model(elements=6, nozzles=True), damper, delay=0.013)
-    between = bc.select_channels(loop, list(ACTUATORS), list(TIPS))
+    between = bc.synthesis.select_channels(loop, list(ACTUATORS), list(TIPS))
     assert found.sampled
     assert found.sigma.peak == pytest.approx(bc.hinf_norm(between).lower, rel=1e-6)
     assert found.sigma.omega.max() <= np.pi / 0.02
@@ -320,5 +320,7 @@ def test_a_second_state_for_the_yaw_is_worth_its_force():
     assert [each.upper_bound for each in worst] == pytest.approx([25.78, 13.18], rel=5e-3)
     assert all(each.norm.lower <= each.upper_bound <= each.norm.lower * 1.001001 for each in worst)
     assert worst[1].norm.lower <= two.gamma * 1.002
-    force = bc.select_channels(bc.feedback_loop(half.centre, two.controller), ["actuator_anti"], ["suspension_anti"])
+    force = bc.synthesis.select_channels(
+        bc.feedback_loop(half.centre, two.controller), ["actuator_anti"], ["suspension_anti"]
+    )
     assert bc.hinf_norm(force).lower <= two.gamma * FORCE / PEAK * 1.002

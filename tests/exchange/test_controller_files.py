@@ -61,7 +61,7 @@ def test_a_result_is_written_with_its_certificate(tmp_path):
     design = bc.lqg(plant, np.eye(2), 1.0, np.eye(2), 0.1)
     bc.write_controller(design, tmp_path / "lqg.json", provenance={"plant": "a mass"})
     assert same(bc.read_controller(tmp_path / "lqg.json"), design.controller)
-    notes = bc.read_controller_notes(tmp_path / "lqg.json")
+    notes = bc.exchange.read_controller_notes(tmp_path / "lqg.json")
     assert notes.units == {"tip": "m", "torque": "N m"}
     assert notes.certificate["least_norm"] == pytest.approx(design.certificate.least_norm)
     assert notes.certificate["regulator"]["abscissa"] < 0.0

@@ -66,12 +66,12 @@ RESULTS = {
     "Margins": lambda: bc.margins(one.yaw(), one.suspension()),
     "LoopMargin": lambda: bc.margins(one.yaw(), one.suspension())["stroke_anti"],
     "ReductionResult": lambda: bc.reduce(one.boom().select(*ENDS), order=10),
-    "RecoveryResult": lambda: bc.loop_transfer_recovery(
+    "RecoveryResult": lambda: bc.synthesis.loop_transfer_recovery(
         one.mass(), np.eye(2), 1.0, np.eye(2), 1.0, strengths=[1.0, 100.0], band=(0.1, 10.0)
     ),
     "LoopResult": one.loop,
     "ForcedResponse": lambda: bc.forced_response(one.mass(), {"force": np.ones(50)}, np.linspace(0.0, 5.0, 50)),
-    "SineResponse": lambda: bc.describing_function(
+    "SineResponse": lambda: bc.simulation.describing_function(
         one.boom(), bc.CoulombFriction(8.0), one.OMEGA, "actuator_left", 0.01, ["tip_left"]
     ),
     "SimulationResult": lambda: one.hub_beam().simulate(bc.spin_up(0.5, 5.0), np.linspace(0.0, 6.0, 50)),
@@ -79,7 +79,7 @@ RESULTS = {
     "SweepResult": lambda: bc.sweep(lambda x: {"square": x**2}, {"x": [1.0, 2.0, 3.0]}),
     "Track": one.track,
     "PlatformMotion": one.motion,
-    "PlatformDensity": lambda: bc.platform_density(np.geomspace(0.1, 10.0, 20)),
+    "PlatformDensity": lambda: bc.boom.platform_density(np.geomspace(0.1, 10.0, 20)),
     "SlewResult": one.slew,
     "TorqueHistory": lambda: one.slew().history,
     "SlewComparison": a_comparison,
@@ -238,7 +238,7 @@ def test_a_part_of_a_figure_is_divided():
 def test_pictures_in_threads_warn_of_nothing_and_leave_the_settings_alone():
     before, tracks = (
         dict(mpl.rcParams),
-        [bc.bump_track(0.1, 1.0 + seed, length=50.0) for seed in range(24)],
+        [bc.boom.bump_track(0.1, 1.0 + seed, length=50.0) for seed in range(24)],
     )  # 20 of pyplot would warn
     with warnings.catch_warnings():
         warnings.simplefilter("error")

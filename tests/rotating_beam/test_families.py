@@ -149,7 +149,7 @@ def test_an_unstable_stretch_of_a_schedule_is_found():
 
 def test_margin_and_worst_case_of_a_scheduled_drive():
     family, drive = _beam().family((1.0, 3.0)), _drive()
-    margin = bc.structured_margin(family, drive, largest=1.5)
+    margin = bc.analysis.structured_margin(family, drive, largest=1.5)
     assert margin.stable_up_to == 1.5
     worst = bc.worst_case(family, drive, "tip_force", "tip_displacement")
     speed = worst.values["hub_speed"]

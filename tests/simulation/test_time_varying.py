@@ -16,7 +16,7 @@ def _repeated(count, scale=None):
     A, B, C, D = (np.repeat(np.asarray(each)[None], count, axis=0) for each in (_LAW.A, _LAW.B, _LAW.C, _LAW.D))
     if scale is not None:
         C, D = C * scale[:, None, None], D * scale[:, None, None]
-    return bc.TimeVaryingController(A, B, C, D, *_NAMES, sample_time=_TS)
+    return bc.simulation.TimeVaryingController(A, B, C, D, *_NAMES, sample_time=_TS)
 
 
 def _plants():
@@ -52,11 +52,11 @@ def test_each_sample_has_its_own_matrices_and_the_last_stay(kind):
 def test_what_does_not_fit_is_refused():
     good = _repeated(3)
     with pytest.raises(ValueError, match=r"B has shape \(3, 1, 1\); expected \(3, 1, 2\)"):
-        bc.TimeVaryingController(good.A, good.B[:, :, :1], good.C, good.D, *_NAMES, sample_time=_TS)
+        bc.simulation.TimeVaryingController(good.A, good.B[:, :, :1], good.C, good.D, *_NAMES, sample_time=_TS)
     with pytest.raises(ValueError, match="A: expected 3 dimension"):
-        bc.TimeVaryingController(good.A[0], good.B, good.C, good.D, *_NAMES, sample_time=_TS)
+        bc.simulation.TimeVaryingController(good.A[0], good.B, good.C, good.D, *_NAMES, sample_time=_TS)
     with pytest.raises(ValueError, match="expected one name or more, each once"):
-        bc.TimeVaryingController(good.A, good.B, good.C, good.D, ["y", "y"], ["u"], sample_time=_TS)
+        bc.simulation.TimeVaryingController(good.A, good.B, good.C, good.D, ["y", "y"], ["u"], sample_time=_TS)
     beam, time = bc.hub_beam(modes=1), np.arange(0.0, 0.1, 0.01)
     with pytest.raises(ValueError, match=r"its sampling time is 0\.02 s; expected sample_time = 0\.01 s"):
         bc.simulate_loop(beam, good, None, time, sample_time=0.01)

@@ -96,7 +96,7 @@ def test_matrices_alone_have_shapes_without_places_and_members_of_a_family_have_
     found = m.mode_shapes(2)
     assert found.lines == ()
     assert found.shapes == pytest.approx(np.eye(2))
-    assert bc.yaw_family().at([0.0] * bc.yaw_family().size).mode_shapes(1).lines
+    assert bc.boom.yaw_family().at([0.0] * bc.boom.yaw_family().size).mode_shapes(1).lines
     with pytest.raises(ValueError, match="count"):
         m.mode_shapes(3)
     with pytest.raises(ValueError, match="unknown body 'arm'"):

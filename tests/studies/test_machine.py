@@ -29,7 +29,7 @@ def design():
 
 
 def test_peaks_margins_and_stability_are_those_of_the_loop():
-    result = bc.MachineDesign("mine", "A mass on a spring", SPRUNG, DAMPER).evaluate()
+    result = bc.studies.MachineDesign("mine", "A mass on a spring", SPRUNG, DAMPER).evaluate()
     s = control.tf("s")
     damped = 1 / (s**2 + 0.02 * s + 4 + 40 * s / (s + 20))
     assert result.stable
@@ -42,7 +42,7 @@ def test_peaks_margins_and_stability_are_those_of_the_loop():
 
 def test_a_loop_that_is_not_stable_is_said_to_be():
     worse = control.ss(-20.0, 20.0, -40.0, 40.0, inputs="position", outputs="force")
-    result = bc.MachineDesign("worse", "The wrong sign", SPRUNG, worse).evaluate()
+    result = bc.studies.MachineDesign("worse", "The wrong sign", SPRUNG, worse).evaluate()
     assert not result.stable
     assert result.margins is None
     assert "NOT stable" in result.verdict
@@ -64,13 +64,13 @@ def test_a_loop_that_is_not_stable_is_said_to_be():
 def test_what_does_not_fit_is_refused_when_the_design_is_made(change, error, message):
     given = {"name": "mine", "title": "", "plant": SPRUNG, "controller": DAMPER, **change}
     with pytest.raises(error, match=message):
-        bc.MachineDesign(**given)
+        bc.studies.MachineDesign(**given)
 
 
 @pytest.mark.slow  # two processes, and pictures: 5 s
 def test_the_command_line_runs_a_file_of_ones_own(tmp_path):
     (tmp_path / "mine.py").write_text(MINE)
-    assert isinstance(load_design(str(tmp_path / "mine.py")), bc.MachineDesign)
+    assert isinstance(load_design(str(tmp_path / "mine.py")), bc.studies.MachineDesign)
     words = [sys.executable, "-m", "boomctl.cli", "design", "mine.py", "--json"]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -113,7 +113,7 @@ def test_objects_go_by_their_names():
     assert found["value"].tolist() == [550.0, 2200.0]
     assert bc.sweep(lambda boom: 1.0, {"boom": list(booms.values())}).labels["boom"] == (0, 1)
     assert bc.sweep(lambda boom: 1.0, {"boom": booms["soft"]}).points == ({"boom": "BoomParameters"},)
-    designs = [bc.SuspensionDesign("a", "first"), bc.SuspensionDesign("b", "second")]
+    designs = [bc.studies.SuspensionDesign("a", "first"), bc.studies.SuspensionDesign("b", "second")]
     assert bc.sweep(lambda design: design.title, {"design": designs})["value"].tolist() == ["first", "second"]
 
 
@@ -471,7 +471,7 @@ def test_a_listener_ends_a_sweep():
 def test_many_booms_at_once_are_those_one_by_one():
     omega = np.geomspace(0.5, 100.0, 60)
     over = {"spring_stiffness": [600.0, 1100.0], "spring_distance": [1.0, 1.2], "elements": [4, 6]}
-    found = bc.sweep(bc.SigmaStudy(omega, certified_peak=True), over)
+    found = bc.sweep(bc.studies.SigmaStudy(omega, certified_peak=True), over)
     for row in found.table:
         p = bc.BoomParameters(spring_stiffness=row["spring_stiffness"], spring_distance=row["spring_distance"])
         single = bc.sigma(bc.spray_boom(p, elements=row["elements"]), omega)
@@ -482,7 +482,7 @@ def test_many_booms_at_once_are_those_one_by_one():
 
 
 def test_a_machine_that_is_refused_spoils_no_others():
-    study = bc.SigmaStudy([1.0, 2.0])
+    study = bc.studies.SigmaStudy([1.0, 2.0])
     with pytest.warns(SweepWarning, match=r"1 of 3 points failed.*spring_stiffness = -1"):
         found = bc.sweep(study, {"spring_stiffness": [500.0, -1.0, 1000.0]})
     assert np.isfinite(found["sigma"][[0, 2]]).all()
@@ -495,25 +495,27 @@ def test_machines_of_ones_own_are_swept():
         return bc.structure.SecondOrderModel([[1.0]], [[damping]], [[4.0]], {"f": [1.0]}, {"y": [1.0]})
 
     omega = np.array([1.0, 2.0])
-    found = bc.sweep(bc.SigmaStudy(omega, mass, inputs="f"), {"damping": [0.1, 0.2]})
+    found = bc.sweep(bc.studies.SigmaStudy(omega, mass, inputs="f"), {"damping": [0.1, 0.2]})
     exact = 1.0 / np.abs(4.0 - omega**2 + 1j * omega * np.array([[0.1], [0.2]]))
     assert np.allclose(found["sigma"][:, 0], exact, rtol=1e-14)
     with pytest.raises(RuntimeError, match="expected a function that returns a SecondOrderModel, got float"):
-        bc.sweep(bc.SigmaStudy(omega, lambda x: x), {"x": [1.0]})
+        bc.sweep(bc.studies.SigmaStudy(omega, lambda x: x), {"x": [1.0]})
 
 
 @pytest.mark.slow
 def test_field_runs_are_those_of_performance():
-    scene = bc.FieldScene(run_in=5.0, duration=10.0)
-    design = bc.SuspensionDesign("soft", "softer", bc.BoomParameters(spring_stiffness=550.0))
-    found = bc.sweep(bc.FieldStudy(scene), {"design": design, "speed": [2.0, 3.0], "hinge_damping": [5.0, 50.0]})
+    scene = bc.studies.FieldScene(run_in=5.0, duration=10.0)
+    design = bc.studies.SuspensionDesign("soft", "softer", bc.BoomParameters(spring_stiffness=550.0))
+    found = bc.sweep(
+        bc.studies.FieldStudy(scene), {"design": design, "speed": [2.0, 3.0], "hinge_damping": [5.0, 50.0]}
+    )
     for row in found.table:
-        where = bc.FieldScene(run_in=5.0, duration=10.0, speed=row["speed"])
+        where = bc.studies.FieldScene(run_in=5.0, duration=10.0, speed=row["speed"])
         p = bc.BoomParameters(spring_stiffness=550.0, hinge_damping=row["hinge_damping"])
-        run = bc.performance("soft", where, p)
+        run = bc.studies.performance("soft", where, p)
         assert (row["deposit_cv"], row["stroke"], row["peak"]) == (run.spray.cv, run.stroke, run.sigma.peak)
     with pytest.raises(RuntimeError, match="unknown property of scene or machine 'sped'"):
-        bc.sweep(bc.FieldStudy(scene), {"sped": 3.0})
+        bc.sweep(bc.studies.FieldStudy(scene), {"sped": 3.0})
 
 
 def test_tables_of_pandas():
@@ -535,7 +537,7 @@ def test_data_sets_of_xarray():
     assert data.attrs == {"z": 5.0}
     with pytest.raises(ValueError, match="expected 1 names"):
         found.to_xarray(dims={"powers": ["a", "b"]})
-    curves = bc.sweep(bc.SigmaStudy([1.0, 2.0]), {"spring_stiffness": [600.0, 1100.0]}).to_xarray()
+    curves = bc.sweep(bc.studies.SigmaStudy([1.0, 2.0]), {"spring_stiffness": [600.0, 1100.0]}).to_xarray()
     assert curves["sigma"].dims == ("spring_stiffness", "singular_value", "omega")
     assert curves["omega"].values.tolist() == [1.0, 2.0]
     zipped = bc.sweep(numbers, {"x": [1.0, 2.0], "y": [0, 1], "z": 0.0}, combine="zip").to_xarray()
@@ -566,7 +568,7 @@ def test_a_sweep_is_drawn():
 @pytest.mark.slow
 def test_a_dask_cluster_finds_the_same(tmp_path):
     distributed = pytest.importorskip("distributed")
-    scene = bc.FieldScene(run_in=5.0, duration=10.0)
+    scene = bc.studies.FieldScene(run_in=5.0, duration=10.0)
     over = {"speed": [2.0, 3.0], "seed": [1, 2]}
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
@@ -575,4 +577,7 @@ def test_a_dask_cluster_finds_the_same(tmp_path):
         assert same(bc.sweep(numbers, GRID, client.get_executor()), bc.sweep(numbers, GRID))
         killed = bc.sweep(deadly, {"x": range(6), "folder": str(tmp_path)}, client.get_executor())  # Dask tries again
         assert killed["value"].tolist() == [x**2 for x in range(6)]
-        assert same(bc.sweep(bc.FieldStudy(scene), over, client.get_executor()), bc.sweep(bc.FieldStudy(scene), over))
+        assert same(
+            bc.sweep(bc.studies.FieldStudy(scene), over, client.get_executor()),
+            bc.sweep(bc.studies.FieldStudy(scene), over),
+        )

@@ -41,7 +41,7 @@ def generalized(plant):
 
 def slowest_on(full, K):
     """Return the largest real part of the poles of ``u = K y``, by python-control alone."""
-    G = bc.select_channels(full, K.output_labels, K.input_labels)
+    G = bc.synthesis.select_channels(full, K.output_labels, K.input_labels)
     return control.feedback(G, K, sign=1).poles().real.max()
 
 
@@ -49,10 +49,10 @@ def design(P):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         found = bc.h_infinity(P, nmeas=2, ncon=1)
-    return found, [str(one.message) for one in said if issubclass(one.category, bc.ReductionWarning)]
+    return found, [str(one.message) for one in said if issubclass(one.category, bc.synthesis.ReductionWarning)]
 
 
-@pytest.mark.filterwarnings("ignore::boomctl.ReductionWarning")
+@pytest.mark.filterwarnings("ignore::boomctl.synthesis.ReductionWarning")
 def test_a_loop_that_is_unstable_on_the_full_plant_is_said_to_be(full):
     found, said = design(generalized(bc.reduce(full, order=2)))
     told = found.certificate.full_plant
@@ -85,7 +85,7 @@ def test_a_norm_that_is_worse_on_the_full_plant_is_warned_of(full):
 
 
 def test_a_reduction_that_has_lost_the_plant_is_warned_of_before_the_design(full):
-    with pytest.warns(bc.ReductionWarning, match="from controls to measurements") as said:
+    with pytest.warns(bc.synthesis.ReductionWarning, match="from controls to measurements") as said:
         generalized(bc.reduce(full, order=2))
     assert said[0].filename == __file__
     with warnings.catch_warnings():
@@ -127,7 +127,7 @@ def test_mixed_sensitivity_takes_a_reduction():
     plant = control.ss(slow * control.tf([400.0], [1.0, 0.8, 400.0]), inputs="u", outputs="y")
     small = bc.reduce(plant, order=1)
     P = bc.mixed_sensitivity(small, W1=bc.low_pass(4.0, 0.5), W2=0.1)
-    with pytest.warns(bc.ReductionWarning) as said:
+    with pytest.warns(bc.synthesis.ReductionWarning) as said:
         found = bc.h_infinity(P, 1, 1)
     K = found.controller
     loop = control.feedback(plant, K, sign=-1)
@@ -163,7 +163,7 @@ def test_a_boom_of_many_elements_is_proved_by_the_small_gain():
         controls="suspension_anti",
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", bc.ReductionWarning)
+        warnings.simplefilter("ignore", bc.synthesis.ReductionWarning)
         told = bc.h_infinity(P, 1, 1).certificate.full_plant
     assert told.full_order > full_plant._MOST_POLES
     assert told.stable is (True if told.share < 1.0 else None)

@@ -20,8 +20,8 @@ def yaw():
 
 @pytest.fixture(scope="module")
 def pieces(yaw):
-    track, tip = bc.band_pass(0.05, 1.0, 20.0), bc.shelf(10.0, 1.0, 3.0)
-    effort, noise = bc.shelf(1e-4, 1e-2, 60.0, order=2), bc.high_pass(0.01, 5.0)
+    track, tip = bc.synthesis.band_pass(0.05, 1.0, 20.0), bc.shelf(10.0, 1.0, 3.0)
+    effort, noise = bc.shelf(1e-4, 1e-2, 60.0, order=2), bc.synthesis.high_pass(0.01, 5.0)
     P = bc.generalized_plant(
         yaw,
         disturbances={"actuator_anti": track},
@@ -41,7 +41,7 @@ def test_names_and_states(yaw, pieces):
     assert P.nstates == 2 * yaw.n + sum(weight.nstates for weight in weights)
     assert "w_actuator_anti[1]" in P.state_labels
     assert "mode1.x1" in P.state_labels
-    assert bc.select_channels(P, "suspension_anti", "stroke_anti").output_labels == ["stroke_anti"]
+    assert bc.synthesis.select_channels(P, "suspension_anti", "stroke_anti").output_labels == ["stroke_anti"]
 
 
 @pytest.mark.parametrize("omega", OMEGA)
@@ -123,7 +123,7 @@ def test_a_loop_that_is_not_well_posed_is_refused():
 
 def test_mixed_sensitivity_stacks_the_weighted_functions():
     G = control.ss([[-1.0, 0.3], [0.0, -2.0]], np.eye(2), np.eye(2), 0.0, inputs=["u1", "u2"], outputs=["y1", "y2"])
-    W1, W3 = bc.shelf(50.0, 0.5, 1.0), bc.high_pass(2.0, 20.0)
+    W1, W3 = bc.shelf(50.0, 0.5, 1.0), bc.synthesis.high_pass(2.0, 20.0)
     P = bc.mixed_sensitivity(G, W1, 0.1, W3)
     assert P.output_labels[:2] == ["z_error_y1", "z_error_y2"]
     assert P.output_labels[-2:] == ["error_y1", "error_y2"]
@@ -169,10 +169,10 @@ def test_what_is_given_wrong_is_named(yaw, case):
 
 def test_selected_channels_keep_the_sampling_time():
     sampled = control.ss([[0.5]], [[1.0, 2.0]], [[1.0]], 0.0, 0.1, inputs=["a", "b"], outputs=["y"])
-    part = bc.select_channels(sampled, "b")
+    part = bc.synthesis.select_channels(sampled, "b")
     assert part.dt == 0.1
     assert_allclose(part(np.exp(0.3j)), 2.0 / (np.exp(0.3j) - 0.5))
     with pytest.raises(TypeError, match="system: expected StateSpace, got NoneType"):
-        bc.select_channels(None)
+        bc.synthesis.select_channels(None)
     with pytest.raises(ValueError, match="inputs: expected at least one"):
-        bc.select_channels(sampled, [])
+        bc.synthesis.select_channels(sampled, [])

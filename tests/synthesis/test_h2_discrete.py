@@ -109,7 +109,7 @@ def around(plant, weight):
 
 
 def test_a_discrete_generalised_plant_is_its_parts_at_each_frequency():
-    sampled, weight = bc.sample_plant(PLANT, 0.1, "force", delay=0.04), bc.low_pass(2.0, 5.0)
+    sampled, weight = bc.analysis.sample_plant(PLANT, 0.1, "force", delay=0.04), bc.low_pass(2.0, 5.0)
     P = around(sampled, weight)
     assert P.dt == 0.1
     z = np.exp(0.7j)
@@ -126,14 +126,16 @@ def test_a_discrete_generalised_plant_is_its_parts_at_each_frequency():
         around(sampled, control.sample_system(weight, 0.2, "tustin"))
     with pytest.raises(ValueError, match="stable system, this one has a pole at z"):
         around(sampled, control.ss(1.1, 1.0, 1.0, 0.0, 0.1))
-    sensitivity = bc.mixed_sensitivity(bc.select_channels(sampled, "force"), W1=bc.shelf(10.0, 0.5, 1.0), W2=0.1)
+    sensitivity = bc.mixed_sensitivity(
+        bc.synthesis.select_channels(sampled, "force"), W1=bc.shelf(10.0, 0.5, 1.0), W2=0.1
+    )
     assert sensitivity.dt == 0.1
     assert bc.h_infinity(sensitivity, 1, 1).certificate.norm.certified
 
 
 @pytest.mark.filterwarnings("ignore::boomctl.analysis.margins.SamplingCostsMarginWarning")
 def test_designs_in_discrete_time_run_on_the_plant_that_was_sampled():
-    sampled = bc.sample_plant(PLANT, 0.1, "force", delay=0.04)
+    sampled = bc.analysis.sample_plant(PLANT, 0.1, "force", delay=0.04)
     P = around(sampled, bc.low_pass(2.0, 5.0))
     best, robust = bc.h2(P, 1, 1), bc.h_infinity(P, 1, 1)
     assert bc.h2_norm(bc.close_loop(P, best.controller)).value <= bc.h2_norm(bc.close_loop(P, robust.controller)).value
@@ -166,7 +168,7 @@ def test_a_smaller_controller_keeps_its_gain_at_rest_where_it_is_residualised(se
 
 def test_a_design_on_a_reduced_discrete_plant_is_judged_on_the_full_one():
     boom = bc.split_symmetric(bc.spray_boom())[1]
-    full = bc.sample_plant(boom, 0.02, "suspension_anti", delay=0.01)
+    full = bc.analysis.sample_plant(boom, 0.02, "suspension_anti", delay=0.01)
     units = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
     small = bc.reduce(bc.in_units(full, units), order=10)
     P = bc.generalized_plant(

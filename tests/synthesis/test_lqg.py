@@ -167,7 +167,7 @@ def test_the_fine_boom_costs_what_the_coarse_one_does():
 
 def test_recovery_comes_nearer_with_every_step():
     jolt = bc.split_symmetric(bc.spray_boom(elements=6))[0]
-    found = bc.loop_transfer_recovery(
+    found = bc.synthesis.loop_transfer_recovery(
         jolt,
         None,
         1e-5,
@@ -189,7 +189,7 @@ def test_recovery_comes_nearer_with_every_step():
 
 def test_recovery_is_not_complete_with_a_zero_in_the_right_half_plane():
     system = control.ss([[0, 1], [-1, -0.2]], [[0], [1]], [[1.0, -0.5]], 0, inputs="u", outputs="y")  # zero at 2
-    found = bc.loop_transfer_recovery(
+    found = bc.synthesis.loop_transfer_recovery(
         system, np.diag([10.0, 1.0]), 1.0, 1.0, 1.0, strengths=[1.0, 1e4, 1e8], band=(0.1, 10.0)
     )
     assert found.zeros == pytest.approx([2.0])
@@ -200,7 +200,7 @@ def test_recovery_is_not_complete_with_a_zero_in_the_right_half_plane():
 @examples(20)
 def test_zeros_are_where_the_system_matrix_loses_rank(seed):
     system = random_system(seed)
-    found = bc.loop_transfer_recovery(system, 1.0, 1.0, 1.0, 1.0, strengths=[1.0], band=(0.1, 10.0)).zeros
+    found = bc.synthesis.loop_transfer_recovery(system, 1.0, 1.0, 1.0, 1.0, strengths=[1.0], band=(0.1, 10.0)).zeros
     expected = control.zeros(system)
     expected = expected[expected.real > 1e-6]
     assert np.sort(np.abs(found)) == pytest.approx(np.sort(np.abs(expected)), rel=1e-5)
@@ -217,12 +217,14 @@ def test_zeros_are_where_the_system_matrix_loses_rank(seed):
 def test_what_cannot_be_recovered_is_refused(options, message):
     arguments = {"strengths": [1.0], "band": (0.1, 1.0)} | options
     with pytest.raises(ValueError, match=message):
-        bc.loop_transfer_recovery(random_system(1), 1.0, 1.0, 1.0, 1.0, **arguments)
+        bc.synthesis.loop_transfer_recovery(random_system(1), 1.0, 1.0, 1.0, 1.0, **arguments)
 
 
 def test_more_measurements_than_controls_are_welcome():
     system = random_system(4, unstable=False)
-    found = bc.loop_transfer_recovery(system, 1.0, 1.0, 1.0, 1.0, controls="u0", strengths=[1.0, 1e6], band=(0.1, 3.0))
+    found = bc.synthesis.loop_transfer_recovery(
+        system, 1.0, 1.0, 1.0, 1.0, controls="u0", strengths=[1.0, 1e6], band=(0.1, 3.0)
+    )
     assert found.gaps[1] < found.gaps[0]
     assert len(found.zeros) == 0
 
@@ -243,7 +245,7 @@ def test_recovery_of_nothing_is_refused(options, message):
     mass = control.ss([[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
     given = {"Q": 1.0, "R": 1.0, "process_noise": {"force": 1.0}, "measurement_noise": 1.0, "strengths": [1.0]}
     with pytest.raises(ValueError, match=message):
-        bc.loop_transfer_recovery(mass, **(given | options), band=(0.1, 10.0))
+        bc.synthesis.loop_transfer_recovery(mass, **(given | options), band=(0.1, 10.0))
 
 
 @examples(60)

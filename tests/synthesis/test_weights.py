@@ -21,7 +21,7 @@ def gain(weight, omega):
 @examples(25)
 @given(g=st.floats(1e-3, 1e3), corner=CORNER, order=ORDER)
 def test_low_and_high_pass_share_the_corner(g, corner, order):
-    low, high = bc.low_pass(g, corner, order), bc.high_pass(g, corner, order)
+    low, high = bc.low_pass(g, corner, order), bc.synthesis.high_pass(g, corner, order)
     assert_allclose([gain(low, 0.0), gain(high, FAR * corner)], g, rtol=1e-6)
     assert_allclose([gain(low, corner), gain(high, corner)], g / np.sqrt(2.0), rtol=1e-9)
     assert gain(high, 0.0) <= 1e-9 * g
@@ -41,7 +41,7 @@ def test_shelves_go_from_one_gain_to_the_other(a, ratio, corner, order):
 @examples(25)
 @given(g=st.floats(1e-3, 1e3), low=CORNER, ratio=st.floats(1.01, 1e3))
 def test_band_pass_is_down_by_three_decibels_at_both_ends(g, low, ratio):
-    weight = bc.band_pass(g, low, low * ratio)
+    weight = bc.synthesis.band_pass(g, low, low * ratio)
     assert_allclose(gain(weight, low * np.sqrt(ratio)), g, rtol=1e-9)
     assert_allclose([gain(weight, low), gain(weight, low * ratio)], g / np.sqrt(2.0), rtol=1e-9)
 
@@ -50,8 +50,8 @@ def test_band_pass_is_down_by_three_decibels_at_both_ends(g, low, ratio):
     ("make", "match"),
     [
         (lambda: bc.low_pass(1.0, 0.0), "corner"),
-        (lambda: bc.high_pass(1.0, 1.0, order=3), "order = 3"),
-        (lambda: bc.band_pass(1.0, 2.0, 1.0), "ascending"),
+        (lambda: bc.synthesis.high_pass(1.0, 1.0, order=3), "order = 3"),
+        (lambda: bc.synthesis.band_pass(1.0, 2.0, 1.0), "ascending"),
         (lambda: bc.shelf(0.0, 1.0, 1.0), "low_gain"),
         (lambda: bc.low_pass(float("nan"), 1.0), "gain"),
     ],

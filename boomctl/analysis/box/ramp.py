@@ -167,7 +167,7 @@ def ramp_bound(
     >>> family = bc.hub_beam(model="sfoam", modes=1).family(hub_speed=(0.0, 6.0))
     >>> signals = {"inputs": ["hub_speed", "root_moment"], "outputs": "torque"}
     >>> drives = [control.ss([], [], [], [[-gain, -0.5]], **signals) for gain in (20.0, 40.0)]
-    >>> bound = bc.ramp_bound(family, bc.schedule(drives, [0.0, 6.0]))
+    >>> bound = bc.analysis.ramp_bound(family, bc.schedule(drives, [0.0, 6.0]))
     >>> bound.proved
     True
     """

@@ -160,7 +160,7 @@ def robust_stability(
     controller : control.StateSpace or ScheduledController
         ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.  A discrete one makes sampled loops.  One
         that follows a parameter of the family (:func:`boomctl.schedule`) is proved as it is at each value while that value
-        stays; a changing one is the matter of :func:`boomctl.ramp_bound`.
+        stays; a changing one is the matter of :func:`boomctl.analysis.ramp_bound`.
     max_cells : int
         Largest number of cells of a part of the box, of which most boxes are one; after so many neither stability nor
         instability is claimed.  Of those of parameters and frequencies, which are smaller, there may be 150 times as many.
@@ -325,9 +325,9 @@ def structured_margin(
     --------
     >>> import boomctl as bc
     >>> import control
-    >>> family = bc.yaw_family(half="yaw")  # springs of 1100 to 2375 N/m
+    >>> family = bc.boom.yaw_family(half="yaw")  # springs of 1100 to 2375 N/m
     >>> spring = control.ss([], [], [], [[-100.0]], inputs="stroke_anti", outputs="suspension_anti")
-    >>> margin = bc.structured_margin(family, spring)
+    >>> margin = bc.analysis.structured_margin(family, spring)
     >>> round(margin.stable_up_to, 1), round(margin.unstable_at, 1)
     (2.8, 2.9)
     """

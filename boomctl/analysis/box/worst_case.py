@@ -172,7 +172,7 @@ def worst_case(
     >>> import control
     >>> signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}
     >>> damper = control.ss([[-30.0]], [[30.0]], [[3000.0]], [[-3000.0]], **signals)  # 100 N s/m
-    >>> worst = bc.worst_case(bc.yaw_family(half="yaw"), damper, "actuator_anti", "tip_anti")
+    >>> worst = bc.worst_case(bc.boom.yaw_family(half="yaw"), damper, "actuator_anti", "tip_anti")
     >>> round(worst.nominal.lower, 1), round(worst.norm.lower, 1), worst.upper_bound < 97.8
     (76.1, 97.7, True)
     """

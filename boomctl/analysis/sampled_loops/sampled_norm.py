@@ -95,7 +95,7 @@ def sampled_norm(
     >>> signals = {"inputs": ["load", "force"], "outputs": "place"}
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0]], 0.0, **signals)
     >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
-    >>> norm = bc.sampled_norm(mass, bc.discretize(lead, 0.05), delay=0.03)
+    >>> norm = bc.analysis.sampled_norm(mass, bc.discretize(lead, 0.05), delay=0.03)
     >>> round(norm.lower, 3), bool(norm.certified)
     (0.904, True)
     """

@@ -109,7 +109,7 @@ def sample_plant(
     >>> import boomctl as bc
     >>> import control
     >>> lag = control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs="force", outputs="speed", states="v")
-    >>> sampled = bc.sample_plant(lag, 0.1, delay=0.14)
+    >>> sampled = bc.analysis.sample_plant(lag, 0.1, delay=0.14)
     >>> sampled.state_labels, sampled.dt
     (['v', 'force_held_1', 'force_held_2'], 0.1)
     """

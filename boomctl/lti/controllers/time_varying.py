@@ -40,7 +40,7 @@ class TimeVaryingController:
     >>> import numpy as np
     >>> gains = np.linspace(-100.0, -200.0, 5)[:, None, None] * np.array([[1.0, 2.0]])
     >>> none = np.zeros((5, 0, 0)), np.zeros((5, 0, 2)), np.zeros((5, 1, 0))
-    >>> bc.TimeVaryingController(*none, gains, ["hub_angle", "hub_speed"], ["torque"], sample_time=0.01)
+    >>> bc.simulation.TimeVaryingController(*none, gains, ["hub_angle", "hub_speed"], ["torque"], sample_time=0.01)
     TimeVaryingController: 0 states, every 0.01 s, hub_angle, hub_speed -> torque
       5 samples, the last matrices stay
     """

@@ -164,7 +164,7 @@ def describing_function(
     >>> import boomctl as bc
     >>> dry = bc.CoulombFriction(3.0)
     >>> for amplitude in (0.001, 0.01, 0.1):  # m: the larger the motion, the less friction matters
-    ...     print(bc.describing_function(bc.spray_boom(), dry, [9.0], "actuator_left", amplitude).gain.round(3))
+    ...     print(bc.simulation.describing_function(bc.spray_boom(), dry, [9.0], "actuator_left", amplitude).gain.round(3))
     [0.935]
     [1.43]
     [1.487]

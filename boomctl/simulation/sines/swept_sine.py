@@ -81,7 +81,7 @@ def swept_sine(
     --------
     >>> import boomctl as bc
     >>> dry = bc.CoulombFriction(3.0)
-    >>> found = bc.swept_sine(bc.spray_boom(), dry, [9.0], "actuator_left", 0.01, steps=50)
+    >>> found = bc.simulation.swept_sine(bc.spray_boom(), dry, [9.0], "actuator_left", 0.01, steps=50)
     >>> found.gain.round(2), bool(found.stuck[0])
     (array([1.42]), False)
     """
@@ -294,7 +294,8 @@ def sine_sigma(
     >>> import boomctl as bc
     >>> both = [{"actuator_left": 1.0, "actuator_right": 1.0}, {"actuator_left": -1.0, "actuator_right": 1.0}]
     >>> dry = bc.CoulombFriction(3.0)
-    >>> bc.sine_sigma(bc.spray_boom(), dry, [9.0], both, 0.01, ["tip_left", "tip_right"], method="balance").round(3)
+    >>> boom, tips = bc.spray_boom(), ["tip_left", "tip_right"]
+    >>> bc.simulation.sine_sigma(boom, dry, [9.0], both, 0.01, tips, method="balance").round(3)
     array([[0.679],
            [0.444]])
     """

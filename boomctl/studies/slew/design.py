@@ -66,7 +66,7 @@ class SlewDesign:
     >>> import boomctl as bc
     >>> beam = bc.hub_beam(modes=1)
     >>> fastest = bc.optimal_slew(beam, angle=1.0, torque_limit=200.0)
-    >>> bc.SlewDesign("quick", "one radian in least time", beam, {"least time": fastest}).rival
+    >>> bc.studies.SlewDesign("quick", "one radian in least time", beam, {"least time": fastest}).rival
     ''
     """
 

@@ -58,7 +58,7 @@ class SuspensionDesign:
     Examples
     --------
     >>> import boomctl as bc
-    >>> soft = bc.SuspensionDesign("soft", "softer springs", bc.BoomParameters(spring_stiffness=550.0))
+    >>> soft = bc.studies.SuspensionDesign("soft", "softer springs", bc.BoomParameters(spring_stiffness=550.0))
     >>> soft.controller is None  # a passive suspension
     True
     """

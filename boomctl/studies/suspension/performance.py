@@ -126,8 +126,8 @@ def performance(
     Examples
     --------
     >>> import boomctl as bc
-    >>> field = bc.FieldScene(run_in=5.0, duration=10.0)
-    >>> passive = bc.performance("as published", field, bc.BoomParameters())
+    >>> field = bc.studies.FieldScene(run_in=5.0, duration=10.0)
+    >>> passive = bc.studies.performance("as published", field, bc.BoomParameters())
     >>> round(float(passive.sigma.peak)), bool(passive.stroke < 0.05)  # certified peak; largest stroke [m]
     (2458, True)
     """

@@ -1,7 +1,7 @@
 """What vouches for a suspension that is sampled: margins at the samples, a proof over the uncertainty, a finer mesh.
 
 What is looked at on the exact beam in continuous time (:mod:`boomctl.studies.suspension.assurance`) is looked at here on a
-mesh of many elements.  The field run, and ``boomctl.sampled_norm``, have what happens between samples.
+mesh of many elements.  The field run, and ``boomctl.analysis.sampled_norm``, have what happens between samples.
 """
 
 import warnings

@@ -57,7 +57,7 @@ class FieldScene:
     Examples
     --------
     >>> import boomctl as bc
-    >>> scene = bc.FieldScene(speed=2.0, run_in=5.0, duration=10.0)
+    >>> scene = bc.studies.FieldScene(speed=2.0, run_in=5.0, duration=10.0)
     >>> round(float(scene.motion().time[-1]), 3)  # s, run-in included
     15.0
     """

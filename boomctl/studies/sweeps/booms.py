@@ -56,7 +56,7 @@ class SigmaStudy:
     Examples
     --------
     >>> import boomctl as bc
-    >>> study = bc.SigmaStudy([1.0, 2.0, 4.0])
+    >>> study = bc.studies.SigmaStudy([1.0, 2.0, 4.0])
     >>> found = bc.sweep(study, over={"spring_stiffness": [550.0, 1100.0]})
     >>> found["sigma"].shape  # springs, singular values, frequencies
     (2, 2, 3)

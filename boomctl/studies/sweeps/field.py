@@ -20,7 +20,7 @@ class FieldStudy:
     """A suspension driven over a field, as a function of design, scene and machine; for :func:`boomctl.sweep`.
 
     Called with a ``design``, properties of the `FieldScene` and of `BoomParameters` by name; it returns certified peaks, what
-    the spray leaves and what the suspension needs: the numbers of :func:`boomctl.performance`.
+    the spray leaves and what the suspension needs: the numbers of :func:`boomctl.studies.performance`.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class FieldStudy:
     Examples
     --------
     >>> import boomctl as bc
-    >>> study = bc.FieldStudy(bc.FieldScene(run_in=5.0, duration=10.0))
+    >>> study = bc.studies.FieldStudy(bc.studies.FieldScene(run_in=5.0, duration=10.0))
     >>> runs = bc.sweep(study, over={"speed": [2.0, 3.0], "seed": 1})
     >>> runs["stroke"].round(3)  # m
     array([0.023, 0.026])

@@ -136,7 +136,7 @@ def loop_transfer_recovery(
     >>> import control
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
     >>> setting = {"output_weight": {"place": 1.0}, "strengths": [1.0, 1e2, 1e4], "band": (0.1, 10.0)}
-    >>> found = bc.loop_transfer_recovery(mass, None, 1.0, {"force": 1.0}, 1.0, **setting)
+    >>> found = bc.synthesis.loop_transfer_recovery(mass, None, 1.0, {"force": 1.0}, 1.0, **setting)
     >>> found.gaps.round(2)  # the more noise, the nearer
     array([0.97, 0.87, 0.3 ])
     """

@@ -41,9 +41,9 @@ def generalized_plant(
     Parameters
     ----------
     plant : control.StateSpace, SecondOrderModel or ReductionResult
-        With named signals, in continuous or discrete time (:func:`boomctl.sample_plant`).  Of a reduction, what `reduce`
-        returns, the reduced system is taken; the generalised plant remembers its error, and `h_infinity` says what the
-        design is worth on the full one.  Other operations on the generalised plant forget it.
+        With named signals, in continuous or discrete time (:func:`boomctl.analysis.sample_plant`).  Of a reduction, what
+        `reduce` returns, the reduced system is taken; the generalised plant remembers its error, and `h_infinity` says
+        what the design is worth on the full one.  Other operations on the generalised plant forget it.
     disturbances : mapping from input to weight
         What drives the plant; ``"actuator_sym"`` becomes the input ``"w_actuator_sym"`` in front of its weight.
     performance : mapping from output to weight
@@ -78,7 +78,7 @@ def generalized_plant(
     >>> yaw = bc.split_symmetric(bc.spray_boom())[1]
     >>> P = bc.generalized_plant(
     ...     yaw,
-    ...     disturbances={"actuator_anti": bc.band_pass(0.02, 0.5, 5.0)},
+    ...     disturbances={"actuator_anti": bc.synthesis.band_pass(0.02, 0.5, 5.0)},
     ...     performance={"tip_anti": 10.0},
     ...     effort={"suspension_anti": 0.01},
     ...     noises={"stroke_anti": 0.001},
@@ -300,7 +300,7 @@ def select_channels(
     --------
     >>> import boomctl as bc
     >>> boom = bc.spray_boom().to_statespace()
-    >>> small = bc.select_channels(boom, inputs="suspension_left", outputs=["stroke_left", "stroke_right"])
+    >>> small = bc.synthesis.select_channels(boom, inputs="suspension_left", outputs=["stroke_left", "stroke_right"])
     >>> small.ninputs, small.noutputs, small.nstates == boom.nstates
     (1, 2, True)
     """

@@ -117,7 +117,7 @@ def split_controller(
     >>> import control
     >>> names = {"inputs": ["stroke_left", "stroke_right"], "outputs": ["suspension_left", "suspension_right"]}
     >>> whole = control.ss([], [], [], [[-150.0, -50.0], [-50.0, -150.0]], **names)
-    >>> jolt, yaw, missed = bc.split_controller(bc.spray_boom(), whole)
+    >>> jolt, yaw, missed = bc.synthesis.split_controller(bc.spray_boom(), whole)
     >>> jolt.D.round(6), yaw.D.round(6), round(missed, 9)
     (array([[-200.]]), array([[-100.]]), 0.0)
     """

@@ -91,7 +91,7 @@ def high_pass(gain: float, corner: float, order: int = 1, damping: float = _BUTT
     Examples
     --------
     >>> import boomctl as bc
-    >>> weight = bc.high_pass(2.0, corner=10.0, order=2)
+    >>> weight = bc.synthesis.high_pass(2.0, corner=10.0, order=2)
     >>> abs(weight.frequency_response([0.0, 10.0, 1000.0]).complex).round(3)
     array([0.   , 1.414, 2.   ])
     """
@@ -126,7 +126,7 @@ def band_pass(gain: float, low: float, high: float) -> control.StateSpace:
     Examples
     --------
     >>> import boomctl as bc
-    >>> weight = bc.band_pass(2.0, low=0.5, high=8.0)
+    >>> weight = bc.synthesis.band_pass(2.0, low=0.5, high=8.0)
     >>> abs(weight.frequency_response([0.5, 2.0, 8.0]).complex).round(3)
     array([1.414, 2.   , 1.414])
     """
