@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 import boomctl.structure as bs
 from boomctl.lab.stress.case import said_by_us
+from tests.docstrings import sections
 
 LONGEST = 20.0  # s that a call may take: what a user waits without asking
 SHORT = 5.0  # [s], of what takes a time limit
@@ -1059,6 +1060,9 @@ def fault(name, arguments):
 
 
 def _refusal(name, function, error):
+    listed = {kind.strip() for kinds, _ in sections(function).get("Raises", []) for kind in kinds.split(",")}
+    if not listed & {base.__name__ for base in type(error).__mro__} and not isinstance(error, ImportError):
+        return f"not under Raises: {type(error).__name__}: {error}"
     if isinstance(error, (FileNotFoundError, IsADirectoryError, PermissionError)):
         return None
     if isinstance(error, ImportError) and "pip install" in str(error):  # what is not installed is named

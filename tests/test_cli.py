@@ -143,6 +143,7 @@ def test_a_speed_at_which_a_track_is_not_resolved_is_named(tmp_path):
     assert "at speed = 80, or a speed of at most 50 m/s" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_way_longer_than_the_ground_is_named(tmp_path):
     done = boomctl("design", "passive_tuning", "--speed", "300", cwd=tmp_path)
     assert done.returncode == 2
@@ -220,6 +221,7 @@ def test_a_file_that_cannot_be_written_is_named_not_its_temporary_one(path, why,
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_one_line_without_a_number(tmp_path):
     limited = (
         "import resource, sys\nresource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
@@ -258,6 +260,7 @@ def test_what_a_design_prints_does_not_spoil_its_results(tmp_path):
     assert "judged" in boomctl("design", "mine.py", cwd=tmp_path).stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "encoding", ["ascii", *(pytest.param(name, marks=pytest.mark.slow) for name in ("latin-1", "cp1252", "utf-8"))]
 )
@@ -405,6 +408,7 @@ def test_whatever_a_design_prints_leaves_the_results_alone(tmp_path):
     assert [line.split()[-1] for line in done.stderr.splitlines()] == ["one", "two", "three", "four"]
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_a_run_and_all_its_processes(tmp_path):
     words = [sys.executable, "-m", "boomctl.cli", "stress", "--rows", "10,000 elements", "--out", "out"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}

@@ -153,6 +153,7 @@ def test_a_module_named_as_a_public_name_from_elsewhere_is_imported_without_a_wa
     )
 
 
+@pytest.mark.slow
 def test_systems_of_python_control_pickle_though_it_is_imported_late():
     """The package learns of python-control where a system of it is made or met, and so does pickle."""
     scene = (

@@ -8,6 +8,7 @@ import pkgutil
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ import boomctl
 import boomctl.structure
 import boomctl.tunable
 from boomctl.lazy import MOVED
-from tests import fuzz
+from tests.docstrings import sections
 from tests.test_public_names import PACKAGES
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -95,34 +96,31 @@ def _public():
         yield f"boomctl.{module}.{name}", getattr(importlib.import_module(f"boomctl.{module}"), name)
 
 
-FUNCTIONS = {value: name for name, value in reversed([*_public()]) if not isinstance(value, type)}
-RECORDS = {
-    value: value.__name__ for _, value in _public() if isinstance(value, type) and not issubclass(value, Exception)
-}
+@cache
+def _functions():
+    """Return the public functions, each with its shortest name."""
+    return {value: name for name, value in reversed([*_public()]) if not isinstance(value, type)}
+
+
+@cache
+def _records():
+    """Return the public classes but the errors, each with its name."""
+    return {
+        value: value.__name__ for _, value in _public() if isinstance(value, type) and not issubclass(value, Exception)
+    }
 
 
 def _methods():
-    """Yield the public methods of what users are handed, each where it is written."""
+    """Yield the public methods of what users are handed, each where it is written, its name, and whether it is bound."""
     seen = set()
-    for owner in RECORDS:
+    for owner in _records():
         for name in dir(owner):
             value = inspect.getattr_static(owner, name)
             bound = not isinstance(value, staticmethod)
             value = getattr(value, "__func__", value)
             if not name.startswith("_") and inspect.isfunction(value) and value not in seen:
                 seen.add(value)
-                yield pytest.param(value, bound, id=value.__qualname__)
-
-
-def _sections(documented):
-    """Return the sections of a docstring: of each its entries, the first line of one and what is said of it."""
-    found = {}
-    text = inspect.getdoc(documented) or ""
-    parts = re.split(r"^(\w+)\n-{3,}\n", text, flags=re.MULTILINE)
-    for title, body in zip(parts[1::2], parts[2::2], strict=True):
-        entries = re.findall(r"^(\S.*)\n((?:(?:    .*)?\n|    .*$)*)", body.rstrip() + "\n", flags=re.MULTILINE)
-        found[title] = [(first, said.strip()) for first, said in entries]
-    return found
+                yield value, value.__qualname__, bound
 
 
 def _names(entries):
@@ -130,61 +128,37 @@ def _names(entries):
     return {name.strip(" *") for first, _ in entries for name in first.partition(" : ")[0].split(",")}
 
 
-def _bare(sections, *titles):
+def _bare(said, *titles):
     """Return the entries that nothing is said of but a type and a unit."""
-    return [first for title in titles for first, said in sections.get(title, []) if not re.sub(r"\[.*?\]", "", said)]
+    return [first for title in titles for first, words in said.get(title, []) if not re.sub(r"\[.*?\]", "", words)]
 
 
-@pytest.mark.parametrize(
-    ("function", "bound"),
-    [*(pytest.param(value, False, id=name) for value, name in FUNCTIONS.items()), *_methods()],
-)
-def test_a_function_says_what_it_takes_and_what_it_returns(function, bound):
+def test_functions_say_what_they_take_and_what_they_return():
     """Every argument in words, and of what is returned more than its type."""
-    sections = _sections(function)
-    assert _names(sections.get("Parameters", [])) == set(list(inspect.signature(function).parameters)[bound:])
-    assert sections["Returns"]
-    assert not _bare(sections, "Parameters", "Returns", "Raises")
+    for function, name, bound in [*((value, name, False) for value, name in _functions().items()), *_methods()]:
+        said = sections(function)
+        assert _names(said.get("Parameters", [])) == set(list(inspect.signature(function).parameters)[bound:]), name
+        assert said["Returns"], name
+        assert not _bare(said, "Parameters", "Returns", "Raises"), name
 
 
-@pytest.mark.parametrize("function", FUNCTIONS, ids=FUNCTIONS.values())
-def test_a_function_shows_how_it_is_called_and_says_what_it_refuses(function):
+def test_functions_show_how_they_are_called_and_say_what_they_refuse():
     """From the import on, and by the name that users know; what takes something refuses something."""
-    assert _sections(function).get("Raises") or not inspect.signature(function).parameters
-    shown = doctest.DocTestParser().get_examples(function.__doc__)
-    assert shown
-    assert shown[0].source == "import boomctl as bc\n"
-    assert any(f".{function.__name__}(" in example.source for example in shown)
+    for function, name in _functions().items():
+        assert sections(function).get("Raises") or not inspect.signature(function).parameters, name
+        shown = doctest.DocTestParser().get_examples(function.__doc__)
+        assert shown, name
+        assert shown[0].source == "import boomctl as bc\n", name
+        assert any(f".{function.__name__}(" in example.source for example in shown), name
 
 
-@pytest.mark.parametrize("owner", RECORDS, ids=RECORDS.values())
-def test_a_class_says_what_its_fields_are(owner):
-    sections = _sections(owner)
-    fields = {field.name for field in dataclasses.fields(owner)} if dataclasses.is_dataclass(owner) else set()
-    fields = {name for name in fields if not name.startswith("_")}
-    assert fields <= _names([*sections.get("Parameters", []), *sections.get("Attributes", [])])
-    assert not _bare(sections, "Parameters", "Attributes", "Raises")
-
-
-NEVER_RIGHT = (object(), float("nan"), "no such word")  # what no argument may be, of three kinds
-
-
-@pytest.mark.parametrize("call", [*fuzz.CALLS, *fuzz.METHODS])
-def test_what_is_raised_stands_under_raises(call, tmp_path, monkeypatch):
-    """Whatever wrong thing stands in place of one argument."""
-    monkeypatch.chdir(tmp_path)
-    function, made = fuzz.function_of(call), fuzz.METHODS[call][1] if call in fuzz.METHODS else fuzz.CALLS[call]
-    raised = set()
-    for name in made():
-        for value in NEVER_RIGHT:
-            given = made() | {name: value}
-            positional = [given.pop("*")] if "*" in given else []
-            try:
-                function(*positional, **given)
-            except Exception as error:
-                raised.add(type(error))
-    said = {name.strip() for kinds, _ in _sections(function).get("Raises", []) for name in kinds.split(",")}
-    assert not [kind.__name__ for kind in raised if not said & {base.__name__ for base in kind.__mro__}]
+def test_classes_say_what_their_fields_are():
+    for owner, name in _records().items():
+        said = sections(owner)
+        fields = {field.name for field in dataclasses.fields(owner)} if dataclasses.is_dataclass(owner) else set()
+        fields = {field for field in fields if not field.startswith("_")}
+        assert fields <= _names([*said.get("Parameters", []), *said.get("Attributes", [])]), name
+        assert not _bare(said, "Parameters", "Attributes", "Raises"), name
 
 
 @pytest.mark.slow
@@ -198,7 +172,7 @@ def test_the_examples_of_docstrings_run():
             if example.examples:
                 tried.add(example.name)
                 assert not doctest.DocTestRunner().run(example).failed, example.name
-    assert not {f"{function.__module__}.{function.__qualname__}" for function in FUNCTIONS} - tried
+    assert not {f"{function.__module__}.{function.__qualname__}" for function in _functions()} - tried
 
 
 @pytest.mark.slow

@@ -177,6 +177,7 @@ def test_any_words_on_the_command_line_end_in_an_answer_or_one_line(tmp_path_fac
         assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

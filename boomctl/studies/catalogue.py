@@ -153,7 +153,7 @@ def design_names(*kinds: str) -> tuple[str, ...]:
             raise ValueError(f"kind = {kind!r}: expected one of {', '.join(KINDS)}")
     wanted = [KINDS[kind] for kind in kinds or KINDS]
     # suspensions and machines are made by functions of one name: what they return tells them apart
-    marks = [re.compile(rf"^def {kind.function}\(.*\) -> (\w+\.)?{kind.returns}:", re.MULTILINE) for kind in wanted]
+    marks = [re.compile(rf"^def {kind.function}\(.*\) -> (\w+\.)*{kind.returns}:", re.MULTILINE) for kind in wanted]
     texts = {path.stem: path.read_text(encoding="utf-8") for path in shipped("designs").glob("*.py")}
     return tuple(sorted(name for name, text in texts.items() if any(mark.search(text) for mark in marks)))
 

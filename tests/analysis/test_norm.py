@@ -141,6 +141,7 @@ def test_the_path_names_what_stood_for_the_structure():
     assert hinf_norm(small.to_statespace()).path == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "way"), [(100, "undamped modes"), (720, "scan")])
 def test_a_long_chain_has_a_norm_and_a_longer_one_a_value_without_proof(n, way):
     """Masses with gyroscopic terms: their damping matrix is not symmetric."""

@@ -198,6 +198,7 @@ def test_the_sampled_boom_takes_few_cells():
     assert found.cells <= 10
 
 
+@pytest.mark.slow
 def test_where_cells_of_parameters_would_give_up_those_of_frequencies_prove_the_rest():
     family, K = masses(np.random.default_rng(3), 2, 4, 0.1, 0.4)
     waiting, tried = [Cell(np.zeros(4), np.ones(4))], 0

@@ -114,6 +114,7 @@ def test_polynomials_are_averages_of_their_coefficients(seed, degrees):
         assert np.abs(coefficients - at(corner)).max(axis=(1, 2)).min() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "damping"), [("sfoam", 0.0), pytest.param("foam", 0.01, marks=pytest.mark.slow)], ids=["sfoam", "foam"]
 )
@@ -132,6 +133,7 @@ def test_a_hub_beam_with_any_mass_at_its_tip_and_its_certificate(model, damping)
     assert beside.proved
 
 
+@pytest.mark.slow
 @examples(100)
 @given(st.integers(0, 10_000))
 def test_the_certificate_is_of_the_loop_in_whatever_states_the_controller_is(seed):

@@ -117,7 +117,7 @@ def stable_loop(seed):
 
 
 @pytest.mark.slow
-@examples(200)
+@examples(100)
 @given(st.integers(0, 100_000))
 def test_gains_and_delays_at_a_margin_are_where_the_stepped_loop_rings(seed):
     plant, controller, delay, found = stable_loop(seed)

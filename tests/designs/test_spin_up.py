@@ -49,6 +49,7 @@ def test_it_is_proved_and_the_spin_up_keeps_below_the_rate(modes):
     assert "Proved stable at every hub speed from 0 to 6 rad/s with 0 to 0.1 kg" in str(result)
 
 
+@pytest.mark.slow
 def test_the_report_can_be_written(tmp_path):
     report = judged(1).report()
     report.write(tmp_path / "report")

@@ -85,6 +85,7 @@ LIMITS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(CC is None, reason="no C compiler")
 @pytest.mark.parametrize("limits", LIMITS)
 @pytest.mark.parametrize("states", [0, 7])

@@ -33,6 +33,7 @@ def test_the_verified_error_is_at_or_above_the_truth(seed, method):
 
 
 # of odd seeds, weakly damped oscillators of one frequency are in a chain
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 16, 2))])
 def test_damping_above_a_millionth_is_reduced_and_not_refused(seed):
     full = hard_system(seed, damping=(-5.0, -1.0))
@@ -65,6 +66,7 @@ def test_what_splitting_off_a_kept_part_loses_is_in_the_error(seed):
     assert largest_error(full, reduced.system, at) <= reduced.measured_error * (1.0 + 1e-6) + 1e-12 * size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "distance", [0.0, *(pytest.param(distance, marks=pytest.mark.slow) for distance in (1e-3, 1e-6, 1e-9, 1e-12))]
 )

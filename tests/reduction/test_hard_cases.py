@@ -179,6 +179,7 @@ def test_chains_with_more_signals_than_states(shape):
     assert bc.h2_norm(chain).certified
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS[:4])
 @pytest.mark.parametrize("step", [9, pytest.param(1, marks=pytest.mark.slow)])
 def test_orders_of_a_boom_pushed_by_forces_work_or_are_refused_in_plain_words(step, method):

@@ -96,6 +96,7 @@ def test_the_band_integral_is_the_integral_and_all_frequencies_give_one_half():
     assert band_integral(system, modal, (0.0, 1e12)) == pytest.approx(0.5 * np.eye(len(system.A)), abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modes", [8, *(pytest.param(modes, marks=pytest.mark.slow) for modes in (14, 20))])
 @pytest.mark.parametrize("excitation", ["displacement", "force"])
 def test_truncated_modes_stay_within_their_bound(modes, excitation):

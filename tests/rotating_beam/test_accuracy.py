@@ -150,6 +150,7 @@ def test_each_error_said_is_that_of_the_model(spun_up):
         assert _error(tip, true) == pytest.approx(error, abs=spun_up.chosen.reference[2] + 0.03 * error + 2e-5)
 
 
+@pytest.mark.slow
 def test_an_accuracy_beyond_all_assumed_modes_takes_the_exact_beam():
     short = bc.HubBeamParameters(length=2.0, hub_inertia=2.0, tip_mass=0.2)
     turn = bc.spin_up(6.0, 0.6)
@@ -218,6 +219,7 @@ def test_it_is_an_ordinary_hub_beam(spun_up):
     assert hash(other) == hash(spun_up)
 
 
+@pytest.mark.slow
 def test_a_model_that_loses_its_stiffness_is_not_taken():
     """TLAM's frequency is 2.91 rad/s: beyond that its deflection grows beyond all bounds."""
     beam = bc.hub_beam(accuracy=1e-4, manoeuvre=bc.spin_up(4.0, 15.0), time=20.0)
@@ -265,6 +267,7 @@ def test_kinds():
         bc.hub_beam(3.0, accuracy=1e-3, manoeuvre=SPIN_UP)
 
 
+@pytest.mark.slow
 def test_an_accuracy_that_cannot_be_proved_is_refused_with_what_can():
     """Displacements of 1e-13 m are rounding of a place eight metres out."""
     with pytest.raises(ValueError, match=r"^accuracy = 1e-07: expected (at least|a larger one)") as refused:

@@ -237,6 +237,7 @@ def test_the_error_of_a_whip_is_that_of_its_polynomials_too(speed, duration, mod
     assert few.error_estimate <= 50.0 * error + 1e-3 * np.abs(true.tip_displacement).max()
 
 
+@pytest.mark.slow
 def test_an_error_is_told_where_steps_that_do_for_some_polynomials_do_not_for_more():
     p = HubBeamParameters(hub_radius=0.882407583, tip_mass=0.424180920)
     times = np.linspace(0.0, 1.2300520212680028, 30)
@@ -276,6 +277,7 @@ def test_a_whip_moves_as_a_chain_of_links(speed, duration):
     assert np.abs(limit - tip).max() <= max(np.abs(limit - fine).max(), 1e-3 * BAI.length)
 
 
+@pytest.mark.slow
 def test_a_motion_that_no_polynomials_follow_says_so():
     push = torque(lambda t: np.where(np.asarray(t) < 0.2, 300.0, 0.0), (0.2,))
     with pytest.warns(UserWarning, match="not smooth enough"):

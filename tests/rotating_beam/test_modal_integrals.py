@@ -46,6 +46,7 @@ def test_shapes_equal_the_textbook_form_in_200_digits(i):
     np.testing.assert_allclose(modes(places, 1)[:, i - 1], slopes, rtol=0, atol=2e-12 * modes.wavenumbers[i - 1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("i", "j"), [(1, 1), (1, 2), (12, 13), (13, 14)])
 def test_integrals_equal_those_in_45_digits(i, j):
     p, n, panels = LOADED, 100, max(1, max(i, j) // 2)  # a panel a wave

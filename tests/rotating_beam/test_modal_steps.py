@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -80,7 +81,8 @@ def jumping(seed):
     return beam, bc.hub_profile(*map(function, range(3))), np.append(jumps, end), of_piece
 
 
-@examples(100)
+@pytest.mark.slow
+@examples(50)
 @given(seed=st.integers(0, 10**6), digits=st.floats(4.0, 9.0))
 @example(seed=0, digits=5.0)
 def test_tolerance_and_estimate_hold_where_the_acceleration_jumps(seed, digits):

@@ -96,6 +96,7 @@ def _run(beam, scene, time, law, **more):
     return found, states, given
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", _SCENES)
 def test_the_loop_is_what_brute_force_finds(scene):
     beam, time = _beam(), np.linspace(0.0, 0.5, 51)

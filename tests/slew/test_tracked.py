@@ -234,6 +234,7 @@ def test_bad_studies_are_refused(known, wrong, words):
         known.monte_carlo(**({"runs": 4} | wrong))
 
 
+@pytest.mark.slow
 def test_slews_of_linear_systems_and_states_of_other_models_are_refused(known):
     linear = bc.optimal_slew(bc.hub_beam(modes=1).linearize(), 1.0, 140.0)
     with pytest.raises(TypeError, match="expected one of a hub-beam"):

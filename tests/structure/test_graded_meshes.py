@@ -59,6 +59,7 @@ def test_springs_that_hardly_hold_are_not_rigid_bodies(elements):
     assert found.lower <= coarse.peak * 1.001 <= found.upper * 1.002
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [800, pytest.param(2000, marks=pytest.mark.slow)])
 def test_the_peak_of_a_mesh_too_fine_is_said_not_to_be_certified_and_near_the_exact_one(elements):
     """It is the largest value on a grid around its resonances; elements of high order have a certified one."""

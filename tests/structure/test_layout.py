@@ -143,6 +143,7 @@ def test_halves_answered_together_are_those_answered_alone(elements, excitation)
     assert np.abs(found.values - alone).max() < 1e-12 * np.abs(alone).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [6, 12, 20, 35, 60])
 def test_modes_through_rows_keep_their_digits(elements):
     """Beside dense solutions, corrected once by the forces that strain rows say are left over."""

@@ -175,6 +175,7 @@ def test_plain_matrices_of_five_thousand_elements_warn():
         bare.frequency_response(BAND[::8], "suspension_left", "tip_left")
 
 
+@pytest.mark.slow
 def test_strain_rows_carry_five_thousand_elements_without_warning():
     model = bc.spray_boom(elements=5000)
     with warnings.catch_warnings():

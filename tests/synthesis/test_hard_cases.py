@@ -137,6 +137,7 @@ def test_the_plant_of_the_slicot_library():
     assert_verified(P, enough.controller, enough.gamma, enough.certificate.norm.omega)
 
 
+@pytest.mark.slow
 def test_weights_with_double_poles_on_a_fine_mesh():
     """A double pole has one eigenvector only; the modes of the boom must keep coordinates of their own beside it."""
     _, yaw = bc.split_symmetric(bc.spray_boom(bc.BoomParameters(), elements=20))

@@ -311,6 +311,7 @@ def _even(matrix):
     return 0.5 * (matrix + matrix.T)
 
 
+@pytest.mark.slow
 def test_a_stable_mode_that_no_weight_sees_is_left_alone_on_any_mesh():
     for elements in (6, 20, 50):
         model = bc.spray_boom(elements=elements).select(("actuator_left", *SUSPENSIONS), ("tip_left", "tip_right"))

@@ -69,6 +69,7 @@ def test_the_least_h2_norm_of_a_gain_is_that_of_its_cubic():
     assert found.gamma == pytest.approx(least, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.slow), 1])
 def test_a_free_order_of_that_of_the_plant_comes_near_the_best_of_any_order(seed):
     P = swing(seed, states=2, nmeas=1, ncon=1)
@@ -162,6 +163,7 @@ def two_by_two():
     return control.ss(P.A, P.B, P.C, P.D, inputs=["w", "n0", "n1", "u0", "u1"], outputs=["z", "e0", "e1", "y0", "y1"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow) if name == "ppf" else name for name in STRUCTURES]
 )
@@ -221,6 +223,7 @@ def test_a_state_more_is_never_worse():
 # -- several models, budgets, bounds ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_of_two_models_the_worse_one_counts_and_both_are_stable():
     """Around lags of 1 and -0.5 the least gain for both is where neither norm can fall without the other's rising."""
     plants = [lag(1.0), lag(-0.5)]
@@ -337,6 +340,7 @@ def weighed(model):
     )
 
 
+@pytest.mark.slow
 def test_over_a_family_nothing_inside_is_worse_than_said():
     found = bc.tune(weighed, 1, 1, T.pid(integral=False, high=50.0), family=family(), starts=2)
     rng = np.random.default_rng(0)
@@ -346,6 +350,7 @@ def test_over_a_family_nothing_inside_is_worse_than_said():
     assert found.certificate.worst.value <= found.gamma * 1.002
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 9))])
 def test_the_worst_of_the_objective_over_a_family_is_not_where_a_budget_is_worst(seed):
     rng = np.random.default_rng(seed)
@@ -370,6 +375,7 @@ def test_a_parameter_of_the_family_may_be_tuned_and_the_others_are_uncertain():
         assert bc.hinf_norm(loop).lower <= found.gamma * 1.002
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("starts", [1, 3])
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 12))])
 def test_the_optimum_of_a_lower_order_is_a_start(seed, starts):
@@ -396,6 +402,7 @@ def test_the_optimum_of_a_lower_order_is_a_start(seed, starts):
         assert more <= less * (1.0 + 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [9, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (61, *range(200, 230)))])
 def test_what_the_best_start_came_to_is_what_is_verified(seed):
     """Peaks of lightly damped loops that stand side by side: none is passed over, be it higher by a hundred-thousandth."""
@@ -514,6 +521,7 @@ def test_an_interrupt_returns_the_best_so_far_verified():
     assert bc.hinf_norm(bc.close_loop(P, found.controller)).lower == pytest.approx(found.gamma, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_start_of_ones_own_is_gone_on_from():
     first = bc.tune(swing(3), 2, 2, T.gain(), starts=3)
     again = bc.tune(swing(3), 2, 2, T.gain(), starts=1, initial=first.values)
@@ -521,6 +529,7 @@ def test_a_start_of_ones_own_is_gone_on_from():
     assert again.starts[0].kind == "given"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("states", [0, 1, 2])
 def test_a_start_may_be_a_controller_of_the_order_or_of_a_lower_one(states):
     P, rng = swing(3), np.random.default_rng(0)
@@ -531,6 +540,7 @@ def test_a_start_may_be_a_controller_of_the_order_or_of_a_lower_one(states):
     assert found.gamma <= bc.hinf_norm(bc.close_loop(P, K)).upper
 
 
+@pytest.mark.slow
 def test_a_controller_that_was_tuned_is_gone_on_from_where_it_was():
     P = swing(3)
     first = bc.tune(P, 2, 2, T.state_space(1), starts=2)

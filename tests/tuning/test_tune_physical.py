@@ -128,6 +128,7 @@ def largest_gain(loop, omega):
     return np.linalg.norm(loop.C @ states + loop.D, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_gains_and_h2_norms_change_with_a_parameter_as_differences_say(name):
     plants, make = made(name)
@@ -230,6 +231,7 @@ def turned(values):
     return control.ss(by @ A @ np.linalg.inv(by), by @ B, C @ np.linalg.inv(by), 0.0)
 
 
+@pytest.mark.slow
 def test_a_plant_whose_states_differ_is_tuned_by_differences_and_says_so():
     found = bc.tune(turned, 0, 0, T.physical("c", 0.05, 5.0), starts=2)
     assert "physical parameters by differences" in found.certificate.path

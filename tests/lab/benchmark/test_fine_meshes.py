@@ -6,6 +6,7 @@ import pytest
 import boomctl as bc
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("excitation", ["displacement", "force"])
 @pytest.mark.parametrize("elements", [800, 2000])
 def test_all_signals_of_fine_meshes_are_near_the_exact_beam(elements, excitation):

@@ -319,6 +319,7 @@ def test_every_promise_is_read_off_what_a_whole_run_measures(key):
     assert maker(key)("quick").settings
 
 
+@pytest.mark.slow
 def test_a_quick_run_promises_nothing_of_run_times(monkeypatch):
     tiny = replace(
         scene(Setting("a", "1", ours=True, cold=lambda change: 1.0)), promises=(seconds(A, 1.0), exact(A, 1.0))

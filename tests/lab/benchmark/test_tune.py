@@ -55,6 +55,7 @@ def check(goal, starts, monkeypatch):
         assert norm <= goal.limit * (1.0 + AGREE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["HE1", "REA2"])
 def test_two_plants_reach_their_goals_certified(name, monkeypatch):
     check(next(goal for goal in GOALS if goal.plant == name and not goal.order), (FEW,), monkeypatch)
@@ -80,6 +81,7 @@ def test_what_is_asked_of_whom():
 _TIME = "run time [s], from new parameters"  # of an answer that is none there is none
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("norm", "certified", "goal", "missed"),
     [
