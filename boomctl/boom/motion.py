@@ -428,8 +428,8 @@ def write_motion(path: str | Path, motion: PlatformMotion) -> None:
     ------
     OSError
         The file cannot be written.
-    TypeError
-        Not a motion.
+    TypeError, ValueError
+        Not a motion; a path that is a folder.
 
     Examples
     --------

@@ -91,8 +91,8 @@ class DiscreteElements:
 
     Raises
     ------
-    ValueError
-        A number of elements out of range; another word for ``mass``.
+    TypeError, ValueError
+        A number of elements that is not whole or out of range; another word for ``mass``.
 
     Examples
     --------
