@@ -252,7 +252,8 @@ def reproduce(words: Sequence[str]) -> None:
 
     from boomctl.checks import known, whole
     from boomctl.files import locked_folder, plain, write_json, write_whole
-    from boomctl.lab.papers.side_by_side import cores, side_by_side
+    from boomctl.lab.papers.side_by_side import side_by_side
+    from boomctl.processes import cores
     from boomctl.report import bound_reports
 
     known("what to reproduce", asked.what, ("boom", "hub-beam", "all"))
@@ -626,9 +627,9 @@ def stress(words: Sequence[str]) -> None:
 
     from boomctl.checks import whole
     from boomctl.files import locked_folder
-    from boomctl.lab.stress.pool import cores
     from boomctl.lab.stress.report import PAGE
     from boomctl.lab.stress.run import all_cases, stressed
+    from boomctl.processes import cores
 
     workers = cores() if asked.workers is None else whole("--workers", asked.workers)
     cases = all_cases(asked.full, asked.rows)

@@ -5,7 +5,7 @@ import json
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,8 +44,7 @@ def prepared_folder(path: str | Path) -> Path:
 def locked_folder(path: str | Path) -> Iterator[Path]:
     """Give a folder that exists, can be written to, and that no other run writes to meanwhile.
 
-    The lock is the operating system's, on the folder itself: it leaves no file, and ends with the process.  Where there is
-    none (Windows, some network drives) the folder is not locked.
+    The lock is on the folder itself.  Where there is none (Windows, some network drives) the folder is not locked.
 
     Raises
     ------
@@ -58,31 +57,51 @@ def locked_folder(path: str | Path) -> Iterator[Path]:
     except PermissionError:  # Windows opens no folders
         yield folder
         return
+    taken = f"output folder {folder}: another run writes to it; wait until it has ended, or choose another folder"
     try:
-        lock(
-            handle,
-            f"output folder {folder}: another run writes to it; wait until it has ended, or choose another folder",
-        )
-        yield folder
+        with locked(handle, taken):
+            yield folder
     finally:
         os.close(handle)
 
 
-def lock(handle: int, taken: str) -> None:
-    """Lock an open file or folder until it is closed; ``taken`` is what an OSError says where another process has it.
+_LOCKED: set[int] = set()  # open files and folders that this process has locked
 
-    The lock is the operating system's.  Where there is none (Windows, some network drives) nothing is locked.
+
+@contextmanager
+def locked(handle: int, taken: str) -> Iterator[None]:
+    """Lock an open file or folder until it is closed; ``taken`` is what an OSError says where another run has it.
+
+    The lock is the operating system's: it leaves no file, and ends with this process.  Where there is none (Windows, some
+    network drives) nothing is locked.
     """
-    try:
+    with suppress(ImportError):
         import fcntl  # there is none on Windows
-    except ImportError:
-        return
+
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OSError(taken) from None
+        except OSError:
+            pass  # a drive without locks
+    _LOCKED.add(handle)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise OSError(taken) from None
-    except OSError:
-        pass  # a drive without locks
+        yield
+    finally:
+        _LOCKED.discard(handle)
+
+
+def _let_go() -> None:
+    """Let go, in a process that was forked, of what the other one has locked: its lock would last as long as both."""
+    for handle in _LOCKED:
+        nothing = os.open(os.devnull, os.O_RDWR)
+        os.dup2(nothing, handle, inheritable=False)
+        os.close(nothing)
+    _LOCKED.clear()
+
+
+if hasattr(os, "register_at_fork"):  # there is no forking on Windows
+    os.register_at_fork(after_in_child=_let_go)
 
 
 def write_whole(path: Path, content: bytes | str) -> None:

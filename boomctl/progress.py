@@ -162,21 +162,6 @@ def _checked(name: str, listener: Any) -> Listener | None:
     return listener
 
 
-def end_with_parent() -> None:
-    """Let this process end when the one that started it does, however that ends: it computes for nobody any more."""
-    from multiprocessing import parent_process  # long to import; whoever is asked this has it already
-
-    parent = parent_process()
-
-    def wait() -> None:
-        assert parent is not None
-        parent.join()
-        os._exit(1)
-
-    if parent is not None:
-        threading.Thread(target=wait, name="boomctl-parent", daemon=True).start()
-
-
 def _seen() -> bool:
     """Return whether somebody may be looking: a terminal, or a notebook."""
     if os.environ.get("TERM") == "dumb":

@@ -13,9 +13,8 @@ import pytest
 
 from boomctl.checks import positive
 from boomctl.lab.stress.case import Case, Outcome, Seen, said_by_us, tried
-from boomctl.lab.stress.pool import all_tried
 from boomctl.lab.stress.report import PAGE, StressReport
-from boomctl.lab.stress.run import all_cases
+from boomctl.lab.stress.run import all_cases, all_tried
 from boomctl.structure.response.rounding import AccuracyWarning
 from tests.command import boomctl
 

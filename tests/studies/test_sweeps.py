@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 import boomctl as bc
 from boomctl.studies.sweeps import SweepResult, SweepWarning
 from boomctl.studies.sweeps import kept as kept_module
-from boomctl.studies.sweeps.outcome import Task, computed
+from boomctl.studies.sweeps.outcome import computed
 from tests.profiles import examples
 
 GRID = {"x": [1.0, 2.0, 3.0], "y": [0, 1], "z": 5.0}
@@ -201,7 +201,7 @@ def test_what_ends_a_script_ends_its_point_alone(executor):
 
 def test_processes_compute_with_one_thread():
     assert bc.sweep(threads, {"x": [1]}, 1)["value"].tolist() == [1]
-    assert computed(Task(threads, ({"x": 1},), ("elsewhere", 0)))[0].columns == {"value": 1}
+    assert computed(threads, [{"x": 1}], ("elsewhere", 0))[0].columns == {"value": 1}
 
 
 def test_what_was_interrupted_goes_on(tmp_path):
@@ -333,6 +333,15 @@ def test_two_sweeps_do_not_write_to_one_file(tmp_path):
         bc.sweep(inner, {"x": [1.0]}, file=file)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks")
+def test_a_pool_that_outlives_its_sweep_keeps_no_file_locked(tmp_path):
+    file = tmp_path / "sweep.jsonl"
+    with ProcessPoolExecutor(2) as pool:  # its processes are forked while the first sweep has the file
+        first = bc.sweep(picky, {"x": [1.0], "y": [0]}, pool, file=file)
+        more = bc.sweep(picky, {"x": [1.0, 2.0], "y": [0]}, pool, file=file)
+    assert (first.path, more.path) == (("ProcessPoolExecutor",), (f"1 points of {file}", "ProcessPoolExecutor"))
+
+
 CELLS = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.complex_numbers(),
     lambda inside: st.lists(inside, max_size=3) | st.dictionaries(st.text(), inside, max_size=3) | st.tuples(inside),
@@ -381,20 +390,34 @@ def test_a_killed_worker_costs_nothing(tmp_path, how):
     assert len(file.read_text().splitlines()) == 1 + 6
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 def sleeping(x, folder):
     (Path(folder) / f"pid{os.getpid()}").touch()
     time.sleep(60.0)
     return {"value": x}
 
 
+WHERE = {
+    "own": "2",
+    "pool": "ProcessPoolExecutor(2)",
+    "spawned pool": "ProcessPoolExecutor(2, get_context('spawn'))",
+}
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="it reads /proc")
-@pytest.mark.parametrize("how", ["SIGTERM", "SIGHUP", "SIGKILL"])
-def test_workers_end_with_the_process_that_asks_and_give_its_file_free(tmp_path, how):
+@pytest.mark.parametrize(
+    ("how", "where"),
+    [("SIGTERM", "own"), ("SIGHUP", "own"), ("SIGKILL", "own"), ("SIGKILL", "pool"), ("SIGKILL", "spawned pool")],
+)
+def test_workers_end_with_the_process_that_asks_and_give_its_file_free(tmp_path, how, where):
     file, over = tmp_path / "sweep.jsonl", {"x": [1, 2], "folder": str(tmp_path)}
-    call = f"bc.sweep(sleeping, {over}, 2, file={str(file)!r})"
-    text = f"import boomctl as bc; from tests.studies.test_sweeps import sleeping; {call}"
-    with subprocess.Popen([sys.executable, "-c", text]) as child:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from concurrent.futures import ProcessPoolExecutor\nfrom multiprocessing import get_context\n"
+        "import boomctl as bc\nfrom tests.studies.test_sweeps import sleeping\n"
+        f"if __name__ == '__main__':\n    bc.sweep(sleeping, {over}, {WHERE[where]}, file={str(file)!r})\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen([sys.executable, str(script)], env=environment, stderr=subprocess.DEVNULL) as child:
         begun = time.monotonic()
         while len(pids := [int(p.name[3:]) for p in tmp_path.glob("pid*")]) < 2 and time.monotonic() < begun + 30.0:
             time.sleep(0.1)

@@ -1,21 +1,12 @@
 """Independent pieces of work, side by side in processes of their own, or one after the other in this one."""
 
-import os
-import signal
-import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from concurrent.futures import BrokenExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
-from multiprocessing.connection import Connection, wait
-from threading import current_thread, main_thread
+from threading import Lock
 from typing import Any
 
-_BLAS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-)  # what numpy's libraries read when they are loaded
+from boomctl.processes import Processes
 
 
 @dataclass(frozen=True)
@@ -37,11 +28,6 @@ class Job:
     arguments: tuple[Any, ...] = ()
 
 
-def cores() -> int:
-    """Return how many processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def side_by_side(jobs: Sequence[Job], workers: int, tell: Callable[[str], None] = lambda text: None) -> list[Any]:
     """Return what each job returns, in their order.
 
@@ -61,83 +47,29 @@ def side_by_side(jobs: Sequence[Job], workers: int, tell: Callable[[str], None] 
     RuntimeError
         A process ended without an answer.
     """
-    found: dict[int, Any] = {}
     if min(workers, len(jobs)) <= 1:
-        for i, job in enumerate(jobs):
+        found = []
+        for job in jobs:
             tell(job.name)
-            found[i] = job.work(*job.arguments)
-        return list(found.values())
-    waiting = iter(range(len(jobs)))
-    with _processes(min(workers, len(jobs))) as idle:
-        busy: dict[Connection, int] = {}
-        while len(found) < len(jobs):
-            for connection, i in zip(idle, waiting, strict=False):
-                connection.send((jobs[i].work, jobs[i].arguments))
-                busy[connection] = i
-                tell(", ".join(jobs[k].name for k in busy.values()))
-            idle = [connection for connection in wait(list(busy)) if isinstance(connection, Connection)]
-            for connection in idle:
-                i = busy.pop(connection)
-                try:
-                    error, found[i] = connection.recv()
-                except EOFError:
-                    raise RuntimeError(f"{jobs[i].name}: the process that computed it has ended") from None
-                if error is not None:
-                    raise error
-    return [found[i] for i in range(len(jobs))]
+            found.append(job.work(*job.arguments))
+        return found
+    under_way: dict[int, str] = {}
+    telling = Lock()
+    with Processes(min(workers, len(jobs)), "spawn") as processes:
 
+        def done(i: int) -> Any:
+            with telling:
+                under_way[i] = jobs[i].name
+                tell(", ".join(under_way.values()))
+            try:
+                return processes.ask(jobs[i].work, *jobs[i].arguments)
+            except BrokenExecutor:
+                raise RuntimeError(f"{jobs[i].name}: the process that computed it has ended") from None
+            finally:
+                with telling:
+                    del under_way[i]
 
-@contextmanager
-def _processes(count: int) -> Iterator[list[Connection]]:
-    """Start processes and give the connection to each; however it ends, none of them is left."""
-    context, started = get_context("spawn"), []
-    set_here = [name for name in _BLAS if name not in os.environ]
-    try:
-        os.environ.update(dict.fromkeys(set_here, "1"))
-        with _deaf():
-            for _ in range(count):
-                ours, theirs = context.Pipe()
-                process = context.Process(target=_serve, args=(theirs,), daemon=True)
-                process.start()
-                theirs.close()
-                started.append((process, ours))
-        yield [connection for _, connection in started]
-    finally:
-        for name in set_here:
-            del os.environ[name]
-        for process, connection in started:
-            process.terminate()
-            process.join()
-            connection.close()
-
-
-@contextmanager
-def _deaf() -> Iterator[None]:
-    """Ignore interrupts for a moment: processes that are started meanwhile ignore them all their life.
-
-    An interrupt of the terminal reaches them all; this process alone is to answer, and to end the others.
-    """
-    listening = signal.getsignal(signal.SIGINT) if current_thread() is main_thread() else None
-    if listening is None:
-        yield
-        return
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, listening)
-
-
-def _serve(connection: Connection) -> None:
-    """Do what comes over a connection until it is closed; errors go back with the place at which they arose."""
-    while True:
-        try:
-            work, arguments = connection.recv()
-        except EOFError:
-            return
-        try:
-            answer = None, work(*arguments)
-        except Exception as error:
-            error.add_note(traceback.format_exc())
-            answer = error, None
-        connection.send(answer)
+        answers = [processes.submit(done, i) for i in range(len(jobs))]
+        for answer in as_completed(answers):
+            answer.result()  # an error ends the other jobs
+    return [answer.result() for answer in answers]

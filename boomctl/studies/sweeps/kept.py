@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from boomctl.checks import path as checked_path
-from boomctl.files import lock
+from boomctl.files import locked
 from boomctl.studies.sweeps.outcome import Outcome
-from boomctl.studies.sweeps.plan import Label
+from boomctl.studies.sweeps.plan import Axis, Label
 
 _FORMAT = "boomctl sweep 1"
 _ARRAY, _PICKLE, _FLOAT, _MAPPING = "array", "pickle", "float", "mapping"
@@ -115,17 +115,27 @@ class KeptSweep:
 
 
 @contextmanager
-def kept_sweep(path: object, function: Callable[..., Any], names: Sequence[str]) -> Iterator[KeptSweep]:
-    """Give the sweep that a file holds, which is made if there is none, and which no other sweep writes to meanwhile."""
+def kept_sweep(path: object, function: Callable[..., Any], axes: Sequence[Axis]) -> Iterator[KeptSweep | None]:
+    """Give the sweep that a file holds, which is made if there is none, and which no other sweep writes to meanwhile.
+
+    None without a file.
+    """
+    if path is None:
+        yield None
+        return
+    for axis in axes:
+        if not axis.named:
+            raise ValueError(
+                f"over[{axis.name!r}]: expected a mapping of names to values where the sweep is kept in a file, which knows"
+                " points by name"
+            )
     where = checked_path("file", path)
     if where.is_dir():
         raise ValueError(f"file = {where}: expected a file, got a folder")
     where.touch()
-    with open(where, "r+b") as file:
-        lock(
-            file.fileno(), f"file {where}: another sweep writes to it; wait until it has ended, or choose another file"
-        )
-        yield KeptSweep(where, file, function, names)
+    taken = f"file {where}: another sweep writes to it; wait until it has ended, or choose another file"
+    with open(where, "r+b") as file, locked(file.fileno(), taken):
+        yield KeptSweep(where, file, function, [axis.name for axis in axes])
 
 
 def _key(point: Mapping[str, Label]) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from boomctl.processes import end_with_parent
 from boomctl.progress import counted
 
 VALUE = "value"  # name of the column of a function that returns one thing, not things by name
@@ -37,27 +38,21 @@ class Outcome:
     trace: str = ""
 
 
-@dataclass(frozen=True)
-class Task:
-    """Points that are computed in one call: the function, what it is given, and the process that asks."""
-
-    function: Callable[..., Any]
-    arguments: tuple[dict[str, Any], ...]
-    asked_by: tuple[str, int]
-
-
 def here() -> tuple[str, int]:
     """Return which process this is, among all machines."""
     return platform.node(), os.getpid()
 
 
-def computed(task: Task) -> list[Outcome]:
-    """Return what came of the points of a task; a process of its own computes with one BLAS thread from then on."""
-    if task.asked_by == here():
-        return outcomes(task.function, task.arguments)
+def computed(
+    function: Callable[..., Any], arguments: Sequence[dict[str, Any]], asked_by: tuple[str, int]
+) -> list[Outcome]:
+    """Return what came of points; a process of its own computes with one BLAS thread from then on, and for who asks alone."""
+    if asked_by == here():
+        return outcomes(function, arguments)
+    end_with_parent()
     _one_thread()
     with counted(lambda stage: None):  # who asked says what he waits for; a forked process would say it again
-        return outcomes(task.function, task.arguments)
+        return outcomes(function, arguments)
 
 
 @cache

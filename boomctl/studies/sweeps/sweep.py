@@ -5,23 +5,28 @@ from __future__ import annotations
 import inspect
 import os
 import warnings
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import closing, contextmanager, nullcontext
+from collections.abc import Callable, Generator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
+from contextlib import closing, nullcontext
+from functools import partial
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from boomctl.checks import function_of, instance, mapping, shown, whole
+from boomctl.processes import Processes, cores
 from boomctl.progress import Listener, computing, counted
-from boomctl.studies.sweeps.kept import KeptSweep, kept_sweep
-from boomctl.studies.sweeps.outcome import outcomes
+from boomctl.studies.sweeps.kept import kept_sweep
+from boomctl.studies.sweeps.outcome import Outcome, computed, failed, here, outcomes
 from boomctl.studies.sweeps.plan import GRID, Plan
 from boomctl.studies.sweeps.result import FailedPoint, SweepResult
-from boomctl.studies.sweeps.workers import Answer, Workers
+
+Answer = tuple[int, Outcome]
+"""Which point, and what came of it."""
 
 _MOST_WORKERS = 1000  # processes that a sweep begins on one machine (a choice)
+_DIED = "BrokenProcessPool: the process that computed it has ended without an answer"
 
 
 class SweepWarning(UserWarning):
@@ -120,25 +125,31 @@ def sweep(
     for name, unit in told.items():
         instance(f"unit of {name!r}", unit, str)
     size = whole("chunk", getattr(function, "chunk", 1) if chunk is None else chunk)
-    workers = Workers(function, arguments)
-    processes = executor if executor is None or isinstance(executor, Executor) else _processes(executor)
-    with computing("sweep", progress) as tell, _kept(file, function, plan) as kept:
+    where = executor if executor is None or isinstance(executor, Executor) else _processes(executor)
+    with computing("sweep", progress) as tell, kept_sweep(file, function, plan.axes) as kept:
+        if kept and kept.changed:
+            warnings.warn(
+                f"{kept.path}: its points were computed when the function was written otherwise, or held other values; delete"
+                " the file to compute them anew",
+                SweepWarning,
+                stacklevel=2,
+            )
         found = {
             k: known for k, point in enumerate(points) if kept and (known := kept.get(point, arguments[k])) is not None
         }
         resumed = len(found)
         waiting = [k for k in range(len(points)) if k not in found]
         chunks = [tuple(waiting[k : k + size]) for k in range(0, len(waiting), size)]
+        path = [f"{resumed} points of {file}"] if resumed else []
         answers: Generator[Answer, None, None]
-        if processes is None or not chunks:
+        if where is None or not chunks:
+            path += ["this process"] * bool(chunks)
             answers = _in_turn(
                 function, arguments, chunks, lambda stage, more: tell(stage, resumed + more, len(points))
             )
-        elif isinstance(processes, int):
-            answers = workers.here(processes, chunks)
         else:
-            answers = workers.by(processes, chunks)
-        with closing(answers), nullcontext() if processes is None else threadpool_limits(limits=1):
+            answers = _elsewhere(function, arguments, chunks, where, path)
+        with closing(answers), nullcontext() if where is None else threadpool_limits(limits=1):
             tell("", resumed, len(points))
             for place, outcome in answers:
                 found[place] = outcome
@@ -159,10 +170,7 @@ def sweep(
         seconds=np.array([found[k].seconds for k in range(len(points))]),
         units=told,
         dims=dict(getattr(function, "dims", {})),
-        path=(
-            *([f"{resumed} points of {file}"] if resumed else []),
-            *(workers.path or ["this process"] * bool(chunks)),
-        ),
+        path=tuple(path),
     )
 
 
@@ -188,29 +196,6 @@ def _processes(executor: object) -> int:
     )
 
 
-@contextmanager
-def _kept(file: object, function: Callable[..., Any], plan: Plan) -> Iterator[KeptSweep | None]:
-    """Give the sweep that a file holds; None without a file."""
-    if file is None:
-        yield None
-        return
-    for axis in plan.axes:
-        if not axis.named:
-            raise ValueError(
-                f"over[{axis.name!r}]: expected a mapping of names to values where the sweep is kept in a file, which knows"
-                " points by name"
-            )
-    with kept_sweep(file, function, [axis.name for axis in plan.axes]) as kept:
-        if kept.changed:
-            warnings.warn(
-                f"{kept.path}: its points were computed when the function was written otherwise, or held other values; delete"
-                " the file to compute them anew",
-                SweepWarning,
-                stacklevel=4,
-            )
-        yield kept
-
-
 def _in_turn(
     function: Callable[..., Any],
     arguments: Sequence[dict[str, Any]],
@@ -234,6 +219,69 @@ def _in_turn(
             raise ended.error from None
         done += len(chunk)
         yield from zip(chunk, answers, strict=True)
+
+
+def _elsewhere(
+    function: Callable[..., Any],
+    arguments: Sequence[dict[str, Any]],
+    chunks: Sequence[tuple[int, ...]],
+    where: Executor | int,
+    path: list[str],
+) -> Generator[Answer, None, None]:
+    """Compute points by an executor, or in a number of processes of the sweep's own; say in ``path`` where.
+
+    Where the executor breaks because a process of its has died, what is left is computed in processes of the sweep's own.
+    The points that a process had when it died are tried one at a time at the end; one that ends its process alone, too, has
+    failed.  None is tried in the process of the caller, who would die with it.
+    """
+    task = partial(computed, function, asked_by=here())
+    if isinstance(where, Executor):
+        path.append(type(where).__name__)
+        chunks = yield from _asked(where.submit, task, arguments, chunks)
+        if not chunks:
+            return
+        path.append(f"the executor broke: {sum(map(len, chunks))} points anew")
+    count: int = getattr(where, "_max_workers", None) or cores() if isinstance(where, Executor) else where
+    path.append(f"{count} processes")
+    with Processes(min(count, len(chunks))) as own:
+        chunks = yield from _asked(partial(own.submit, own.ask), task, arguments, chunks)
+    suspects = [(place,) for chunk in chunks for place in chunk]
+    if suspects:
+        path.append(f"{len(suspects)} points one at a time, as a process died")
+        with Processes(1) as own:
+            for (place,) in (yield from _asked(partial(own.submit, own.ask), task, arguments, suspects)):
+                yield place, Outcome(None, 0.0, _DIED)
+
+
+def _asked(
+    submit: Callable[..., Any],
+    task: Callable[..., list[Outcome]],
+    arguments: Sequence[dict[str, Any]],
+    chunks: Sequence[tuple[int, ...]],
+) -> Generator[Answer, None, list[tuple[int, ...]]]:
+    """Compute points; return those whose process has died."""
+    under_way: dict[Future[list[Outcome]], tuple[int, ...]] = {}
+    lost: list[tuple[int, ...]] = []
+    try:
+        for chunk in chunks:
+            try:
+                under_way[submit(task, tuple(arguments[k] for k in chunk))] = chunk
+            except BrokenExecutor:
+                lost.append(chunk)
+        for future in as_completed(under_way):
+            chunk = under_way[future]
+            try:
+                found = future.result()
+            except BrokenExecutor:
+                lost.append(chunk)
+                continue
+            except Exception as error:  # it could not be sent, there or back; or the executor gave it up
+                found = [failed(error)] * len(chunk)
+            yield from zip(chunk, found, strict=True)
+    finally:
+        for future in under_way:
+            future.cancel()
+    return sorted(lost)
 
 
 def _report(failures: Sequence[FailedPoint], count: int) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from boomctl.lab.papers.bai.report import jobs as hub_beam_jobs
 from boomctl.lab.papers.bai.validity import tips
-from boomctl.lab.papers.side_by_side import Job, cores, side_by_side
+from boomctl.lab.papers.side_by_side import Job, side_by_side
 
 ROOTS = [Job(f"root of {k}", math.sqrt, (k,)) for k in range(7)]
 SLEEP = """
@@ -50,20 +50,6 @@ def test_an_error_of_a_job_is_raised_here(workers):
 def test_a_process_that_dies_is_named():
     with pytest.raises(RuntimeError, match=r"^killed: the process that computed it has ended"):
         side_by_side([Job("killed", os._exit, (3,)), Job("sleep", time.sleep, (60.0,))], 2)
-
-
-def test_processes_compute_with_one_thread_and_the_environment_stays_as_it_was(monkeypatch):
-    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
-    monkeypatch.setenv("MKL_NUM_THREADS", "3")
-    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-    found = side_by_side([Job(name, os.getenv, (name,)) for name in names], 2)
-    assert found[0] == "1"
-    assert found[2] == "3"
-    assert "OMP_NUM_THREADS" not in os.environ
-
-
-def test_a_machine_has_cores():
-    assert 1 <= cores() <= (os.cpu_count() or 1)
 
 
 def _not_in_the_background():
