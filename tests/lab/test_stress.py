@@ -52,6 +52,10 @@ def died():
     os._exit(3)
 
 
+def greedy():
+    return saw(float(np.zeros(2 * 10**9).sum()))  # 16 GB
+
+
 @pytest.mark.parametrize(
     ("work", "promise", "outcome"),
     [
@@ -83,6 +87,14 @@ def test_an_error_of_ours_is_told_from_one_of_a_library():
         with pytest.raises(ValueError) as caught:  # noqa: PT011 - any: this is what is asked about
             work()
         assert said_by_us(caught.value) == ours
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the memory of a process is limited there")
+def test_a_case_that_eats_the_memory_costs_its_own_row_alone():
+    lines = all_tried([case(greedy), case(saw, 0.0)], 1, lambda name: None)
+    assert [line.said for line in lines] == ["more memory than 8 GB", ""]
+    assert lines[1].outcome is Outcome.HELD
 
 
 @pytest.mark.slow
