@@ -122,7 +122,7 @@ def listening(listener: Listener | None) -> Iterator[None]:
 
 @contextmanager
 def computing(task: str, progress: Listener | None = None) -> Iterator[Tell]:
-    """Run a computation that tells its stages by the function that this gives."""
+    """Run a computation; what is told within is of it.  A function is given that tells of it wherever it is called."""
     outer = _OUTER.get()
     listener = _checked("progress", progress)
     if outer is not None and listener is None:

@@ -21,7 +21,7 @@ from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_va
 from boomctl.lti.modal import side_of_axis, sides
 from boomctl.lti.system import Lti, is_frequency_response, of
 from boomctl.printing import between, listed
-from boomctl.progress import computing
+from boomctl.progress import computing, tell
 from boomctl.structure.matrices import dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import first_order_poles
@@ -229,7 +229,7 @@ def sigma(
         asked = below_nyquist(asked, given, "omega" if frequency_hz is None else "frequency_hz")
         values = _finite(asked, given.singular_values(asked))
         return SigmaResult(asked, values, chosen.inputs, chosen.outputs, given, unit)
-    with computing("singular values") as tell:
+    with computing("singular values"):
         tell("resonances")
         found = given.resonances()
         tell("certified peak")

@@ -21,7 +21,7 @@ from boomctl.lti.frequency import resonance_grid, singular_values
 from boomctl.lti.modal import sides, split_and_doubt
 from boomctl.lti.system import Lti, of
 from boomctl.lti.verified_modal_form import rounding_doubt
-from boomctl.progress import Listener, Tell, computing
+from boomctl.progress import Listener, computing, tell
 from boomctl.reduction.core import core_of
 from boomctl.reduction.reducers import (
     MINIMAL,
@@ -145,8 +145,8 @@ def reduce(
         for said in told:
             warnings.warn(said.message, stacklevel=2)
         return result
-    with computing("reduction", progress) as tell:
-        result = _by_cores(given, (order, wanted), method, limits, tell)
+    with computing("reduction", progress):
+        result = _by_cores(given, (order, wanted), method, limits)
     if order is not None and result.order < order:
         reason = (
             "a pair of poles stays whole"
@@ -158,7 +158,7 @@ def reduce(
 
 
 def _by_cores(
-    given: Lti | SecondOrderModel, aim: tuple[int | None, float | None], method: str, band: Band | None, tell: Tell
+    given: Lti | SecondOrderModel, aim: tuple[int | None, float | None], method: str, band: Band | None
 ) -> ReductionResult:
     """Return the reduction to an order or within an error, of the first core large enough."""
     (order, wanted), path = aim, []
@@ -173,7 +173,7 @@ def _by_cores(
         if not (core.complete or last) and wanted is not None and core.tail > max(_TAIL_SHARE * wanted, floor):
             continue  # what this core leaves out alone is more than may be
         try:
-            smaller, found = reducer.reduced(order) if wanted is None else _within(reducer, wanted, tell)  # type: ignore[arg-type]
+            smaller, found = reducer.reduced(order) if wanted is None else _within(reducer, wanted)  # type: ignore[arg-type]
         except ReductionError:
             if not (reducer.complete or last):
                 continue
@@ -334,7 +334,7 @@ def _band(band: object) -> Band | None:
     return float(limits[0]), float(limits[1])
 
 
-def _within(reducer: Reducer, error: float, tell: Tell) -> tuple[Lti | SecondOrderModel, Verified]:
+def _within(reducer: Reducer, error: float) -> tuple[Lti | SecondOrderModel, Verified]:
     """Return the reduction of lowest order whose verified error is not above the one wanted.
 
     Raises

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import exactly, plain_array, positive, shown, up_to
 from boomctl.printing import count
-from boomctl.progress import Tell, computing
+from boomctl.progress import computing, tell
 from boomctl.rotating_beam.beam import HubBeam, in_model
 from boomctl.rotating_beam.chosen import ModelChoice
 from boomctl.rotating_beam.manoeuvres import Manoeuvre, PrescribedMotion, TorqueDriven
@@ -150,10 +150,10 @@ class _Reference(NamedTuple):
 
 def _choose(p: HubBeamParameters, accuracy: float, manoeuvre: Manoeuvre, time: float) -> ModelChoice:
     instants, search, found = _instants(p, manoeuvre, time), None, None
-    with computing("choice of a model") as tell:
-        for true in _references(p, accuracy, manoeuvre, instants, tell):
+    with computing("choice of a model"):
+        for true in _references(p, accuracy, manoeuvre, instants):
             runs = {} if search is None else search.runs
-            search = _Search(p, accuracy, manoeuvre, instants, true, tell, runs, {})
+            search = _Search(p, accuracy, manoeuvre, instants, true, runs, {})
             found = search.cheapest()
             found = found if found is None else search.solved_loosely(found)
             limit = math.inf if found is None else _CHEAPER * found.run.cost
@@ -189,9 +189,7 @@ def _instants(p: HubBeamParameters, manoeuvre: Manoeuvre, time: float) -> Array:
     return np.unique(np.concatenate([time * np.linspace(0.0, 1.0, points) ** _UNEVEN, *even]))
 
 
-def _references(
-    p: HubBeamParameters, accuracy: float, manoeuvre: Manoeuvre, instants: Array, tell: Tell
-) -> Iterator[_Reference]:
+def _references(p: HubBeamParameters, accuracy: float, manoeuvre: Manoeuvre, instants: Array) -> Iterator[_Reference]:
     """Refine the geometrically exact beam: each time that the motions of two of them agree so well as to be a reference.
 
     Raises
@@ -248,8 +246,6 @@ class _Search:
         At which motions are compared [s].
     true : _Reference
         What they are compared with.
-    tell : callable
-        Told what comes next.
     runs, tried : dict
         By model and modes: the simulations, of searches before too, and how they are judged here, in turn.
     """
@@ -259,7 +255,6 @@ class _Search:
     manoeuvre: Manoeuvre
     instants: Array
     true: _Reference
-    tell: Tell
     runs: dict[tuple[str, int], _Run]
     tried: dict[tuple[str, int], _Trial]
 
@@ -316,7 +311,7 @@ class _Search:
     def attempt(self, model: str, modes: int) -> _Trial:
         """Simulate a model as users will, and judge it; one that cannot be followed has an infinite error."""
         if (model, modes) not in self.runs:
-            self.tell(f"{model} with {count(modes, 'mode')}")
+            tell(f"{model} with {count(modes, 'mode')}")
             self.runs[model, modes] = self.run(model, modes, _SOLVED_EXACT if model == EXACT else _SOLVED)
         self.tried[model, modes] = self.judged(model, modes, self.runs[model, modes])
         return self.tried[model, modes]

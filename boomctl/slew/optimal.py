@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.checks import positive
 from boomctl.printing import compact
-from boomctl.progress import Tell, computing
+from boomctl.progress import computing, tell
 from boomctl.slew.budget import Budget, OutOfTime, SlewProgress, listening
 from boomctl.slew.least_time.arc_count import arcs_behind
 from boomctl.slew.least_time.newton import least_time_arcs
@@ -219,8 +219,8 @@ def optimal_slew(
         intervals=intervals,
         budget=budget,
     )
-    with computing("optimal slew") as tell, _in_time(budget):
-        return _planned(replace(problem, budget=_told(budget, tell)))
+    with computing("optimal slew"), _in_time(budget):
+        return _planned(problem)
 
 
 def _planned(problem: SlewProblem) -> SlewResult:
@@ -236,16 +236,16 @@ def _planned(problem: SlewProblem) -> SlewResult:
     raise AssertionError("the last way finds a torque or says why there is none")
 
 
-def _told(budget: Budget, tell: Tell) -> Budget:
-    """Return a budget that is told of as a computation is, where the caller named nobody."""
-    return budget if budget.tell is not None else replace(budget, tell=lambda seen: tell(seen.stage))
-
-
 def _budget(time_limit: float, progress: Callable[[SlewProgress], object] | None) -> Budget:
     """Check what bounds a search and who is told of it."""
     if progress is not None and not callable(progress):
         raise TypeError(f"progress = {progress!r}: expected a function of a SlewProgress, or None")
-    return Budget(positive("time_limit", time_limit), progress)
+    return Budget(positive("time_limit", time_limit), _told if progress is None else progress)
+
+
+def _told(seen: SlewProgress) -> None:
+    """Tell those who listen to computations."""
+    tell(seen.stage)
 
 
 @contextmanager
@@ -309,10 +309,8 @@ def resolve(
         raise ValueError("result: expected a slew planned by collocation or shooting; plan this one anew")
     budget = _budget(time_limit, progress)
     problem = replace(changed(before.problem, angle, torque_limit), budget=budget)
-    with computing("slew") as tell, _in_time(budget):
-        solution, motions = solved_again(
-            replace(problem, budget=_told(budget, tell)), before.programme, before.solution
-        )
+    with computing("slew"), _in_time(budget):
+        solution, motions = solved_again(problem, before.programme, before.solution)
     gap = result.certificate.optimality_gap
     path = (f"{problem.method}, solved again on its mesh",)
     found = _Candidate(

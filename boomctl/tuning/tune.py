@@ -14,7 +14,7 @@ from boomctl.analysis.norm import NormCertificate
 from boomctl.arrays import Array
 from boomctl.checks import function_of, instance, known, positive, sequence, whole, within
 from boomctl.printing import count as counted
-from boomctl.progress import Listener, Tell, computing
+from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
 from boomctl.synthesis.assumptions import SynthesisError, check_detectable, check_stabilizable
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -153,11 +153,11 @@ def tune(
     count, number = whole("starts", starts), whole("seed", seed, 0)
     deadline = began + positive("time_limit", time_limit)
     nmeas, ncon = _counts(structure, nmeas, ncon)
-    with computing("tuning", progress) as tell:
+    with computing("tuning", progress):
         tell("plants")
         over = _family(P, nmeas, ncon, structure, family)
         plants = over.plants(deadline) if over is not None else _plants(P, nmeas, ncon, structure, deadline)
-        task = _Task(structure, listed, limits, plants, deadline, tell)
+        task = _Task(structure, listed, limits, plants, deadline)
         begun = task.begun(initial)
         found = task.searched(count, np.random.default_rng(number), begun)
         worst, path = None, [*plants.path, *found.path]
@@ -231,7 +231,6 @@ class _Task:
     limits: dict[str, float | None]
     plants: Plants
     deadline: float
-    tell: Tell
 
     def middle(self) -> tuple[GeneralizedPlant, ...]:
         """Return the plants in the middle of the physical parameters' ranges."""
@@ -333,9 +332,7 @@ class _Task:
         problem = self.problem(self.structure, ports)
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # of what is tried and given up
-            found = search(
-                problem, starts, rng, self.deadline, begun, self.tell, lambda less: self.problem(less, ports)
-            )
+            found = search(problem, starts, rng, self.deadline, begun, lambda less: self.problem(less, ports))
         if found.best is None:
             ended = [each for each in ("out of time", "stopped") if each in found.path]
             when = f" before it was {ended[0]}" if ended == ["stopped"] else " in the time allowed" if ended else ""
@@ -383,7 +380,7 @@ def _over_family(
     worst = None
     for extra in range(_MORE_POINTS + 1):
         assert found.best is not None
-        task.tell("worst point of the family")
+        tell("worst point of the family")
         excess, point, worst = _worst(task, over, found)
         if excess <= _WORSE:
             path.append(f"nothing worse in the family, {len(task.plants.labels)} points")
@@ -460,7 +457,7 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
     """
     assert found.best is not None
     problem, x = found.problem, found.best
-    task.tell("verifying")
+    tell("verifying")
     plants = task.plants.given(x[problem.physical])
     K = problem.lti(x, plants[0].measurements, plants[0].controls).balanced()
     loops = [loop_of(plant, K) for plant in plants]
@@ -478,7 +475,7 @@ def _result(task: _Task, found: Search, worst: "ChannelNorm | None", path: tuple
     if passive:
         lower, reason = 0.0, "none: the plant itself is tuned"
     else:
-        task.tell("bound on any controller")
+        tell("bound on any controller")
         lower, reason = full_order_bound(list(plants), values, _BOUND_TIME)
     point = Point(problem, x, found.known)
     active = _active(problem, x, point)

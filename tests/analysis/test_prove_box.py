@@ -116,7 +116,7 @@ def test_of_one_state_what_is_missed_counts_as_much_as_the_parameter(middle, sha
     assert not prove_cell(terms, whole, np.array([[1.001 * rest]])).proved
     part = prove.StablePart(whole, terms, np.array([[0.6 * rest]]))
     stable = prove.Statement.stable(lambda delta: True)
-    assert prove.prove_box([part], stable, 500, lambda *told: None).dear
+    assert prove.prove_box([part], stable, 500).dear
 
 
 def test_a_singular_matrix_before_the_derivative_is_not_proved():
@@ -230,7 +230,7 @@ def test_a_level_that_does_not_hold_is_never_proved():
     statement = prove.Statement(
         lambda: np.inf if told else 1e9, lambda gain, point: told.append(gain), lambda point: True, lambda: False
     )
-    found = prove.prove_box([Part()], statement, 500, lambda *told: None)
+    found = prove.prove_box([Part()], statement, 500)
     assert told
     assert not found.proved
 

@@ -244,7 +244,7 @@ def test_both_ways_to_a_bound_agree():
     loops = DrivenLoops.of(family, of(K, "K"), ["push"], ["z"])
     box = loops.responses()
     for level, provable in ((found.norm.lower * 1.001, True), (found.norm.lower * 0.999, False)):
-        left, _ = box.prove(box.start(), level, 3000, lambda gain, point, at=level: at, lambda *told: None)
+        left, _ = box.prove(box.start(), level, 3000, lambda gain, point, at=level: at)
         assert (len(left) == 0) == provable
         prove, waiting, tried = loops.prover(level), [Cell(np.zeros(2), np.ones(2))], 0
         while waiting and tried < 60:

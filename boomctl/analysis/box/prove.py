@@ -17,7 +17,7 @@ import numpy as np
 from boomctl.analysis.box.response_cells import ROUNDING, Frontier, ResponseCells
 from boomctl.analysis.box.zero_exclusion import Cell, CellProof, Terms, about, prove_pencil, value_at
 from boomctl.arrays import Array
-from boomctl.progress import Tell
+from boomctl.progress import tell
 
 WORTH = 150  # cells of parameters and frequencies that take as long as one of parameters alone (measured: 100 to 300)
 # share of the cells allowed that either way tastes first, the dear ones before the cheap ones (measured)
@@ -174,7 +174,7 @@ class _Cover:
         return not self.waiting or self.small or self.refuted is not None
 
 
-def prove_box(parts: Sequence[Part], statement: Statement, limit: float, tell: Tell) -> BoxProof:
+def prove_box(parts: Sequence[Part], statement: Statement, limit: float) -> BoxProof:
     """Prove a statement over a box.
 
     Parameters
@@ -186,19 +186,17 @@ def prove_box(parts: Sequence[Part], statement: Statement, limit: float, tell: T
     limit : float
         Most cells of parameters in each part at a level, one at least; of those with frequencies there may be `WORTH` times
         as many.
-    tell : callable
-        Is told how many cells are proved.
     """
     found = BoxProof(True)
     for part in parts:
-        here = _proved(part, statement, limit, tell)
+        here = _proved(part, statement, limit)
         found = replace(here, dear=found.dear + here.dear, cheap=found.cheap + here.cheap)
         if not found.proved:
             break
     return found
 
 
-def _proved(part: Part, statement: Statement, limit: float, tell: Tell) -> BoxProof:
+def _proved(part: Part, statement: Statement, limit: float) -> BoxProof:
     """Prove a part: taste both ways, go on with the one that is to end sooner, told anew at each turn; shares grow."""
     size = len(part.cell.middle)
     cells, frontier, cheap = part.responses(), None, 0
@@ -209,11 +207,11 @@ def _proved(part: Part, statement: Statement, limit: float, tell: Tell) -> BoxPr
         cover = replace(cover, small=False)
         while not cover.over and cover.left <= _ON * before and cover.tried - start < most[0]:
             before = cover.left
-            cover = _covered(part, statement, cover, allowed, max(1, int(_TASTES[0] * allowed)), tell)
+            cover = _covered(part, statement, cover, allowed, max(1, int(_TASTES[0] * allowed)))
         if cover.refuted is not None or not cover.waiting:
             return BoxProof(not cover.waiting, cover.proved, cheap, cover.refuted)
         frontier = cells.start(cover.waiting) if frontier is None else frontier
-        frontier, more = _responded(part, statement, cells, frontier, max(1, int(_TASTES[1] * most[1])), tell)
+        frontier, more = _responded(part, statement, cells, frontier, max(1, int(_TASTES[1] * most[1])))
         cheap += more
         tried = cover.tried - start
         to_go = tried * cover.left / max(began - cover.left, _LITTLE)
@@ -223,13 +221,13 @@ def _proved(part: Part, statement: Statement, limit: float, tell: Tell) -> BoxPr
         while len(frontier) and statement.level() < inf and (dear_left > 0 or cheap_left > 0):
             if cheap_left > 0 and (dear_left <= 0 or needed < _RATE * to_go):
                 turn = min(cheap_left, max(1, int(_TURN * most[1])))
-                frontier, more = _responded(part, statement, cells, frontier, turn, tell)
+                frontier, more = _responded(part, statement, cells, frontier, turn)
                 cheap, cheap_left = cheap + more, cheap_left - turn
                 needed = cells.still_needed(frontier, statement.level()) if len(frontier) and cheap_left > 0 else needed
                 cheap_left = 0 if needed > _HOPELESS * most[1] else cheap_left
                 continue
             turn, before = min(dear_left, max(1, int(_TURN * most[0]))), cover.left
-            cover = _covered(part, statement, cover, allowed, turn, tell)
+            cover = _covered(part, statement, cover, allowed, turn)
             if cover.refuted is not None or not cover.waiting:
                 return BoxProof(not cover.waiting, cover.proved, cheap, cover.refuted)
             dear_left = 0 if cover.small else dear_left - turn
@@ -247,7 +245,7 @@ def _proved(part: Part, statement: Statement, limit: float, tell: Tell) -> BoxPr
         allowed = min(limit, _FIRST if allowed == limit else _LATER * allowed)
 
 
-def _covered(part: Part, statement: Statement, cover: _Cover, allowed: float, tries: int, tell: Tell) -> _Cover:
+def _covered(part: Part, statement: Statement, cover: _Cover, allowed: float, tries: int) -> _Cover:
     """Try so many more cells of parameters, none of them below the share of the part that one in so many would have."""
     waiting, proved, tried, level = list(cover.waiting), cover.proved, 0, statement.level()
     prove = part.prover(level)
@@ -271,7 +269,7 @@ def _covered(part: Part, statement: Statement, cover: _Cover, allowed: float, tr
 
 
 def _responded(
-    part: Part, statement: Statement, cells: ResponseCells, frontier: Frontier, limit: int, tell: Tell
+    part: Part, statement: Statement, cells: ResponseCells, frontier: Frontier, limit: int
 ) -> tuple[Frontier, int]:
     """Go on with cells of parameters and frequencies."""
 
@@ -279,4 +277,4 @@ def _responded(
         statement.met(gain, part.cell.middle + part.cell.reach * point)
         return statement.level()
 
-    return cells.prove(frontier, statement.level(), limit, met, tell)
+    return cells.prove(frontier, statement.level(), limit, met)

@@ -37,7 +37,7 @@ from boomctl.checks import known, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.system import of
 from boomctl.printing import sentence
-from boomctl.progress import Listener, Tell, computing
+from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
 
 if TYPE_CHECKING:
@@ -177,11 +177,11 @@ def ramp_bound(
     name = usual if parameter is None else known("parameter", parameter, family.names)
     axis = family.names.index(name)
     unit = 0.5 * float((family.high - family.low)[axis])
-    with computing("ramp bound", progress) as tell:
+    with computing("ramp bound", progress):
         try:
             scene = _Scene.of(loops, axis)
             grid = max((_Grid.of(scene, way, 1) for way in (_MODES, _LYAPUNOV)), key=lambda each: each.at_most)
-            best, shown, before, finer = grid, grid.proved(tell), np.inf, 1
+            best, shown, before, finer = grid, grid.proved(), np.inf, 1
             while True:
                 settled = abs(grid.at_most - before) <= close * grid.at_most
                 if shown > 0.0 and settled and shown >= (1.0 - close) * grid.at_most:
@@ -190,7 +190,7 @@ def ramp_bound(
                 if scene.cells(finer) > limit:
                     break
                 grid = _Grid.of(scene, grid.way, finer)
-                rate = grid.proved(tell)
+                rate = grid.proved()
                 if rate >= shown:
                     best, shown = grid, rate
         except _Unstable as found:
@@ -381,7 +381,7 @@ class _Grid:
         """Least rate at which V ceases to fall in the middle of a cell; 0 where it does not fall."""
         return min(_rate(*cell.falling(np.full((1, len(cell.low)), 0.5))) for cell in self.cells)
 
-    def proved(self, tell: Tell) -> float:
+    def proved(self) -> float:
         """Return a rate up to which V falls in all cells; 0 where none is proved."""
         found = np.inf
         for number, cell in enumerate(self.cells):

@@ -28,7 +28,7 @@ from scipy import linalg
 from boomctl.analysis.box.zero_exclusion import Cell
 from boomctl.arrays import Array
 from boomctl.lti.system import balance
-from boomctl.progress import Tell
+from boomctl.progress import tell
 
 
 def _hull(count: int) -> Array:
@@ -210,7 +210,7 @@ class ResponseCells:
         return _Looked(np.where(bounds.rho < _BELOW, bound, np.inf), gain, axes, between)
 
     def prove(
-        self, cells: Frontier, level: float, limit: int, seen: Callable[[float, Array], float], tell: Tell
+        self, cells: Frontier, level: float, limit: int, seen: Callable[[float, Array], float]
     ) -> tuple[Frontier, int]:
         """Prove that no singular value reaches a level; return what is left, and in how many cells it was proved.
 
@@ -225,8 +225,6 @@ class ResponseCells:
         seen : callable
             Is told the largest gain met among each batch's middles and the point; returns the level from there on, infinite
             where there is none.
-        tell : callable
-            Is told how many cells are proved.
         """
         tried, proved = 0, 0
         while len(cells) and tried < limit and level < np.inf:

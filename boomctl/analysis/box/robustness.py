@@ -17,7 +17,7 @@ from boomctl.checks import exactly, instance, nonnegative, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.system import Lti, of, rates_of
 from boomctl.printing import sentence
-from boomctl.progress import Listener, computing
+from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ def robust_stability(
         if nonnegative("delay", delay):
             raise ValueError(f"delay = {exactly(delay)}: expected 0 with a controller in continuous time")
         loops = BoxLoops.of(family, controller)
-    with computing("robust stability", progress) as tell:
+    with computing("robust stability", progress):
         tell("points of the box")
         at, rate = pattern_search(loops.abscissa, family.size, 1.0)[:2]
         worst = family.values(at)
@@ -207,7 +207,7 @@ def robust_stability(
             parts = loops.parts(1.0)
         except ValueError as error:
             return RobustStability(False, None, 0, rate, worst, str(error))
-        found = prove_box(parts, Statement.stable(loops.stable), limit, tell)
+        found = prove_box(parts, Statement.stable(loops.stable), limit)
     cells, bad = found.dear + found.cheap, found.refuted
     if bad is not None:
         return RobustStability(False, family.values(bad), cells, loops.abscissa(bad), family.values(bad))
@@ -335,13 +335,13 @@ def structured_margin(
     loops = BoxLoops.of(family, controller)
     if not loops.at(np.zeros(family.size)).stable:
         return StructuredMargin(0.0, 0.0, family.values(np.zeros(family.size)))
-    with computing("structured margin", progress) as tell:
+    with computing("structured margin", progress):
         tell("unstable points")
         bad, where = _unstable_factor(loops, top, close)
         good, ceiling = 0.0, min(bad, top)
         tried = ceiling * (1.0 - 0.5 * close) if bad < inf else ceiling
         for _ in range(_PROOFS):
-            found = prove_box(loops.parts(tried), Statement.stable(loops.stable), limit, tell)
+            found = prove_box(loops.parts(tried), Statement.stable(loops.stable), limit)
             if found.refuted is not None:
                 bad, where = float(np.abs(found.refuted).max()), found.refuted
             good, ceiling = (tried, ceiling) if found.proved else (good, tried)

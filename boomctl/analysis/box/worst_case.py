@@ -22,7 +22,7 @@ from boomctl.checks import exactly, from_on, instance, known, nonnegative, posit
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.system import Lti, of
 from boomctl.printing import sentence
-from boomctl.progress import Listener, Tell, computing
+from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family
 
 if TYPE_CHECKING:
@@ -199,7 +199,7 @@ def worst_case(
         return found
 
     looked_at = count(1)
-    with computing("worst case", progress) as tell:
+    with computing("worst case", progress):
 
         def peak(point: Array) -> float:
             tell("points of the box", next(looked_at))
@@ -221,7 +221,7 @@ def worst_case(
             parts, reason = _parts(family, K, loop_at(np.zeros(family.size)), late)
             reason = reason or _hindrance(parts, at, delta)
             if not reason:
-                delta, bound, proof, reason = _bounded(parts, at, delta, wanted, limit, tell)
+                delta, bound, proof, reason = _bounded(parts, at, delta, wanted, limit)
     cells = proof.dear + proof.cheap
     return WorstCase(at(delta), family.values(delta), nominal, tried, bound, cells, reason, proof.path)
 
@@ -266,7 +266,6 @@ def _bounded(
     delta: Array,
     tolerance: float,
     limit: int,
-    tell: Tell,
 ) -> tuple[Array, float, BoxProof, str]:
     """Return the worst point, a level proved over the whole box, how, and why there is none.
 
@@ -297,7 +296,7 @@ def _bounded(
         level = max(lower, at_infinity) * (1.0 + gap)
         return True
 
-    found = prove_box(parts, Statement(lambda: level, met, holds, looser), limit / WORTH, tell)
+    found = prove_box(parts, Statement(lambda: level, met, holds, looser), limit / WORTH)
     if found.proved:
         drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_CHECKED, len(delta)))
         if max(at(point).lower for point in drawn) > level:

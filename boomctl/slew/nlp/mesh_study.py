@@ -9,7 +9,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import known, sequence, shown, whole
 from boomctl.printing import compact, listed
-from boomctl.progress import Listener, computing
+from boomctl.progress import Listener, computing, tell
 from boomctl.slew.linear import guess_from, least_effort
 from boomctl.slew.nlp.programme import prepare
 from boomctl.slew.nlp.transcription import Scheme
@@ -142,7 +142,7 @@ def mesh_study(
         known("method of a scheme", scheme[0], METHODS)
         whole("order of a scheme", scheme[1], most=_HIGHEST_ORDER)
     lines, cost = [], np.zeros(len(intervals))
-    with computing("mesh study", progress) as tell:
+    with computing("mesh study", progress):
         for method, order in schemes:
             problem = slew_problem(h, angle, Limits(torque_limit), "effort", duration, method=method)
             errors = np.full(len(intervals), np.nan)

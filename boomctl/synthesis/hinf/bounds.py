@@ -17,7 +17,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
-from boomctl.progress import Tell
+from boomctl.progress import tell
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf.normal_form import NormalizedPlant
 from boomctl.synthesis.hinf.two_riccati import COUPLING, Level, gains, level_of
@@ -41,12 +41,11 @@ class Deadline:
 
     limit: float
     end: float
-    tell: Tell
 
     @classmethod
-    def after(cls, limit: float, tell: Tell = lambda stage: None) -> "Deadline":
-        """Return the moment ``limit`` seconds from now; ``tell`` is told what is done until then."""
-        return cls(limit, time.monotonic() + limit, tell)
+    def after(cls, limit: float) -> "Deadline":
+        """Return the moment ``limit`` seconds from now."""
+        return cls(limit, time.monotonic() + limit)
 
     def left(self, doing: str) -> float:
         """Return the seconds left.
@@ -56,7 +55,7 @@ class Deadline:
         SynthesisError
             None is left.
         """
-        self.tell(doing)
+        tell(doing)
         rest = self.end - time.monotonic()
         if rest <= 0.0:
             raise SynthesisError(f"the time limit of {self.limit:g} s ran out while {doing}; no controller is returned")

@@ -252,8 +252,8 @@ def h_infinity(
     ready = normalised(plant)
     check_modes(plant, ready)
     check_zeros(plant, ready)
-    with computing("H-infinity synthesis", progress) as tell:
-        deadline = Deadline.after(limit, tell)
+    with computing("H-infinity synthesis", progress):
+        deadline = Deadline.after(limit)
         bounds = lowest_level(ready, _SEARCH * share, deadline)
         if wanted is not None and wanted < bounds.lower:
             why = (

@@ -11,6 +11,7 @@ import numpy as np
 from boomctl.analysis.norm import level_norm
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
+from boomctl.progress import tell
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import Problem
 from boomctl.tuning.solver.bundle import polish
@@ -166,7 +167,6 @@ class Search:
         count: int,
         shaken: bool,
         rng: np.random.Generator,
-        tell: Callable[..., None],
     ) -> None:
         """Begin from all starts, finish the best few, and then, if asked for, from beside the best of all."""
         order, half = f"order {self.problem.order}", _share(self.deadline, _BEGINNING)
@@ -283,7 +283,6 @@ def search(
     rng: np.random.Generator,
     deadline: float,
     first: list[Array],
-    tell: Callable[..., None],
     problem_of: Callable[..., Problem],
 ) -> Search:
     """Return the search from all starts, or what it had come to when the time ran out or the user stopped it.
@@ -297,8 +296,6 @@ def search(
         Moment by the clock [s].
     first : list of ndarray
         Starts that are given.
-    tell : function
-        Is told what is going on.
     problem_of : function
         Returns the problem with another structure.
     """
@@ -309,7 +306,7 @@ def search(
         if less is not None and (starts > 1 or not first):
             small = problem_of(less)
             # what a call for that order comes to: the same starts and the same numbers drawn
-            inner = search(small, starts, rng, _share(deadline, _LOWER), [], tell, problem_of)
+            inner = search(small, starts, rng, _share(deadline, _LOWER), [], problem_of)
             work.path += inner.path
             if inner.best is not None:
                 name = f"from order {small.order}: {exp(inner.value):.6g}"
@@ -325,7 +322,7 @@ def search(
         fresh = (
             ("drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)) for k in range(more)
         )
-        work.from_starts(chain(begun, fresh), len(begun) + more, starts > _MANY, rng, tell)
+        work.from_starts(chain(begun, fresh), len(begun) + more, starts > _MANY, rng)
     except OutOfTime:
         work.path.append("out of time")
     except KeyboardInterrupt:
