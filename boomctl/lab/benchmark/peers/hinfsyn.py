@@ -1,19 +1,17 @@
-"""``control.hinfsyn`` as a peer: in a process of its own, which is killed if it hangs."""
+"""``control.hinfsyn`` as a peer: in a process of its own, which is ended if it hangs."""
 
 import atexit
-import json
 import os
-import subprocess
-import sys
-import threading
+import time
+from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.lti.python_control import control
+from boomctl.processes import Processes
 
 PATIENCE = 120.0  # given to a call of the peer before it is killed [s]; one that ends takes a few
 
@@ -24,32 +22,21 @@ class Answer:
 
     seconds: float | None
     gamma: float | None
-    K: list[Any] | None
+    K: tuple[Array, ...] | None
     error: str = ""
 
     @cached_property
     def controller(self) -> control.StateSpace | None:
         """The controller, None where there is none."""
-        return None if self.K is None else control.ss(*(np.array(part, dtype=float) for part in self.K))
+        return None if self.K is None else control.ss(*self.K)
 
 
 class HinfsynProcess:
-    """The process. It ends with this one, with `close`, or when a call of it takes too long; then it answers no more."""
+    """The process.  It ends with this one, or with the ``with`` block; one in which a call takes too long is replaced."""
 
     def __init__(self) -> None:
-        home = str(Path(__file__).resolve().parents[4])
-        paths = os.pathsep.join([home, *filter(None, [os.environ.get("PYTHONPATH")])])
-        threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "boomctl.lab.benchmark.peers._hinfsyn"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env=os.environ | threads | {"PYTHONPATH": paths},
-            text=True,
-        )
-        self._spent = 0.0
-        atexit.register(self.close)
+        self._processes, self._spent = Processes(1, "spawn"), 0.0
+        atexit.register(self.__exit__)
 
     @property
     def processor_time(self) -> float:
@@ -60,32 +47,32 @@ class HinfsynProcess:
         return self
 
     def __exit__(self, *raised: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """End the process."""
-        atexit.unregister(self.close)
-        self._process.kill()
-        self._process.communicate()
+        atexit.unregister(self.__exit__)
+        self._processes.__exit__(None, None, None)
 
     def ask(self, P: control.StateSpace, nmeas: int, ncon: int) -> Answer:
         """Run it once."""
-        source, sink = self._process.stdout, self._process.stdin
-        assert source is not None
-        assert sink is not None
-        plant = {name: np.asarray(getattr(P, name)).tolist() for name in "ABCD"} | {"nmeas": nmeas, "ncon": ncon}
-        timer = threading.Timer(PATIENCE, self._process.kill)
-        timer.start()
+        plant = tuple(np.asarray(getattr(P, name), dtype=float) for name in "ABCD")
+        asked = self._processes.submit(self._processes.ask, _called, plant, nmeas, ncon, seconds=PATIENCE)
         try:
-            sink.write(json.dumps(plant) + "\n")
-            sink.flush()
-            line = source.readline()
-        except OSError:
-            line = ""
-        finally:
-            timer.cancel()
-        if not line:
+            answer = asked.result()
+        except (TimeoutError, BrokenExecutor):
             return Answer(None, None, None, f"killed after {PATIENCE:g} s")
-        found = json.loads(line)
-        self._spent += found["seconds"]
-        return Answer(found["seconds"], found.get("gamma"), found.get("K"), found.get("error", ""))
+        self._spent += answer.seconds
+        return answer
+
+
+def _called(plant: tuple[Array, ...], nmeas: int, ncon: int) -> Answer:
+    """Return what the peer says, whose compiled code writes to standard output, in this process."""
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):
+        os.dup2(nothing, stream)
+    os.close(nothing)
+    P = control.ss(*plant)
+    began = time.process_time()
+    try:
+        K, _, gamma, _ = control.hinfsyn(P, nmeas, ncon)
+    except Exception as error:
+        return Answer(time.process_time() - began, None, None, " ".join(str(error).split()))
+    spent = time.process_time() - began
+    return Answer(spent, float(gamma), tuple(np.asarray(part) for part in (K.A, K.B, K.C, K.D)))
