@@ -251,7 +251,7 @@ def reproduce(words: Sequence[str]) -> None:
     asked = parser.parse_args(words)
 
     from boomctl.checks import known, whole
-    from boomctl.files import locked_folder, plain, write_json, write_whole
+    from boomctl.files import json_text, locked_folder, plain, write_all
     from boomctl.lab.papers.side_by_side import side_by_side
     from boomctl.processes import cores
     from boomctl.report import bound_reports
@@ -283,8 +283,8 @@ def reproduce(words: Sequence[str]) -> None:
                 _print_paper(name, results[name])
                 print(f"Report: {target / 'report.html'}")
         if asked.what == "all":
-            write_whole(folder / "report.html", bound_reports("Two papers, computed again", reports))
-            write_json(folder / "results.json", results)
+            both = bound_reports("Two papers, computed again", reports)
+            write_all({folder / "report.html": both, folder / "results.json": json_text(results)})
             if not asked.json:
                 print(f"Both reports in one: {folder / 'report.html'}")
     if asked.json:

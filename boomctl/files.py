@@ -170,11 +170,6 @@ def json_text(value: Any) -> str:
     return json.dumps(plain(value), indent=1, allow_nan=False) + "\n"
 
 
-def write_json(path: Path, value: Any) -> None:
-    """Write numbers, arrays and mappings as JSON."""
-    write_whole(path, json_text(value))
-
-
 def _file(path: str | Path) -> Path:
     """Return a path that is not that of a folder."""
     found = checked_path("path", path)

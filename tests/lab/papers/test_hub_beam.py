@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from boomctl.files import write_json
+from boomctl.files import json_text
 from boomctl.lab.papers.bai import frequencies as hub_beam_frequencies
 from boomctl.lab.papers.bai import spin_up as hub_beam_spin_up
 from boomctl.lab.papers.bai import torque as hub_beam_torque
@@ -179,11 +179,10 @@ def test_residual_amplitudes_at_400_newton_metres():
 # -- files ------------------------------------------------------------------------------------------------------------
 
 
-def test_json_has_no_numbers_that_json_has_not(tmp_path):
+def test_json_has_no_numbers_that_json_has_not():
     chart = Chart("p", "", (Panel("", "", "", (Line("", np.array([0.0, 1.0]), np.array([math.inf, math.nan])),)),))
     part = Part("s", (chart,), (compare("", "", "", 1.0, math.inf, 0.1),), (Claim("", "", "", MET, ""),))
-    write_json(tmp_path / "results.json", results([part]))
-    data = json.loads((tmp_path / "results.json").read_text(), parse_constant=lambda name: pytest.fail(name))
+    data = json.loads(json_text(results([part])), parse_constant=lambda name: pytest.fail(name))
     assert data["sections"][0]["comparisons"][0]["computed"] == "inf"
     assert data["sections"][0]["figures"][0]["panels"][0]["lines"][0]["y"] == ["inf", "nan"]
     assert data["summary"] == {MET: 1, CORRECTED: 0, NOT_REPRODUCIBLE: 1}
