@@ -107,15 +107,10 @@ class Plan:
         return tuple(axis for axis in self.axes if not axis.single)
 
     @property
-    def shape(self) -> tuple[int, ...]:
-        """How many values each swept axis has; how many points there are, where they are zipped."""
-        sizes = tuple(len(axis.labels) for axis in self.swept)
-        return sizes if self.combine == GRID else sizes[:1]
-
-    @property
     def count(self) -> int:
-        """Number of points."""
-        return prod(self.shape)
+        """Number of points; of values that are zipped, as many as each has."""
+        sizes = [len(axis.labels) for axis in self.swept]
+        return prod(sizes if self.combine == GRID else sizes[:1])
 
     def places(self) -> list[tuple[int, ...]]:
         """Return, for each point, which value of each axis it has."""
