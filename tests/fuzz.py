@@ -1036,7 +1036,9 @@ def fault(name, arguments):
     positional = arguments.pop("*", None)
     function = function_of(name)
     longer = arguments.get("time_limit")
-    if isinstance(longer, float) and longer > SHORT:  # what takes longer is allowed to, and is not what is tried here
+    if (
+        isinstance(longer, (int, float)) and longer > SHORT
+    ):  # what takes longer is allowed to, and is not what is tried here
         arguments["time_limit"] = SHORT
     try:
         with warnings.catch_warnings(), in_time():

@@ -46,6 +46,9 @@ def without_integrators(system: Lti) -> Deflated:
     T, Z, size, count, carried = scaled.A - one * np.eye(n), np.eye(n), np.abs(scaled.A), 0, 0.0
     if one:  # what sampling makes of small entries are sums of terms as large as the largest
         size[:] = size.max(initial=0.0)
+    none = Lti(np.zeros((0, 0)), system.B[:0], system.C[:, :0], np.zeros_like(system.D), dt=system.dt)
+    if not n or _least_stretch(T) > _UNITS * n * _EPS * float(np.linalg.norm(size)):
+        return Deflated(system, none)
     while count < n:
         block = T[count:, count:]
         U, values, Vt = linalg.svd(block)
@@ -63,10 +66,11 @@ def without_integrators(system: Lti) -> Deflated:
         T, Z, size = Q.T @ T @ Q, Z @ Q, np.abs(Q).T @ size @ np.abs(Q)
         T[count:, count] = 0.0
         count += 1
+    if not count:
+        return Deflated(system, none)
     sizes = np.sort(np.abs(system.poles - one))
-    moved = _SPREAD * _EPS ** (1.0 / max(count, 1)) * float(np.linalg.norm(scaled.A - one * np.eye(n), 2) if n else 0.0)
-    if not count or sizes[count - 1] > max(_RIGID * sizes[-1], moved):
-        none = Lti(np.zeros((0, 0)), system.B[:0], system.C[:, :0], np.zeros_like(system.D), dt=system.dt)
+    moved = _SPREAD * _EPS ** (1.0 / count) * float(np.linalg.norm(scaled.A - one * np.eye(n), 2))
+    if sizes[count - 1] > max(_RIGID * sizes[-1], moved):
         return Deflated(system, none)
     N, rest = T[:count, :count], T[count:, count:]
     X = linalg.solve_sylvester(N, -rest, -T[:count, count:]) if count < n else np.zeros((count, 0))
@@ -76,6 +80,14 @@ def without_integrators(system: Lti) -> Deflated:
         Lti(N + one * np.eye(count), B[:count] - X @ B[count:], C[:, :count], np.zeros_like(system.D), dt=system.dt),
         doubt_of_split(scaled.A, X),
     )
+
+
+def _least_stretch(A: Array) -> float:
+    """Return what the smallest singular value of a matrix is at least: that of a singular one is zero."""
+    try:
+        return 1.0 / float(np.linalg.norm(np.linalg.inv(A)))
+    except np.linalg.LinAlgError:
+        return 0.0
 
 
 def doubt_of_split(A: Array, X: Array) -> float:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.frequency import singular_values
@@ -61,7 +60,7 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
     A, n = system.A, len(system.A)
     if not n:
         return VerifiedModalForm(ModalSystem(np.zeros(0, complex), system.B + 0j, system.C + 0j, system.D), 0.0, 0.0)
-    poles, V = linalg.eig(A)
+    poles, _, V = system.eigensystem
     first = np.flatnonzero(poles.imag > 0.0)
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is no basis: the next check says so
@@ -77,7 +76,6 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
         F = np.abs(np.eye(n) - W @ V) + n * _EPS * (np.abs(W) @ np.abs(V))
     if not np.isfinite(F).all() or F.sum(axis=1).max() > _INVERSE:
         return None
-    exact = np.linalg.inv(np.eye(n) - F)  # |V^-1| <= exact |W|, of entries not below zero
     wide = np.clongdouble if n <= _EXTENDED else np.complex128
     u = (n + 4) * float(np.finfo(wide).eps)
     V_, A_, p_ = V.astype(wide), A.astype(wide), poles.astype(wide)
@@ -90,12 +88,14 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
     residual = (product - V_ * p_).astype(complex)
     E = W @ residual
     lost = u * (np.abs(A) @ size_V + size_V * np.abs(poles)) + doubt * size_V.sum(axis=0)
-    dE = (exact - np.eye(n)) @ np.abs(E) + exact @ (size_W @ (lost + n * _EPS * np.abs(residual)))
+    dE = size_W @ (lost + n * _EPS * np.abs(residual))
+    dE = dE + _beyond(F, np.abs(E) + dE)  # |V^-1| <= (1 - F)^-1 |W|
     W_ = W.astype(wide)
     B = W_ @ system.B
     B = B + W_ @ (system.B - V_ @ B)
     left = np.abs(system.B - V_ @ B).astype(float) + u * (np.abs(system.B) + size_V @ np.abs(B).astype(float))
-    dB, C = exact @ (size_W @ left), system.C @ V_
+    dB, C = size_W @ left, system.C @ V_
+    dB = dB + _beyond(F, dB)
     dC = u * (np.abs(system.C) @ size_V)
 
     E_ = E.astype(wide)
@@ -106,17 +106,18 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
     np.fill_diagonal(weak, False)
     X = np.where(weak, E_ / np.where(weak, between, 1.0), 0.0)
     size_X = np.abs(X).astype(float)
-    inverse = np.linalg.inv(np.eye(n) - size_X)  # |(1 + X)^-1| is not above it
     B_new, C_new = B, C + C @ X
     for _ in range(_NEUMANN):
         B_new = B - X @ B_new
-    dB = inverse @ (dB + np.abs(B - B_new - X @ B_new).astype(float) + u * np.abs(B).astype(float))
+    dB = dB + np.abs(B - B_new - X @ B_new).astype(float) + u * np.abs(B).astype(float)
+    dB = dB + _beyond(size_X, dB)  # |(1 + X)^-1| <= (1 - |X|)^-1
     dC = dC + dC @ size_X + u * np.abs(C).astype(float)
     rest = np.diag(p_ - better) + (p_[:, None] - better[None, :]) * X + E_ + E @ X.astype(complex)
     size_E = np.abs(E)
     rounding = 4.0 * u * (np.abs(poles)[:, None] * size_X + size_X * np.abs(poles) + size_E)
     rounding = rounding + (n + 4) * _EPS * (size_E @ size_X)  # of second order: double precision will do
-    F = inverse @ (np.abs(rest).astype(float) + dE + dE @ size_X + rounding)
+    F = np.abs(rest).astype(float) + dE + dE @ size_X + rounding
+    F = F + _beyond(size_X, F)
 
     if (better.imag[first] <= 0.0).any():  # a pair that is none: two equal real poles
         return None
@@ -124,6 +125,12 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
     F[np.diag_indices(n)] += np.abs(better - chosen.poles).astype(float)
     dB, dC = dB + np.abs(B_new - chosen.B).astype(float), dC + np.abs(C_new - chosen.C).astype(float)
     return VerifiedModalForm(chosen, *_distances(chosen, F, dB, dC, system.dt != 0.0))
+
+
+def _beyond(F: Array, M: Array) -> Array:
+    """Return what ``(1 - F)^-1 M - M`` is at most, of entries not below zero; rows of ``F`` sum to less than one."""
+    share, first = float(F.sum(axis=1).max()), F @ M
+    return first + share / (1.0 - share) * first.max(axis=0)
 
 
 def rounding_doubt(system: Lti, doubt: float = 0.0) -> float:

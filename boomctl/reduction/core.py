@@ -84,7 +84,9 @@ def core_of(system: Lti | SecondOrderModel, modes: int) -> SystemCore:
 
 def _statespace_core(system: Lti, states: int, way: str) -> SystemCore:
     """Return a core of a state-space system; modes too weak to matter are left out of a large one."""
-    parts = told_apart(system.balanced())
+    balanced = system.balanced()
+    _ = balanced.eigensystem  # whose eigenvalues tell the parts apart, and whose vectors are their modes
+    parts = told_apart(balanced)
     modal, gap = in_verified_modal_form(parts.fast, parts.doubt)
     fast, kept = parts.fast, parts.kept
     if modal is None:
