@@ -506,7 +506,7 @@ def slew(words: Sequence[str]) -> None:
     from boomctl.files import locked_folder, plain
     from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
     from boomctl.rotating_beam.parameters import HubBeamParameters
-    from boomctl.studies.slew.plan import STEPS, evaluated_plan
+    from boomctl.studies.slew.design import STEPS, evaluated_plan
 
     if asked.angle is not None and abs(asked.angle) > tau:
         said = f"--angle {asked.angle:g}: {abs(asked.angle) / tau:.3g} turns; this angle is in radians"

@@ -4,6 +4,7 @@ import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -205,6 +206,8 @@ def _figure(picture: Picture) -> str:
 
 def number(value: float, digits: int = 3) -> str:
     """Return a number with few digits, small and large ones with a power of ten; what is rounding is said to be so."""
+    if not isfinite(value):
+        return str(value)
     if abs(value) < _ROUNDING:
         return f"less than {power(_ROUNDING, 1)}"
     if 1e-3 <= abs(value) < 1e4:

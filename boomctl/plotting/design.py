@@ -49,9 +49,7 @@ def plot_reduction(result: "ReductionResult", ax: Any = None, *, unit: str | Non
     with panels(ax, ("singular values",), (6.4, 4.4)) as (axes,):
         x = curves.omega / frequency_axis(axes, unit)
         for name, lines, default in looks:
-            for k, line in enumerate(lines):
-                if line.any():
-                    axes.loglog(x, line, **line_look(style, **default, **({"label": name} if k == 0 else {})))
+            _curves(axes, x, lines, name, style, default)
         ends = np.array(result.band if result.band is not None else (curves.omega[0], curves.omega[-1]))
         ends = np.maximum(ends, curves.omega[0]) * x[0] / curves.omega[0]
         where = "in the band" if result.band is not None else "everywhere"
@@ -99,8 +97,7 @@ def plot_recovery(result: "RecoveryResult", ax: Any = None, *, unit: str | None 
             ("regulator", result.target, {"color": "0.6", "linewidth": 2.6}),
             (f"LQG, strength {result.strengths[-1]:.3g}", result.recovered, {"color": COLOURS[0]}),
         ):
-            for k, line in enumerate(lines):
-                left.loglog(x, line, **line_look(style, **default, **({"label": name} if k == 0 else {})))
+            _curves(left, x, lines, name, style, default)
         left.axhline(1.0, color="0.3", linewidth=0.7, zorder=0)
         left.set_ylabel("singular values of the loop")
         left.set_title("Loop at the plant's input")
@@ -188,14 +185,8 @@ def plot_h_infinity(
     with panels(ax, ("singular values",), (6.4, 4.2)) as (axes,):
         look = line_look(style, color=COLOURS[0], label="closed loop")
         curves.plot(axes, unit=unit, **look)
-        axes.axhline(
-            result.gamma, color=look["color"], linewidth=0.9, linestyle="--", label=f"norm {result.gamma:.4g}, verified"
-        )
-        least = result.certificate.lower
-        if least > 0.0:
-            axes.axhline(
-                least, color="0.4", linewidth=0.9, linestyle=":", label=f"no controller goes below {least:.4g}"
-            )
+        _level(axes, result.gamma, f"norm {result.gamma:.4g}, verified", look["color"])
+        _least(axes, result.certificate.lower)
         legend(axes)
     return axes
 
@@ -237,10 +228,24 @@ def plot_tune(
             at, heights = [p.omega / scale for p in shown], [p.value for p in shown]
             axes.plot(at, heights, "o", color="0.2", markersize=4.0, label="active peaks")
         if all(p.channel.norm == "hinf" for p in result.certificate.peaks):
-            said = f"largest norm {result.gamma:.4g}, verified"
-            axes.axhline(result.gamma, color="0.2", linewidth=0.9, linestyle="--", label=said)
-        if result.certificate.lower > 0.0:
-            least = f"no controller goes below {result.certificate.lower:.4g}"
-            axes.axhline(result.certificate.lower, color="0.4", linewidth=0.9, linestyle=":", label=least)
+            _level(axes, result.gamma, f"largest norm {result.gamma:.4g}, verified", "0.2")
+        _least(axes, result.certificate.lower)
         legend(axes)
     return axes
+
+
+def _curves(ax: Axes, x: Array, lines: Array, name: str, style: dict[str, Any], default: dict[str, Any]) -> None:
+    """Draw singular values under one name; those that are zero everywhere have no place on a logarithmic axis."""
+    for k, line in enumerate(lines):
+        if line.any():
+            ax.loglog(x, line, **line_look(style, **default, **({"label": name} if k == 0 else {})))
+
+
+def _level(ax: Axes, value: float, said: str, colour: str, dash: str = "--") -> None:
+    ax.axhline(value, color=colour, linewidth=0.9, linestyle=dash, label=said)
+
+
+def _least(ax: Axes, value: float) -> None:
+    """Draw what no controller goes below, where that is known."""
+    if value > 0.0:
+        _level(ax, value, f"no controller goes below {value:.4g}", "0.4", ":")

@@ -10,35 +10,13 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from boomctl.report import Report
     from boomctl.studies.machine import MachineDesign
     from boomctl.studies.slew.design import SlewDesign
     from boomctl.studies.spin_up import SpinUpDesign
     from boomctl.studies.suspension.design import SuspensionDesign
-
-
-class Evaluation(Protocol):
-    """What a design is worth; as text, in a few lines."""
-
-    def report(self, tell: Callable[[str], None]) -> "Report":
-        """Return the report; `tell` is told in words what comes next."""
-        ...
-
-
-class Design(Protocol):
-    """What every kind of design offers: it is made by a function, judged in a scene, and reported."""
-
-    @staticmethod
-    def scene(**options: Any) -> Any:
-        """Return the scene in which designs of this kind are judged."""
-        ...
-
-    def evaluate(self, scene: Any) -> Evaluation:
-        """Judge the design."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -51,36 +29,35 @@ class Kind:
     function : str
         The function of a design's file that makes one.
     module, returns : str
-        The class of which it returns an instance, a `Design`; it is imported when a design is run, not to list names.
-    options : tuple of str
-        What can be chosen of the scene.
+        The class of which it returns an instance; it is imported when a design is run, not to list names.
     steps : int
         What making, judging and reporting one tell of.
+    options : tuple of str
+        What can be chosen of the scene.
     """
 
     name: str
     function: str
     module: str
     returns: str
-    options: tuple[str, ...]
-    steps: int
+    steps: int = 3
+    options: tuple[str, ...] = ()
 
     @property
-    def design_class(self) -> type[Design]:
-        """The class of the designs."""
-        return getattr(import_module(self.module), self.returns)
+    def design_class(self) -> Any:
+        """The class of the designs: its ``scene(**options)`` is what ``evaluate(scene)`` judges one in."""
+        return getattr(import_module(f"boomctl.studies.{self.module}"), self.returns)
 
 
 _TOLD = (OSError, ImportError, ArithmeticError, RuntimeError, TypeError, ValueError)  # kinds the command line tells
-_SCENE = ("road_class", "speed", "seed")  # options of the suspensions' field
-KINDS = {
-    "suspension": Kind(
-        "suspension", "design", "boomctl.studies.suspension.design", "SuspensionDesign", _SCENE, steps=3
-    ),
-    "machine": Kind("machine", "design", "boomctl.studies.machine", "MachineDesign", (), steps=3),
-    "slew": Kind("slew", "slew", "boomctl.studies.slew.design", "SlewDesign", (), steps=6),
-    "spin-up": Kind("spin-up", "drive", "boomctl.studies.spin_up", "SpinUpDesign", (), steps=3),
-}
+_FIELD = ("road_class", "speed", "seed")  # options of the suspensions' scene
+_KINDS = (
+    Kind("suspension", "design", "suspension.design", "SuspensionDesign", options=_FIELD),
+    Kind("machine", "design", "machine", "MachineDesign"),
+    Kind("slew", "slew", "slew.design", "SlewDesign", steps=6),
+    Kind("spin-up", "drive", "spin_up", "SpinUpDesign"),
+)
+KINDS = {kind.name: kind for kind in _KINDS}
 
 
 @dataclass(frozen=True)
@@ -102,7 +79,7 @@ class DesignFile:
     kind: Kind
     function: Callable[[], object]
 
-    def made(self) -> Design:
+    def made(self) -> Any:
         """Make the design.
 
         Raises
@@ -121,7 +98,7 @@ class DesignFile:
             raise TypeError(
                 f"design {self.name!r}: {kind.function}() returned {type(found).__name__}, expected {expected}"
             )
-        return found  # type: ignore[return-value]
+        return found
 
 
 def design_names(*kinds: str) -> tuple[str, ...]:
@@ -221,8 +198,7 @@ def load_design(name: str) -> "SuspensionDesign | MachineDesign | SlewDesign | S
     """
     if not isinstance(name, (str, Path)):
         raise TypeError(f"name: expected the name of a design or a file, got {type(name).__name__}")
-    made: Any = design_file(str(name)).made()
-    return made
+    return design_file(str(name)).made()
 
 
 def shipped(name: str) -> Path:

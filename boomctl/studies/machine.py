@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import TYPE_CHECKING, Any
@@ -13,17 +13,15 @@ from boomctl.analysis.loops import joined
 from boomctl.analysis.margins import Margins, margins
 from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.checks import instance, names, positive, signal_name
-from boomctl.exchange.controller_files import controller_contents
 from boomctl.lti.modal import side_of_axis
 from boomctl.printing import compact
-from boomctl.report import Report, Section, Table
+from boomctl.report import Section, Table
+from boomctl.studies.findings import Finding, Judged, facts, files_section, finite, stored, word_table
 
 if TYPE_CHECKING:
     import control
 
     from boomctl.structure.model import SecondOrderModel
-
-_CONTROLLER = "controller"  # name of the files of a design's controller
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +146,7 @@ class MachineDesign:
 
 
 @dataclass(frozen=True, eq=False)
-class MachineResult:
+class MachineResult(Judged):
     """What a controller does for a machine.
 
     Attributes
@@ -162,6 +160,8 @@ class MachineResult:
     stable : bool
         Whether every pole of the closed loop decays, hidden ones included.
     """
+
+    kind = "Machine: "
 
     design: MachineDesign
     before: SigmaResult
@@ -179,43 +179,30 @@ class MachineResult:
         held = "The loop is stable" if self.stable else "The loop is NOT stable"
         return f"{held}; largest singular value from {peaks[0]} to {peaks[1]}, {proof}."
 
+    @property
+    def lead(self) -> str:
+        """What the report is about, in a sentence."""
+        return f"{self.design.title}: the machine without and with its controller."
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found, in the order in which it is told."""
+        peaks = [
+            finite({"peak": found.peak, "peak_omega": found.peak_omega, "certified": bool(found.certified)})
+            for found in (self.before, self.after)
+        ]
+        margin = self.margins.everywhere.alpha if self.margins else None
+        return (
+            *stored(design=self.design.name, stable=self.stable),
+            *facts(self.design.facts),
+            *stored(before=peaks[0], after=peaks[1], disk_margin=margin),
+        )
+
     def __str__(self) -> str:
         """Return what a terminal shows."""
-        facts = "".join(f"\n  {name}: {found}" for name, found in self.design.facts.items())
-        return f"{self.design.title}: {self.verdict}{facts}" + (f"\n{self.margins.render()}" if self.margins else "")
+        return super().__str__() + (f"\n{self.margins.render()}" if self.margins else "")
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the numbers, for JSON.
-
-        Returns
-        -------
-        dict
-            Names, numbers and texts that JSON can hold.
-        """
-        numbers: dict[str, Any] = {
-            "design": self.design.name,
-            "stable": self.stable,
-            "synthesis": dict(self.design.facts),
-        }
-        for name, found in (("before", self.before), ("after", self.after)):
-            peak = {"peak": found.peak, "peak_omega": found.peak_omega, "certified": bool(found.certified)}
-            numbers[name] = {key: value if isfinite(value) else None for key, value in peak.items()}
-        numbers["disk_margin"] = self.margins.everywhere.alpha if self.margins else None
-        return numbers
-
-    def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
-        """Return the report: pictures, margins, the controller in files.
-
-        Parameters
-        ----------
-        tell : callable, optional
-            Is told in words what comes next.
-
-        Returns
-        -------
-        Report
-            ``.write(folder)`` writes it.
-        """
+    def _sections(self, tell: Callable[[str], None], files: tuple[str, ...]) -> Iterator[Section]:
         from boomctl.plotting.canvas import new_figure, picture, style
         from boomctl.plotting.sigma import plot_sigma
 
@@ -227,19 +214,13 @@ class MachineResult:
             plot_sigma(self.after, label="with controller", ax=ax)
             ax.legend()
         caption = f"Singular values from {', '.join(self.after.inputs)} to {', '.join(self.after.outputs)}."
-        facts = Table(("synthesis", "says"), tuple(self.design.facts.items()), align="l")
-        parts = [
-            Section("What it is worth", (self.verdict, *self.design.notes), (facts,) if self.design.facts else ()),
-            Section("Singular values", pictures=(picture("sigma", figure, caption),)),
-        ]
+        tables = (word_table(self.design.facts),) if self.design.facts else ()
+        yield Section("What it is worth", (self.verdict, *self.design.notes), tables)
+        yield Section("Singular values", pictures=(picture("sigma", figure, caption),))
         if self.margins is not None:
             heads, *lines = self.margins._table()
-            parts.append(Section("Margins", tables=(Table(heads, tuple(lines)),)))
-        files = self.controller_files()
-        said = "Beside this report lies the controller for other programs: " + ", ".join(files) + "."
-        parts.append(Section("The controller in files", (said,)))
-        lead = f"{self.design.title}: the machine without and with its controller."
-        return Report(f"Machine: {self.design.title}", (lead,), tuple(parts), self.as_dict(), files)
+            yield Section("Margins", tables=(Table(heads, tuple(lines)),))
+        yield files_section(files)
 
     def controller_files(self) -> dict[str, bytes | str]:
         """Return the controller for other programs: JSON, MATLAB, and C99 where it is sampled.
@@ -249,14 +230,7 @@ class MachineResult:
         dict of str to bytes or str
             What the files hold, by their names.
         """
-        K, design = self.design.controller, self.design
-        shared: dict[str, Any] = {
-            "certificate": {"verdict": self.verdict},
-            "provenance": {"design": design.name, "title": design.title, **design.facts},
-        }
-        found = controller_contents(K, _CONTROLLER, ".json", **shared)
-        found |= controller_contents(K, _CONTROLLER, ".mat", **shared)
-        if design.sample_time is not None:
-            limit = {} if design.force_limit is None else {"force_limit": design.force_limit}
-            found |= controller_contents(K, _CONTROLLER, ".c", sample_time=design.sample_time, **limit, **shared)
-        return found
+        design = self.design
+        suffixes = (".json", ".mat") if design.sample_time is None else (".json", ".mat", ".c")
+        c = {"sample_time": design.sample_time, "force_limit": design.force_limit}
+        return self._controller_files({"verdict": self.verdict}, suffixes, **c)

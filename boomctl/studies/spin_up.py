@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -15,11 +15,12 @@ from boomctl.arrays import Array
 from boomctl.checks import instance, nonnegative, positive, signal_name
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.printing import compact
-from boomctl.report import Report, Section, Table
+from boomctl.report import Section, Table
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import spin_up
 from boomctl.simulation.loop import simulate_loop
 from boomctl.structure.families import interval
+from boomctl.studies.findings import Finding, Judged, stored
 
 if TYPE_CHECKING:
     from boomctl.simulation.result import LoopResult
@@ -30,6 +31,13 @@ _GUST = 0.5  # durations after the spin-up at which the gust begins (a choice)
 _GUST_TIME = 0.5  # s that it lasts: about the half of a period of the second mode (a choice)
 _SETTLED = 3.0  # s after the gust from which the vibration left is told (a choice)
 _RAMP_CELLS = 800  # most cells of the bound of the rate: some seconds (a choice)
+_COLUMNS = {  # of the table of runs: head, unit, its size in SI, digits behind the point
+    "tip": ("largest tip displacement", "m", 1.0, 3),
+    "left": ("left after the spin-up", "mm", 1e-3, 1),
+    "after_gust": ("left after the gust", "mm", 1e-3, 1),
+    "speed_error": ("speed error", "mrad/s", 1e-3, 1),
+    "torque": ("torque", "N m", 1.0, 0),
+}
 _PLACES = 61  # hub speeds at which poles are shown (a choice)
 
 
@@ -181,7 +189,7 @@ class SpinUpDesign:
 
 
 @dataclass(frozen=True, eq=False)
-class SpinUpResult:
+class SpinUpResult(Judged):
     """What a scheduled drive is worth.
 
     Attributes
@@ -200,6 +208,8 @@ class SpinUpResult:
     decay : dict from (way, tip mass) to (n,) ndarray
         Rate at which the slowest mode of the loop decays at each of them, both staying [1/s].
     """
+
+    kind = "Spin-up: "
 
     design: SpinUpDesign
     stability: RobustStability
@@ -225,6 +235,12 @@ class SpinUpResult:
         rate = f"a speed may change by up to {self.ramp.rate:.3g} rad/s², proved"
         return f"{stable} {where}; {rate}, and the spin-up asks for {self.fastest:.3g} rad/s², {kept} that."
 
+    @property
+    def lead(self) -> str:
+        """What the report is about, in a sentence."""
+        design = self.design
+        return f"{design.title}: a drive scheduled over the hub speed, and a spin-up to {design.final_speed:g} rad/s."
+
     def numbers(self, way: str, mass: float) -> dict[str, float]:
         """Return what a run came to.
 
@@ -245,69 +261,40 @@ class SpinUpResult:
         tip, gust = np.abs(run["tip_displacement"]), (1.0 + _GUST) * design.duration
         left = (run.time > design.duration) & (run.time < gust)
         torque = run.controls.get("torque", run.disturbances.get("torque", np.zeros(1)))
-        return {
-            "tip": float(tip.max()),
-            "left": float(tip[left].max()),
-            "after_gust": float(tip[run.time > gust + _GUST_TIME + _SETTLED].max()),
-            "speed_error": float(np.abs(run["hub_speed"] - design.final_speed)[left].max()),
-            "torque": float(np.abs(torque).max()),
+        found = {
+            "tip": tip,
+            "left": tip[left],
+            "after_gust": tip[run.time > gust + _GUST_TIME + _SETTLED],
+            "speed_error": np.abs(run["hub_speed"] - design.final_speed)[left],
+            "torque": np.abs(torque),
         }
+        return {key: float(values.max()) for key, values in found.items()}
 
-    def __str__(self) -> str:
-        """Return what a terminal shows."""
-        lines = [f"{self.design.title}: {self.verdict}", f"  {self.stability.render()}", f"  {self.ramp.render()}"]
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found, in the order in which it is told."""
+        stability, ramp, runs, said = self.stability, self.ramp, [], []
         for way, mass in self.runs:
             n = self.numbers(way, mass)
-            lines.append(
-                f"  {way}, {mass:g} kg at the tip: tip {n['tip']:.3g} m, {1e3 * n['left']:.2g} mm left, "
-                f"{1e3 * n['after_gust']:.2g} mm after the gust, torque {n['torque']:.0f} N m"
+            runs.append({"way": way, "tip_mass": mass, **n})
+            text = (
+                f"tip {n['tip']:.3g} m, {1e3 * n['left']:.2g} mm left, {1e3 * n['after_gust']:.2g} mm after the gust,"
+                f" torque {n['torque']:.0f} N m"
             )
-        return "\n".join(lines)
+            said.append(Finding(f"{way}, {mass:g} kg at the tip", text=text))
+        return (
+            Finding("", stability.proved, proved=stability.proved, text=stability.render(), key="proved"),
+            Finding("", ramp.rate, proved=ramp.proved, text=ramp.render(), key="proved_rate"),
+            *said,
+            *stored(design=self.design.name, slowest_pole=stability.abscissa, rate_at_most=ramp.at_most),
+            *stored(rate_asked=self.fastest, runs=runs),
+        )
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the numbers, for JSON.
-
-        Returns
-        -------
-        dict
-            Names, numbers and texts that JSON can hold.
-        """
-        return {
-            "design": self.design.name,
-            "proved": self.stability.proved,
-            "slowest_pole": self.stability.abscissa,
-            "proved_rate": self.ramp.rate,
-            "rate_at_most": self.ramp.at_most,
-            "rate_asked": self.fastest,
-            "runs": [{"way": way, "tip_mass": mass, **self.numbers(way, mass)} for way, mass in self.runs],
-        }
-
-    def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
-        """Return the report: proofs, runs, pictures.
-
-        Parameters
-        ----------
-        tell : callable, optional
-            Is told in words what comes next.
-
-        Returns
-        -------
-        Report
-            ``.write(folder)`` writes it.
-        """
+    def _sections(self, tell: Callable[[str], None], files: tuple[str, ...]) -> Iterator[Section]:
         from boomctl.plotting.canvas import figure_of, picture
         from boomctl.plotting.studies.spin_up import plot_decay, plot_spin_up_runs
 
         tell("pictures")
-        design, heavy = self.design, self.design.tip_mass[-1]
-        heads = ("drive", "tip mass", "largest tip displacement", "left after the spin-up", "left after the gust")
-        lines = []
-        for way, mass in self.runs:
-            n = self.numbers(way, mass)
-            shown = (f"{n['tip']:.3f} m", f"{1e3 * n['left']:.1f} mm", f"{1e3 * n['after_gust']:.1f} mm")
-            errors = (f"{1e3 * n['speed_error']:.1f} mrad/s", f"{n['torque']:.0f} N m")
-            lines.append((way, f"{mass:g} kg", *shown, *errors))
-        runs = Table((*heads, "speed error", "torque"), tuple(lines), align="lr")
         proofs = (
             f"While hub speed and tip mass stay: {self.stability.render()}.",
             f"While the hub speed changes, whatever the tip mass: {self.ramp.render()}. The spin-up asks for at most "
@@ -315,12 +302,16 @@ class SpinUpResult:
             "Both speak of the linear loop about steady rotation, in continuous time and without the limit of the torque: "
             "what the ramp itself forces, sampling and noise are in the runs below, which are nonlinear.",
         )
-        caption = f"The spin-up with {heavy:g} kg at the tip, of which the drive does not know, and a gust after it."
         poles = "Decay of the slowest mode at each hub speed, which stays."
-        sections = (
-            Section("What it is worth", (self.verdict, *design.notes)),
-            Section("What is proved", proofs, (), (picture("decay", figure_of(plot_decay, self), poles),)),
-            Section("The spin-up", (), (runs,), (picture("spin_up", figure_of(plot_spin_up_runs, self), caption),)),
-        )
-        lead = f"{design.title}: a drive scheduled over the hub speed, and a spin-up to {design.final_speed:g} rad/s."
-        return Report(f"Spin-up: {design.title}", (lead,), sections, self.as_dict())
+        heads = ("drive", "tip mass", *(head for head, *_ in _COLUMNS.values()))
+        lines = []
+        for way, mass in self.runs:
+            n = self.numbers(way, mass)
+            cells = (f"{n[key] / size:.{digits}f} {unit}" for key, (_, unit, size, digits) in _COLUMNS.items())
+            lines.append((way, f"{mass:g} kg", *cells))
+        heavy = self.design.tip_mass[-1]
+        caption = f"The spin-up with {heavy:g} kg at the tip, of which the drive does not know, and a gust after it."
+        yield Section("What it is worth", (self.verdict, *self.design.notes))
+        yield Section("What is proved", proofs, (), (picture("decay", figure_of(plot_decay, self), poles),))
+        runs = picture("spin_up", figure_of(plot_spin_up_runs, self), caption)
+        yield Section("The spin-up", (), (Table(heads, tuple(lines)),), (runs,))

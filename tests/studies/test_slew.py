@@ -12,7 +12,7 @@ from boomctl.rotating_beam import HubBeamParameters, hub_beam
 from boomctl.slew import MeshStudy, optimal_slew
 from boomctl.slew.nlp.mesh_study import MeshLine
 from boomctl.studies.slew import SlewDesign, sections
-from boomctl.studies.slew.plan import default_meshes, evaluated_plan
+from boomctl.studies.slew.design import default_meshes, evaluated_plan
 from tests.profiles import is_quick
 
 pytestmark = pytest.mark.early

@@ -1,36 +1,48 @@
-"""A slew of the hub-beam that is to be judged, and the judging: other slews, payloads, profiles, feedback."""
+"""A slew of the hub-beam that is to be judged, and the judging: beside other slews, with payloads, profiles, feedback."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from boomctl.arrays import Array
 from boomctl.checks import instance
 from boomctl.printing import compact
-from boomctl.report import Report, Section
+from boomctl.report import Section
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.manoeuvres import SpinUp
+from boomctl.slew.budget import SlewProgress
 from boomctl.slew.classical.comparison import SlewComparison, compare_slews
 from boomctl.slew.classical.tracking import TrackingResult, track
 from boomctl.slew.least_time.arcs import SwitchingCurve, switching_curve
-from boomctl.slew.nlp.mesh_study import MeshStudy
+from boomctl.slew.nlp.mesh_study import MeshStudy, mesh_study
+from boomctl.slew.optimal import TIME_LIMIT, optimal_slew
 from boomctl.slew.payloads import PayloadComparison, compare_payloads
 from boomctl.slew.result import Replay, SlewResult
 from boomctl.slew.tracking.tracked import TrackedSlew
+from boomctl.studies.findings import Finding, Judged, finite, picked
 from boomctl.studies.slew import feedback, sections
 from boomctl.studies.slew.feedback import FeedbackStudy, Spread
 from boomctl.studies.slew.spin_up import SpinUpMotion, spin_ups
 
+STEPS = 7  # what `evaluated_plan` (3) and the report (4) tell of
+_SCHEMES = (("shooting", 1), ("collocation", 3), ("radau", 3))
+"""Ways to plan whose errors are shown over meshes, and the substeps or collocation points of each."""
+_ROOM = 1.1  # duration of the cheapest slew over the least time; with less room its torque is nearly bang-bang
 _MORE = 0.1  # by how much the tip mass of the followed beam exceeds the largest planned one [kg]; a choice
 _AFTER = 2.5  # how long motions go on after the end [s]: a little longer than the film, which ends after 2 s
 _COMPARED = (
     "name", "duration", "vibration", "angle_error", "speed_error", "peak_moment", "effort", "vibration_low", "vibration_high",
 )  # fmt: skip
+_OF_SLEW = (
+    "objective", "duration", "cost", "end_error", "residual_energy", "time", "torque", "hub_angle", "hub_speed",
+    "tip_displacement",
+)  # fmt: skip
 _CARRIED = ("slew", "tip_mass", "planned", "peak_tip", "vibration", "angle_error")
 _TRACKED = ("tip_mass", "final_angle_error", "open_final_angle_error", "tip_swing", "open_tip_swing")
-_HELD = ("machine", "open_vibration", "vibration", "ratio", "open_angle_error", "angle_error")
-_SPUN = ("name", "duration", "peak_torque", "vibration", "speed_error")
+_DRAWN = ("feedback", "seed", "drawn", "vibration", "angle_error", "error_estimate")
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +148,7 @@ class SlewDesign:
 
 
 @dataclass(frozen=True, eq=False)
-class SlewEvaluation:
+class SlewEvaluation(Judged):
     """What a slew is worth.
 
     Attributes
@@ -154,6 +166,8 @@ class SlewEvaluation:
     feedback : FeedbackStudy or None
         What feedback along the slew is worth; None where the design has none.
     """
+
+    kind = ""
 
     design: SlewDesign
     comparison: SlewComparison
@@ -180,6 +194,15 @@ class SlewEvaluation:
         parts = [f"{_length(float(left[name].max()))} ({name})" for name in self.design.planned]
         return f"{said}; with payloads from {masses[0]:g} to {masses[-1]:g} kg by at most {', '.join(parts)}."
 
+    @property
+    def lead(self) -> str:
+        """What the report is about; of a design with a name, what it is worth too."""
+        said = (
+            f"{self.design.slew.title.capitalize()}: planned, replayed by another integrator, and set beside classical"
+        )
+        worth = f" {self.verdict[:1].upper()}{self.verdict[1:]}" if self.design.name != "slew" else ""
+        return f"{said} commands.{worth}"
+
     def __str__(self) -> str:
         return f"{self.design.title}: {self.verdict}\n{self.design.slew.certificate.verdict}"
 
@@ -198,103 +221,106 @@ class SlewEvaluation:
         )
         return (planned, *slew.replays)
 
-    def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
-        """Replay and follow the slew, and return the report.
+    @cached_property
+    def following(self) -> TrackingResult | None:
+        """The slew followed with more at the tip than was planned for; None where feedback was judged."""
+        if self.feedback is not None:
+            return None
+        return track(self.design.slew, max(self.design.beam.parameters.tip_mass, *self.design.payloads, 0.0) + _MORE)
 
-        Parameters
-        ----------
-        tell : callable, optional
-            Is told in words what comes next.
+    @cached_property
+    def switching(self) -> SwitchingCurve | None:
+        """The switching function; None of a torque without switching times."""
+        slew = self.design.slew
+        return None if slew.certificate.switches is None else switching_curve(slew)
+
+    @property
+    def film_tip_mass(self) -> float:
+        """Payload that the film shows: the one that the rival suits least [kg]."""
+        if self.payloads is not None and self.design.rival in self.design.planned:
+            return self.payloads.worst(self.design.rival).tip_mass
+        return self.design.beam.parameters.tip_mass
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found, in the order in which it is told."""
+        said = self.design.slew.certificate.verdict
+        return (Finding("certificate", said, text=said, key="verdict"), Finding("", self.verdict, key="worth"))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the numbers, for JSON; other models are run, and the slew is followed, where they were not yet.
 
         Returns
         -------
-        Report
-            ``.write(folder)`` writes it.
+        dict
+            Names, numbers and texts that JSON can hold.
         """
-        design, slew, h = self.design, self.design.slew, self.design.beam
-        free = slew.plan.problem.angle is None
-        tell("other models")
-        replays = self.replays
-        tell("following with another payload")
-        following, held = None, None
-        if self.feedback is None or design.tracked is None:
-            following = track(slew, max(h.parameters.tip_mass, *design.payloads, 0.0) + _MORE)
-            held = sections.tracking_section(h.parameters.tip_mass, following)
-        else:
-            held = sections.feedback_section(design.tracked, self.feedback)
-        tell("pictures")
-        switching = switching_curve(slew) if slew.certificate.switches is not None else None
-        zv = f"{design.rigid}, ZV"
-        shown = tuple(dict.fromkeys((*design.planned, design.rigid, design.rival or zv, zv)))
-        film, filmed = self._film()
-        parts = [sections.slew_section(h, slew, design.notes), film]
-        if switching is not None:
-            parts.append(sections.switching_section(switching))
-        if self.payloads is not None:
-            parts.append(sections.payload_section(h.parameters.tip_mass, self.payloads))
-        if self.spin_ups:
-            parts.append(sections.spin_up_section(self.spin_ups, slew.plan.problem))
-        parts += [
-            sections.comparison_section(self.comparison, shown),
-            sections.replay_section(replays, free),
-        ]
-        parts.insert(2 if self.feedback is not None else len(parts), held)
-        if self.meshes is not None:
-            parts.append(sections.mesh_section(self.meshes))
-        tell("report")
-        lead = f"{slew.title.capitalize()}: planned, replayed by another integrator, and set beside classical commands."
-        if design.name != "slew":
-            lead += f" {self.verdict[:1].upper()}{self.verdict[1:]}"
-        results = self._results(replays, following, switching) | {"film_tip_mass": filmed}
-        return Report(design.title, (lead,), tuple(parts), results)
-
-    def _film(self) -> tuple[Section, float]:
-        """The slew and its rival on the same beam, with the payload that the rival suits least; that payload, kg."""
-        design, mass = self.design, self.design.beam.parameters.tip_mass
-        if self.payloads is not None and design.rival in design.planned:
-            mass = self.payloads.worst(design.rival).tip_mass
-        beam, curves = design.beam.with_tip_mass(mass), {}
-        for name in (design.label, design.rival or design.rigid):
-            history = self.comparison.line(name).history
-            t = np.linspace(0.0, design.slew.duration + _AFTER, 601)
-            label = "rigid body's bang-bang" if name == "bang-bang" else name
-            curves[label] = (t, beam.shape(beam.simulate_torque(history, t, history.breakpoints).states))
-        return sections.film_section(design.slew, curves, mass if design.payloads else None), mass
-
-    def _results(
-        self, replays: tuple[Replay, ...], following: TrackingResult | None, switching: SwitchingCurve | None
-    ) -> dict[str, Any]:
-        """What results.json holds."""
-        design, slew = self.design, self.design.slew
-        return {
+        design, slew, switching = self.design, self.design.slew, self.switching
+        found = {
             "name": design.name,
             "title": design.title,
             "model": design.beam.model,
             "modes": design.beam.modes,
             "parameters": asdict(design.beam.parameters),
-            "objective": slew.objective,
-            "duration": slew.duration,
-            "cost": slew.cost,
-            "end_error": slew.end_error,
-            "residual_energy": slew.residual_energy,
-            "switches": slew.history.switches if slew.certificate.switches is not None else None,
-            "switching_agreement": None if switching is None else switching.agreement,
             "certificate": asdict(slew.certificate),
-            "verdict": slew.certificate.verdict,
-            "worth": self.verdict,
-            "replays": [asdict(each) for each in replays],
-            "mesh_study": None if self.meshes is None else _mesh_results(self.meshes),
-            "comparison": [_attributes(line, _COMPARED) for line in self.comparison.lines],
-            "payloads": None if self.payloads is None else _payload_results(self.payloads),
-            "spin_ups": [_attributes(each, _SPUN) for each in self.spin_ups],
-            "tracking": None if following is None else _attributes(following, _TRACKED),
-            "feedback": None if self.feedback is None else _feedback_results(self.feedback),
-            "time": slew.time,
-            "torque": slew.torque,
-            "hub_angle": slew.hub_angle,
-            "hub_speed": slew.hub_speed,
-            "tip_displacement": slew.tip_displacement,
+            "switches": None if switching is None else slew.history.switches,
+            "switching_agreement": None if switching is None else switching.agreement,
+            "replays": [asdict(each) for each in self.replays],
+            "comparison": picked(self.comparison.lines, _COMPARED),
+            "spin_ups": picked(self.spin_ups, sections.SPUN),
+            "film_tip_mass": self.film_tip_mass,
+            **dict.fromkeys(("mesh_study", "payloads", "tracking", "feedback")),
+            **picked([slew], _OF_SLEW)[0],
         }
+        if self.meshes is not None:
+            found["mesh_study"] = finite(asdict(self.meshes))
+        if (carried := self.payloads) is not None:
+            lines = picked(carried.lines, _CARRIED)
+            found["payloads"] = {"lines": lines, "tip_masses": carried.masses, "vibrations": carried.vibrations}
+        if self.following is not None:
+            found["tracking"] = picked([self.following], _TRACKED)[0]
+        if (study := self.feedback) is not None:
+            machines, runs = picked(study.lines, sections.HELD), picked((study.open, study.closed), _DRAWN)
+            found["feedback"] = {"machines": machines, "stiffness_ratio": study.stiffness_ratio, "runs": runs}
+        return super().as_dict() | found
+
+    def _sections(self, tell: Callable[[str], None], files: tuple[str, ...]) -> Iterator[Section]:
+        design, slew, h = self.design, self.design.slew, self.design.beam
+        planned_mass = h.parameters.tip_mass
+        tell("other models")
+        replays = self.replays
+        tell("following with another payload")
+        following = self.following
+        tell("pictures")
+        yield sections.slew_section(h, slew, design.notes)
+        yield sections.film_section(slew, self._filmed(), self.film_tip_mass if design.payloads else None)
+        if design.tracked is not None and self.feedback is not None:
+            yield sections.feedback_section(design.tracked, self.feedback)
+        if self.switching is not None:
+            yield sections.switching_section(self.switching)
+        if self.payloads is not None:
+            yield sections.payload_section(planned_mass, self.payloads)
+        if self.spin_ups:
+            yield sections.spin_up_section(self.spin_ups, slew.plan.problem)
+        zv = f"{design.rigid}, ZV"
+        shown = tuple(dict.fromkeys((*design.planned, design.rigid, design.rival or zv, zv)))
+        yield sections.comparison_section(self.comparison, shown)
+        yield sections.replay_section(replays, slew.plan.problem.angle is None)
+        if following is not None:
+            yield sections.tracking_section(planned_mass, following)
+        if self.meshes is not None:
+            yield sections.mesh_section(self.meshes)
+        tell("report")
+
+    def _filmed(self) -> dict[str, tuple[Array, Array]]:
+        """The slew and its rival on the same beam: instants, and places along it."""
+        design, beam, curves = self.design, self.design.beam.with_tip_mass(self.film_tip_mass), {}
+        for name in (design.label, design.rival or design.rigid):
+            history = self.comparison.line(name).history
+            t = np.linspace(0.0, design.slew.duration + _AFTER, 601)
+            label = "rigid body's bang-bang" if name == "bang-bang" else name
+            curves[label] = (t, beam.shape(beam.simulate_torque(history, t, history.breakpoints).states))
+        return curves
 
 
 def _length(value: float) -> str:
@@ -306,44 +332,72 @@ def _length(value: float) -> str:
     return f"{1e3 * value:.2g} mm" if value < 0.1 else f"{value:.2g} m"
 
 
-def _feedback_results(study: FeedbackStudy) -> dict[str, Any]:
-    return {
-        "machines": [_attributes(line, _HELD) for line in study.lines],
-        "stiffness_ratio": study.stiffness_ratio,
-        "runs": [
-            {
-                "feedback": each.feedback,
-                "seed": each.seed,
-                "drawn": each.drawn,
-                "vibration": each.vibration,
-                "angle_error": each.angle_error,
-                "error_estimate": each.error_estimate,
-            }
-            for each in (study.open, study.closed)
-        ],
-    }
+def evaluated_plan(
+    h: AssumedModesBeam,
+    *,
+    angle: float,
+    torque_limit: float,
+    meshes: tuple[int, ...] | None = None,
+    tell: Callable[[str], None] = lambda text: None,
+    time_limit: float = TIME_LIMIT,
+    progress: Callable[[SlewProgress], object] | None = None,
+    **asked: Any,
+) -> SlewEvaluation:
+    """Plan a slew and judge it beside the fastest, the cheapest and classical ones.
+
+    Parameters
+    ----------
+    h : AssumedModesBeam
+    angle, torque_limit : float
+        rad, N m.
+    meshes : tuple of int
+        Numbers of intervals, ascending, on which the report shows the error of planning; None: three, by the fastest
+        bending vibration; () leaves that out.
+    tell : callable
+        Told in words what comes next.
+    time_limit, progress
+        Of each slew, as `optimal_slew` has them.
+    asked
+        Objective, duration and further limits by the names that `optimal_slew` has for them.
+    """
+    tell("the slew asked for")
+    search = {"time_limit": time_limit, "progress": progress}
+    slew = optimal_slew(h, angle, torque_limit, **asked, **search)
+    tell("slews to compare")
+    planned = _beside(h, slew, angle, torque_limit, search)
+    evaluation = SlewDesign("slew", "A slew of a flexible beam", h, planned).evaluate()
+    tell("errors over meshes")
+    roomy = _ROOM * planned["minimum time"].duration
+    counts = default_meshes(h, roomy) if meshes is None else meshes
+    if not counts:
+        return evaluation
+    # axial vibrations are too fast for shooting on any of these meshes
+    schemes = tuple(scheme for scheme in _SCHEMES if scheme[0] != "shooting" or not h.has_axial_modes)
+    return replace(evaluation, meshes=mesh_study(h, angle, torque_limit, roomy, schemes=schemes, intervals=counts))
 
 
-def _attributes(value: object, keys: tuple[str, ...]) -> dict[str, Any]:
-    return {key: getattr(value, key) for key in keys}
+def _title(slew: SlewResult) -> str:
+    """Return what sets a slew apart from others of the same beam."""
+    limited = ", with limits" if slew.plan.problem.limits.beside_torque else ""
+    return f"{slew.title}{limited}" if slew.objective == "time" else f"{slew.title}, {slew.duration:.3g} s{limited}"
 
 
-def _payload_results(payloads: PayloadComparison) -> dict[str, Any]:
-    return {
-        "lines": [_attributes(line, _CARRIED) for line in payloads.lines],
-        "tip_masses": payloads.masses,
-        "vibrations": payloads.vibrations,
-    }
+def _beside(
+    h: AssumedModesBeam, slew: SlewResult, angle: float, torque_limit: float, search: dict[str, Any]
+) -> dict[str, SlewResult]:
+    """Return the slew asked for, the fastest one, and the cheapest in a little more than the least time."""
+    named = {_title(slew): slew}
+    if "minimum time" not in named:
+        named["minimum time"] = optimal_slew(h, angle, torque_limit, **search)
+    roomy = _ROOM * named["minimum time"].duration
+    effort = optimal_slew(h, angle, torque_limit, "effort", roomy, method="shooting", intervals=200, **search)
+    named.setdefault(_title(effort), effort)
+    return named
 
 
-def _mesh_results(study: MeshStudy) -> dict[str, Any]:
-    lines = [
-        {
-            "name": line.name,
-            "errors": [value if np.isfinite(value) else None for value in line.errors],
-            "order": line.order if np.isfinite(line.order) else None,
-            "theory": line.theory,
-        }
-        for line in study.lines
-    ]
-    return {"duration": study.duration, "intervals": study.intervals, "lines": lines}
+def default_meshes(h: AssumedModesBeam, duration: float) -> tuple[int, ...]:
+    """Return three meshes, the coarsest with four intervals a period of the fastest bending mode, or what is cheap."""
+    bending = AssumedModesBeam(h.parameters, "sfoam", h.modes)
+    needed = 4.0 * duration * float(bending.frequencies_hz().max())
+    first = 10 * min(max(round(needed / 10.0), 2), 10)
+    return (first, 2 * first, 4 * first)

@@ -1,7 +1,9 @@
 """The report of a slew: words, tables and pictures."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +20,7 @@ from boomctl.slew.payloads import PayloadComparison
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import Replay, SlewResult
 from boomctl.slew.tracking.tracked import TrackedSlew
+from boomctl.studies.findings import tabled
 from boomctl.studies.slew.feedback import FeedbackStudy
 from boomctl.studies.slew.spin_up import SpinUpMotion
 
@@ -28,7 +31,27 @@ _LIMITS = {
     "tip_limit": "tip displacement",
     "moment_limit": "root moment",
 }
+SPUN = {
+    "name": "",
+    "duration": "duration [s]",
+    "peak_torque": "peak torque [N\u00a0m]",
+    "vibration": "vibration [m]",
+    "speed_error": "speed error [rad/s]",
+}
+HELD = {
+    "machine": "machine",
+    "open_vibration": "vibration, plan alone [m]",
+    "vibration": "with feedback [m]",
+    "ratio": "times smaller",
+    "open_angle_error": "hub off, plan alone [rad]",
+    "angle_error": "with feedback [rad]",
+}
 _MODELS = {"geometrically-exact": "geometrically exact beam", "sfoam-consistent": "SFOAM, consistent"}
+
+
+def _drawn(name: str, plot: Callable[..., Any], caption: str, **options: Any) -> Picture:
+    """Return a picture of curves of many points, which are shown as PNG."""
+    return picture(name, figure_of(plot, **options), caption, "png")
 
 
 def slew_section(h: AssumedModesBeam, slew: SlewResult, notes: tuple[str, ...]) -> Section:
@@ -37,9 +60,7 @@ def slew_section(h: AssumedModesBeam, slew: SlewResult, notes: tuple[str, ...]) 
         "Torque, hub angle and speed, tip displacement and bending moment at the clamp. Broken lines: limits, where they are "
         "near."
     )
-    return Section(
-        "The slew", (*_slew_text(h, slew), *notes), (), (picture("slew", figure_of(slew.plot), caption, "png"),)
-    )
+    return Section("The slew", (*_slew_text(h, slew), *notes), pictures=(_drawn("slew", slew.plot, caption),))
 
 
 def _slew_text(h: AssumedModesBeam, slew: SlewResult) -> tuple[str, ...]:
@@ -85,7 +106,7 @@ def film_section(slew: SlewResult, curves: dict[str, tuple[Array, Array]], tip_m
     caption = "Top view, drawn to scale, in real time."
     if tip_mass is not None:
         caption += f" The tip mass is {tip_mass:g} kg."
-    return Section("In motion", (), (), (Picture("slew", caption, {"gif": slew_film(slew, curves)}),))
+    return Section("In motion", pictures=(Picture("slew", caption, {"gif": slew_film(slew, curves)}),))
 
 
 def switching_section(curve: SwitchingCurve) -> Section:
@@ -98,9 +119,7 @@ def switching_section(curve: SwitchingCurve) -> Section:
         f"the torque's sign on {share} of the duration."
     )
     caption = "Switching function over its largest size, on a scale of cube roots, and torque."
-    return Section(
-        "The switching function", (text,), (), (picture("switching", figure_of(curve.plot), caption, "png"),)
-    )
+    return Section("The switching function", (text,), pictures=(_drawn("switching", curve.plot, caption),))
 
 
 def payload_section(nominal: float, payloads: PayloadComparison) -> Section:
@@ -124,19 +143,12 @@ def payload_section(nominal: float, payloads: PayloadComparison) -> Section:
         "Right: vibration left over the payload, filled markers where it was planned for; what is below 0.1 mm stands on the "
         "lower edge."
     )
-    pictures = (picture("payloads", figure_of(payloads.plot), caption, "png"),)
+    pictures = (_drawn("payloads", payloads.plot, caption),)
     return Section("The same torque with every payload", (text,), (Table(heads, body),), pictures)
 
 
 def spin_up_section(pair: Sequence[SpinUpMotion], problem: SlewProblem) -> Section:
     """Return the section of a planned spin-up, the first, and the profile of the hub set beside it."""
-    columns = (
-        ("duration [s]", "duration"),
-        ("peak torque [N\u00a0m]", "peak_torque"),
-        ("vibration [m]", "vibration"),
-        ("speed error [rad/s]", "speed_error"),
-    )
-    body = tuple((each.name, *(number(getattr(each, key)) for _, key in columns)) for each in pair)
     text = (
         f"The beam ends in steady rotation at {problem.final_speed:g} rad/s, its hub free. The classical profile of Bai et "
         "al. (2009), Eq. (43), prescribes the hub's motion exactly, then and afterwards, as an ideal speed loop would, "
@@ -145,9 +157,8 @@ def spin_up_section(pair: Sequence[SpinUpMotion], problem: SlewProblem) -> Secti
     caption = (
         "Torque, hub speed and tip displacement. Broken lines: torque limit and speed asked for; dotted: the ends."
     )
-    table = Table(("", *(head for head, _ in columns)), body)
     drawn = plot_spin_ups(pair, problem.limits.torque, problem.final_speed)
-    return Section("Into steady rotation", (text,), (table,), (picture("spin_up", drawn, caption, "png"),))
+    return Section("Into steady rotation", (text,), (tabled(pair, SPUN),), (picture("spin_up", drawn, caption, "png"),))
 
 
 def comparison_section(comparison: SlewComparison, shown: tuple[str, ...]) -> Section:
@@ -171,7 +182,7 @@ def comparison_section(comparison: SlewComparison, shown: tuple[str, ...]) -> Se
         "Beside other spin-ups" if free else "Beside other slews",
         (text,),
         (_comparison_table(comparison.lines, free),),
-        (picture("comparison", figure_of(comparison.plot, names=shown), caption, "png"),),
+        (_drawn("comparison", comparison.plot, caption, names=shown),),
     )
 
 
@@ -203,12 +214,12 @@ def replay_section(replays: Sequence[Replay], free: bool) -> Section:
     }
     if free:
         del columns["angle_error"]
-    body = tuple(
-        (_replayed(each, k), *("–" if getattr(each, key) is None else number(getattr(each, key)) for key in columns))
-        for k, each in enumerate(replays)
+    numbers = tabled(replays, columns)
+    lines = tuple(
+        (_replayed(each, k), *cells) for k, (each, cells) in enumerate(zip(replays, numbers.lines, strict=True))
     )
     text = "The models differ in what they neglect. The torque is open loop; errors are those at its end."
-    return Section("The same torque on other models", (text,), (Table(("model", *columns.values()), body),))
+    return Section("The same torque on other models", (text,), (Table(("model", *numbers.heads), lines),))
 
 
 def _replayed(replay: Replay, k: int) -> str:
@@ -238,9 +249,7 @@ def tracking_section(planned: float, t: TrackingResult) -> Section:
         ),
     )
     caption = "Hub angle, tip displacement and torque: as planned, with the feedforward alone, and with feedback."
-    return Section(
-        "Followed with another payload", (text,), (table,), (picture("tracking", figure_of(t.plot), caption, "png"),)
-    )
+    return Section("Followed with another payload", (text,), (table,), (_drawn("tracking", t.plot, caption),))
 
 
 def feedback_section(tracked: TrackedSlew, study: FeedbackStudy) -> Section:
@@ -255,21 +264,7 @@ def feedback_section(tracked: TrackedSlew, study: FeedbackStudy) -> Section:
         "Vibration is the largest distance of the tip from the plan within one and a half of the slowest periods after the "
         "end of the plan, without any time to settle. Noise is there with feedback.",
     )
-    heads = (
-        "machine", "vibration, plan alone [m]", "with feedback [m]", "times smaller", "hub off, plan alone [rad]",
-        "with feedback [rad]",
-    )  # fmt: skip
-    body = tuple(
-        (
-            line.machine.replace(" ", "\u00a0"),
-            number(line.open_vibration),
-            number(line.vibration),
-            f"{line.ratio:.3g}",
-            number(line.open_angle_error),
-            number(line.angle_error),
-        )
-        for line in study.lines
-    )
+    lines = [replace(line, machine=line.machine.replace(" ", "\u00a0")) for line in study.lines]
     many = study.closed
     drawn = "; ".join(
         f"{name.replace('_', ' ')} {row.min():.2g} to {row.max():.2g}"
@@ -280,33 +275,32 @@ def feedback_section(tracked: TrackedSlew, study: FeedbackStudy) -> Section:
         f"{many.vibration.size} machines drawn evenly and independently (seed {many.seed}): {drawn}. Bands: the middle half, "
         "and nine of ten. {}."
     )
-    pictures = tuple(
-        picture(name, figure_of(each.plot), caption.format(how), "png")
-        for name, each, how in (("held", many, "With feedback"), ("alone", study.open, "The plan alone"))
+    pictures = (
+        _drawn("held", many.plot, caption.format("With feedback")),
+        _drawn("alone", study.open.plot, caption.format("The plan alone")),
     )
-    return Section("With feedback, and without", text, (Table(heads, body),), pictures)
+    return Section("With feedback, and without", text, (tabled(lines, HELD),), pictures)
 
 
 def mesh_section(study: MeshStudy) -> Section:
     """Return the section of errors over meshes."""
-    intervals, lines = [int(n) for n in study.intervals], study.lines
+    intervals, lines = np.asarray(study.intervals), study.lines
     text = [
         f"The slew of least effort in {study.duration:.3g} s, 1.1 times the least time, planned on meshes of equal "
         "intervals, on each of which the torque is held. The end state is that of the replay; the cost is compared with "
         "the limit of ever finer meshes. Orders are slopes over the meshes whose error is above the replay's accuracy; a "
         "mesh too coarse for the fastest vibration does not show the order yet.",
     ]
-    gaps = []
-    for line in lines:
-        without = [str(n) for n, error in zip(intervals, line.errors, strict=True) if not np.isfinite(error)]
-        gaps += [f"{line.name} ({', '.join(without)})"] if without else []
+    none = {line.name: [str(n) for n in intervals[~np.isfinite(line.errors)]] for line in lines}
+    gaps = [f"{name} ({', '.join(without)})" for name, without in none.items() if without]
     if gaps:
         text.append(f"No solution on these numbers of intervals, or none to compare with: {'; '.join(gaps)}.")
     heads = ("relative error of", *(f"{n} intervals" for n in intervals), "order", "order in theory")
     body = tuple((line.name, *_mesh_cells(line)) for line in lines)
     caption = "Relative error over the number of intervals, and the order of each scheme."
-    pictures = (picture("mesh", figure_of(study.plot), caption, "png"),)
-    return Section("Error against mesh size", tuple(text), (Table(heads, body),), pictures)
+    return Section(
+        "Error against mesh size", tuple(text), (Table(heads, body),), (_drawn("mesh", study.plot, caption),)
+    )
 
 
 def _mesh_cells(line: MeshLine) -> tuple[str, ...]:

@@ -1,17 +1,23 @@
-"""What vouches for a suspension beyond its own synthesis: margins, a proof over the uncertainty, the exact boom."""
+"""What vouches for a suspension beyond its own synthesis: margins, proofs over springs and masses, the exact boom.
 
-from collections.abc import Callable, Mapping
+A sampled loop is looked at on a mesh of many elements where one in continuous time is on the exact beam.  What happens
+between samples is in the field run, and ``boomctl.sampled_norm`` bounds it.
+"""
+
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from math import inf
+from typing import Any
 
 import numpy as np
 
 from boomctl.analysis.box.robustness import RobustStability, robust_stability
-from boomctl.analysis.box.worst_case import WorstCase, worst_case
+from boomctl.analysis.box.worst_case import worst_case
 from boomctl.analysis.loops import closed_loop_response
-from boomctl.analysis.margins import Margins, margins
-from boomctl.analysis.nyquist import ExactLoopStability, exact_loop_stability
+from boomctl.analysis.margins import SamplingCostsMarginWarning, margins
+from boomctl.analysis.nyquist import exact_loop_stability
 from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
 from boomctl.boom.exact import exact_frequency_response
@@ -23,312 +29,281 @@ from boomctl.lti.python_control import control
 from boomctl.printing import compact, count
 from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel, split_symmetric
+from boomctl.studies.findings import Finding
 from boomctl.studies.suspension.performance import field_run, loop_between
-from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScene, suspension_model
+from boomctl.studies.suspension.scene import (
+    ACCELERATIONS,
+    CONTROLS,
+    FAMILY_ELEMENTS,
+    MASS,
+    SPRING,
+    STROKES,
+    FieldScene,
+    suspension_model,
+)
 from boomctl.synthesis.plants.symmetry import split_controller
 
-SPRING = (0.7, 1.3)  # springs over those of Table 2; an assumption, for the paper gives no spread
-MASS = (0.8, 1.2)  # boom's mass over that of Table 2; an assumption, for hoses and liquid are not weighed there
 MEASURED_YAW_HZ = 0.34  # the first frequency that the paper measured, where its Table 2 gives 0.245 Hz
-FAMILY_ELEMENTS = 6  # of the paper's own mesh, whose frequencies are within 0.4 %: far less than the family spans
 _FREQUENCIES = np.geomspace(0.15, 130.0, 260)  # [rad/s], drawn: from below the slow yaw to beyond the accelerometers
 _HIGH = 0.9  # share of the certified peak above which the exact boom is looked at where the mesh was (a choice)
-MIXED = 1e-6  # share of a controller between the halves that passes for rounding
-
-
-@dataclass(frozen=True)
-class HalfAssurance:
-    """What was found of one half of a closed loop, jolt or yaw.
-
-    Attributes
-    ----------
-    margins : Margins or None
-        Margins at the control and at the measurements; None without a controller.
-    box : RobustStability
-        Stability over springs of 70 to 130 % and a beam mass of 80 to 120 %, together.
-    worst : WorstCase
-        The largest peak from platform to tips over that box, found and bounded.
-    """
-
-    margins: Margins | None
-    box: RobustStability
-    worst: WorstCase
-
-    __repr__ = compact
-
-    @property
-    def statements(self) -> Mapping[str, str]:
-        """All of it in words."""
-        said = {} if self.margins is None else {"margins at the actuator": margin_text(self.margins)}
-        said["springs ±30 %, boom mass ±20 %"] = _proof_text(self.box)
-        worst, middle = self.worst, f"middle: {self.worst.nominal.lower:.4g}"
-        found = f"{worst.norm.lower:.4g} at {_values(worst.values)}"
-        if worst.upper_bound < inf:
-            said["worst peak there, proved"] = (
-                f"at most {from_on(worst.upper_bound)}, in {count(worst.cells, 'cell')}; found {found}, a gap of"
-                f" {100 * worst.gap:.2g} % ({middle})"
-            )
-        else:
-            said["worst peak there, found"] = f"{found}; no bound proved: {worst.reason} ({middle})"
-        return said
-
-
-@dataclass(frozen=True)
-class WorstDeposit:
-    """The least even deposit found over the box: of runs at some of its points, not proved between them.
-
-    Attributes
-    ----------
-    cv : float
-        Coefficient of variation.
-    values : dict
-        Springs and mass of that boom, relative.
-    runs : int
-        Number of booms that were run.
-    """
-
-    cv: float
-    values: Mapping[str, float]
-    runs: int
-
-    @classmethod
-    def over(
-        cls,
-        p: BoomParameters,
-        K: control.StateSpace | None,
-        scene: FieldScene,
-        delay: float,
-        family: AffineFamily | None = None,
-    ) -> "WorstDeposit":
-        """Run the corners of the box over the field; a family is the machine there where it is one of its own."""
-        found = []
-        for spring, mass in product(SPRING, MASS):
-            plant = _scaled_plant(p, scene, family, spring, mass, nozzles=True)
-            _, (spray, *_) = field_run(scene, scaled_boom(p, spring, mass), K, plant=plant, delay=delay)
-            found.append((spray.cv, {"spring": spring, "mass": mass}))
-        cv, values = max(found, key=lambda each: each[0])
-        return cls(cv, values, len(found))
-
-    @property
-    def statement(self) -> str:
-        """It in words."""
-        return (
-            f"CV {100 * self.cv:.3g} % at {_values(self.values)}: the worst of {self.runs} corners, found, not proved"
-        )
+_MIXED = 1e-6  # share of a controller between the halves that passes for rounding
+_FEW, _LOWEST = (
+    40,
+    60,
+)  # elements, and poles nearest to zero, that tell where the exact loop changes: far above its bandwidth
+_FINE = 60  # elements of the finer mesh: frequencies below half the sampling rate as those of the exact beam to 1e-5
+_SIDES = {"jolt": "sym", "yaw": "anti"}
 
 
 @dataclass(frozen=True)
 class Assurance:
-    """What was found about a closed loop, apart from its synthesis.
+    """What was found about a suspension, apart from its synthesis.
 
     Attributes
     ----------
-    jolt, yaw : HalfAssurance
-        What was found of either half.
-    measured_yaw : RobustStability
-        Stability of the yaw over springs that bring its frequency from that of Table 2 to the measured 0.34 Hz, with the
-        dampers of Table 2.
-    exact : ExactLoopStability
-        Stability with the exact beam, by winding number.
-    exact_sigma : SigmaResult
-        Singular values of the loop with the exact beam.
+    findings : tuple of Finding
+        Of jolt and yaw, or of the whole boom where it is a plant of its own: margins, stability and the largest peak from
+        platform to tips over springs of 70 to 130 % and a beam mass of 80 to 120 %; stability of the yaw at its measured
+        frequency; the least even deposit; stability with the exact beam, or on a finer mesh.
+    exact_sigma : SigmaResult or None
+        Singular values with the exact beam; None of sampled loops and of plants of their own.
     family_sigma : tuple of SigmaResult
         Singular values at corners and middles of the edges of the uncertainty.
-    mixed : float
-        Share of the controller that leads from one half to the other.
-    deposit : WorstDeposit
-        The least even deposit found over the box.
     """
 
-    jolt: HalfAssurance
-    yaw: HalfAssurance
-    measured_yaw: RobustStability
-    exact: ExactLoopStability
-    exact_sigma: SigmaResult = field(repr=False)
+    findings: tuple[Finding, ...]
+    exact_sigma: SigmaResult | None = field(repr=False)
     family_sigma: tuple[SigmaResult, ...] = field(repr=False)
-    mixed: float
-    deposit: WorstDeposit
 
     __repr__ = compact
 
     @property
     def robust(self) -> bool:
-        """Whether the loop is proved stable over the whole uncertainty and on the exact boom."""
-        return self.jolt.box.proved and self.yaw.box.proved and self.measured_yaw.proved and self.exact.stable
+        """Whether the loop is proved stable over the whole uncertainty, and stable on the exact boom or the finer mesh."""
+        return all(each.proved is not False for each in self.findings)
+
+    def of(self, kind: type) -> dict[str, Any]:
+        """Return results of a kind by what they were found of.
+
+        Parameters
+        ----------
+        kind : type
+            `Margins`, `WorstCase`, ...
+
+        Returns
+        -------
+        dict
+            By "jolt" and "yaw"; "boom" of what was found of the whole of it.
+        """
+        found = {}
+        for each in self.findings:
+            if isinstance(each.value, kind):
+                half, parted, _ = each.name.partition(": ")
+                found[half if parted else "boom"] = each.value
+        return found
+
+
+@dataclass(frozen=True)
+class Examined:
+    """A suspension that is to be examined, in its field.
+
+    Attributes
+    ----------
+    p : BoomParameters
+        Of the machine.
+    K : control.StateSpace or None
+        Its controller; None of springs and dampers alone.
+    scene : FieldScene
+    delay : float
+        Time between a sample and the moment its forces act [s].
+    family : AffineFamily or None
+        A machine of its own over springs and masses, examined as a whole, with a controller in continuous time.
+    """
+
+    p: BoomParameters
+    K: control.StateSpace | None
+    scene: FieldScene
+    delay: float = 0.0
+    family: AffineFamily | None = None
+
+    def assured(self) -> Assurance:
+        """Return what vouches for it.
+
+        Raises
+        ------
+        ValueError
+            The controller mixes the halves of the machine: it cannot be examined half by half.
+        """
+        found, exact = [*self.over_the_box(), self.worst_deposit()], None
+        if self.sampled:
+            found.append(self.on_a_finer_mesh())
+        elif self.family is None:
+            exact = self.exact_sigma()
+            found.append(self.on_the_exact_boom(exact))
+        return Assurance(tuple(found), exact, tuple(self.corner_sigma()))
 
     @property
-    def statements(self) -> Mapping[str, str]:
-        """All of it in words."""
-        said: dict[str, str] = {}
-        for name, half in (("jolt", self.jolt), ("yaw", self.yaw)):
-            said |= {f"{name}: {what}": text for what, text in half.statements.items()}
-        said["yaw frequency from Table 2 to the measured 0.34 Hz"] = _proof_text(self.measured_yaw)
-        said["worst deposit found there"] = self.deposit.statement
-        verdict = "stable" if self.exact.stable else f"NOT stable, {self.exact.unstable_poles} unstable poles"
-        said["exact boom"] = (
-            f"{verdict}: winding number {self.exact.encirclements} of det(I - G K), followed over"
-            f" {self.exact.evaluations} frequencies; largest singular value of the loop there {self.exact_sigma.peak:.4g}"
+    def sampled(self) -> bool:
+        """Whether the controller is a discrete one."""
+        return self.K is not None and not self.K.isctime()
+
+    def model(self, elements: int) -> SecondOrderModel:
+        return suspension_model(self.p, elements, self.scene.accelerometer_hz)
+
+    def scaled(self, spring: float, mass: float, nozzles: bool = False) -> SecondOrderModel:
+        """Return the boom with other springs and another mass, or the machine of the family there."""
+        if self.family is not None:
+            return self.family.at(self.family.deltas({"spring": spring, "mass": mass}))
+        changed = scaled_boom(self.p, spring, mass)
+        return suspension_model(changed, FAMILY_ELEMENTS, self.scene.accelerometer_hz, nozzles)
+
+    def over_the_box(self) -> Iterator[Finding]:
+        """Yield what is found of jolt and yaw over springs and masses, or of the whole boom of a family."""
+        if self.family is not None:
+            yield from _over_the_box(self.family, self.K, ACTUATORS, TIPS, 0.0)
+            return
+        model, late = self.model(self.scene.elements), self.delay if self.sampled else 0.0
+        band = None if self.K is None else self.scene.accelerometer_hz
+        controllers = _controllers(model, self.K)
+        for (half, side), plant in zip(_SIDES.items(), split_symmetric(model), strict=True):
+            family = boom_family(
+                self.p, SPRING, MASS, half=half, elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band
+            )
+            K, ends = controllers[half], ([f"actuator_{side}"], [f"tip_{side}"])
+            of_half = [] if self.K is None else [_margins(plant, K, late)]
+            for each in (*of_half, *_over_the_box(family, K, *ends, late)):
+                yield replace(each, name=f"{half}: {each.name}")
+        if self.K is not None and not self.sampled:
+            yield self.at_the_measured_yaw(controllers["yaw"])
+
+    def at_the_measured_yaw(self, K: control.StateSpace) -> Finding:
+        """Return stability of the yaw over springs that bring its frequency from that of Table 2 to the measured 0.34 Hz.
+
+        Springs as stiff as the boom measured, which had the dampers of Table 2: with strong ones the yaw has no frequency.
+        """
+        dampers = {name: getattr(BoomParameters(), name) for name in ("cradle_damping", "hinge_damping")}
+        stiffest = spring_for_yaw(replace(self.p, **dampers), MEASURED_YAW_HZ, FAMILY_ELEMENTS)
+        band = self.scene.accelerometer_hz
+        stiffer = spring_family(self.p, stiffest, half="yaw", elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
+        return _stability("yaw frequency from Table 2 to the measured 0.34 Hz", robust_stability(stiffer, K))
+
+    def worst_deposit(self) -> Finding:
+        """Return the least even deposit of runs over the field at the corners of the box: not proved between them."""
+        found = []
+        for spring, mass in product(SPRING, MASS):
+            plant = self.scaled(spring, mass, nozzles=True)
+            _, (spray, *_) = field_run(
+                self.scene, scaled_boom(self.p, spring, mass), self.K, plant=plant, delay=self.delay
+            )
+            found.append((spray.cv, {"spring": spring, "mass": mass}))
+        cv, values = max(found, key=lambda each: each[0])
+        text = f"CV {100 * cv:.3g} % at {_values(values)}: the worst of {len(found)} corners, found, not proved"
+        return Finding("worst deposit found there", cv, text=text, key="deposit_cv_found_over_box")
+
+    def on_a_finer_mesh(self) -> Finding:
+        """Return whether the sampled loop is stable with so many elements."""
+        largest = float(np.abs(loop_between(self.model(_FINE), self.K, TIPS, delay=self.delay).poles()).max())
+        stable = largest < 1.0
+        text = f"{'stable' if stable else 'NOT stable'}: largest pole {largest:.5f}"
+        return Finding(f"mesh of {_FINE} elements", largest, proved=stable, text=text)
+
+    def on_the_exact_boom(self, curves: SigmaResult) -> Finding:
+        """Return stability with the exact beam, by winding number; without a controller its largest singular value."""
+        if self.K is None:
+            return Finding("exact boom", curves, text=f"largest singular value there {curves.peak:.4g}")
+        poles = self.model(_FEW).to_statespace().poles()
+        found = exact_loop_stability(self.exact_plant, self.K, poles[np.argsort(np.abs(poles))][:_LOWEST])
+        verdict = "stable" if found.stable else f"NOT stable, {found.unstable_poles} unstable poles"
+        text = (
+            f"{verdict}: winding number {found.encirclements} of det(I - G K), followed over {found.evaluations}"
+            f" frequencies; largest singular value of the loop there {curves.peak:.4g}"
         )
-        return said
+        return Finding("exact boom", found, proved=found.stable, text=text)
 
+    def exact_plant(self, omega: Array) -> control.FrequencyResponseData:
+        """Return the frequency response of the exact boom to platform and suspension; signals as of its model.
 
-def assure(p: BoomParameters, K: control.StateSpace, scene: FieldScene) -> Assurance:
-    """Examine the closed loop of a boom and a controller.
-
-    Raises
-    ------
-    ValueError
-        The controller mixes the halves of the machine: it cannot be examined half by half.
-    """
-    model = suspension_model(p, scene.elements, scene.accelerometer_hz)
-    symmetric, antisymmetric, mixed = split_halves(model, K)
-    jolt, yaw = split_symmetric(model)
-    band = scene.accelerometer_hz
-    # springs as stiff as the boom measured, which had the dampers of Table 2: with strong ones the yaw has no frequency
-    measured = replace(p, **{name: getattr(BoomParameters(), name) for name in ("cradle_damping", "hinge_damping")})
-    stiffest = spring_for_yaw(measured, MEASURED_YAW_HZ, FAMILY_ELEMENTS)
-    stiffer = spring_family(p, stiffest, half="yaw", elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
-    return Assurance(
-        jolt=assured_half("jolt", p, symmetric, band, margins(jolt, symmetric)),
-        yaw=assured_half("yaw", p, antisymmetric, band, margins(yaw, antisymmetric)),
-        measured_yaw=robust_stability(stiffer, antisymmetric),
-        exact=_exact(p, K, band),
-        exact_sigma=exact_sigma(p, K, model, band),
-        family_sigma=corner_sigma(p, K, scene),
-        mixed=mixed,
-        deposit=WorstDeposit.over(p, K, scene, scene.delay),
-    )
-
-
-def split_halves(
-    model: SecondOrderModel, K: control.StateSpace
-) -> tuple[control.StateSpace, control.StateSpace, float]:
-    """Return the controllers of jolt and yaw, and the share that leads from one half to the other: rounding.
-
-    Raises
-    ------
-    ValueError
-        The controller mixes the halves of the machine: it cannot be examined half by half.
-    """
-    symmetric, antisymmetric, mixed = split_controller(model, K)
-    if mixed > MIXED:
-        raise ValueError(f"controller: {100 * mixed:.2g} % of it leads from one half to the other; symmetrise it first")
-    return symmetric, antisymmetric, mixed
-
-
-def assured_half(
-    name: str,
-    p: BoomParameters,
-    controller: control.StateSpace,
-    band: float | None,
-    found: Margins | None = None,
-    delay: float = 0.0,
-) -> HalfAssurance:
-    """Examine the jolt or the yaw over the box of springs and boom masses; margins are those found of its loop.
-
-    Forces of a discrete controller act ``delay`` later [s].
-    """
-    family = boom_family(p, SPRING, MASS, half=name, elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
-    side = {"jolt": "sym", "yaw": "anti"}[name]
-    worst = worst_case(family, controller, [f"actuator_{side}"], [f"tip_{side}"], delay=delay)
-    return HalfAssurance(found, robust_stability(family, controller, delay=delay), worst)
-
-
-def _exact_plant(
-    parameters: BoomParameters, accelerometer_hz: float
-) -> Callable[[Array], control.FrequencyResponseData]:
-    """Return the frequency response of the exact boom to platform and suspension, as a function of frequency [rad/s].
-
-    Signals as for :func:`suspension_model`; an accelerometer is the second derivative of a tip behind a
-    second-order low pass, ``-w^2 F(i w)``, with the damping ratio of the model's, the square root of one half.
-    """
-    corner = 2.0 * np.pi * accelerometer_hz
-
-    def at(omega: Array) -> control.FrequencyResponseData:
-        found = exact_frequency_response(parameters, omega, (*ACTUATORS, *CONTROLS), (*TIPS, *STROKES))
-        s = 1j * np.asarray(omega, dtype=float)
+        An accelerometer is the second derivative of a tip behind a second-order low pass, ``-w^2 F(i w)``, with the
+        damping ratio of the model's, the square root of one half.
+        """
+        found = exact_frequency_response(self.p, omega, (*ACTUATORS, *CONTROLS), (*TIPS, *STROKES))
+        corner, s = 2.0 * np.pi * self.scene.accelerometer_hz, 1j * np.asarray(omega, dtype=float)
         reads = s**2 * corner**2 / (s**2 + np.sqrt(2.0) * corner * s + corner**2)
         data = np.asarray(found.frdata)
         whole = np.concatenate([data, reads * data[: len(TIPS)]])
-        return control.frd(
-            whole,
-            omega,
-            inputs=[*ACTUATORS, *CONTROLS],
-            outputs=[*TIPS, *STROKES, *ACCELERATIONS],
-            name="exact boom",
-        )
+        names = {"inputs": [*ACTUATORS, *CONTROLS], "outputs": [*TIPS, *STROKES, *ACCELERATIONS]}
+        return control.frd(whole, omega, **names, name="exact boom")
 
-    return at
+    def exact_sigma(self) -> SigmaResult:
+        """Return singular values with the exact boom; also where the mesh peaks, which a grid misses of elastic modes."""
+        peaks = sigma(loop_between(self.model(self.scene.elements), self.K, TIPS))
+        omega = np.union1d(_FREQUENCIES, peaks.omega[peaks.sigma[0] > _HIGH * peaks.peak])
+        if self.K is None:
+            return sigma(exact_frequency_response(self.p, omega, ACTUATORS, TIPS))
+        response = closed_loop_response(self.exact_plant, self.K, omega)
+        return sigma(response, inputs=list(ACTUATORS), outputs=list(TIPS))
+
+    def corner_sigma(self) -> Iterator[SigmaResult]:
+        """Yield singular values at corners and middles of the edges; the nominal boom itself is left out."""
+        below = np.pi / self.K.dt if self.K is not None and self.sampled else np.inf
+        for spring, mass in product((*SPRING, 1.0), (*MASS, 1.0)):
+            if (spring, mass) != (1.0, 1.0):
+                loop = loop_between(self.scaled(spring, mass), self.K, TIPS, delay=self.delay)
+                yield sigma(loop, _FREQUENCIES[below > _FREQUENCIES])
 
 
-def _exact(p: BoomParameters, K: control.StateSpace, band: float) -> ExactLoopStability:
-    poles = suspension_model(p, 40, band).to_statespace().poles()
-    lowest = poles[np.argsort(np.abs(poles))][:60]
-    return exact_loop_stability(_exact_plant(p, band), K, lowest)
-
-
-def exact_sigma(p: BoomParameters, K: control.StateSpace | None, model: SecondOrderModel, band: float) -> SigmaResult:
-    """Return singular values with the exact boom; also where the mesh peaks, which a grid misses of elastic modes."""
-    peaks = sigma(loop_between(model, K, TIPS))
-    omega = np.union1d(_FREQUENCIES, peaks.omega[peaks.sigma[0] > _HIGH * peaks.peak])
+def _controllers(model: SecondOrderModel, K: control.StateSpace | None) -> dict[str, control.StateSpace]:
+    """Return the controllers of jolt and yaw; without one of the boom, those that do nothing."""
     if K is None:
-        response = exact_frequency_response(p, omega, ACTUATORS, TIPS)
-    else:
-        response = closed_loop_response(_exact_plant(p, band), K, omega)
-    return sigma(response, inputs=list(ACTUATORS), outputs=list(TIPS))
+        ends = [{"inputs": [f"stroke_{side}"], "outputs": [f"suspension_{side}"]} for side in _SIDES.values()]
+        return {name: control.ss([], [], [], [[0.0]], **names) for name, names in zip(_SIDES, ends, strict=True)}
+    symmetric, antisymmetric, mixed = split_controller(model, K)
+    if mixed > _MIXED:
+        raise ValueError(f"controller: {100 * mixed:.2g} % of it leads from one half to the other; symmetrise it first")
+    return {"jolt": symmetric, "yaw": antisymmetric}
 
 
-def corner_sigma(
-    p: BoomParameters,
-    K: control.StateSpace | None,
-    scene: FieldScene,
-    delay: float = 0.0,
-    family: AffineFamily | None = None,
-) -> tuple[SigmaResult, ...]:
-    """Return singular values at corners and middles of the edges; the nominal boom itself is left out."""
-    found = []
-    below = np.inf if K is None or K.isctime() else np.pi / K.dt
-    omega = _FREQUENCIES[below > _FREQUENCIES]
-    for spring, mass in product((*SPRING, 1.0), (*MASS, 1.0)):
-        if (spring, mass) != (1.0, 1.0):
-            changed = _scaled_plant(p, scene, family, spring, mass)
-            found.append(sigma(loop_between(changed, K, TIPS, delay=delay), omega))
-    return tuple(found)
-
-
-def _scaled_plant(
-    p: BoomParameters,
-    scene: FieldScene,
-    family: AffineFamily | None,
-    spring: float,
-    mass: float,
-    *,
-    nozzles: bool = False,
-) -> SecondOrderModel:
-    """Return the boom with other springs and another mass, or the machine of a family there."""
-    if family is not None:
-        return family.at(family.deltas({"spring": spring, "mass": mass}))
-    return suspension_model(scaled_boom(p, spring, mass), FAMILY_ELEMENTS, scene.accelerometer_hz, nozzles)
-
-
-def margin_text(found: Margins) -> str:
+def _margins(plant: SecondOrderModel, K: control.StateSpace, delay: float) -> Finding:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SamplingCostsMarginWarning)  # margins are reported: what they were is not asked
+        found = margins(plant, K, delay=delay)
     loop = found.loops[0]
-    gains = (
-        f"gain from {loop.gain_low:.2g} to {loop.gain_high:.3g} times"
-        if loop.gain_high < inf
-        else (f"gain from {loop.gain_low:.2g} times upwards")
-    )
+    upwards = f"gain from {loop.gain_low:.2g} times upwards"
+    gains = f"gain from {loop.gain_low:.2g} to {loop.gain_high:.3g} times" if loop.gain_high < inf else upwards
     phase = f"phase {loop.phase_deg:.0f} degrees" if loop.phase_deg < inf else "any phase"
-    delay = f"delay {1e3 * loop.delay:.0f} ms" if loop.delay < inf else "any delay"
-    return f"{gains}, {phase}, {delay}; disk margin {loop.disk.alpha:.2f} (certified)"
+    late = f"delay {1e3 * loop.delay:.0f} ms" if loop.delay < inf else "any delay"
+    text = f"{gains}, {phase}, {late}; disk margin {loop.disk.alpha:.2f} (certified)"
+    return Finding("margins at the actuator", found, proved=True, text=text)
 
 
-def _proof_text(found: RobustStability) -> str:
+def _over_the_box(
+    family: AffineFamily,
+    K: control.StateSpace | None,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    delay: float,
+) -> Iterator[Finding]:
+    """Yield stability and the largest peak over springs and masses; forces of a discrete controller act later [s]."""
+    yield _stability("springs ±30 %, boom mass ±20 %", robust_stability(family, K, delay=delay))
+    worst = worst_case(family, K, inputs, outputs, delay=delay)
+    middle, found = f"middle: {worst.nominal.lower:.4g}", f"{worst.norm.lower:.4g} at {_values(worst.values)}"
+    if worst.upper_bound < inf:
+        text = (
+            f"at most {from_on(worst.upper_bound)}, in {count(worst.cells, 'cell')}; found {found}, a gap of"
+            f" {100 * worst.gap:.2g} % ({middle})"
+        )
+        yield Finding("worst peak there, proved", worst, proved=True, text=text)
+    else:
+        yield Finding("worst peak there, found", worst, text=f"{found}; no bound proved: {worst.reason} ({middle})")
+
+
+def _stability(name: str, found: RobustStability) -> Finding:
+    text = f"no instability found, not proved within {found.cells} cells"
     if found.proved:
-        return f"stable throughout, proved in {count(found.cells, 'cell')}"
-    if found.unstable_at is not None:
-        return f"NOT stable at {_values(found.unstable_at)}"
-    return f"no instability found, not proved within {found.cells} cells"
+        text = f"stable throughout, proved in {count(found.cells, 'cell')}"
+    elif found.unstable_at is not None:
+        text = f"NOT stable at {_values(found.unstable_at)}"
+    return Finding(name, found, proved=found.proved, text=text)
 
 
 def _values(values: Mapping[str, float]) -> str:

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import inf, log10
 from typing import TYPE_CHECKING, Any
 
 from boomctl.analysis.box.worst_case import WorstCase
-from boomctl.analysis.sigma import SigmaResult
 from boomctl.boom.parameters import BoomParameters
-from boomctl.exchange.controller_files import controller_contents
 from boomctl.printing import compact
-from boomctl.report import Report, Section
+from boomctl.report import Section
 from boomctl.structure.families import AffineFamily
-from boomctl.studies.suspension import sections
-from boomctl.studies.suspension.assurance import Assurance, assure
-from boomctl.studies.suspension.own_plant_assurance import OwnPlantAssurance, assure_own_plant
-from boomctl.studies.suspension.passive_assurance import PassiveAssurance, assure_passive
+from boomctl.studies.findings import Finding, Judged, facts, numbers, stored, word_table, words
+from boomctl.studies.suspension.assurance import Assurance, Examined
 from boomctl.studies.suspension.performance import Performance, performance
-from boomctl.studies.suspension.sampled_assurance import SampledAssurance, assure_sampled
 from boomctl.studies.suspension.scene import FieldScene
 
 if TYPE_CHECKING:
     import control
-
-
-_CONTROLLER = "controller"  # name of the files of a design's controller
 
 
 @dataclass(frozen=True)
@@ -123,27 +116,18 @@ class SuspensionDesign:
         """
         where = FieldScene() if scene is None else scene
         base = BoomParameters() if passive is None else passive
+        p, K, delay = self.parameters, self.controller, where.delay if self.delay is None else self.delay
         before = performance("passive, Table 2" if passive is None else "passive", where, base)
+        after = performance(self.title, where, p, K, self.own_plant, delay=delay)
         family = self.plant if isinstance(self.plant, AffineFamily) else None
-        after = performance(self.title, where, self.parameters, self.controller, self.own_plant, delay=self.delay)
-        assured: Assurance | OwnPlantAssurance | SampledAssurance | PassiveAssurance | None = None
-        if family is not None and self.controller is not None and self.controller.isctime():
-            assured = assure_own_plant(self.parameters, family, self.controller, where)
-        elif self.plant is None:
-            if self.controller is None:
-                assured = assure_passive(self.parameters, where)
-            elif self.controller.isctime():
-                assured = assure(self.parameters, self.controller, where)
-            else:
-                late = where.delay if self.delay is None else self.delay
-                assured = assure_sampled(self.parameters, self.controller, where, late)
-        return SuspensionResult(
-            design=self, scene=where, passive_parameters=base, passive=before, active=after, assured=assured
-        )
+        examined, assured = Examined(p, K, where, delay, family), None
+        if self.plant is None or (family is not None and K is not None and K.isctime()):
+            assured = examined.assured()
+        return SuspensionResult(self, where, base, before, after, assured)
 
 
 @dataclass(frozen=True)
-class SuspensionResult:
+class SuspensionResult(Judged):
     """What a suspension is worth.
 
     Attributes
@@ -156,17 +140,19 @@ class SuspensionResult:
         The boom it is compared with.
     passive, active : Performance
         What that boom does, and what the design does.
-    assured : Assurance, SampledAssurance, PassiveAssurance, OwnPlantAssurance or None
-        Margins, uncertainty and the exact boom, or a finer mesh of a discrete controller's; without margins of a passive
-        design; of one on a plant of its own the uncertainty alone, and None where that is no family or time is discrete.
+    assured : Assurance or None
+        What vouches for the design, apart from its synthesis; None of one on a plant of its own that is no family, or with
+        a discrete controller.
     """
+
+    kind = "Suspension: "
 
     design: SuspensionDesign
     scene: FieldScene
     passive_parameters: BoomParameters
     passive: Performance
     active: Performance
-    assured: Assurance | OwnPlantAssurance | SampledAssurance | PassiveAssurance | None = field(repr=False)
+    assured: Assurance | None = field(repr=False)
 
     __repr__ = compact
 
@@ -192,19 +178,14 @@ class SuspensionResult:
         return lower and self.deposit_cv < self.passive.spray.cv and self.within_limits
 
     @property
-    def exact_sigma(self) -> SigmaResult | None:
-        """Singular values on the exact boom, which designs in continuous time have."""
-        return self.assured.exact_sigma if isinstance(self.assured, Assurance | PassiveAssurance) else None
-
-    @property
-    def family_sigma(self) -> tuple[SigmaResult, ...]:
-        """Singular values of the closed loop at the corners of the uncertainty."""
-        return () if self.assured is None else self.assured.family_sigma
-
-    @property
     def assurance(self) -> Mapping[str, str]:
         """What was checked and found, in words."""
-        return {} if self.assured is None else self.assured.statements
+        return {} if self.assured is None else words(self.assured.findings)
+
+    @property
+    def worst(self) -> Mapping[str, WorstCase]:
+        """The worst peaks of jolt and yaw, or of both together, over the box, found and bounded; none where they are not."""
+        return {} if self.assured is None else self.assured.of(WorstCase)
 
     @property
     def verdict(self) -> str:
@@ -217,101 +198,51 @@ class SuspensionResult:
             f" ±{1e3 * scene.stroke_limit:g} mm and {scene.force_limit:g} N."
         )
 
-    def __str__(self) -> str:
-        """Return what a terminal shows."""
-        checks = "".join(f"\n  {name}: {found}" for name, found in {**self.design.facts, **self.assurance}.items())
-        return f"{self.design.title}: {self.verdict}{checks}"
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the numbers, for JSON.
-
-        Returns
-        -------
-        dict
-            Names, numbers and texts that JSON can hold.
-        """
-        return {
-            "design": self.design.name,
-            "better_than_passive": self.better,
-            "yaw_reduction_db": self.yaw_reduction_db,
-            "passive": _numbers(self.passive),
-            "active": _numbers(self.active),
-            "synthesis": dict(self.design.facts),
-            "assurance": dict(self.assurance),
-            "controller": None if self.design.controller is None else {"states": self.design.controller.nstates},
-            "worst_case": self._worst_case(),
-            "deposit_cv_found_over_box": None if self.assured is None else self.assured.deposit.cv,
-        }
+    @property
+    def lead(self) -> str:
+        """What the report is about, in a sentence."""
+        return f"{self.design.title}: what it does to the boom's motion and to the spray, beside the boom as it is."
 
     @property
-    def worst(self) -> Mapping[str, WorstCase]:
-        """The worst peaks of jolt and yaw, or of both together, over the box, found and bounded; none where they are not."""
-        if isinstance(self.assured, OwnPlantAssurance):
-            return {"boom": self.assured.boom.worst}
-        if self.assured is None:
-            return {}
-        return {"jolt": self.assured.jolt.worst, "yaw": self.assured.yaw.worst}
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found, in the order in which it is told."""
+        K, assured = self.design.controller, () if self.assured is None else self.assured.findings
+        worst = {}
+        for name, found in self.worst.items():
+            bound, gap = (found.upper_bound, found.gap) if found.upper_bound < inf else (None, None)
+            worst[name] = {"found": found.norm.lower, "upper_bound": bound, "gap": gap}
+        states = None if K is None else {"states": K.nstates}
+        return (
+            *stored(design=self.design.name, better_than_passive=self.better, yaw_reduction_db=self.yaw_reduction_db),
+            *stored(passive=numbers(self.passive.findings), active=numbers(self.active.findings)),
+            *facts(self.design.facts),
+            *stored(controller=states, worst_case=worst or None, deposit_cv_found_over_box=None),
+            *assured,
+            *stored(assurance=words(assured)),
+        )
 
-    def _worst_case(self) -> dict[str, Any] | None:
-        """Return the worst peaks over the box, found and bounded; None where they were not looked for."""
-        found = {}
-        for name, worst in self.worst.items():
-            bounded = worst.upper_bound < inf
-            found[name] = {
-                "found": worst.norm.lower,
-                "upper_bound": worst.upper_bound if bounded else None,
-                "gap": worst.gap if bounded else None,
-            }
-        return found or None
+    def _sections(self, tell: Callable[[str], None], files: tuple[str, ...]) -> Iterator[Section]:
+        from boomctl.studies.suspension import sections  # it draws
 
-    def report(self, tell: Callable[[str], None] = lambda text: None) -> Report:
-        """Return the report: pictures, tables, and the numbers of ``results.json``.
-
-        Parameters
-        ----------
-        tell : callable, optional
-            Is told in words what comes next.
-
-        Returns
-        -------
-        Report
-            ``.write(folder)`` writes it.
-        """
         design, scene, before, after = self.design, self.scene, self.passive, self.active
         tell("pictures")
-        summary = Section(
+        yield Section(
             "What it is worth", (self.verdict, *design.notes), (sections.comparison_table(before, after, self.worst),)
         )
-        tables = (
-            sections.parameter_table(before.title, self.passive_parameters, after.title, design.parameters),
-            *([sections.fact_table(design.facts)] if design.facts else []),
-        )
-        synthesis = Section(
-            "Plant and synthesis",
-            (
-                sections.plant_text(
-                    design.parameters,
-                    scene,
-                    design.controller is not None,
-                    None if design.own_plant is None else design.own_plant.nstates,
-                ),
-            ),
-            tables,
-        )
-        parts = [
-            summary,
-            synthesis,
-            *sections.weight_sections(design.weights),
-            sections.sigma_section(before, after, self.exact_sigma, self.family_sigma),
-            *sections.assurance_sections(self.assurance, scene, design.plant is not None),
-            sections.run_section(before, after, scene),
-            sections.spray_section(before, after),
-        ]
-        lead = f"{design.title}: what it does to the boom's motion and to the spray, beside the boom as it is."
-        files = self.controller_files()
+        own = None if design.own_plant is None else design.own_plant.nstates
+        synthesis = [word_table(design.facts)] if design.facts else []
+        passive_parts = sections.parameter_table(before.title, self.passive_parameters, after.title, design.parameters)
+        text = sections.plant_text(design.parameters, scene, design.controller is not None, own)
+        yield Section("Plant and synthesis", (text,), (passive_parts, *synthesis))
+        if design.weights:
+            yield sections.weight_section(design.weights)
+        yield sections.sigma_section(before, after, self.assured)
+        if self.assured is not None:
+            yield sections.assurance_section(self.assurance, scene, own is not None)
+        yield sections.run_section(before, after, scene)
+        yield sections.spray_section(before, after)
         if files:
-            parts.append(sections.files_section(tuple(files), scene, after.run.sample_time))
-        return Report(f"Suspension: {design.title}", (lead,), tuple(parts), self.as_dict(), files)
+            yield sections.controller_section(files, scene, after.run.sample_time)
 
     def controller_files(self) -> dict[str, bytes | str]:
         """Return the controller for other programs: JSON, MATLAB, and C99 with its limits.
@@ -323,40 +254,10 @@ class SuspensionResult:
         dict of str to bytes or str
             What the files hold, by their names.
         """
-        K, scene = self.design.controller, self.scene
-        if K is None:
+        if self.design.controller is None:
             return {}
-        told = {"design": self.design.name, "title": self.design.title, **self.design.facts}
-        shared: dict[str, Any] = {"certificate": dict(self.assurance), "provenance": told}
-        found = controller_contents(K, _CONTROLLER, ".json", **shared)
-        found |= controller_contents(K, _CONTROLLER, ".mat", **shared)
-        try:
-            found |= controller_contents(
-                K, _CONTROLLER, ".c", sample_time=self.active.run.sample_time, force_limit=scene.force_limit, **shared
-            )
-        except ValueError:
-            return found
+        c = {"sample_time": self.active.run.sample_time, "force_limit": self.scene.force_limit}
+        found = self._controller_files(self.assurance, (".json", ".mat"))
+        with suppress(ValueError):
+            found |= self._controller_files(self.assurance, (".c",), **c)
         return found
-
-
-def _numbers(p: Performance) -> dict[str, Any]:
-    return {
-        "title": p.title,
-        "peak": p.sigma.peak,
-        "peak_upper_bound": p.sigma.certificate.upper,
-        "peak_omega": p.sigma.peak_omega,
-        "yaw_peak": p.yaw.lower,
-        "jolt_peak": p.jolt.lower,
-        "deposit_cv": p.spray.cv,
-        "deposit_cv_jolt": p.spray_by_jolt.cv,
-        "deposit_cv_yaw": p.spray_by_yaw.cv,
-        "share_outside_10": p.spray.share_outside_10,
-        "share_outside_20": p.spray.share_outside_20,
-        "worst_dose": p.spray.worst_dose,
-        "rms_tip_speed": p.spray.rms_tip_speed,
-        "stroke": p.stroke,
-        "force": p.force,
-        "force_rate": p.force_rate,
-        "end_stops_hit": len(p.run.stops),
-        "saturation_share": p.run.saturation_share,
-    }

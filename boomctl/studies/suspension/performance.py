@@ -9,22 +9,23 @@ from boomctl.analysis.loops import feedback_loop
 from boomctl.analysis.model_norm import hinf_norm
 from boomctl.analysis.norm import NormCertificate
 from boomctl.analysis.sigma import SigmaResult, sigma
-from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS, TIPS
-from boomctl.boom.motion import PlatformMotion
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.spray import SprayResult, nozzle_positions, spray_by_motion
 from boomctl.checks import nonnegative
 from boomctl.lti.python_control import control
 from boomctl.printing import compact
+from boomctl.report import number
 from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.result import LoopResult
 from boomctl.structure.model import SecondOrderModel
+from boomctl.studies.findings import Finding, stored
 from boomctl.studies.suspension.scene import CONTROLS, STROKES, FieldScene, suspension_model
 from boomctl.synthesis.plants.generalized import select_channels
 
 _FREQUENCIES = np.geomspace(0.15, 130.0, 400)  # [rad/s], drawn beside those that resolve the peaks
+PEAK_DIGITS = 4  # of peaks in tables: two of them that tables set beside each other differ by more
 _PARITIES = {"jolt": 1.0, "yaw": -1.0}  # of the left side, where the right one moves by one
 
 
@@ -67,6 +68,28 @@ class Performance:
         return peaks | self.spray.__figures__() | {"stroke: peak [m]": self.stroke} | self.run.__figures__()
 
     @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What it comes to: for tables in words, for ``results.json`` as numbers."""
+        spray, run = self.spray, self.run
+        return (
+            *stored(title=self.title, peak_upper_bound=self.sigma.certificate.upper, peak_omega=self.sigma.peak_omega),
+            _peak("certified peak, platform to tips", self.sigma.peak, "peak"),
+            _peak("certified peak of the yaw", self.yaw.lower, "yaw_peak"),
+            _peak("certified peak of the jolt", self.jolt.lower, "jolt_peak"),
+            _share("deposit CV", spray.cv, "deposit_cv"),
+            _share("share outside ±10 %", spray.share_outside_10, "share_outside_10"),
+            _share("share outside ±20 %", spray.share_outside_20, "share_outside_20"),
+            Finding("doses", text=f"{spray.lowest_dose:.2f} to {spray.highest_dose:.2f}"),
+            _share("RMS tip speed over driving speed", spray.relative_tip_speed),
+            _share("deposit CV by jolt alone", self.spray_by_jolt.cv, "deposit_cv_jolt"),
+            _share("deposit CV by yaw alone", self.spray_by_yaw.cv, "deposit_cv_yaw"),
+            Finding("largest stroke", self.stroke, "mm", text=f"{1e3 * self.stroke:.1f}", key="stroke"),
+            Finding("largest force", self.force, "N", text=f"{self.force:.1f}" if run.controls else "-", key="force"),
+            *stored(worst_dose=spray.worst_dose, rms_tip_speed=spray.rms_tip_speed, force_rate=self.force_rate),
+            *stored(end_stops_hit=len(run.stops), saturation_share=run.saturation_share),
+        )
+
+    @property
     def stroke(self) -> float:
         """Largest stroke of the run [m]."""
         return max(float(np.abs(values).max()) for values in self.run.strokes.values())
@@ -81,6 +104,14 @@ class Performance:
         """Largest change of an actuator's force from sample to sample [N/s]."""
         step = self.run.sample_time
         return max((float(np.abs(np.diff(f)).max()) / step for f in self.run.controls.values()), default=0.0)
+
+
+def _peak(name: str, value: float, key: str) -> Finding:
+    return Finding(name, value, proved=True, text=number(value, PEAK_DIGITS), key=key)
+
+
+def _share(name: str, value: float, key: str = "") -> Finding:
+    return Finding(name, value, "%", text=f"{100 * value:.2f}", key=key)
 
 
 def performance(
@@ -159,10 +190,24 @@ def field_run(
     delay: float,
 ) -> tuple[LoopResult, tuple[SprayResult, SprayResult, SprayResult]]:
     """Return a run over the field, and the spray of the whole motion, of its symmetric and of its antisymmetric part."""
-    run = _run(plant, controller, scene, scene.motion(), friction, delay)
-    points, moved = _boom_motion(run, parameters)
-    record = run.time >= run.time[0] + scene.run_in
+    motion = scene.motion()
+    run = simulate_loop(
+        plant,
+        controller,
+        {"actuator_left": motion.left, "actuator_right": motion.right},
+        motion.time,
+        sample_time=scene.sample_time if controller is None or controller.isctime() else controller.dt,
+        delay=0.0 if controller is None else delay,
+        force_limit=None if controller is None else dict.fromkeys(CONTROLS, scene.force_limit),
+        stroke_limit=dict(zip(STROKES, [(scene.stroke_limit, name) for name in CONTROLS], strict=True)),
+        quantization=None if controller is None else scene.quantization(tuple(controller.input_labels)),
+        friction=friction,
+    )
+    names = sorted(name for name in run.outputs if name.startswith("nozzle_"))  # of a plant that reads them
     nozzles = nozzle_positions(parameters.length)
+    points = np.concatenate([[-parameters.length / 2], nozzles if names else [], [parameters.length / 2]])
+    moved = np.array([run[name] for name in (TIPS[0], *names, TIPS[1])])
+    record = run.time >= run.time[0] + scene.run_in
     return run, spray_by_motion(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
 
 
@@ -199,35 +244,3 @@ def half_norm(loop: control.StateSpace, half: str) -> NormCertificate:
     return hinf_norm(
         control.ss(loop.A, loop.B @ parity[:, None], parity @ loop.C, parity @ loop.D @ parity[:, None], loop.dt)
     )
-
-
-def _run(
-    model: SecondOrderModel | control.StateSpace,
-    controller: control.StateSpace | None,
-    scene: FieldScene,
-    motion: PlatformMotion,
-    friction: CoulombFriction | None,
-    delay: float,
-) -> LoopResult:
-    active = controller is not None
-    sampled = controller is not None and controller.isdtime(strict=True)
-    return simulate_loop(
-        model,
-        controller,
-        {"actuator_left": motion.left, "actuator_right": motion.right},
-        motion.time,
-        sample_time=controller.dt if controller is not None and sampled else scene.sample_time,
-        delay=delay if active else 0.0,
-        force_limit=dict.fromkeys(CONTROLS, scene.force_limit) if active else None,
-        stroke_limit=dict(zip(STROKES, [(scene.stroke_limit, name) for name in CONTROLS], strict=True)),
-        quantization=scene.quantization(tuple(controller.input_labels)) if controller is not None else None,
-        friction=friction,
-    )
-
-
-def _boom_motion(run: LoopResult, p: BoomParameters) -> tuple[Array, Array]:
-    """Return places along the boom and how they moved: tips, and nozzles where the plant reads them."""
-    names = sorted(name for name in run.outputs if name.startswith("nozzle_"))
-    places = nozzle_positions(p.length) if names else np.zeros(0)
-    points = np.concatenate([[-p.length / 2], places, [p.length / 2]])
-    return points, np.array([run[name] for name in (TIPS[0], *names, TIPS[1])])

@@ -7,41 +7,34 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.box.worst_case import WorstCase
-from boomctl.analysis.sigma import SigmaResult
 from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import from_on
-from boomctl.report import Section, Table
-from boomctl.studies.suspension.assurance import FAMILY_ELEMENTS
-from boomctl.studies.suspension.performance import Performance
-from boomctl.studies.suspension.scene import FieldScene
+from boomctl.plotting.canvas import figure_of, picture
+from boomctl.plotting.spray import draw_deposit
+from boomctl.plotting.studies.suspension import draw_run, draw_suspension_sigma, draw_weights
+from boomctl.report import Section, Table, number
+from boomctl.studies.findings import files_section, word_table
+from boomctl.studies.suspension.assurance import Assurance
+from boomctl.studies.suspension.performance import PEAK_DIGITS, Performance
+from boomctl.studies.suspension.scene import FAMILY_ELEMENTS, FieldScene
 
 if TYPE_CHECKING:
     import control
 
 _SPAN = 15.0  # of the run that is drawn [s]: some periods of the slowest motion, each of them still to be seen
-_DIGITS = 4  # of peaks in tables (a choice)
 _FIELD = 60.0  # length of field that is drawn [m]: its cells of 0.1 m are still to be seen
 
 
-def weight_sections(weights: "Mapping[str, control.StateSpace]") -> tuple[Section, ...]:
-    """Return the section of the weights, of a design that has some."""
-    if not weights:
-        return ()
-    from boomctl.plotting.canvas import picture
-    from boomctl.plotting.studies.suspension import draw_weights
-
+def weight_section(weights: "Mapping[str, control.StateSpace]") -> Section:
+    """Return the section of the weights."""
     drawn = draw_weights(weights, np.geomspace(0.05, 500.0, 400))
     caption = "Weights over frequency, in the units of the design."
-    return (Section("Weights", pictures=(picture("weights", drawn, caption),)),)
+    return Section("Weights", pictures=(picture("weights", drawn, caption),))
 
 
-def sigma_section(
-    before: Performance, after: Performance, exact: SigmaResult | None, family: tuple[SigmaResult, ...]
-) -> Section:
+def sigma_section(before: Performance, after: Performance, assured: Assurance | None) -> Section:
     """Return the section of singular values, with those of the exact boom and of others of the family where there are."""
-    from boomctl.plotting.canvas import picture
-    from boomctl.plotting.studies.suspension import draw_suspension_sigma
-
+    exact, family = (None, ()) if assured is None else (assured.exact_sigma, assured.family_sigma)
     caption = (
         "Singular values from the two platform actuators to the two tips, before and after; circles mark certified peaks:"
         " no singular value exceeds them at any frequency."
@@ -60,8 +53,8 @@ def sigma_section(
     return Section("Singular values", pictures=(picture("sigma", drawn, caption),))
 
 
-def assurance_sections(found: Mapping[str, str], scene: FieldScene, own: bool) -> tuple[Section, ...]:
-    """Return the section of what was checked, of a design that can be; ``own``: whether on a plant of its own."""
+def assurance_section(found: Mapping[str, str], scene: FieldScene, own: bool) -> Section:
+    """Return the section of what was checked; ``own``: whether on a plant of its own."""
     mesh = (
         "the boom is the design's own plant"
         if own
@@ -72,14 +65,11 @@ def assurance_sections(found: Mapping[str, str], scene: FieldScene, own: bool) -
         "Each line is computed apart from the synthesis. Springs and boom mass are relative to those of the middle; there"
         f" {mesh}."
     )
-    return (Section("Assurance", (text,), (fact_table(found, "check", "found"),)),) if found else ()
+    return Section("Assurance", (text,), (word_table(found, ("check", "found")),))
 
 
 def run_section(before: Performance, after: Performance, scene: FieldScene) -> Section:
     """Return the section of the run over the field."""
-    from boomctl.plotting.canvas import picture
-    from boomctl.plotting.studies.suspension import draw_run
-
     start = scene.run_in + 0.25 * scene.duration
     drawn = draw_run(
         before.run,
@@ -96,9 +86,6 @@ def run_section(before: Performance, after: Performance, scene: FieldScene) -> S
 
 def spray_section(before: Performance, after: Performance) -> Section:
     """Return the section of the deposit, whose map has so many cells that it is shown as PNG."""
-    from boomctl.plotting.canvas import figure_of, picture
-    from boomctl.plotting.spray import draw_deposit
-
     text = (
         "Deposit relative to the nominal dose, in cells of 0.1 m by 0.1 m. The footprint of a nozzle is a triangle of 1 m"
         " along the boom, nozzles 0.5 m apart, and an even 0.1 m along the drive; both are assumptions, and so is the track."
@@ -110,30 +97,18 @@ def spray_section(before: Performance, after: Performance) -> Section:
 
 def comparison_table(before: Performance, after: Performance, worst: Mapping[str, WorstCase]) -> Table:
     """Return what a suspension does beside what the boom does as it is, and at worst over the box where that is bounded."""
-    lines = [
-        ("certified peak, platform to tips", peak(before.sigma.peak), peak(after.sigma.peak)),
-        ("certified peak of the yaw", peak(before.yaw.lower), peak(after.yaw.lower)),
-        ("certified peak of the jolt", peak(before.jolt.lower), peak(after.jolt.lower)),
-    ]
+    lines = []
+    for one, other in zip(before.findings, after.findings, strict=True):
+        if one.text:
+            lines.append((f"{one.name} [{one.unit}]" if one.unit else one.name, one.text, other.text))
+    bounds = []
     for name, found in worst.items():
         if found.upper_bound < inf:
-            said = f"{peak(found.upper_bound, True)} at most (gap {100 * found.gap:.2g} %)"
-            lines.append((f"worst peak of the {name}, springs ±30 %, boom mass ±20 %: proved", "-", said))
-    for name, pick in (
-        ("deposit CV [%]", lambda s: f"{100 * s.cv:.2f}"),
-        ("share outside ±10 % [%]", lambda s: f"{100 * s.share_outside_10:.2f}"),
-        ("share outside ±20 % [%]", lambda s: f"{100 * s.share_outside_20:.2f}"),
-        ("doses", lambda s: f"{s.lowest_dose:.2f} to {s.highest_dose:.2f}"),
-        ("RMS tip speed over driving speed [%]", lambda s: f"{100 * s.relative_tip_speed:.2f}"),
-    ):
-        lines.append((name, pick(before.spray), pick(after.spray)))
-    lines += [
-        ("deposit CV by jolt alone [%]", f"{100 * before.spray_by_jolt.cv:.2f}", f"{100 * after.spray_by_jolt.cv:.2f}"),
-        ("deposit CV by yaw alone [%]", f"{100 * before.spray_by_yaw.cv:.2f}", f"{100 * after.spray_by_yaw.cv:.2f}"),
-        ("largest stroke [mm]", f"{1e3 * before.stroke:.1f}", f"{1e3 * after.stroke:.1f}"),
-        ("largest force [N]", "-", f"{after.force:.1f}" if after.run.controls else "-"),
-    ]
-    return Table(("", before.title, after.title), tuple(lines))
+            bound = number(float(from_on(found.upper_bound, PEAK_DIGITS)), PEAK_DIGITS)  # not rounded downwards
+            said = f"{bound} at most (gap {100 * found.gap:.2g} %)"
+            bounds.append((f"worst peak of the {name}, springs ±30 %, boom mass ±20 %: proved", "-", said))
+    peaks = sum(one.proved is True for one in before.findings)
+    return Table(("", before.title, after.title), (*lines[:peaks], *bounds, *lines[peaks:]))
 
 
 def plant_text(p: BoomParameters, scene: FieldScene, active: bool, own: int | None) -> str:
@@ -164,11 +139,6 @@ def parameter_table(before: str, base: BoomParameters, after: str, chosen: BoomP
     )
     lines = tuple((label, f"{getattr(base, key):g}", f"{getattr(chosen, key):g}") for label, key in rows)
     return Table(("passive parts", before, after), lines)
-
-
-def fact_table(facts: Mapping[str, str], *heads: str) -> Table:
-    """Return facts in words, by what they are about."""
-    return Table(heads or ("synthesis", "says"), tuple(facts.items()), align="l")
 
 
 def _scene_text(s: FieldScene, after: Performance) -> str:
@@ -205,19 +175,12 @@ def _limit_table(before: Performance, after: Performance, scene: FieldScene) -> 
     return Table(heads, tuple(lines))
 
 
-def files_section(names: tuple[str, ...], scene: FieldScene, sample_time: float) -> Section:
+def controller_section(names: tuple[str, ...], scene: FieldScene, sample_time: float) -> Section:
     """Return what lies beside the report for other programs."""
-    text = (
-        "Beside this report lies the controller for other programs: " + ", ".join(names) + ".",
+    c = (
         f"boomctl.read_controller reads the JSON file. The C code runs every {sample_time:g} s, holds forces within "
         f"{scene.force_limit:g} N and corrects its states where it meets that limit, as the run on the field above."
         if "controller.c" in names
-        else "There is no C code: the controller is too fast for the sampling of the field run.",
+        else "There is no C code: the controller is too fast for the sampling of the field run."
     )
-    return Section("The controller in files", text)
-
-
-def peak(value: float, bound: bool = False) -> str:
-    """Return a peak with four digits; a bound is not rounded downwards."""
-    rounded = float(from_on(value, _DIGITS)) if bound else value
-    return f"{rounded:#.{_DIGITS}g}".rstrip(".")
+    return files_section(names, c)
