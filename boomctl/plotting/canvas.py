@@ -255,8 +255,12 @@ def picture(name: str, figure: Any, caption: str, *kinds: str) -> Picture:
 
 
 def figure_bytes(figure: Any, kind: str) -> bytes:
-    """Return a figure as a file's content, ``kind`` ``"png"`` or ``"svg"``."""
+    """Return a figure as a file's content, ``kind`` ``"png"`` or ``"svg"``: the same one whenever it is drawn."""
     buffer = io.BytesIO()
     metadata = {"Date": None} if kind == "svg" else {}
-    figure.savefig(buffer, format=kind, metadata=metadata)
+    with (
+        _SETTINGS,
+        mpl.rc_context({"svg.hashsalt": _LOOK["svg.hashsalt"]}),
+    ):  # names within an SVG are otherwise drawn by lot
+        figure.savefig(buffer, format=kind, metadata=metadata)
     return buffer.getvalue()

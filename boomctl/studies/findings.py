@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import isfinite
 from typing import Any, ClassVar
 
@@ -67,6 +67,12 @@ def facts(said: Mapping[str, str]) -> tuple[Finding, ...]:
     return (*(Finding(name, text=text) for name, text in said.items()), *stored(synthesis=dict(said)))
 
 
+def scalars(record: Any) -> dict[str, Any]:
+    """Return the fields of a record that are numbers, words or not there: without curves and other records."""
+    values = {each.name: getattr(record, each.name) for each in fields(record)}
+    return {name: value for name, value in values.items() if value is None or isinstance(value, (str, int, float))}
+
+
 def picked(records: Iterable[object], columns: Iterable[str]) -> list[dict[str, Any]]:
     """Return some attributes of each record."""
     return [{key: getattr(each, key) for key in columns} for each in records]
@@ -109,6 +115,8 @@ class Judged(ABC):
 
     kind: ClassVar[str]
     """What the title of a report begins with."""
+    about: ClassVar[str]
+    """What a report is about, after its title."""
 
     design: Any
 
@@ -118,9 +126,9 @@ class Judged(ABC):
         """The result in a sentence."""
 
     @property
-    @abstractmethod
     def lead(self) -> str:
         """What the report is about, in a sentence."""
+        return f"{self.design.title}: {self.about}."
 
     @property
     @abstractmethod

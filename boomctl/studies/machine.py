@@ -161,7 +161,7 @@ class MachineResult(Judged):
         Whether every pole of the closed loop decays, hidden ones included.
     """
 
-    kind = "Machine: "
+    kind, about = "Machine: ", "the machine without and with its controller"
 
     design: MachineDesign
     before: SigmaResult
@@ -178,11 +178,6 @@ class MachineResult(Judged):
         proof = "certified" if self.after.certified else "NOT certified"
         held = "The loop is stable" if self.stable else "The loop is NOT stable"
         return f"{held}; largest singular value from {peaks[0]} to {peaks[1]}, {proof}."
-
-    @property
-    def lead(self) -> str:
-        """What the report is about, in a sentence."""
-        return f"{self.design.title}: the machine without and with its controller."
 
     @property
     def findings(self) -> tuple[Finding, ...]:

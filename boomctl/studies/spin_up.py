@@ -26,10 +26,6 @@ if TYPE_CHECKING:
     from boomctl.simulation.result import LoopResult
 
 SCHEDULED, FIXED, OPEN = "scheduled", "designed at rest", "torque alone"
-_AFTER = 1.0  # durations of the spin-up that are shown after it (a choice)
-_GUST = 0.5  # durations after the spin-up at which the gust begins (a choice)
-_GUST_TIME = 0.5  # s that it lasts: about the half of a period of the second mode (a choice)
-_SETTLED = 3.0  # s after the gust from which the vibration left is told (a choice)
 _RAMP_CELLS = 800  # most cells of the bound of the rate: some seconds (a choice)
 _COLUMNS = {  # of the table of runs: head, unit, its size in SI, digits behind the point
     "tip": ("largest tip displacement", "m", 1.0, 3),
@@ -60,11 +56,14 @@ class SpinUpDesign:
     sample_time, torque_limit : float
         Of the drive [s, N m].
     gust : float
-        Largest transverse force at the tip, a half sine after the spin-up [N].
+        Largest transverse force at the tip, a half sine that begins half a duration after the spin-up [N].
     noise : mapping of str to float
         Standard deviation of each measurement.
     notes : tuple of str
         What a reader of the report should know.
+    gust_time, settling : float
+        How long the gust lasts, by default about the half of a period of the second mode, and the time after it from which
+        on the vibration left is told [s].
 
     Raises
     ------
@@ -94,6 +93,8 @@ class SpinUpDesign:
     gust: float = 0.0
     noise: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    gust_time: float = 0.5
+    settling: float = 3.0
 
     __repr__ = compact
 
@@ -103,9 +104,10 @@ class SpinUpDesign:
         instance("beam", self.beam, AssumedModesBeam)
         instance("drive", self.drive, ScheduledController)
         object.__setattr__(self, "tip_mass", interval("tip_mass", self.tip_mass))
-        for what in ("final_speed", "duration", "sample_time", "torque_limit"):
+        for what in ("final_speed", "duration", "sample_time", "torque_limit", "gust_time"):
             positive(what, getattr(self, what))
-        nonnegative("gust", self.gust)
+        for what in ("gust", "settling"):
+            nonnegative(what, getattr(self, what))
 
     @staticmethod
     def scene(**options: Any) -> None:
@@ -162,13 +164,19 @@ class SpinUpDesign:
         speeds = np.linspace(low, high, _PLACES)
         return SpinUpResult(self, stability, ramp, runs, speeds, decay)
 
+    @property
+    def _gust(self) -> tuple[float, float]:
+        """When the gust begins and ends [s]."""
+        begin = 1.5 * self.duration
+        return begin, begin + self.gust_time
+
     def _run(self, way: str, mass: float) -> LoopResult:
         manoeuvre = spin_up(self.final_speed, self.duration)
-        steps = int(np.ceil((1.0 + _AFTER) * self.duration / self.sample_time))
-        time = self.sample_time * np.arange(steps + 1)
-        begin = (1.0 + _GUST) * self.duration
-        within = (time >= begin) & (time <= begin + _GUST_TIME)
-        gust = {"tip_force": np.where(within, self.gust * np.sin(np.pi * (time - begin) / _GUST_TIME), 0.0)}
+        begin, gust_ends = self._gust
+        last = max(2.0 * self.duration, gust_ends + 2.0 * self.settling + self.gust_time)
+        time = self.sample_time * np.arange(int(np.ceil(last / self.sample_time)) + 1)
+        within = (time >= begin) & (time <= gust_ends)
+        gust = {"tip_force": np.where(within, self.gust * np.sin(np.pi * (time - begin) / self.gust_time), 0.0)}
         torque = self.beam.parameters.rigid_inertia * np.array(manoeuvre.acceleration(time))
         beam = self.beam.with_tip_mass(mass)
         if way == OPEN:
@@ -254,17 +262,17 @@ class SpinUpResult(Judged):
         Returns
         -------
         dict of str to float
-            Largest tip displacement ``tip``, and those ``left`` after the spin-up and ``after_gust`` from 3 s behind the
-            gust on [m]; largest deviation of the hub speed after the spin-up ``speed_error`` [rad/s]; ``torque`` [N m].
+            Largest tip displacement ``tip``, and those ``left`` after the spin-up and ``after_gust`` once it has settled
+            [m]; largest deviation of the hub speed after the spin-up ``speed_error`` [rad/s]; ``torque`` [N m].
         """
         run, design = self.runs[way, mass], self.design
-        tip, gust = np.abs(run["tip_displacement"]), (1.0 + _GUST) * design.duration
+        tip, (gust, gust_ends) = np.abs(run["tip_displacement"]), design._gust
         left = (run.time > design.duration) & (run.time < gust)
         torque = run.controls.get("torque", run.disturbances.get("torque", np.zeros(1)))
         found = {
             "tip": tip,
             "left": tip[left],
-            "after_gust": tip[run.time > gust + _GUST_TIME + _SETTLED],
+            "after_gust": tip[run.time > gust_ends + design.settling],
             "speed_error": np.abs(run["hub_speed"] - design.final_speed)[left],
             "torque": np.abs(torque),
         }
@@ -275,12 +283,9 @@ class SpinUpResult(Judged):
         """What was found, in the order in which it is told."""
         stability, ramp, runs, said = self.stability, self.ramp, [], []
         for way, mass in self.runs:
-            n = self.numbers(way, mass)
-            runs.append({"way": way, "tip_mass": mass, **n})
-            text = (
-                f"tip {n['tip']:.3g} m, {1e3 * n['left']:.2g} mm left, {1e3 * n['after_gust']:.2g} mm after the gust,"
-                f" torque {n['torque']:.0f} N m"
-            )
+            runs.append({"way": way, "tip_mass": mass, **self.numbers(way, mass)})
+            n = _in_words(runs[-1])
+            text = f"tip {n['tip']}, {n['left']} left, {n['after_gust']} after the gust, torque {n['torque']}"
             said.append(Finding(f"{way}, {mass:g} kg at the tip", text=text))
         return (
             Finding("", stability.proved, proved=stability.proved, text=stability.render(), key="proved"),
@@ -304,14 +309,15 @@ class SpinUpResult(Judged):
         )
         poles = "Decay of the slowest mode at each hub speed, which stays."
         heads = ("drive", "tip mass", *(head for head, *_ in _COLUMNS.values()))
-        lines = []
-        for way, mass in self.runs:
-            n = self.numbers(way, mass)
-            cells = (f"{n[key] / size:.{digits}f} {unit}" for key, (_, unit, size, digits) in _COLUMNS.items())
-            lines.append((way, f"{mass:g} kg", *cells))
+        lines = ((way, f"{mass:g} kg", *_in_words(self.numbers(way, mass)).values()) for way, mass in self.runs)
         heavy = self.design.tip_mass[-1]
         caption = f"The spin-up with {heavy:g} kg at the tip, of which the drive does not know, and a gust after it."
         yield Section("What it is worth", (self.verdict, *self.design.notes))
         yield Section("What is proved", proofs, (), (picture("decay", figure_of(plot_decay, self), poles),))
         runs = picture("spin_up", figure_of(plot_spin_up_runs, self), caption)
         yield Section("The spin-up", (), (Table(heads, tuple(lines)),), (runs,))
+
+
+def _in_words(found: Mapping[str, Any]) -> dict[str, str]:
+    """Return what a run came to as text, in the units of the table."""
+    return {key: f"{found[key] / size:.{digits}f} {unit}" for key, (_, unit, size, digits) in _COLUMNS.items()}

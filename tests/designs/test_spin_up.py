@@ -1,5 +1,6 @@
 """The scheduled drive of designs/scheduled_spin_up.py: what its report claims, and the numbers of docs/designs.md."""
 
+import dataclasses
 import functools
 import re
 from pathlib import Path
@@ -80,6 +81,7 @@ def test_the_page_says_what_was_found():
         ({"tip_mass": 0.1}, TypeError, "range of tip_mass = 0.1"),
         ({"drive": 1.0}, TypeError, "drive = 1.0: expected ScheduledController"),
         ({"gust": -1.0}, ValueError, "gust = -1.0"),
+        ({"gust_time": 0.0}, ValueError, "gust_time = 0.0"),
         ({"duration": 0.0}, ValueError, "duration = 0.0"),
     ],
 )
@@ -88,6 +90,16 @@ def test_bad_input_is_refused_by_name(change, error, message):
     words = ("name", "title", "beam", "drive", "tip_mass", "final_speed", "duration")
     with pytest.raises(error, match=message):
         bc.studies.SpinUpDesign(**{word: getattr(design, word) for word in words} | change)
+
+
+def test_a_quick_spin_up_is_followed_until_its_gust_has_settled():
+    """However short it is: what the gust leaves is told."""
+    design = dataclasses.replace(judged(1).design, final_speed=0.5, duration=3.0)
+    run = design._run(SCHEDULED, 0.1)
+    assert run.time[-1] > 4.5 + design.gust_time + design.settling
+    found = dataclasses.replace(judged(1), design=design, runs={(SCHEDULED, 0.1): run})
+    assert 0.0 < found.numbers(SCHEDULED, 0.1)["after_gust"] < 0.1
+    assert "after the gust" in str(found)
 
 
 def test_a_scene_is_refused():

@@ -28,6 +28,8 @@ def test_fields_side_by_side_share_their_scale_and_say_their_figures():
         assert ax.get_xlim()[1] - ax.get_xlim()[0] == pytest.approx(20.0)
     assert bar.get_ylabel().startswith("deposit over nominal")
     assert figure_bytes(figure, "png").startswith(b"\x89PNG")
+    drawn = [figure_bytes(figure_of(draw_deposit, results, length=20.0), "svg") for _ in range(2)]
+    assert drawn[0] == drawn[1]  # to the last byte: reports of one design can be compared
 
 
 def test_an_even_field_is_drawn_in_the_middle_colour():

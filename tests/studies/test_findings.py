@@ -10,7 +10,7 @@ import pytest
 import boomctl as bc
 from boomctl.files import plain
 from boomctl.structure import SecondOrderModel
-from boomctl.studies.findings import Finding, finite, numbers, picked, tabled, words
+from boomctl.studies.findings import Finding, finite, numbers, picked, scalars, tabled, words
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +44,13 @@ def test_records_become_tables_and_lists_by_the_same_columns():
     found = (Finding("one", 2.0, "m", text="2 m"), Finding("other", None))
     columns = {"name": "what", "value": "value [m]"}
     assert picked(found, columns) == [{"name": "one", "value": 2.0}, {"name": "other", "value": None}]
+    assert scalars(Finding("one", np.zeros(2), proved=True)) == {
+        "name": "one",
+        "unit": "",
+        "proved": True,
+        "text": "",
+        "key": "",
+    }
     table = tabled(found, columns)
     assert (table.heads, table.lines) == (("what", "value [m]"), (("one", "2.00"), ("other", "–")))
 

@@ -22,7 +22,7 @@ from boomctl.slew.optimal import TIME_LIMIT, optimal_slew
 from boomctl.slew.payloads import PayloadComparison, compare_payloads
 from boomctl.slew.result import Replay, SlewResult
 from boomctl.slew.tracking.tracked import TrackedSlew
-from boomctl.studies.findings import Finding, Judged, finite, picked
+from boomctl.studies.findings import Finding, Judged, finite, picked, scalars
 from boomctl.studies.slew import feedback, sections
 from boomctl.studies.slew.feedback import FeedbackStudy, Spread
 from boomctl.studies.slew.spin_up import SpinUpMotion, spin_ups
@@ -33,15 +33,10 @@ _SCHEMES = (("shooting", 1), ("collocation", 3), ("radau", 3))
 _ROOM = 1.1  # duration of the cheapest slew over the least time; with less room its torque is nearly bang-bang
 _MORE = 0.1  # by how much the tip mass of the followed beam exceeds the largest planned one [kg]; a choice
 _AFTER = 2.5  # how long motions go on after the end [s]: a little longer than the film, which ends after 2 s
-_COMPARED = (
-    "name", "duration", "vibration", "angle_error", "speed_error", "peak_moment", "effort", "vibration_low", "vibration_high",
-)  # fmt: skip
 _OF_SLEW = (
     "objective", "duration", "cost", "end_error", "residual_energy", "time", "torque", "hub_angle", "hub_speed",
     "tip_displacement",
 )  # fmt: skip
-_CARRIED = ("slew", "tip_mass", "planned", "peak_tip", "vibration", "angle_error")
-_TRACKED = ("tip_mass", "final_angle_error", "open_final_angle_error", "tip_swing", "open_tip_swing")
 _DRAWN = ("feedback", "seed", "drawn", "vibration", "angle_error", "error_estimate")
 
 
@@ -265,9 +260,9 @@ class SlewEvaluation(Judged):
             "certificate": asdict(slew.certificate),
             "switches": None if switching is None else slew.history.switches,
             "switching_agreement": None if switching is None else switching.agreement,
-            "replays": [asdict(each) for each in self.replays],
-            "comparison": picked(self.comparison.lines, _COMPARED),
-            "spin_ups": picked(self.spin_ups, sections.SPUN),
+            "replays": [scalars(each) for each in self.replays],
+            "comparison": [scalars(each) for each in self.comparison.lines],
+            "spin_ups": [scalars(each) for each in self.spin_ups],
             "film_tip_mass": self.film_tip_mass,
             **dict.fromkeys(("mesh_study", "payloads", "tracking", "feedback")),
             **picked([slew], _OF_SLEW)[0],
@@ -275,10 +270,10 @@ class SlewEvaluation(Judged):
         if self.meshes is not None:
             found["mesh_study"] = finite(asdict(self.meshes))
         if (carried := self.payloads) is not None:
-            lines = picked(carried.lines, _CARRIED)
+            lines = [scalars(each) for each in carried.lines]
             found["payloads"] = {"lines": lines, "tip_masses": carried.masses, "vibrations": carried.vibrations}
         if self.following is not None:
-            found["tracking"] = picked([self.following], _TRACKED)[0]
+            found["tracking"] = scalars(self.following)
         if (study := self.feedback) is not None:
             machines, runs = picked(study.lines, sections.HELD), picked((study.open, study.closed), _DRAWN)
             found["feedback"] = {"machines": machines, "stiffness_ratio": study.stiffness_ratio, "runs": runs}

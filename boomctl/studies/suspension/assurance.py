@@ -30,7 +30,7 @@ from boomctl.printing import compact, count
 from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.studies.findings import Finding
-from boomctl.studies.suspension.performance import field_run, loop_between
+from boomctl.studies.suspension.performance import field_run, platform_to_tips
 from boomctl.studies.suspension.scene import (
     ACCELERATIONS,
     CONTROLS,
@@ -202,7 +202,7 @@ class Examined:
 
     def on_a_finer_mesh(self) -> Finding:
         """Return whether the sampled loop is stable with so many elements."""
-        largest = float(np.abs(loop_between(self.model(_FINE), self.K, TIPS, delay=self.delay).poles()).max())
+        largest = float(np.abs(platform_to_tips(self.model(_FINE), self.K, self.delay).poles()).max())
         stable = largest < 1.0
         text = f"{'stable' if stable else 'NOT stable'}: largest pole {largest:.5f}"
         return Finding(f"mesh of {_FINE} elements", largest, proved=stable, text=text)
@@ -236,7 +236,7 @@ class Examined:
 
     def exact_sigma(self) -> SigmaResult:
         """Return singular values with the exact boom; also where the mesh peaks, which a grid misses of elastic modes."""
-        peaks = sigma(loop_between(self.model(self.scene.elements), self.K, TIPS))
+        peaks = sigma(platform_to_tips(self.model(self.scene.elements), self.K))
         omega = np.union1d(_FREQUENCIES, peaks.omega[peaks.sigma[0] > _HIGH * peaks.peak])
         if self.K is None:
             return sigma(exact_frequency_response(self.p, omega, ACTUATORS, TIPS))
@@ -248,7 +248,7 @@ class Examined:
         below = np.pi / self.K.dt if self.K is not None and self.sampled else np.inf
         for spring, mass in product((*SPRING, 1.0), (*MASS, 1.0)):
             if (spring, mass) != (1.0, 1.0):
-                loop = loop_between(self.scaled(spring, mass), self.K, TIPS, delay=self.delay)
+                loop = platform_to_tips(self.scaled(spring, mass), self.K, self.delay)
                 yield sigma(loop, _FREQUENCIES[below > _FREQUENCIES])
 
 

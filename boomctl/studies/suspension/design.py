@@ -146,6 +146,7 @@ class SuspensionResult(Judged):
     """
 
     kind = "Suspension: "
+    about = "what it does to the boom's motion and to the spray, beside the boom as it is"
 
     design: SuspensionDesign
     scene: FieldScene
@@ -197,11 +198,6 @@ class SuspensionResult(Judged):
             f" deposit CV from {100 * b.spray.cv:.2f} to {100 * a.spray.cv:.2f} %, {held} the limits of"
             f" ±{1e3 * scene.stroke_limit:g} mm and {scene.force_limit:g} N."
         )
-
-    @property
-    def lead(self) -> str:
-        """What the report is about, in a sentence."""
-        return f"{self.design.title}: what it does to the boom's motion and to the spray, beside the boom as it is."
 
     @property
     def findings(self) -> tuple[Finding, ...]:

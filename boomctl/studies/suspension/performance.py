@@ -1,6 +1,5 @@
 """What one suspension does: singular values with a certified peak, a run over the field, the spray it leaves."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -26,7 +25,6 @@ from boomctl.synthesis.plants.generalized import select_channels
 
 _FREQUENCIES = np.geomspace(0.15, 130.0, 400)  # [rad/s], drawn beside those that resolve the peaks
 PEAK_DIGITS = 4  # of peaks in tables: two of them that tables set beside each other differ by more
-_PARITIES = {"jolt": 1.0, "yaw": -1.0}  # of the left side, where the right one moves by one
 
 
 @dataclass(frozen=True)
@@ -167,13 +165,13 @@ def performance(
         suspension_model(parameters, scene.elements, scene.accelerometer_hz, nozzles=True) if plant is None else plant
     )
     late = scene.delay if delay is None else nonnegative("delay", delay)
-    loop = loop_between(model, controller, TIPS, delay=late)
+    loop = platform_to_tips(model, controller, late)
     run, sprays = field_run(scene, parameters, controller, plant=model, friction=friction, delay=late)
     return Performance(
         title,
         _loop_sigma(loop),
-        half_norm(loop, "jolt"),
-        half_norm(loop, "yaw"),
+        _half_norm(loop, 1.0),
+        _half_norm(loop, -1.0),
         run,
         *sprays,
         sampled=loop.isdtime(strict=True),
@@ -211,13 +209,12 @@ def field_run(
     return run, spray_by_motion(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
 
 
-def loop_between(
+def platform_to_tips(
     model: SecondOrderModel | control.StateSpace,
     controller: control.StateSpace | None,
-    outputs: Sequence[str],
     delay: float = 0.0,
 ) -> control.StateSpace:
-    """Return the closed loop from the platform to outputs, or the plant alone without a controller; forces count as outputs.
+    """Return the closed loop from the platform to the tips, or the plant alone without a controller.
 
     A delay [s] is that of a discrete controller; a continuous one has none.
     """
@@ -225,7 +222,7 @@ def loop_between(
         whole = feedback_loop(model, controller, delay=0.0 if controller.isctime() else delay)
     else:
         whole = model.to_statespace() if isinstance(model, SecondOrderModel) else model
-    return select_channels(whole, list(ACTUATORS), list(outputs))
+    return select_channels(whole, list(ACTUATORS), list(TIPS))
 
 
 def _loop_sigma(loop: control.StateSpace) -> SigmaResult:
@@ -238,9 +235,7 @@ def _loop_sigma(loop: control.StateSpace) -> SigmaResult:
     return replace(peaks, omega=omega[order], sigma=np.hstack([peaks.sigma, others.sigma])[:, order])
 
 
-def half_norm(loop: control.StateSpace, half: str) -> NormCertificate:
-    """Return the certified peak of the jolt or the yaw; inputs and outputs are left and right."""
-    parity = np.sqrt(0.5) * np.array([_PARITIES[half], 1.0])
-    return hinf_norm(
-        control.ss(loop.A, loop.B @ parity[:, None], parity @ loop.C, parity @ loop.D @ parity[:, None], loop.dt)
-    )
+def _half_norm(loop: control.StateSpace, parity: float) -> NormCertificate:
+    """Return the certified peak of the jolt, whose left side moves as the right one, or of the yaw, against it: -1."""
+    half = np.sqrt(0.5) * np.array([parity, 1.0])
+    return hinf_norm(control.ss(loop.A, loop.B @ half[:, None], half @ loop.C, half @ loop.D @ half[:, None], loop.dt))
