@@ -19,7 +19,7 @@ h1{font-size:1.6rem;margin-bottom:.2rem}h2{font-size:1.15rem;margin-top:2.2rem;b
 table{display:block;overflow-x:auto;
 border-collapse:collapse;margin:.8rem 0;font-variant-numeric:tabular-nums;font-size:.87rem}
 th,td{padding:.22rem .6rem;text-align:right;vertical-align:top;border-bottom:1px solid #e4e4e4}th{background:#f3f5f7}
-.l{text-align:left}img{max-width:100%;height:auto}
+.l{text-align:left}td.l:first-child{min-width:8rem}img{max-width:100%;height:auto}
 figcaption,.note{color:#444;font-size:.9rem}figure{margin:1rem 0}
 """
 

@@ -135,15 +135,13 @@ def design_names(*kinds: str) -> tuple[str, ...]:
     return tuple(sorted(name for name, text in texts.items() if any(mark.search(text) for mark in marks)))
 
 
-def design_file(name: str, *kinds: str) -> DesignFile:
+def design_file(name: str) -> DesignFile:
     """Return the design of a name, or of a Python file with a function ``design()``, ``slew()`` or ``drive()``.
 
     Parameters
     ----------
     name : str
         Of a design of boomctl, or of a file that ends in ``.py``.
-    kinds : str
-        "suspension", "slew", "spin-up"; any one unless given.
 
     Raises
     ------
@@ -158,13 +156,13 @@ def design_file(name: str, *kinds: str) -> DesignFile:
     else:
         from boomctl.checks import known  # it imports numpy, which listing the names of designs does not wait for
 
-        path = shipped("designs") / f"{known('design', name, design_names(*kinds))}.py"
+        path = shipped("designs") / f"{known('design', name, design_names())}.py"
     module = _loaded(path)
-    for kind in kinds or KINDS:
-        function = getattr(module, KINDS[kind].function, None)
+    for kind in KINDS.values():
+        function = getattr(module, kind.function, None)
         if callable(function):
-            return DesignFile(name, path, KINDS[kind], function)
-    wanted = " or ".join(dict.fromkeys(f"{KINDS[kind].function}()" for kind in kinds or KINDS))
+            return DesignFile(name, path, kind, function)
+    wanted = " or ".join(dict.fromkeys(f"{kind.function}()" for kind in KINDS.values()))
     raise ValueError(f"design {name!r}: expected a file with a function {wanted}")
 
 

@@ -47,7 +47,7 @@ QUICK = ("lqr_suspension",)
 
 
 def load_design(name):
-    return design_file(name, "suspension").made()
+    return design_file(name).made()
 
 
 @pytest.fixture(
