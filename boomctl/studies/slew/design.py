@@ -359,10 +359,14 @@ def evaluated_plan(
     search = {"time_limit": time_limit, "progress": progress}
     slew = optimal_slew(h, angle, torque_limit, **asked, **search)
     tell("slews to compare")
-    planned = _beside(h, slew, angle, torque_limit, search)
+    planned = {_title(slew): slew}
+    if "minimum time" not in planned:
+        planned["minimum time"] = optimal_slew(h, angle, torque_limit, **search)
+    roomy = _ROOM * planned["minimum time"].duration
+    effort = optimal_slew(h, angle, torque_limit, "effort", roomy, method="shooting", intervals=200, **search)
+    planned.setdefault(_title(effort), effort)
     evaluation = SlewDesign("slew", "A slew of a flexible beam", h, planned).evaluate()
     tell("errors over meshes")
-    roomy = _ROOM * planned["minimum time"].duration
     counts = default_meshes(h, roomy) if meshes is None else meshes
     if not counts:
         return evaluation
@@ -375,19 +379,6 @@ def _title(slew: SlewResult) -> str:
     """Return what sets a slew apart from others of the same beam."""
     limited = ", with limits" if slew.plan.problem.limits.beside_torque else ""
     return f"{slew.title}{limited}" if slew.objective == "time" else f"{slew.title}, {slew.duration:.3g} s{limited}"
-
-
-def _beside(
-    h: AssumedModesBeam, slew: SlewResult, angle: float, torque_limit: float, search: dict[str, Any]
-) -> dict[str, SlewResult]:
-    """Return the slew asked for, the fastest one, and the cheapest in a little more than the least time."""
-    named = {_title(slew): slew}
-    if "minimum time" not in named:
-        named["minimum time"] = optimal_slew(h, angle, torque_limit, **search)
-    roomy = _ROOM * named["minimum time"].duration
-    effort = optimal_slew(h, angle, torque_limit, "effort", roomy, method="shooting", intervals=200, **search)
-    named.setdefault(_title(effort), effort)
-    return named
 
 
 def default_meshes(h: AssumedModesBeam, duration: float) -> tuple[int, ...]:

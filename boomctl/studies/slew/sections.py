@@ -10,12 +10,13 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.plotting.canvas import figure_of, picture
 from boomctl.plotting.slew import plot_spin_ups, slew_film
+from boomctl.printing import count
 from boomctl.report import Picture, Section, Table, number, power
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
-from boomctl.slew.classical.comparison import SlewComparison, SlewLine
+from boomctl.slew.classical.comparison import SlewComparison
 from boomctl.slew.classical.tracking import TrackingResult
 from boomctl.slew.least_time.arcs import SwitchingCurve
-from boomctl.slew.nlp.mesh_study import MeshLine, MeshStudy
+from boomctl.slew.nlp.mesh_study import MeshStudy
 from boomctl.slew.payloads import PayloadComparison
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.result import Replay, SlewResult
@@ -56,49 +57,38 @@ def _drawn(name: str, plot: Callable[..., Any], caption: str, **options: Any) ->
 
 def slew_section(h: AssumedModesBeam, slew: SlewResult, notes: tuple[str, ...]) -> Section:
     """Return the section of the slew itself."""
-    caption = (
-        "Torque, hub angle and speed, tip displacement and bending moment at the clamp. Broken lines: limits, where they are "
-        "near."
-    )
-    return Section("The slew", (*_slew_text(h, slew), *notes), pictures=(_drawn("slew", slew.plot, caption),))
-
-
-def _slew_text(h: AssumedModesBeam, slew: SlewResult) -> tuple[str, ...]:
     c, problem = slew.certificate, slew.plan.problem
+    if problem.angle is None:
+        asked = f"The spin-up to {problem.final_speed:g} rad/s, at whatever angle ({slew.hub_angle[-1]:.3g} rad here),"
+    else:
+        turn = f"{problem.angle:.5g} rad ({np.degrees(problem.angle):.4g}°)".replace("-", "−")
+        asked = f"The slew through {turn}"
     payload = f"a tip mass of {h.parameters.tip_mass:g} kg" if h.parameters.tip_mass else "no tip mass"
     if problem.tip_masses:
         payload += f", and at once {' and '.join(f'{mass:g}' for mass in problem.tip_masses)} kg"
-    modes = "1 mode" if h.modes == 1 else f"{h.modes} modes"
     binding = ", ".join(f"{_LIMITS[name]} (from {when:.3g} s)" for name, when in c.binding.items()) or "none"
     verdict = re.sub(r"\d+e[-+]\d+", lambda found: power(float(found[0]), 1), c.verdict)
     kept = "no limit is exceeded"
     if c.constraint_violation > 0.0:
-        kept = f"no limit is exceeded by more than {power(c.constraint_violation, 1)} of it"
+        kept += f" by more than {power(c.constraint_violation, 1)} of it"
     free = (
-        ""
-        if not c.free_errors
-        else f"; {number(c.prescribed_error, 2)} without axial motion, which planning leaves free"
+        f"; {number(c.prescribed_error, 2)} without axial motion, which planning leaves free" if c.free_errors else ""
     )
-    text = (
-        f"{_asked(slew)} with at most {problem.limits.torque:g} N m takes {slew.duration:.7g} s. Model: "
-        f"{_name(h.model)} with {modes} and {payload}.",
+    text = [
+        f"{asked} with at most {problem.limits.torque:g} N m takes {slew.duration:.7g} s. Model: "
+        f"{_name(h.model)} with {count(h.modes, 'mode')} and {payload}.",
         f"Method: {c.method}. Optimality: {verdict}. In the replay the end state is missed by "
         f"{number(c.end_error, 2)} (each part relative to its largest size on the way{free}), "
         f"{number(slew.residual_energy or 0.0, 2)} J remain, and {kept}. Limits reached: {binding}.",
-    )
+    ]
     if c.switches is not None:
         switches = ", ".join(f"{t:.5f}" for t in slew.history.switches)
-        text += (f"The torque switches {c.switches} times, at {switches} s.",)
-    return text
-
-
-def _asked(slew: SlewResult) -> str:
-    """What is asked of the hub."""
-    problem = slew.plan.problem
-    if problem.angle is None:
-        return f"The spin-up to {problem.final_speed:g} rad/s, at whatever angle ({slew.hub_angle[-1]:.3g} rad here),"
-    turn = f"{problem.angle:.5g} rad ({np.degrees(problem.angle):.4g}°)".replace("-", "−")
-    return f"The slew through {turn}"
+        text.append(f"The torque switches {c.switches} times, at {switches} s.")
+    caption = (
+        "Torque, hub angle and speed, tip displacement and bending moment at the clamp. Broken lines: limits, where they are "
+        "near."
+    )
+    return Section("The slew", (*text, *notes), pictures=(_drawn("slew", slew.plot, caption),))
 
 
 def film_section(slew: SlewResult, curves: dict[str, tuple[Array, Array]], tip_mass: float | None) -> Section:
@@ -178,15 +168,6 @@ def comparison_section(comparison: SlewComparison, shown: tuple[str, ...]) -> Se
             " The smooth torque is what the profile of Eq. (43) asks of a rigid body; here it acts on the beam, whose hub is "
             "free."
         )
-    return Section(
-        "Beside other spin-ups" if free else "Beside other slews",
-        (text,),
-        (_comparison_table(comparison.lines, free),),
-        (_drawn("comparison", comparison.plot, caption, names=shown),),
-    )
-
-
-def _comparison_table(lines: Sequence[SlewLine], free: bool) -> Table:
     heads = (
         "slew", "duration [s]", "vibration [m]", "vibration, −10\u00a0% [m]", "vibration, +10\u00a0% [m]",
         "speed error [rad/s]" if free else "angle error [rad]", "peak root moment [N\u00a0m]", "effort [10³\u00a0N²m²s]",
@@ -199,9 +180,11 @@ def _comparison_table(lines: Sequence[SlewLine], free: bool) -> Table:
             *(number(getattr(line, key)) for key in keys),
             f"{line.effort / 1e3:.1f}",
         )
-        for line in lines
+        for line in comparison.lines
     )
-    return Table(heads, body, "−10 % and +10 %: with the beam's frequencies changed through its bending stiffness.")
+    table = Table(heads, body, "−10 % and +10 %: with the beam's frequencies changed through its bending stiffness.")
+    drawn = _drawn("comparison", comparison.plot, caption, names=shown)
+    return Section("Beside other spin-ups" if free else "Beside other slews", (text,), (table,), (drawn,))
 
 
 def replay_section(replays: Sequence[Replay], free: bool) -> Section:
@@ -214,20 +197,13 @@ def replay_section(replays: Sequence[Replay], free: bool) -> Section:
     }
     if free:
         del columns["angle_error"]
+    names = [_name(each.model) for each in replays]
+    masses = ["" if each.tip_mass is None else f", tip mass {each.tip_mass:g} kg" for each in replays]
+    masses[0] = ", as planned"
     numbers = tabled(replays, columns)
-    lines = tuple(
-        (_replayed(each, k), *cells) for k, (each, cells) in enumerate(zip(replays, numbers.lines, strict=True))
-    )
+    lines = tuple((name + mass, *cells) for name, mass, cells in zip(names, masses, numbers.lines, strict=True))
     text = "The models differ in what they neglect. The torque is open loop; errors are those at its end."
     return Section("The same torque on other models", (text,), (Table(("model", *numbers.heads), lines),))
-
-
-def _replayed(replay: Replay, k: int) -> str:
-    """The model of a replay; the planned one is the first."""
-    name = _name(replay.model)
-    if replay.tip_mass is not None:
-        return f"{name}, tip mass {replay.tip_mass:g} kg"
-    return f"{name}, as planned" if k == 0 else name
 
 
 def _name(model: str) -> str:
@@ -296,14 +272,12 @@ def mesh_section(study: MeshStudy) -> Section:
     if gaps:
         text.append(f"No solution on these numbers of intervals, or none to compare with: {'; '.join(gaps)}.")
     heads = ("relative error of", *(f"{n} intervals" for n in intervals), "order", "order in theory")
-    body = tuple((line.name, *_mesh_cells(line)) for line in lines)
+    body = []
+    for line in lines:
+        errors = ("–" if not np.isfinite(error) or not error else power(float(error), 2) for error in line.errors)
+        order = f"{line.order:.1f}" if np.isfinite(line.order) else "not seen"
+        body.append((line.name, *errors, order, f"{line.theory:.0f}"))
     caption = "Relative error over the number of intervals, and the order of each scheme."
     return Section(
-        "Error against mesh size", tuple(text), (Table(heads, body),), (_drawn("mesh", study.plot, caption),)
+        "Error against mesh size", tuple(text), (Table(heads, tuple(body)),), (_drawn("mesh", study.plot, caption),)
     )
-
-
-def _mesh_cells(line: MeshLine) -> tuple[str, ...]:
-    errors = ("–" if not np.isfinite(error) or not error else power(float(error), 2) for error in line.errors)
-    order = f"{line.order:.1f}" if np.isfinite(line.order) else "not seen"
-    return (*errors, order, f"{line.theory:.0f}")

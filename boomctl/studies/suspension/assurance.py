@@ -30,7 +30,7 @@ from boomctl.printing import compact, count
 from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.studies.findings import Finding
-from boomctl.studies.suspension.performance import field_run, platform_to_tips
+from boomctl.studies.suspension.performance import InField
 from boomctl.studies.suspension.scene import (
     ACCELERATIONS,
     CONTROLS,
@@ -38,8 +38,6 @@ from boomctl.studies.suspension.scene import (
     MASS,
     SPRING,
     STROKES,
-    FieldScene,
-    suspension_model,
 )
 from boomctl.synthesis.plants.symmetry import split_controller
 
@@ -47,10 +45,7 @@ MEASURED_YAW_HZ = 0.34  # the first frequency that the paper measured, where its
 _FREQUENCIES = np.geomspace(0.15, 130.0, 260)  # [rad/s], drawn: from below the slow yaw to beyond the accelerometers
 _HIGH = 0.9  # share of the certified peak above which the exact boom is looked at where the mesh was (a choice)
 _MIXED = 1e-6  # share of a controller between the halves that passes for rounding
-_FEW, _LOWEST = (
-    40,
-    60,
-)  # elements, and poles nearest to zero, that tell where the exact loop changes: far above its bandwidth
+_EXACT_ELEMENTS, _EXACT_POLES = 40, 60  # of a mesh, those nearest to zero: around them the exact boom's steps are small
 _FINE = 60  # elements of the finer mesh: frequencies below half the sampling rate as those of the exact beam to 1e-5
 _SIDES = {"jolt": "sym", "yaw": "anti"}
 
@@ -83,17 +78,17 @@ class Assurance:
         return all(each.proved is not False for each in self.findings)
 
     def of(self, kind: type) -> dict[str, Any]:
-        """Return results of a kind by what they were found of.
+        """Return what was found of each half, or of the whole boom where it was not halved.
 
         Parameters
         ----------
         kind : type
-            `Margins`, `WorstCase`, ...
+            `Margins` or `WorstCase`.
 
         Returns
         -------
         dict
-            By "jolt" and "yaw"; "boom" of what was found of the whole of it.
+            By "jolt" and "yaw", or by "boom".
         """
         found = {}
         for each in self.findings:
@@ -104,26 +99,12 @@ class Assurance:
 
 
 @dataclass(frozen=True)
-class Examined:
-    """A suspension that is to be examined, in its field.
+class Examined(InField):
+    """A suspension that is to be examined; a machine of its own has a family over springs and masses.
 
-    Attributes
-    ----------
-    p : BoomParameters
-        Of the machine.
-    K : control.StateSpace or None
-        Its controller; None of springs and dampers alone.
-    scene : FieldScene
-    delay : float
-        Time between a sample and the moment its forces act [s].
-    family : AffineFamily or None
-        A machine of its own over springs and masses, examined as a whole, with a controller in continuous time.
+    Such a machine is examined as a whole, and its controller is one in continuous time.
     """
 
-    p: BoomParameters
-    K: control.StateSpace | None
-    scene: FieldScene
-    delay: float = 0.0
     family: AffineFamily | None = None
 
     def assured(self) -> Assurance:
@@ -147,15 +128,11 @@ class Examined:
         """Whether the controller is a discrete one."""
         return self.K is not None and not self.K.isctime()
 
-    def model(self, elements: int) -> SecondOrderModel:
-        return suspension_model(self.p, elements, self.scene.accelerometer_hz)
-
     def scaled(self, spring: float, mass: float, nozzles: bool = False) -> SecondOrderModel:
         """Return the boom with other springs and another mass, or the machine of the family there."""
         if self.family is not None:
             return self.family.at(self.family.deltas({"spring": spring, "mass": mass}))
-        changed = scaled_boom(self.p, spring, mass)
-        return suspension_model(changed, FAMILY_ELEMENTS, self.scene.accelerometer_hz, nozzles)
+        return replace(self, p=scaled_boom(self.p, spring, mass)).model(FAMILY_ELEMENTS, nozzles)
 
     def over_the_box(self) -> Iterator[Finding]:
         """Yield what is found of jolt and yaw over springs and masses, or of the whole boom of a family."""
@@ -191,10 +168,8 @@ class Examined:
         """Return the least even deposit of runs over the field at the corners of the box: not proved between them."""
         found = []
         for spring, mass in product(SPRING, MASS):
-            plant = self.scaled(spring, mass, nozzles=True)
-            _, (spray, *_) = field_run(
-                self.scene, scaled_boom(self.p, spring, mass), self.K, plant=plant, delay=self.delay
-            )
+            changed = replace(self, p=scaled_boom(self.p, spring, mass))
+            _, (spray, *_) = changed.run(self.scaled(spring, mass, nozzles=True))
             found.append((spray.cv, {"spring": spring, "mass": mass}))
         cv, values = max(found, key=lambda each: each[0])
         text = f"CV {100 * cv:.3g} % at {_values(values)}: the worst of {len(found)} corners, found, not proved"
@@ -202,7 +177,7 @@ class Examined:
 
     def on_a_finer_mesh(self) -> Finding:
         """Return whether the sampled loop is stable with so many elements."""
-        largest = float(np.abs(platform_to_tips(self.model(_FINE), self.K, self.delay).poles()).max())
+        largest = float(np.abs(self.to_tips(self.model(_FINE)).poles()).max())
         stable = largest < 1.0
         text = f"{'stable' if stable else 'NOT stable'}: largest pole {largest:.5f}"
         return Finding(f"mesh of {_FINE} elements", largest, proved=stable, text=text)
@@ -211,8 +186,8 @@ class Examined:
         """Return stability with the exact beam, by winding number; without a controller its largest singular value."""
         if self.K is None:
             return Finding("exact boom", curves, text=f"largest singular value there {curves.peak:.4g}")
-        poles = self.model(_FEW).to_statespace().poles()
-        found = exact_loop_stability(self.exact_plant, self.K, poles[np.argsort(np.abs(poles))][:_LOWEST])
+        poles = self.model(_EXACT_ELEMENTS).to_statespace().poles()
+        found = exact_loop_stability(self.exact_plant, self.K, poles[np.argsort(np.abs(poles))][:_EXACT_POLES])
         verdict = "stable" if found.stable else f"NOT stable, {found.unstable_poles} unstable poles"
         text = (
             f"{verdict}: winding number {found.encirclements} of det(I - G K), followed over {found.evaluations}"
@@ -236,7 +211,7 @@ class Examined:
 
     def exact_sigma(self) -> SigmaResult:
         """Return singular values with the exact boom; also where the mesh peaks, which a grid misses of elastic modes."""
-        peaks = sigma(platform_to_tips(self.model(self.scene.elements), self.K))
+        peaks = sigma(self.to_tips(self.model(self.scene.elements)))
         omega = np.union1d(_FREQUENCIES, peaks.omega[peaks.sigma[0] > _HIGH * peaks.peak])
         if self.K is None:
             return sigma(exact_frequency_response(self.p, omega, ACTUATORS, TIPS))
@@ -248,8 +223,7 @@ class Examined:
         below = np.pi / self.K.dt if self.K is not None and self.sampled else np.inf
         for spring, mass in product((*SPRING, 1.0), (*MASS, 1.0)):
             if (spring, mass) != (1.0, 1.0):
-                loop = platform_to_tips(self.scaled(spring, mass), self.K, self.delay)
-                yield sigma(loop, _FREQUENCIES[below > _FREQUENCIES])
+                yield sigma(self.to_tips(self.scaled(spring, mass)), _FREQUENCIES[below > _FREQUENCIES])
 
 
 def _controllers(model: SecondOrderModel, K: control.StateSpace | None) -> dict[str, control.StateSpace]:

@@ -160,69 +160,77 @@ def performance(
     >>> round(float(passive.sigma.peak)), bool(passive.stroke < 0.05)  # certified peak; largest stroke [m]
     (2458, True)
     """
-    model: SecondOrderModel | control.StateSpace
-    model = (
-        suspension_model(parameters, scene.elements, scene.accelerometer_hz, nozzles=True) if plant is None else plant
-    )
     late = scene.delay if delay is None else nonnegative("delay", delay)
-    loop = platform_to_tips(model, controller, late)
-    run, sprays = field_run(scene, parameters, controller, plant=model, friction=friction, delay=late)
-    return Performance(
-        title,
-        _loop_sigma(loop),
-        _half_norm(loop, 1.0),
-        _half_norm(loop, -1.0),
-        run,
-        *sprays,
-        sampled=loop.isdtime(strict=True),
-    )
+    boom = InField(parameters, controller, scene, late)
+    machine = boom.model(scene.elements, nozzles=True) if plant is None else plant
+    loop = boom.to_tips(machine)
+    run, sprays = boom.run(machine, friction)
+    peaks = _half_norm(loop, 1.0), _half_norm(loop, -1.0)
+    return Performance(title, _loop_sigma(loop), *peaks, run, *sprays, sampled=loop.isdtime(strict=True))
 
 
-def field_run(
-    scene: FieldScene,
-    parameters: BoomParameters,
-    controller: control.StateSpace | None,
-    *,
-    plant: SecondOrderModel | control.StateSpace,
-    friction: CoulombFriction | None = None,
-    delay: float,
-) -> tuple[LoopResult, tuple[SprayResult, SprayResult, SprayResult]]:
-    """Return a run over the field, and the spray of the whole motion, of its symmetric and of its antisymmetric part."""
-    motion = scene.motion()
-    run = simulate_loop(
-        plant,
-        controller,
-        {"actuator_left": motion.left, "actuator_right": motion.right},
-        motion.time,
-        sample_time=scene.sample_time if controller is None or controller.isctime() else controller.dt,
-        delay=0.0 if controller is None else delay,
-        force_limit=None if controller is None else dict.fromkeys(CONTROLS, scene.force_limit),
-        stroke_limit=dict(zip(STROKES, [(scene.stroke_limit, name) for name in CONTROLS], strict=True)),
-        quantization=None if controller is None else scene.quantization(tuple(controller.input_labels)),
-        friction=friction,
-    )
-    names = sorted(name for name in run.outputs if name.startswith("nozzle_"))  # of a plant that reads them
-    nozzles = nozzle_positions(parameters.length)
-    points = np.concatenate([[-parameters.length / 2], nozzles if names else [], [parameters.length / 2]])
-    moved = np.array([run[name] for name in (TIPS[0], *names, TIPS[1])])
-    record = run.time >= run.time[0] + scene.run_in
-    return run, spray_by_motion(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
+@dataclass(frozen=True)
+class InField:
+    """A boom with its suspension in a field.
 
-
-def platform_to_tips(
-    model: SecondOrderModel | control.StateSpace,
-    controller: control.StateSpace | None,
-    delay: float = 0.0,
-) -> control.StateSpace:
-    """Return the closed loop from the platform to the tips, or the plant alone without a controller.
-
-    A delay [s] is that of a discrete controller; a continuous one has none.
+    Attributes
+    ----------
+    p : BoomParameters
+        Of the machine, passive parts of the suspension included.
+    K : control.StateSpace or None
+        ``u = K y``; None of springs and dampers alone.
+    scene : FieldScene
+    delay : float
+        Time between a sample and the moment its forces act [s].
     """
-    if controller is not None:
-        whole = feedback_loop(model, controller, delay=0.0 if controller.isctime() else delay)
-    else:
-        whole = model.to_statespace() if isinstance(model, SecondOrderModel) else model
-    return select_channels(whole, list(ACTUATORS), list(TIPS))
+
+    p: BoomParameters
+    K: control.StateSpace | None
+    scene: FieldScene
+    delay: float = 0.0
+
+    def model(self, elements: int, nozzles: bool = False) -> SecondOrderModel:
+        """Return the boom with its sensors."""
+        return suspension_model(self.p, elements, self.scene.accelerometer_hz, nozzles)
+
+    def to_tips(self, machine: SecondOrderModel | control.StateSpace) -> control.StateSpace:
+        """Return the loop from the platform to the tips: with the controller, if there is one, its forces late if sampled."""
+        if self.K is not None:
+            whole = feedback_loop(machine, self.K, delay=0.0 if self.K.isctime() else self.delay)
+        else:
+            whole = machine.to_statespace() if isinstance(machine, SecondOrderModel) else machine
+        return select_channels(whole, list(ACTUATORS), list(TIPS))
+
+    def run(
+        self, machine: SecondOrderModel | control.StateSpace, friction: CoulombFriction | None = None
+    ) -> tuple[LoopResult, tuple[SprayResult, SprayResult, SprayResult]]:
+        """Return a run over the field, and the spray of all motion, of its symmetric and of its antisymmetric part."""
+        K, scene, motion = self.K, self.scene, self.scene.motion()
+        active = (
+            {}
+            if K is None
+            else {
+                "delay": self.delay,
+                "force_limit": dict.fromkeys(CONTROLS, scene.force_limit),
+                "quantization": scene.quantization(tuple(K.input_labels)),
+            }
+        )
+        run = simulate_loop(
+            machine,
+            K,
+            {"actuator_left": motion.left, "actuator_right": motion.right},
+            motion.time,
+            sample_time=scene.sample_time if K is None or K.isctime() else K.dt,
+            stroke_limit=dict(zip(STROKES, [(scene.stroke_limit, name) for name in CONTROLS], strict=True)),
+            friction=friction,
+            **active,
+        )
+        names = sorted(name for name in run.outputs if name.startswith("nozzle_"))  # of a machine that reads them
+        nozzles, half = nozzle_positions(self.p.length), self.p.length / 2
+        points = np.concatenate([[-half], nozzles if names else [], [half]])
+        moved = np.array([run[name] for name in (TIPS[0], *names, TIPS[1])])
+        record = run.time >= run.time[0] + scene.run_in
+        return run, spray_by_motion(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
 
 
 def _loop_sigma(loop: control.StateSpace) -> SigmaResult:
