@@ -10,9 +10,6 @@ from boomctl.printing import compact
 from boomctl.slew.tracking.monte_carlo import TrackingStudy
 from boomctl.slew.tracking.tracked import TrackedSlew
 
-_NORMAL = {"stiffness": 1.0, "friction": 0.0}
-"""What machines have that do not differ from the one planned for, tip mass apart."""
-
 
 @dataclass(frozen=True)
 class Spread:
@@ -91,9 +88,7 @@ class FeedbackStudy:
     @property
     def verdict(self) -> str:
         """What it is worth, in words."""
-        before, after = (
-            float(np.quantile(each.vibration, 0.95)) for each in (self.open, self.closed)
-        )  # nine of ten and a half
+        before, after = (float(np.quantile(each.vibration, 0.95)) for each in (self.open, self.closed))
         return (
             f"with feedback a stiffness that is wrong leaves at most 1/{int(self.stiffness_ratio)} of the vibration; of "
             f"{self.closed.vibration.size} machines drawn 95 % stay below {1e3 * after:.0f} mm, without feedback below "
@@ -119,15 +114,12 @@ def judged(tracked: TrackedSlew, spread: Spread, runs: int) -> FeedbackStudy:
         **{f"tip mass {mass:g} kg": {"tip_mass": mass} for mass in spread.tip_mass if mass != nominal},
         **{f"friction {each:g} N m": {"friction": each} for each in spread.friction if each},
     }
-    asked = {name: [each.get(name, normal) for each in machines.values()] for name, normal in _NORMAL.items()}
-    asked["tip_mass"] = [each.get("tip_mass", nominal) for each in machines.values()]
-    lines = _both(tracked, len(machines), asked)
-    many = _both(tracked, runs, vars(spread))
-    found = zip(machines, *(x for each in lines for x in (each.vibration, np.abs(each.angle_error))), strict=True)
-    return FeedbackStudy(
-        tuple(FeedbackLine(name, free, held, free_off, held_off) for name, free, free_off, held, held_off in found),
-        *many,
-    )
+    normal = {"stiffness": 1.0, "friction": 0.0, "tip_mass": nominal}
+    asked = {name: [each.get(name, value) for each in machines.values()] for name, value in normal.items()}
+    free, held = _both(tracked, len(machines), asked)
+    found = zip(free.vibration, held.vibration, np.abs(free.angle_error), np.abs(held.angle_error), strict=True)
+    lines = tuple(FeedbackLine(name, *numbers) for name, numbers in zip(machines, found, strict=True))
+    return FeedbackStudy(lines, *_both(tracked, runs, vars(spread)))
 
 
 def _both(tracked: TrackedSlew, runs: int, asked: Mapping[str, Any]) -> tuple[TrackingStudy, TrackingStudy]:

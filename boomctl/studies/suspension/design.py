@@ -13,7 +13,7 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.printing import compact
 from boomctl.report import Section
 from boomctl.structure.families import AffineFamily
-from boomctl.studies.findings import Finding, Judged, facts, numbers, stored, word_table, words
+from boomctl.studies.findings import Finding, Judged, facts, numbers, stored, words
 from boomctl.studies.suspension.assurance import Assurance, Examined
 from boomctl.studies.suspension.performance import Performance, performance
 from boomctl.studies.suspension.scene import FieldScene
@@ -222,19 +222,14 @@ class SuspensionResult(Judged):
 
         design, scene, before, after = self.design, self.scene, self.passive, self.active
         tell("pictures")
-        yield Section(
-            "What it is worth", (self.verdict, *design.notes), (sections.comparison_table(before, after, self.worst),)
-        )
-        own = None if design.own_plant is None else design.own_plant.nstates
-        synthesis = [word_table(design.facts)] if design.facts else []
-        passive_parts = sections.parameter_table(before.title, self.passive_parameters, after.title, design.parameters)
-        text = sections.plant_text(design.parameters, scene, design.controller is not None, own)
-        yield Section("Plant and synthesis", (text,), (passive_parts, *synthesis))
+        tables = (sections.comparison_table(before, after, self.worst),)
+        yield Section("What it is worth", (self.verdict, *design.notes), tables)
+        yield sections.plant_section((before.title, after.title), self.passive_parameters, design, scene)
         if design.weights:
             yield sections.weight_section(design.weights)
         yield sections.sigma_section(before, after, self.assured)
         if self.assured is not None:
-            yield sections.assurance_section(self.assurance, scene, own is not None)
+            yield sections.assurance_section(self.assurance, scene, design.plant is not None)
         yield sections.run_section(before, after, scene)
         yield sections.spray_section(before, after)
         if files:

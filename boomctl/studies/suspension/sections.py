@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -70,18 +70,40 @@ def assurance_section(found: Mapping[str, str], scene: FieldScene, own: bool) ->
 
 def run_section(before: Performance, after: Performance, scene: FieldScene) -> Section:
     """Return the section of the run over the field."""
-    start = scene.run_in + 0.25 * scene.duration
+    s, active = scene, bool(after.run.controls)
+    sampled = (
+        f" Controller sampled every {1e3 * after.run.sample_time:g} ms, its forces {1e3 * after.run.delay:g} ms late; strokes"
+        f" resolved to {1e3 * s.stroke_step:g} mm, accelerations to {s.acceleration_step:g} m/s². Force limit"
+        f" {s.force_limit:g} N."
+    )
+    text = (
+        f"Track of class {s.road_class} (ISO 8608), seed {s.seed}, driven at {s.speed:g} m/s for {s.duration:g} s after"
+        f" {s.run_in:g} s of run-in, through the model of a tractor ({s.tractor.mass:g} kg, wheelbase"
+        f" {s.tractor.wheelbase:g} m, track {s.tractor.track_width:g} m; all of it in boomctl.TractorParameters) to jolt and"
+        " yaw of the platform."
+        f"{sampled if active else ''} End stops at ±{1e3 * s.stroke_limit:g} mm (a design assumption)."
+    )
+    heads = ("", "largest stroke", "end stops hit", "largest force", "time at the force limit", "largest force rate")
+    lines = []
+    for each in (before, after):
+        forces = ("no actuator", "-", "-")
+        if each.run.controls:
+            saturated = max(each.run.saturation_share.values(), default=0.0)
+            force = f"{each.force:.1f} of {s.force_limit:g} N"
+            forces = (force, f"{100 * saturated:.2f} %", f"{each.force_rate:.0f} N/s")
+        stroke = f"{1e3 * each.stroke:.1f} of {1e3 * s.stroke_limit:g} mm"
+        lines.append((each.title, stroke, str(len(each.run.stops)), *forces))
+    start, length = s.run_in + 0.25 * s.duration, min(_SPAN, 0.75 * s.duration)
     drawn = draw_run(
         before.run,
         after.run,
         labels=(before.title, after.title),
-        limits=(scene.force_limit, scene.stroke_limit),
-        span=(start, start + min(_SPAN, 0.75 * scene.duration)),
+        limits=(s.force_limit, s.stroke_limit),
+        span=(start, start + length),
     )
-    shown = "Platform, left tip, left stroke and forces" if after.run.controls else "Platform, left tip and left stroke"
-    caption = f"{shown}, {min(_SPAN, 0.75 * scene.duration):g} s of {scene.duration:g} s."
-    tables, pictures = (_limit_table(before, after, scene),), (picture("run", drawn, caption),)
-    return Section("A run over the field", (_scene_text(scene, after),), tables, pictures)
+    shown = "Platform, left tip, left stroke and forces" if active else "Platform, left tip and left stroke"
+    pictures = (picture("run", drawn, f"{shown}, {length:g} s of {s.duration:g} s."),)
+    return Section("A run over the field", (text,), (Table(heads, tuple(lines)),), pictures)
 
 
 def spray_section(before: Performance, after: Performance) -> Section:
@@ -111,68 +133,29 @@ def comparison_table(before: Performance, after: Performance, worst: Mapping[str
     return Table(("", before.title, after.title), (*lines[:peaks], *bounds, *lines[peaks:]))
 
 
-def plant_text(p: BoomParameters, scene: FieldScene, active: bool, own: int | None) -> str:
-    """Return what the machine is, in words; ``own``: states of one of its own."""
-    sensors = (
-        f"Sensors: strokes of the suspension and tip accelerometers of {scene.accelerometer_hz:g} Hz. "
-        if active
-        else ""
-    )
-    mesh = f"{scene.elements} finite elements here. {sensors}"
+def plant_section(titles: tuple[str, str], base: BoomParameters, design: Any, scene: FieldScene) -> Section:
+    """Return the section of the machine, its passive parts beside those of the boom as it is, and the synthesis."""
+    p, own = design.parameters, design.own_plant
+    mesh = f"{scene.elements} finite elements here. "
     if own is not None:
-        mesh = f"{scene.elements} finite elements here as it is. The design has a plant of its own, of {own} states. "
-    return (
+        mesh = f"{scene.elements} finite elements here as it is. The design has a plant of its own, of {own.nstates} states. "
+    elif design.controller is not None:
+        mesh += f"Sensors: strokes of the suspension and tip accelerometers of {scene.accelerometer_hz:g} Hz. "
+    text = (
         f"The boom of Anthonis & Ramon (2003), Table 2: {p.length:g} m, hinged on a cradle that slides on a platform driven"
         f" by two actuators; {mesh}Static gain from yaw of the platform to the"
         f" tips: {p.length / p.actuator_distance:.3f}; a suspension that centres the boom behind the tractor cannot go below"
         " that at zero frequency."
     )
-
-
-def parameter_table(before: str, base: BoomParameters, after: str, chosen: BoomParameters) -> Table:
-    """Return the passive parts of two booms, each under its title."""
     rows = (
         ("spring stiffness k_s [N/m]", "spring_stiffness"),
         ("cradle damping c_g [N s/m]", "cradle_damping"),
         ("hinge damping c_t [N m s/rad]", "hinge_damping"),
         ("boom mass m_3 [kg]", "boom_mass"),
     )
-    lines = tuple((label, f"{getattr(base, key):g}", f"{getattr(chosen, key):g}") for label, key in rows)
-    return Table(("passive parts", before, after), lines)
-
-
-def _scene_text(s: FieldScene, after: Performance) -> str:
-    sampled = (
-        f" Controller sampled every {1e3 * after.run.sample_time:g} ms, its forces {1e3 * after.run.delay:g} ms late; strokes"
-        f" resolved to {1e3 * s.stroke_step:g} mm, accelerations to {s.acceleration_step:g} m/s². Force limit"
-        f" {s.force_limit:g} N."
-    )
-    return (
-        f"Track of class {s.road_class} (ISO 8608), seed {s.seed}, driven at {s.speed:g} m/s for {s.duration:g} s after"
-        f" {s.run_in:g} s of run-in, through the model of a tractor ({s.tractor.mass:g} kg, wheelbase"
-        f" {s.tractor.wheelbase:g} m, track {s.tractor.track_width:g} m; all of it in boomctl.boom.TractorParameters) to jolt"
-        " and yaw of the platform."
-        f"{sampled if after.run.controls else ''} End stops at ±{1e3 * s.stroke_limit:g} mm (a design assumption)."
-    )
-
-
-def _limit_table(before: Performance, after: Performance, scene: FieldScene) -> Table:
-    lines = []
-    for each in (before, after):
-        saturated = max(each.run.saturation_share.values(), default=0.0)
-        force = f"{each.force:.1f} of {scene.force_limit:g} N" if each.run.controls else "no actuator"
-        lines.append(
-            (
-                each.title,
-                f"{1e3 * each.stroke:.1f} of {1e3 * scene.stroke_limit:g} mm",
-                str(len(each.run.stops)),
-                force,
-                f"{100 * saturated:.2f} %" if each.run.controls else "-",
-                f"{each.force_rate:.0f} N/s" if each.run.controls else "-",
-            )
-        )
-    heads = ("", "largest stroke", "end stops hit", "largest force", "time at the force limit", "largest force rate")
-    return Table(heads, tuple(lines))
+    lines = tuple((label, f"{getattr(base, key):g}", f"{getattr(p, key):g}") for label, key in rows)
+    synthesis = (word_table(design.facts),) if design.facts else ()
+    return Section("Plant and synthesis", (text,), (Table(("passive parts", *titles), lines), *synthesis))
 
 
 def controller_section(names: tuple[str, ...], scene: FieldScene, sample_time: float) -> Section:
