@@ -30,7 +30,8 @@ class Finding:
     unit : str
         Of the number in the text.
     proved : bool or None
-        Whether what it claims is proved; None of what claims nothing, such as the largest value of some runs.
+        Whether what it claims is proved, or computed where that is all there is, as poles on a finer mesh; None of what
+        claims nothing, such as the largest value of some runs.
     text : str
         It as people read it; empty of what ``results.json`` alone holds.
     key : str
