@@ -253,6 +253,7 @@ TABLES = (
     "ModeTable",
     "Margins",
     "PayloadComparison",
+    "SpinUpResult",
     "SweepResult",
 )
 

@@ -288,11 +288,12 @@ class SpinUpResult(Judged):
             text = f"tip {n['tip']}, {n['left']} left, {n['after_gust']} after the gust, torque {n['torque']}"
             said.append(Finding(f"{way}, {mass:g} kg at the tip", text=text))
         return (
+            *stored(design=self.design.name),
             Finding("", stability.proved, proved=stability.proved, text=stability.render(), key="proved"),
+            *stored(slowest_pole=stability.abscissa),
             Finding("", ramp.rate, proved=ramp.proved, text=ramp.render(), key="proved_rate"),
+            *stored(rate_at_most=ramp.at_most, rate_asked=self.fastest, runs=runs),
             *said,
-            *stored(design=self.design.name, slowest_pole=stability.abscissa, rate_at_most=ramp.at_most),
-            *stored(rate_asked=self.fastest, runs=runs),
         )
 
     def _sections(self, tell: Callable[[str], None], files: tuple[str, ...]) -> Iterator[Section]:

@@ -277,7 +277,7 @@ class SlewEvaluation(Judged):
         if (study := self.feedback) is not None:
             machines, runs = picked(study.lines, sections.HELD), picked((study.open, study.closed), _DRAWN)
             found["feedback"] = {"machines": machines, "stiffness_ratio": study.stiffness_ratio, "runs": runs}
-        return super().as_dict() | found
+        return found | super().as_dict()
 
     def _sections(self, tell: Callable[[str], None], files: tuple[str, ...]) -> Iterator[Section]:
         design, slew, h = self.design, self.design.slew, self.design.beam

@@ -212,9 +212,9 @@ class SuspensionResult(Judged):
             *stored(design=self.design.name, better_than_passive=self.better, yaw_reduction_db=self.yaw_reduction_db),
             *stored(passive=numbers(self.passive.findings), active=numbers(self.active.findings)),
             *facts(self.design.facts),
-            *stored(controller=states, worst_case=worst or None, deposit_cv_found_over_box=None),
+            *stored(assurance=words(assured), controller=states, worst_case=worst or None),
+            *stored(deposit_cv_found_over_box=None),  # unless the next ones say it
             *assured,
-            *stored(assurance=words(assured)),
         )
 
     def _sections(self, tell: Callable[[str], None], files: tuple[str, ...]) -> Iterator[Section]:
