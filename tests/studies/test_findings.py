@@ -19,7 +19,7 @@ def result():
     plant = SecondOrderModel([[1.0]], [[0.02]], [[4.0]], {"force": [1.0], "wind": [1.0]}, {"position": [1.0]})
     damper = control.ss(-20.0, 20.0, 40.0, -40.0, inputs="position", outputs="force")
     facts = {"gain": "40 N s/m <at most>", "made": "by hand"}
-    return bc.MachineDesign("mine", "A mass on a spring", plant, damper, facts=facts).evaluate()
+    return bc.studies.MachineDesign("mine", "A mass on a spring", plant, damper, facts=facts).evaluate()
 
 
 def test_a_terminal_and_a_notebook_show_the_same_findings(result):

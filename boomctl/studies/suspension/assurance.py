@@ -1,7 +1,7 @@
 """What vouches for a suspension beyond its own synthesis: margins, proofs over springs and masses, the exact boom.
 
 A sampled loop is looked at on a mesh of many elements where one in continuous time is on the exact beam.  What happens
-between samples is in the field run, and ``boomctl.sampled_norm`` bounds it.
+between samples is in the field run, and ``boomctl.analysis.sampled_norm`` bounds it.
 """
 
 import warnings

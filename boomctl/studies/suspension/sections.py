@@ -79,8 +79,8 @@ def run_section(before: Performance, after: Performance, scene: FieldScene) -> S
     text = (
         f"Track of class {s.road_class} (ISO 8608), seed {s.seed}, driven at {s.speed:g} m/s for {s.duration:g} s after"
         f" {s.run_in:g} s of run-in, through the model of a tractor ({s.tractor.mass:g} kg, wheelbase"
-        f" {s.tractor.wheelbase:g} m, track {s.tractor.track_width:g} m; all of it in boomctl.TractorParameters) to jolt and"
-        " yaw of the platform."
+        f" {s.tractor.wheelbase:g} m, track {s.tractor.track_width:g} m; all of it in boomctl.boom.TractorParameters) to jolt"
+        " and yaw of the platform."
         f"{sampled if active else ''} End stops at ±{1e3 * s.stroke_limit:g} mm (a design assumption)."
     )
     heads = ("", "largest stroke", "end stops hit", "largest force", "time at the force limit", "largest force rate")
