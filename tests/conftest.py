@@ -15,7 +15,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 settings.load_profile("quick")
 
-LIMIT = 3.0  # s of processor time for a test that is not marked slow: a choice, a fortieth of what all may take
+LIMIT = 2.0  # s of processor time for a test that is not marked slow: a choice, a fiftieth of what all may take
 REFERENCE = 0.065  # s of processor time of `_yardstick` on the machine that LIMIT is meant for, measured there
 HEAVY = ("casadi", "control", "matplotlib", "scipy.signal")  # imports of a second: not the fault of a test
 

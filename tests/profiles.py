@@ -9,7 +9,7 @@ from math import ceil
 from hypothesis import HealthCheck, settings
 
 FULL = 100  # examples of a property that names no number, full profile: hypothesis's own default
-QUICK = 3  # of a hundred: the whole suite then takes less than two minutes on two cores
+QUICK = 3  # of a hundred: the whole suite then takes a minute on two cores
 HUNT = 1000  # of a hundred: ten times the full profile, a choice
 FEWEST = 2  # examples of any property: one would not tell a law from a coincidence
 

@@ -21,6 +21,7 @@ from boomctl.report import Picture, Report, Section
 from tests.command import boomctl
 
 
+@pytest.mark.slow
 def test_the_command_is_a_program():
     words = ("sigma", "--elements", "0")
     done = subprocess.run([sys.executable, "-m", "boomctl.cli", *words], capture_output=True, text=True, check=False)
@@ -479,6 +480,7 @@ def test_every_option_of_every_command_can_be_completed():
     assert program("completion", "tcsh").returncode == 2
 
 
+@pytest.mark.slow
 def test_quiet_prints_nothing_but_what_json_asks_for():
     silent = program("sigma", "--quiet")
     assert (silent.returncode, silent.stdout, silent.stderr) == (0, "", "")

@@ -111,6 +111,7 @@ def test_a_first_call_imports_only_what_it_uses(scene, without):
     assert sorted(imported(scene) & without) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "without"),
     [

@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import functools
 import multiprocessing
 import pickle
 import re
@@ -173,10 +174,13 @@ SYSTEMS = {
 SLOW = ("SlewComparison",)  # ten slews played back on three beams: 4 s
 
 
+_made_once = functools.cache(lambda make: functools.cache(make))
+
+
 def _parametrised(factories):
     marks = dict.fromkeys(SLOW, pytest.mark.slow)
     return pytest.mark.parametrize(
-        "make", [pytest.param(make, id=name, marks=marks.get(name, ())) for name, make in factories.items()]
+        "make", [pytest.param(_made_once(make), id=name, marks=marks.get(name, ())) for name, make in factories.items()]
     )
 
 

@@ -97,6 +97,7 @@ def test_one_that_ran_out_of_memory_is_replaced():
         assert ask(processes, os.getpid) != first
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_an_error_in_the_block_ends_them_in_the_middle_of_what_they_do(method, tmp_path):
     asked, began = [], time.monotonic()

@@ -28,6 +28,7 @@ CALLS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", CALLS)
 def test_a_function_is_told_by_a_keyword_and_by_the_one_around(task):
     given, around = [], []
@@ -66,6 +67,7 @@ LONG = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LONG)
 def test_motions_and_loops_tell_those_around(name):
     heard = []

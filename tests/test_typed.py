@@ -72,6 +72,7 @@ def test_the_package_lists_each_name_once_by_what_one_wants_to_do():
     assert all(listed.count(name) == 1 for name in set(boomctl.__all__) - {"__version__"})
 
 
+@pytest.mark.slow
 def test_sub_packages_are_there_without_an_import_of_their_own():
     code = "import sys; import boomctl as bc; bc.structure.Beam; bc.studies.suspension.FieldScene; bc.slew.track;" + (
         "assert 'structure' in dir(bc) and 'structure' not in bc.__all__; import boomctl.slew as s; assert s is bc.slew"
@@ -81,6 +82,7 @@ def test_sub_packages_are_there_without_an_import_of_their_own():
     assert folders == {name for name in dir(boomctl) if (PACKAGE / name / "__init__.pyi").exists()}
 
 
+@pytest.mark.slow
 def test_a_public_name_stays_though_a_module_of_its_name_is_imported():
     """``boomctl.analysis.sigma`` is both; importing the module first must not hide the function."""
     code = "import boomctl.analysis.sigma; from boomctl.analysis import sigma; assert callable(sigma)"

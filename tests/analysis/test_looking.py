@@ -313,6 +313,7 @@ SERIES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [pytest.param(make, id=name) for name, make in SERIES.items()])
 def test_whatever_has_a_time_axis_has_its_signals_by_name_and_as_python_controls_response(make):
     result = make()

@@ -62,6 +62,7 @@ def driven(rng, size):
     return SampledLoops(Cell(np.zeros(2), np.ones(2)), A, B, C, D, missed, 0.1)
 
 
+@pytest.mark.slow
 @examples(300)
 @given(seed=seeds, reach=st.floats(0.02, 1.0), size=st.integers(2, 5))
 def test_a_level_is_proved_only_if_no_loop_that_is_meant_reaches_it(seed, reach, size):
@@ -189,6 +190,7 @@ def test_a_lightly_damped_sampled_loop_takes_few_cells(monkeypatch, seed):
     assert found.path == f"{found.cells} of parameters"
 
 
+@pytest.mark.slow
 def test_the_sampled_boom_takes_few_cells():
     """Cells of parameters and frequencies alone would be 356."""
     signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}

@@ -48,6 +48,7 @@ def multiplier(family, course, period):
 _IDLE = ct.ss([], [], [], [[0.0]], inputs="place", outputs="force")
 
 
+@pytest.mark.slow
 @examples(40)
 @given(st.integers(0, 10_000), st.floats(0.2, 1.0), st.integers(1, 2))
 def test_what_is_proved_does_not_grow_under_the_worst_waves(seed, depth, n):
@@ -66,6 +67,7 @@ def test_what_is_proved_does_not_grow_under_the_worst_waves(seed, depth, n):
         assert multiplier(family, wave, period) < 1.0
 
 
+@pytest.mark.slow
 @examples(40)
 @given(st.integers(0, 10_000), st.floats(0.4, 1.0))
 def test_what_grows_under_a_wave_is_not_proved_for_its_rate(seed, depth):

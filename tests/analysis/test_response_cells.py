@@ -94,6 +94,7 @@ def test_no_gain_within_a_cell_is_above_its_bound(seed, parameters):
     assert bounds_hold(np.random.default_rng(seed), parameters, 25, 12) > 0
 
 
+@pytest.mark.slow
 @examples(30)
 @given(seed=seeds, parameters=st.integers(1, 3))
 def test_no_gain_of_a_sampled_loop_within_a_cell_is_above_its_bound(seed, parameters):

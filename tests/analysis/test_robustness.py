@@ -107,6 +107,7 @@ def test_the_pencil_has_the_loops_poles_filters_and_accelerations_included():
     assert len(mine) <= len(loop)
 
 
+@pytest.mark.slow
 def test_the_worst_norm_is_attained_and_at_least_the_nominal_one():
     family = boom_family(half="yaw")
     K = control.ss(

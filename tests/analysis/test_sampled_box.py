@@ -30,6 +30,7 @@ def damper(gain, dt=0.2):
     return control.ss(sampled.A, sampled.B, sampled.C, sampled.D, dt, inputs="y", outputs="u")
 
 
+@pytest.mark.slow
 @given(st.floats(0.1, 3.5), st.floats(0.0, 0.4))
 @examples(20)
 def test_what_is_proved_is_stable_at_every_point_and_what_is_not_is_found(gain, late):

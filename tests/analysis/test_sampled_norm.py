@@ -88,6 +88,7 @@ def test_what_has_no_feedback_has_its_own_norm(seed):
     assert found.upper == pytest.approx(exact.upper, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_fast_samples_have_the_norm_of_the_continuous_loop_and_delay_costs():
     signals = {"inputs": ["load", "force"], "outputs": "place"}
     mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0]], 0.0, **signals)

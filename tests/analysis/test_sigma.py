@@ -157,6 +157,7 @@ def test_a_stable_or_undamped_system_is_not_said_to_be_unstable(omega, damping):
     assert not ax.texts
 
 
+@pytest.mark.slow
 def test_responses_work_with_the_plots_of_python_control():
     import matplotlib as mpl
 

@@ -65,6 +65,7 @@ def test_mode_tables(damping):
         assert np.isinf(slow.peaks).all() == (side(damping) == 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", DAMPINGS)
 def test_loops(damping):
     """The loop is that of the plant: its controller does nothing."""

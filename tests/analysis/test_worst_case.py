@@ -95,6 +95,7 @@ def test_the_same_of_sampled_loops(seed, parameters):
     assert bc.robust_stability(family, Kd, delay=late).proved  # a bound proves that, too
 
 
+@pytest.mark.slow
 def test_a_quickly_sampled_loop_has_the_worst_case_of_the_continuous_one():
     family, K = chain(np.random.default_rng(2), 2)
     slow, fast = (
@@ -166,6 +167,7 @@ def test_controllers_may_read_speeds(seed, parameters):
             np.testing.assert_allclose(here, wanted, rtol=1e-7, atol=1e-9 * np.abs(wanted).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", ["jolt", "yaw"])
 def test_states_of_a_boom_that_is_moved_are_measured_over_the_box(half):
     """Of a platform that moves, states are less than places and speeds by what its displacement brings to them."""
@@ -237,6 +239,7 @@ def test_three_and_four_parameters(parameters):
     assert found.norm.lower <= found.upper_bound <= 1.0101 * found.norm.lower
 
 
+@pytest.mark.slow
 def test_both_ways_to_a_bound_agree():
     """Cells of the response and cells of the even pencil prove the same level, and neither one below the worst point."""
     family, K = chain(np.random.default_rng(8), 2)
@@ -289,6 +292,7 @@ def test_the_loops_of_the_proof_are_those_of_the_boom_with_its_filters(half):
             np.testing.assert_allclose(here, wanted, rtol=1e-7, atol=1e-9 * np.abs(wanted).max())
 
 
+@pytest.mark.slow
 def test_a_damped_boom_is_bounded_to_a_hundred_thousandth():
     family = bc.boom_family(half="yaw", accelerometer_bandwidth_hz=20.0)
     damper = control.ss(-60.0, 60.0, 60.0 * 800.0, -60.0 * 800.0, inputs="stroke_anti", outputs="suspension_anti")
@@ -298,6 +302,7 @@ def test_a_damped_boom_is_bounded_to_a_hundred_thousandth():
     assert "none above" in found.render()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dt", [0.5, 2.0])
 def test_a_filter_that_decays_within_a_sample_hides_no_norm(dt):
     """Its states hardly act on the others: scales by the state matrix alone grow without bound, and digits are lost."""

@@ -113,6 +113,7 @@ def test_where_a_nozzle_goes_back_its_passes_add_up():
         assert along[chosen] == pytest.approx(np.full(chosen.sum(), passes * nominal), rel=1e-6)
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(-30, 30), st.floats(-100.0, 100.0))
 @examples(15)
 def test_a_start_elsewhere_leaves_the_same_field(seed, cells, start):
@@ -142,6 +143,7 @@ def test_the_same_motion_twice_as_fast_and_far_leaves_the_same_field():
     assert fast.relative_tip_speed == pytest.approx(slow.relative_tip_speed)
 
 
+@pytest.mark.slow
 def test_a_thick_footprint_and_a_large_cell_even_out():
     t, moved = sine(0.5, frequency_hz=4.0, duration=20.0, step=4e-3)
     values = [

@@ -201,6 +201,7 @@ def test_the_filter_has_the_density_of_the_motion(speed):
             assert sizes[0] == pytest.approx(sizes[1], rel=within)
 
 
+@pytest.mark.slow
 def test_the_filter_is_a_small_stable_named_system():
     system = bc.boom.track_filter()
     assert system.nstates == 12

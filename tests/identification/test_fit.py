@@ -184,6 +184,7 @@ def test_exact_responses_give_the_parameters(build, errors):
     assert found.certified
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "build", [bc.spray_boom, bc.exact_frequency_response, lambda p: bc.spray_boom(p).to_statespace()]
 )

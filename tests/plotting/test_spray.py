@@ -14,6 +14,7 @@ def sprayed(k):
     return bc.spray_deposit(t, np.ones((24, 1)) * (k * np.sin(3.0 * t)), X, 2.0)
 
 
+@pytest.mark.slow
 def test_fields_side_by_side_share_their_scale_and_say_their_figures():
     results = {"passive": sprayed(0.2), "active": sprayed(0.02)}
     figure = figure_of(draw_deposit, results, length=20.0)

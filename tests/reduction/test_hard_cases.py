@@ -90,6 +90,7 @@ def test_repeated_modes(method):
     assert red.measured_error <= red.error_bound * (1 + 1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("masses", [60, pytest.param(500, marks=pytest.mark.slow)])
 def test_a_long_chain(masses):
     model = chain(masses, 1e-3)

@@ -84,6 +84,7 @@ def test_jordan_blocks_are_balanced_without_modal_coordinates():
         bc.reduce(full, order=2, method="modal")
 
 
+@pytest.mark.slow
 def test_the_band_integral_is_the_integral_and_all_frequencies_give_one_half():
     modal = modal_of(7)
     system = modal.blocks

@@ -111,6 +111,7 @@ def _is_right(seed):
     return beam
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 7, 12, 20])
 def test_a_random_machine_is_as_exact_as_asked_for(seed):
     assert _is_right(seed).chosen.tried
@@ -141,6 +142,7 @@ def test_what_was_chosen_is_said_and_is_what_is_built(spun_up):
     assert chosen.largest == pytest.approx(0.2043, abs=1e-4)  # of a geometrically exact beam, in THEORY's derivation
 
 
+@pytest.mark.slow
 def test_each_error_said_is_that_of_the_model(spun_up):
     """Found again by other instants, and another reference."""
     t = np.linspace(0.0, spun_up.chosen.time, 2500)
@@ -184,6 +186,7 @@ def test_tolerances_are_those_of_the_choice_in_its_manoeuvre_alone(spun_up):
     assert asked == [(chosen.rtol, chosen.atol), usual, usual, (1e-6, chosen.atol)]
 
 
+@pytest.mark.slow
 def test_tiny_motions_are_as_exact():
     """Of a motion of nanometres, the usual absolute tolerance would be a hundredth."""
     tiny = bc.spin_up(1e-8, 5.0)

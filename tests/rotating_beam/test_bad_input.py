@@ -177,6 +177,7 @@ def swaying(sines, end):
     return tuple(derivative(k) for k in range(3))
 
 
+@pytest.mark.slow
 @given(
     _FEW_SINES,
     st.floats(0.7, 20.0),

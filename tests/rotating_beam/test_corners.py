@@ -109,6 +109,7 @@ def test_a_function_of_numbers_alone_is_looked_at_too():
     assert found.tip_displacement == pytest.approx(known.tip_displacement, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_a_torque_that_jumps_everywhere_is_refused():
     random = np.random.default_rng(0)
     noise = bc.torque(lambda t: random.standard_normal(np.shape(t)))

@@ -84,6 +84,7 @@ def test_what_is_proved_of_polynomials_holds_at_every_point_tried(seed, size, de
         assert not proof.proved or max(abscissas) < 0.0
 
 
+@pytest.mark.slow
 @examples(6)
 @given(st.integers(0, 1000))
 def test_a_scheduled_drive_is_proved_where_every_frozen_loop_is_stable(seed):
@@ -115,6 +116,7 @@ def test_the_angle_is_left_out_only_where_nothing_reads_it():
     assert not bc.robust_stability(replace(family, free=()), speed).proved  # an integrator is not stable
 
 
+@pytest.mark.slow
 @examples(200)
 @given(seed=st.integers(0, 100_000))
 def test_the_angle_that_nothing_feels_is_an_exact_integrator_of_every_beam_of_a_family(seed):

@@ -225,6 +225,7 @@ def test_polynomials_and_tolerances_are_ordered_by_error():
 # -- what polynomials leave out ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @examples(60)
 @given(st.floats(3.0, 9.0), st.floats(0.4, 1.0), st.integers(3, 5), st.floats(0.0, 1.0), st.floats(0.0, 0.3))
 def test_the_error_of_a_whip_is_that_of_its_polynomials_too(speed, duration, modes, radius, tip_mass):
@@ -247,6 +248,7 @@ def test_an_error_is_told_where_steps_that_do_for_some_polynomials_do_not_for_mo
     assert np.abs(few.tip_displacement - true.tip_displacement).max() <= few.error_estimate + true.error_estimate
 
 
+@pytest.mark.slow
 @examples(30)
 @given(st.floats(3.0, 7.0), st.floats(0.5, 1.0))
 def test_polynomials_are_added_where_none_were_asked_for(speed, duration):

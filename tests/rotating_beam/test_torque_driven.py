@@ -212,6 +212,7 @@ def test_modes_that_creep_are_left_to_collocation():
     assert beam.simulate(sine_torque(10.0, 2.0, 2.0), [3.0]).path == ("collocation",)
 
 
+@pytest.mark.slow
 def test_a_torque_beyond_the_model_is_refused_in_time():
     beam = hub_beam(replace(BAI, tip_mass=5.0), "foam", 2)
     with pytest.raises(SimulationError, match="positive definite"):

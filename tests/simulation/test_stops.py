@@ -251,6 +251,7 @@ def test_a_stop_is_reached_when_the_stroke_passes_it_between_the_points_too(dela
     assert np.abs(within["x"]).max() <= largest * (1.0 - bend) * (1.0 + 1e-8)
 
 
+@pytest.mark.slow
 def test_a_loop_that_diverges_but_for_its_stops_is_held_by_them():
     plant = ct.ss([[0, 1.0], [900.0, 0]], [[0, 0], [1.0, 1.0]], [[1.0, 0]], 0.0, inputs=["d", "f"], outputs=["x"])
     time = 0.01 * np.arange(3001)

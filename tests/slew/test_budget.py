@@ -72,6 +72,7 @@ def sfoam(modes=3):
     return bc.hub_beam(model="sfoam", modes=modes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [0.02, 0.4])
 def test_the_time_limit_ends_the_search_in_words(limit):
     begun = time.process_time()
@@ -104,6 +105,7 @@ def test_an_iteration_that_takes_long_does_not_outlast_the_time(limit):
         freed.set()
 
 
+@pytest.mark.slow
 def test_all_the_time_is_for_the_first_slew_and_a_share_for_finer_ones(monkeypatch):
     problem = slew_problem(sfoam(1), 1.0, Limits(200.0), "effort", 4.0, budget=Budget(1000.0))
     limits = []

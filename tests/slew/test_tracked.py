@@ -43,6 +43,7 @@ def _reads(beam, names):
     return lambda x, a: [rows[name] @ x for name in names]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", ["seen", pytest.param("known", marks=pytest.mark.slow)])
 def test_a_tracked_run_is_that_of_an_integrator_restarted_at_each_sample(which, request):
     tracked = request.getfixturevalue(which)
@@ -131,6 +132,7 @@ def test_feedback_holds_a_softer_beam(seen):
     assert alone > 5.0 * held
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "damping", "exact"),
     [

@@ -50,6 +50,7 @@ def test_frequencies_of_fine_meshes_are_those_of_the_exact_beam(elements):
     assert model.eigenfrequencies_hz(5) == pytest.approx(bc.exact_eigenfrequencies_hz(P, 5), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_rigid_modes_of_fine_meshes_are_exactly_zero():
     model = bc.spray_boom(elements=5000, excitation="force")
     found = undamped_modes(model.structure, 6)[0]
@@ -150,6 +151,7 @@ def test_undamped_modes_of_graded_beams_are_those_of_the_exact_beam(order, ratio
     assert found == pytest.approx(bc.exact_eigenfrequencies_hz(p, 4, damped=False), rel=1e-8)
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(260, 340), st.sampled_from(["force", "displacement", "acceleration"]), st.integers(3, 40))
 @examples(10)
 def test_few_modes_of_many_coordinates_are_those_of_strain_coordinates(seed, elements, excitation, count):

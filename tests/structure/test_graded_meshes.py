@@ -50,6 +50,7 @@ def test_a_boom_with_elements_of_no_length_is_the_boom_without(seed):
         assert certified.method.startswith(LOST)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [40, pytest.param(300, marks=pytest.mark.slow)])
 def test_springs_that_hardly_hold_are_not_rigid_bodies(elements):
     """The slowest mode is 1e-8 of what the mesh's fastest is; the peak is finite, and that of a coarse mesh."""

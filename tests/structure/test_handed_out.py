@@ -34,6 +34,7 @@ def relative(found, true):
     return (np.abs(found - true).max(axis=(0, 1)) / np.abs(true).max(axis=(0, 1))).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [2, 12, 100])
 @pytest.mark.parametrize("scene", SCENES)
 def test_evaluation(elements, scene):

@@ -62,6 +62,7 @@ def test_structures_on_the_brink_respond_as_the_direct_solution(n, lift):
     assert np.allclose(model.frequency_response(omega).frdata, direct(model, omega), rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [50, 200])
 @pytest.mark.parametrize("excitation", ["displacement", "acceleration"])
 def test_the_large_boom_responds_as_its_matrices_solved_one_by_one(elements, excitation):

@@ -80,6 +80,7 @@ def test_frequencies_do_not_depend_on_how_many_are_asked_for(seed):
         assert several[0] == pytest.approx(one[0], rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [2, 6, 20, 60, 100])
 def test_a_boom_driven_by_forces_has_two_rigid_motions_and_no_frequencies_for_them(elements):
     found = bc.spray_boom(elements=elements, excitation="force").eigenfrequencies_hz(3)

@@ -32,6 +32,7 @@ def test_a_terminal_and_a_notebook_show_the_same_findings(result):
     assert escape(result.verdict) in result._repr_html_()
 
 
+@pytest.mark.slow
 def test_stored_numbers_are_those_of_the_findings(result):
     report = result.report()
     assert report.results == result.as_dict() == numbers(result.findings)

@@ -40,6 +40,7 @@ def test_peaks_margins_and_stability_are_those_of_the_loop():
     assert "The loop is stable" in str(result)
 
 
+@pytest.mark.slow
 def test_a_loop_that_is_not_stable_is_said_to_be():
     worse = control.ss(-20.0, 20.0, -40.0, 40.0, inputs="position", outputs="force")
     result = bc.studies.MachineDesign("worse", "The wrong sign", SPRUNG, worse).evaluate()

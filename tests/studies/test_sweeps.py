@@ -403,6 +403,7 @@ WHERE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="it reads /proc")
 @pytest.mark.parametrize(
     ("how", "where"),
@@ -491,6 +492,7 @@ def test_a_listener_ends_a_sweep():
         bc.sweep(peak, {"x": [1, 2]}, progress=stop)
 
 
+@pytest.mark.slow
 def test_many_booms_at_once_are_those_one_by_one():
     omega = np.geomspace(0.5, 100.0, 60)
     over = {"spring_stiffness": [600.0, 1100.0], "spring_distance": [1.0, 1.2], "elements": [4, 6]}
@@ -541,6 +543,7 @@ def test_field_runs_are_those_of_performance():
         bc.sweep(bc.studies.FieldStudy(scene), {"sped": 3.0})
 
 
+@pytest.mark.slow
 def test_tables_of_pandas():
     pytest.importorskip("pandas")
     with pytest.warns(SweepWarning):
@@ -550,6 +553,7 @@ def test_tables_of_pandas():
     assert frame.attrs["units"] == {"x": "m", "value": "m"}
 
 
+@pytest.mark.slow
 def test_data_sets_of_xarray():
     pytest.importorskip("xarray")
     found = bc.sweep(numbers, GRID, units={"x": "m", "sum": "m"})

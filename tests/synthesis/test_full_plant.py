@@ -136,6 +136,7 @@ def test_mixed_sensitivity_takes_a_reduction():
     assert len(said) == 1
 
 
+@pytest.mark.slow
 def test_a_full_plant_too_large_for_its_poles_is_proved_by_the_small_gain_or_not_at_all(monkeypatch, full):
     monkeypatch.setattr(full_plant, "_MOST_POLES", 0)
     found, said = design(generalized(bc.reduce(full, order=12)))

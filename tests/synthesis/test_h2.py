@@ -203,6 +203,7 @@ def lightly_damped(modes=40, damping=5e-4):
     return control.ss(A, B, C, D, inputs=INPUTS, outputs=OUTPUTS)
 
 
+@pytest.mark.slow
 def test_eighty_lightly_damped_states():
     P = lightly_damped()
     design = bc.h2(P, 2, 2)

@@ -154,6 +154,7 @@ def doubled(A, C, W, V):
         flint.ctx.prec = before
 
 
+@pytest.mark.slow
 @examples(200)
 @given(st.integers(0, 100_000))
 def test_a_filter_of_a_servo_is_exact_state_by_state_however_little_noise_reaches_it(seed):

@@ -78,12 +78,14 @@ def test_a_free_order_of_that_of_the_plant_comes_near_the_best_of_any_order(seed
     assert found.gamma <= 1.01 * found.certificate.lower
 
 
+@pytest.mark.slow
 def test_the_h2_norm_of_the_plants_order_is_that_of_h2_synthesis():
     P = swing(0, states=2, nmeas=1, ncon=1)
     found = bc.tune(P, 1, 1, T.state_space(2, strictly_proper=True), norm="h2", starts=3)
     assert found.gamma == pytest.approx(bc.h2(P, 1, 1).norm, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_state_feedback_reaches_what_riccati_equations_reach():
     """The best of full information with noise-free states is a gain."""
     A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
@@ -105,6 +107,7 @@ def test_state_feedback_reaches_what_riccati_equations_reach():
 # -- what a result holds ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_result_is_verified_from_what_was_handed_in():
     P = swing(3)
     found = bc.tune(P, 2, 2, T.gain(), starts=3)
@@ -122,6 +125,7 @@ def test_a_result_is_verified_from_what_was_handed_in():
         assert np.linalg.norm(at, 2) == pytest.approx(peak.value, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_no_small_step_goes_lower():
     P = swing(3)
     found = bc.tune(P, 2, 2, T.gain(), starts=3)
@@ -131,6 +135,7 @@ def test_no_small_step_goes_lower():
         assert bc.hinf_norm(bc.close_loop(P, other)).lower >= found.gamma * (1.0 - 1e-7)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_controller():
     one, other = (bc.tune(swing(5), 2, 2, T.gain(), starts=2, seed=3) for _ in range(2))
     assert one.values == other.values
@@ -197,6 +202,7 @@ def test_a_structure_gives_the_controller_that_its_numbers_say(name):
         assert np.asarray(K(s)) == pytest.approx(np.asarray(wanted), rel=1e-8, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_loops_side_by_side_read_and_set_nothing_else():
     parts = T.decentralised(("y0", "u1", T.gain()), (["y0", "y1"], "u0", T.pid(integral=False)))
     K = bc.tune(two_by_two(), 2, 2, parts, starts=1).controller
@@ -282,6 +288,7 @@ def test_poles_keep_to_what_is_asked():
 # -- physical parameters and families ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_damper_alone_is_tuned_to_where_two_channels_meet():
     """``1/(c w)`` of the place against what the damper's force costs: the minimum of a function of one number."""
 
@@ -366,6 +373,7 @@ def test_the_worst_of_the_objective_over_a_family_is_not_where_a_budget_is_worst
         assert bc.hinf_norm(loop["z_x", "w_f"]).lower <= found.certificate.worst.value * (1.0 + 1e-6)
 
 
+@pytest.mark.slow
 def test_a_parameter_of_the_family_may_be_tuned_and_the_others_are_uncertain():
     parts = T.pid(integral=False, high=50.0) + T.physical("c", 0.1, 1.0)
     found = bc.tune(weighed, 1, 1, parts, family=family(), starts=1)
@@ -490,6 +498,7 @@ def test_what_cannot_be_is_refused_in_one_line(name):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_time_limit_returns_the_best_so_far_verified():
     P = swing(13, states=12, nmeas=3, ncon=3)
     found = bc.tune(P, 3, 3, T.state_space(3), starts=50, time_limit=1.0)
@@ -502,6 +511,7 @@ def test_out_of_time_before_anything_is_stable_is_said():
         bc.tune(lag(-1.0), 1, 1, T.gain(), time_limit=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="signals to a thread")
 def test_an_interrupt_returns_the_best_so_far_verified():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # tests may run where it is ignored

@@ -151,6 +151,7 @@ def test_gains_and_h2_norms_change_with_a_parameter_as_differences_say(name):
         assert piece.gradient[place] == pytest.approx(value, rel=WITHIN, abs=1e-3 * WITHIN)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hinge_damping", "mass"])
 def test_the_certified_norm_changes_as_the_gradient_says(name):
     plants, make = made(name)

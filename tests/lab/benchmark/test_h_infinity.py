@@ -22,6 +22,7 @@ def test_ours_is_near_the_bound_and_the_peer_is_judged_by_its_loop():
     assert peer.error > 10.0
 
 
+@pytest.mark.slow
 def test_a_peer_that_hangs_is_killed(monkeypatch):
     monkeypatch.setattr(hinfsyn, "PATIENCE", 1e-3)
     ours, peer = measured(only(h_infinity_cheap("quick"), "control.hinfsyn"), 1e-3, lambda text: None).points

@@ -104,6 +104,7 @@ def scene(*settings, error=lambda answer: abs(answer - 1.0)):
     return Scene("tiny", "A tiny scene", "What is one?", "Distance from one.", settings, error, ("none: not there",))
 
 
+@pytest.mark.slow
 def test_every_setting_is_judged_and_failures_are_points():
     changes = []
 
@@ -160,6 +161,7 @@ def test_every_setting_is_judged_and_failures_are_points():
     assert told[0] == "tiny: mine, both"
 
 
+@pytest.mark.slow
 def test_memory_is_that_of_one_call():
     tiny = scene(Setting("mine", "a million bytes", ours=True, cold=lambda change: float(np.ones(125_000)[0])))
     (point,) = measured(tiny, 1.0, lambda text: None).points

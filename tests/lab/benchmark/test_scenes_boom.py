@@ -48,6 +48,7 @@ def test_the_transfer_of_the_tips_is_the_exact_response_by_halves():
     assert complex(opposite) == pytest.approx(response[0, 0] - response[0, 1], rel=1e-14)
 
 
+@pytest.mark.slow
 def test_the_peak_is_the_largest_value_of_the_exact_response():
     found = peak_in_many_digits(P)
 

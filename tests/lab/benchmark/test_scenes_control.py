@@ -49,6 +49,7 @@ def test_ours_comes_as_near_the_bound_as_asked(maker):
     assert scene.elsewhere() == before  # ours runs here
 
 
+@pytest.mark.slow
 def test_the_boom_meets_its_limit_and_ours_is_exact():
     scene = boom_loop("quick")
     errors = {setting.competitor: scene.error(setting.cold(0.0)) for setting in scene.settings}

@@ -17,6 +17,7 @@ def test_threads_are_restored():
         assert [pool["num_threads"] for pool in threadpool_info()] == before
 
 
+@pytest.mark.slow
 def test_peak_memory_counts_what_a_call_holds():
     assert peak_memory(lambda: np.zeros(10**6)) == pytest.approx(8e6, rel=0.01)
 

@@ -113,6 +113,7 @@ def test_a_suspension_is_judged_by_what_its_report_says():
     assert design_numbers(unproved)["proved worst peak"] == inf
 
 
+@pytest.mark.slow
 def test_a_design_that_is_not_there_fails_and_breaks_its_promises(monkeypatch):
     monkeypatch.setattr(tuning, "LIMITS", {"no_such_suspension": (1.0, 1.0, 1.0, 1.0)})
     found = measured(tuning.designs("quick"), 1e-3, lambda text: None)

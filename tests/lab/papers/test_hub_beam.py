@@ -188,6 +188,7 @@ def test_json_has_no_numbers_that_json_has_not():
     assert data["summary"] == {MET: 1, CORRECTED: 0, NOT_REPRODUCIBLE: 1}
 
 
+@pytest.mark.slow
 def test_pictures_are_drawn_the_same_each_time():
     line = Line("a", np.array([1.0, 10.0]), np.array([1.0, 2.0]))
     chart = Chart("p", "", (Panel("t", "x", "y", (line,), "xy", levels=((1.5, "level"),), xticks=(1.0, 5.0)),), 2)

@@ -24,6 +24,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2, 20])
 def test_answers_come_in_the_order_of_the_jobs(workers):
     told = []
