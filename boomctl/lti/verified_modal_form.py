@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
+from scipy.linalg import lapack
 
 from boomctl.arrays import Array
-from boomctl.lti.frequency import singular_values
+from boomctl.lti.frequency import singular_values, triangular
 from boomctl.lti.modal import ModalSystem
 from boomctl.lti.system import Lti
 
@@ -143,16 +144,15 @@ def rounding_doubt(system: Lti, doubt: float = 0.0) -> float:
     size = BACKWARD * _EPS * float(np.linalg.norm(system.A)) + len(system.A) * doubt
     asked = [np.abs(system.poles), np.abs(system.poles.imag)] if system.dt == 0.0 else [np.abs(system.rates.imag)]
     omega = np.unique(np.concatenate([[0.0], *asked]))
-    eye, worst = np.eye(len(system.A)), 0.0
+    eye, worst, turned = np.eye(len(system.A)), 0.0, triangular(system)  # by a unitary matrix: sizes stay as they are
     for w in omega:
-        try:
-            resolvent = np.linalg.inv(system.boundary(w) * eye - system.A)
-        except np.linalg.LinAlgError:
+        resolvent, at_pole = lapack.ztrtri(system.boundary(w) * eye - turned.T)
+        if at_pole:
             return inf
         share = size * np.linalg.norm(resolvent)  # of all its singular values: at a resonance the largest rules
         if share >= _CONTRACTS:
             return inf
-        reads, acts = np.linalg.norm(system.C @ resolvent, 2), np.linalg.norm(resolvent @ system.B, 2)
+        reads, acts = np.linalg.norm(turned.C @ resolvent, 2), np.linalg.norm(resolvent @ turned.B, 2)
         worst = max(worst, float(reads * size * acts / (1.0 - share)))
     return _BETWEEN * worst
 
