@@ -6,18 +6,15 @@ parabola through the rest's values against the flow; it serves where modes that 
 turn many times in a step. Both are of fourth order. The implicit steps, by collocation, are in `nlp.transcription`.
 """
 
-import math
-from collections.abc import Callable
-
 import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.simulation.machine.exponential_step import krogstad, pushing, stumpff
 from boomctl.slew.plant import SlewPlant
 
 _TAYLOR = 14  # terms of a linear motion: 1 / 15! = 8e-13 is left out where |A h| is 1, below what a replay resolves
 _ZERO = 1e-15  # entry of a constant matrix, over its largest, that is a rounded zero
-_STUMPFF = 9  # terms of Stumpff's series: 1 / 19! = 8e-18 is left out where y is 1
 
 
 def times(matrix: Array, vector: ca.SX) -> ca.SX:
@@ -86,42 +83,13 @@ def _lawson(plant: SlewPlant, nonlinear: ca.Function, z: ca.SX, u: ca.SX, slope:
 
 def _krogstad(plant: SlewPlant, nonlinear: ca.Function, z: ca.SX, u: ca.SX, slope: ca.SX, h: ca.SX) -> ca.SX:
     """One step; the oscillators' motion under a rest that is a power of time is exact."""
-    middle, last = u + 0.5 * h * slope, u + h * slope
-    half, whole = _oscillators(plant, 0.5 * h), _oscillators(plant, h)
-    n1 = nonlinear(z, u)
-    at = _flow(plant, z, u, slope, 0.5 * h) + half(0, n1)
-    n2 = nonlinear(at, middle)
-    n3 = nonlinear(at + 2.0 * half(1, n2 - n1), middle)
-    end = _flow(plant, z, u, slope, h) + whole(0, n1)
-    n4 = nonlinear(end + 2.0 * whole(1, n3 - n1), last)
-    both = n2 + n3
-    return end + whole(1, 2.0 * both - 3.0 * n1 - n4) + whole(2, 2.0 * (n1 + n4 - both))
-
-
-def _oscillators(plant: SlewPlant, h: ca.SX) -> Callable[[int, ca.SX], ca.SX]:
-    """``(k, g) -> z``: motion from rest after a time h under accelerations ``g (t/h)^k``, k = 0, 1, 2, without damping."""
     assert plant.frequencies is not None
-    rigid = [ca.SX(1.0 / math.factorial(k)) for k in (1, 2, 3, 4)]
-    each = [stumpff((w * h) ** 2) if w > 0.0 else rigid for w in plant.frequencies]
-    c = [ca.vertcat(*row) for row in zip(*each, strict=True)]
-
-    def motion(k: int, g: ca.SX) -> ca.SX:
-        return math.factorial(k) * ca.vertcat(h**2 * c[k + 1] * g, h * c[k] * g)
-
-    return motion
-
-
-def stumpff(y: ca.SX) -> list[ca.SX]:
-    """Stumpff's functions ``c_k(y) = sum_j (-y)^j / (2 j + k)!``, k = 1 to 4, y > 0; closed forms lose digits near 0."""
-    near = y < 1.0
-    x = ca.sqrt(ca.if_else(near, 1.0, y))
-    c1 = ca.sin(x) / x
-    c2 = 2.0 * (ca.sin(0.5 * x) / x) ** 2
-    closed, series = [c1, c2, (1.0 - c1) / x**2, (0.5 - c2) / x**2], [0.0 * y] * 4
-    for k in range(4):
-        for j in range(_STUMPFF - 1, -1, -1):
-            series[k] = 1.0 / math.factorial(2 * j + k + 1) - y * series[k]
-    return [ca.if_else(near, series[k], closed[k]) for k in range(4)]
+    torques = u, u + 0.5 * h * slope, u + h * slope
+    half, whole = (
+        (_flow(plant, z, u, slope, part), pushing(stumpff((ca.DM(plant.frequencies) * part) ** 2), part))
+        for part in (0.5 * h, h)
+    )
+    return krogstad(lambda at, stage: nonlinear(at, torques[stage]), z, half, whole)
 
 
 def _flow(plant: SlewPlant, z: ca.SX, u: ca.SX | None, slope: ca.SX | None, h: ca.SX) -> ca.SX:

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.slew.dynamics import explicit_step, stumpff
+from boomctl.simulation.machine.exponential_step import stumpff
+from boomctl.slew.dynamics import explicit_step
 from boomctl.slew.least_time.arcs import Steps, end_map
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import Limits, slew_problem
