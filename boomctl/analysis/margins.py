@@ -174,11 +174,11 @@ class LoopMargin:
         """Frequencies [rad/s] and the loop's response ``L`` there, so dense that a Nyquist curve through them is smooth."""
         S = self._sensitivity
         assert S is not None
-        image = S if S.dt == 0.0 else continuous_image(S)
+        image = continuous_image(S)
         opened = _opened(image)
         limits = [self.gain_low_omega, self.gain_high_omega, self.phase_omega, self.delay_omega, self.disk.omega]
         grids = [grid_of_loop(image), [] if opened is None else grid_of_loop(opened)]
-        asked = np.concatenate([*(grid if S.dt == 0.0 else omega_of_image(grid, S.dt) for grid in grids), limits])
+        asked = np.concatenate([*(omega_of_image(grid, S.dt) for grid in grids), limits])
         return smooth_curve(partial(_loop_response, S), np.unique(asked[np.isfinite(asked)]))
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
@@ -352,7 +352,7 @@ def margins(
         at = f"{worst:.4g} rad/s" if dt == 0.0 else f"z = {worst:.4g}, of size {abs(worst):.7g}"
         raise ValueError(f"the loop is not stable (pole at {at}): it has no margins")
     S = loop.sensitivity
-    image = S if dt == 0.0 else continuous_image(S)
+    image = continuous_image(S)
     quick, grid = triangular(image), grid_of_loop(image)
     G = quick.response(grid)
     m, total = len(loop.controls), len(S.D)
@@ -591,8 +591,7 @@ def _loop_margin(
     grid, values = grid[there], 1.0 - 1.0 / values[there]
 
     def response(omega: Array) -> Array:
-        asked = np.atleast_1d(omega)
-        return _loop_response(S, asked if dt == 0.0 else omega_of_image(asked, dt))
+        return _loop_response(S, omega_of_image(np.atleast_1d(omega), dt))
 
     (low, low_omega), (high, high_omega) = _gain_limits(response, grid, values, open_loop)
     (phase, phase_omega), delays = _phase_limits(response, grid, values, open_loop, dt)
@@ -603,9 +602,7 @@ def _loop_margin(
             said = f"delay at {signal}: the loop is proved to bear {least[0]:.4g} s more, and may bear a longer delay"
             warnings.warn(said, UncertainMarginsWarning, stacklevel=4)
     delay, delay_omega = min(delays, default=(inf, float("nan")), key=lambda found: found[0])
-    if dt != 0.0:
-        low_omega, high_omega = float(omega_of_image(low_omega, dt)), float(omega_of_image(high_omega, dt))
-        phase_omega = float(omega_of_image(phase_omega, dt))
+    low_omega, high_omega, phase_omega = omega_of_image([low_omega, high_omega, phase_omega], dt).tolist()
     return LoopMargin(
         signal=signal,
         place=place,
@@ -719,7 +716,7 @@ def _phase_limits(
         angle = float(np.angle(response(np.array([omega]))[0]))
         if abs(angle) < np.radians(phase[0]):
             phase = (float(np.degrees(abs(angle))), omega)
-        turning = omega if dt == 0.0 else float(omega_of_image(omega, dt))
+        turning = float(omega_of_image(omega, dt))
         if omega > 0.0:
             delays.append(((angle % (2.0 * np.pi)) / turning, turning))
     if abs(D) >= 1.0 - _ONE and dt == 0.0:  # a delay turns the phase by any angle at some high frequency

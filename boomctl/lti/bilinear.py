@@ -2,7 +2,7 @@
 
 A discrete system and its image have the same response, at ``z = exp(j omega dt)`` and at ``w = j (2/dt) tan(omega dt/2)``;
 the same norm, the same Hankel singular values; and one is stable where the other is.  The image of a discrete system is that
-continuous one whose Tustin discretisation it is.
+continuous one whose Tustin discretisation it is; a system in continuous time is its own, so that nobody has to ask.
 """
 
 import numpy as np
@@ -21,25 +21,37 @@ _LAST = (
 
 
 def image_of_omega(omega: ArrayLike, dt: float) -> Array:
-    """Return the frequencies ``(2/dt) tan(omega dt/2)`` of the image; ``inf`` for ``pi/dt``."""
+    """Return the frequencies ``(2/dt) tan(omega dt/2)`` of the image; ``inf`` for ``pi/dt``.
+
+    Without ``dt`` they stay.
+    """
+    if dt == 0.0:
+        return np.asarray(omega, dtype=float)
     half = 0.5 * dt * np.asarray(omega, dtype=float)
     with np.errstate(over="ignore", invalid="ignore"):
         return np.where(half >= 0.5 * np.pi * (1.0 - _LAST), np.inf, (2.0 / dt) * np.tan(half))
 
 
 def omega_of_image(v: ArrayLike, dt: float) -> Array:
-    """Return the frequencies ``(2/dt) atan(v dt/2)`` whose images are given; ``pi/dt`` for ``inf``."""
+    """Return the frequencies ``(2/dt) atan(v dt/2)`` whose images are given; ``pi/dt`` for ``inf``.
+
+    Without ``dt`` they stay.
+    """
+    if dt == 0.0:
+        return np.asarray(v, dtype=float)
     return np.minimum((2.0 / dt) * np.arctan(0.5 * dt * np.asarray(v, dtype=float)), np.pi / dt)
 
 
 def continuous_image(system: Lti) -> Lti:
-    """Return the continuous system that a discrete one is the Tustin discretisation of.
+    """Return the continuous system that a discrete one is the Tustin discretisation of; a continuous one stays.
 
     Raises
     ------
     ValueError
         A pole at ``z = -1``: there is none.
     """
+    if system.dt == 0.0:
+        return system
     g, n = 2.0 / system.dt, len(system.A)
     if not n:
         return Lti(system.A, system.B, system.C, system.D, system.inputs, system.outputs, system.states)
@@ -56,11 +68,15 @@ def continuous_image(system: Lti) -> Lti:
 def discrete_image(system: Lti, dt: float) -> Lti:
     """Return the Tustin discretisation of a continuous system: the discrete one whose continuous image it is.
 
+    Without ``dt`` it is the system itself.
+
     Raises
     ------
     ValueError
         A pole at ``w = 2/dt``: there is none.
     """
+    if dt == 0.0:
+        return system
     g, n = 2.0 / dt, len(system.A)
     if not n:
         return Lti(system.A, system.B, system.C, system.D, system.inputs, system.outputs, system.states, dt)

@@ -52,6 +52,12 @@ def test_half_the_sampling_rate_is_infinitely_far():
     assert omega_of_image(np.inf, 0.3) == np.pi / 0.3
 
 
+def test_continuous_time_is_its_own_image():
+    system, omega = Lti(-np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1))), np.array([0.0, 2.0, np.inf])
+    assert continuous_image(system) is discrete_image(system, 0.0) is system
+    assert image_of_omega(omega, 0.0) is omega_of_image(omega, 0.0) is omega
+
+
 def test_what_has_no_image_is_refused():
     with pytest.raises(ValueError, match="pole at z = -1"):
         continuous_image(Lti(-np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1)), dt=0.1))

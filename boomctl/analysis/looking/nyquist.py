@@ -160,10 +160,7 @@ def nyquist(
         opened, S, signals = _of_gain(matrices(system))
     else:
         opened, S, signals = _of_loop(looked_at(system, "plant"), controller_of(controller), delay)
-    dt, images = S.dt, (S, opened)
-    if dt != 0.0:
-        images = continuous_image(S), continuous_image(opened)
-    image, _ = images
+    images = image, _ = continuous_image(S), continuous_image(opened)
     grid = np.union1d(*(grid_of_loop(each) for each in images))
     quick = triangular(image)
     turns, unstable = _windings(*images, quick, grid)
@@ -178,7 +175,7 @@ def nyquist(
     omega, curve = smooth_curve(lambda w: _determinant(quick, 1j * w) - 1.0, grid)
     disk = single_disk(S) if len(signals) == 1 and not closed else None
     return NyquistResult(
-        omega=omega if dt == 0.0 else omega_of_image(omega, dt),
+        omega=omega_of_image(omega, S.dt),
         curve=curve,
         signals=signals,
         encirclements=turns,

@@ -237,15 +237,12 @@ def h_infinity(
     >>> bool(design.gamma <= 1.01 * design.certificate.lower)  # no controller does better by more than 1 %
     True
     """
-    plant = partition(P.system if isinstance(P, ReductionResult) else P, nmeas, ncon, sampled=True)
-    if plant.system.dt != 0.0:
-        if fastest_pole is not None:
-            raise ValueError("fastest_pole: expected none for a discrete plant, whose controller runs once a sample")
-        enough = None if gamma is None else within("gamma", gamma, *_LEVELS) * (1.0 - _MORE)
-        image = continuous_image(plant.system).statespace("image")
-        more = {"gamma": enough, "tolerance": tolerance, "time_limit": time_limit, "progress": progress}
-        return _on_circle(plant, h_infinity(image, nmeas, ncon, **more), origin_of(P))
-    wanted = None if gamma is None else within("gamma", gamma, *_LEVELS)
+    given = partition(P.system if isinstance(P, ReductionResult) else P, nmeas, ncon, sampled=True)
+    discrete = given.system.dt != 0.0
+    if discrete and fastest_pole is not None:
+        raise ValueError("fastest_pole: expected none for a discrete plant, whose controller runs once a sample")
+    wanted = None if gamma is None else within("gamma", gamma, *_LEVELS) * (1.0 - _MORE if discrete else 1.0)
+    plant = replace(given, system=continuous_image(given.system))
     share, limit = positive("tolerance", tolerance), positive("time_limit", time_limit)
     allowed = None if fastest_pole is None else positive("fastest_pole", fastest_pole)
     check_ranks(plant)
@@ -266,7 +263,10 @@ def h_infinity(
         task = Task(
             plant=plant, ready=ready, bounds=bounds, fastest=fastest, tolerance=share, deadline=deadline, wanted=wanted
         )
-        return _result(task, first_accepted(task, strict=allowed is not None), origin_of(P))
+        found = first_accepted(task, strict=allowed is not None)
+        if discrete:
+            return _on_circle(given, _result(task, found, None), origin_of(P))
+        return _result(task, found, origin_of(P))
 
 
 def _on_circle(plant: GeneralizedPlant, found: HInfinityResult, origin: ReducedPlant | None) -> HInfinityResult:

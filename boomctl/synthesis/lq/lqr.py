@@ -263,26 +263,15 @@ def solved_regulator(problem: RiccatiProblem, controls: Sequence[str], states: S
 def return_difference(problem: RiccatiProblem, solution: RiccatiSolution) -> float:
     """Return the smallest singular value of the return difference, one over the peak of its inverse.
 
-    The inverse ``I - F (s I - A + B F)^-1 B`` is stable, also where the loop itself has integrators.
+    The inverse ``I - F (s I - A + B F)^-1 B`` is stable, also where the loop itself has integrators; of both sides the
+    weight is made one, in discrete time on the left that of what a control costs with all that follows, ``R + B' X B``.
     """
-    if problem.dt != 0.0:
-        return _return_difference_of_steps(problem, solution)
-    L = linalg.cholesky(problem.R, lower=True)
-    B = linalg.solve_triangular(L, problem.B.T, lower=True).T
-    F = L.T @ solution.gain
+    B, L = problem.B, linalg.cholesky(problem.R, lower=True)
+    wide = L if problem.dt == 0.0 else linalg.cholesky(problem.R + B.T @ solution.X @ B, lower=True)
+    acting, direct = (linalg.solve_triangular(wide, each, lower=True).T for each in (B.T, L))
+    inverse = Lti(problem.A - B @ solution.gain, acting, -L.T @ solution.gain, direct, dt=problem.dt).balanced()
     # around the highest point of the grid alone: what is asked is whether the peak rises above one
-    peak, _ = largest_gain(Lti(problem.A - B @ F, B, -F, np.eye(len(F))).balanced(), refined=1)
-    return 1.0 / peak if peak > 1.0 else 1.0
-
-
-def _return_difference_of_steps(problem: RiccatiProblem, solution: RiccatiSolution) -> float:
-    """Return the smallest singular value of the return difference on the unit circle, by the image of its inverse."""
-    B, X = problem.B, solution.X
-    L, wide = linalg.cholesky(problem.R, lower=True), linalg.cholesky(problem.R + B.T @ X @ B, lower=True)
-    acting = linalg.solve_triangular(wide, B.T, lower=True).T
-    inverse = linalg.solve_triangular(wide, L, lower=True).T
-    closed = Lti(problem.A - B @ solution.gain, acting, -L.T @ solution.gain, inverse, dt=problem.dt).balanced()
-    peak, _ = largest_gain(continuous_image(closed), refined=1)
+    peak, _ = largest_gain(continuous_image(inverse), refined=1)
     return 1.0 / peak if peak > 1.0 else 1.0
 
 

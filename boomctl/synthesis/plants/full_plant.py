@@ -124,8 +124,7 @@ def warn_of_lost_channels(plant: Any, channels: dict[str, tuple[tuple[str, ...],
     system, lost = of(plant.system, sampled=True), []
     for what, (inputs, outputs) in channels.items():
         if inputs and outputs and len(system.A):
-            way = system.select(inputs, outputs)
-            peak, _ = largest_gain(way if way.dt == 0.0 else continuous_image(way))
+            peak, _ = largest_gain(continuous_image(system.select(inputs, outputs)))
             if peak <= plant.measured_error:
                 lost.append(f"{what} (at most {peak:.3g})")
     if lost:

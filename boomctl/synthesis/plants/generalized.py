@@ -261,7 +261,7 @@ def _weight(what: str, weight: Any, dt: float) -> Lti:
         worst = lasting[np.argmax(lasting.real if system.dt == 0.0 else np.abs(lasting))]
         at = f"{worst:.6g} rad/s" if system.dt == 0.0 else f"z = {worst:.6g}"
         raise ValueError(f"{what}: expected a stable system, this one has a pole at {at}")
-    return discrete_image(system, dt) if dt != 0.0 and system.dt == 0.0 else system
+    return discrete_image(system, dt) if system.dt == 0.0 else system
 
 
 def _through(signals: Sequence[str]) -> Lti:

@@ -121,12 +121,9 @@ def split_controller(
     >>> jolt.D.round(6), yaw.D.round(6), round(missed, 9)
     (array([[-200.]]), array([[-100.]]), 0.0)
     """
-    mirror, K = _mirror(model), of(controller, "controller", "StateSpace", sampled=True).balanced()
-    if K.dt != 0.0:  # told apart as the continuous controller whose Tustin discretisation it is
-        *found, missed = split_controller(model, continuous_image(K).statespace("controller"))
-        symmetric, antisymmetric = (discrete_image(of(half), K.dt).statespace("controller") for half in found)
-        return symmetric, antisymmetric, missed
-    sides = []
+    mirror, given = _mirror(model), of(controller, "controller", "StateSpace", sampled=True).balanced()
+    # a discrete one is told apart as the continuous controller whose Tustin discretisation it is
+    K, sides = continuous_image(given).balanced(), []
     for parity in (1, -1):
         read, drive = mirror.signals(K.inputs, parity), mirror.signals(K.outputs, parity)
         if read is None or drive is None:
@@ -160,7 +157,8 @@ def split_controller(
     gains = {key: np.abs(part).max(initial=0.0) for key, part in parts.items()}
     kept = max(gains[0, 0], gains[1, 1])
     missed = float(max(gains[0, 1], gains[1, 0]) / kept) if kept else 0.0
-    return halves[0].statespace("controller"), halves[1].statespace("controller"), missed
+    symmetric, antisymmetric = (discrete_image(half, given.dt).statespace("controller") for half in halves)
+    return symmetric, antisymmetric, missed
 
 
 @dataclass(frozen=True)
