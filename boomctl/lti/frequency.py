@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +16,7 @@ from boomctl.lti.modal import partial_fractions, resolved, side_of_axis
 from boomctl.lti.system import Lti
 
 Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outputs, inputs, N)
+Value = TypeVar("Value", float, Array)  # one frequency or height, or many
 
 # share of their squares by which two values must differ: below, the closed form has under ten digits
 LEVEL = 1e-6  # how far above the largest gain known a level is tried, relative: a tenth of what a norm is certified to
@@ -150,11 +152,21 @@ def highest_peak(
     return peak, at
 
 
+def top_of_resonance(low: Value, middle: Value, high: Value, left: Value, top: Value, right: Value) -> Value:
+    """Return where a resonance is highest by its heights at three frequencies: its inverse square is a parabola there.
+
+    Numbers or arrays of them; not between the outer frequencies, or no number at all, where the heights are none of a peak.
+    """
+    p = (middle - low) * ((top / right) * (top / right) - 1.0)
+    q = (middle - high) * ((top / left) * (top / left) - 1.0)
+    return middle - 0.5 * ((middle - low) * p - (middle - high) * q) / (p - q)
+
+
 def with_peaks(respond: Response, grid: Array, allowed: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Return a grid and the response on it, with every peak of every entry of the response among its frequencies.
 
-    The inverse square of a resonance is a parabola: the top of that through a peak's three points is its place, and a second
-    and a third one, through points that are nearer, leave nothing to see.
+    The top of the resonance through a peak's three points is its place, and a second and a third one, through points that are
+    nearer, leave nothing to see.
 
     Parameters
     ----------
@@ -170,8 +182,7 @@ def with_peaks(respond: Response, grid: Array, allowed: Callable[[Array], Array]
         left, top, right = (size[rows, k + i] for i in range(3))
         low, middle, high = (grid[k + i] for i in range(3))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            p, q = (middle - low) * ((top / right) ** 2 - 1.0), (middle - high) * ((top / left) ** 2 - 1.0)
-            vertex = middle - 0.5 * ((middle - low) * p - (middle - high) * q) / (p - q)
+            vertex = top_of_resonance(low, middle, high, left, top, right)
         inside = (vertex > low) & (vertex < high) & (np.abs(vertex - middle) > _PLACED * middle)
         new = np.setdiff1d(allowed(np.unique(vertex[inside])), grid)
         if not len(new):
@@ -203,13 +214,11 @@ def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array, hal
     """Return narrower brackets of peaks, and the values there, in the order of the frequencies.
 
     A row is a bracket: its ends and, between or at one of them, its highest point.  Each is asked at the top of the
-    parabola through its three points, close to either side of it, and with ``halved`` in the middles too; all at once.
+    resonance through its three points, close to either side of it, and with ``halved`` in the middles too; all at once.
     """
     (low, middle, high), (left, top, right) = omega.T, heights.T
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        # the inverse square of a resonance is a parabola
-        p, q = (middle - low) * ((top / right) ** 2 - 1.0), (middle - high) * ((top / left) ** 2 - 1.0)
-        vertex = middle - 0.5 * ((middle - low) * p - (middle - high) * q) / (p - q)
+        vertex = top_of_resonance(low, middle, high, left, top, right)
     vertex, beside = np.where((vertex > low) & (vertex < high), vertex, middle), _CLOSE * (high - low)
     asked = [vertex - beside, vertex, vertex + beside]
     if halved:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.frequency import top_of_resonance
 from boomctl.tuning.problem import Closed
 
 _POINTS = 24  # spread evenly in the logarithm, beside the resonances (a choice)
@@ -128,16 +129,14 @@ class Bracket(NamedTuple):
         return flat or not self.high - self.low > _PLACED * self.high
 
     def asked(self) -> list[float]:
-        """Return where to look next: around the top of the parabola that the inverse square of a resonance is."""
-        low, middle, high, left, top, right = self
-        vertex = middle
-        if left > 0.0 and right > 0.0:
-            p = (middle - low) * ((top / right) * (top / right) - 1.0)
-            q = (middle - high) * ((top / left) * (top / left) - 1.0)
-            if p != q:
-                vertex = middle - 0.5 * ((middle - low) * p - (middle - high) * q) / (p - q)
-            if not low < vertex < high:
-                vertex = middle
+        """Return where to look next: around the top of the resonance through the three points."""
+        low, middle, high = self[:3]
+        try:
+            vertex = top_of_resonance(*self)
+        except ZeroDivisionError:  # flat, or nothing at an end
+            vertex = middle
+        if not low < vertex < high:
+            vertex = middle
         beside = _CLOSE * (high - low)
         ends = max(vertex - beside, low), min(vertex + beside, high)
         return [ends[0], vertex, ends[1], 0.5 * (low + middle), 0.5 * (middle + high)]

@@ -4,11 +4,18 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy import optimize
 
-from boomctl.lti.frequency import highest_peak, largest_gain, resonance_grid, singular_values, triangular
+from boomctl.lti.frequency import (
+    highest_peak,
+    largest_gain,
+    resonance_grid,
+    singular_values,
+    top_of_resonance,
+    triangular,
+)
 from boomctl.lti.system import Lti, SingularFrequencyWarning
 
 
@@ -25,6 +32,18 @@ def test_a_triangular_form_responds_as_the_system_does(seed, n, m, count):
     np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-8 * np.abs(wanted).max())
     part = triangular(system).only([m - 1]).response(omega)
     np.testing.assert_allclose(part[0, 0], found[m - 1, m - 1], rtol=1e-9, atol=1e-9)
+
+
+@given(st.floats(0.1, 10.0), st.floats(1e-4, 0.1), st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3, unique=True))
+def test_the_top_of_a_resonance_is_found_from_three_of_its_points(peak, width, places):
+    """Its inverse square is a parabola, of numbers and of arrays alike."""
+    low, middle, high = peak * (1.0 + width * np.sort(places))
+    assume(min(middle - low, high - middle) > 0.01 * width * peak)
+    heights = [float(1.0 / np.hypot(0.5 * width * peak, omega - peak)) for omega in (low, middle, high)]
+    one = top_of_resonance(float(low), float(middle), float(high), *heights)
+    assert one == pytest.approx(peak, rel=1e-6 * width)
+    many = top_of_resonance(*(np.full(2, each) for each in (low, middle, high, *heights)))
+    assert (many == one).all()
 
 
 def test_equal_poles_are_no_obstacle():
