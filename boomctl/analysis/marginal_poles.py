@@ -12,12 +12,12 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti, System, rates_of
+from boomctl.lti.verified_modal_form import INVERSE
 
 _EPS = float(np.finfo(float).eps)
 _ENTRIES = 8.0  # units of rounding of each entry given, up to which a verdict is one of its last digits
 _SQUARED = 5  # times a matrix is squared: the norm of its power 32 tells its largest eigenvalue to a tenth
-_INVERSE = 0.1  # distance from one of an inverse times its matrix up to which it is one to build on (a choice)
-_TWICE = 2.0  # of a bound that is itself computed in floats, from an inverse that is off by _INVERSE at most
+_TWICE = 2.0  # of a bound that is itself computed in floats, from an inverse that is off by INVERSE at most
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def _decay(system: Lti, entries: Array, reads: Array, decay: Array) -> bool:
     if not angles.all():
         return False
     inverse = left.conj().T / angles[:, None]
-    if np.abs(inverse @ right - np.eye(len(A))).sum(axis=1).max() > _INVERSE:
+    if np.abs(inverse @ right - np.eye(len(A))).sum(axis=1).max() > INVERSE:
         return False
     rounding = (len(A) + _ENTRIES) * _EPS * (entries @ size + size * np.abs(poles))
     F = _TWICE * reads @ (np.abs(product - right * poles) + rounding)

@@ -23,7 +23,7 @@ from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import LEVEL, Resonances, Response, largest_gain, resonance_grid, singular_values
-from boomctl.lti.system import Lti, System, beside, of
+from boomctl.lti.system import BATCH, Lti, System, beside, of
 from boomctl.lti.verified_modal_form import BACKWARD
 
 if TYPE_CHECKING:
@@ -40,7 +40,6 @@ _RELATIVE_ROUNDING = 1e-12  # and share of the eigenvalue itself (both are choic
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
 _UNITS = 4.0  # of rounding of each entry, that a response may be off by (measured: below one)
 _LOOKED_AT = 200  # frequencies, beside resonances, at which a response without upper bound is looked at (a choice)
-_BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
 
 # What tells a norm, in the order looked at: one of these is a certificate's ``method``.
@@ -259,7 +258,7 @@ def _responses(given: System, omega: Array) -> tuple[Array, Array]:
     system, size = given.system, given.magnitudes
     A, places = system.A, np.arange(len(system.A))
     G, doubts = np.zeros((*system.D.shape, len(omega)), dtype=complex), np.full(len(omega), inf)
-    step = max(1, _BATCH // len(A) ** 2)
+    step = max(1, BATCH // len(A) ** 2)
     for k in range(0, len(omega), step):
         few = slice(k, k + step)
         pencil = np.tile(-A.astype(complex), (len(omega[few]), 1, 1))

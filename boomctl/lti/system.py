@@ -22,7 +22,7 @@ from boomctl.printing import compact
 if TYPE_CHECKING:
     import control
 
-_BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
+BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
 # Where a pole is hit exactly, the response is taken so far beside it, relative to the frequency (a choice)
 # sizes of a matrix between which products of its entries, and times of its poles, are numbers still (a choice)
 _SIZES = (1e-250, 1e100)
@@ -124,7 +124,7 @@ class Lti:
             A frequency was answered from beside it.
         """
         states = np.empty((len(omega), *self.B.shape), complex)
-        step = max(1, _BATCH // max(len(self.A), 1) ** 2)
+        step = max(1, BATCH // max(len(self.A), 1) ** 2)
         for i in range(0, len(omega), step):
             states[i : i + step] = self._resolvent(omega[i : i + step], quiet)
         return np.moveaxis(self.C @ states + self.D, 0, 2)

@@ -15,12 +15,12 @@ from scipy.linalg import lapack
 
 from boomctl.arrays import Array
 from boomctl.lti.frequency import singular_values, triangular
+from boomctl.lti.gramians import EXTENDED
 from boomctl.lti.modal import ModalSystem
 from boomctl.lti.system import Lti
 
 _EPS = float(np.finfo(float).eps)
-_EXTENDED = 400  # states up to which residuals are summed in extended precision: beyond, that takes seconds (a choice)
-_INVERSE = 0.1  # distance from one of an inverse times its matrix up to which it is one to build on (a choice)
+INVERSE = 0.1  # distance from one of an inverse times its matrix up to which it is one to build on (a choice)
 _FIRST_ORDER = 0.01  # of the distance of two poles: couplings above that are not for perturbation theory (a choice)
 _NEUMANN = 8  # terms of (1 + X)^-1, of which each is smaller by a power of _FIRST_ORDER
 _DIGITS = 1e-7  # of the strongest mode: modal coordinates that are off by less are not compared with others (a choice)
@@ -75,9 +75,9 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
         return None
     with np.errstate(over="ignore", invalid="ignore"):
         F = np.abs(np.eye(n) - W @ V) + n * _EPS * (np.abs(W) @ np.abs(V))
-    if not np.isfinite(F).all() or F.sum(axis=1).max() > _INVERSE:
+    if not np.isfinite(F).all() or F.sum(axis=1).max() > INVERSE:
         return None
-    wide = np.clongdouble if n <= _EXTENDED else np.complex128
+    wide = np.clongdouble if n <= EXTENDED else np.complex128
     u = (n + 4) * float(np.finfo(wide).eps)
     V_, A_, p_ = V.astype(wide), A.astype(wide), poles.astype(wide)
     size_V, size_W = np.abs(V), np.abs(W)

@@ -9,11 +9,10 @@ from boomctl.arrays import Array
 from boomctl.slew.plant import SlewMachine, SlewPlant
 from boomctl.slew.problem import AT_LIMIT, SlewProblem
 from boomctl.slew.result import Replay
-from boomctl.slew.torque import TorqueHistory
+from boomctl.slew.torque import APART, TorqueHistory
 
 _SAMPLES = 1001  # instants of a replay at least: limits are judged, and pictures drawn, from them
 _AFTER = 96  # instants in one and a half of the slowest periods after the end; a choice
-_APART = 1e-12  # share of the duration below which two instants are one: rounding
 _TAYLOR, _TURN = 30, 0.5  # terms of a linear motion, and |A h| of a step: 0.5^30 / 30! is 4e-42
 _EXACT_MODES = 6  # of the geometrically exact beam; a choice
 _ACCURATE = {"rtol": 1e-10, "atol": 1e-13}  # of a replay that judges a plan to 1e-9
@@ -48,7 +47,7 @@ class Motion:
 def played(problem: SlewProblem, history: TorqueHistory, samples: int = _SAMPLES) -> tuple[Motion, ...]:
     """Play a torque back on all plants of a problem."""
     t = np.unique(np.concatenate([np.linspace(0.0, history.duration, samples), history.edges]))
-    t = t[np.diff(t, prepend=-1.0) > _APART * history.duration]
+    t = t[np.diff(t, prepend=-1.0) > APART * history.duration]
     t[-1] = history.duration
     motions = []
     for plant, own in problem.parts:

@@ -15,6 +15,7 @@ from boomctl.printing import count
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+APART = 1e-12  # share of the duration below which two instants are one: rounding
 _SWITCH = 0.5  # share of the peak either side of a switch: an arc of a bang-bang torque has all of it (a choice)
 
 

@@ -13,12 +13,11 @@ from boomctl.lti.system import ClosedLoop, Lti, lower_lft
 from boomctl.printing import compact, sentence
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.hinf import full_order as any_order
-from boomctl.synthesis.hinf.bounds import Deadline
+from boomctl.synthesis.hinf.bounds import REFUTED, Deadline
 from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.tuning.channels import Channel
 
-_REFUTED = 1e-6  # a verified norm below a bound by more than this share refutes it: it was made by rounding
 _EDGE = 1e-5  # decay of a pole over its size below which a loop may have ended at the edge of stability (a choice)
 _LOST = 1e-3  # share of the decay that the same pole had without the controller, below which it has (a choice)
 _SAME_POLE = 0.3  # share of its size within which a pole of the plant is the same (a choice)
@@ -185,7 +184,7 @@ def edge_of(plant: GeneralizedPlant, loop: Lti) -> str:
     before, after = plant.system.poles, loop.poles
     sizes = np.abs(before[before != 0.0])
     slowest = float(sizes.min(initial=np.inf)) if len(sizes) else 1.0
-    slowest = max(slowest, _REFUTED * float(sizes.max(initial=0.0)))
+    slowest = max(slowest, REFUTED * float(sizes.max(initial=0.0)))
     if not len(after):
         return ""
     apart = -after.real / (np.abs(after) + slowest)
@@ -239,7 +238,7 @@ def full_order_bound(
         except (SynthesisError, np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
             reasons.append(str(error))
             continue
-        if bound > value * (1.0 + _REFUTED):
+        if bound > value * (1.0 + REFUTED):
             reasons.append("the bound was made by rounding")
             continue
         if min(bound, value) > best:

@@ -16,10 +16,9 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import instance, known, nonnegative, positive, real
 from boomctl.printing import compact
-from boomctl.slew.torque import TorqueHistory, held
+from boomctl.slew.torque import APART, TorqueHistory, held
 
 _RISE = 0.1  # share of the duration in which a smoothed bang-bang rises: as Junkins, Rahman and Bang (1991)
-_APART = 1e-12  # share of the duration below which two instants are one: rounding
 _INTERVALS = 200  # on which a smooth torque is held: its steps are a hundredth of the limit
 
 
@@ -267,6 +266,6 @@ def _convolved(edges: Array, values: Array, train: Shaper) -> TorqueHistory:
     steps = (train.amplitudes[:, None] * jumps[None, :]).ravel()
     order = np.argsort(times, kind="stable")
     ascending = times[order]
-    first = np.flatnonzero(np.diff(ascending, prepend=-ascending[-1]) > _APART * ascending[-1])
+    first = np.flatnonzero(np.diff(ascending, prepend=-ascending[-1]) > APART * ascending[-1])
     total = np.add.reduceat(steps[order], first)
     return held(ascending[first], np.cumsum(total)[:-1])

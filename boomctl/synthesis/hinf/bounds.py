@@ -32,7 +32,7 @@ _STEPS = 60  # levels looked at: every third halves the span, and 20 halvings ta
 _SLOWEST = 1e-9  # share of the fastest pole below which the frequency bound is not looked for: no peak lies there
 _NOTHING = 1e-8  # share of the plant's own size below which a level counts as zero
 _ABOVE = 1e-3  # how far above the radius of a level that only the coupling refuses another one can be reached
-_REFUTED = 1e-6  # a verified norm below a bound by more than this share refutes it: norms are certified to as much
+REFUTED = 1e-6  # a verified norm below a bound by more than this share refutes it: norms are certified to as much
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Bounds:
     def below(self, norm: float) -> "Bounds":
         """Return what the verified norm of a loop does not refute; a bound it beats was made by rounding, and is zero."""
         frequency, riccati = (
-            0.0 if bound > norm * (1.0 + _REFUTED) else min(bound, norm) for bound in (self.frequency, self.riccati)
+            0.0 if bound > norm * (1.0 + REFUTED) else min(bound, norm) for bound in (self.frequency, self.riccati)
         )
         return replace(self, frequency=frequency, riccati=riccati, reason=self.reason if riccati > 0.0 else "")
 

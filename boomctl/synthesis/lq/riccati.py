@@ -25,12 +25,12 @@ _GOAL = 1e-12  # change of the solution, each state scaled by its own cost, at w
 _POLISHING = 4  # Newton steps in the coordinates of the problem, from a solution that is nearly right
 _POLISHED = 1e-8  # share of what a certificate allows at which these stop: a cost in doubt by 1e-12
 _GOOD = 1e-2  # share of what a certificate allows at which no other coordinates are tried
-_EXTENDED = 300  # states up to which residuals are computed in long numbers, which take seconds beyond
 LARGEST_RESIDUAL = (
     1e-6  # largest residual of a solution that is vouched for, relative to the terms of the equation (a choice)
 )
 LARGEST_COST_ERROR = 1e-4  # and share of the cost that may be in doubt (a choice)
-_TINY = float(np.finfo(float).tiny)
+EXTENDED = 300  # states up to which residuals are computed in long numbers, which take seconds beyond
+TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
@@ -277,14 +277,14 @@ def _polished(problem: RiccatiProblem, X: Array) -> RiccatiSolution:
 
 def _certified(problem: RiccatiProblem, X: Array) -> tuple[RiccatiSolution, Array | None]:
     """Return a solution with its certificate, and the Newton step from there."""
-    residual = problem.residual(X, extended=len(X) <= _EXTENDED)
+    residual = problem.residual(X, extended=len(X) <= EXTENDED)
     terms = max(float(np.linalg.norm(term)) for term in (*problem.terms(X), problem.Q))
     entry = _sizes(problem, X)
     allowed = np.sqrt(np.outer(entry, entry))
     step, poles = newton_step(problem, X, residual)
     certificate = RiccatiCertificate(
-        residual=float(np.linalg.norm(residual)) / max(terms, _TINY),
-        backward_error=float((np.abs(residual) / np.maximum(allowed, _TINY)).max(initial=0.0)),
+        residual=float(np.linalg.norm(residual)) / max(terms, TINY),
+        backward_error=float((np.abs(residual) / np.maximum(allowed, TINY)).max(initial=0.0)),
         cost_error=np.inf if step is None else scaled_size(step, X),
         abscissa=_abscissa(poles),
     )

@@ -15,8 +15,10 @@ from boomctl.lti.modal import sides
 from boomctl.lti.system import rates_of
 from boomctl.synthesis.assumptions import SynthesisError
 from boomctl.synthesis.lq.riccati import (
+    EXTENDED,
     LARGEST_COST_ERROR,
     LARGEST_RESIDUAL,
+    TINY,
     RiccatiCertificate,
     RiccatiProblem,
     RiccatiSolution,
@@ -28,12 +30,10 @@ from boomctl.synthesis.lq.riccati import (
 _STEPS = 40
 _NEAR = 0.5  # change of the solution, each state scaled by its own cost, below which these are right but for a factor
 _GOAL = 1e-13  # change of the solution, each state scaled by its own cost, at which these stop
-_EXTENDED = 300  # states up to which residuals are computed in long numbers, which take seconds beyond
 _DOUBLINGS = (
     64  # of the number of steps: a pole that lies one unit of rounding within the unit circle has decayed after 57
 )
 _EPS = float(np.finfo(float).eps)
-_TINY = float(np.finfo(float).tiny)
 
 
 def solution_of(problem: RiccatiProblem, what: str) -> RiccatiSolution:
@@ -142,7 +142,7 @@ _STARTS = {"structure-preserving doubling": _doubled, "SciPy, extended pencil": 
 def _refined(p: RiccatiProblem, X: Array) -> RiccatiSolution:
     """Return a solution after Newton steps, as many as make it better."""
     # summed in long numbers: what rounding a solution to double precision leaves of a residual is no doubt of it
-    best, step = _certified(p, _even(X).astype(np.longdouble if len(X) <= _EXTENDED else float), near=False)
+    best, step = _certified(p, _even(X).astype(np.longdouble if len(X) <= EXTENDED else float), near=False)
     X = best.X
     for _ in range(_STEPS):
         if step is None or best.certificate.cost_error <= _GOAL:
@@ -188,8 +188,8 @@ def _certified(p: RiccatiProblem, X: Array, near: bool) -> tuple[RiccatiSolution
         scaled = closed * d / d[:, None]
         step = _even(_summed(scaled, _even(residual) * np.outer(d, d))) / np.outer(d, d)
     certificate = RiccatiCertificate(
-        residual=float(np.linalg.norm(residual)) / max(terms, _TINY),
-        backward_error=float((np.abs(residual) / np.maximum(np.sqrt(np.outer(entry, entry)), _TINY)).max(initial=0.0)),
+        residual=float(np.linalg.norm(residual)) / max(terms, TINY),
+        backward_error=float((np.abs(residual) / np.maximum(np.sqrt(np.outer(entry, entry)), TINY)).max(initial=0.0)),
         cost_error=float("inf") if step is None else scaled_size(step, own),
         abscissa=float(rates_of(poles, p.dt).real.max()),
     )
