@@ -23,9 +23,9 @@ from boomctl.analysis.norm import NormCertificate
 from boomctl.analysis.nyquist import ExactLoopStability, exact_loop_stability
 from boomctl.analysis.prove import prove
 from boomctl.analysis.sampled_loops.sampled_norm import sampled_norm
-from boomctl.analysis.sampled_loops.sampled_plant import sample_plant
 from boomctl.analysis.sigma import SigmaComparison, SigmaResult, compare_sigma, sigma
 from boomctl.analysis.state_outputs import with_states
+from boomctl.lti.sampled import sample_plant
 
 __all__ = [
     "BodeResult",

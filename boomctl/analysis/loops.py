@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.analysis.sampled_loops.sampled_plant import sampled_plant, time_of_loop
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, known, names
 from boomctl.lti.bilinear import continuous_image
+from boomctl.lti.sampled import sampled_plant, time_of_loop
 from boomctl.lti.system import Lti, is_frequency_response, lower_lft, of
 from boomctl.printing import compact
 from boomctl.structure.model import SecondOrderModel

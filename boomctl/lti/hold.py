@@ -1,12 +1,14 @@
 """Held and straight inputs: exact steps of linear systems, and many of them at once.
 
 A signal that is held or runs straight between its samples moves a linear system exactly from sample to sample; the maps
-of one step are corners of one matrix exponential.  Many steps are taken in blocks: :func:`recursion` returns all states,
-:func:`lifted_response` the outputs, where products take the place of steps.
+of one step are corners of one matrix exponential, and of two where a held signal changes within the step.  Many steps are
+taken in blocks: :func:`recursion` returns all states, :func:`lifted_response` the outputs, where products take the place of
+steps.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +19,7 @@ from boomctl.arrays import Array
 from boomctl.checks import finite_array, positive
 from boomctl.lti.system import of
 
-_BLOCK = 128  # steps a block: measured, where forming the blocks costs as much as they save; flat from 64 to 256
+BLOCK = 128  # steps a block: measured, where forming the blocks costs as much as they save; flat from 64 to 256
 
 
 def zero_order_hold(A: Array, B: Array, step: float) -> tuple[Array, Array]:
@@ -41,6 +43,62 @@ def linear_hold(A: Array, B: Array, step: float) -> tuple[Array, Array, Array]:
     generator[..., n : n + m, n + m :] = np.eye(m)
     upper = linalg.expm(generator)[..., :n, :]
     return upper[..., :n], upper[..., n : n + m], upper[..., n + m :]
+
+
+@dataclass(frozen=True)
+class Step:
+    """Exact motion over one step: ``x+ = Phi x + before u_old + after u_new + first d + last d+``.
+
+    ``u`` is held and changes once within the step, ``switch`` after its beginning; ``d`` runs along a straight line from
+    ``d`` to ``d+``.
+    """
+
+    h: float
+    Phi: Array
+    before: Array
+    after: Array
+    first: Array
+    last: Array
+    switch: float = 0.0
+
+    @property
+    def of_signals(self) -> tuple[Array, Array, Array]:
+        """``Phi``, ``first`` and ``last``."""
+        return self.Phi, self.first, self.last
+
+    @property
+    def held(self) -> Array:
+        """What an input held over the whole step adds."""
+        return self.before + self.after if self.before.any() else self.after
+
+
+def changing(
+    hold: Callable[[float, Array], tuple[Array, Array]], whole: Array, duration: float, changes: Array
+) -> tuple[Array, Array]:
+    """Return what inputs add to the state in a while, (n, m): before each changes, and after.
+
+    Parameters
+    ----------
+    hold : function of a time [s] and a choice of inputs
+        What the state, and these inputs where they are held, become in that time.
+    whole : (n, m) ndarray
+        What inputs add that are held throughout.
+    duration : float
+        [s]
+    changes : (m,) ndarray
+        How long after the beginning each input changes [s].
+    """
+    before, after = np.zeros_like(whole), np.zeros_like(whole)
+    for change in np.unique(changes):
+        these = changes == change
+        if change <= 0.0:
+            after[:, these] = whole[:, these]
+        elif change >= duration:
+            before[:, these] = whole[:, these]
+        else:  # two holds, one after the other
+            rest, after[:, these] = hold(duration - change, these)
+            before[:, these] = rest @ hold(change, these)[1]
+    return before, after
 
 
 def recursion(Phi: Array, forcing: Array, start: Array) -> Array:
@@ -94,8 +152,7 @@ def linear_hold_response(system: object, inputs: ArrayLike, step: float, initial
 
     Notes
     -----
-    The samples are cut into about ``sqrt(N)`` runs that are stepped through side by side from a zero state; what each
-    run inherits is added afterwards.  Nothing is diagonalised, so that defective systems are served as well.
+    Nothing is diagonalised, so that defective systems are served as well.
     """
     linear = of(system, expected="StateSpace")
     u = finite_array("inputs", inputs, ndim=2)
@@ -110,8 +167,7 @@ def linear_hold_response(system: object, inputs: ArrayLike, step: float, initial
         return D @ u
     with np.errstate(over="ignore", invalid="ignore"):
         Phi, G, H = linear_hold(A, B, h)
-        states = recursion(Phi, G @ u[:, :-1] + H @ np.diff(u), start)
-        found = C @ states + D @ u
+        found = lifted_response((Phi, G - H, H), C, D, u, start)
     if not np.isfinite(found).all():
         raise ValueError(
             f"system: its outputs grow beyond all numbers within {u.shape[1]} samples, {h:g} s apart; it is unstable, "
@@ -184,18 +240,20 @@ def recursion_without_lead(Phi: Array, first: Array, last: Array, C: Array, D: A
     return first + Phi @ last, D + C @ last
 
 
-def lifted_response(maps: tuple[Array, Array, Array], C: Array, D: Array, U: Array) -> Array:
-    """Return ``y = C z + D u`` at each step, (outputs, steps + 1), for ``z+ = Phi z + first u + last u+``, ``z = 0``.
+def lifted_response(
+    maps: tuple[Array, Array, Array], C: Array, D: Array, U: Array, start: Array | float = 0.0
+) -> Array:
+    """Return ``y = C z + D u`` at each step, (outputs, steps + 1), for ``z+ = Phi z + first u + last u+`` from ``z = start``.
 
     Only the states at the beginnings of blocks are found one after the other.
     """
     Phi, first, last = maps
     G, through = recursion_without_lead(Phi, first, last, C, D)
-    lifted = Lifted.of(Phi, G, C, through, min(_BLOCK, U.shape[1]))
+    lifted = Lifted.of(Phi, G, C, through, min(BLOCK, U.shape[1]))
     columns = lifted.columns(U)
     pushed = lifted.pushed(columns)
     starts = np.empty((columns.shape[2], len(Phi)))
-    state = -last @ U[:, 0]
+    state = start - last @ U[:, 0]
     for b in range(len(starts)):
         starts[b] = state
         state = lifted.power @ state + pushed[b]

@@ -12,6 +12,8 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.hold import Lifted, recursion_without_lead
+from boomctl.lti.sampled import Held
+from boomctl.lti.system import Lti, closed
 from boomctl.simulation.stepping import ControlLog, LoopProblem, control_log, limited, run_smooth
 
 _BLOCK = 32  # samples: measured on loops of 20 to 200 states; longer ones are broken by limits, shorter ones cost calls
@@ -21,10 +23,10 @@ _MOST_STATES = 400  # beyond, powers of the loop's matrix cost more than they sa
 
 @dataclass(frozen=True)
 class _Linear:
-    """The loop without limits: states ``[plant, controls given last .. first, controller]``.
+    """The loop without limits: states of the plant, of the controls given, and of the controller.
 
     ``z+ = Phi z + first d + last d+``; outputs are ``C x`` of the plant, the controls asked for, and their changes.
-    ``mend`` is what each control given beyond the one asked for adds to ``z+``.
+    ``mend`` is what each control given beyond the one asked for adds to ``z+``, ``given`` which states are those given last.
     """
 
     Phi: Array
@@ -33,6 +35,7 @@ class _Linear:
     C: Array
     D: Array
     mend: Array
+    given: Array
 
 
 def run_fast(p: LoopProblem, log: ControlLog) -> Array:
@@ -50,37 +53,19 @@ def in_blocks(p: LoopProblem) -> bool:
 
 def linear_loop(p: LoopProblem) -> _Linear:
     """Return the loop while no limit is met, in the steps of its maps."""
-    plant, c, n, nu, nc = p.plant, p.controller, len(p.plant.A), len(p.controller.driven), len(p.controller.A)
-    queue = (p.lag + 1) * nu
-    size, m = n + queue + nc, p.W.shape[0]
-    x, oldest, state = slice(0, n), slice(n + p.lag * nu, n + queue), slice(n + queue, size)
-    Y, Yd = np.zeros((len(c.measured), size)), plant.D[c.measured]
-    Y[:, x], Y[:, oldest] = plant.C[c.measured], plant.D[np.ix_(c.measured, c.driven)]
-    U, Ud = c.D @ Y, c.D @ Yd
-    U[:, state] += c.C
-    Phi, first, last = np.zeros((size, size)), np.zeros((size, m)), np.zeros((size, m))
-    Phi[x, x], Phi[x, oldest] = p.maps.Phi, p.maps.before[:, c.driven]
-    first[x], last[x] = p.maps.first, p.maps.last
-    arriving = p.maps.after[:, c.driven]
-    if p.lag:
-        Phi[x, n + (p.lag - 1) * nu : n + p.lag * nu] += arriving
-    else:
-        Phi[x] += arriving @ U
-        first[x] += arriving @ Ud
-    Phi[n : n + nu], first[n : n + nu] = U, Ud
-    Phi[n + nu : n + queue, n : n + queue - nu] = np.eye(queue - nu)
-    Phi[state], first[state] = c.B @ Y, c.B @ Yd
-    Phi[state, state] += c.A
-    change = U.copy()
-    change[:, n : n + nu] -= np.eye(nu)
-    moving = np.zeros((len(plant.C), size))
-    moving[:, x] = plant.C
-    C = np.vstack([moving, U, change])
-    mend = np.zeros((size, nu))
-    mend[n : n + nu], mend[state] = np.eye(nu), c.L
-    if not p.lag:
-        mend[x] = arriving
-    return _Linear(Phi=Phi, first=first, last=last, C=C, D=np.vstack([np.zeros((len(plant.C), m)), Ud, Ud]), mend=mend)
+    plant, c, maps, nu = p.plant, p.controller, p.maps, len(p.controller.driven)
+    held = Held.of(plant, c.driven.tolist(), [(p.lag, maps.switch)] * nu, remembered=True)
+    A, B = held.matrices(maps.Phi, maps.before, maps.after)
+    (n, m), size, acting, given = maps.first.shape, len(A), B[:, c.driven], held.starts[c.driven]
+    moving, asked = np.pad(plant.C, ((0, 0), (0, size - n))), np.zeros((nu, size))
+    C = np.vstack([moving, asked, asked - np.eye(size)[given], held.answers(0.0)[0][c.measured]])
+    D, read = np.zeros((len(C), m + nu)), len(moving) + 2 * nu
+    D[len(moving) : read, m:], D[read:, :m] = np.tile(np.eye(nu), (2, 1)), plant.D[c.measured]
+    first = np.pad(maps.first, ((0, size - n), (0, 0)))
+    # no control is felt before it is given: the loop is well-posed, with nothing to solve
+    loop = closed(Lti(A, np.hstack([first, acting]), C, D), Lti(c.A, c.B, c.C, c.D), np.eye(nu))
+    last = np.pad(maps.last, ((0, len(loop.A) - n), (0, 0)))
+    return _Linear(loop.A, loop.B, last, loop.C, loop.D, mend=np.vstack([acting, c.L]), given=given)
 
 
 def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
@@ -150,7 +135,7 @@ class _Walk:
     last: Array
     mend: Array
     W: Array
-    queue: int
+    given: Array
     force: list[float]
     rate: list[float]
 
@@ -169,7 +154,7 @@ class _Walk:
             last=last,
             mend=loop.mend,
             W=_one_more(p.W[used]),
-            queue=len(p.plant.A),
+            given=loop.given,
             force=p.limits.force.tolist(),
             rate=p.limits.rate.tolist(),
         )
@@ -181,7 +166,7 @@ class _Walk:
         forcing = here[:-1] @ self.first.T + here[1:] @ self.last.T
         rows = np.empty((len(here), nu + n))
         rows[0, nu:] = z
-        last = rows[0, nu + self.queue : nu + self.queue + nu].tolist()
+        last = z[self.given].tolist()
         for k, forced in enumerate(forcing):
             row = rows[k + 1]
             np.dot(self.both, rows[k, nu:], out=row)
@@ -230,16 +215,11 @@ def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem, switch: float) -> t
 def _pushed(p: LoopProblem, fine: LoopProblem, log: ControlLog, switch: float, j: int) -> Array:
     """Return what disturbances and controls add to the states in the first ``j`` fine steps of each step, (n, steps)."""
     duration, driven, per_step = j * fine.grid.h, p.controller.driven, fine.grid.steps // p.grid.steps
-    whole = p.plant.step(duration)
+    moving = p.plant.step(duration, switch)
     used = np.flatnonzero(p.W.any(axis=1))
-    moved = whole.first[:, used] @ p.W[used, :-1] + whole.last[:, used] @ fine.W[used, j::per_step]
+    moved = moving.first[:, used] @ p.W[used, :-1] + moving.last[:, used] @ fine.W[used, j::per_step]
     if not len(driven):
         return moved
-    before, after = (whole.after, np.zeros_like(whole.after)) if switch >= duration else (whole.before, whole.after)
-    if 0.0 < switch < duration:
-        changed = p.plant.step(duration, switch)
-        before, after = changed.before, changed.after
-    step = np.arange(p.grid.steps)
-    acting = np.where((step >= p.lag)[:, None], log.given[np.maximum(step - p.lag, 0) // p.grid.per_sample], 0.0)
+    acting = log.acting(np.arange(p.grid.steps), p.lag, p.grid.per_sample)
     earlier = np.vstack([np.zeros((1, len(driven))), acting[:-1]])
-    return moved + before[:, driven] @ earlier.T + after[:, driven] @ acting.T
+    return moved + moving.before[:, driven] @ earlier.T + moving.after[:, driven] @ acting.T

@@ -10,6 +10,7 @@ from boomctl.arrays import Array
 from boomctl.checks import exactly, known, up_to
 from boomctl.lti.controllers.scheduled import ScheduledController
 from boomctl.lti.controllers.time_varying import TimeVaryingController
+from boomctl.lti.sampled import same_time
 from boomctl.lti.system import Lti, of
 from boomctl.simulation.conditioning import bounded_correction, correction
 from boomctl.simulation.conditioning import conditioning_gain as conditioning_gain
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     Controller: TypeAlias = control.StateSpace | control.TransferFunction | ScheduledController | TimeVaryingController
 
 DISCRETIZATIONS = ("tustin", "zoh")
-_SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def _time_varying(
 
 
 def _check_time(own: float, sample_time: float) -> None:
-    if abs(own - sample_time) > _SAME * sample_time:
+    if not same_time(own, sample_time):
         raise ValueError(
             f"controller: its sampling time is {exactly(own)} s; expected sample_time = {exactly(sample_time)} s"
         )

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, finite_array, nonnegative, positive, sequence, truth
+from boomctl.lti.sampled import whole_samples
 from boomctl.progress import computing
 from boomctl.simulation.blocks import LONGEST_QUEUE, in_blocks, linear_loop, run_fast, run_if_no_stop_is_met
 from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, stop_places
@@ -51,7 +52,6 @@ _MOST_STEPS = 1e9  # of a delay: more than any run has (a choice)
 _CAUTION = (
     3.0  # times the error that another number of substeps tells: it varies with where in a step a slip ends (measured)
 )
-_ROUNDING = 1e-9  # share of a step up to which a delay is a whole number of steps (a choice)
 
 
 def simulate_loop(
@@ -272,9 +272,7 @@ def whole_steps(delay: float, h: float) -> tuple[int, float]:
     """Return a delay as whole steps and what is left of it."""
     if delay / h > _MOST_STEPS:
         raise ValueError(f"delay = {delay:g}: expected at most {_MOST_STEPS:g} steps of {h:g} s")
-    lag = int(np.floor(delay / h + _ROUNDING))
-    rest = delay - lag * h
-    return lag, rest if rest > _ROUNDING * h else 0.0
+    return whole_samples(delay, h)
 
 
 def _contact_inputs(
@@ -316,7 +314,7 @@ def _result(
 ) -> LoopResult:
     """Return signals by name; ``moving`` is what the outputs read of the states at the given times."""
     plant, K, grid, rows = p.plant, p.controller, p.grid, p.W[:, :: p.grid.per_point]
-    applied, asked = _at_points(p.grid, p.lag + (1 if p.maps.late else 0), log)
+    applied, asked = _at_points(p.grid, p.lag + (1 if p.maps.switch else 0), log)
     outputs = moving + plant.D @ rows + plant.D[:, K.driven] @ applied
     if not np.isfinite(outputs).all():
         raise ValueError("the loop diverges: its outputs grow beyond all numbers before the last of timepts")
@@ -355,7 +353,9 @@ def _from_sample_to_sample(p: LoopProblem, delay: float) -> Array | None:
     lag, rest = whole_steps(delay, dt)
     if p.controller.laws is not None or lag >= LONGEST_QUEUE:
         return None
-    return linear_loop(replace(p, maps=p.plant.step(dt, rest), lag=lag)).Phi
+    if p.grid.per_sample > 1:
+        p = replace(p, maps=p.plant.step(dt, rest), lag=lag)
+    return linear_loop(p).Phi
 
 
 def _machine_result(p: MachineLoop, delay: float, rtol: float, atol: float) -> LoopResult:
@@ -390,7 +390,5 @@ def _at_points(grid: TimeGrid, late: int, log: ControlLog) -> tuple[Array, Array
     From ``late`` steps after a sample on its control acts throughout a step.
     """
     step = np.arange(len(grid.time)) * grid.per_point
-    acting = np.minimum((step - late) // grid.per_sample, len(log.given) - 1)
-    applied = np.where((step >= late)[:, None], log.given[np.maximum(acting, 0)], 0.0)
     latest = np.minimum(step // grid.per_sample, len(log.asked) - 1)
-    return applied.T, log.asked[latest].T
+    return log.acting(step, late, grid.per_sample).T, log.asked[latest].T

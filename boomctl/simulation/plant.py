@@ -3,7 +3,7 @@
 A large structure is seen through its lowest undamped modes; the others answer as they do at rest.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import known
 from boomctl.lti.block_diagonal import block_diagonal
-from boomctl.lti.hold import linear_hold
+from boomctl.lti.hold import Step, changing, linear_hold
 from boomctl.lti.system import Lti, balance, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.pencil import factorized
@@ -26,8 +26,8 @@ _MODES = 60  # of a structure: five times what its inputs shake in the band of a
 _SHIFT = 1e-6  # of the square of the highest frequency kept: holds rigid bodies, far below the modes left out
 
 
-@dataclass(frozen=True)
-class ModalPlant:
+@dataclass(frozen=True, eq=False)
+class ModalPlant(Lti):
     """``z' = A z + B d``, ``y = C z + D d``, ``x = T z``, with ``A`` block-diagonal.
 
     ``states`` are the names that states of the plant have where they are handed out, so that a loop that reads one can say
@@ -37,15 +37,8 @@ class ModalPlant:
     blocks): those stay one dense block.
     """
 
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    T: Array
-    blocks: tuple[slice, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    states: tuple[str, ...] = ()
+    T: Array = field(kw_only=True)
+    blocks: tuple[slice, ...] = field(kw_only=True)
 
     def motion(self, duration: float) -> tuple[Array, Array, Array]:
         """Return ``exp(A h)``, ``int_0^h exp(A s) ds`` and ``int_0^h exp(A (h - s)) s ds``, block-diagonal."""
@@ -60,45 +53,17 @@ class ModalPlant:
                     target[part, part] = block
         return maps
 
-    def step(self, h: float, switch: float = 0.0) -> "StepMaps":
-        """Return the maps over a step of ``h`` [s] in which the controls change ``switch`` [s] after its beginning."""
+    def step(self, h: float, switch: float = 0.0) -> Step:
+        """Return the motion over a step of ``h`` [s] in which the controls change ``switch`` [s] after its beginning."""
         Phi, P1, P2 = self.motion(h)
-        before = np.zeros_like(self.B)
-        after = P1 @ self.B
-        if switch > 0.0:
-            rest, after_1, _ = self.motion(h - switch)
-            before, after = rest @ self.motion(switch)[1] @ self.B, after_1 @ self.B
-        ramp = P2 @ self.B / h
-        return StepMaps(
-            h=h, Phi=Phi, before=before, after=after, first=P1 @ self.B - ramp, last=ramp, late=switch > 0.0
-        )
 
+        def hold(duration: float, these: Array) -> tuple[Array, Array]:
+            moved, held, _ = self.motion(duration)
+            return moved, held @ self.B[:, these]
 
-@dataclass(frozen=True)
-class StepMaps:
-    """Exact motion over one step: ``z+ = Phi z + before u_old + after u_new + first d + last d+``.
-
-    ``u`` is held and changes once within the step, at its beginning unless ``late``; ``d`` runs along a straight line
-    from ``d`` to ``d+``.
-    """
-
-    h: float
-    Phi: Array
-    before: Array
-    after: Array
-    first: Array
-    last: Array
-    late: bool = False
-
-    @property
-    def of_signals(self) -> tuple[Array, Array, Array]:
-        """``Phi``, ``first`` and ``last``."""
-        return self.Phi, self.first, self.last
-
-    @property
-    def held(self) -> Array:
-        """What an input held over the whole step adds."""
-        return self.before + self.after if self.before.any() else self.after
+        whole, ramp = P1 @ self.B, P2 @ self.B / h
+        before, after = changing(hold, whole, h, np.full(self.B.shape[1], switch))
+        return Step(h=h, Phi=Phi, before=before, after=after, first=whole - ramp, last=ramp, switch=switch)
 
 
 def modal_plant(
@@ -127,20 +92,7 @@ def modal_plant(
 
 def in_modal_coordinates(system: Lti) -> ModalPlant:
     """Return a linear system in real modal coordinates, balanced first."""
-    n = len(system.A)
-    if n == 0:
-        return ModalPlant(
-            A=system.A,
-            B=system.B,
-            C=system.C,
-            D=system.D,
-            T=np.zeros((0, 0)),
-            blocks=(),
-            inputs=system.inputs,
-            outputs=system.outputs,
-            states=system.states,
-        )
-    balanced, scale = balance(system.A)
+    balanced, scale = balance(system.A) if len(system.A) else (system.A, np.ones(0))
     blocks, T, sizes = block_diagonal(balanced, _CONDITION)
     parts = tuple(slice(int(end - size), int(end)) for end, size in zip(np.cumsum(sizes), sizes, strict=True))
     modal = np.zeros_like(balanced)

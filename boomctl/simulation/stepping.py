@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.hold import Step
 from boomctl.simulation.contact.contacts import Contacts
 from boomctl.simulation.controller import SampledController
-from boomctl.simulation.plant import ModalPlant, StepMaps
+from boomctl.simulation.plant import ModalPlant
 from boomctl.simulation.signals import TimeGrid
 
 
@@ -74,7 +75,7 @@ class LoopProblem:
     """
 
     plant: ModalPlant
-    maps: StepMaps
+    maps: Step
     controller: SampledController
     grid: TimeGrid
     W: Array
@@ -111,6 +112,11 @@ class ControlLog:
     given: Array
     saturated: Array
     slewed: Array
+
+    def acting(self, steps: Array, late: int, per_sample: int) -> Array:
+        """Return the controls that act at steps of the grid, (steps, controls): those given so many steps before."""
+        sample = (steps - late) // per_sample
+        return np.where((sample >= 0)[:, None], self.given[np.clip(sample, 0, len(self.given) - 1)], 0.0)
 
 
 def control_log(p: LoopProblem) -> ControlLog:

@@ -6,7 +6,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
-from boomctl.lti.hold import zero_order_hold
+from boomctl.lti.hold import observability, recursion, zero_order_hold
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueHistory, held
 
@@ -34,10 +34,7 @@ class LinearFlow:
 
     def carried(self, vector: Array, h: float, count: int) -> Array:
         """A vector v and what an unforced motion makes of it in equal steps: ``v, exp(A h) v, ...``, n x count."""
-        Phi, found = self.step(h)[0], vector[:, None]
-        while found.shape[1] < count:  # each round carries all that are there as far as they reach
-            found, Phi = np.hstack([found, Phi @ found]), Phi @ Phi
-        return found[:, :count]
+        return observability(self.step(h)[0].T, vector[None], count)[0][:, 0].T
 
     def responses(self, duration: float, intervals: int) -> Array:
         """End states that unit torque on each of equal intervals causes, n x intervals."""
@@ -47,11 +44,7 @@ class LinearFlow:
     def motion(self, start: Array, duration: float, torques: Array) -> Array:
         """States, (N + 1) x n, between N equal intervals on which torques are held."""
         Phi, push = self.step(duration / torques.size)
-        states = np.empty((torques.size + 1, start.size))
-        states[0] = start
-        for k, torque in enumerate(torques):
-            states[k + 1] = Phi @ states[k] + push * torque
-        return states
+        return recursion(Phi, push[:, None] * torques, start).T
 
 
 def flow(problem: SlewProblem) -> LinearFlow:

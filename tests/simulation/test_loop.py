@@ -132,6 +132,23 @@ def test_the_linear_loop_is_that_of_the_sampled_plant():
     _close(np.array(list(found.outputs.values())), theirs[:3])
 
 
+@given(seed=seeds, delay=st.sampled_from([0.0, 0.4, 1.0, 2.7]), shared=st.booleans())
+@examples(30)
+def test_the_loop_that_is_run_is_the_loop_that_is_analysed(seed, delay, shared):
+    """Both queues hold what is on its way; the one that is run has also the controls given last, which nothing need feel."""
+    plant, law, time, w = _scene(seed)
+    if shared:  # a control that an output feels at once
+        plant.D[-1, 1] = 0.5
+    run = simulate_loop(plant, law, {"w": w}, time, sample_time=_H, delay=delay * _H)
+    ours, theirs = (
+        np.poly(poles)
+        for poles in (np.linalg.eigvals(run._sampled), bc.feedback_loop(plant, law, delay=delay * _H).poles())
+    )
+    more = len(ours) - len(theirs)
+    assert more in (0, law.noutputs, law.noutputs - 1)
+    _close(ours, np.append(theirs, np.zeros(more)))
+
+
 @given(seed=seeds, power=st.floats(-1.0, 2.0), slower=st.sampled_from([1, 2, 4]), late=st.integers(0, 3))
 @examples(200)
 def test_a_loop_that_grows_says_so(seed, power, slower, late):

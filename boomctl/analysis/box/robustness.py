@@ -11,10 +11,10 @@ from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.prove import BoxProof, StablePart, Statement, prove_box
 from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
 from boomctl.analysis.loops import signals_of
-from boomctl.analysis.sampled_loops.sampled_plant import time_of_loop
 from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, nonnegative, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
+from boomctl.lti.sampled import time_of_loop
 from boomctl.lti.system import Lti, of, rates_of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing, tell

@@ -16,10 +16,10 @@ from boomctl.analysis.box.zero_exclusion import value_at
 from boomctl.analysis.h2 import H2Certificate, h2_norm
 from boomctl.analysis.loops import joined, signals_of
 from boomctl.analysis.norm import NormCertificate, matrices_norm
-from boomctl.analysis.sampled_loops.sampled_plant import time_of_loop
 from boomctl.arrays import Array
 from boomctl.checks import exactly, from_on, instance, known, nonnegative, positive, whole
 from boomctl.lti.controllers.scheduled import ScheduledController
+from boomctl.lti.sampled import time_of_loop
 from boomctl.lti.system import Lti, of
 from boomctl.printing import sentence
 from boomctl.progress import Listener, computing, tell

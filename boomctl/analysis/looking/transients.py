@@ -14,7 +14,7 @@ from scipy import linalg
 from boomctl.analysis.looking.given import matrices
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, plain_array, positive
-from boomctl.lti.hold import observability
+from boomctl.lti.hold import BLOCK, observability
 from boomctl.lti.modal import side_of_axis, sides
 from boomctl.lti.system import Lti
 from boomctl.printing import between
@@ -35,7 +35,6 @@ _FEWEST, _MOST = 200, 20_000  # instants of a picture (a choice)
 _EVEN = 1e-9  # relative difference of steps that are equal but for rounding
 _NONE = 10.0  # [s], shown of a system without dynamics (a choice)
 _INTEGRATED = 10.0  # of the fastest time constants, shown of a system that only integrates besides (a choice)
-_BLOCK = 128  # steps taken at once (a choice)
 
 
 @dataclass(frozen=True)
@@ -218,7 +217,7 @@ def _moved(
     count = len(time)
     with np.errstate(over="ignore", invalid="ignore"):
         Phi = A if system.dt else linalg.expm(A * (time[1] - time[0]))
-        seen, power = observability(Phi, C, min(_BLOCK, count))
+        seen, power = observability(Phi, C, min(BLOCK, count))
         blocks = []
         for _ in range(-(-count // len(seen))):
             blocks.append(seen @ X)

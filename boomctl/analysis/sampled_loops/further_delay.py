@@ -21,11 +21,11 @@ from numpy.polynomial import chebyshev
 from scipy import linalg
 
 from boomctl.analysis.loops import signals_of
-from boomctl.analysis.sampled_loops.sampled_plant import Held, sampled_plant, whole_samples
 from boomctl.arrays import Array
 from boomctl.chebyshev import points_needed, series
 from boomctl.lti.hold import zero_order_hold
 from boomctl.lti.modal import sides, split
+from boomctl.lti.sampled import Held, sampled_plant, whole_samples
 from boomctl.lti.system import Lti, balance, lower_lft
 
 _EPS = float(np.finfo(float).eps)
@@ -113,10 +113,9 @@ class FurtherDelay:
         """Return the loop over the parts of a sample between which it changes smoothly."""
         P, K, dt, n = self.plant, self.controller, self.controller.dt, len(self.plant.A)
         base, none = self.sampled(0.0), np.zeros(len(K.A))
-        A = np.block([[base.A + base.B @ K.D @ base.C, base.B @ K.C], [K.B @ base.C, K.A]])
-        late = whole_samples(self.delay, dt)[1] / dt
+        A, late = lower_lft(base, K).A, whole_samples(self.delay, dt)
         if self.acting:
-            i, breaks = self.index, np.array([0.0, late, 1.0])
+            i, breaks = self.index, np.array([0.0, late[1] / dt, 1.0])
             B, D, read = P.B[:, [i]], P.D[:, i], np.hstack([K.D[i] @ base.C, K.C[i]])
             full = np.concatenate([base.B @ K.D @ D, K.B @ D]) + np.pad(
                 zero_order_hold(P.A, B, dt)[1][:, 0], (0, len(A) - n)
@@ -127,8 +126,8 @@ class FurtherDelay:
                 new = zero_order_hold(P.A, B, (1.0 - part) * dt)[1][:, 0]
                 return np.append(A[:, :n] @ new + full - np.pad(new, (0, len(A) - n)), read[:n] @ new + K.D[i] @ D)
         else:
-            j, breaks = self.index, np.array([0.0, 1.0 - late, 1.0])
-            held = Held.of(P, range(len(K.C)), dt, [self.delay] * len(K.C))
+            j, breaks = self.index, np.array([0.0, 1.0 - late[1] / dt, 1.0])
+            held = Held.of(P, range(len(K.C)), [late] * len(K.C))
             ends = A.T, np.concatenate([base.B @ K.D[:, j], K.B[:, j]]), np.append(base.C[j], none)
 
             def moving(part: float) -> Array:

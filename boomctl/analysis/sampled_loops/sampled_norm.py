@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import NormCertificate, matrices_norm, stays_below_on_circle
-from boomctl.analysis.sampled_loops.sampled_plant import Held, sampled_plant, time_of_loop, whole_samples
+from boomctl.analysis.norm import NormCertificate, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import names
 from boomctl.lti.modal import sides
-from boomctl.lti.system import Lti, balance, lower_lft, of
+from boomctl.lti.sampled import Held, time_of_loop, whole_samples
+from boomctl.lti.system import Lti, lower_lft, of
 
 if TYPE_CHECKING:
     import control
@@ -40,8 +40,6 @@ _SHORT = 0.25  # of a level, that can be gained at most within the first step: f
 _DOUBLINGS = 60  # of the first step at most: more is a mistake of unit (a choice)
 _CLOSE = 1e-7  # relative distance of a level from the norm at which the search ends: far below 1e-5
 _ABOVE = (2e-6, 4e-6, 6e-6, 8e-6, 3e-5, 1e-4, 1e-3)  # above it, at which a level is proved: norms are certified to 1e-6
-_TINY = 1e-300  # a norm below it counts as this, so that it has a logarithm
-_LOGARITHM = 600.0  # size of one beyond which its exponential is no number
 _ROUNDS = 60  # levels tried at most; a dozen does
 _FACTOR = 2.0  # from one level to the next, until one is above the norm and one below
 _WANTED = 5e-6  # relative gap of the bounds at which no more parts are taken: half of what certifies a norm
@@ -198,10 +196,12 @@ class SampledLoop:
         The plant in continuous time, balanced.
     controller : Lti
     signals : Signals
-    dt, change : float
-        Sampling time, and how long after a sample the controls change [s].
-    delay : float
-        Between a sample and the moment its control acts [s].
+    dt : float
+        Sampling time [s].
+    parts : tuple of (float, Lti)
+        The one or two parts of a sample between changes of the controls: how long each is [s], and the plant in it, from
+        disturbances to what is shown.  Its states are the plant's, and the controls before and after they change, of which
+        one acts.
     queue : Lti
         The plant from sample to sample.
     from_states, from_given : ndarray
@@ -214,8 +214,7 @@ class SampledLoop:
     controller: Lti
     signals: Signals
     dt: float
-    change: float
-    delay: float
+    parts: tuple[tuple[float, Lti], ...]
     queue: Lti
     from_states: Array
     from_given: Array
@@ -230,59 +229,52 @@ class SampledLoop:
                 f"disturbance {P.inputs[signals.driven[i]]!r} acts on measurement {P.outputs[signals.measured[o]]!r} "
                 "directly: expected a filter between the two (a low-pass weight), without which samples of it have no bound"
             )
-        scale = balance(P.A)[1] if len(P.A) else np.ones(0)
-        P = replace(P, A=P.A * scale / scale[:, None], B=P.B / scale[:, None], C=P.C * scale)
-        delays = [delay] * len(signals.acting)
-        queue = sampled_plant(P, signals.acting, dt, delays)
-        n, m, held = len(P.A), len(signals.acting), Held.of(P, signals.acting, dt, delays)
+        P, late = P.balanced(), whole_samples(delay, dt)
+        n, m = len(P.A), len(signals.acting)
+        held = Held.of(P, signals.acting, [late] * m)
+        queue = held.sampled(dt)
         before, after = held.before[signals.acting], held.after[signals.acting]
         given = np.vstack([np.zeros((n + m, m)), held.direct[np.ix_(signals.acting, signals.acting)]])
         states = np.vstack([np.eye(n, len(queue.A)), before, after])
-        change = whole_samples(delay, dt)[1]
         closed = lower_lft(queue.between(signals.acting, signals.measured), K)
-        return cls(P, K, signals, dt, change, delay, queue, states, given, closed)
+        of_state, of_controls, of_disturbances = _shown(P, K, signals)
+        parts = []
+        for duration, at in ((late[1], slice(n, n + m)), (dt - late[1], slice(n + m, n + 2 * m))):
+            if duration > 0.0:
+                A, C = np.zeros((n + 2 * m, n + 2 * m)), np.zeros((len(of_state), n + 2 * m))
+                A[:n, :n], A[:n, at], C[:, :n], C[:, at] = P.A, P.B[:, signals.acting], of_state, of_controls
+                B = np.vstack([P.B[:, signals.driven], np.zeros((2 * m, len(signals.driven)))])
+                parts.append((duration, Lti(A, B, C, of_disturbances)))
+        return cls(P, K, signals, dt, tuple(parts), queue, states, given, closed)
 
-    def only(self, driven: Array, shown: Array) -> "SampledLoop":
-        """Return the loop between disturbances and outputs of these places alone."""
-        s = self.signals
-        chosen = replace(s, driven=[s.driven[k] for k in driven], shown=[s.shown[k] for k in shown])
-        return replace(self, signals=chosen)
+    def _closed(self, A: Array, B: Array, entering: Array, leaving: Array) -> Lti:
+        """Return the loop from sample to sample, with other matrices of the queue, and other signals.
+
+        ``entering`` are the columns by which they move the plant's state, ``leaving`` the rows by which they are read off it
+        and off its controls before and after these change.
+        """
+        s, (n, inputs) = self.signals, entering.shape
+        driving = np.vstack([entering, np.zeros((len(A) - n, inputs))])
+        C = np.vstack([leaving @ self.from_states, self.queue.C[s.measured]])
+        given = np.vstack([leaving @ self.from_given, self.queue.D[np.ix_(s.measured, s.acting)]])
+        D = np.hstack([np.zeros((len(C), inputs)), given])
+        return lower_lft(Lti(A, np.hstack([driving, B]), C, D, dt=self.dt), replace(self.controller, states=()))
 
     def at_level(self, level: float) -> Lti | None:
         """Return the discrete loop whose norm is below one exactly if the level is above that of this loop, or None.
 
         Its states are those of ``at_samples``.  Signals are in units in which the level is one.
         """
-        P, s, n, m = self.plant, self.signals, len(self.plant.A), len(self.signals.acting)
-        rows = _shown(P, self.controller, s)
-        total: _Step | None = None
-        for duration, place in ((self.change, 0), (self.dt - self.change, 1)):
-            if duration <= 0.0:
-                continue
-            # the plant's state, and the controls before and after they change, of which one acts
-            A, C = np.zeros((n + 2 * m, n + 2 * m)), np.zeros((len(rows[0]), n + 2 * m))
-            at = slice(n + place * m, n + (place + 1) * m)
-            A[:n, :n], A[:n, at], C[:, :n], C[:, at] = P.A, P.B[:, s.acting], rows[0], rows[1]
-            B = np.vstack([P.B[:, s.driven], np.zeros((2 * m, len(s.driven)))])
-            part = _step(Lti(A, B, C, rows[2]), duration, level)
-            total = part if total is None or part is None else total.then(part)
+        n, s, total = len(self.plant.A), self.signals, None
+        for duration, part in self.parts:
+            step = _step(part, duration, level)
+            total = step if total is None or step is None else total.then(step)
             if total is None:
                 return None
         assert total is not None
-        entry, leave = _root(total.W)[:n], _root(total.X).T
-        size = len(self.queue.A)
         A, B = self.queue.A.copy(), self.queue.B[:, s.acting].copy()
         A[:n], B[:n] = total.Phi[:n] @ self.from_states, total.Phi[:n] @ self.from_given
-        driving = np.vstack([entry, np.zeros((size - n, entry.shape[1]))])
-        C = np.vstack([leave @ self.from_states, self.queue.C[s.measured]])
-        reading = self.queue.D[np.ix_(s.measured, s.acting)]
-        D = np.block(
-            [
-                [np.zeros((len(leave), entry.shape[1])), leave @ self.from_given],
-                [np.zeros((len(s.measured), entry.shape[1])), reading],
-            ]
-        )
-        return lower_lft(Lti(A, np.hstack([driving, B]), C, D, dt=self.dt), replace(self.controller, states=()))
+        return self._closed(A, B, _root(total.W)[:n], _root(total.X).T)
 
     def of_level(self, level: float) -> NormCertificate:
         """Return the norm of the loop of a level, which is below one exactly if the level is above that of this loop."""
@@ -291,13 +283,6 @@ class SampledLoop:
         if found is None or (sides(found.poles, self.dt) >= 0).any():
             return NormCertificate(inf, inf, 0.0, NOT_STABLE)
         return matrices_norm(found.balanced())
-
-    def stays_below(self, level: float) -> bool:
-        """Return whether a level is proved to be above the norm of a loop that is stable."""
-        found = self.at_level(level)
-        if found is None or (sides(found.poles, self.dt) >= 0).any():
-            return False
-        return stays_below_on_circle(found.balanced(), 1.0)
 
     def norm(self) -> NormCertificate:
         """Return the norm between two bounds."""
@@ -315,17 +300,17 @@ class SampledLoop:
     def _crossing(self, level: float) -> tuple[float, float]:
         """Return the level the loop of which has the norm one, by secants between a level below and one above."""
         low, high, omega = 0.0, inf, 0.0
-        points: list[tuple[float, float]] = []  # logarithms of a level and of the norm of its loop
+        points: list[tuple[float, float]] = []  # levels and the norms of their loops
         for _ in range(_ROUNDS):
             found = self.of_level(level)
             if np.isfinite(found.lower):
                 omega = found.omega
-                points = [*points[-1:], (float(np.log(level)), float(np.log(max(found.lower, _TINY))))]
+                points = [*points[-1:], (level, found.lower)]
             if found.lower < 1.0:
                 high = level
             else:
                 low = level
-            if len(points) and abs(points[-1][1]) <= _CLOSE:
+            if len(points) and abs(points[-1][1] - 1.0) <= _CLOSE:
                 return level, omega
             if high < inf and high - low <= _CLOSE * high:
                 return high, omega
@@ -346,12 +331,11 @@ class SampledLoop:
 
         In a part they are ``c + sqrt(3) s d``, ``s`` from -1 to 1, of the energy ``|c|^2 + |d|^2`` times its length.
         """
-        P, s, n, m, nw = self.plant, self.signals, len(self.plant.A), len(self.signals.acting), len(self.signals.driven)
-        rows, ends = _shown(P, self.controller, s), n + 2 * m
+        n, s, nw, ends = len(self.plant.A), self.signals, len(self.signals.driven), len(self.parts[0][1].A)
         pieces: list[tuple[float, int]] = []
-        for duration, place in ((self.change, 0), (self.dt - self.change, 1)):
-            count = int(np.ceil(parts * duration / self.dt))  # none of a part of no length
-            pieces += [(duration / max(count, 1), place)] * count
+        for place, (duration, _) in enumerate(self.parts):
+            count = int(np.ceil(parts * duration / self.dt))
+            pieces += [(duration / count, place)] * count
         size = ends + 2 * nw * len(pieces)
         reach, energy = (
             np.eye(ends, size),
@@ -360,12 +344,14 @@ class SampledLoop:
         known: dict[tuple[float, int], tuple[Array, Array]] = {}
         for k, (length, place) in enumerate(pieces):
             if (length, place) not in known:
-                # the plant's state, the controls before and after they change, the disturbance, and its slope
-                F, C = np.zeros((ends + 2 * nw, ends + 2 * nw)), np.zeros((len(s.shown), ends + 2 * nw))
-                at = slice(n + place * m, n + (place + 1) * m)
-                F[:n, :n], F[:n, at], F[:n, ends : ends + nw] = P.A, P.B[:, s.acting], P.B[:, s.driven]
+                # the states of the part, the disturbance, and its slope
+                part = self.parts[place][1]
+                F, C = (
+                    np.zeros((ends + 2 * nw, ends + 2 * nw)),
+                    np.hstack([part.C, part.D, np.zeros((len(part.C), nw))]),
+                )
+                F[:ends, : ends + nw] = np.hstack([part.A, part.B])
                 F[ends : ends + nw, ends + nw :] = np.eye(nw) / length
-                C[:, :n], C[:, at], C[:, ends : ends + nw] = rows
                 known[length, place] = _moved_and_energy(F, C, length)
             moved, gramian = known[length, place]
             here = np.zeros((ends + 2 * nw, size))
@@ -379,13 +365,8 @@ class SampledLoop:
             here[ends + nw :, own + nw : own + 2 * nw] = 2.0 * np.sqrt(3.0) * unit
             energy += here.T @ gramian @ here
             reach = (moved @ here)[:ends]
-        states, inputs = len(self.queue.A), size - ends
-        entering = np.vstack([reach[:n, ends:], np.zeros((states - n, inputs))])
-        B = np.hstack([entering, self.queue.B[:, s.acting]])
-        C = np.vstack([self.from_states, self.queue.C[s.measured]])
-        D = np.zeros((len(C), B.shape[1]))
-        D[:, inputs:] = np.vstack([self.from_given, self.queue.D[np.ix_(s.measured, s.acting)]])
-        closed = lower_lft(Lti(self.queue.A, B, C, D, dt=self.dt), replace(self.controller, states=()))
+        inputs = size - ends
+        closed = self._closed(self.queue.A, self.queue.B[:, s.acting], reach[:n, ends:], np.eye(ends))
         start = closed.balanced().response(np.array([omega]), quiet=True)[:, :, 0]
         whole = np.vstack([start, np.eye(inputs)])
         values = linalg.eigvalsh(whole.conj().T @ energy @ whole, subset_by_index=[inputs - 1, inputs - 1])
@@ -418,12 +399,13 @@ def _shown(P: Lti, K: Lti, s: Signals) -> tuple[Array, Array, Array]:
 
 
 def _next(points: list[tuple[float, float]], low: float, high: float) -> float:
-    """Return the level to try next: by the secant through the last two, kept between those known, else halfway."""
+    """Return the level to try next: by the secant of logarithms through the last two, between those known, else halfway."""
     if high == inf:
         return low * _FACTOR
-    if len(points) == 2 and points[0][1] != points[1][1]:
-        (x0, y0), (x1, y1) = points
-        crossing = float(np.exp(np.clip(x1 - y1 * (x1 - x0) / (y1 - y0), -_LOGARITHM, _LOGARITHM)))
-        if low < crossing < high:
+    if len(points) == 2:
+        with np.errstate(all="ignore"):
+            (x0, y0), (x1, y1) = np.log(points)
+            crossing = float(np.exp(x1 - y1 * (x1 - x0) / (y1 - y0)))
+        if low < crossing < high:  # no number is not
             return crossing
     return high / _FACTOR if low == 0.0 else float(np.sqrt(low * high))

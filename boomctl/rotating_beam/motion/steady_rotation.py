@@ -115,18 +115,14 @@ def _linear_flow(system: Array, push: Array, state: Array, elapsed: Array) -> tu
 
 
 def _by_exponentials(system: Array, push: Array, state: Array, elapsed: Array) -> Array:
-    from scipy.linalg import expm
+    from boomctl.lti.hold import zero_order_hold
 
-    n = state.size
-    augmented = np.zeros((n + 1, n + 1))
-    augmented[:n, :n], augmented[:n, n] = system, push
-    current, before = np.append(state, 1.0), 0.0
-    result = np.empty((elapsed.size, n))
-    known: dict[float, Array] = {0.0: np.eye(n + 1)}
+    result, before, known = np.empty((elapsed.size, state.size)), 0.0, {}
     for k, now in enumerate(elapsed):
         interval = round(float(now - before), _INTERVAL_DIGITS)
         if interval not in known:
-            known[interval] = np.asarray(expm(augmented * interval))
-        current, before = np.matmul(known[interval], current), float(now)
-        result[k] = current[:n]
+            known[interval] = zero_order_hold(system, push[:, None], interval)
+        Phi, gained = known[interval]
+        state, before = np.matmul(Phi, state) + gained[:, 0], float(now)
+        result[k] = state
     return result

@@ -7,9 +7,10 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known, positive
+from boomctl.lti.hold import Step
 from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.simulation.contact.stops import StopMaps
-from boomctl.simulation.plant import ModalPlant, StepMaps
+from boomctl.simulation.plant import ModalPlant
 
 StrokeLimit = float | Mapping[str, "float | tuple[float, str]"] | None
 
@@ -91,7 +92,7 @@ class Contacts:
 
 
 def contact_at(
-    plant: ModalPlant, maps: StepMaps, output: str, force: str, *, driven: tuple[str, ...] = (), least: float = 0.0
+    plant: ModalPlant, maps: Step, output: str, force: str, *, driven: tuple[str, ...] = (), least: float = 0.0
 ) -> Contact:
     """Return the contact of a displacement output with a force input.
 
@@ -172,7 +173,7 @@ def stop_places(limit: StrokeLimit, plant: ModalPlant) -> list[tuple[str, str, f
 
 def contacts_of(
     plant: ModalPlant,
-    maps: StepMaps,
+    maps: Step,
     friction: CoulombFriction | None,
     places: list[tuple[str, str, float]],
     driven: tuple[str, ...],

@@ -32,7 +32,7 @@ PATH = "exponential steps"
 
 _ANGLE = 3.0  # radians that the fastest mode which an input moves turns in a first step (a choice: halved if need be)
 _DAMPED = 2.0  # share of a rate that damping takes away in a first step: explicit steps are stable below 2.5
-_FELT = 1e-9  # share of the largest push at which a mode is moved by an input (a choice)
+_FELT = 1e-9  # share of the largest push below which an input does not move a mode (a choice)
 _ORDER = 4  # of the scheme; lower where axial modes turn many times in a step
 _MOST_DOUBLINGS = 3  # of the number of steps from one trial to the next: an early guess of the error is a poor one
 _ROUNDING = 1e-10  # of the displacements: runs this near that come no nearer differ by rounding (a choice)
@@ -110,9 +110,14 @@ class MachineRun:
     error: float
 
 
+def moved_by(push: Array) -> Array:
+    """Return which modes inputs move, by what they do to each."""
+    return np.abs(push) > _FELT * np.abs(push).max()
+
+
 def steps_for(machine: MachineModes, length: float) -> int:
     """Return how many steps a first trial takes over a time [s]."""
-    felt = (np.abs(machine.push) > _FELT * np.abs(machine.push).max()).any(axis=1)
+    felt = moved_by(machine.push).any(axis=1)
     pace = max(float(machine.omega[felt].max()) / _ANGLE, machine.decay / _DAMPED)
     return max(1, int(np.ceil(length * pace)))
 
@@ -218,8 +223,7 @@ def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]
         end = min(k + block, steps)
         here[:, : end - k] = signals[:, k:end]
         if queue == 1 and late:
-            come = (np.arange(k, end) - p.lag) // ps
-            here[beside.arriving, : end - k] = np.where(come >= 0, log.given[np.maximum(come, 0)].T, 0.0)
+            here[beside.arriving, : end - k] = log.acting(np.arange(k, end), p.lag, ps).T
         moved, *taken = run(state, here)
         state = moved[:, end - k - 1]
         if not np.isfinite(state).all():
@@ -241,8 +245,7 @@ def _write(log: ControlLog, samples: Array, asked: Array, given: Array, marks: A
 def _repeated(p: MachineLoop, counts: tuple[int, ...], log: ControlLog) -> tuple[Array, ControlLog]:
     """Run the machine under the controls of a log."""
     steps, nu = np.arange(p.grid.steps), len(p.controller.driven)
-    come = (steps - p.lag) // p.grid.per_sample
-    after = np.where(come >= 0, log.given[np.maximum(come, 0)].T, 0.0)
+    after = log.acting(steps, p.lag, p.grid.per_sample).T
     before = np.hstack([np.zeros((nu, 1)), after[:, :-1]])
     W = p.W[p.disturbed]
     found = _advance(p, counts).mapaccum("run", len(steps))(p.start, before, after, W[:, :-1], W[:, 1:])

@@ -13,15 +13,14 @@ from scipy.linalg import LinAlgError, solve_discrete_are
 
 from boomctl.arrays import Array
 from boomctl.lti.controllers.time_varying import TimeVaryingController
-from boomctl.lti.hold import zero_order_hold
-from boomctl.lti.system import Lti
+from boomctl.lti.sampled import sampled_plant
+from boomctl.lti.system import Lti, lower_lft
 from boomctl.simulation.machine.exponential_step import exponential_step
-from boomctl.simulation.machine.run import steps_for
+from boomctl.simulation.machine.run import moved_by, steps_for
 
 if TYPE_CHECKING:
     from boomctl.simulation.machine.machine import MachineModes
 
-_STILL = 1e-9  # share of the torque's largest push on a mode, below which it does not move that mode (a choice)
 _SMALL = 1e-12  # largest planned value below which nothing is planned there: it keeps quotients finite
 
 
@@ -97,9 +96,9 @@ def linearised_along(modes: MachineModes, measured: list[int], states: Array, to
     now, count = z, steps_for(modes, step)
     for _ in range(count):
         now = exponential_step(modes.rest, modes.omega, step / count, now, given, given)
-    push = np.abs(modes.push[:, 0])
-    moved = np.tile(push > _STILL * push.max(), 2)
-    kept, both = np.flatnonzero(moved).tolist(), ca.vertcat(z[np.flatnonzero(moved).tolist()], u)
+    moved = np.tile(moved_by(modes.push[:, 0]), 2)
+    kept = np.flatnonzero(moved).tolist()
+    both = ca.vertcat(z[kept], u)
     read = modes.read(z, given)[0][measured]
     flow = ca.Function("flow", [z, u], [ca.densify(ca.jacobian(now[kept], both))])
     seen = ca.Function("seen", [z, u], [ca.densify(ca.jacobian(read, both))])
@@ -250,20 +249,13 @@ def slowest_pole(
     """
     step, kept = controller.sample_time, along.moved
     into, back = modes.from_state[kept], modes.to_state[:, kept]
-    A, B = zero_order_hold(into @ linear.A @ back, into @ linear.B[:, :1], step)
-    C, D = along.C[-1], along.D[-1][:, None]
-    Ac, Bc, Cc, Dc = (getattr(controller, letter)[-1] for letter in "ABCD")
-    n = len(A)
-    stays = [] if integral else [2 * n]  # the controller's states begin with the deviations
-    # states: of the machine, of the controller, and the torque given last
-    asked = np.hstack([Dc @ C, Cc, Dc @ D])
-    loop = np.vstack(
-        [
-            np.hstack([A, np.zeros((n, len(Ac) + 1))]) + B @ asked,
-            np.hstack([Bc @ C, Ac, Bc @ D]),
-            asked,
-        ]
+    machine = Lti(
+        into @ linear.A @ back, into @ linear.B[:, :1], along.C[-1], along.D[-1][:, None], tuple(controller.outputs)
     )
+    sampled = sampled_plant(machine, [0], step, [0.0])
+    loop = lower_lft(sampled, Lti(*(getattr(controller, letter)[-1] for letter in "ABCD"))).A
+    # the controller's states begin with the deviations, and the torque made out follows
+    stays = [] if integral else [len(sampled.A) + len(machine.A)]
     loop = np.delete(np.delete(loop, stays, axis=0), stays, axis=1)
     largest = float(np.abs(np.linalg.eigvals(loop)).max())
     if not largest < 1.0:

@@ -17,7 +17,7 @@ from boomctl.progress import computing
 from boomctl.simulation.controller import sampled_controller
 from boomctl.simulation.loop import simulate_loop, whole_steps
 from boomctl.simulation.machine.batch import Batch, run_batch
-from boomctl.simulation.machine.machine import Machine, MachineModes, reading_states
+from boomctl.simulation.machine.machine import Machine, MachineModes, RubbingMachine, reading_states, rubbing
 from boomctl.simulation.machine.run import MachineLoop
 from boomctl.simulation.result import LoopResult
 from boomctl.simulation.signals import Levels, per_signal, sampled_noise, sampled_signals, time_grid
@@ -33,7 +33,6 @@ from boomctl.slew.tracking.feedback import (
     slowest_pole,
     weights,
 )
-from boomctl.slew.tracking.machine import RubbingMachine, rubbing
 from boomctl.slew.tracking.monte_carlo import TrackingStudy, drawn
 
 _FEWEST = 8  # samples of a slew at least: fewer would not follow it

@@ -8,13 +8,12 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, whole
+from boomctl.lti.sampled import same_time
 from boomctl.lti.system import Lti, lower_lft, of, static
 from boomctl.printing import compact
 
 if TYPE_CHECKING:
     import control
-
-_SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
 
 
 @dataclass(frozen=True)
@@ -151,7 +150,7 @@ def matched(
     """
     K = of(controller, "controller", "StateSpace", sampled=sampled)
     plant = partition(P, K.B.shape[1], len(K.C), sampled=sampled)
-    if abs(K.dt - plant.system.dt) > _SAME * plant.system.dt:
+    if not same_time(K.dt, plant.system.dt):
         wanted, got = (
             f"a sampling time of {exactly(dt)} s" if dt else "continuous time" for dt in (plant.system.dt, K.dt)
         )

@@ -14,7 +14,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, names, nonnegative, positive
-from boomctl.lti.hold import zero_order_hold
+from boomctl.lti.hold import changing, zero_order_hold
 from boomctl.lti.system import Lti, balance, of
 
 if TYPE_CHECKING:
@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 _SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
 _ROUNDING = 1e-9  # share of a sample up to which a delay is a whole number of them (a choice)
 _MOST_SAMPLES = 1000  # of a delay, each of which is a state for each control: more is a mistake of unit (a choice)
+
+
+def same_time(own: float, wanted: float) -> bool:
+    """Return whether two sampling times [s] are meant to be the same; one that is not said is."""
+    return not abs(own - wanted) > _SAME * wanted
 
 
 def whole_samples(delay: float, dt: float) -> tuple[int, float]:
@@ -57,7 +62,7 @@ def time_of_loop(plant: Lti, controller: Lti, delay: float) -> tuple[float, floa
         return 0.0, 0.0
     _check_samples(late, dt)
     if plant.dt != 0.0:
-        if abs(plant.dt - dt) > _SAME * dt:
+        if not same_time(plant.dt, dt):
             raise ValueError(
                 f"controller: expected the plant's sampling time, {exactly(plant.dt)} s, got {exactly(dt)} s"
             )
@@ -131,9 +136,14 @@ def _check_samples(late: float, dt: float) -> None:
 class Held:
     """A plant whose controls are held, and what they are between two samples: states of a queue, or inputs at once.
 
+    Every sampled loop is put together from it: its system from sample to sample (``sampled``, or ``matrices`` of a motion
+    that is known already), closed by the controller.
+
     Attributes
     ----------
     plant : Lti
+        In continuous time; in discrete time it moves by its own ``A`` and ``B``, and its outputs are those after its
+        controls change.
     controls : (m,) ndarray of bool
         Which inputs are controls; the others change at each sample.
     changes : (m,) ndarray
@@ -155,14 +165,26 @@ class Held:
     direct: Array
 
     @classmethod
-    def of(cls, plant: Lti, acting: Sequence[int], dt: float, delays: Sequence[float]) -> "Held":
-        """Return a plant with its queues: what is still to act, and what acts just before a sample if that is felt."""
+    def of(
+        cls, plant: Lti, acting: Sequence[int], late: Sequence[tuple[int, float]], remembered: bool = False
+    ) -> "Held":
+        """Return a plant with its queues: what is still to act, and what acts just before a sample if that is felt.
+
+        Parameters
+        ----------
+        plant : Lti
+        acting : sequence of int
+            The inputs that are controls.
+        late : sequence of (int, float)
+            After how many whole samples, and how long after the last of them [s], each control changes.
+        remembered : bool
+            Whether the control given last is a state in any case.
+        """
         n, m = plant.B.shape
         wholes, changes, controls = np.zeros(m, dtype=int), np.zeros(m), np.zeros(m, dtype=bool)
-        for i, delay in zip(acting, delays, strict=True):
-            wholes[i], changes[i] = whole_samples(delay, dt)
-            controls[i] = True
-        felt = plant.D.any(axis=0) | (changes > 0.0)
+        for i, (whole, rest) in zip(acting, late, strict=True):
+            wholes[i], changes[i], controls[i] = whole, rest, True
+        felt = (plant.D.any(axis=0) | (changes > 0.0) | remembered) & (plant.dt == 0.0)
         lengths = np.where(controls, wholes + felt, 0)
         starts = n + np.concatenate([[0], np.cumsum(lengths)])
         before, after = np.zeros((m, starts[-1])), np.zeros((m, starts[-1]))
@@ -171,32 +193,46 @@ class Held:
         after[waiting, (starts[:-1] + wholes)[waiting] - 1] = 1.0
         return cls(plant, controls, changes, starts, before, after, np.diag(np.where(wholes, 0.0, 1.0)))
 
-    def state(self, duration: float) -> tuple[Array, Array]:
-        """Return the plant's state so long after a sample, of all states at the sample and of the inputs given there."""
+    def motion(self, duration: float) -> tuple[Array, Array, Array]:
+        """Return what the plant's state, and its inputs before and after they change, become so long after a sample."""
         A, B = self.plant.A, self.plant.B
-        Phi, held = zero_order_hold(A, B, duration)
-        old, new = np.zeros_like(B), np.zeros_like(B)
-        for change in np.unique(self.changes):
-            these = self.changes == change
-            if change == 0.0:
-                new[:, these] = held[:, these]
-            elif change >= duration:
-                old[:, these] = held[:, these]
-            else:
-                rest, new[:, these] = zero_order_hold(A, B[:, these], duration - change)
-                old[:, these] = rest @ zero_order_hold(A, B[:, these], change)[1]
-        rows = old @ self.before + new @ self.after
-        rows[:, : len(A)] += Phi
-        return rows, new @ self.direct
+        if self.plant.dt != 0.0:
+            return A, np.zeros_like(B), B
+        Phi, whole = zero_order_hold(A, B, duration)
+        return Phi, *changing(lambda t, these: zero_order_hold(A, B[:, these], t), whole, duration, self.changes)
+
+    def state(self, Phi: Array, before: Array, after: Array) -> tuple[Array, Array]:
+        """Return the plant's state after a motion, of all states at the sample and of the inputs given there."""
+        rows = before @ self.before + after @ self.after
+        rows[:, : len(Phi)] += Phi
+        return rows, after @ self.direct
 
     def answers(self, duration: float) -> tuple[Array, Array]:
         """Return the outputs so long after a sample, just before what changes then, likewise; at the sample for 0."""
         n, m = self.plant.B.shape
-        rows, given = self.state(duration) if duration else (np.eye(n, self.starts[-1]), np.zeros((n, m)))
-        changed = ~self.controls | (self.changes < duration)
+        rows, given = self.state(*self.motion(duration)) if duration else (np.eye(n, self.starts[-1]), np.zeros((n, m)))
+        changed = ~self.controls | (self.changes < duration) | (self.plant.dt != 0.0)
         late, now = np.where(changed, 0.0, self.plant.D), np.where(changed, self.plant.D, 0.0)
         C = self.plant.C
         return C @ rows + late @ self.before + now @ self.after, C @ given + now @ self.direct
+
+    def matrices(self, Phi: Array, before: Array, after: Array) -> tuple[Array, Array]:
+        """Return all states a sample later, of all states and of the inputs given, from the motion over a sample."""
+        n, m, size = len(Phi), after.shape[1], int(self.starts[-1])
+        A, B = np.zeros((size, size)), np.zeros((size, m))
+        A[:n], B[:n] = self.state(Phi, before, after)
+        for i, (start, end) in enumerate(pairwise(self.starts)):
+            A[start + 1 : end, start : end - 1] = np.eye(max(end - start - 1, 0))
+            if end > start:
+                B[start, i] = 1.0
+        return A, B
+
+    def sampled(self, dt: float) -> Lti:
+        """Return the plant from sample to sample."""
+        plant, lengths = self.plant, np.diff(self.starts)
+        queues = [f"{plant.inputs[i]}_held_{k + 1}" for i in np.flatnonzero(self.controls) for k in range(lengths[i])]
+        states = (*plant.states, *queues)
+        return Lti(*self.matrices(*self.motion(dt)), *self.answers(0.0), plant.inputs, plant.outputs, states, dt)
 
 
 def sampled_plant(
@@ -223,34 +259,13 @@ def sampled_plant(
     Lti
         In discrete time, inputs and outputs as the plant's.  Outputs are those just before the controls change.
     """
-    if plant.dt != 0.0:
-        return _late(plant, acting, [whole_samples(delay, dt)[0] for delay in delays])
-    n, m = plant.B.shape
-    scale = balance(plant.A)[1] if n else np.ones(0)
+    scale = balance(plant.A)[1] if len(plant.A) else np.ones(0)
     scaled = replace(plant, A=plant.A * scale / scale[:, None], B=plant.B / scale[:, None], C=plant.C * scale)
-    held = Held.of(scaled, acting, dt, delays)
-    size = int(held.starts[-1])
-    A, B = np.zeros((size, size)), np.zeros((size, m))
-    A[:n], B[:n] = held.state(dt)
-    for i, (start, end) in enumerate(pairwise(held.starts)):
-        A[start + 1 : end, start : end - 1] = np.eye(max(end - start - 1, 0))
-        if end > start:
-            B[start, i] = 1.0
-    C, D = held.answers(0.0)
-    full = np.concatenate([scale, np.ones(size - n)])
-    queues = [
-        f"{plant.inputs[i]}_held_{k + 1}" for i in np.flatnonzero(held.controls) for k in range(np.diff(held.starts)[i])
-    ]
-    found = Lti(
-        A * full[:, None] / full,
-        B * full[:, None],
-        C / full,
-        D,
-        plant.inputs,
-        plant.outputs,
-        (*plant.states, *queues),
-        dt,
-    )
+    held = Held.of(scaled, acting, [whole_samples(delay, dt) for delay in delays])
+    found = held.sampled(plant.dt or dt)
+    size = len(found.A)
+    full = np.concatenate([scale, np.ones(size - len(scale))])
+    found = replace(found, A=found.A * full[:, None] / full, B=found.B * full[:, None], C=found.C / full)
     for output, age in enumerate(readings or ()):
         whole, rest = whole_samples(age, dt)
         if rest:  # read between two samples, and known at the later one
@@ -276,20 +291,3 @@ def _read(system: Lti, output: int, reading: tuple[Array, Array], samples: int) 
     return replace(
         system, A=A, B=B, C=C, D=D, states=(*system.states, *(f"read_late_{place + k}" for k in range(samples)))
     )
-
-
-def _late(plant: Lti, acting: Sequence[int], samples: Sequence[int]) -> Lti:
-    """Return a discrete plant whose controls are so many samples late."""
-    A, B, C, D, states = plant.A, plant.B, plant.C, plant.D, list(plant.states)
-    for i, count in zip(acting, samples, strict=True):
-        if not count:
-            continue
-        place = len(A)
-        A = np.pad(A, ((0, count), (0, count)))
-        B, C, D = np.pad(B, ((0, count), (0, 0))), np.pad(C, ((0, 0), (0, count))), D.copy()
-        A[:place, place + count - 1], C[:, place + count - 1] = B[:place, i], D[:, i]
-        B[:place, i], D[:, i] = 0.0, 0.0
-        B[place, i] = 1.0
-        A[place + 1 :, place : place + count - 1] = np.eye(count - 1)
-        states += [f"{plant.inputs[i]}_held_{k + 1}" for k in range(count)]
-    return replace(plant, A=A, B=B, C=C, D=D, states=tuple(states))
