@@ -49,8 +49,7 @@ def linear_hold(A: Array, B: Array, step: float) -> tuple[Array, Array, Array]:
 class Step:
     """Exact motion over one step: ``x+ = Phi x + before u_old + after u_new + first d + last d+``.
 
-    ``u`` is held and changes once within the step, ``switch`` after its beginning; ``d`` runs along a straight line from
-    ``d`` to ``d+``.
+    ``u`` is held and changes once within the step; ``d`` runs along a straight line from ``d`` to ``d+``.
     """
 
     h: float
@@ -59,7 +58,6 @@ class Step:
     after: Array
     first: Array
     last: Array
-    switch: float = 0.0
 
     @property
     def of_signals(self) -> tuple[Array, Array, Array]:
@@ -69,7 +67,7 @@ class Step:
     @property
     def held(self) -> Array:
         """What an input held over the whole step adds."""
-        return self.before + self.after if self.before.any() else self.after
+        return self.before + self.after
 
 
 def changing(

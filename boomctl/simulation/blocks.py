@@ -12,30 +12,11 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.hold import Lifted, recursion_without_lead
-from boomctl.lti.sampled import Held
-from boomctl.lti.system import Lti, closed
-from boomctl.simulation.stepping import ControlLog, LoopProblem, control_log, limited, run_smooth
+from boomctl.simulation.stepping import ControlLog, LinearLoop, LoopProblem, limited, run_smooth
 
 _BLOCK = 32  # samples: measured on loops of 20 to 200 states; longer ones are broken by limits, shorter ones cost calls
 LONGEST_QUEUE = 16  # controls on their way to the plant: each is a state of every control
 _MOST_STATES = 400  # beyond, powers of the loop's matrix cost more than they save
-
-
-@dataclass(frozen=True)
-class _Linear:
-    """The loop without limits: states of the plant, of the controls given, and of the controller.
-
-    ``z+ = Phi z + first d + last d+``; outputs are ``C x`` of the plant, the controls asked for, and their changes.
-    ``mend`` is what each control given beyond the one asked for adds to ``z+``, ``given`` which states are those given last.
-    """
-
-    Phi: Array
-    first: Array
-    last: Array
-    C: Array
-    D: Array
-    mend: Array
-    given: Array
 
 
 def run_fast(p: LoopProblem, log: ControlLog) -> Array:
@@ -51,27 +32,10 @@ def in_blocks(p: LoopProblem) -> bool:
     return plain and states <= _MOST_STATES and p.grid.steps >= 2 * _BLOCK
 
 
-def linear_loop(p: LoopProblem) -> _Linear:
-    """Return the loop while no limit is met, in the steps of its maps."""
-    plant, c, maps, nu = p.plant, p.controller, p.maps, len(p.controller.driven)
-    held = Held.of(plant, c.driven.tolist(), [(p.lag, maps.switch)] * nu, remembered=True)
-    A, B = held.matrices(maps.Phi, maps.before, maps.after)
-    (n, m), size, acting, given = maps.first.shape, len(A), B[:, c.driven], held.starts[c.driven]
-    moving, asked = np.pad(plant.C, ((0, 0), (0, size - n))), np.zeros((nu, size))
-    C = np.vstack([moving, asked, asked - np.eye(size)[given], held.answers(0.0)[0][c.measured]])
-    D, read = np.zeros((len(C), m + nu)), len(moving) + 2 * nu
-    D[len(moving) : read, m:], D[read:, :m] = np.tile(np.eye(nu), (2, 1)), plant.D[c.measured]
-    first = np.pad(maps.first, ((0, size - n), (0, 0)))
-    # no control is felt before it is given: the loop is well-posed, with nothing to solve
-    loop = closed(Lti(A, np.hstack([first, acting]), C, D), Lti(c.A, c.B, c.C, c.D), np.eye(nu))
-    last = np.pad(maps.last, ((0, len(loop.A) - n), (0, 0)))
-    return _Linear(loop.A, loop.B, last, loop.C, loop.D, mend=np.vstack([acting, c.L]), given=given)
-
-
 def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
     """Return ``C`` times the states at each step; fill the log."""
-    loop, outputs, nu = linear_loop(p), len(p.plant.C), len(p.controller.driven)
-    used = np.flatnonzero(p.W.any(axis=1))
+    loop, outputs, nu = p.linear, len(p.plant.C), len(p.controller.driven)
+    used = p.disturbed
     first, last, W = loop.first[:, used], loop.last[:, used], _one_more(p.W[used])
     G, D = recursion_without_lead(loop.Phi, first, last, loop.C, loop.D[:, used])
     lifted = Lifted.of(loop.Phi, G, loop.C, D, _BLOCK)
@@ -93,7 +57,7 @@ def _one_more(W: Array) -> Array:
 
 
 def _blocks(
-    p: LoopProblem, log: ControlLog, loop: _Linear, lifted: Lifted, columns: Array, last: Array
+    p: LoopProblem, log: ControlLog, loop: LinearLoop, lifted: Lifted, columns: Array, last: Array
 ) -> tuple[Array, Array, list[tuple[int, Array]]]:
     """Return the states (without lead) at the beginning of each block, which were clean, and the others' plant states."""
     n, outputs, samples = len(p.plant.A), len(p.plant.C), p.samples
@@ -140,10 +104,10 @@ class _Walk:
     rate: list[float]
 
     @classmethod
-    def of(cls, p: LoopProblem, loop: _Linear) -> "_Walk":
+    def of(cls, p: LoopProblem, loop: LinearLoop) -> "_Walk":
         """Return the loop of a problem."""
         outputs, nu = len(p.plant.C), len(p.controller.driven)
-        used = np.flatnonzero(p.W.any(axis=1))
+        used = p.disturbed
         asked = slice(outputs, outputs + nu)
         first = np.vstack([loop.D[asked], loop.first])[:, used]
         last = np.vstack([np.zeros_like(loop.D[asked]), loop.last])[:, used]
@@ -179,7 +143,7 @@ class _Walk:
         return rows[:, nu:]
 
 
-def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem, switch: float) -> tuple[Array, ControlLog] | None:
+def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem) -> tuple[Array, ControlLog] | None:
     """Return what ``run_fast`` does, ``None`` if a stop is reached.
 
     Parameters
@@ -188,8 +152,6 @@ def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem, switch: float) -> t
         Without contacts.
     fine : LoopProblem
         The same with stops, and whole steps for each of its own.
-    switch : float
-        When the controls change within a step of ``p`` [s].
     """
     assert fine.contacts is not None
     assert fine.contacts.stop_maps is not None
@@ -198,12 +160,12 @@ def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem, switch: float) -> t
     maps = [p.plant.motion(j * fine.grid.h)[0] for j in range(per_step)]
     C = np.vstack([p.plant.C, *(positions @ Phi for Phi in maps)])
     D = np.vstack([p.plant.D, np.zeros((len(C) - outputs, p.plant.D.shape[1]))])
-    seen, log = replace(p, plant=replace(p.plant, C=C, D=D)), control_log(p)
+    seen, log = replace(p, plant=replace(p.plant, C=C, D=D)), p.new_log()
     with np.errstate(all="ignore"):
         found = run_fast(seen, log)
         strokes = found[outputs:].reshape(per_step, len(stops), -1)[:, :, :-1].copy()
         for j in range(1, per_step):
-            strokes[j] += positions @ _pushed(p, fine, log, switch, j)
+            strokes[j] += positions @ _pushed(p, fine, log, j)
         offsets = np.array([stop.offsets(fine.W, fine.grid.h, fine.grid.per_point)[0] for stop in stops])
         strokes += np.moveaxis(offsets[:, :-1].reshape(len(stops), -1, per_step), 2, 0)
         last = found[outputs : outputs + len(stops), -1] + offsets[:, -1]
@@ -212,11 +174,10 @@ def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem, switch: float) -> t
     return (found[:outputs], log) if free else None
 
 
-def _pushed(p: LoopProblem, fine: LoopProblem, log: ControlLog, switch: float, j: int) -> Array:
+def _pushed(p: LoopProblem, fine: LoopProblem, log: ControlLog, j: int) -> Array:
     """Return what disturbances and controls add to the states in the first ``j`` fine steps of each step, (n, steps)."""
     duration, driven, per_step = j * fine.grid.h, p.controller.driven, fine.grid.steps // p.grid.steps
-    moving = p.plant.step(duration, switch)
-    used = np.flatnonzero(p.W.any(axis=1))
+    moving, used = p.plant.step(duration, p.switch), p.disturbed
     moved = moving.first[:, used] @ p.W[used, :-1] + moving.last[:, used] @ fine.W[used, j::per_step]
     if not len(driven):
         return moved

@@ -25,9 +25,8 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, finite_array, nonnegative, positive, sequence, truth
-from boomctl.lti.sampled import whole_samples
 from boomctl.progress import computing
-from boomctl.simulation.blocks import LONGEST_QUEUE, in_blocks, linear_loop, run_fast, run_if_no_stop_is_met
+from boomctl.simulation.blocks import LONGEST_QUEUE, in_blocks, run_fast, run_if_no_stop_is_met
 from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, stop_places
 from boomctl.simulation.contact.friction import CoulombFriction, friction_law
 from boomctl.simulation.contact.stepping import ContactLog, run_contact
@@ -36,8 +35,8 @@ from boomctl.simulation.controller import corrected, sampled_controller
 from boomctl.simulation.machine.machine import Machine, MachineModes, reading_states
 from boomctl.simulation.plant import ModalPlant, modal_plant
 from boomctl.simulation.result import FrictionReport, LoopResult
-from boomctl.simulation.signals import TimeGrid, disturbance_rows, per_signal, sampled_noise, sampled_signals, time_grid
-from boomctl.simulation.stepping import Added, ControlLog, Limits, LoopProblem, control_log
+from boomctl.simulation.signals import disturbance_rows, per_signal, sampled_noise, sampled_signals, time_grid
+from boomctl.simulation.stepping import Added, ControlLog, Limits, LoopProblem, SampledRun, linear_loop, whole_steps
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
@@ -48,7 +47,6 @@ if TYPE_CHECKING:
 
 # steps from one point of the grid to the next where there are stops: strokes between points are seen
 _STOP_SUBSTEPS = 4
-_MOST_STEPS = 1e9  # of a delay: more than any run has (a choice)
 _CAUTION = (
     3.0  # times the error that another number of substeps tells: it varies with where in a step a slip ends (measured)
 )
@@ -198,43 +196,49 @@ def simulate_loop(
 
         size = 2 * len(modal.omega)
         begin = modal.from_state @ (np.zeros(size) if initial is None else _initial(initial, size))
-        lag, switch = whole_steps(late, grid.h)
-        loop = MachineLoop(modal, K, grid, grid.refined(rows), lag, switch, limits, added, begin)
+        loop = MachineLoop(
+            machine=modal,
+            controller=K,
+            grid=grid,
+            W=grid.refined(rows),
+            delay=late,
+            limits=limits,
+            start=begin,
+            added=added,
+        )
         with computing("closed loop"):
-            return _machine_result(loop, late, *tolerance)
+            return _machine_result(loop, *tolerance)
     start = _start(initial, modal)
     _check_strokes(places, modal.C @ start + modal.D @ rows[:, 0], modal.outputs)
 
-    def problem(finer: int, touching: bool) -> tuple[LoopProblem, float]:
-        """Return the loop in steps so much finer, and when the controls change within one."""
+    def problem(finer: int, touching: bool = True) -> LoopProblem:
+        """Return the loop in steps so much finer."""
         steps = grid if finer == 1 else time_grid(timepts, sample_time, finer)
-        lag, rest = whole_steps(late, steps.h)
-        maps = modal.step(steps.h, rest)
+        maps = modal.step(steps.h, whole_steps(late, steps.h)[1])
         contacts = contacts_of(modal, maps, friction, places, K.outputs) if touching else None
-        W = steps.refined(rows)
-        found = LoopProblem(
-            modal, maps, K, steps, W, lag=lag, limits=limits, start=start, contacts=contacts, added=added
-        )
-        return found, rest
+        return LoopProblem(
+            plant=modal, maps=maps, contacts=contacts, controller=K, grid=steps, W=steps.refined(rows), delay=late,
+            limits=limits, start=start, added=added,
+        )  # fmt: skip
 
     substeps = _substeps(friction, bool(places))
-    p, _ = problem(substeps, touching=True)
+    p = problem(substeps)
     if places and friction is None:
-        whole, switch = problem(1, touching=False)
-        free = run_if_no_stop_is_met(whole, p, switch)
+        whole = problem(1, touching=False)
+        free = run_if_no_stop_is_met(whole, p)
         if free is not None:
             moving, log = free
-            return _result(whole, log, moving[:, :: whole.grid.per_point], None, late, "stops not reached")
-    log = control_log(p)
+            return _result(whole, log, moving[:, :: whole.grid.per_point], None, "stops not reached")
+    log = p.new_log()
     if p.contacts is not None:
         moving, contact_log = run_contact(p, log, p.contacts)
-        found = _result(p, log, moving, contact_log, late, "contacts")
+        found = _result(p, log, moving, contact_log, "contacts")
         if friction is None:
             return found
-        error = _friction_error(lambda number: problem(number, touching=True)[0], substeps, friction.output, moving)
+        error = _friction_error(problem, substeps, friction.output, moving)
         return replace(found, error_estimate=error)
     path = "blocks" if in_blocks(p) else "steps"
-    return _result(p, log, run_fast(p, log)[:, :: p.grid.per_point], None, late, path)
+    return _result(p, log, run_fast(p, log)[:, :: p.grid.per_point], None, path)
 
 
 def _check_strokes(places: list[tuple[str, str, float]], outputs: Array, names: tuple[str, ...]) -> None:
@@ -262,17 +266,10 @@ def _friction_error(problem: Callable[[int], LoopProblem], substeps: int, slip: 
             number = 2 * substeps
             other = problem(number)
         assert other.contacts is not None
-        apart = (run_contact(other, control_log(other), other.contacts)[0] - moving)[other.plant.outputs.index(slip)]
+        apart = (run_contact(other, other.new_log(), other.contacts)[0] - moving)[other.plant.outputs.index(slip)]
         share = 1.0 / abs((substeps / number) ** 2 - 1.0)  # of it that is this run's, if both fall by the second order
         error = max(error, _CAUTION * share * float(np.abs(apart).max()))
     return error
-
-
-def whole_steps(delay: float, h: float) -> tuple[int, float]:
-    """Return a delay as whole steps and what is left of it."""
-    if delay / h > _MOST_STEPS:
-        raise ValueError(f"delay = {delay:g}: expected at most {_MOST_STEPS:g} steps of {h:g} s")
-    return whole_samples(delay, h)
 
 
 def _contact_inputs(
@@ -309,13 +306,10 @@ def _initial(initial: ArrayLike, n: int) -> Array:
     return given
 
 
-def _result(
-    p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog | None, delay: float, path: str
-) -> LoopResult:
+def _result(p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog | None, path: str) -> LoopResult:
     """Return signals by name; ``moving`` is what the outputs read of the states at the given times."""
-    plant, K, grid, rows = p.plant, p.controller, p.grid, p.W[:, :: p.grid.per_point]
-    applied, asked = _at_points(p.grid, p.lag + (1 if p.maps.switch else 0), log)
-    outputs = moving + plant.D @ rows + plant.D[:, K.driven] @ applied
+    plant, grid, controls = p.plant, p.grid, p.at_points(log)
+    outputs = moving + plant.D @ p.W[:, :: grid.per_point] + plant.D[:, p.controller.driven] @ controls[0]
     if not np.isfinite(outputs).all():
         raise ValueError("the loop diverges: its outputs grow beyond all numbers before the last of timepts")
     friction = None
@@ -330,65 +324,55 @@ def _result(
         )
     names = [] if p.contacts is None else [stop.output for stop in p.contacts.stops]
     touched = [] if contacts is None else contacts.touched
-    return LoopResult(
-        time=grid.time,
-        outputs=dict(zip(plant.outputs, outputs, strict=True)),
-        controls=dict(zip(K.outputs, applied, strict=True)),
-        asked=dict(zip(K.outputs, asked, strict=True)),
-        disturbances={name: row for name, row in zip(plant.inputs, rows, strict=True) if row.any()},
-        saturation_share=dict(zip(K.outputs, log.saturated.mean(axis=0).tolist(), strict=True)),
-        rate_share=dict(zip(K.outputs, log.slewed.mean(axis=0).tolist(), strict=True)),
+    return replace(
+        _told(p, plant, log, outputs, controls),
         stops=merged_hits(names, grid.h, float(grid.time[0]), touched),
         friction=friction,
-        sample_time=grid.per_sample * grid.h,
-        delay=delay,
         path=path,
-        _sampled=_from_sample_to_sample(p, delay),
+        _sampled=_from_sample_to_sample(p),
     )
 
 
-def _from_sample_to_sample(p: LoopProblem, delay: float) -> Array | None:
+def _told(
+    p: SampledRun, plant: ModalPlant | MachineModes, log: ControlLog, outputs: Array, controls: tuple[Array, Array]
+) -> LoopResult:
+    """Return signals of any run by name: outputs, and the controls that act and those asked for, at the given times."""
+    K, rows = p.controller, p.W[:, :: p.grid.per_point]
+    applied, asked = (dict(zip(K.outputs, each, strict=True)) for each in controls)
+    return LoopResult(
+        time=p.grid.time,
+        outputs=dict(zip(plant.outputs, outputs, strict=True)),
+        controls=applied,
+        asked=asked,
+        disturbances={name: row for name, row in zip(plant.inputs, rows, strict=True) if row.any()},
+        saturation_share=dict(zip(K.outputs, log.saturated.mean(axis=0).tolist(), strict=True)),
+        rate_share=dict(zip(K.outputs, log.slewed.mean(axis=0).tolist(), strict=True)),
+        stops=(),
+        friction=None,
+        sample_time=p.grid.per_sample * p.grid.h,
+        delay=p.delay,
+    )
+
+
+def _from_sample_to_sample(p: LoopProblem) -> Array | None:
     """Return the loop's matrix from one sample to the next while no limit is met; None where there is no such one."""
     dt = p.grid.per_sample * p.grid.h
-    lag, rest = whole_steps(delay, dt)
-    if p.controller.laws is not None or lag >= LONGEST_QUEUE:
+    late = whole_steps(p.delay, dt)
+    if p.controller.laws is not None or late[0] >= LONGEST_QUEUE:
         return None
-    if p.grid.per_sample > 1:
-        p = replace(p, maps=p.plant.step(dt, rest), lag=lag)
-    return linear_loop(p).Phi
+    loop = p.linear if p.grid.per_sample == 1 else linear_loop(p, p.plant.step(dt, late[1]), late)
+    return loop.Phi
 
 
-def _machine_result(p: MachineLoop, delay: float, rtol: float, atol: float) -> LoopResult:
+def _machine_result(p: MachineLoop, rtol: float, atol: float) -> LoopResult:
     """Run a loop around a hub-beam and return its signals by name."""
     from boomctl.simulation.machine.run import PATH, measured, run_to_tolerance
 
     found = run_to_tolerance(p, rtol, atol)
-    applied, asked = _at_points(p.grid, p.lag + (1 if p.switch else 0), found.log)
-    states, rows, K = found.states[:, :: p.grid.per_point], p.W[:, :: p.grid.per_point], p.controller
-    outputs = measured(p, states, applied)
-    return LoopResult(
-        time=p.grid.time,
-        outputs=dict(zip(p.machine.outputs, outputs, strict=True)),
-        controls=dict(zip(K.outputs, applied, strict=True)),
-        asked=dict(zip(K.outputs, asked, strict=True)),
-        disturbances={name: row for name, row in zip(p.machine.inputs, rows, strict=True) if row.any()},
-        saturation_share=dict(zip(K.outputs, found.log.saturated.mean(axis=0).tolist(), strict=True)),
-        rate_share=dict(zip(K.outputs, found.log.slewed.mean(axis=0).tolist(), strict=True)),
-        stops=(),
-        friction=None,
-        sample_time=p.grid.per_sample * p.grid.h,
-        delay=delay,
+    states, controls = found.states[:, :: p.grid.per_point], p.at_points(found.log)
+    return replace(
+        _told(p, p.machine, found.log, measured(p, states, controls[0]), controls),
         path=PATH,
         error_estimate=found.error,
         states=(p.machine.to_state @ states).T,
     )
-
-
-def _at_points(grid: TimeGrid, late: int, log: ControlLog) -> tuple[Array, Array]:
-    """Return the controls that act just after each given time, and what was asked for last, (controls, points).
-
-    From ``late`` steps after a sample on its control acts throughout a step.
-    """
-    step = np.arange(len(grid.time)) * grid.per_point
-    latest = np.minimum(step // grid.per_sample, len(log.asked) - 1)
-    return log.acting(step, late, grid.per_sample).T, log.asked[latest].T

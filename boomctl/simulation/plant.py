@@ -63,7 +63,7 @@ class ModalPlant(Lti):
 
         whole, ramp = P1 @ self.B, P2 @ self.B / h
         before, after = changing(hold, whole, h, np.full(self.B.shape[1], switch))
-        return Step(h=h, Phi=Phi, before=before, after=after, first=whole - ramp, last=ramp, switch=switch)
+        return Step(h=h, Phi=Phi, before=before, after=after, first=whole - ramp, last=ramp)
 
 
 def modal_plant(

@@ -2,15 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.hold import Step
+from boomctl.lti.sampled import Held, whole_samples
+from boomctl.lti.system import Lti, closed
 from boomctl.simulation.contact.contacts import Contacts
 from boomctl.simulation.controller import SampledController
 from boomctl.simulation.plant import ModalPlant
 from boomctl.simulation.signals import TimeGrid
+
+_MOST_STEPS = 1e9  # of a delay: more than any run has (a choice)
 
 
 @dataclass(frozen=True)
@@ -61,50 +66,6 @@ NOTHING_ADDED = Added()
 
 
 @dataclass(frozen=True)
-class LoopProblem:
-    """Everything that a run needs, checked.
-
-    Attributes
-    ----------
-    W : (inputs, steps + 1) ndarray
-        Disturbances on the grid.
-    lag : int
-        Whole steps by which the controls come late; ``maps`` knows the rest.
-    start : (n,) ndarray
-        Modal states at the first time.
-    """
-
-    plant: ModalPlant
-    maps: Step
-    controller: SampledController
-    grid: TimeGrid
-    W: Array
-    lag: int
-    limits: Limits
-    start: Array
-    contacts: Contacts | None
-    added: Added = NOTHING_ADDED
-
-    @property
-    def forcing(self) -> Array:
-        """What the disturbances add to the states at each step, (steps, n)."""
-        used = np.flatnonzero(self.W.any(axis=1))
-        W = self.W[used]
-        return W[:, :-1].T @ self.maps.first[:, used].T + W[:, 1:].T @ self.maps.last[:, used].T
-
-    @property
-    def stepper(self) -> Array:
-        """The map of states, control before and control after the switch to the states a step later."""
-        d = self.controller.driven
-        return np.hstack([self.maps.Phi, self.maps.before[:, d], self.maps.after[:, d]])
-
-    @property
-    def samples(self) -> int:
-        """How often the controller is sampled, at the last time included if a sample falls on it."""
-        return self.grid.steps // self.grid.per_sample + 1
-
-
-@dataclass(frozen=True)
 class ControlLog:
     """What the controller asked for at each sample, what it was given, and where which limit was met."""
 
@@ -119,10 +80,126 @@ class ControlLog:
         return np.where((sample >= 0)[:, None], self.given[np.clip(sample, 0, len(self.given) - 1)], 0.0)
 
 
-def control_log(p: LoopProblem) -> ControlLog:
-    """Return a log to be filled."""
-    shape = (p.samples, len(p.controller.driven))
-    return ControlLog(np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool))
+def whole_steps(delay: float, h: float) -> tuple[int, float]:
+    """Return a delay as whole steps and what is left of it."""
+    if delay / h > _MOST_STEPS:
+        raise ValueError(f"delay = {delay:g}: expected at most {_MOST_STEPS:g} steps of {h:g} s")
+    return whole_samples(delay, h)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SampledRun:
+    """What a run of a sampled loop needs whatever moves in it, checked.
+
+    Attributes
+    ----------
+    W : (inputs, steps + 1) ndarray
+        Disturbances on the grid.
+    delay : float
+        Between a sample and the moment its control acts [s].
+    start : (n,) ndarray
+        Modal states at the first time; of a machine, modal coordinates and rates.
+    """
+
+    controller: SampledController
+    grid: TimeGrid
+    W: Array
+    delay: float
+    limits: Limits
+    start: Array
+    added: Added = NOTHING_ADDED
+
+    @cached_property
+    def lag(self) -> int:
+        """Whole steps by which the controls come late."""
+        return whole_steps(self.delay, self.grid.h)[0]
+
+    @cached_property
+    def switch(self) -> float:
+        """The rest of the delay [s]: when the controls change within a step."""
+        return whole_steps(self.delay, self.grid.h)[1]
+
+    @property
+    def samples(self) -> int:
+        """How often the controller is sampled, at the last time included if a sample falls on it."""
+        return self.grid.steps // self.grid.per_sample + 1
+
+    @cached_property
+    def disturbed(self) -> Array:
+        """Places of the inputs that are disturbed."""
+        return np.flatnonzero(self.W.any(axis=1))
+
+    def new_log(self) -> ControlLog:
+        """Return a log to be filled."""
+        shape = self.samples, len(self.controller.driven)
+        return ControlLog(np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool))
+
+    def at_points(self, log: ControlLog) -> tuple[Array, Array]:
+        """Return the controls that act just after each given time, and what was asked for last, (controls, points)."""
+        step = np.arange(len(self.grid.time)) * self.grid.per_point
+        late = self.lag + (1 if self.switch else 0)  # steps after a sample from which on its control acts throughout
+        latest = np.minimum(step // self.grid.per_sample, len(log.asked) - 1)
+        return log.acting(step, late, self.grid.per_sample).T, log.asked[latest].T
+
+
+@dataclass(frozen=True)
+class LinearLoop:
+    """The loop without limits: states of the plant, of the controls given, and of the controller.
+
+    ``z+ = Phi z + first d + last d+``; outputs are ``C x`` of the plant, the controls asked for, and their changes.
+    ``mend`` is what each control given beyond the one asked for adds to ``z+``, ``given`` which states are those given last.
+    """
+
+    Phi: Array
+    first: Array
+    last: Array
+    C: Array
+    D: Array
+    mend: Array
+    given: Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoopProblem(SampledRun):
+    """What a run around a linear plant needs: the plant, its motion over a step, and what it touches."""
+
+    plant: ModalPlant
+    maps: Step
+    contacts: Contacts | None
+
+    @property
+    def forcing(self) -> Array:
+        """What the disturbances add to the states at each step, (steps, n)."""
+        used, W = self.disturbed, self.W[self.disturbed]
+        return W[:, :-1].T @ self.maps.first[:, used].T + W[:, 1:].T @ self.maps.last[:, used].T
+
+    @cached_property
+    def linear(self) -> LinearLoop:
+        """The loop while no limit is met, in the steps of its grid."""
+        return linear_loop(self, self.maps, (self.lag, self.switch))
+
+    @property
+    def stepper(self) -> Array:
+        """The map of states, control before and control after the switch to the states a step later."""
+        d = self.controller.driven
+        return np.hstack([self.maps.Phi, self.maps.before[:, d], self.maps.after[:, d]])
+
+
+def linear_loop(p: LoopProblem, maps: Step, late: tuple[int, float]) -> LinearLoop:
+    """Return the loop while no limit is met, in steps of such maps, its controls so many of them and a rest [s] late."""
+    plant, c, nu = p.plant, p.controller, len(p.controller.driven)
+    held = Held.of(plant, c.driven.tolist(), [late] * nu, remembered=True)
+    A, B = held.matrices(maps.Phi, maps.before, maps.after)
+    (n, m), size, acting, given = maps.first.shape, len(A), B[:, c.driven], held.starts[c.driven]
+    moving, asked = np.pad(plant.C, ((0, 0), (0, size - n))), np.zeros((nu, size))
+    C = np.vstack([moving, asked, asked - np.eye(size)[given], held.answers(0.0)[0][c.measured]])
+    D, read = np.zeros((len(C), m + nu)), len(moving) + 2 * nu
+    D[len(moving) : read, m:], D[read:, :m] = np.tile(np.eye(nu), (2, 1)), plant.D[c.measured]
+    first = np.pad(maps.first, ((0, size - n), (0, 0)))
+    # no control is felt before it is given: the loop is well-posed, with nothing to solve
+    loop = closed(Lti(A, np.hstack([first, acting]), C, D), Lti(c.A, c.B, c.C, c.D), np.eye(nu))
+    last = np.pad(maps.last, ((0, len(loop.A) - n), (0, 0)))
+    return LinearLoop(loop.A, loop.B, last, loop.C, loop.D, mend=np.vstack([acting, c.L]), given=given)
 
 
 def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:

@@ -9,7 +9,6 @@ controls of the first, for a rounding that flips is no error of the motion.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +21,7 @@ from boomctl.simulation.controller import SampledController
 from boomctl.simulation.machine.buffered import Buffered, at_columns
 from boomctl.simulation.machine.exponential_step import exponential_step
 from boomctl.simulation.machine.machine import MachineModes
-from boomctl.simulation.signals import TimeGrid
-from boomctl.simulation.stepping import Added, ControlLog, Limits
+from boomctl.simulation.stepping import ControlLog, SampledRun
 
 if TYPE_CHECKING:
     import casadi
@@ -43,41 +41,11 @@ _BLOCK = 1000  # steps of the grid that are one call (a choice: after each, Ctrl
 _LONGEST_QUEUE = 64  # controls on their way that are states of the loop; longer queues are read off the log (a choice)
 
 
-@dataclass(frozen=True, eq=False)
-class MachineLoop:
-    """Everything that a run needs, checked.
-
-    Attributes
-    ----------
-    W : (inputs, steps + 1) ndarray
-        Disturbances on the grid.
-    lag : int
-        Whole steps by which the controls come late.
-    switch : float
-        The rest of the delay, s: when the controls change within a step.
-    start : (2 m,) ndarray
-        Modal coordinates and rates at the first time.
-    """
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MachineLoop(SampledRun):
+    """What a run around a machine needs."""
 
     machine: MachineModes
-    controller: SampledController
-    grid: TimeGrid
-    W: Array
-    lag: int
-    switch: float
-    limits: Limits
-    added: Added
-    start: Array
-
-    @property
-    def samples(self) -> int:
-        """How often the controller is sampled, at the last time included if a sample falls on it."""
-        return self.grid.steps // self.grid.per_sample + 1
-
-    @cached_property
-    def disturbed(self) -> Array:
-        """Places of the inputs that are disturbed."""
-        return np.flatnonzero(self.W.any(axis=1))
 
     @property
     def queued(self) -> tuple[int, int]:
@@ -208,14 +176,13 @@ def loop_step(p: MachineLoop, counts: tuple[int, ...]) -> tuple[casadi.Function,
 
 def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]:
     """Run the loop in so many steps a segment."""
-    c, ps = p.controller, p.grid.per_sample
-    nz, nu, queue, (late, offset) = len(p.start), len(c.driven), p.waiting, p.queued
+    ps, nz, queue, (late, offset) = p.grid.per_sample, len(p.start), p.waiting, p.queued
     (unit, sample), beside, size = loop_step(p, counts), StepSignals(p), p.size
     steps = p.grid.steps
     block = min(_BLOCK, steps, late * ps + offset if queue == 1 and late else steps)
     run, signals = Buffered(unit.mapaccum("run", block)), beside.signals()
     state, states = np.concatenate([p.start, np.zeros(size - nz)]), np.empty((nz, steps + 1))
-    log = ControlLog(*(np.zeros((p.samples, nu), dtype=kind) for kind in (float, float, bool, bool)))
+    log = p.new_log()
     states[:, 0] = p.start
     for k in range(0, steps, block):
         tell(f"{sum(counts)} steps from one time to the next", k, steps)

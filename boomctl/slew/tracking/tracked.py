@@ -15,7 +15,7 @@ from boomctl.lti.controllers.time_varying import TimeVaryingController
 from boomctl.printing import listed
 from boomctl.progress import computing
 from boomctl.simulation.controller import sampled_controller
-from boomctl.simulation.loop import simulate_loop, whole_steps
+from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.machine.batch import Batch, run_batch
 from boomctl.simulation.machine.machine import Machine, MachineModes, RubbingMachine, reading_states, rubbing
 from boomctl.simulation.machine.run import MachineLoop
@@ -359,8 +359,10 @@ class TrackedSlew:
             reference=sampled_signals("reference", reference, K.inputs, grid),
             feedforward=sampled_signals("feedforward", self.feedforward, K.outputs, grid),
         )
-        lag, switch = whole_steps(nonnegative("delay", delay), grid.h)
-        return MachineLoop(varied, K, grid, rows, lag, switch, limits, added, varied.from_state @ self.start)
+        late, start = nonnegative("delay", delay), varied.from_state @ self.start
+        return MachineLoop(
+            machine=varied, controller=K, grid=grid, W=rows, delay=late, limits=limits, start=start, added=added
+        )
 
     def _start(self, true: Any) -> Array | None:
         if np.abs(self.start).max() <= _REST:
