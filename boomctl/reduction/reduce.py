@@ -3,7 +3,7 @@
 import warnings
 from dataclasses import replace
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -138,15 +138,9 @@ def reduce(
     wanted, limits = None if error is None else positive("error", error), _band(band)
     if method == "second-order" and isinstance(given, Lti):
         raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
-    if isinstance(given, Lti) and given.dt != 0.0:
-        with warnings.catch_warnings(record=True) as told:  # said anew, of the call that was made
-            warnings.simplefilter("always")
-            result = _by_image(given, (order, wanted), method, limits, progress)
-        for said in told:
-            warnings.warn(said.message, stacklevel=2)
-        return result
     with computing("reduction", progress):
-        result = _by_cores(given, (order, wanted), method, limits)
+        reduced = _by_image if isinstance(given, Lti) and given.dt != 0.0 else _by_cores
+        result = reduced(given, (order, wanted), method, limits)  # type: ignore[arg-type]
     if order is not None and result.order < order:
         reason = (
             "a pair of poles stays whole"
@@ -209,16 +203,16 @@ def _by_cores(
 
 
 def _by_image(
-    given: Lti, aim: tuple[int | None, float | None], method: str, band: Band | None, progress: "Listener | None"
+    given: Lti, aim: tuple[int | None, float | None], method: str, band: Band | None
 ) -> ReductionResult:
     """Return the reduction of a discrete system, by orders of its image until the error on the circle is small enough."""
     order, wanted = aim
     inside = None if band is None else _band_of_image(given, band)
     # what the discrete error is proved to stay below is a little more than that of the image
     within = None if wanted is None else wanted * (1.0 - _MORE)
-    image: Any = continuous_image(given)
+    image = continuous_image(given)
     while True:
-        found = reduce(image, order, method, error=within, band=inside, progress=progress)
+        found = _by_cores(image, (order, within), method, inside)
         try:
             result = _on_circle(given, found, band)
         except ReductionError:
