@@ -33,7 +33,7 @@ from boomctl.reduction.reducers import (
     StrongestModes,
 )
 from boomctl.reduction.result import LowerOrderWarning, ReductionError, ReductionResult
-from boomctl.reduction.verify import Band, Verified, difference
+from boomctl.reduction.verify import POINTS, START, Band, Verified, difference
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modal_form import modal_form
 
@@ -59,8 +59,6 @@ _SLACK = (
 _SPLIT = (
     1e-6  # distance up to which rounding takes a double pole on the circle apart: its root, with room (measured: 4e-8)
 )
-_POINTS = 200  # of a band, beside those at the resonances (a choice)
-_START = 1e-6  # where the grid of a band from zero begins, relative to its end (a choice)
 _LARGEST_CORE = 500  # modes beyond which no core grows: its balancing takes a minute (a choice)
 
 
@@ -227,7 +225,7 @@ def _by_image(
 def _band_of_image(full: Lti, band: Band) -> Band:
     if band[1] > full.nyquist:
         raise ValueError(f"band: expected at most half the sampling rate, {up_to(full.nyquist)} rad/s, got {band[1]:g}")
-    end = min(band[1], full.nyquist * (1.0 - _START))  # the image of half the sampling rate is at infinity
+    end = min(band[1], full.nyquist * (1.0 - START))  # the image of half the sampling rate is at infinity
     return float(image_of_omega(min(band[0], end), full.dt)), float(image_of_omega(end, full.dt))
 
 
@@ -303,8 +301,8 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
 def _in_band(gap: Lti, found: ReductionResult, band: Band) -> NormCertificate:
     """Return the largest error of a discrete system in a band, on a grid around its poles, below what the image's is."""
     rates = gap.rates[np.isfinite(gap.rates)]
-    low = max(band[0], _START * band[1])
-    omega = resonance_grid(rates, low, band[1], points=_POINTS, also=[band[0], band[1]])
+    low = max(band[0], START * band[1])
+    omega = resonance_grid(rates, low, band[1], points=POINTS, also=[band[0], band[1]])
     values = singular_values(gap.response(omega, quiet=True))[0]
     best = int(np.argmax(values))
     return NormCertificate(float(values[best]), found.measured_error, float(omega[best]), found.certificate.method)

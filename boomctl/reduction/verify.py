@@ -31,8 +31,8 @@ Band = tuple[float, float]
 # How far above the largest value found a level is tried, relative, in this order: the closest that rounding allows.
 _LEVELS = (1.0 + 1e-6, 1.0 + 1e-5, 1.0001, 1.001, 1.01, 1.1, 2.0)
 _FLOORS = (1.0, 10.0, 100.0, 1000.0)  # times the level below which errors are rounding: where that itself drowns in it
-_POINTS = 200  # of a band, beside those at the resonances (a choice)
-_START = 1e-6  # where the grid of a band from zero begins, relative to its end (a choice)
+POINTS = 200  # of a band, beside those at the resonances (a choice)
+START = 1e-6  # where the grid of a band from zero begins, relative to its end (a choice)
 _ROUNDS = 20  # of raising the largest value found within a band; each rises to a higher peak
 _LARGE = 100  # states beyond which a Schur form, once made, answers faster than solving (measured: ten times at 480)
 _SLACK = 1e-3  # share by which an error may exceed its bound, for the rounding of Gramians (a choice)
@@ -174,8 +174,8 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
     def value(omega: Array) -> Array:
         return singular_values(respond(omega))[0]
 
-    start = low if low > 0.0 else _START * high
-    peak, at = highest_peak(value, resonance_grid(gap.poles, start, high, points=_POINTS, also=[low]))
+    start = low if low > 0.0 else START * high
+    peak, at = highest_peak(value, resonance_grid(gap.poles, start, high, points=POINTS, also=[low]))
     if max(peak, floor) == 0.0:
         return NormCertificate(0.0, 0.0, at, NO_RESPONSE)
     for _ in range(_ROUNDS):

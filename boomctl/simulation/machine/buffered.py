@@ -11,7 +11,7 @@ from boomctl.arrays import Array
 if TYPE_CHECKING:
     import casadi
 
-_BLOCK = 1000  # columns that are one call: what repeats a function for more takes longer to build (measured)
+BLOCK = 1000  # columns that are one call: what repeats a function for more takes longer to build (measured)
 
 
 class Buffered:
@@ -56,7 +56,7 @@ class Buffered:
 def at_columns(function: casadi.Function, *given: Array) -> list[Array]:
     """Return what a function of vectors returns at all columns of matrices, (rows, columns) each."""
     count = given[0].shape[1]
-    block = min(_BLOCK, count)
+    block = min(BLOCK, count)
     run = Buffered(function.map(block))
     parts = []
     for k in range(0, count, block):

@@ -18,7 +18,7 @@ from boomctl.arrays import Array
 from boomctl.checks import exactly
 from boomctl.progress import tell
 from boomctl.simulation.controller import SampledController
-from boomctl.simulation.machine.buffered import Buffered, at_columns
+from boomctl.simulation.machine.buffered import BLOCK, Buffered, at_columns
 from boomctl.simulation.machine.exponential_step import exponential_step
 from boomctl.simulation.machine.machine import MachineModes
 from boomctl.simulation.stepping import ControlLog, SampledRun
@@ -37,7 +37,6 @@ _ROUNDING = 1e-10  # of the displacements: runs this near that come no nearer di
 _FAILURES = 3  # trials that overflow or come no nearer, after which no more is tried (a choice)
 _MOST_STEPS = 2e7  # of a run: some minutes (a choice)
 _INLINE = 4  # steps within one step of the grid that are one expression; more are a loop over it (measured)
-_BLOCK = 1000  # steps of the grid that are one call (a choice: after each, Ctrl-C and overflow are looked at)
 _LONGEST_QUEUE = 64  # controls on their way that are states of the loop; longer queues are read off the log (a choice)
 
 
@@ -179,7 +178,7 @@ def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]
     ps, nz, queue, (late, offset) = p.grid.per_sample, len(p.start), p.waiting, p.queued
     (unit, sample), beside, size = loop_step(p, counts), StepSignals(p), p.size
     steps = p.grid.steps
-    block = min(_BLOCK, steps, late * ps + offset if queue == 1 and late else steps)
+    block = min(BLOCK, steps, late * ps + offset if queue == 1 and late else steps)
     run, signals = Buffered(unit.mapaccum("run", block)), beside.signals()
     state, states = np.concatenate([p.start, np.zeros(size - nz)]), np.empty((nz, steps + 1))
     log = p.new_log()
