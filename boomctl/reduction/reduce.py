@@ -200,9 +200,7 @@ def _by_cores(
     )
 
 
-def _by_image(
-    given: Lti, aim: tuple[int | None, float | None], method: str, band: Band | None
-) -> ReductionResult:
+def _by_image(given: Lti, aim: tuple[int | None, float | None], method: str, band: Band | None) -> ReductionResult:
     """Return the reduction of a discrete system, by orders of its image until the error on the circle is small enough."""
     order, wanted = aim
     inside = None if band is None else _band_of_image(given, band)
