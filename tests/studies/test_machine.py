@@ -17,7 +17,7 @@ DAMPER = control.ss(-20.0, 20.0, 40.0, -40.0, inputs="position", outputs="force"
 
 MINE = """
 import control
-from boomctl import MachineDesign
+from boomctl.studies import MachineDesign
 from boomctl.structure import SecondOrderModel
 
 
