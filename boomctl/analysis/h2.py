@@ -17,6 +17,7 @@ from boomctl.analysis.norm import NOT_PROVED, ON_CIRCLE, PROVED, UNDAMPED, UNSTA
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.lti.modal import split
+from boomctl.lti.rounding import EPS
 from boomctl.lti.system import Lti, of
 from boomctl.lti.verified_modal_form import VerifiedModalForm, verified_modal_form
 from boomctl.structure.model import SecondOrderModel
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 BY_MODES = "a sum over pairs of modes"
 _AGREEMENT = 1e-6  # relative distance of the bounds up to which a norm is certified (a choice)
-_EPS = float(np.finfo(float).eps)
 _CANCELLED = 4.0  # roundings of one, in the difference of one and the product of two poles
 _TERMS = 16.0  # roundings of a term of a sum over pairs of modes, beside one for each that it is added to
 
@@ -168,6 +168,6 @@ def _by_modes(modes: VerifiedModalForm, dt: float) -> H2Certificate:
         units = units + _CANCELLED * np.abs(shares)
     square = max(float(np.sum(reading.T * acting * shares).real), 0.0) + through
     sizes = (np.abs(modal.C).T @ np.abs(modal.C)) * (np.abs(modal.B) @ np.abs(modal.B).T) * np.abs(shares)
-    rounding = _EPS * (float(np.sum(sizes * units)) + _TERMS * through)
+    rounding = EPS * (float(np.sum(sizes * units)) + _TERMS * through)
     low, value, high = (sqrt(x) for x in (max(square - rounding, 0.0), square, square + rounding))
     return H2Certificate(value, max(low - modes.energy_gap, 0.0), high + modes.energy_gap, BY_MODES)

@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import CANCELLED, EPS
 from boomctl.lti.system import Lti, System, rates_of
 from boomctl.lti.verified_modal_form import INVERSE
 
-_EPS = float(np.finfo(float).eps)
-_ENTRIES = 8.0  # units of rounding of each entry given, up to which a verdict is one of its last digits
 _SQUARED = 5  # times a matrix is squared: the norm of its power 32 tells its largest eigenvalue to a tenth
 _TWICE = 2.0  # of a bound that is itself computed in floats, from an inverse that is off by INVERSE at most
 
@@ -60,7 +59,7 @@ def marginal_poles(given: System) -> MarginalPoles:
         growing, on_axis, shown = Exact.of(given, PATIENCE).sides
     except Undecided:  # what is known is what an eigenvalue solver says, whose errors are those of the matrix's norm
         growing, size = int((decay < 0.0).sum()), np.full_like(size, np.abs(system.A).max())
-    moved = _ENTRIES * _EPS * np.einsum("ji,ij->j", reads, size @ np.abs(right)) + np.finfo(float).tiny
+    moved = CANCELLED * np.einsum("ji,ij->j", reads, size @ np.abs(right)) + np.finfo(float).tiny
     least = int(np.argmin(decay / moved))
     fastest = complex(system.rates[np.argmin(decay)])
     slowest = float(decay.min())
@@ -89,7 +88,7 @@ def _stays(system: Lti, size: Array, poles: Array, inside: float) -> bool:
         resolvents = np.abs(np.linalg.inv(beyond[:, None, None] * np.eye(len(size)) - system.A))
     except np.linalg.LinAlgError:
         return False
-    powers, radius = _ENTRIES * _EPS * resolvents @ size, np.ones(len(poles))
+    powers, radius = CANCELLED * resolvents @ size, np.ones(len(poles))
     for k in range(_SQUARED):  # the norm of a power tells the largest eigenvalue from above
         norm = np.maximum(np.linalg.norm(powers, np.inf, axis=(1, 2)), np.finfo(float).tiny)
         radius *= norm ** (0.5**k)
@@ -110,7 +109,7 @@ def _decay(system: Lti, entries: Array, reads: Array, decay: Array) -> bool:
     inverse = left.conj().T / angles[:, None]
     if np.abs(inverse @ right - np.eye(len(A))).sum(axis=1).max() > INVERSE:
         return False
-    rounding = (len(A) + _ENTRIES) * _EPS * (entries @ size + size * np.abs(poles))
+    rounding = (len(A) * EPS + CANCELLED) * (entries @ size + size * np.abs(poles))
     F = _TWICE * reads @ (np.abs(product - right * poles) + rounding)
     try:
         return bool((np.linalg.solve(np.diag(decay) - F, np.ones(len(A))) > 0.0).all())

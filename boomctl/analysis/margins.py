@@ -30,6 +30,7 @@ from boomctl.checks import known
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import DRAWN, Response, Triangular, resonance_grid, singular_values, smooth_curve, triangular
 from boomctl.lti.modal import resolved, side_of_axis, sides
+from boomctl.lti.rounding import CERTIFIED, DIGIT, LEVEL, SOLVED
 from boomctl.lti.system import Lti, of
 from boomctl.printing import listed, table_html
 
@@ -45,7 +46,6 @@ _AT_ONE = 1e-6  # distance from a gain of one within which a Hamiltonian eigenva
 # share of its size that the imaginary part of a real value may have, at a crossing found by its sign: a resonance so narrow
 # that the last digit of a frequency turns it by more is not told from a pole on the axis
 _REAL = 1e-3
-_LAST_DIGIT = 4.0 * float(np.finfo(float).eps)  # of a frequency, to which crossings are found
 _TINY = float(np.finfo(float).tiny)  # least step of a search that ends by the relative one
 _POINTS = 240  # of the grid, beside those at the resonances (a choice)
 _PER_DECADE = 30  # of these at least, where the poles are spread wide (a choice)
@@ -55,14 +55,11 @@ _FURTHER = 4  # points a decade of the distance from a resonance, from where DRA
 _BEYOND = 100.0  # how far the grid reaches below the slowest pole and above the fastest (a choice)
 _INTEGRATING = (1e-3, 1e3)  # [rad/s], the grid of a loop all poles of which are at zero (a choice)
 _ROUNDING = 1e-9  # of L = 1 - 1/S: a factor above 1e9 or below 1e-9 is none
-_MOVED = 1e-13  # share of the fastest pole by which rounding may have moved one on the axis: 500 units (a choice)
 _LOOKED_AT = 32  # least damped resonances at which rounding is looked for (a choice)
-_DIGITS = 1e-5  # share of the response that rounding may change before it is said: that of a certified norm
 _WAY = 9  # frequencies from rest to a crossing at which the gain is looked at; near rest it is a parabola (a choice)
 _POLE = 1e-12  # a sensitivity below this is a pole of the loop, of infinite gain
 _ACTIVE = 24  # frequencies at which a scaling is made good, those of the largest values found so far (a choice)
 _ROUNDS = 12  # of adding those where it is not; two or three do
-_LEVELLED = 1e-6  # how much larger the values elsewhere may be, relative
 _SWEEPS = 50  # over rows and columns, to make them alike; few do, for the start of a search
 _SEARCH = {"xatol": 1e-4, "fatol": 1e-6}  # of the logarithm of a scaling, and of the value: alpha to six digits
 _STEP = 0.1  # of that logarithm, the first of a search over one (a choice)
@@ -357,7 +354,7 @@ def margins(
     G = quick.response(grid)
     m, total = len(loop.controls), len(S.D)
     places, rounding, axis = ["control"] * m + ["measurement"] * (total - m), _rounding(S), marginal_poles(S)
-    if (most := float(rounding.max(initial=0.0))) > _DIGITS:
+    if (most := float(rounding.max(initial=0.0))) > CERTIFIED:
         said = (
             f"rounding of the loop's matrices alone may change its response by {most:.1g} of its size; scale the states"
         )
@@ -442,7 +439,7 @@ def _disk(S: Lti, G: Array, rounding: float, axis: MarginalPoles) -> DiskMargin:
     scale = _scaling(2.0 * G - eye[:, :, None])
     C, D = scale[:, None] * 2.0 * S.C, scale[:, None] * (2.0 * S.D - eye) / scale
     norm = matrices_norm(Lti(S.A, S.B / scale, C, D, dt=S.dt), axis=axis)
-    return DiskMargin(2.0 / max(norm.upper, 1.0), norm.omega, norm.certified and rounding <= _DIGITS)
+    return DiskMargin(2.0 / max(norm.upper, 1.0), norm.omega, norm.certified and rounding <= CERTIFIED)
 
 
 def single_disk(S: Lti) -> DiskMargin:
@@ -471,7 +468,7 @@ def _scaling(G: Array) -> Array:
         values = _scaled_values(log, G)
         if values.max() < lowest:
             lowest, best = float(values.max()), log
-        if values.max() <= reached * (1.0 + _LEVELLED):
+        if values.max() <= reached * (1.0 + LEVEL):
             break
         active = np.union1d(active, np.argsort(-values)[:_ACTIVE])
     return np.exp(np.append(best, 0.0))
@@ -646,7 +643,7 @@ def _crossings(response: Response, grid: Array, values: Array, height: Callable[
         return 0.0 if np.isnan(value) else value  # a pole of L itself, through which the sign changes: told apart later
 
     for i in flips:
-        found.append(float(optimize.brentq(at, grid[i], grid[i + 1], xtol=_TINY, rtol=_LAST_DIGIT)))  # type: ignore[arg-type]
+        found.append(float(optimize.brentq(at, grid[i], grid[i + 1], xtol=_TINY, rtol=DIGIT)))  # type: ignore[arg-type]
     return found
 
 
@@ -669,7 +666,7 @@ def _gain_limits(
     crossings = np.array(_crossings(response, grid, values, lambda x: x.imag))
     if L is not None and len(L.A):
         undamped = L.poles[side_of_axis(L.poles) == 0]
-        doubt = _MOVED * np.abs(L.poles).max()
+        doubt = SOLVED * np.abs(L.poles).max()
         crossings = crossings[(np.abs(crossings[:, None] - np.abs(undamped.imag)) > doubt).all(axis=1)]
     low, high = (0.0, float("nan")), (inf, float("nan"))
     found = [(1.0 / float(x.real), w) for w in crossings if _positive(x := response(np.array([w]))[0])]

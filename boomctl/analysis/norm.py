@@ -22,23 +22,20 @@ from boomctl.analysis.marginal_poles import MarginalPoles, marginal_poles
 from boomctl.analysis.prove import Claim
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image, omega_of_image
-from boomctl.lti.frequency import LEVEL, Resonances, Response, largest_gain, resonance_grid, singular_values
+from boomctl.lti.frequency import Resonances, Response, largest_gain, resonance_grid, singular_values
+from boomctl.lti.rounding import CERTIFIED, DIGIT, EPS, LEVEL
 from boomctl.lti.system import BATCH, Lti, System, beside, of
-from boomctl.lti.verified_modal_form import BACKWARD
 
 if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
-_CERTIFIED = 1e-5  # relative distance of the two bounds up to which a norm is certified (a choice)
 _WIDER = 6e-6  # how far above the largest gain a level is tried where rounding hides a nearer one: certified still
 _ROUNDS = 30  # levels tried before giving up: each rises to a higher peak, so that a few do
-_EPS = float(np.finfo(float).eps)
-_ROUNDING = 1e2 * _EPS  # share of the Hamiltonian matrix's norm by which its eigenvalues may be off the axis
+_ROUNDING = 1e2 * EPS  # share of the Hamiltonian matrix's norm by which its eigenvalues may be off the axis
 _BESIDE = 1e-2  # share of its size by which an eigenvalue that is worth a look lies off the axis (a choice)
 _RELATIVE_ROUNDING = 1e-12  # and share of the eigenvalue itself (both are choices, far below LEVEL)
 
 _LIGHTEST = 10  # resonances, those of least damping, at which the share of rounding is looked at (a choice)
-_UNITS = 4.0  # of rounding of each entry, that a response may be off by (measured: below one)
 _LOOKED_AT = 200  # frequencies, beside resonances, at which a response without upper bound is looked at (a choice)
 _TINY = 1e-150  # norms below which squares of responses are not numbers of full precision
 
@@ -98,7 +95,7 @@ class NormCertificate:
     @property
     def certified(self) -> bool:
         """Whether the bounds agree to one part in 1e5, or the norm is known to be infinite."""
-        return self.lower == inf or self.upper <= self.lower * (1.0 + _CERTIFIED) + np.finfo(float).tiny
+        return self.lower == inf or self.upper <= self.lower * (1.0 + CERTIFIED) + np.finfo(float).tiny
 
 
 def norm_of_data(omega: Array, response: Array) -> NormCertificate:
@@ -271,8 +268,8 @@ def _responses(given: System, omega: Array) -> tuple[Array, Array]:
         with np.errstate(invalid="ignore", over="ignore"):  # at a pole: what is not finite is doubtful altogether
             G[:, :, few] = np.moveaxis(system.C @ acting + system.D, 0, 2)
             states = np.abs(acting)
-            off = _UNITS * _EPS * (size.A @ states + size.B) + np.abs(system.B - pencil @ acting)
-            off = reading.transpose(0, 2, 1) @ off + _UNITS * _EPS * (size.C @ states + size.D)
+            off = DIGIT * (size.A @ states + size.B) + np.abs(system.B - pencil @ acting)
+            off = reading.transpose(0, 2, 1) @ off + DIGIT * (size.C @ states + size.D)
             felt = off.max(axis=(1, 2)) * system.D.size**0.5  # no squares, which may be zero
         doubts[few] = np.where(np.isfinite(felt), felt, inf)
     return G, doubts
@@ -329,7 +326,7 @@ def level_shows(system: Lti, level: float, omega: float, hamiltonian: tuple[Arra
         return False
     H, scale = _hamiltonian(system, level) if hamiltonian is None else hamiltonian
     gap = (1.0 - (np.linalg.norm(y) / level) ** 2) * np.linalg.norm((system.B @ v) / scale[:n])
-    return bool(gap > BACKWARD * _EPS * np.linalg.norm(H) * np.linalg.norm(np.concatenate([x, p]) / scale))
+    return bool(gap > DIGIT * np.linalg.norm(H) * np.linalg.norm(np.concatenate([x, p]) / scale))
 
 
 def axis_eigenvalues(system: Lti, level: float) -> Array:

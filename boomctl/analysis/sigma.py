@@ -19,6 +19,7 @@ from boomctl.arrays import Array
 from boomctl.checks import exactly, frequencies, known, mapping, names, up_to
 from boomctl.lti.frequency import DRAWN, Resonances, resonance_grid, singular_values
 from boomctl.lti.modal import side_of_axis, sides
+from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, is_frequency_response, of
 from boomctl.printing import between, listed
 from boomctl.progress import computing, tell
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
 _POINTS = 240  # of a curve, beside those at the resonances: about 100 a decade on a boom's band (a choice)
 _PRINTED = 100  # coordinates up to which printing waits for the poles: tens of milliseconds (measured)
-_SAME = 1e-9  # share of half the sampling rate by which a frequency above it is rounding, of a unit for instance
 _BESIDE = 0.1  # share of it beside an undamped mode that is not drawn: half of the way to the next place (`DRAWN`)
 NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
 
@@ -275,7 +275,7 @@ def below_nyquist(omega: Array, given: SplitModel | GivenSystem, what: str) -> A
     """Return frequencies that a system has; above half the sampling rate it has none."""
     top = _nyquist(given)
     high = float(omega.max(initial=0.0))
-    if high > top * (1.0 + _SAME):
+    if high > top * (1.0 + ALIKE):
         unit, per = ("Hz", 2.0 * np.pi) if what.endswith("frequency_hz") else ("rad/s", 1.0)
         raise ValueError(
             f"{what}: expected at most half the sampling rate, {up_to(top / per)} {unit}, got {exactly(high / per)} {unit}"

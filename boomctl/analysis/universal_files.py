@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import ALIKE
 
 _FREQUENCY = 18  # what an abscissa of data set 58 is of, if it is frequency
 _RESPONSES = (4, 5)  # function types of data set 58: frequency response, transmissibility
@@ -18,7 +19,6 @@ _OTHER = frozenset(
 )  # lengths, forces: not SI
 # words that a label of a unit has where numbers are not in SI units, of each axis
 _OTHER_UNITS = {"abscissa": frozenset({"khz", "rpm", "cpm", "rad"}), "ordinate": _OTHER, "orddenom": _OTHER}
-_SAME = 1e-9  # relative difference up to which two numbers of a universal file are the same: rounding of its text
 
 
 def read_responses(path: Path) -> tuple[Array, Array, tuple[str, ...], tuple[str, ...]]:
@@ -39,7 +39,7 @@ def read_responses(path: Path) -> tuple[Array, Array, tuple[str, ...], tuple[str
         out, into = ((int(each[f"{side}_node"]), int(each[f"{side}_dir"])) for side in ("rsp", "ref"))
         freq, values = _curve(place, each)
         grid = freq if grid is None else grid
-        if freq.shape != grid.shape or not np.allclose(freq, grid, rtol=_SAME, atol=0.0):
+        if freq.shape != grid.shape or not np.allclose(freq, grid, rtol=ALIKE, atol=0.0):
             raise ValueError(f"{place}: expected the frequencies of the data sets before it")
         if (out, into) in found:
             raise ValueError(f"{place}: the response of {_signal(out)} to {_signal(into)} is there twice")
@@ -89,7 +89,7 @@ def _data_sets(path: Path) -> tuple[list[int], list[tuple[int, dict[str, Any]]]]
     if 0 in kinds:
         raise ValueError(f"{path}, data set {kinds.index(0) + 1}: expected the number of its kind in its first line")
     for name, factor in factors:
-        if not abs(factor - 1.0) <= _SAME:
+        if not abs(factor - 1.0) <= ALIKE:
             raise ValueError(
                 f"{path}: expected SI units, got a file whose unit of {name} is 1/{factor:g} of that (data set 164)"
             )

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import DIGIT
 from boomctl.lti.system import Lti, balance
 
 # share of the largest singular value of A + 1 (of 1 - A/g) below which a pole lies at z = -1 (at w = g) but for rounding
 _SINGULAR = 1e-15
-_NOTHING = 4.0 * float(np.finfo(float).eps)  # share of its terms up to which an entry of a product is rounding
 _LAST = (
     1e-12  # share of pi/dt by which a frequency below it counts as pi/dt, whose image is infinite (rounding of both)
 )
@@ -86,7 +86,7 @@ def discrete_image(system: Lti, dt: float) -> Lti:
     moved = eye + system.A / g
     A, D = inverse @ moved, system.D + system.C @ B / g
     # of a pole at -2/dt nothing is left but rounding
-    A[np.abs(A) <= _NOTHING * (np.abs(inverse) @ (eye + np.abs(system.A) / g))] = 0.0
+    A[np.abs(A) <= DIGIT * (np.abs(inverse) @ (eye + np.abs(system.A) / g))] = 0.0
     return Lti(A, side * B, side * C, D, system.inputs, system.outputs, system.states, dt)
 
 

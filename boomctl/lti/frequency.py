@@ -19,7 +19,6 @@ Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outpu
 Value = TypeVar("Value", float, Array)  # one frequency or height, or many
 
 # share of their squares by which two values must differ: below, the closed form has under ten digits
-LEVEL = 1e-6  # how far above the largest gain known a level is tried, relative: a tenth of what a norm is certified to
 _NEARLY_EQUAL = 1e-5
 _COLUMNS = 256  # right-hand sides substituted at once: what stays in the cache
 _PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding

@@ -5,11 +5,11 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem
+from boomctl.lti.rounding import DIGIT
 from boomctl.lti.system import Lti
 
 EXTENDED = 400  # states up to which residuals are summed in extended precision: beyond, that takes seconds (a choice)
 _SOLVED = 4  # solutions of a refined Gramian: the first, and corrections that gain some ten digits each
-_NOISE = 4.0 * float(np.finfo(float).eps)  # of the largest eigenvalue, a state: up to there an eigenvalue is rounding
 
 
 def factors(system: Lti, modal: ModalSystem | None) -> tuple[Array, Array]:
@@ -35,7 +35,7 @@ def _factor(P: Array) -> Array:
     safe = np.where(size > 0.0, size, 1.0)
     scaled = P / np.outer(safe, safe)
     values, U = linalg.eigh(0.5 * (scaled + scaled.T))
-    good = values > _NOISE * len(P) * max(values[-1], 0.0)
+    good = values > DIGIT * len(P) * max(values[-1], 0.0)
     return size[:, None] * (U[:, good] * np.sqrt(values[good]))
 
 

@@ -13,19 +13,16 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import side_of_axis, sides
+from boomctl.lti.rounding import DIGIT, EPS, SUMMED
 from boomctl.lti.system import balance, rates_of
 
 _WEAK = 1e-9  # cosine between a mode and the columns of B up to which they do not reach it (a choice above rounding)
-# share of the norm of the matrix by which rounding moves eigenvalues, if the eigenvectors are orthogonal
-_ROUNDING = 4.0 * float(np.finfo(float).eps)
 _FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than that, however ill-conditioned (a choice)
 # share of the largest singular value below which eigenvectors of a cluster add no direction (a choice)
 _PARALLEL = 1e-6
 _PASSED = (
     10.0  # times the doubt of its poles, up to which what a cluster passes on within itself is rounding (a choice)
 )
-_EQUAL = 1e-12  # relative distance of poles that count as equal in any case (a choice above rounding)
-_DEAD = float(np.finfo(float).eps)  # size of a pole in discrete time below which it is rounding of one at zero
 _ZERO = 1e-12  # natural frequency [rad/s] below which a mode is called integrating in a message
 
 
@@ -96,13 +93,13 @@ def unmoved(
         passed = basis.conj().T @ balanced @ basis - pole * np.eye(
             basis.shape[1]
         )  # to one another, as a place to a speed
-        rounding = _PASSED * (2.0 * doubt[cluster].max() + _EQUAL * abs(pole))
+        rounding = _PASSED * (2.0 * doubt[cluster].max() + SUMMED * abs(pole))
         passed *= _WEAK / max(rounding, float(np.finfo(float).tiny))
         directions, cosines, _ = linalg.svd(np.hstack([basis.conj().T @ acting, passed]))
         for k in np.flatnonzero(cosines <= _WEAK):
             shape = basis @ directions[:, k]
             if dt != 0.0:
-                pole = complex(rates_of(np.array([pole if abs(pole) > _DEAD else _DEAD]), dt)[0])
+                pole = complex(rates_of(np.array([pole if abs(pole) > EPS else EPS]), dt)[0])
             found.append(HiddenMode(pole, str(states[int(np.argmax(np.abs(shape)))])))
     return tuple(found)
 
@@ -111,7 +108,7 @@ def _doubt(A: Array, left: Array, right: Array) -> Array:
     """Return how far rounding may have moved each pole: by the more, the smaller the angle of its two eigenvectors."""
     size = float(np.linalg.norm(A, 2))
     cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
-    return np.minimum(_ROUNDING * size / np.maximum(cosine, np.finfo(float).tiny), _FARTHEST * size)
+    return np.minimum(DIGIT * size / np.maximum(cosine, np.finfo(float).tiny), _FARTHEST * size)
 
 
 def _clusters(poles: Array, doubt: Array, chosen: Array) -> list[list[int]]:
@@ -120,7 +117,7 @@ def _clusters(poles: Array, doubt: Array, chosen: Array) -> list[list[int]]:
     groups = []
     while left:
         seed = left[0]
-        near = np.abs(poles - poles[seed]) <= doubt + doubt[seed] + _EQUAL * np.abs(poles)
+        near = np.abs(poles - poles[seed]) <= doubt + doubt[seed] + SUMMED * np.abs(poles)
         group = [int(i) for i in np.flatnonzero(near)]
         groups.append([seed, *(i for i in group if i != seed)])
         left = [i for i in left if i not in group and i != seed]

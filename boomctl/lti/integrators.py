@@ -11,10 +11,9 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import CANCELLED, EPS
 from boomctl.lti.system import Lti
 
-_EPS = float(np.finfo(float).eps)
-_UNITS = 8.0  # of rounding, a state, that the terms of a product may be off: a change of coordinates and its inverse
 # share of the largest pole below which a simple pole may be one at zero beside other slow ones (a choice)
 _RIGID = 1e-6
 _SPREAD = 10.0  # times the root of rounding, of the norm of A, that poles of a chain may lie apart (a choice)
@@ -47,13 +46,13 @@ def without_integrators(system: Lti) -> Deflated:
     if one:  # what sampling makes of small entries are sums of terms as large as the largest
         size[:] = size.max(initial=0.0)
     none = Lti(np.zeros((0, 0)), system.B[:0], system.C[:, :0], np.zeros_like(system.D), dt=system.dt)
-    if not n or _least_stretch(T) > _UNITS * n * _EPS * float(np.linalg.norm(size)):
+    if not n or _least_stretch(T) > n * CANCELLED * float(np.linalg.norm(size)):
         return Deflated(system, none)
     while count < n:
         block = T[count:, count:]
         U, values, Vt = linalg.svd(block)
         left, null = np.abs(U[:, -1]), Vt[-1]
-        doubt = _UNITS * n * _EPS * float(left @ size[count:, count:] @ np.abs(null)) + carried
+        doubt = n * CANCELLED * float(left @ size[count:, count:] @ np.abs(null)) + carried
         still, sure = ~block.any(axis=0), int((~block.any(axis=1)).sum())
         if still.any():  # a column of zeros leaves no doubt
             null = np.eye(n - count)[int(np.argmax(still))]
@@ -69,7 +68,7 @@ def without_integrators(system: Lti) -> Deflated:
     if not count:
         return Deflated(system, none)
     sizes = np.sort(np.abs(system.poles - one))
-    moved = _SPREAD * _EPS ** (1.0 / count) * float(np.linalg.norm(scaled.A - one * np.eye(n), 2))
+    moved = _SPREAD * EPS ** (1.0 / count) * float(np.linalg.norm(scaled.A - one * np.eye(n), 2))
     if sizes[count - 1] > max(_RIGID * sizes[-1], moved):
         return Deflated(system, none)
     N, rest = T[:count, :count], T[count:, count:]
@@ -92,4 +91,4 @@ def _least_stretch(A: Array) -> float:
 
 def doubt_of_split(A: Array, X: Array) -> float:
     """Return how far rounding may have moved the entries of a part that was split off: ``X`` decouples it."""
-    return _UNITS * _EPS * float(np.linalg.norm(A)) * (1.0 + (float(np.linalg.norm(X, 2)) if X.size else 0.0))
+    return CANCELLED * float(np.linalg.norm(A)) * (1.0 + (float(np.linalg.norm(X, 2)) if X.size else 0.0))

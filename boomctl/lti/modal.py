@@ -14,6 +14,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.integrators import doubt_of_split, without_integrators
+from boomctl.lti.rounding import CANCELLED, DIGIT, EPS, ROOT, SOLVED
 from boomctl.lti.system import Lti, append, rates_of
 from boomctl.printing import compact
 
@@ -21,13 +22,6 @@ from boomctl.printing import compact
 # poles of undamped structures (measured: booms of up to 40 elements 2e-13, random coordinates 5e-12), materials have
 # 1e-4 and more.
 UNDAMPED = 1e-10
-_EPS = float(np.finfo(float).eps)
-_CIRCLE = 8.0  # units of rounding from the unit circle within which a pole counts as undamped (a choice)
-_ZERO = 4.0 * float(np.finfo(float).eps)  # share of the fastest pole up to which a pole is rounding of one at zero
-# share of the fastest pole by which rounding may have moved a pole to the right: 500 units (a choice)
-_RESOLVED = 1e-13
-# Share of the fastest pole below which kept poles may be a Jordan block at zero: rounding moves those by its root.
-_RIGID = 1e-7
 _CLUSTER = 10.0  # poles of such a block differ in size by less than this factor (a choice)
 _BLOCK_NOISE = 1e2 * float(np.finfo(float).eps)  # share of the fastest pole that belongs to such a block in any case
 _CONDITION = 1e9  # of the eigenvectors: modal coordinates of a worse one keep fewer than seven digits
@@ -50,8 +44,8 @@ def side_of_axis(poles: Array, doubt: Array | float = 0.0) -> Array:
     fastest = size.max(initial=0.0)
     margin = np.maximum(UNDAMPED * size, doubt)
     side = np.zeros(len(poles), dtype=int)
-    side[(poles.real < -margin) & (size > _ZERO * fastest)] = -1
-    side[poles.real > np.maximum(margin, _RESOLVED * fastest)] = 1
+    side[(poles.real < -margin) & (size > DIGIT * fastest)] = -1
+    side[poles.real > np.maximum(margin, SOLVED * fastest)] = 1
     return side
 
 
@@ -64,17 +58,17 @@ def sides(poles: Array, dt: float) -> Array:
         return side_of_axis(poles)
     rates = rates_of(poles, dt)
     fastest = (
-        np.log(_EPS) / dt
+        np.log(EPS) / dt
     )  # a pole at z = 0 has an infinite rate, and is not told from one that rounding leaves there
     side = side_of_axis(np.maximum(rates.real, fastest) + 1j * rates.imag)
-    side[np.abs(np.abs(poles) - 1.0) <= _CIRCLE * _EPS] = 0
+    side[np.abs(np.abs(poles) - 1.0) <= CANCELLED] = 0
     return side
 
 
 def resolved(poles: Array) -> Array:
     """Return which poles are so fast beside the fastest that their frequency is worth a look."""
     size = np.abs(poles)
-    return size > _RESOLVED * size.max(initial=0.0)
+    return size > SOLVED * size.max(initial=0.0)
 
 
 @dataclass(frozen=True)
@@ -208,7 +202,7 @@ def _split_by_axis(system: Lti) -> SpectralParts:
     if not kept.any():
         return SpectralParts(system, Lti(np.zeros((0, 0)), system.B[:0], system.C[:, :0], np.zeros_like(system.D)), 0.0)
     size = np.abs(system.poles)
-    near = kept & (size <= _RIGID * size.max())
+    near = kept & (size <= ROOT * size.max())
     if near.any():
         kept |= size <= max(_CLUSTER * float(size[near].max()), _BLOCK_NOISE * float(size.max()))
     slow, fast, doubt = split_and_doubt(system, kept, "unstable, undamped or rigid-body poles")

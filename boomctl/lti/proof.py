@@ -28,7 +28,7 @@ from flint import acb, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 
 from boomctl.arrays import Array
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
-from boomctl.lti.frequency import LEVEL
+from boomctl.lti.rounding import LEVEL
 from boomctl.lti.system import Lti, System, closed
 
 PATIENCE = 1.0  # s for a proof that nobody asked for (a choice)

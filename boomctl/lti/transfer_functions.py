@@ -11,12 +11,11 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import LEVEL, SUMMED
 
 if TYPE_CHECKING:
     import control
 
-_AGREEMENT = 1e-6  # of an entry's response, up to which realisation and polynomials are one (a choice)
-_CANCELLED = 1e4 * float(np.finfo(float).eps)  # of the terms of a polynomial: what may be lost where they cancel
 _BESIDE = (0.5, 0.99, 1.01, 2.0)  # times the size of a pole or zero: frequencies compared; not at a pole itself
 _REST = 1.0  # [rad/s], where all poles and zeros are at zero (any frequency will do)
 _HALF_CIRCLE = np.linspace(0.01, 3.1, 64)  # angles compared in discrete time (a choice)
@@ -55,7 +54,7 @@ def realized(given: "control.TransferFunction", what: str) -> tuple[Array, Array
         for answer, (n, d) in zip(answers.reshape(len(at), -1).T, entries, strict=True):
             num, den = np.polyval(n, at), np.polyval(d, at)
             terms = np.polyval(np.abs(n), np.abs(at)) + np.abs(num / den) * np.polyval(np.abs(d), np.abs(at))
-            told = np.abs(answer - num / den) <= _AGREEMENT * np.abs(num / den) + _CANCELLED * terms / np.abs(den)
+            told = np.abs(answer - num / den) <= LEVEL * np.abs(num / den) + SUMMED * terms / np.abs(den)
             if not told.all():
                 raise ValueError(
                     f"{what}: its polynomials have too few digits to tell its response in state space; expected a StateSpace"

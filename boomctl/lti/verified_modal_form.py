@@ -17,15 +17,14 @@ from boomctl.arrays import Array
 from boomctl.lti.frequency import singular_values, triangular
 from boomctl.lti.gramians import EXTENDED
 from boomctl.lti.modal import ModalSystem
+from boomctl.lti.rounding import DIGIT, EPS
 from boomctl.lti.system import Lti
 
-_EPS = float(np.finfo(float).eps)
 INVERSE = 0.1  # distance from one of an inverse times its matrix up to which it is one to build on (a choice)
 _FIRST_ORDER = 0.01  # of the distance of two poles: couplings above that are not for perturbation theory (a choice)
 _NEUMANN = 8  # terms of (1 + X)^-1, of which each is smaller by a power of _FIRST_ORDER
 _DIGITS = 1e-7  # of the strongest mode: modal coordinates that are off by less are not compared with others (a choice)
 _CANCELS = 1e6  # times the whole response: modes of more cancel, and their Gramians keep few digits (a choice)
-BACKWARD = 4.0  # units of rounding of the norm of A by which a solver of eigenvalues is off: measured below one
 _CONTRACTS = 0.5  # change of A times its resolvent from which on a series of changes is not trusted (a choice)
 _BETWEEN = 2.0  # a resonance is this much higher than at the frequencies looked at, at most: they lie at its top
 
@@ -74,7 +73,7 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
     except np.linalg.LinAlgError:
         return None
     with np.errstate(over="ignore", invalid="ignore"):
-        F = np.abs(np.eye(n) - W @ V) + n * _EPS * (np.abs(W) @ np.abs(V))
+        F = np.abs(np.eye(n) - W @ V) + n * EPS * (np.abs(W) @ np.abs(V))
     if not np.isfinite(F).all() or F.sum(axis=1).max() > INVERSE:
         return None
     wide = np.clongdouble if n <= EXTENDED else np.complex128
@@ -89,7 +88,7 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
     residual = (product - V_ * p_).astype(complex)
     E = W @ residual
     lost = u * (np.abs(A) @ size_V + size_V * np.abs(poles)) + doubt * size_V.sum(axis=0)
-    dE = size_W @ (lost + n * _EPS * np.abs(residual))
+    dE = size_W @ (lost + n * EPS * np.abs(residual))
     dE = dE + _beyond(F, np.abs(E) + dE)  # |V^-1| <= (1 - F)^-1 |W|
     W_ = W.astype(wide)
     B = W_ @ system.B
@@ -116,7 +115,7 @@ def verified_modal_form(system: Lti, doubt: float = 0.0) -> VerifiedModalForm | 
     rest = np.diag(p_ - better) + (p_[:, None] - better[None, :]) * X + E_ + E @ X.astype(complex)
     size_E = np.abs(E)
     rounding = 4.0 * u * (np.abs(poles)[:, None] * size_X + size_X * np.abs(poles) + size_E)
-    rounding = rounding + (n + 4) * _EPS * (size_E @ size_X)  # of second order: double precision will do
+    rounding = rounding + (n + 4) * EPS * (size_E @ size_X)  # of second order: double precision will do
     F = np.abs(rest).astype(float) + dE + dE @ size_X + rounding
     F = F + _beyond(size_X, F)
 
@@ -141,7 +140,7 @@ def rounding_doubt(system: Lti, doubt: float = 0.0) -> float:
     """
     if not len(system.A) or not system.D.size:
         return 0.0
-    size = BACKWARD * _EPS * float(np.linalg.norm(system.A)) + len(system.A) * doubt
+    size = DIGIT * float(np.linalg.norm(system.A)) + len(system.A) * doubt
     asked = [np.abs(system.poles), np.abs(system.poles.imag)] if system.dt == 0.0 else [np.abs(system.rates.imag)]
     omega = np.unique(np.concatenate([[0.0], *asked]))
     eye, worst, turned = np.eye(len(system.A)), 0.0, triangular(system)  # by a unitary matrix: sizes stay as they are

@@ -6,6 +6,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import ModalSystem, diagonalized, told_apart
+from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, append
 from boomctl.lti.verified_modal_form import in_verified_modal_form
 from boomctl.reduction.tail_bounds import loads_of, modal_states, tail_bound
@@ -27,7 +28,6 @@ WHOLE = "all states"  # nothing is left out
 _CORE_FROM = 40  # coordinates from which on leaving modes out is worth its bound (a choice)
 _MANY_STATES = 80  # states up to which all of a system stay: balancing them takes milliseconds (a choice)
 _ALL_MODES = 0.8  # share of its modes from which on a structure is rather taken whole (a choice)
-_TIE = 1e-9  # relative difference of sizes up to which modes count as equally strong, and stay or go together
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def _statespace_core(system: Lti, states: int, way: str) -> SystemCore:
     sizes = modal.sizes
     if len(sizes) <= max(_MANY_STATES, states):
         return SystemCore(stable=modal.blocks, modal=modal, kept=kept, tail=gap, complete=True, way=way)
-    strong = sizes >= np.sort(sizes)[-states] * (1.0 - _TIE)
+    strong = sizes >= np.sort(sizes)[-states] * (1.0 - ALIKE)
     pair = np.flatnonzero(modal.poles.imag > 0.0)
     strong[pair] = strong[pair + 1] = strong[pair] | strong[pair + 1]
     chosen = modal.only(strong)

@@ -19,6 +19,7 @@ from boomctl.checks import finite_array, known, positive, up_to, whole
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega
 from boomctl.lti.frequency import resonance_grid, singular_values
 from boomctl.lti.modal import sides, split_and_doubt
+from boomctl.lti.rounding import CERTIFIED
 from boomctl.lti.system import Lti, of
 from boomctl.lti.verified_modal_form import rounding_doubt
 from boomctl.progress import Listener, computing, tell
@@ -33,7 +34,7 @@ from boomctl.reduction.reducers import (
     StrongestModes,
 )
 from boomctl.reduction.result import LowerOrderWarning, ReductionError, ReductionResult
-from boomctl.reduction.verify import POINTS, START, Band, Verified, difference
+from boomctl.reduction.verify import POINTS, SLACK, START, Band, Verified, difference
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modal_form import modal_form
 
@@ -52,10 +53,6 @@ NO_ERROR = NormCertificate(0.0, 0.0, 0.0, NO_RESPONSE)
 _MODES = 14  # of a structure, beyond the order, that the first core has: enough for most booms (a choice)
 _TAIL_SHARE = 0.02  # share of the error that a core may leave out; if it is more, the core grows (a choice)
 _ROUNDING = 1e-8  # of the largest Hankel singular value: what a core leaves out below that is rounding (a choice)
-_MORE = 1e-5  # share of an error that its verification on the unit circle may add: that of a certified norm
-_SLACK = (
-    1e-3  # share by which the error on the unit circle may exceed that of the image: rounding of the map (a choice)
-)
 _SPLIT = (
     1e-6  # distance up to which rounding takes a double pole on the circle apart: its root, with room (measured: 4e-8)
 )
@@ -205,7 +202,7 @@ def _by_image(given: Lti, aim: tuple[int | None, float | None], method: str, ban
     order, wanted = aim
     inside = None if band is None else _band_of_image(given, band)
     # what the discrete error is proved to stay below is a little more than that of the image
-    within = None if wanted is None else wanted * (1.0 - _MORE)
+    within = None if wanted is None else wanted * (1.0 - CERTIFIED)
     image = continuous_image(given)
     while True:
         found = _by_cores(image, (order, within), method, inside)
@@ -217,7 +214,7 @@ def _by_image(given: Lti, aim: tuple[int | None, float | None], method: str, ban
         else:
             if wanted is None or result.measured_error <= wanted:
                 return result
-        within = found.measured_error * (1.0 - _MORE)  # the next order
+        within = found.measured_error * (1.0 - CERTIFIED)  # the next order
 
 
 def _band_of_image(full: Lti, band: Band) -> Band:
@@ -275,7 +272,7 @@ def _on_circle(full: Lti, found: ReductionResult, band: Band | None) -> Reductio
     largest = matrices_norm(apart[0].balanced()).lower
     floor = _ROUNDING * largest
     norm = matrices_norm(gap) if band is None else _in_band(gap, found, band)
-    level = found.measured_error * (1.0 + _SLACK) + floor
+    level = found.measured_error * (1.0 + SLACK) + floor
     if norm.lower > level:
         raise ReductionError(
             f"the error on the unit circle, {norm.lower:.4g} at {norm.omega:.4g} rad/s, is not that of the image, "

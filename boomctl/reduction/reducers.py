@@ -17,6 +17,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.gramians import band_integral, factors
 from boomctl.lti.modal import ModalSystem, residualised, spectral_parts
+from boomctl.lti.rounding import ALIKE, ROOT, SUMMED
 from boomctl.lti.system import Lti, append
 from boomctl.lti.verified_modal_form import verified_modal_form
 from boomctl.reduction.core import SystemCore
@@ -31,12 +32,9 @@ from boomctl.structure.response.realisation import realize
 from boomctl.structure.strain_coordinates import LARGEST
 
 MINIMAL = 1e-11  # share of the largest Hankel singular value up to which a state does nothing but add rounding
-_RANK = 1e-12  # share of the largest eigenvalue of a band's load up to which one is rounding
 _SEEN = 1e-6  # share of its inputs and outputs that a band may miss of a system (a choice)
-_EQUAL = 1e-7  # relative difference up to which Hankel singular values are equal: root of rounding
 _CENTRE = 0.01  # least low end of a band, relative to its high end, of which the middle is taken (a choice)
 _SAME = 1e-6  # relative difference up to which Markov parameters are the same, those of a double integrator included
-_SAME_NOISE = 1e-9  # of the sizes of the matrices multiplied, on top
 _MOMENTS = 4  # Markov parameters compared: two systems of so few kept states that agree in them are the same
 
 
@@ -197,7 +195,7 @@ class HankelApproximation(GramianReducer):
         n, r = len(values), order
         if r >= n:
             return balanced.system, balanced.lost
-        distinct = np.concatenate([[0], np.flatnonzero(values[:-1] > values[1:] * (1.0 + _EQUAL)) + 1, [n]])
+        distinct = np.concatenate([[0], np.flatnonzero(values[:-1] > values[1:] * (1.0 + ROOT)) + 1, [n]])
         if r not in distinct:
             kept, place = len(self.core.kept.A), int(np.searchsorted(distinct, r))
             low, high = int(distinct[place - 1]), int(distinct[place])
@@ -206,7 +204,7 @@ class HankelApproximation(GramianReducer):
                 f"stay or go together; take {low + kept} or {high + kept}"
             )
         sigma = float(values[r])
-        k = int((values[r:] >= sigma * (1.0 - _EQUAL)).sum())
+        k = int((values[r:] >= sigma * (1.0 - ROOT)).sum())
         dilated = _dilated(balanced, r, k, sigma)
         stable, antistable = spectral_parts(dilated)
         if len(stable.A) != r or len(antistable.A) != n - r - k:
@@ -249,7 +247,7 @@ def _orthogonal(B: Array, C: Array, near: Array) -> Array:
     Where that leaves it free, ``U`` is turned towards ``near``, so that it does not hang on the order of the signals.
     """
     left, size, right = np.linalg.svd(-C @ B)
-    rank = int((size > _EQUAL * size[0]).sum())
+    rank = int((size > ROOT * size[0]).sum())
     rest_left, rest_right = left[:, rank:], right[rank:]
     turn, _, back = np.linalg.svd(rest_left.T @ near @ rest_right.T)
     return left[:, :rank] @ right[:rank] + rest_left @ (turn @ back) @ rest_right
@@ -407,7 +405,7 @@ def _same(one: Lti, other: Lti) -> bool:
     for k in range(_MOMENTS):
         a, b = (system.C @ np.linalg.matrix_power(system.A, k) @ system.B for system in (one, other))
         size = [np.linalg.norm(s.C) * np.linalg.norm(s.A) ** k * np.linalg.norm(s.B) for s in (one, other)]
-        if np.abs(a - b).max(initial=0.0) > _SAME * max(np.abs(a).max(initial=0.0), _SAME_NOISE * max(size)):
+        if np.abs(a - b).max(initial=0.0) > _SAME * max(np.abs(a).max(initial=0.0), ALIKE * max(size)):
             return False
     return True
 
@@ -464,5 +462,5 @@ def _absolute(half: Array) -> Array:
     """Return a factor of the absolute value of ``half + half^T``."""
     values, U = linalg.eigh(half + half.T)
     size = np.abs(values)
-    good = size > _RANK * size.max(initial=0.0)
+    good = size > SUMMED * size.max(initial=0.0)
     return U[:, good] * np.sqrt(size[good])

@@ -28,6 +28,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.frequency import resonance_grid
 from boomctl.lti.modal import ModalSystem, diagonalized, side_of_axis
+from boomctl.lti.rounding import SOLVED, SUMMED
 from boomctl.lti.system import Lti
 from boomctl.structure.damping import Damping
 from boomctl.structure.model import SecondOrderModel
@@ -39,8 +40,6 @@ _INTERVALS = 400  # of the frequency axis, beside those at the resonances (a cho
 # places of their ends around a resonance, in half-widths (a choice)
 _PLACES = np.array([-8.0, -3.0, -1.0, 0.0, 1.0, 3.0, 8.0])
 _LOW, _HIGH = 1e-4, 100.0  # from the lowest mode left out down, from the highest pole up, cut into intervals (a choice)
-_NOISE = 1e-13  # share of the largest load up to which a rest is rounding
-_DISSIPATES = 1e-12  # share of the largest eigenvalue of the damping from which on kept modes dissipate
 _UNSEEN = 1e-9  # share of the largest load up to which modes that do not dissipate are not loaded
 # share of the damping's norm by which the dissipation may be less than computed
 _ROUNDING = 1e3 * float(np.finfo(float).eps)
@@ -123,7 +122,7 @@ def _at_dampers(B1: Array, damping: Damping) -> tuple[Array, Array]:
         return np.zeros((loaded.shape[1], B1.shape[1])), B1
     N = np.linalg.lstsq(loaded, B1, rcond=None)[0]
     rest = B1 - loaded @ N
-    return N, np.where(np.abs(rest) > _NOISE * np.abs(B1).max(), rest, 0.0)
+    return N, np.where(np.abs(rest) > SOLVED * np.abs(B1).max(), rest, 0.0)
 
 
 def _compliances(model: SecondOrderModel, V: Array, lowest: float, columns: tuple[Array, ...]) -> list[float]:
@@ -142,7 +141,7 @@ def _compliances(model: SecondOrderModel, V: Array, lowest: float, columns: tupl
 def damping_between(C_V: Array, loaded: Array) -> Array | None:
     """Return ``loaded^T C_V^-1 loaded``, or None where the kept modes do not dissipate what is loaded."""
     values, X = linalg.eigh(C_V)
-    good = values > _DISSIPATES * max(values[-1], 0.0)
+    good = values > SUMMED * max(values[-1], 0.0)
     seen = X.T @ loaded
     if np.abs(seen[~good]).max(initial=0.0) > _UNSEEN * np.abs(seen).max(initial=0.0):
         return None

@@ -21,6 +21,7 @@ from boomctl.analysis.norm import (
 from boomctl.arrays import Array
 from boomctl.lti.frequency import Response, highest_peak, resonance_grid, singular_values, triangular
 from boomctl.lti.modal import ModalSystem, resolved, side_of_axis
+from boomctl.lti.rounding import ALIKE, CANCELLED, DIGIT, LEVEL
 from boomctl.lti.system import Lti
 from boomctl.lti.verified_modal_form import in_verified_modal_form
 from boomctl.reduction.core import SystemCore
@@ -28,19 +29,16 @@ from boomctl.reduction.result import ReductionError
 
 Band = tuple[float, float]
 
-# How far above the largest value found a level is tried, relative, in this order: the closest that rounding allows.
-_LEVELS = (1.0 + 1e-6, 1.0 + 1e-5, 1.0001, 1.001, 1.01, 1.1, 2.0)
-_FLOORS = (1.0, 10.0, 100.0, 1000.0)  # times the level below which errors are rounding: where that itself drowns in it
+# How far above the largest value found, or what counts as rounding where that is more, a level is tried
+_ABOVE = (1.0 + LEVEL, 1.001, 2.0, 10.0, 100.0, 1000.0)
 POINTS = 200  # of a band, beside those at the resonances (a choice)
 START = 1e-6  # where the grid of a band from zero begins, relative to its end (a choice)
 _ROUNDS = 20  # of raising the largest value found within a band; each rises to a higher peak
 _LARGE = 100  # states beyond which a Schur form, once made, answers faster than solving (measured: ten times at 480)
-_SLACK = 1e-3  # share by which an error may exceed its bound, for the rounding of Gramians (a choice)
-_ROUNDING = 1e-9  # of the largest response: an error below that is rounding (a choice)
+SLACK = 1e-3  # share by which an error may exceed its bound, or one found otherwise, for rounding on the way (a choice)
 # Of the largest response: an error below that may exceed its bound, since Hankel singular values are products of factors of
 # Gramians, which keep the square root of rounding.
-_GRAMIANS = float(np.sqrt(4.0 * np.finfo(float).eps))
-_SHARP = 8.0 * float(np.finfo(float).eps)  # of its frequency, by which a pole may have been moved by rounding
+_GRAMIANS = float(np.sqrt(DIGIT))
 
 
 @dataclass(frozen=True)
@@ -66,15 +64,15 @@ def verified(core: SystemCore, reduced: Lti, bound: float, band: Band | None) ->
     first = (0.0, 0.0)  # the largest error at the poles and where it lies: what is far off is told at once
     if modal is not None:
         sharpness = np.abs(modal.poles) / np.abs(modal.poles.real)  # a pole that moves takes its peak along
-        largest = float((modal.sizes * np.maximum(1.0, _SHARP / _ROUNDING * sharpness)).max(initial=0.0))
+        largest = float((modal.sizes * np.maximum(1.0, CANCELLED / ALIKE * sharpness)).max(initial=0.0))
     else:
         largest, first = _at_poles(core.stable, reduced, band)
     largest = max(float(np.linalg.norm(D, 2)) if D.size else 0.0, largest)
-    floor = _ROUNDING * largest
+    floor = ALIKE * largest
     bound += own
 
     def compare(error: float, omega: float) -> None:
-        if error > max(bound * (1.0 + _SLACK) + floor, _GRAMIANS * largest):
+        if error > max(bound * (1.0 + SLACK) + floor, _GRAMIANS * largest):
             raise ReductionError(
                 f"the error, {error:.4g} at {omega:.4g} rad/s, exceeds its bound {bound:.4g}: the Gramians were not "
                 "solved accurately"
@@ -128,9 +126,8 @@ def verified_norm(
     ``modal`` and ``small`` are the two in modal coordinates, where these keep their digits.
 
     A level barely above the largest value found is tried first; where rounding hides it, or poles lie too far apart, a proof
-    of the numbers as they are; then higher levels, up to twice that value, or up to multiples of ``floor``, below which
-    errors are rounding.  The upper bound is a level proven not to be reached;
-    ``inf`` where none could be proven.
+    of the numbers as they are; then higher levels.  Errors below ``floor`` are rounding.  The upper bound is a level proven
+    not to be reached; ``inf`` where none could be proven.
     """
     gap = difference(full, reduced if small is None else small.blocks)
     whole = modal if modal is not None else triangular(full) if len(full.A) > _LARGE else full
@@ -154,11 +151,16 @@ def verified_norm(
         found = proved_norm(gap, found.lower, found.omega)
     if found.upper < inf or not seen:
         return found
-    least = max(found.lower, float(np.linalg.norm(gap.D, 2)))
-    for level in sorted([*(found.lower * factor for factor in _LEVELS[1:]), *(floor * factor for factor in _FLOORS)]):
+    least = float(np.linalg.norm(gap.D, 2))
+    for level in _levels(found.lower, floor):
         if level > least and level_shows(gap, level, found.omega) and not len(axis_eigenvalues(gap, level)):
             return NormCertificate(found.lower, level, found.omega, NO_CROSSING)
     return found
+
+
+def _levels(peak: float, floor: float) -> list[float]:
+    """Return the levels that are tried above the largest value found, in this order: the closest that rounding allows."""
+    return [factor * max(peak, floor) for factor in _ABOVE]
 
 
 def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> NormCertificate:
@@ -179,9 +181,7 @@ def band_norm(gap: Lti, respond: Response, band: Band, floor: float = 0.0) -> No
     if max(peak, floor) == 0.0:
         return NormCertificate(0.0, 0.0, at, NO_RESPONSE)
     for _ in range(_ROUNDS):
-        for level in sorted({max(peak * factor, floor) for factor in _LEVELS} | {floor * factor for factor in _FLOORS}):
-            if level <= peak:
-                continue
+        for level in _levels(peak, floor):
             try:
                 crossings = axis_eigenvalues(gap, level)
             except np.linalg.LinAlgError:  # a singular value of D to the last digit, of which the matrix is not defined

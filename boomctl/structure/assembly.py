@@ -18,6 +18,7 @@ from scipy import linalg, sparse
 
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix, combined
 from boomctl.checks import instance, sequence, signal_name
+from boomctl.lti.rounding import ALIKE, CANCELLED
 from boomctl.printing import count, listed, signals
 from boomctl.structure.beams.dynamic_stiffness import Segment
 from boomctl.structure.beams.elements import FiniteElements, distinct, element_nodes
@@ -33,10 +34,6 @@ from boomctl.structure.parts import Beam, CutJoint, Force, Ground, Output, Point
 from boomctl.structure.ports import Ports
 
 _KEPT = 8  # mechanisms kept for the next machine with its parts at the same places (a choice of memory)
-_DAMPED_ALIKE = 1e-9  # of the largest damping; what differs less from proportional damping is rounding (a choice)
-_STATIONS_LOSE = 8.0 * float(
-    np.finfo(float).eps
-)  # of a beam's length: rounding of stations, which count from its start
 _DRAWN = 10  # points of a picture on each element (a choice)
 _POINTS = (60, 600)  # on a beam at least and at most: finer than a picture shows (a choice)
 _UNEVEN = 0.41421356  # share of its length at which a free beam is cut in two: sqrt 2 - 1, no node of a low mode
@@ -375,7 +372,7 @@ def _segment_lengths(beam: Beam, nodes: Array, points: Sequence[Point]) -> Array
     from the beam's start, has lost digits where a segment is short.  Lengths that differ by no more than that are one,
     so that segments alike are computed once.
     """
-    lengths, lost = np.diff(nodes), _STATIONS_LOSE * beam.length
+    lengths, lost = np.diff(nodes), CANCELLED * beam.length
     at: dict[int, Point] = {}
     for point in (beam.parent, *(point for point in points if point.body.name == beam.name)):
         gap = np.abs(nodes - beam.station(point.x, point.y))
@@ -437,7 +434,7 @@ def _condensation(structure: Structure, ports: Ports, massless: Array) -> tuple[
     kept = np.delete(np.arange(n), massless)
     K_mm, C_mm, K_mk = dense(K[massless][:, massless]), dense(C[massless][:, massless]), dense(K[massless][:, kept])
     ratio = C_mm.diagonal().sum() / max(K_mm.diagonal().sum(), np.finfo(float).tiny)
-    uneven = np.abs(C_mm.diagonal() - ratio * K_mm.diagonal()) > _DAMPED_ALIKE * np.abs(C_mm.diagonal()).max(
+    uneven = np.abs(C_mm.diagonal() - ratio * K_mm.diagonal()) > ALIKE * np.abs(C_mm.diagonal()).max(
         initial=np.finfo(float).tiny
     )
     forced = (np.abs(ports.B[0][massless]) > 0).any(axis=1)

@@ -11,11 +11,10 @@ import numpy as np
 from scipy import linalg, sparse
 
 from boomctl.arrays import Array, Matrix
+from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.structure.layout import Layout
 from boomctl.structure.matrices import Structure, dense
 
-_SAME = 1e-9  # share of its size up to which a damper's coefficient is the rounding of a proportional one
-_SAME_ROW = 1e-12  # the same where the coefficient of each row is known: some 1e4 eps
 _DIGITS = 13  # of a damper's row, relative to its largest entry, in which its image agrees with it
 _KEPT = 16  # choices of dampers kept for the next structure of the same rows (a choice of memory)
 _MOST_DAMPERS = 12  # beyond, damping is not "proportional but for a few" (a choice)
@@ -38,7 +37,7 @@ def separated_damping(structure: Structure) -> Damping | None:
     k, c = structure.weights.k, structure.weights.c
     beta = _common_ratio(c, k)
     gamma = c - beta * k
-    apart = np.flatnonzero(np.abs(gamma) > _SAME_ROW * np.maximum(c, beta * k))
+    apart = np.flatnonzero(np.abs(gamma) > SUMMED * np.maximum(c, beta * k))
     if len(apart) > _MOST_DAMPERS:
         return None
     U, image, share = _distinct_rows(structure.layout, tuple(apart.tolist()))
@@ -82,7 +81,7 @@ def _from_matrices(C: Matrix, K: Matrix) -> Damping | None:
         i, j = np.nonzero(rest)
         values = rest[i, j]
     size = beta * k + c
-    large = np.abs(values) > _SAME * np.sqrt(np.abs(size[i] * size[j]))
+    large = np.abs(values) > ALIKE * np.sqrt(np.abs(size[i] * size[j]))
     touched = np.unique(np.concatenate([i[large], j[large]]))
     U = np.zeros((len(c), len(touched)))
     if len(touched) > _ENDS * _MOST_DAMPERS:
@@ -90,5 +89,5 @@ def _from_matrices(C: Matrix, K: Matrix) -> Damping | None:
     if not len(touched):
         return Damping(beta, U, np.zeros(0))
     gamma, U[touched] = linalg.eigh(dense(rest[touched][:, touched]))
-    apart = np.abs(gamma) > _SAME * np.abs(gamma).max()
+    apart = np.abs(gamma) > ALIKE * np.abs(gamma).max()
     return Damping(beta, U[:, apart], gamma[apart]) if apart.sum() <= _MOST_DAMPERS else None

@@ -13,13 +13,12 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array, Matrix
 from boomctl.chebyshev import points, points_needed, powers, series
 from boomctl.checks import finite_array, instance, known, mapping, real, sequence, signal_name, whole
+from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.printing import compact, listed, signals
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
 
-_EXACT = 1e-9  # share of an entry; what is missed by less is rounding of the assembly (a choice)
-_NOISE = 1e-12  # share of an entry below which a coefficient of a polynomial is rounding (a choice)
 _INSIDE = 24  # points inside the box at which a family is checked besides its corners (a choice)
 
 
@@ -190,7 +189,7 @@ class Family:
                 size = np.maximum(size, np.outer(along, along))
             else:
                 size = np.full_like(size, size.max(initial=0.0))
-            if (np.abs(a - b) > _EXACT * size).any():
+            if (np.abs(a - b) > ALIKE * size).any():
                 where = ", ".join(f"{key} = {value:.6g}" for key, value in self.values(delta).items())
                 raise ValueError(
                     f"{name} is {self._no} {', '.join(self.names)}, or an output changes with them: the family misses"
@@ -441,7 +440,7 @@ def _matrices(made: Sequence[SecondOrderModel]) -> dict[str, Array]:
 
 
 def _negligible(stacks: Mapping[str, Array]) -> dict[str, Array]:
-    return {letter: _NOISE * size for letter, size in _sizes(stacks).items()}
+    return {letter: SUMMED * size for letter, size in _sizes(stacks).items()}
 
 
 def _sizes(stacks: Mapping[str, Array]) -> dict[str, Array]:

@@ -8,13 +8,11 @@ import numpy as np
 from scipy import sparse
 
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+from boomctl.lti.rounding import CANCELLED
 from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.parts import Beam, CutJoint, Ground, Point, RigidBody, direction_angle
 
 Body = RigidBody | Beam
-
-
-_CANCELLED = 8.0 * float(np.finfo(float).eps)  # share of its terms up to which a sum is what rounding left
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ class Row:
 
     def scaled(self, factor: float, size: float) -> "Row":
         """Return the row times a factor that was made of numbers as large as ``size``; zero if it is what rounding left."""
-        if abs(factor) <= _CANCELLED * size:
+        if abs(factor) <= CANCELLED * size:
             return Row()
         return Row(
             {name: factor * value for name, value in self.terms.items()},
@@ -56,7 +54,7 @@ class Row:
         terms, sizes = {}, {}
         for name in {**self.terms, **other.terms}:
             total, size = self.terms.get(name, 0.0) + other.terms.get(name, 0.0), max(self.size(name), other.size(name))
-            if abs(total) > _CANCELLED * size:
+            if abs(total) > CANCELLED * size:
                 terms[name], sizes[name] = total, size
         return Row(terms, sizes)
 

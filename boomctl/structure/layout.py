@@ -18,9 +18,10 @@ import numpy as np
 from scipy import sparse
 
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix, combined
+from boomctl.lti.rounding import ALIKE
 from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination
-from boomctl.structure.symmetry import TOLERANCE, Mirror
+from boomctl.structure.symmetry import Mirror
 
 _FULL = 0.1  # share of the entries of sparse rows beyond which they are dense: their products are nearly all (a choice)
 _PROBE = 0.7390851332151607  # [rad], for numbers without a pattern: the angle that is its own cosine
@@ -190,7 +191,7 @@ class Layout:
             forces = rows.T @ (weight * (rows @ motion))
             reflected = mirror.reflect(rows.T @ (weight * (rows @ mirror.reflect(motion))))
             largest = squared_sums(rows, weight).max(initial=0.0)
-            if np.abs(reflected - forces).max(initial=0.0) > TOLERANCE * largest:
+            if np.abs(reflected - forces).max(initial=0.0) > ALIKE * largest:
                 return False
         return True
 

@@ -12,12 +12,13 @@ import numpy as np
 from scipy import sparse
 
 from boomctl.arrays import DENSE_LIMIT, Array, Matrix
+from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.printing import compact
 from boomctl.structure.layout import HalfLayout, Layout, Weights, squared_sums
 from boomctl.structure.outline import Outline
 from boomctl.structure.ports import Ports
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
-from boomctl.structure.symmetry import TOLERANCE, Mirror
+from boomctl.structure.symmetry import Mirror
 
 # coordinates up to which halves are dense, as their factors are: sparse is faster from there (measured)
 _DENSE_HALF = 220
@@ -25,7 +26,6 @@ _DENSE_HALF = 220
 # makes images of its shortest elements unlike each other, and a half that holds both would lock
 _GRADED = 1e14
 _KEPT = 8  # layouts with a mirror kept for the next structure of the same rows (a choice of memory)
-_SYMMETRIC = 1e-12  # change under transposition, of the largest entry, that is rounding: some 1e4 eps
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ class Structure:
         if mirror is None:
             return self
         if self.layout is None or self.weights is None:
-            broken = any(mirror.change(matrix) > TOLERANCE for matrix in (self.M, self.C, self.K))
+            broken = any(mirror.change(matrix) > ALIKE for matrix in (self.M, self.C, self.K))
             return self if broken else replace(self, mirror=mirror)
         if not self.layout.keeps_mirror(mirror, self.weights):
             return self
@@ -295,4 +295,4 @@ def dense(matrix: object) -> Array:
 
 def is_symmetric(matrix: Array) -> bool:
     """Return whether a dense matrix is symmetric but for rounding."""
-    return bool(np.abs(matrix - matrix.T).max(initial=0.0) <= _SYMMETRIC * np.abs(matrix).max(initial=0.0))
+    return bool(np.abs(matrix - matrix.T).max(initial=0.0) <= SUMMED * np.abs(matrix).max(initial=0.0))

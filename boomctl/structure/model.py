@@ -12,6 +12,7 @@ from scipy import sparse
 
 from boomctl.arrays import Array, Matrix
 from boomctl.checks import finite_array, frequencies, instance, mapping, sequence, signal_name, some_names, whole
+from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
 from boomctl.printing import count, signals
 from boomctl.structure.matrices import Structure, half
@@ -21,7 +22,7 @@ from boomctl.structure.response.modal_form import COORDINATES, MODES, handed_out
 from boomctl.structure.response.mode_shapes import ModeShapes, mode_shapes
 from boomctl.structure.response.poles import PROMISED, poles_and_rounding
 from boomctl.structure.response.rounding import warn_of_rounding
-from boomctl.structure.symmetry import TOLERANCE, Mirror
+from boomctl.structure.symmetry import Mirror
 
 if TYPE_CHECKING:
     import control
@@ -364,7 +365,7 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     if model.mirror is None:
         raise ValueError("the model is not symmetric about x = 0 (mesh or machine), so it does not split")
     for name, matrix in (("M", model.M), ("C", model.C), ("K", model.K)):
-        if model.mirror.change(matrix) > TOLERANCE:
+        if model.mirror.change(matrix) > ALIKE:
             raise ValueError(f"the model is not symmetric about x = 0: its reflection changes {name}")
     jolt, yaw = (half(model.structure, model.ports, parity) for parity in (1, -1))
     if jolt is None or yaw is None:

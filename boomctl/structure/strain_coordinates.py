@@ -14,16 +14,15 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, combined
+from boomctl.lti.rounding import CANCELLED, SUMMED
 from boomctl.structure.layout import Layout, Weights, squared_sums
 from boomctl.structure.ports import Ports
 
 LARGEST = 700  # coordinates up to which it is done: a dense decomposition of half a second (a choice)
-_RIGID = 1e-12  # smallest over largest singular value of rows of size one, below which a motion strains nothing
 
 # smallest singular value of such rows, up to which coordinates are scaled evenly before rank is told: short elements beside
 # long ones make small ones too
 _CLEAR = 1e-4
-_ROUNDED = 8.0 * float(np.finfo(float).eps)  # share of a row's largest entry up to which an entry is rounding
 _EVENED = 30  # rounds of scaling: each takes the root of what is uneven (a choice)
 
 
@@ -127,7 +126,7 @@ def parted(lines: Array) -> tuple[Array, int]:
     if not lines.any():
         return np.eye(lines.shape[1]), lines.shape[1]
     _, spread, motions = _spread(lines)
-    return motions.T, lines.shape[1] - int((spread > _RIGID * spread[0]).sum())
+    return motions.T, lines.shape[1] - int((spread > SUMMED * spread[0]).sum())
 
 
 def _even(rows: Array) -> Array:
@@ -135,7 +134,7 @@ def _even(rows: Array) -> Array:
 
     An entry that is rounding of its row is none: a motion that strains nothing must not be enlarged until its rounding does.
     """
-    told = np.abs(rows) > _ROUNDED * np.abs(rows).max(axis=1, keepdims=True)
+    told = np.abs(rows) > CANCELLED * np.abs(rows).max(axis=1, keepdims=True)
     factor, scaled = np.ones(rows.shape[1]), np.where(told, rows, 0.0)
     for _ in range(_EVENED):
         size = np.linalg.norm(scaled, axis=0)
@@ -175,7 +174,7 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
         column = _even(rows)
         S = given * column
         unit, spread, motions = _spread(S)
-    r = int((spread > _RIGID * spread[0]).sum())
+    r = int((spread > SUMMED * spread[0]).sum())
     order = np.argsort(-np.abs(S).max(axis=1), kind="stable")
     Q, T, places = linalg.qr(S[order], mode="economic", pivoting=True)
     V = np.zeros((n, n))
@@ -201,7 +200,7 @@ def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
         V[:, r:] = V[:, r:] @ (mixed.T / own)
         apart, free = parted(combined(dampers, V[:, r:]))
         V[:, r:] = V[:, r:] @ apart
-        V[:, r:] = np.where(np.abs(V[:, r:]) * np.sqrt(mass)[:, None] > _RIGID, V[:, r:], 0.0)
+        V[:, r:] = np.where(np.abs(V[:, r:]) * np.sqrt(mass)[:, None] > SUMMED, V[:, r:], 0.0)
         for _ in range(2):  # what the first round leaves is rounding of strains, which may be large
             V[:, :r] -= V[:, r:] @ ((inertia @ V[:, r:]).T @ (inertia @ V[:, :r]))
     loss, damped = (weights.c[elastic] / weights.k[elastic])[order], combined(dampers, V)

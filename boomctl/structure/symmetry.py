@@ -12,7 +12,6 @@ from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination
 
 _KEPT = 256  # choices of signals kept, so that they are split in halves once (a choice of memory)
-TOLERANCE = 1e-9  # change under reflection, of the largest entry, that is rounding of an assembly (a choice)
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from boomctl.arrays import Array
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import Triangular, smooth_curve, triangular
 from boomctl.lti.modal import side_of_axis
+from boomctl.lti.rounding import ROOT, SUMMED
 from boomctl.lti.system import Lti, of, well_posed_inverse
 from boomctl.printing import count, listed
 
@@ -34,13 +35,11 @@ if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
 _FAR = 1e4  # how far beyond the fastest pole the curve is followed: what is left turns by less than a thousandth each
-_RIGID = 1e-7  # share of the fastest pole up to which one may be at zero: rounding moves a double one by its root
 _DETOUR = 0.1  # of the distance from a pole on the axis to the next one, the radius of the way round it (a choice)
 _ON_ARC = 33  # places on the way round a pole to begin with: steps of less than 6 degrees (a choice)
 _STATIC = 1.0  # [rad/s], where a loop without dynamics is asked: its response is the same everywhere
 _INTEGER = 1e-2  # distance from a whole number of windings that is rounding and what is left beyond the end (a choice)
 _LIMIT = 200_000  # frequencies that one way may take: as many as of a loop around an exact boom
-_CLOSE = 1e-12  # of the largest pole: distance within which two are one
 
 
 @dataclass(frozen=True)
@@ -244,14 +243,14 @@ def _windings(image: Lti, opened: Lti, S: Triangular, grid: Array) -> tuple[int,
     size = np.abs(np.concatenate([ours, theirs]))
     fastest = float(size.max())
     side = side_of_axis(ours)
-    at_zero = np.abs(ours) <= _RIGID * fastest
+    at_zero = np.abs(ours) <= ROOT * fastest
     passed = at_zero | (side == 0)
     centres = np.unique(np.where(at_zero, 0.0, ours.imag)[passed & (at_zero | (ours.imag > 0.0))])
     others = np.concatenate([ours[~passed], ours[passed & ~at_zero], theirs])
     end, begin, turned = _FAR * max(fastest, _STATIC), 0.0, 0.0
     for centre in centres:
         gaps = np.abs(others - 1j * centre)
-        gaps = gaps[gaps > _CLOSE * fastest]
+        gaps = gaps[gaps > SUMMED * fastest]
         radius = _DETOUR * float(gaps.min(initial=end))
         if centre > 0.0:
             turned += _turned(S, lambda w: 1j * w, _between(grid, begin, centre - radius))

@@ -16,6 +16,7 @@ from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, plain_array, positive
 from boomctl.lti.hold import BLOCK, observability
 from boomctl.lti.modal import side_of_axis, sides
+from boomctl.lti.rounding import ALIKE, ROOT
 from boomctl.lti.system import Lti
 from boomctl.printing import between
 
@@ -30,9 +31,7 @@ _EXPLODED = 7.0  # time constants of the fastest unstable mode that are shown: i
 _PER_PERIOD = 20  # instants in a period of the fastest vibration that is seen (a choice)
 _PER_CONSTANT = 10  # instants in its time constant (a choice)
 _SEEN = 1e-3  # share of the largest modal part of a response up to which one does not show (a choice)
-_RIGID = 1e-7  # share of the fastest pole up to which one may be of a rigid motion, whose part has no digits
 _FEWEST, _MOST = 200, 20_000  # instants of a picture (a choice)
-_EVEN = 1e-9  # relative difference of steps that are equal but for rounding
 _NONE = 10.0  # [s], shown of a system without dynamics (a choice)
 _INTEGRATED = 10.0  # of the fastest time constants, shown of a system that only integrates besides (a choice)
 
@@ -235,15 +234,15 @@ def _instants(system: Lti, timepts: ArrayLike | float | None) -> Array:
         if timepts is not None:
             span = positive("timepts", timepts)
         if system.dt:
-            return system.dt * np.arange(max(2, 1 + min(int(np.ceil(span / system.dt - _EVEN)), _MOST)))
+            return system.dt * np.arange(max(2, 1 + min(int(np.ceil(span / system.dt - ALIKE)), _MOST)))
         return np.linspace(0.0, span, 1 + int(np.clip(np.ceil(span / width), _FEWEST, _MOST)))
     time = finite_array("timepts", timepts, ndim=1)
     if len(time) < 2 or time[0] != 0.0:
         raise ValueError("timepts: expected two instants or more, from 0 on")
     width = time[-1] / (len(time) - 1)
-    if not width > 0.0 or np.abs(time - width * np.arange(len(time))).max() > _EVEN * time[-1]:
+    if not width > 0.0 or np.abs(time - width * np.arange(len(time))).max() > ALIKE * time[-1]:
         raise ValueError("timepts: expected instants in equal steps")
-    if system.dt and abs(width - system.dt) > _EVEN * system.dt * len(time):
+    if system.dt and abs(width - system.dt) > ALIKE * system.dt * len(time):
         raise ValueError(f"timepts: expected steps of the sampling time, {system.dt:g} s, got {width:g} s")
     return time
 
@@ -282,7 +281,7 @@ def _seen(system: Lti) -> Array:
     rates, overlap = system.rates, np.abs(np.sum(left.conj() * right, axis=0))
     size = np.abs(system.C @ right).max(axis=0) * np.abs(left.conj().T @ system.B).max(axis=1)
     there, fastest = np.isfinite(rates.real), np.abs(rates[np.isfinite(rates)]).max(initial=0.0)
-    moving = there & (np.abs(rates) > _RIGID * fastest)
+    moving = there & (np.abs(rates) > ROOT * fastest)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         part = size / overlap / np.abs(rates)
     told = moving & np.isfinite(part)

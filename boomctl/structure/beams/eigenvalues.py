@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import DIGIT
 from boomctl.structure.beams.exact import PROMISED, ExactModel
 from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
@@ -14,7 +15,6 @@ from boomctl.structure.response.rounding import warn_of_rounding
 _SECTIONS = 24  # parts a decade in which roots are first told apart, all roots at once (measured on booms)
 _ROUNDS = 60  # each halves the brackets at least, which takes 56 to the last digit; secants make it some six
 _AROUND = 1e-3  # share of a bracket to either side of the secant's root that is asked, to close in from both (a choice)
-_LAST = 4.0 * float(np.finfo(float).eps)  # relative width of a bracket that is narrow enough
 _SMOOTH = 1e-7  # relative width down to which a bracket tells a slope; rounding shows in narrower ones (a choice)
 _SLOWEST = 1e-30  # of the frequencies of the longest segment: slower than that, no double tells from rest (a choice)
 _CONVERGED = (
@@ -38,7 +38,7 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
     slope = np.zeros(count)
     for _ in range(_ROUNDS):
         width = b - a
-        if (width <= _LAST * b).all():
+        if (width <= DIGIT * b).all():
             break
         with np.errstate(invalid="ignore", divide="ignore"):
             secant = b * (at_a - at_b) / width

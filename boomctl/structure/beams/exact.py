@@ -7,6 +7,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from boomctl.arrays import Array, combined
+from boomctl.lti.rounding import ALIKE
 from boomctl.structure.beams.dynamic_stiffness import Segment, clamped_count, end_functions
 from boomctl.structure.beams.strains import StrainSystem, wave_numbers
 from boomctl.structure.beams.terms import Lines, Terms, kinds_of
@@ -15,7 +16,7 @@ from boomctl.structure.layout import Layout, Weights
 from boomctl.structure.matrices import dense
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.rounding import warn_of_rounding
-from boomctl.structure.symmetry import TOLERANCE, Mirror
+from boomctl.structure.symmetry import Mirror
 
 _KEPT = 16  # layouts and arrangements kept for the next structure with the same rows (a choice of memory)
 _RESIDUAL = 1e-11  # of an equation's terms; where elimination leaves more, strain coordinates answer (a choice)
@@ -128,7 +129,7 @@ class ExactModel:
             return replace(self, mirror=None)
         D = self._dynamic_terms()
         change = np.abs(mirror.sign[:, None] * D[:, mirror.partner][:, :, mirror.partner] * mirror.sign - D)
-        if (change.max(axis=(1, 2)) > TOLERANCE * np.abs(D).max(axis=(1, 2))).any():
+        if (change.max(axis=(1, 2)) > ALIKE * np.abs(D).max(axis=(1, 2))).any():
             return replace(self, mirror=None)
         return replace(self, layout=_mirrored(self.layout, mirror), mirror=mirror)
 

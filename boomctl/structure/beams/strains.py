@@ -13,6 +13,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import EPS, SUMMED
 from boomctl.structure.beams.dynamic_stiffness import Segment, strain_functions, strain_lines, strain_terms
 from boomctl.structure.beams.terms import Lines, Terms, kinds_of
 from boomctl.structure.layout import Weights
@@ -21,9 +22,7 @@ _UNFELT = (
     1e-100  # of the largest stiffness: no coordinate is made of a spring softer than that, whose scale would overflow
 )
 _SHORT = 1.0  # |z| up to which strains of a segment are coordinates; rounding is alike from 0.5 to 2 (measured)
-_RIGID = 1e-12  # smallest over largest singular value of rows of size one, below which a motion strains nothing
 _DIFFERENCE = 1e-6  # of |s|, over which a slope is a difference: rounding and curvature leave some 1e-10 (a choice)
-_EPS = float(np.finfo(float).eps)
 
 
 def wave_numbers(segments: Sequence[Segment], s: Array) -> Array:
@@ -148,7 +147,7 @@ class StrainEquations:
     @property
     def unit_rounding(self) -> float:
         """What sum and elimination of an equation lose at most, of the size of its terms (Higham 2002, section 3.1)."""
-        return (len(self.coefficients) + self.V.shape[0]) * _EPS
+        return (len(self.coefficients) + self.V.shape[0]) * EPS
 
 
 def _beside(left: Lines, right: Lines) -> Lines:
@@ -165,7 +164,7 @@ def _coordinates(rows: Array) -> tuple[Array, Array, int]:
     reach = np.linalg.norm(unit, axis=0)
     unit = unit / np.where(reach > 0.0, reach, 1.0)
     spread = np.linalg.svd(unit / np.linalg.norm(unit, axis=1)[:, None], compute_uv=False)
-    r = int((spread > _RIGID * spread[0]).sum())
+    r = int((spread > SUMMED * spread[0]).sum())
     order = np.argsort(-np.abs(rows).max(axis=1), kind="stable")  # what Householder's method needs to keep soft rows
     Q, T, places = linalg.qr(rows[order], mode="economic", pivoting=True)
     V, strained = np.zeros((n, n)), np.zeros(rows.shape)
@@ -240,7 +239,7 @@ class StrainSystem:
             try:
                 inverse = np.linalg.inv(both * D)
             except np.linalg.LinAlgError:  # an iterate is an eigenvalue to the last digit
-                inverse = np.linalg.inv(both * D + _EPS * np.eye(D.shape[1]))
+                inverse = np.linalg.inv(both * D + EPS * np.eye(D.shape[1]))
             trace = np.einsum("fij,fji->f", inverse, both * slope)
             step[places] = 1.0 / trace
             lost = np.einsum("fij,fji->f", np.abs(inverse), both * size)

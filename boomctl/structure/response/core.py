@@ -6,6 +6,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import ALIKE
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import direct_response, ports_rounding
@@ -15,7 +16,6 @@ _KEPT = 4.0  # times the top of the band, up to where modes are kept: their erro
 # times the top of the band: a motion faster than that follows at once, so that it may be as slow as that (its share of the
 # response, small as it is, changes by the inverse square of it)
 _FASTEST = 1e4
-_COUPLED = 1e-9  # of the damping of the modes kept; what couples them with others by less is rounding (a choice)
 _DROP = 1e-6  # of the largest motion at rest; what others add to it below that shows in the response by the square
 
 
@@ -62,7 +62,7 @@ class Core:
         coupled, size, _ = np.linalg.svd(fast.T @ damping @ slow, full_matrices=False)
         resisted = np.einsum("ij,ij->j", slow, damping @ slow).max(initial=0.0)
         ports_loads = fast.T @ np.hstack([*seen.B, *(line.T for line in seen.L)])
-        loads = np.hstack([ports_loads, coupled[:, size > _COUPLED * resisted]])
+        loads = np.hstack([ports_loads, coupled[:, size > ALIKE * resisted]])
         still = np.hstack([loads / rates[:, None] ** 2, loads / rates[:, None] ** 4])
         size = np.linalg.norm(still, axis=0)
         Q, spread, _ = np.linalg.svd(still[:, size > 0.0] / size[size > 0.0], full_matrices=False)

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import EPS, SOLVED, VISIBLE
 from boomctl.structure.matrices import Half, Structure, dense, halves
 from boomctl.structure.ports import Ports, evaluate
 from boomctl.structure.response.modes import Part, respond_by_modes
@@ -33,10 +34,7 @@ from boomctl.structure.strain_coordinates import LARGEST
 
 _MODES_FROM = 1500  # frequencies times coordinates; of fewer, dense solutions are faster (measured on booms)
 _DENSE = 80  # coordinates; of more, sparse solutions cost less than dense ones (measured on booms)
-_FREE = 1e-13  # smallest over largest singular value of a scaled stiffness; below it is rounding: a rigid-body mode
 _DENSE_CHECK = 1000  # coordinates up to which a singular stiffness is looked for: a dense SVD of a second (a choice)
-_EPS = float(np.finfo(float).eps)
-_ROUNDING_LIMIT = 1e-4  # estimated rounding, relative, from which on a user is warned: it would show in a plot
 _UNEVEN = 1e-2  # noise of stiffness, of the highest frequency squared, from which on rounding is looked at (a choice)
 _GLANCES = 7  # frequencies at which rounding is looked at first (a choice)
 
@@ -117,7 +115,7 @@ def _check_static(structure: Structure) -> None:
         scale = np.sqrt(np.abs(np.diag(dense(structure.M))))
         scale[scale == 0.0] = 1.0
         size = np.linalg.svd(dense(structure.K) / np.outer(scale, scale), compute_uv=False)
-        free = size[-1] <= _FREE * size[0]
+        free = size[-1] <= SOLVED * size[0]
     if free:
         raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its static response is infinite")
 
@@ -132,13 +130,13 @@ def ports_rounding(small: Structure, ports: Ports, V: Array, omega: Array) -> fl
     at, seen, size = small.at(s), ports.congruent(V), np.abs(V)
     try:
         X = np.linalg.solve(at, evaluate(seen.B, s))
-        pushed = [_EPS * (size.T @ np.abs(term)) for term in ports.B]
+        pushed = [EPS * (size.T @ np.abs(term)) for term in ports.B]
         acting = sum(np.abs(s)[:, None, None] ** k * term for k, term in enumerate(pushed))
         reading = np.abs(np.linalg.solve(at.transpose(0, 2, 1), evaluate(seen.L, s).transpose(0, 2, 1)))
     except np.linalg.LinAlgError:
         return 0.0  # an undamped resonance, which is refused where it is asked for
     read = sum(np.abs(s)[:, None, None] ** k * (np.abs(line) @ size) for k, line in enumerate(ports.L))
-    moved = reading.transpose(0, 2, 1) @ acting + _EPS * read @ np.abs(X)
+    moved = reading.transpose(0, 2, 1) @ acting + EPS * read @ np.abs(X)
     Y = np.abs(evaluate(seen.L, s) @ X + evaluate(ports.E, s)).max(axis=1)
     off = moved.max(axis=1)
     return float((off[Y > 0] / Y[Y > 0]).max(initial=0.0))
@@ -174,7 +172,7 @@ def _by_factorization(structure: Structure, ports: Ports, omega: Array) -> Array
     Y, rounding = np.empty(E.shape, dtype=complex), 0.0
     glances = set(np.linspace(0, len(s) - 1, min(_GLANCES, len(s))).astype(int).tolist())
     # what rounding adds to forces: that of the stiffness, where there are no rows, and that of a displacement's own forces
-    shaken = _EPS * np.abs(structure.K.diagonal())[:, None] * (structure.elastic is None)
+    shaken = EPS * np.abs(structure.K.diagonal())[:, None] * (structure.elastic is None)
     for f, value in enumerate(s):
         try:
             solve = factorized_sparse(structure, value**2, value)
@@ -184,14 +182,14 @@ def _by_factorization(structure: Structure, ports: Ports, omega: Array) -> Array
         Y[f] = L[f] @ X + E[f]
         if f in glances:
             size = np.abs(Y[f]).max(axis=0, initial=0.0)
-            moved = np.abs(L[f] @ solve(shaken * X + _EPS * np.abs(B[f]))).max(axis=0, initial=0.0)
+            moved = np.abs(L[f] @ solve(shaken * X + EPS * np.abs(B[f]))).max(axis=0, initial=0.0)
             rounding = max(rounding, float((moved[size > 0] / size[size > 0]).max(initial=0.0)))
     _warn(rounding)
     return _conditioned(ports, s, Y)
 
 
 def _warn(rounding: float) -> None:
-    if rounding > _ROUNDING_LIMIT:
+    if rounding > VISIBLE:
         message = f"rounding error of the frequency response is estimated at {rounding:.1g} of its size"
         warnings.warn(f"{message}: the mesh is finer than double precision carries", AccuracyWarning, stacklevel=4)
 

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, combined
+from boomctl.lti.rounding import VISIBLE
 from boomctl.lti.system import Lti
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import Ports
@@ -29,9 +30,7 @@ _EVEN = 2.0**10
 # largest rate of damping over the slowest frequency from which on a state space over modes is looked at (a choice)
 _OVERDAMPED = 1e3
 _ASKED = np.array([0.01, 0.7])  # times the slowest frequency: where a state space is looked at, between no resonances
-_FLOOR = 1e-4  # of an output's largest response; smaller ones are compared with it: they matter to nobody (a choice)
 _PROMISED = 1e-6  # of a response, rounding of a state space over modes above which a user is warned (a choice)
-_SEEN = 1e-4  # the same over coordinates, which lose digits to every fine mesh: what would show in a plot
 
 
 def elastic(frequencies: Array) -> Array:
@@ -95,7 +94,7 @@ def modal_form(structure: Structure, ports: Ports) -> Lti:
 def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
     """Return a structure in state space as its user gets it: see :meth:`SecondOrderModel.to_statespace`."""
     if states == COORDINATES:
-        return _warned(realize(structure, ports), structure, ports, _SEEN)
+        return _warned(realize(structure, ports), structure, ports, VISIBLE)
     if states is None and structure.settled:
         return realize(structure, ports)
     if states is None and structure.elastic is None:
@@ -124,7 +123,7 @@ def _warned(system: Lti, structure: Structure, ports: Ports, promised: float) ->
     omega = _ASKED * form.own_modes[0][form.rigid]
     true = direct_response(structure, ports, omega)
     off, size = (np.abs(values).max(axis=2) for values in (system.response(omega, quiet=True) - true, true))
-    size = np.maximum(size, _FLOOR * size.max(axis=1, keepdims=True, initial=0.0))
+    size = np.maximum(size, VISIBLE * size.max(axis=1, keepdims=True, initial=0.0))
     share = float((off[size > 0.0] / size[size > 0.0]).max(initial=0.0))
     warn_of_rounding("the state space", share, promised)
     return system

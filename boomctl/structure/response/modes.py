@@ -17,12 +17,12 @@ import numpy as np
 from scipy.linalg import lapack
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import SOLVED
 from boomctl.structure.damping import separated_damping
 from boomctl.structure.matrices import Structure, dense
 from boomctl.structure.ports import Ports, evaluate
 
 _AGREEMENT = 1e-10  # what outputs may miss, relative, at the frequencies checked: rounding, with room (a choice)
-_SAME_DAMPING = 1e-13  # of the largest damper; a smaller one is rounding of the proportional damping
 _ONE_FREQUENCY = 1e-8  # relative distance of modal masses up to which modes have one frequency: root of rounding
 _MOST_DAMPERS = 6  # an update by more costs about as much as dense solutions (a choice)
 _FLOOR = 1e-6  # of a row's largest value; smaller values are compared with it, since they matter to nobody (a choice)
@@ -242,7 +242,7 @@ def _modal_damping(V: Array, C: Array) -> tuple[float, Array, Array]:
     size, u = np.linalg.eigh(0.5 * (damping + damping.T))
     beta = float(size[len(size) // 2])  # that of most modes
     gamma = size - beta
-    apart = np.abs(gamma) > _SAME_DAMPING * np.abs(gamma).max(initial=0.0)
+    apart = np.abs(gamma) > SOLVED * np.abs(gamma).max(initial=0.0)
     return beta, u[:, apart], gamma[apart]
 
 

@@ -7,11 +7,11 @@ from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from boomctl.arrays import Array, Matrix
+from boomctl.lti.rounding import DIGIT, EPS, ROOT, SUMMED
 from boomctl.structure.matrices import Structure, dense, is_symmetric
 from boomctl.structure.response.pencil import factorized, factorized_sparse
 from boomctl.structure.response.rounding import warn_of_rounding
 
-_EPS = float(np.finfo(float).eps)
 _DENSE_MODES = 250  # coordinates up to which modes are found densely; sparse is faster from 200 on (measured)
 SMALL = 60  # coordinates up to which modes are found in strain coordinates at once: they cost little more (a choice)
 # beyond, they are found so where the noise of stiffness over mass is that many times its lowest value: from there on shapes
@@ -21,12 +21,9 @@ _WHOLE = 100  # coordinates up to which all poles are found, so that none depend
 _FLOATING = (
     250  # coordinates up to which all poles of a floating structure are found: it has exact zeros then (a choice)
 )
-_SAME_ROW = 1e-12  # share of a strain's damping by which it may be off the common one by rounding: some 1e4 eps
 # share of its size that a pole's imaginary part has at least: those of overdamped motions, of which many are nearly equal,
 # leave the real axis by rounding
 _CRITICAL = 1e-6
-_RIGID = 1e-8  # share of the highest frequency found up to which a mode may be a rigid-body one: root of rounding
-_FREE = 1e-7  # share of the highest frequency found below which a motion may be a rigid one (a choice)
 _SPARSE_SHARE = 0.3  # of all modes up to which they are found by Lanczos' method: more cost as much as all (a choice)
 _FEW = 0.25  # share of modes below which only those wanted are asked for: more cost as much as all (a choice)
 _SPREAD = 1e7  # of stiffnesses, from which on the softest mode counts as nearly floating (a choice)
@@ -35,15 +32,13 @@ _ALIKE = 10.0  # ratio of the lowest elastic mode's stiffness to the shift, up t
 _SPARE = 12  # modes beyond twice those wanted in a basis for damped poles (a choice)
 _LARGEST_DENSE = 3000  # coordinates up to which all poles can be found at once: a minute, a gigabyte (a choice)
 _LANCZOS = 500  # iterations up to which Lanczos' method converges if it does; some ten are usual (a choice)
-# what rounding leaves uncertain of a mode, over how many times faster than the slowest it is (measured, with room)
-_FAST = 4.0 * _EPS
 PROMISED = 1e-8  # of frequencies, what rounding may be before a user is warned (a choice)
 # share of its terms up to which each strain of a motion is rounding, and the motion rigid: a mode strains some row by about
 # as much as its terms, a rigid motion of 10,000 elements strains none by more than some 1e-8 of them (measured)
 _STRAINLESS = 1e-5
 _DEPENDENT = 1e-10  # of what was there before; what of a motion is below it, beside others, is rounding
 _LOST = "singular to rounding: expected elements that differ less, or a description from which its rows are known"
-_NOISE = 1e3 * _EPS  # of the largest stiffness over mass: rounding, with room (a choice)
+_NOISE = 1e3 * EPS  # of the largest stiffness over mass: rounding, with room (a choice)
 
 
 def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Array, Array]:
@@ -107,7 +102,7 @@ def _told(structure: Structure, frequencies: Array, shapes: Array) -> tuple[Arra
     Where a coordinate without stiffness moves alone, that is so of all its shape holds of the others, which is then zero:
     what has no share in the kinetic energy, and what is left strains nothing.
     """
-    slow = np.flatnonzero(frequencies <= _RIGID * frequencies.max(initial=0.0))
+    slow = np.flatnonzero(frequencies <= ROOT * frequencies.max(initial=0.0))
     if not len(slow):
         return frequencies, shapes
     shape, told, found = shapes[:, slow], frequencies.copy(), shapes.copy()
@@ -209,12 +204,12 @@ def poles_and_rounding(structure: Structure, count: int) -> tuple[Array, float]:
     if all_of_them and structure.strain_form is not None:
         poles = structure.strain_form.poles()
         lowest, slowest = _lowest(poles, count), np.abs(poles[poles != 0.0]).min()
-        return lowest, _FAST * float(np.abs(lowest[-1]) / slowest)
+        return lowest, DIGIT * float(np.abs(lowest[-1]) / slowest)
     found = _pole_basis(structure, count) if structure.n > 2 * count + 20 else None
     if found is None:
         return _lowest(first_order_poles(dense(structure.M), dense(structure.C), dense(structure.K)), count), 0.0
     frequencies, basis = found
-    floats = frequencies[0] <= _FREE * frequencies[-1] and structure.n <= _FLOATING
+    floats = frequencies[0] <= ROOT * frequencies[-1] and structure.n <= _FLOATING
     moving = frequencies[frequencies > 0.0]
     noisy = structure.elastic is not None and len(moving) and structure.noise > _GRADED * moving[0] ** 2
     if (floats or noisy) and structure.strain_form is not None:
@@ -273,7 +268,7 @@ def _damper_forces(structure: Structure, shapes: Array) -> Array:
     else:  # through strains, whose differences keep the digits that those of two matrices lose
         ratios = rows.c[rows.k > 0.0] / rows.k[rows.k > 0.0]
         common = float(np.median(ratios)) * rows.k if len(ratios) else 0.0 * rows.k
-        apart = np.where(np.abs(rows.c - common) > _SAME_ROW * np.maximum(rows.c, common), rows.c - common, 0.0)
+        apart = np.where(np.abs(rows.c - common) > SUMMED * np.maximum(rows.c, common), rows.c - common, 0.0)
         loaded = rows.R.T @ (apart[:, None] * (rows.R @ shapes))
     left, size, _ = linalg.svd(loaded, full_matrices=False)
     return left[:, size > 1e-9 * size.max(initial=1e-300)]

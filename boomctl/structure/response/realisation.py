@@ -13,13 +13,13 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import Lti
 from boomctl.structure.matrices import Structure, dense, is_symmetric
 from boomctl.structure.ports import FILTER_DAMPING, Ports
 from boomctl.structure.response.pencil import Solve, factorized_dense
 
 _SINGULAR = 1e14  # condition of a scaled mass matrix from which on its inverse has no digit left: some 0.01/eps
-_FELT = 1e-12  # of its terms; a feedthrough that cancels down to this is rounding: some 1e4 eps
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def _check_proper(ports: Ports, missing: tuple[Array, Array, Array], felt: Calla
         if ports.bandwidths[o] is not None:
             continue
         for value, size, wanted in ((twice, size_twice, "acceleration"), (once, size_once, "velocity or acceleration")):
-            needed = np.flatnonzero((np.abs(value[o]) > _FELT * size[o]) & moved)
+            needed = np.flatnonzero((np.abs(value[o]) > SUMMED * size[o]) & moved)
             if len(needed):
                 raise ValueError(
                     f"output {output!r} needs a derivative of input {ports.inputs[needed[0]]!r}: impose its {wanted},"

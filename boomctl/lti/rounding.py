@@ -1,0 +1,23 @@
+"""What rounding leaves, as a share of a size that is named, and the three tolerances of results.
+
+A share stands here once, and where it is used the other factor says of what: of the norm of a matrix, of the fastest pole, of
+the terms of a sum.  A number that a proof needs and that holds for one computation alone stands beside that computation.
+"""
+
+import numpy as np
+
+EPS = float(np.finfo(float).eps)  # the unit of rounding: distance of one from the next number
+DIGIT = (
+    4.0 * EPS
+)  # of a few operations, of their result; of a solver, of the norm of its matrix (measured: below one unit)
+CANCELLED = (
+    8.0 * EPS
+)  # of the terms of a sum or product of entries given, up to which it is what their last places leave
+SOLVED = 1e-13  # of the largest number of a problem, what a chain of decompositions may leave: 500 units (a choice)
+SUMMED = 1e-12  # of its terms, up to which an entry of products of whole matrices is rounding: some 1e4 units
+ALIKE = 1e-9  # of its size, up to which a number from data or an assembly is another one: far above rounding (a choice)
+ROOT = 1e-7  # the root of rounding, with room: by so much of the largest one rounding moves a double value
+
+CERTIFIED = 1e-5  # relative distance of two bounds up to which a norm is certified (a choice)
+LEVEL = 1e-6  # how far above the largest gain known a level is tried, relative: a tenth of what a norm is certified to
+VISIBLE = 1e-4  # of the largest response: what would show in a plot
